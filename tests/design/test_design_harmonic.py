@@ -58,6 +58,29 @@ def test_numbers_follow_from_slots_poles_and_drive(tmp_path):
     assert learner(load(path, {"controller.harmonic": by_hand}), "harmonic").base == 2
 
 
+@pytest.mark.parametrize(
+    ("pole_pairs", "slots", "cogging", "base"),
+    [
+        (7, 12, (), 2),  # the main order is 84
+        (11, 24, (), 6),  # 264 > 128 * 2; the inverter's are 66 k
+        (11, 24, (24, 264), 6),
+        (11, 24, (22, 264), 22),
+        (11, 24, (22, 24), 2),  # nothing else divides both
+        (13, 24, (), 6),  # 312
+        (19, 36, (), 6),  # 684
+        (7, 12, (84, 420), 6),  # five times the main order
+    ],
+)
+def test_the_main_order_is_learned_whatever_the_slots(pole_pairs, slots, cogging, base):
+    waves = [{"order": n, "torque": "1 mN*m"} for n in cogging]
+    motor = {"motor.pole_pairs": pole_pairs, "motor.slots": slots, "motor.cogging": waves}
+    motor["drive.rates.integration_steps"] = 8
+    told = learner(study(**motor), "harmonic")
+    assert told.base == base
+    if base != 2 or slots == 12:
+        assert told.base * told.orders >= max([math.lcm(2 * pole_pairs, slots), *cogging])
+
+
 def test_gamma_is_one_where_the_model_is_right():
     here = study()
     loop, told, pi = speed_loop(here), learner(here, "harmonic"), harmonic_gains(here, "harmonic")

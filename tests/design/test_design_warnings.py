@@ -64,7 +64,10 @@ def test_a_speed_that_reads_zero_in_most_samples_is_said_with_what_helps():
 def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():
     other = my_motor(**{"motor.cogging.1.order": 21})
     (line,) = notes(other, "harmonic")
-    told = "it learns orders 2 k to 256, but the cogging has order 21: base = 21 would"
+    told = (
+        "it learns orders 2 k to 256, but the cogging has order 21; "
+        "controller.harmonic.base = 21 learns all of it"
+    )
     assert line == f"controller.harmonic: {told}"
     assert notes(changed(other, {"controller.harmonic.base": 21}), "harmonic") == []
     assert notes(changed(other, {"motor.cogging.1.torque": "0 N*m"}), "harmonic") == []
@@ -74,8 +77,8 @@ def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():
 def test_orders_beyond_the_memory_have_no_base():
     far = my_motor(**{"motor.cogging.1.order": 521})
     assert notes(far, "harmonic") == [
-        "controller.harmonic: it learns orders 2 k to 256, but the cogging has order 521: "
-        "none learns so many orders"
+        "controller.harmonic: it learns orders 2 k to 256, but the cogging has order 521; "
+        "no base learns all of it with 128 orders"
     ]
 
 
@@ -113,7 +116,8 @@ def test_the_highest_order_of_a_memory_is_learned():
     assert notes(my_motor(**highest), "harmonic") == []
     others = {"motor.cogging": [{"order": n, "torque": "0.1 mN*m"} for n in (21, 21 * 128)]}
     (line,) = notes(my_motor(**others, **{"drive.rates.integration_steps": 30}), "harmonic")
-    assert line.endswith("but the cogging has orders 21, 2688: base = 21 would")
+    way = "controller.harmonic.base = 21 learns all of it"
+    assert line.endswith(f"but the cogging has orders 21, 2688; {way}")
 
 
 def test_a_soft_shaft_is_told_with_where_it_swings():

@@ -94,7 +94,24 @@ def _orders(study: Study, law: Harmonic) -> tuple[int, int]:
     common = math.lcm(slots or poles, poles)
     slowest = min((s.slowest for s in study.scenario.values() if s.slowest), default=0.0)
     sampled = SPLIT / (slowest * speed_loop(study).period) if slowest else math.inf
-    return law.base or math.gcd(slots or poles, poles), int(max(common, min(FULLEST * common, sampled)))
+    return law.base or _base(study), int(max(common, min(FULLEST * common, sampled)))
+
+
+def _base(study: Study) -> int:
+    """The greatest common divisor of slots and poles: cogging has only its multiples.
+
+    Where `ORDERS` of them end below the main order or one that the motor is told to have, its least multiple
+    that divides these and the inverter's: then what an uneven magnet or tooth adds is left out.
+    """
+    poles, slots = _poles_and_slots(study)
+    base, common = math.gcd(slots or poles, poles), math.lcm(slots or poles, poles)
+    cogging = [wave.order for wave in study.motor.star().cogging if wave.torque]
+    highest = max([common, *cogging])
+    if base * ORDERS >= highest:
+        return base
+    shared = math.gcd(common, 3 * poles, *cogging)
+    fitting = (n for n in range(base, shared + 1, base) if shared % n == 0 and n * ORDERS >= highest)
+    return next(fitting, base)
 
 
 def delay_of(loop: SpeedLoop) -> float:

@@ -87,10 +87,10 @@ def _not_learned(study: Study, name: str) -> str | None:
         return None
     orders = f"order{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
     needed, highest = math.gcd(*cogging), max(cogging)
-    ways = f"base = {needed} would" if highest <= needed * ORDERS else "none learns so many orders"
-    return (
-        f"it learns orders {told.base} k to {told.base * told.orders}, but the cogging has {orders}: {ways}"
-    )
+    way = f"controller.{name}.base = {needed} learns all of it"
+    if highest > needed * ORDERS:
+        way = f"no base learns all of it with {ORDERS} orders"
+    return f"it learns orders {told.base} k to {told.base * told.orders}, but the cogging has {orders}; {way}"
 
 
 def shaft_notes(study: Study) -> list[str]:
