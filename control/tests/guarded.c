@@ -49,7 +49,8 @@ static void begin(void)
     CHECK(guard.phase == CGL_GUARD_LEARN);
 }
 
-/* Too much three times: it stands still; it stays: it doesn't act; it was learning: it is forgotten, and learned more gently. */
+/* Three bad windows: learning holds. No better: what was learned stops acting. Was it learning: it is cleared, and learned more
+ * gently. */
 static void what_hurts(void)
 {
     begin();
@@ -70,7 +71,7 @@ static void what_hurts(void)
     CHECK(waited >= 1000.0 && guard.gentle == 1U); /* taken back */
 }
 
-/* No fault of learning: a hold that calms, a load with more ripple. */
+/* What is not learning's fault: ripple that calms during a hold, a load with more ripple. */
 static void what_does_not(void)
 {
     begin();
@@ -81,7 +82,7 @@ static void what_does_not(void)
     CHECK(run(40.0, 3.0, 0.0, true) >= 40.0);
 }
 
-/* In the end nothing is learned from some speed on, for long; below it is, and after that time more boldly. */
+/* What hurts at every step: nothing is learned at this speed for a long time, but at lower ones; then it begins more boldly. */
 static void what_always_hurts(void)
 {
     begin();
@@ -104,7 +105,7 @@ static void what_always_hurts(void)
     CHECK(guard.phase == CGL_GUARD_LEARN && guard.gentle < CGL_GUARD_STEPS);
 }
 
-/* Learning gains nothing: after a hundred windows the bar is measured anew. */
+/* Learning gains nothing: after a hundred windows the baseline is measured again. */
 static void what_gains_nothing(void)
 {
     begin();

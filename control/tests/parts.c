@@ -320,7 +320,7 @@ static void keep_the_numbers(void)
 
 /* ---- inputs whose answer is known ---- */
 
-/* A register goes from one reading to the next the nearer way; at the index the rotor is at zero, wherever it was thought. */
+/* Readings are unwrapped the shorter way. At the index the rotor is at zero, whatever its angle was thought to be. */
 static void turn_an_encoder(void)
 {
     const cgl_encoder_config config = {.counts = 1000U, .range = 65536U, .zero = 250U};
@@ -432,7 +432,7 @@ static void learn_orders(void)
     CHECK(ripple_of(&law, rotor, CGL_R(45.0), 2) < CGL_R(0.25) * early);
     CHECK(within(law.time - CGL_R(2.0), CGL_R(0.05)) && law.rate > CGL_R(1.2) && law.rate < CGL_R(1.5)); /* it learns anew there */
     (void)ripple_of(&law, rotor, CGL_R(12.0), 2);
-    CHECK(within(law.time - CGL_R(2.0), CGL_R(0.1))); /* and there; but not between the speeds that it has had */
+    CHECK(within(law.time - CGL_R(2.0), CGL_R(0.1))); /* and there; a speed between earlier ones isn't new */
     (void)ripple_of(&law, rotor, CGL_R(30.0), 1);
     (void)ripple_of(&law, rotor, CGL_R(15.0), 1);
     CHECK(within(law.time - CGL_R(4.0), CGL_R(0.2)));

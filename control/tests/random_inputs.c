@@ -1109,7 +1109,7 @@ static void check_monitor(const cgl_monitor_config *config, const cgl_monitor *m
     CHECK(monitor->safe == ((monitor->status & (unsigned)CGL_STATUS_FAULT) != 0U));
 }
 
-/* Whether other bounds hold at once: else counts and speed stay beyond them for a while. */
+/* Whether new bounds hold in this step: else counts and speed may stay outside them for a while. */
 static bool hold_at_once(const cgl_monitor *monitor, const cgl_monitor_config *other)
 {
     return monitor->trusted && (!(other->omega_max > CGL_R(0.0)) || cgl_abs(monitor->omega_m) < other->omega_max);

@@ -539,7 +539,7 @@ static void look_again(void)
     }
 }
 
-/* Flash that fades, or fails once, while a map is loaded: whatever read it is, there is the whole map, none, or the older one. */
+/* Flash that fades, or fails once, during a load: the result is the whole newest map, the older one, or none. */
 static void fade(bool broken)
 {
     static flash all;

@@ -97,7 +97,7 @@ static bool is_busy(const cgl_drive *drive)
 }
 
 #ifndef COGLESS_NO_GUARD
-/* What the guard says of learning, and of what was learned; whether it may go on. */
+/* Applies what the guard decides; whether learning may go on. */
 static bool is_allowed(cgl_drive *drive, cgl_real error, bool wanted, bool learned)
 {
     cgl_guard *const guard = &drive->guard;

@@ -60,13 +60,13 @@ typedef struct {
 typedef struct {
     cgl_real part[4]; /* cosine and sine of it once a turn, and twice [rad] */
     cgl_real share;   /* of it that is believed, 0 to 1 */
-    cgl_real here;    /* that share of it, at the angle of now [turns] */
+    cgl_real here;    /* what is believed of it, at the present angle [turns] */
     cgl_real slope;   /* and how fast it grows with the angle */
     cgl_real rate;    /* of learning it [rad/A^2] */
     cgl_real power;   /* sum of k |c_k|^2 of the orders that teach it, in this round [A^2] */
     cgl_real moved;   /* how much they went on in phase, weighted with |c_k|^2, since it was learned last [A^2] */
-    cgl_real before;  /* that, at the last turn */
-    cgl_real doubt;   /* variance of that by noise, of a step [A^4] */
+    cgl_real before;  /* `moved` at the last turn */
+    cgl_real doubt;   /* variance of `moved` per step that noise makes [A^4] */
 } cgl_harmonic_bend;
 
 typedef struct {
@@ -85,9 +85,9 @@ typedef struct {
     uint32_t theta;          /* the observer's angle [turns of 2^32], */
     cgl_real omega;          /* speed [turns/ts], */
     cgl_real load;           /* z [turns/ts^2], */
-    cgl_real mean;           /* and its mean, */
-    cgl_real share;          /* which takes so much of it in a step */
-    cgl_real last;           /* z without it, of the last step */
+    cgl_real mean;           /* mean of z [turns/ts^2] */
+    cgl_real share;          /* of z that the mean takes in a step */
+    cgl_real last;           /* z without its mean, of the last step */
     cgl_real time;           /* of learning since the speed was new [s] */
     cgl_real anchor;         /* that speed, and the span of those since [turns/ts] */
     cgl_real slowest, fastest;
