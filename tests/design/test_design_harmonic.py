@@ -121,7 +121,10 @@ def test_an_eccentric_encoder_leaves_little_more_than_a_true_one(degrees, scenar
 def test_the_certificate_is_shown():
     here = study()
     made = summary(here)["harmonic"]
-    assert "settles to 10.3 1/s; at 15 rpm up to 432, Re Gamma 0.66 or more" in made.words()
+    assert (
+        "settle at rates to 10.3 1/s; at 15 rpm those to 432 converge with b 50 % off (Re Gamma 0.66"
+        in made.words()
+    )
     assert certificate(here, "harmonic").fine
     as_json = design_dict(made)
     assert as_json["rule"] == "auto" and as_json["gains"]["orders"]["value"] == 72

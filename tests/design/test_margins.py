@@ -165,19 +165,19 @@ def certificate(**changes: object) -> Certificate:
 def test_a_certificate_in_one_line() -> None:
     learner = certificate().learner
     assert certificate().words() == (
-        "orders 6 k to 48, settles to 5.06 1/s; "
-        "at 60 rpm up to 42, Re Gamma 0.39 or more, with an untold sample up to 36; "
-        "at 600 rpm up to 12, Re Gamma 0.50 or more, with an untold sample up to 6, 2 held, 24 to 30; "
-        "learns up to 3000 rpm"
+        "orders 6 k to 48 settle at rates to 5.06 1/s; at 60 rpm those to 42 converge with b 50 % off "
+        "(Re Gamma 0.39 or more), to 36 with an untold sample of delay; at 600 rpm those to 12 converge with "
+        "b 50 % off (Re Gamma 0.50 or more), to 6 with an untold sample of delay, 2 held, 24 to 30; "
+        "learns at up to 3000 rpm"
     )
     assert certificate(speeds=()).words() == "no reference moves fast enough for it to learn"
     one = (Certified(2 * math.pi, 42, 0.391, 36, (24,)),)
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
     more = certificate(speeds=one, rate_most=None, learner=bands, straight=math.pi)
     assert more.words() == (
-        "orders 6 k to 48, settles at any rate; at 60 rpm up to 42, Re Gamma 0.39 or more, with an untold "
-        "sample up to 36, 24 held; holds orders from 100 to 200 and from 300 to 400 Hz; "
-        "learns up to 3000 rpm; an eccentric sensor's error up to 30 rpm"
+        "orders 6 k to 48 settle at any rate; at 60 rpm those to 42 converge with b 50 % off (Re Gamma 0.39 "
+        "or more), to 36 with an untold sample of delay, 24 held; holds orders from 100 to 200 and from 300 "
+        "to 400 Hz; learns at up to 3000 rpm; an eccentric sensor's error at up to 30 rpm"
     )
     assert certificate().fine and certificate(rate_most=None).fine
     assert not certificate(rate_most=2.0).fine

@@ -164,20 +164,21 @@ class Certificate:
         base, rpm = self.learner.base, 30 / math.pi
         if not self.speeds:
             return "no reference moves fast enough for it to learn"
-        bound = "at any rate" if self.rate_most is None else f"to {self.rate_most:.3g} 1/s"
-        orders = f"orders {base} k to {base * self.learner.orders}, settles {bound}"
+        bound = "any rate" if self.rate_most is None else f"rates to {self.rate_most:.3g} 1/s"
+        orders = f"orders {base} k to {base * self.learner.orders} settle at {bound}"
         found = [
-            f"at {each.omega_m * rpm:.4g} rpm up to {each.acting}, Re Gamma {each.gamma:.2f} or more, "
-            f"with an untold sample up to {each.late}{_held_words(each.held)}"
+            f"at {each.omega_m * rpm:.4g} rpm those to {each.acting} converge with b 50 % off "
+            f"(Re Gamma {each.gamma:.2f} or more), to {each.late} with an untold sample of delay"
+            f"{_held_words(each.held)}"
             for each in self.speeds
         ]
-        ends = [f"learns up to {self.fastest * rpm:.4g} rpm"]
+        ends = [f"learns at up to {self.fastest * rpm:.4g} rpm"]
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
         if edges:
             bands = [f"{low:.3g} to {high:.3g}" for low, high in zip(edges[::2], edges[1::2], strict=True)]
             ends = [f"holds orders from {' and from '.join(bands)} Hz", *ends]
         if self.straight is not None:
-            ends += [f"an eccentric sensor's error up to {self.straight * rpm:.4g} rpm"]
+            ends += [f"an eccentric sensor's error at up to {self.straight * rpm:.4g} rpm"]
         return "; ".join([orders, *found, *ends])
 
 
