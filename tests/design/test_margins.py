@@ -179,6 +179,8 @@ def test_a_certificate_in_one_line() -> None:
         "or more), to 36 with an untold sample of delay, 24 held; holds orders from 100 to 200 and from 300 "
         "to 400 Hz; learns at up to 3000 rpm; an eccentric sensor's error at up to 30 rpm"
     )
+    turned = certificate(speeds=(Certified(2 * math.pi, 42, 0.0, 36, ()),)).words()
+    assert "those to 42 may not all converge with b 50 % off (Re Gamma 0.00 or more), to 36" in turned
     assert certificate().fine and certificate(rate_most=None).fine
     assert not certificate(rate_most=2.0).fine
     assert not certificate(speeds=(Certified(1.0, 6, 0.0, 0, ()),)).fine

@@ -167,7 +167,8 @@ class Certificate:
         bound = "any rate" if self.rate_most is None else f"rates to {self.rate_most:.3g} 1/s"
         orders = f"orders {base} k to {base * self.learner.orders} settle at {bound}"
         found = [
-            f"at {each.omega_m * rpm:.4g} rpm those to {each.acting} converge with b 50 % off "
+            f"at {each.omega_m * rpm:.4g} rpm those to {each.acting} "
+            f"{'converge' if each.gamma > 0 else 'may not all converge'} with b 50 % off "
             f"(Re Gamma {each.gamma:.2f} or more), to {each.late} with an untold sample of delay"
             f"{_held_words(each.held)}"
             for each in self.speeds
