@@ -81,6 +81,13 @@ def test_shape_must_fit():
         Trace(("time", "x"), ("s",), np.zeros((3, 2)))
 
 
+def test_names_and_units_are_the_trace_s_own():
+    names, units = ["time", "omega"], ["s", "rad/s"]
+    trace = Trace(names, units, np.zeros((3, 2)))
+    names[1], units[1] = "theta", "rad"
+    assert trace.names == ("time", "omega") and trace.units == ("s", "rad/s")
+
+
 def test_to_xarray():
     data = make().to_xarray()
     assert data.omega_m.attrs["units"] == "rad/s"
