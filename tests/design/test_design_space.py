@@ -412,7 +412,7 @@ RISING = {"time_table": {"time": ["0 s", "1 s"], "torque": ["0 N*m", "1 N*m"]}}
 
 
 def in_the_way(name: str, controller: str, changes: dict[str, Any]) -> list[str]:
-    """`law.` for the controller's keys. The verdict ends with the reasons."""
+    """The reasons with which the verdict ends; `law.` in `changes` stands for the controller's keys."""
     long = {key.replace("law.", f"controller.{controller}."): value for key, value in changes.items()}
     found = theorem(load(name, long), controller)
     assert found is not None

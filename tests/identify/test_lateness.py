@@ -128,7 +128,7 @@ def of_parts(*told: tuple[list[float], float]) -> Value:
 
 
 def test_a_part_of_the_dead_time_is_known_to_two_standard_errors():
-    """Which the spread of logs widens, if it is larger than their own errors, and an unsure delay, too."""
+    """It is wider if the logs scatter more than their own errors, or if the delay is unsure."""
     alone, alike = of_parts(([0.5, 0.5], 100)), of_parts(([0.45, 0.45], 100), ([0.55, 0.55], 300))
     assert (alone.value, alone.error) == pytest.approx((0.5, 2 / 10))
     assert (alike.value, alike.error) == pytest.approx((0.525, 2 / 20))
@@ -182,7 +182,7 @@ def test_delays_within_two_standard_errors_are_likely(monkeypatch):
 
 
 def test_logs_whose_delays_differ_weigh_by_how_far_they_do(monkeypatch):
-    """Two that are one standard error off their mean double what is likely, above the least."""
+    """Two logs, each one standard error from their mean: twice as much misfit is likely."""
     found = told(monkeypatch, around(3.05e-4), around(5.05e-4))[0].delay
     assert found.value == pytest.approx(4.05e-4)
     assert found.error == pytest.approx((3.9e-4 + 1e-5) / 2 + BETWEEN)
@@ -260,7 +260,7 @@ def test_how_far_a_delay_is_from_a_log_counts_by_the_noise_of_both():
 
 
 def test_a_part_of_an_added_dead_time_is_told_by_what_it_does_to_the_filter():
-    """Half of it, to as many parts as its square has of the noise."""
+    """Half of the dead time is found; the information is the square of its effect over the noise."""
     made = _profile(logged(follows(1.0, 0.1), noise=1.0), 1, follows(1.0), follows(1.0, 0.2))
     assert made.part[0] == pytest.approx(0.5, abs=2 / np.sqrt(80))
     assert made.information[0] == pytest.approx(4000 * 0.2**2 / 2, rel=0.05)

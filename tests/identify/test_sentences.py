@@ -610,7 +610,7 @@ def test_a_log_is_predicted_by_the_others(known: Identification) -> None:
 
 
 def test_three_logs_tell_how_far_a_value_is_from_log_to_log() -> None:
-    """Student's t of two degrees of freedom, half of it, times the error of a mean without each."""
+    """Half of Student's t of two degrees of freedom, times the jackknife error of the mean of the logs."""
     x = np.sin(0.1 * np.arange(400))
     found = fit([Rows(turning(1.0), (("c",),), x[:, None], x, np.zeros((400, 1)), x, x, np.arange(400))])
     without = {"a": np.array([1.0]), "b": np.array([1.2]), "c": np.array([1.1]), "d": np.array([math.nan])}

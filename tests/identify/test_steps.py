@@ -81,7 +81,7 @@ def found(j: float) -> Fit:
 
 
 def test_delay_and_sensor_s_error_add_up_to_what_is_out_already() -> None:
-    """The error by inertia: torques show it as that times its acceleration."""
+    """The sensor's error shows as a torque, so it is divided by the inertia."""
     made = _taken_out(MODEL, found(2e-3))
     assert (made.delay, made.j) == (1.5e-3, 2e-3)
     assert made.error[1] == pytest.approx((0.01 + 0.1, 0.02 - 0.2)) and made.error[2] == pytest.approx(
@@ -100,7 +100,7 @@ def test_delay_and_sensor_s_error_add_up_to_what_is_out_already() -> None:
 
 
 def test_what_a_loop_does_to_both_logs_is_in_no_error() -> None:
-    """The jackknife is of the differences; of other blocks, or of a column of one only, it is of both."""
+    """With the same blocks the differences of both logs count; else the errors of both add up."""
     rng = np.random.default_rng(0)
     common, own = rng.normal(size=(12, 1)), rng.normal(size=(12, 1))
     real = fit_of({("j",): 1.0}, 0.3, parts=common + own)
@@ -139,7 +139,7 @@ def test_a_log_s_noise_is_what_its_fit_leaves(rows: Rows) -> None:
 
 
 def test_a_session_s_own_friction_is_what_its_rows_have_beyond_the_fit() -> None:
-    """Of two hundred rows; its error is twice that of their mean, by leaving a twelfth of them out."""
+    """Of 200 rows; its error is twice the jackknife error of their mean, with twelve blocks."""
     log: Any = SimpleNamespace(name="a")
     noise = np.random.default_rng(2).normal(0, 0.1, 200)
     ones = np.ones((200, 1))
@@ -281,7 +281,7 @@ def test_k_t_and_r_come_out_of_the_voltage_of_steady_parts() -> None:
 
 
 def left_over(turns: int, *waves: tuple[int, float], noise: float = 0.0, name: str = "a") -> Rows:
-    """A thousand rows of a kernel 6 ms wide, as far apart: what it leaves of waves in so many revolutions."""
+    """1000 rows, 6 ms apart, of a 6 ms kernel: what it leaves of waves of these orders in `turns`."""
     theta = 2 * math.pi * turns / 1000 * np.arange(1000)
     speed = theta[1] / 6e-3
     y = noise * np.random.default_rng(7).normal(size=1000)

@@ -101,7 +101,7 @@ def turning(speed: float, rows: int = 1000) -> Log:
 
 @pytest.mark.parametrize(("speed", "share"), [(0.05, 0.25), (0.2, 1.0), (-3.0, 1.0)])
 def test_steps_of_the_angle_make_the_noise_of_inertia_and_friction(speed, share):
-    """A twelfth of their square through the kernel, where it turns a step a row; else less."""
+    """The noise is step^2 / 12 through the kernel at a step a row or more; at less it is less."""
     (rows,) = rows_of(turning(speed), replace(MODEL, error={}), weak_form.WIDTH, SENSOR)
     kernel, variance = Kernel(weak_form.WIDTH, DT), share * SENSOR.step**2 / 12
     noise = {name: rows.noise[:, n] for n, name in enumerate(rows.names)}

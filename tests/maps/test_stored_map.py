@@ -140,7 +140,7 @@ def test_a_header_that_no_firmware_writes(place: int, kind: str, value: int) -> 
 
 
 def test_a_map_s_entries_are_no_map() -> None:
-    """They may read as its first bytes do; and of a place that is none the next byte may begin one."""
+    """Entries that read as the first bytes of a map are none; a map that begins within them is found."""
     values = np.frombuffer(b"CGLM" * 3, "<f4")
     image = bytes(replace(EXAMPLE, values=values, limits=(3e8,)))
     found = stored_map.find(b"CGLM" + image + bytes(EXAMPLE))

@@ -52,7 +52,7 @@ FOUND = Comparison(
 
 
 def test_a_comparison_s_lines() -> None:
-    """What there is none of has no line; a file of fewer than half an instruction a period is not named."""
+    """What does not exist has no line; a file below half an instruction a period is not named."""
     assert lines(FOUND) == [
         "compared          100 periods of liu2018, 60-rpm/pi",
         "result            every output and what was learned: bit for bit equal",

@@ -142,7 +142,7 @@ class Harmonic:
             self.believed = max(0.0, 1 - DOUBTED * variance / square) if square else 0.0
 
     def turn_bend(self, theta: int) -> None:
-        """Every few steps: the bend learns how the phases went on since, and is seen anew with its slope."""
+        """Every few steps the bend learns from how the phases moved; value and slope are computed anew."""
         turn = cmath.exp(1j * math.tau * theta / TURN)
         if self.learning:
             now = STAYS * (self.moved - self.before) ** 2 - TURN_OF_BEND * self.doubt

@@ -306,7 +306,7 @@ def test_verdict_names_the_costs(made):
 
 @pytest.mark.parametrize(("second", "told"), [(0.009, False), (0.011, True)])
 def test_an_order_that_is_nothing_beside_the_ripple_is_no_cost(made, second, told):
-    """Thirty times nearly nothing: of the baseline's ripple of 1 rad/s, an order below 0.01 says nothing."""
+    """30 times as much of an order is no cost if it is below 0.01 of the baseline's ripple."""
     without = {"speed_ripple_rad_s": 1.0, "speed_orders_rad_s": [1.3, second / 30, 0.1]}
     learned = {"speed_ripple_rad_s": 0.1, "speed_orders_rad_s": [0.1, second, 0.05]}
     details = " ".join(verdicts(with_metrics(made, pi=without, pi_ilc=learned))[0].details)

@@ -271,7 +271,7 @@ def learned(**rest):
 
 @pytest.mark.parametrize("until", [21.0025, 21.7])
 def test_periods_over_the_angle(until):
-    """The last one without learning, and then fewer and fewer of the later ones up to the last whole one."""
+    """The last period without learning, then ever sparser later ones, and the last whole one."""
     results, run = steady(until, **learned())
     chart = over_angle(results, [run])[-1]
     assert chart["title"] == "Learned current over one electrical revolution: printed scheme"

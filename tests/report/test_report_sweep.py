@@ -89,7 +89,7 @@ def test_a_quantile_is_of_the_values() -> None:
 
 
 def test_influence_needs_enough_numbers_that_differ(tmp_path: Path) -> None:
-    """Ten for a rank, 200 for a share of the variance; the seed is no key, what stays explains nothing."""
+    """10 variants for a rank, 200 for a share of variance. The seed is no key, a constant tells nothing."""
     vary = """[vary]
 seeds = true
 mechanics.inertia = { uniform = "20 %" }

@@ -179,7 +179,7 @@ def test_noise_and_growth_below_the_floor_are_no_divergence(study):
 
 
 def test_growth_is_half_as_much_again_in_eight_trials_or_more(made):
-    """By the medians of its quarters; without a floor not of what is next to nothing."""
+    """The medians of first and last quarter are compared; next to nothing has to be above a floor."""
     found = case(made, made.runs)
     assert found._grown(np.array([2.0] * 6 + [3.02] * 2)) == (2.0, pytest.approx(3.02))
     assert found._grown(np.array([2.0] * 6 + [2.98] * 2)) is None

@@ -102,7 +102,7 @@ def test_a_parameter_that_cannot_be_fitted(tmp_path: Path, parameter: dict[str, 
 
 
 def test_the_solver_sees_a_parameter_in_units_of_where_it_starts(tmp_path: Path) -> None:
-    """Or of the width between its bounds where that is zero, and of 1 without both."""
+    """If that is zero, in units of the width between its bounds; without bounds, of 1."""
     inertia, torque = {"key": "mechanics.inertia"}, {"key": "motor.cogging.0.torque"}
     zero = {**torque, "initial": 0}
     given: list[dict[str, Any]] = [

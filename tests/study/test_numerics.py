@@ -129,7 +129,7 @@ def test_half_a_time_constant_is_the_longest_step() -> None:
     [(1.5, 1, "2"), (6.0, 4, "6"), (1e6, 1, "1000000"), (1.5e6, 1, "1.5e+06")],
 )  # fmt: skip
 def test_a_step_that_is_too_long_tells_how_many_are_needed(needed: float, steps: int, told: str) -> None:
-    """Half a time constant is short enough; more than a million are told in three digits."""
+    """A step of half a time constant is short enough; more than a million steps have three digits."""
     check_step(LARGEST_STEP, steps, [(0.1, "the other"), (1.0, "the speed")])
     with pytest.raises(ValueError, match=f"expected {re.escape(told)} or more, since the speed changes"):
         check_step(LARGEST_STEP * needed / steps, steps, [(1.0, "the speed"), (0.1, "the other")])

@@ -65,7 +65,7 @@ def _learner(study: Study, name: str) -> Learner:
 
 
 def _speeds(study: Study, name: str, sampled: float) -> list[float]:
-    """The slowest and the fastest reference of a controller, rad/s; those at which the lowest order is seen.
+    """The slowest and the fastest reference of a controller, rad/s, of those that show the lowest order.
 
     `sampled`: angle of the lowest order in a sample per speed, s.
     """
@@ -266,7 +266,7 @@ def _load_orders(study: Study) -> list[float]:
 
 
 def _least_rate(study: Study, told: Learner, fastest: float) -> float:
-    """To which the rate falls, 1/s.
+    """The rate to which learning slows down, 1/s.
 
     Ripple that depends on the current changes with a load that turns with the rotor. It is followed where it
     is slow enough for that. A load's order that is learned itself needs no following.
