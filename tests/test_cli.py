@@ -583,6 +583,19 @@ def test_progress_is_shown_as_shares_of_all(monkeypatch: pytest.MonkeyPatch) -> 
     assert (logs.told(0.0), logs.told(0.256)) == ("", ", 26%")
 
 
+def test_a_flag_asks_for_what_is_not_done_without_it() -> None:
+    """Such as to refuse a study's own code, or to write pictures."""
+    parameters = [
+        (command.callback.__name__, name, each.default)
+        for command in app.registered_commands
+        if command.callback is not None
+        for name, each in inspect.signature(command.callback).parameters.items()
+    ]
+    refusing = {command for command, name, default in parameters if name == "no_code" and default is False}
+    assert refusing == {"run", "sweep", "tune", "calibrate"}
+    assert [one for one in parameters if one[2] is True] == []
+
+
 @pytest.mark.parametrize(("command", "default"), [("sweep", "1000"), ("pil", "100000")])
 def test_help_shows_defaults(command: str, default: str, capsys: pytest.CaptureFixture[str]) -> None:
     _, out, _ = cogless(capsys, command, "--help")

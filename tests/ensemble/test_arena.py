@@ -108,6 +108,19 @@ def test_an_hour_is_run_once_and_shows_the_ripple_at_its_end(
     assert scores.winners("after_hour") == ["pi-ilc"]
 
 
+def test_a_law_that_fails_in_one_case_is_absent_by_name(tmp_path: Path) -> None:
+    """The load steps at 0.4 s, where all cases but the first end."""
+    brief = {**PLANT, "begin": "0.1 s", "learn": "0.3 s", "hold": "0.1 s"}
+    (tmp_path / "own.py").write_text(
+        "class P:\n    def step(self, inputs):\n        return 0.0 if inputs.time < 0.45 else float('nan')\n"
+    )
+    mine = {"law": "python", "object": "own.py:P", "learning": False}
+    small = arena(tmp_path, seeds=[0], plant={"drone": brief}, law={**LAWS, "mine": mine})
+    found = run_arena(small, ["drone/mine"])
+    assert found.absent == {("drone", "mine"): "fails on the way"}
+    assert {run.case for run in found.runs} == {*UNTOLD}
+
+
 def test_a_law_that_fails_within_the_hour_does_not_win_it() -> None:
     found = content({"bar": [1.0, 1.0], "law": [0.5, 0.5]}, "copper_loss_W")
     hour = {"plant": "a", "case": HOUR, "seed": 0, "metrics": {"after_hour_rad_s": 2.0}}

@@ -14,7 +14,7 @@ from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.live import toml
 from cogless.live.blobs import held
-from cogless.live.candidates import candidates, quoted, shortest
+from cogless.live.candidates import PLANT, candidates, quoted, shortest
 from cogless.live.keys import Landing, adjustable, landed, packed
 from cogless.live.packed import Number
 from cogless.live.page import data
@@ -196,6 +196,15 @@ def test_sliders_are_about_the_studys_values_and_fields_take_a_hundred_times_mor
     ]
     pairs = found["controller.fair.tuning.phase_margin"].pairs(study)
     assert pairs == [("low", "fair"), ("step", "fair")]
+
+
+def test_a_slider_has_the_studys_value_and_larger_ones():
+    """An encoder's lines have stops instead, and bits are told as they are, not as shares."""
+    for _, key, low, high in PLANT:
+        if key.endswith(".bits"):
+            assert 8 == low < high
+        elif key != "drive.position_sensor.lines":
+            assert low <= 1 < high, key
 
 
 @pytest.mark.parametrize(
