@@ -17,6 +17,8 @@ from cogless.design.verdict import verdict
 from cogless.ensemble import search as searching
 from cogless.ensemble import tune as tuning
 from cogless.ensemble.executors import given
+from cogless.ensemble.sample import draw
+from cogless.ensemble.table import Sweep
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.study import changed, load
@@ -242,6 +244,43 @@ def test_a_range_of_a_decade_is_searched_by_ratios() -> None:
     assert not tuning.Knob("k", "", 0.0, 1.0, 0.5).by_ratio
     for knob in (ratio, line):
         assert float(str(knob.text(knob.start_share)).split()[0]) == pytest.approx(knob.start)
+
+
+def scores(folder: Path, lines: str, *ripples: list[float]) -> list[tuning.Score]:
+    """Scores of a PI with these ripples, rad/s, in four variants; its 24th order is 0.3 rad/s in each."""
+    found = study(folder, TUNE.replace("variants = 4", lines))
+    (subject,), ensemble = tuning.subjects(found), draw(found, 4)
+    evaluation = tuning.Evaluation(found, subject, ensemble, given(Here()))
+    values = np.full((len(ripples), 4, 1, 3), 0.3)
+    values[:, :, 0, 0] = ripples
+    sweeps = [Sweep(found, ensemble, subject.pairs, evaluation.columns, each, {}) for each in values]
+    return [evaluation.score(sweep, {}) for sweep in sweeps]
+
+
+@pytest.mark.parametrize(("over", "value"), [('"mean"', 4 / 5.5), ('"worst"', 7 / 8), ("0.5", 3 / 6)])
+def test_a_score_is_a_share_of_the_first(tmp_path: Path, over: str, value: float) -> None:
+    first, other = scores(tmp_path, f"over = {over}", [2.0, 6.0, 6.0, 8.0], [3.0, 3.0, 3.0, 7.0])
+    assert first == tuning.Score(0.0, 1.0, 0.0)
+    assert other.value == pytest.approx(value)
+
+
+@pytest.mark.parametrize("first", [[0.0] * 4, [1.0, 1.0, 1.0, np.nan]])
+def test_a_score_beside_a_first_of_zero_or_none_is_in_si(tmp_path: Path, first: list[float]) -> None:
+    assert scores(tmp_path, "", first, [3.0, 3.0, 3.0, 7.0])[1].value == 4.0
+
+
+def test_limits_are_missed_by_shares_of_themselves(tmp_path: Path) -> None:
+    """All variants, or as many as [tune] says; of a limit of zero there is no share."""
+
+    def violation(*hold: str) -> float:
+        of = ", ".join(f"{{ metric = {each} }}" for each in hold)
+        return scores(tmp_path, f"hold = [{of}]", [1.0, 2.0, 3.0, 6.0])[0].violation
+
+    assert violation('"ripple", limit = "4 rad/s"') == pytest.approx(0.5)
+    assert violation('"ripple", limit = "4 rad/s", share = 0.75') == 0
+    assert violation('"ripple", limit = "2 rad/s", share = 0.75') == pytest.approx(0.5)
+    assert violation('"speed.24", limit = "0 rad/s"') == pytest.approx(0.3)
+    assert violation('"speed.24", limit = "0.2 rad/s"', '"ripple", limit = "4 rad/s"') == pytest.approx(1.0)
 
 
 def test_who_misses_a_limit_is_worse_than_all_who_do_not() -> None:
