@@ -8,7 +8,7 @@ import pytest
 from test_report import data_of
 
 from cogless import load
-from cogless.design.verdict import verdict, warnings
+from cogless.design.verdict import judged, verdict, warnings
 from cogless.errors import StudyError
 from cogless.report import render, verdicts
 from cogless.report.comparison import compare
@@ -207,7 +207,14 @@ def test_the_page_has_the_angle_and_the_criterion(made):
     assert " over one electrical revolution: " in drawn["angle"][0]["title"]
     assert [s["controller"] for s in drawn["criterion"][0]["series"]] == [1, 1, 2, 2]
     slow, fast = ((float(s["label"].split()[0]), s["fade"]) for s in drawn["criterion"][0]["series"][:2])
-    assert slow[0] < fast[0] and slow[1] < fast[1] == 1
+    assert slow[0] < fast[0] and (slow[1], fast[1]) == (0.4, 1)
+    loops = [one for name in ("printed", "filtered") for one in judged(made.study, "twelve-seconds", name)]
+    frequency = np.array(drawn["criterion"][0]["frequency"])  # over all that design looks at
+    ends = min(loop.frequencies[0] for loop in loops), max(loop.frequencies[-1] for loop in loops)
+    assert (frequency[0], frequency[-1]) == pytest.approx(ends, rel=1e-4)
+    for loop, shown in zip(loops, drawn["criterion"][0]["series"], strict=True):
+        drawn_to = max(f for f, value in zip(frequency, shown["values"], strict=True) if value is not None)
+        assert drawn_to <= loop.highest * (1 + 1e-4) and drawn_to > 0.9 * loop.highest
     highest = [max(v for v in s["values"] if v is not None) for s in drawn["criterion"][0]["series"]]
     assert max(highest[:2]) == pytest.approx(1.71, abs=0.01) and max(highest[2:]) < 1
     assert len(drawn["maps"][0]["series"]) == 1  # neither of the PI nor of the delay line

@@ -125,6 +125,22 @@ def test_verdict_when_the_start_takes_longest(study):
     assert verdict.details[0].startswith("ILC into the input never reaches the floor; its first trial after")
 
 
+def test_phases_in_which_the_floor_is_never_reached_are_named(study):
+    """The first of them is where a worse first trial is told; of the baseline it is enough that it fails."""
+    start, middle = STAYS.copy(), falls(3.0)
+    start[:20], middle[20:40] = falls(3.0)[:20], 5.0
+    load, change = "after the load change (trial 21)", "after the change of reference and inertia (trial 41)"
+    worse = "its first trial there is 1.64 times worse (5.00 mrad against 3.04 mrad)."
+    for rms, where in ((start, f"{load} and {change}"), (middle, load)):
+        told = alone(study, {"ilc": falls(3.0), "input": rms, "none": STAYS}).details[0]
+        assert told == f"ILC into the input never reaches it {where}; {worse}"
+    quick = alone(study, {"ilc": np.full(60, 0.5), "input": STAYS, "none": start}).headline
+    expected = (
+        f"{ILC} is at {FLOOR} in the first trial after every change; no learning never is after a change."
+    )
+    assert quick == expected
+
+
 def test_verdict_names_the_slowest_of_the_changes(study):
     rms = falls(3.0)
     rms[:10] = rms[40:46] = 4.0
@@ -170,6 +186,15 @@ def test_verdict_when_an_error_is_not_finite(study):
     verdict = alone(study, {"ilc": falls(3.0), "input": broken})
     expected = "ILC into the input diverges after the load change (trial 21): its error doesn't stay finite."
     assert expected in verdict.details
+
+
+def test_verdict_when_no_error_stays_finite(tmp_path):
+    lost = np.full(60, np.nan)
+    verdict = alone(without_floor(tmp_path), {"none": lost, "ilc": lost, "input": lost})
+    assert verdict.tone == "worse"
+    assert verdict.headline == (
+        "The error grows over the trials with every controller. No error stays finite."
+    )
 
 
 def test_noise_and_growth_below_the_floor_are_no_divergence(study):
@@ -295,6 +320,33 @@ def test_verdict_tells_what_the_certificate_says(made):
     assert any(d.startswith(expected) for d in details)
     details = verdicts(certified(made, "ilc", radius=1.1, stable=False, worst="vertex 2"))[0].details
     assert any("along the trial its loop is unstable for vertex 2 (largest pole 1.10" in d for d in details)
+
+
+@pytest.mark.parametrize(
+    ("growth", "why"),
+    [
+        (1.5, "from the trial's ends its error may grow by the factor 1.50 from one trial to the next"),
+        (0.9, "Φ has a pole outside the unit circle"),
+    ],
+)
+def test_a_certificate_may_fail_though_no_frequency_grows(made, growth, why):
+    details = verdicts(certified(made, "ilc", norm=0.9, monotone=False, growth=growth))[0].details
+    assert f"{ILC} is not certified: {why} (exactly sampled plant)." in details
+
+
+def test_a_run_that_diverges_is_told_beside_its_certificate(study):
+    growing = synthetic.trial_results(study, {"ilc": 4e-4 * 1.1 ** np.arange(60.0)})
+    assert (
+        f"The certificate of {ILC} says that the error doesn't grow, but it knows no current loop, no sensor "
+        "and no limit: the run counts."
+    ) in verdicts(growing)[0].details
+
+
+def test_loops_that_a_sample_of_delay_makes_unstable_are_named(made):
+    assert verdicts(certified(made, "ilc", delayed_stable=True))[0].details[-1] == (
+        "With one more sample of delay at the input the loop of no learning and ILC into the input is not "
+        "stable at every corner."
+    )
 
 
 def test_a_run_outside_the_ranges_is_not_called_certified(made):
