@@ -22,6 +22,7 @@ from cogless.ensemble import sweep as sweeping
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.study import changed
+from cogless.versions import versions
 
 pq = pytest.importorskip("pyarrow.parquet", reason="needs the extra cogless[sweep]")
 COUNT = 40  # three chunks, the last shorter
@@ -144,6 +145,82 @@ def test_a_task_that_kills_every_worker_is_given_up(tmp_path: Path) -> None:
         StudyError, match=r"^chunk \d: its worker died 3 times: expected enough memory for it$"
     ):
         sweeping.run(plan(tmp_path), tmp_path, Dies(*range(99)))
+
+
+class KilledWorker(Exception):  # noqa: N818, as Dask names it
+    """What Dask says of a task whose workers died."""
+
+
+def test_a_task_whose_dask_worker_died_is_sent_again() -> None:
+    def dies_twice(number: int) -> int:
+        sent.append(number)
+        if sent.count(1) < 3 and number == 1:
+            raise KilledWorker
+        return 7 * number
+
+    sent: list[int] = []
+    found: dict[int, int] = {}
+    tasks = {number: (number,) for number in (1, 2)}
+    executors.run_all(executors.given(Here()), dies_twice, tasks, found.__setitem__)
+    assert found == {1: 7, 2: 14} and sent.count(1) == 3
+
+
+def test_a_task_that_fails_of_itself_is_not_sent_again() -> None:
+    sent: list[int] = []
+
+    def fails() -> None:
+        sent.append(1)
+        raise ValueError("mine")
+
+    with pytest.raises(ValueError, match=r"^mine$"):
+        executors.run_all(executors.given(Here()), fails, {0: ()}, lambda number, result: None)
+    assert sent == [1]
+
+
+def test_a_cluster_that_is_gone_is_told() -> None:
+    class Gone(Here):
+        def submit(self, work: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+            future: Future[Any] = Future()
+            future.cancel()
+            future.set_running_or_notify_cancel()  # so that whoever waits for it sees it
+            return future
+
+    with pytest.raises(StudyError, match=r"^the cluster is gone: the same command goes on from here$"):
+        executors.run_all(executors.given(Gone()), int, {0: ()}, lambda number, result: None)
+
+
+HERE = versions()["cogless"]
+
+
+@pytest.mark.parametrize(
+    ("there", "said"),
+    [
+        ({}, "tcp://a:1: has no worker: expected one or more"),
+        (
+            {"tcp://b:1": HERE, "tcp://b:2": "0.0.1"},
+            f"worker tcp://b:2: has cogless 0.0.1: expected {HERE}, as here",
+        ),
+        (
+            {"tcp://b:1": ModuleNotFoundError()},
+            f"worker tcp://b:1: has no cogless: expected {HERE}, as here",
+        ),
+    ],
+)
+def test_every_worker_of_a_cluster_has_this_version(there: dict[str, Any], said: str) -> None:
+    class Client:
+        """A cluster's, whose workers answer so."""
+
+        def __init__(self, answers: dict[str, Any]) -> None:
+            self.answers = answers
+
+        def run(self, _: Any, on_error: str) -> dict[str, Any]:
+            assert on_error == "return"
+            return self.answers
+
+    with pytest.raises(StudyError) as told:
+        executors._check_versions("tcp://a:1", Client(there))
+    assert str(told.value) == f"--dask: {said}"
+    executors._check_versions("tcp://a:1", Client({"tcp://b:1": HERE}))
 
 
 def kills(marker: str) -> int:

@@ -353,7 +353,17 @@ def test_verdict_is_honest_when_learning_loses(made):
     assert low.tone == "worse"
     assert low.headline.startswith("At 60 rpm, no controller beats PI as published: it leaves 4.77 rpm of")
     assert low.headline.endswith("the next, PI re-tuned, 7.64 rpm (worse: 1.60 times as much).")
-    assert "PI-ILC 8.59 rpm (worse: 1.80 times as much)" in " ".join(low.details)
+    expected = "The others against PI as published: PI-ILC 8.59 rpm (worse: 1.80 times as much)."
+    assert expected in low.details
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.52, "9.93 rpm (as much)"), (0.25, "4.77 rpm (2.00 times less)")]
+)
+def test_verdict_tells_the_others_beside_the_baseline(made, value, text):
+    pi, fair, ilc = ripple(1.0), ripple(2 * value), ripple(0.1)
+    low = verdicts(with_metrics(made, pi=pi, fair_pi=fair, pi_ilc=ilc))[0]
+    assert f"The others against PI as published: PI re-tuned {text}." in low.details
 
 
 def test_verdict_with_zeros(made):
@@ -427,8 +437,12 @@ def test_verdict_when_the_baseline_or_everybody_stalls(made):
         "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple; "
         "PI as published did not hold the speed (mean 30 of 60 rpm, 8 to 10 s)."
     )
+    assert "The others: PI re-tuned 5.17 rpm." in low.details
     low = verdicts(with_speed(made, {"pi-ilc": 0.5, "fair-pi": 0.5}))[0]
-    assert (low.tone, "only PI as published holds the speed" in low.headline) == ("worse", True)
+    assert low.tone == "worse"
+    assert low.headline == (
+        "At 60 rpm, only PI as published holds the speed: it leaves 11.8 rpm of speed ripple."
+    )
     low = verdicts(with_speed(made, {"pi": 0.5, "fair-pi": 0.0, "pi-ilc": np.nan}))[0]
     assert low.tone == "worse"
     assert low.headline == (
