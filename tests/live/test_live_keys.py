@@ -14,9 +14,9 @@ from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.live import toml
 from cogless.live.blobs import held
-from cogless.live.candidates import PLANT, candidates, quoted, shortest
-from cogless.live.keys import Landing, adjustable, landed, packed
-from cogless.live.packed import Number
+from cogless.live.candidates import OF_REFERENCE, PLANT, candidates, quoted, shortest
+from cogless.live.keys import Landing, _accepted, adjustable, landed, packed
+from cogless.live.packed import Number, pack
 from cogless.live.page import data
 from cogless.study.reading import changed
 
@@ -200,7 +200,11 @@ def test_sliders_are_about_the_studys_values_and_fields_take_a_hundred_times_mor
 
 def test_a_slider_has_the_studys_value_and_larger_ones():
     """An encoder's lines have stops instead, and bits are told as they are, not as shares."""
-    for _, key, low, high in PLANT:
+    groups = {"mechanics": "Load and motion", "motor": "Motor", "inverter": "Inverter"}
+    for _, low, high in OF_REFERENCE:
+        assert low < 1 < high
+    for group, key, low, high in PLANT:
+        assert group == groups.get(key.removeprefix("drive.").partition(".")[0], "Sensors")
         if key.endswith(".bits"):
             assert 8 == low < high
         elif key != "drive.position_sensor.lines":
@@ -221,3 +225,17 @@ def test_a_direct_key_sets_its_value_times_a_constant_rounded_as_the_number_is()
     assert landed(Landing(number("d"), 2.0), 0.3) == 0.6
     assert landed(Landing(number("f"), 2.0), 0.3) == float(np.float32(0.6)) != 0.6
     assert landed(Landing(number("I"), 1000.0, True), 0.0126) == 13.0
+
+
+def test_a_value_that_no_description_has_is_refused():
+    with pytest.raises(TypeError, match=r"^page\.x: complex: expected a plain value$"):
+        pack({"controller": {"law": "pi"}, "page": {"x": 1j}}, "double")
+
+
+def test_an_end_of_a_slider_that_the_study_refuses_comes_nearer(tmp_path):
+    """Half the way to the study's value, five times at most; a sensor has 32 bits at most, and 12 here."""
+    study = live_studies.study(tmp_path)
+    found = {one.key.rpartition(".")[2]: one for one in candidates(study) if one.scenario == "low"}
+    bits, inertia = found['bits"'], found['inertia"']
+    assert [_accepted(study, bits, end) for end in (32.0, 33.0, 100.0, 400.0)] == [32, 22, 23, 12]
+    assert _accepted(study, inertia, -1e-4) == 7.5e-5  # of 2.5e-4
