@@ -12,7 +12,7 @@ from cogless.design.verdict import judged, verdict, warnings
 from cogless.errors import StudyError
 from cogless.report import render, verdicts
 from cogless.report.comparison import compare
-from cogless.report.growth import growth, worse_since
+from cogless.report.growth import growth, sentences, worse_since
 from cogless.report.markup import asset
 from cogless.report.paths import errors, periods
 from cogless.report.periods import over_angle
@@ -89,6 +89,16 @@ def test_the_verdict_calls_what_gets_worse(made):
     assert "which cogless design does not foresee" in text
     fine = verdicts(made)[0]
     assert "Worse" not in " ".join(fine.details) and "speed after" in fine.headline
+
+
+def test_a_current_that_grows_as_the_design_says_is_told_where_the_error_is_no_worse(made):
+    """Not of a law that design says settles: its line is then nothing that it has learned."""
+    pi, *learning = made.runs
+    grown = [with_line(run, 400, 1.0, 9.0) for run in learning]
+    said = verdict(made.study, "printed").short()
+    assert sentences(made, [pi, *grown], {}) == [
+        f"The current of printed scheme grows at 400 Hz, as cogless design says ({said})."
+    ]
 
 
 def with_error(run, other, ratio, since, metric):
