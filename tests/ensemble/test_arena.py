@@ -177,6 +177,8 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
     study, absent = prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", list(laws))
     assert absent == {"robust": "the feedback there is by hand, and the law has another"}
     assert study.controller["bar"].kp == 0.05  # type: ignore[union-attr]
+    with pytest.raises(StudyError, match=r"plant\.drone: expected a law that can run there$"):
+        prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", ["robust"])
 
 
 def test_the_shipped_arena_can_be_prepared_everywhere() -> None:
@@ -190,6 +192,8 @@ def test_the_shipped_arena_can_be_prepared_everywhere() -> None:
 def test_a_mistake_is_told_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=r'plant\.drone\.scenario: "nowhere": expected 1-rev-s, slow, fast'):
         prepared(arena(tmp_path, plant={"drone": {**PLANT, "scenario": "nowhere"}}), "drone", ["bar"])
+    with pytest.raises(StudyError, match=r'plant\.drone\.scenario: "fast": expected a study of speed$'):
+        prepared(arena(tmp_path, plant={"drone": {**PLANT, "study": "mandra2019"}}), "drone", ["bar"])
     with pytest.raises(StudyError, match=r"law: .*baseline = true"):
         arena(tmp_path, law={"bar": {"law": "pi", "tuning": AUTO}})
     with pytest.raises(StudyError, match=r"window: \"5 s\": expected a time within learn"):
@@ -238,6 +242,26 @@ def test_a_plant_without_the_bar_is_named() -> None:
         nowhere.barless == []
         and Scores(content({"bar": [], "law": [2.0]})).unscored(column, "law") == "no bar"
     )
+
+
+def test_the_table_has_a_row_for_each_law(results: ArenaResults) -> None:
+    shown = arena_files.table(results)
+    assert str(shown.title) == "Times bar, mean over plants" and shown.caption is None
+    titles = ("ripple", "orders", "dip", "settling", "time to learn", "copper loss", "chattering")
+    titles += ("after a fault", "wrong model", "after an hour")
+    assert [str(column.header) for column in shown.columns] == ["law", *titles, "plants"]
+    rows = list(zip(*(column.cells for column in shown.columns), strict=True))
+    assert [row[0] for row in rows] == ["bar", "pi-ilc", "mine"] and {row[-1] for row in rows} == {"1"}
+    ripples = [row[1] for row in rows]
+    assert [str(cell).strip()[-1] == "*" for cell in ripples] == [False, True, False]
+    assert ripples[0] == "1  " and {row[-2] for row in rows} == {"not run"}
+
+
+def test_speeds_are_told_in_turns_a_minute_and_all_else_in_si() -> None:
+    for column in COLUMNS.values():
+        si = column.metric.rpartition("_")[2]
+        expected = ("r/min", pytest.approx(math.pi / 30)) if si == "s" and "rad" in column.metric else (si, 1)
+        assert (column.unit, column.scale) == expected
 
 
 def test_without_the_bar_the_table_says_so(tmp_path: Path) -> None:

@@ -299,6 +299,22 @@ def test_a_study_travels_with_its_files(tmp_path: Path) -> None:
     assert found.metrics == expected.metrics
 
 
+@pytest.mark.parametrize(
+    ("values", "kind", "kept"),
+    [
+        ([1, 2**64 - 1], "uint64", [1, 2**64 - 1]),
+        ([-1, 2], "int64", [-1, 2]),
+        ([1, 2.5], "double", [1.0, 2.5]),
+        ([True, False], "string", ["true", "false"]),
+        (["star", 1], "string", ["star", "1"]),
+        ([[1, 2], [3]], "string", ["[1, 2]", "[3]"]),
+    ],
+)
+def test_values_of_a_key_are_numbers_or_texts(values: list[Any], kind: str, kept: list[Any]) -> None:
+    found = table._array(values)
+    assert (str(found.type), found.to_pylist()) == (kind, kept)
+
+
 # mistakes
 
 
