@@ -13,8 +13,9 @@ import synthetic
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from cogless.report import Line, compare, overtime, render, verdicts, write, write_plots
-from cogless.report.comparison import factor_text, held_back, misses, pretty
+from cogless.report.comparison import QUANTITIES, factor_text, held_back, misses, pretty
 from cogless.report.packing import number, pack, thin, unpack
+from cogless.report.sensor import SEEN
 from cogless.report.settings import assumptions, settings
 from cogless.report.spectra import order_spectrum, turned_back
 from cogless.report.speed_tracking import late, missed, span_of
@@ -159,6 +160,15 @@ def test_a_line_has_words_for_a_table_and_for_a_sentence():
     assert {span: replace(plain, span=span).window for span in spans} == spans
     stalled = replace(plain, missed={"a": "mean 0 of 60 rpm"}, span=(8.0, 10.0))
     assert stalled.not_held("a") == "speed ripple rms, 8 to 10 s: mean 0 of 60 rpm"
+
+
+def test_signals_have_words_and_measured_ones_those_of_the_true_ones():
+    for true, measured in SEEN.items():
+        assert QUANTITIES[measured] == f"measured {QUANTITIES[true]}"
+    assert {QUANTITIES[f"i_{phase}"] for phase in "abc"} == {"phase current"}
+    assert [QUANTITIES[f"i_{axis}"] for axis in "dq"] == ["d current", "q current"]
+    torques = {"tau_e": "electric", "tau_motor": "motor", "tau_load": "load"}
+    assert [QUANTITIES[name] for name in torques] == [f"{word} torque" for word in torques.values()]
 
 
 @pytest.mark.parametrize(
