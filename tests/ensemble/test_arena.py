@@ -16,6 +16,7 @@ from cogless.ensemble.arena_cases import HOUR, LATE, TOLD, UNTOLD
 from cogless.ensemble.arena_scores import COLUMNS, Scores
 from cogless.errors import StudyError
 from cogless.files import shipped
+from cogless.study import Study
 from cogless.study.arena import Arena, arena_of
 from cogless.study.controller import AntiCogging
 from cogless.study.reading import read
@@ -154,6 +155,60 @@ def test_results_are_plain_json(results: ArenaResults, tmp_path: Path) -> None:
     assert content == json.loads(json.dumps(arena_files.to_dict(results)))
     gain = next(each["controller"] for each in content["settings"] if each["law"] == "pi-ilc")
     assert gain["gain"] > 0  # what the rule gave stands in the results
+
+
+def test_a_plant_is_met_as_told_with_a_step_and_a_fault_and_three_times_otherwise(tmp_path: Path) -> None:
+    """It begins at 0.5 s and learns for 3 s; then the load steps, goes back, and the angle is missing."""
+    fight = arena(tmp_path)
+    base = load("uomodri")
+    assert isinstance(base, Study)
+    found = arena_cases.scenarios(base, fight.plant["drone"])
+    own = base.source.tables["scenario"]["fast"]
+    taken = {key: own[key] for key in ("reference", "initial_speed", "load") if key in own}
+    before = (base.scenario["fast"].load or base.mechanics.load).torque
+    told = {
+        **taken,
+        "initial_speed": own["reference"],
+        "override": {},
+        "duration": "5.0 s",
+        "events": [
+            {"time": "3.5 s", "load": f"{before + 4e-3!r} N*m"},
+            {"time": "4.0 s", "load": f"{before!r} N*m"},
+        ],
+        "faults": [{"kind": "angle-missing", "time": "4.5 s", "duration": "50 ms"}],
+    }
+    assert list(found) == [TOLD, *UNTOLD] and found[TOLD] == told
+    for case in UNTOLD:
+        rest = {key: value for key, value in found[case].items() if key != "override"}
+        assert rest == {**taken, "initial_speed": own["reference"], "duration": "3.5 s"}
+    period, inertia = 1 / base.drive.rates.outer_loop, base.mechanics.inertia
+    assert [found[case]["override"] for case in UNTOLD] == [
+        {"drive.bus.delay_command": f"{period!r} s"},
+        {"mechanics.inertia": f"{1.5 * inertia!r} kg*m^2"},
+        {"mechanics.inertia": f"{0.5 * inertia!r} kg*m^2"},
+    ]
+
+
+def test_what_is_measured_of_a_plant_and_when(tmp_path: Path) -> None:
+    study, _ = prepared(arena(tmp_path), "drone", ["bar"])
+    spans = {metric.name: metric.window or metric.event for metric in study.metric}
+    turn = 1.1 * 2 * math.pi / study.scenario[TOLD].slowest
+    assert {name: pytest.approx(span) for name, span in spans.items()} == {
+        "ripple": (3.25, 3.5),
+        "orders": (3.5 - max(0.25, turn), 3.5),
+        "dip": 3.5,
+        "settling": 3.5,
+        "time_to_learn": (0.5, 3.5),
+        "copper_loss": (3.25, 3.5),
+        "chattering": (3.25, 3.5),
+        "after_fault": (4.75, 5.0),
+    }
+    assert [metric.name for metric in study.metric if metric.scenarios is None] == ["ripple"]
+    bands = {metric.name: metric.band for metric in study.metric if metric.band}
+    rpm = math.pi / 30
+    assert bands == pytest.approx({"settling": 4 * rpm, "time_to_learn": 2 * rpm})
+    smooth = {metric.name: metric.smooth for metric in study.metric if metric.smooth}
+    assert smooth == pytest.approx(dict.fromkeys(("dip", "settling", "time_to_learn"), 13.9e-3))
 
 
 def test_laws_are_not_told_of_the_delay_nor_of_the_inertia(tmp_path: Path) -> None:
