@@ -338,8 +338,12 @@ def test_shards_of_different_sweeps_are_refused(tmp_path: Path) -> None:
 
 def test_missing_and_unfinished_shards_are_named(tmp_path: Path) -> None:
     planned = plan(tmp_path)
-    with pytest.raises(StudyError, match="no shards: expected files such as "):
+    with pytest.raises(StudyError, match=r": no shards: expected files such as shard-1-of-20\.jsonl$"):
         sweeping.merge(planned, tmp_path)
+    (tmp_path / "shard-1-of-two.jsonl").touch()
+    with pytest.raises(StudyError, match=r"two\.jsonl: expected a name such as shard-1-of-20\.jsonl$"):
+        sweeping.merge(planned, tmp_path)
+    (tmp_path / "shard-1-of-two.jsonl").unlink()
     sweeping.run(planned, tmp_path, Here(), sweeping.Shard(0, 2))
     with pytest.raises(StudyError) as error:
         sweeping.merge(planned, tmp_path)
