@@ -5,6 +5,7 @@ import math
 import re
 import time
 from dataclasses import replace
+from html import escape
 from html.parser import HTMLParser
 
 import numpy as np
@@ -12,7 +13,21 @@ import pytest
 import synthetic
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from cogless.report import Line, compare, overtime, render, verdicts, write, write_plots
+from cogless.report import (
+    Line,
+    compare,
+    criterion,
+    maps,
+    overtime,
+    periods,
+    render,
+    sensitivity,
+    spectra,
+    tracking,
+    verdicts,
+    write,
+    write_plots,
+)
 from cogless.report.comparison import QUANTITIES, factor_text, held_back, misses, pretty
 from cogless.report.packing import number, pack, thin, unpack
 from cogless.report.sensor import SEEN
@@ -312,6 +327,34 @@ def test_verdict_names_the_costs(made):
     assert "PI-ILC costs +3 % copper loss (" in details
     assert "and 4.10 times the chattering (" in details
     assert "None of the" not in details
+
+
+@pytest.mark.parametrize(
+    ("ratio", "told"),
+    [
+        (1.009, ""),
+        (1.011, "+1 % copper loss"),
+        (1.99, "+99 % copper loss"),
+        (2.0, "2.00 times the copper loss"),
+    ],
+)
+def test_a_cost_is_more_than_a_hundredth(made, ratio, told):
+    loss = ratio * made.runs[0].metrics["copper_loss_W"]
+    details = " ".join(verdicts(with_metrics(made, pi_ilc={"copper_loss_W": loss}))[0].details)
+    assert (f"PI-ILC costs {told} (" in details) == bool(told)
+    assert ("copper loss" in details) == bool(told)
+
+
+def test_metrics_in_which_the_winner_is_behind_are_named_the_worst_first(made):
+    """Orders are no others: they are parts of the ripple that it is judged by."""
+    times = {"torque_ripple_N_m": 2.0, "copper_loss_W": 5.0, "chattering_A": 3.0, "speed_orders_rad_s": 9.0}
+    fair = made.runs[1].metrics
+    winner = {name: ratio * np.asarray(fair[name]) for name, ratio in times.items()}
+    winner["speed_orders_rad_s"] = winner["speed_orders_rad_s"].tolist()
+    details = verdicts(with_metrics(made, pi_ilc=winner))[0].details
+    (line,) = [line for line in details if line.startswith("Against PI re-tuned, PI-ILC has ")]
+    found = re.findall(r"([\d.]+) times the ([a-z ]+) \(", line)
+    assert found == [("5.00", "copper loss"), ("3.00", "chattering"), ("2.00", "torque ripple")]
 
 
 @pytest.mark.parametrize(("second", "told"), [(0.009, False), (0.011, True)])
@@ -764,6 +807,16 @@ def test_page_is_one_offline_file(made):
         "(baseline)",
     ):
         assert text in page
+
+
+def test_every_section_has_its_note(made):
+    page = render(made)
+    notes = [spectra.NOTE, maps.NOTE, periods.NOTE, criterion.NOTE, sensitivity.NOTE]
+    notes += [tracking.NOTE, tracking.WATERFALL_NOTE]
+    assert [text for text in notes if escape(text) not in page] == []
+    assert (
+        "RMS of each term of the current reference late in low-speed; the varying part is about its" in page
+    )
 
 
 def test_settings_are_those_of_the_file(made):

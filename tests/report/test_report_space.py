@@ -15,13 +15,14 @@ from cogless.report.comparison import compare
 from cogless.report.growth import growth, sentences, worse_since
 from cogless.report.markup import asset
 from cogless.report.paths import errors, periods
-from cogless.report.periods import over_angle
+from cogless.report.periods import _period, over_angle
 from cogless.report.required_current import needed_current
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
 from cogless.run import simulate
 from cogless.run.carry_out import measure
 from cogless.study import changed
+from cogless.study.space_controller import Period
 
 
 @pytest.fixture(scope="module")
@@ -297,6 +298,19 @@ def test_periods_over_the_angle(until):
     assert [s["fade"] for s in chart["series"]] == pytest.approx([0.25, 0.4375, 0.625, 0.8125, 1.0])
     for series, k in zip(chart["series"], (5, 6, 8, 12, 21), strict=True):
         assert series["values"] == pytest.approx(3 + k - 1 + np.arange(361) / 360, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("period", "words"),
+    [
+        (Period(), "one electrical revolution"),
+        (Period(of="mechanical"), "one mechanical revolution"),
+        (Period(parts=6), "1/6 of one electrical revolution"),
+        (Period(of="mechanical", turns=2), "2/1 of one mechanical revolution"),
+    ],
+)
+def test_a_period_in_words(period, words):
+    assert _period(period) == words
 
 
 def test_one_period_over_the_angle_is_drawn_once():
