@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from commands import cogless, forked
 import studies
 from cogless.ensemble import executors, journal, table
 from cogless.ensemble import sweep as sweeping
+from cogless.ensemble.parcel import pack, unpacked
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.study import changed
@@ -88,6 +90,30 @@ def test_a_row_is_what_the_variant_gives_alone(tmp_path: Path, expected: bytes) 
     alone = run_study(changed(study, settings), ["low/pi-ilc"]).runs[0].metrics
     assert row["ripple_rad_s"] == alone["ripple_rad_s"]
     assert [row["speed_rad_s.24"], row["speed_rad_s.48"]] == alone["speed_rad_s"]
+
+
+def test_a_table_says_what_it_is_of(tmp_path: Path, expected: bytes) -> None:
+    (tmp_path / "sweep.parquet").write_bytes(expected)
+    found = pq.read_table(tmp_path / "sweep.parquet")
+    about = {"study": "study", "title": "A small ensemble", "seed": 5, "cogless": versions()["cogless"]}
+    assert json.loads(found.schema.metadata[b"cogless"]) == about
+    keys = ["mechanics.inertia", "mechanics.viscous_friction"]
+    metrics = ["ripple_rad_s", "speed_rad_s.24", "speed_rad_s.48"]
+    assert found.column_names == ["variant", "scenario", "controller", *keys, *metrics, "error"]
+    assert found["variant"].to_pylist() == [variant for variant in range(COUNT) for _ in range(2)]
+    assert found["scenario"].to_pylist() == ["low"] * 2 * COUNT
+    assert found["controller"].to_pylist() == ["pi", "pi-ilc"] * COUNT
+    assert found["error"].to_pylist() == [None] * 2 * COUNT
+
+
+def test_parcels_are_the_same_if_the_study_and_its_files_are(tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(FRAGILE)
+    own = '[controller.own]\nlaw = "python"\nobject = "law.py:Law"\nparams = { gain = 0.5 }\n'
+    study = ensembles.study(tmp_path, vary=own)
+    first, again, other = pack(study), pack(study), pack(changed(study, {"seed": 6}))
+    assert first == again and hash(first) == hash(again) and first != other and first != "first"
+    (tmp_path / "law.py").write_text(FRAGILE + "\n")
+    assert pack(study) != first
 
 
 def test_threads_and_processes_give_the_same_table(tmp_path: Path, expected: bytes) -> None:
@@ -279,10 +305,6 @@ def test_a_run_that_fails_has_its_own_error(tmp_path: Path) -> None:
 
 
 def test_a_study_travels_with_its_files(tmp_path: Path) -> None:
-    from dataclasses import replace
-
-    from cogless.ensemble.parcel import pack, unpacked
-
     home = tmp_path / "home"
     (home / "in").mkdir(parents=True)
     (home / "law.py").write_text("from helper import GAIN\n" + FRAGILE.replace("0.01", "GAIN"))

@@ -19,6 +19,7 @@ from cogless.ensemble import tune as tuning
 from cogless.ensemble.executors import given
 from cogless.ensemble.sample import draw
 from cogless.ensemble.table import Sweep
+from cogless.ensemble.tuned_file import _moved
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.study import changed, load
@@ -229,6 +230,35 @@ def test_mistakes_are_one_line_each(
     assert (code, said, len(err.splitlines())) == (2, "", 1)
     assert err.startswith(f"{path}: {MISTAKES[change]}")
     assert not (tmp_path / "out").exists()
+
+
+def test_files_that_a_tuned_study_names_are_named_from_where_it_stands(tmp_path: Path) -> None:
+    """Those that are there: any other text stays as it is."""
+    (tmp_path / "law.py").touch()
+    (tmp_path / "speed.csv").touch()
+    kept = {
+        "absolute": str(tmp_path / "speed.csv"),
+        "missing": "other.csv",
+        "empty": "",
+        "lines": "speed.csv\n",
+        "long": 256 * "x",
+        "number": 1,
+    }
+    tables = {
+        **kept,
+        "object": "law.py:Law",
+        "module": "law.py",
+        "reference": {"file": "speed.csv"},
+        "files": ["speed.csv", "other.csv"],
+    }
+    _moved(tables, tmp_path, tmp_path / "out")
+    assert tables == {
+        **kept,
+        "object": "../law.py:Law",
+        "module": "../law.py",
+        "reference": {"file": "../speed.csv"},
+        "files": ["../speed.csv", "other.csv"],
+    }
 
 
 def test_a_study_without_tune(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
