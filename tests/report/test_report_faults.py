@@ -97,6 +97,7 @@ def test_nothing_broken_nothing_said(made):
 def test_a_verdict_is_not_green_with_a_current_beyond_the_limit(made):
     within = verdict_on(changed(made, largest_current=3.12))  # 4 %: a current loop's overshoot
     assert "beyond" not in within.headline
+    assert "beyond" not in verdict_on(changed(made, largest_current=3.15)).headline  # 5 % is not more than 5
     over = verdict_on(changed(made, largest_current=3.2))
     assert over.tone == "worse" and "The current is beyond its limit: pi 3.20 A of 3 A." in over.headline
     lost = verdict_on(changed(made, largest_current=np.nan))
