@@ -10,7 +10,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 import pytest
 import synthetic
@@ -20,6 +20,7 @@ import studies
 from cogless.catalogue import catalogue
 from cogless.cli import app, logs, tables, terminal
 from cogless.results import Results
+from cogless.study import Study
 from cogless.study.laws import AnyController
 from cogless.study.trial_controller import AnyTrialController
 
@@ -313,6 +314,19 @@ def test_results_that_have_no_room_are_printed_nevertheless(tmp_path: Path, room
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
+def test_an_interrupt_before_the_first_run_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(study: Study, *_: object, **__: object) -> Results:
+        return Results(study, [], interrupted=True)
+
+    monkeypatch.setattr("cogless.run.simulate.run_study", interrupted)
+    folder = tmp_path / "out"
+    code, out, err = cogless(capsys, "run", studies.write(tmp_path), "-o", folder)
+    assert (code, out, err) == (130, "", "Interrupted: kept 0 of 4 runs, nothing written.\n")
+    assert not folder.exists() or not list(folder.iterdir())
+
+
 def test_no_traces(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Those of an earlier run go, too: they would be of other results."""
     words = ("run", studies.write(tmp_path), "--only", "low/pi", "-o", tmp_path / "out")
@@ -581,6 +595,27 @@ def test_progress_is_shown_as_shares_of_all(monkeypatch: pytest.MonkeyPatch) -> 
     assert all(bar.disable and bar.live.transient for bar in bars)  # no terminal
     assert terminal.new_console().width == 240
     assert (logs.told(0.0), logs.told(0.256)) == ("", ", 26%")
+
+
+def test_a_flag_asks_for_what_is_not_done_without_it() -> None:
+    """Such as to refuse a study's own code, or to write pictures."""
+    parameters = [
+        (command.callback.__name__, name, each.default)
+        for command in app.registered_commands
+        if command.callback is not None
+        for name, each in inspect.signature(command.callback).parameters.items()
+    ]
+    refusing = {command for command, name, default in parameters if name == "no_code" and default is False}
+    assert refusing == {"run", "sweep", "tune", "calibrate"}
+    assert [one for one in parameters if one[2] is True] == []
+
+
+def test_every_option_says_what_it_is_for() -> None:
+    for command in app.registered_commands:
+        assert command.callback is not None
+        of = get_type_hints(command.callback, include_extras=True)
+        said = {name: hint.__metadata__[0].help for name, hint in of.items() if name != "return"}
+        assert [name for name, text in said.items() if not text or not text.endswith(".")] == [], said
 
 
 @pytest.mark.parametrize(("command", "default"), [("sweep", "1000"), ("pil", "100000")])

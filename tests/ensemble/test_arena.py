@@ -16,6 +16,7 @@ from cogless.ensemble.arena_cases import HOUR, LATE, TOLD, UNTOLD
 from cogless.ensemble.arena_scores import COLUMNS, Scores
 from cogless.errors import StudyError
 from cogless.files import shipped
+from cogless.study import Study
 from cogless.study.arena import Arena, arena_of
 from cogless.study.controller import AntiCogging
 from cogless.study.reading import read
@@ -108,6 +109,19 @@ def test_an_hour_is_run_once_and_shows_the_ripple_at_its_end(
     assert scores.winners("after_hour") == ["pi-ilc"]
 
 
+def test_a_law_that_fails_in_one_case_is_absent_by_name(tmp_path: Path) -> None:
+    """The load steps at 0.4 s, where all cases but the first end."""
+    brief = {**PLANT, "begin": "0.1 s", "learn": "0.3 s", "hold": "0.1 s"}
+    (tmp_path / "own.py").write_text(
+        "class P:\n    def step(self, inputs):\n        return 0.0 if inputs.time < 0.45 else float('nan')\n"
+    )
+    mine = {"law": "python", "object": "own.py:P", "learning": False}
+    small = arena(tmp_path, seeds=[0], plant={"drone": brief}, law={**LAWS, "mine": mine})
+    found = run_arena(small, ["drone/mine"])
+    assert found.absent == {("drone", "mine"): "fails on the way"}
+    assert {run.case for run in found.runs} == {*UNTOLD}
+
+
 def test_a_law_that_fails_within_the_hour_does_not_win_it() -> None:
     found = content({"bar": [1.0, 1.0], "law": [0.5, 0.5]}, "copper_loss_W")
     hour = {"plant": "a", "case": HOUR, "seed": 0, "metrics": {"after_hour_rad_s": 2.0}}
@@ -143,6 +157,60 @@ def test_results_are_plain_json(results: ArenaResults, tmp_path: Path) -> None:
     assert gain["gain"] > 0  # what the rule gave stands in the results
 
 
+def test_a_plant_is_met_as_told_with_a_step_and_a_fault_and_three_times_otherwise(tmp_path: Path) -> None:
+    """It begins at 0.5 s and learns for 3 s; then the load steps, goes back, and the angle is missing."""
+    fight = arena(tmp_path)
+    base = load("uomodri")
+    assert isinstance(base, Study)
+    found = arena_cases.scenarios(base, fight.plant["drone"])
+    own = base.source.tables["scenario"]["fast"]
+    taken = {key: own[key] for key in ("reference", "initial_speed", "load") if key in own}
+    before = (base.scenario["fast"].load or base.mechanics.load).torque
+    told = {
+        **taken,
+        "initial_speed": own["reference"],
+        "override": {},
+        "duration": "5.0 s",
+        "events": [
+            {"time": "3.5 s", "load": f"{before + 4e-3!r} N*m"},
+            {"time": "4.0 s", "load": f"{before!r} N*m"},
+        ],
+        "faults": [{"kind": "angle-missing", "time": "4.5 s", "duration": "50 ms"}],
+    }
+    assert list(found) == [TOLD, *UNTOLD] and found[TOLD] == told
+    for case in UNTOLD:
+        rest = {key: value for key, value in found[case].items() if key != "override"}
+        assert rest == {**taken, "initial_speed": own["reference"], "duration": "3.5 s"}
+    period, inertia = 1 / base.drive.rates.outer_loop, base.mechanics.inertia
+    assert [found[case]["override"] for case in UNTOLD] == [
+        {"drive.bus.delay_command": f"{period!r} s"},
+        {"mechanics.inertia": f"{1.5 * inertia!r} kg*m^2"},
+        {"mechanics.inertia": f"{0.5 * inertia!r} kg*m^2"},
+    ]
+
+
+def test_what_is_measured_of_a_plant_and_when(tmp_path: Path) -> None:
+    study, _ = prepared(arena(tmp_path), "drone", ["bar"])
+    spans = {metric.name: metric.window or metric.event for metric in study.metric}
+    turn = 1.1 * 2 * math.pi / study.scenario[TOLD].slowest
+    assert {name: pytest.approx(span) for name, span in spans.items()} == {
+        "ripple": (3.25, 3.5),
+        "orders": (3.5 - max(0.25, turn), 3.5),
+        "dip": 3.5,
+        "settling": 3.5,
+        "time_to_learn": (0.5, 3.5),
+        "copper_loss": (3.25, 3.5),
+        "chattering": (3.25, 3.5),
+        "after_fault": (4.75, 5.0),
+    }
+    assert [metric.name for metric in study.metric if metric.scenarios is None] == ["ripple"]
+    bands = {metric.name: metric.band for metric in study.metric if metric.band}
+    rpm = math.pi / 30
+    assert bands == pytest.approx({"settling": 4 * rpm, "time_to_learn": 2 * rpm})
+    smooth = {metric.name: metric.smooth for metric in study.metric if metric.smooth}
+    assert smooth == pytest.approx(dict.fromkeys(("dip", "settling", "time_to_learn"), 13.9e-3))
+
+
 def test_laws_are_not_told_of_the_delay_nor_of_the_inertia(tmp_path: Path) -> None:
     study, absent = prepared(arena(tmp_path), "drone", ["bar", "pi-ilc"])
     assert absent == {}
@@ -164,6 +232,8 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
     study, absent = prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", list(laws))
     assert absent == {"robust": "the feedback there is by hand, and the law has another"}
     assert study.controller["bar"].kp == 0.05  # type: ignore[union-attr]
+    with pytest.raises(StudyError, match=r"plant\.drone: expected a law that can run there$"):
+        prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", ["robust"])
 
 
 def test_the_shipped_arena_can_be_prepared_everywhere() -> None:
@@ -177,6 +247,8 @@ def test_the_shipped_arena_can_be_prepared_everywhere() -> None:
 def test_a_mistake_is_told_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=r'plant\.drone\.scenario: "nowhere": expected 1-rev-s, slow, fast'):
         prepared(arena(tmp_path, plant={"drone": {**PLANT, "scenario": "nowhere"}}), "drone", ["bar"])
+    with pytest.raises(StudyError, match=r'plant\.drone\.scenario: "fast": expected a study of speed$'):
+        prepared(arena(tmp_path, plant={"drone": {**PLANT, "study": "mandra2019"}}), "drone", ["bar"])
     with pytest.raises(StudyError, match=r"law: .*baseline = true"):
         arena(tmp_path, law={"bar": {"law": "pi", "tuning": AUTO}})
     with pytest.raises(StudyError, match=r"window: \"5 s\": expected a time within learn"):
@@ -225,6 +297,26 @@ def test_a_plant_without_the_bar_is_named() -> None:
         nowhere.barless == []
         and Scores(content({"bar": [], "law": [2.0]})).unscored(column, "law") == "no bar"
     )
+
+
+def test_the_table_has_a_row_for_each_law(results: ArenaResults) -> None:
+    shown = arena_files.table(results)
+    assert str(shown.title) == "Times bar, mean over plants" and shown.caption is None
+    titles = ("ripple", "orders", "dip", "settling", "time to learn", "copper loss", "chattering")
+    titles += ("after a fault", "wrong model", "after an hour")
+    assert [str(column.header) for column in shown.columns] == ["law", *titles, "plants"]
+    rows = list(zip(*(column.cells for column in shown.columns), strict=True))
+    assert [row[0] for row in rows] == ["bar", "pi-ilc", "mine"] and {row[-1] for row in rows} == {"1"}
+    ripples = [row[1] for row in rows]
+    assert [str(cell).strip()[-1] == "*" for cell in ripples] == [False, True, False]
+    assert ripples[0] == "1  " and {row[-2] for row in rows} == {"not run"}
+
+
+def test_speeds_are_told_in_turns_a_minute_and_all_else_in_si() -> None:
+    for column in COLUMNS.values():
+        si = column.metric.rpartition("_")[2]
+        expected = ("r/min", pytest.approx(math.pi / 30)) if si == "s" and "rad" in column.metric else (si, 1)
+        assert (column.unit, column.scale) == expected
 
 
 def test_without_the_bar_the_table_says_so(tmp_path: Path) -> None:

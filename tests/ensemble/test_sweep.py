@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ from commands import cogless, forked
 import studies
 from cogless.ensemble import executors, journal, table
 from cogless.ensemble import sweep as sweeping
+from cogless.ensemble.parcel import pack, unpacked
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.study import changed
+from cogless.versions import versions
 
 pq = pytest.importorskip("pyarrow.parquet", reason="needs the extra cogless[sweep]")
 COUNT = 40  # three chunks, the last shorter
@@ -89,6 +92,30 @@ def test_a_row_is_what_the_variant_gives_alone(tmp_path: Path, expected: bytes) 
     assert [row["speed_rad_s.24"], row["speed_rad_s.48"]] == alone["speed_rad_s"]
 
 
+def test_a_table_says_what_it_is_of(tmp_path: Path, expected: bytes) -> None:
+    (tmp_path / "sweep.parquet").write_bytes(expected)
+    found = pq.read_table(tmp_path / "sweep.parquet")
+    about = {"study": "study", "title": "A small ensemble", "seed": 5, "cogless": versions()["cogless"]}
+    assert json.loads(found.schema.metadata[b"cogless"]) == about
+    keys = ["mechanics.inertia", "mechanics.viscous_friction"]
+    metrics = ["ripple_rad_s", "speed_rad_s.24", "speed_rad_s.48"]
+    assert found.column_names == ["variant", "scenario", "controller", *keys, *metrics, "error"]
+    assert found["variant"].to_pylist() == [variant for variant in range(COUNT) for _ in range(2)]
+    assert found["scenario"].to_pylist() == ["low"] * 2 * COUNT
+    assert found["controller"].to_pylist() == ["pi", "pi-ilc"] * COUNT
+    assert found["error"].to_pylist() == [None] * 2 * COUNT
+
+
+def test_parcels_are_the_same_if_the_study_and_its_files_are(tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(FRAGILE)
+    own = '[controller.own]\nlaw = "python"\nobject = "law.py:Law"\nparams = { gain = 0.5 }\n'
+    study = ensembles.study(tmp_path, vary=own)
+    first, again, other = pack(study), pack(study), pack(changed(study, {"seed": 6}))
+    assert first == again and hash(first) == hash(again) and first != other and first != "first"
+    (tmp_path / "law.py").write_text(FRAGILE + "\n")
+    assert pack(study) != first
+
+
 def test_threads_and_processes_give_the_same_table(tmp_path: Path, expected: bytes) -> None:
     for name, executor in (("threads", ThreadPoolExecutor(2)), ("processes", ProcessPoolExecutor(2))):
         folder = tmp_path / name
@@ -144,6 +171,82 @@ def test_a_task_that_kills_every_worker_is_given_up(tmp_path: Path) -> None:
         StudyError, match=r"^chunk \d: its worker died 3 times: expected enough memory for it$"
     ):
         sweeping.run(plan(tmp_path), tmp_path, Dies(*range(99)))
+
+
+class KilledWorker(Exception):  # noqa: N818, as Dask names it
+    """What Dask says of a task whose workers died."""
+
+
+def test_a_task_whose_dask_worker_died_is_sent_again() -> None:
+    def dies_twice(number: int) -> int:
+        sent.append(number)
+        if sent.count(1) < 3 and number == 1:
+            raise KilledWorker
+        return 7 * number
+
+    sent: list[int] = []
+    found: dict[int, int] = {}
+    tasks = {number: (number,) for number in (1, 2)}
+    executors.run_all(executors.given(Here()), dies_twice, tasks, found.__setitem__)
+    assert found == {1: 7, 2: 14} and sent.count(1) == 3
+
+
+def test_a_task_that_fails_of_itself_is_not_sent_again() -> None:
+    sent: list[int] = []
+
+    def fails() -> None:
+        sent.append(1)
+        raise ValueError("mine")
+
+    with pytest.raises(ValueError, match=r"^mine$"):
+        executors.run_all(executors.given(Here()), fails, {0: ()}, lambda number, result: None)
+    assert sent == [1]
+
+
+def test_a_cluster_that_is_gone_is_told() -> None:
+    class Gone(Here):
+        def submit(self, work: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+            future: Future[Any] = Future()
+            future.cancel()
+            future.set_running_or_notify_cancel()  # so that whoever waits for it sees it
+            return future
+
+    with pytest.raises(StudyError, match=r"^the cluster is gone: the same command goes on from here$"):
+        executors.run_all(executors.given(Gone()), int, {0: ()}, lambda number, result: None)
+
+
+HERE = versions()["cogless"]
+
+
+@pytest.mark.parametrize(
+    ("there", "said"),
+    [
+        ({}, "tcp://a:1: has no worker: expected one or more"),
+        (
+            {"tcp://b:1": HERE, "tcp://b:2": "0.0.1"},
+            f"worker tcp://b:2: has cogless 0.0.1: expected {HERE}, as here",
+        ),
+        (
+            {"tcp://b:1": ModuleNotFoundError()},
+            f"worker tcp://b:1: has no cogless: expected {HERE}, as here",
+        ),
+    ],
+)
+def test_every_worker_of_a_cluster_has_this_version(there: dict[str, Any], said: str) -> None:
+    class Client:
+        """A cluster's, whose workers answer so."""
+
+        def __init__(self, answers: dict[str, Any]) -> None:
+            self.answers = answers
+
+        def run(self, _: Any, on_error: str) -> dict[str, Any]:
+            assert on_error == "return"
+            return self.answers
+
+    with pytest.raises(StudyError) as told:
+        executors._check_versions("tcp://a:1", Client(there))
+    assert str(told.value) == f"--dask: {said}"
+    executors._check_versions("tcp://a:1", Client({"tcp://b:1": HERE}))
 
 
 def kills(marker: str) -> int:
@@ -202,10 +305,6 @@ def test_a_run_that_fails_has_its_own_error(tmp_path: Path) -> None:
 
 
 def test_a_study_travels_with_its_files(tmp_path: Path) -> None:
-    from dataclasses import replace
-
-    from cogless.ensemble.parcel import pack, unpacked
-
     home = tmp_path / "home"
     (home / "in").mkdir(parents=True)
     (home / "law.py").write_text("from helper import GAIN\n" + FRAGILE.replace("0.01", "GAIN"))
@@ -220,6 +319,22 @@ def test_a_study_travels_with_its_files(tmp_path: Path) -> None:
     assert there.source.path.parent != home / "in"
     (found,) = run_study(there, ["low/own"]).runs
     assert found.metrics == expected.metrics
+
+
+@pytest.mark.parametrize(
+    ("values", "kind", "kept"),
+    [
+        ([1, 2**64 - 1], "uint64", [1, 2**64 - 1]),
+        ([-1, 2], "int64", [-1, 2]),
+        ([1, 2.5], "double", [1.0, 2.5]),
+        ([True, False], "string", ["true", "false"]),
+        (["star", 1], "string", ["star", "1"]),
+        ([[1, 2], [3]], "string", ["[1, 2]", "[3]"]),
+    ],
+)
+def test_values_of_a_key_are_numbers_or_texts(values: list[Any], kind: str, kept: list[Any]) -> None:
+    found = table._array(values)
+    assert (str(found.type), found.to_pylist()) == (kind, kept)
 
 
 # mistakes
@@ -245,8 +360,12 @@ def test_shards_of_different_sweeps_are_refused(tmp_path: Path) -> None:
 
 def test_missing_and_unfinished_shards_are_named(tmp_path: Path) -> None:
     planned = plan(tmp_path)
-    with pytest.raises(StudyError, match="no shards: expected files such as "):
+    with pytest.raises(StudyError, match=r": no shards: expected files such as shard-1-of-20\.jsonl$"):
         sweeping.merge(planned, tmp_path)
+    (tmp_path / "shard-1-of-two.jsonl").touch()
+    with pytest.raises(StudyError, match=r"two\.jsonl: expected a name such as shard-1-of-20\.jsonl$"):
+        sweeping.merge(planned, tmp_path)
+    (tmp_path / "shard-1-of-two.jsonl").unlink()
     sweeping.run(planned, tmp_path, Here(), sweeping.Shard(0, 2))
     with pytest.raises(StudyError) as error:
         sweeping.merge(planned, tmp_path)

@@ -17,6 +17,9 @@ from cogless.design.verdict import verdict
 from cogless.ensemble import search as searching
 from cogless.ensemble import tune as tuning
 from cogless.ensemble.executors import given
+from cogless.ensemble.sample import draw
+from cogless.ensemble.table import Sweep
+from cogless.ensemble.tuned_file import _moved
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.study import changed, load
@@ -206,6 +209,10 @@ MISTAKES = {
         '"0.06 A/rpm"',
         '"0.06 V"',
     ): 'tune.keys.controller.pi.kp: "0.06 V": expected a number with a unit like "A/rpm"',
+    ('controller.pi.ki = ["0.05 A/rpm/s", "2 A/rpm/s"]', 'mechanics.coulomb_friction = ["0 N*m", "1 N*m"]'): (
+        'tune.keys.mechanics.coulomb_friction: ["0 N*m", "1 N*m"]: '
+        "expected the key of a value that the study has, to begin with"
+    ),
     ("variants = 4", 'scenarios = ["high"]'): 'tune.scenarios: "high": expected one of low',
     ("variants = 4", 'hold = [{ metric = "x", limit = 1 }]'): 'tune.hold: "x": expected one of ripple, ',
     ("variants = 4", 'hold = [{ metric = "ripple", limit = "1 A" }]'): (
@@ -225,6 +232,35 @@ def test_mistakes_are_one_line_each(
     assert not (tmp_path / "out").exists()
 
 
+def test_files_that_a_tuned_study_names_are_named_from_where_it_stands(tmp_path: Path) -> None:
+    """Those that are there: any other text stays as it is."""
+    (tmp_path / "law.py").touch()
+    (tmp_path / "speed.csv").touch()
+    kept = {
+        "absolute": str(tmp_path / "speed.csv"),
+        "missing": "other.csv",
+        "empty": "",
+        "lines": "speed.csv\n",
+        "long": 256 * "x",
+        "number": 1,
+    }
+    tables = {
+        **kept,
+        "object": "law.py:Law",
+        "module": "law.py",
+        "reference": {"file": "speed.csv"},
+        "files": ["speed.csv", "other.csv"],
+    }
+    _moved(tables, tmp_path, tmp_path / "out")
+    assert tables == {
+        **kept,
+        "object": "../law.py:Law",
+        "module": "../law.py",
+        "reference": {"file": "../speed.csv"},
+        "files": ["../speed.csv", "other.csv"],
+    }
+
+
 def test_a_study_without_tune(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = studies.write(tmp_path, ensembles.TEXT)
     code, _, err = cogless(capsys, "tune", path, "-o", tmp_path)
@@ -242,6 +278,43 @@ def test_a_range_of_a_decade_is_searched_by_ratios() -> None:
     assert not tuning.Knob("k", "", 0.0, 1.0, 0.5).by_ratio
     for knob in (ratio, line):
         assert float(str(knob.text(knob.start_share)).split()[0]) == pytest.approx(knob.start)
+
+
+def scores(folder: Path, lines: str, *ripples: list[float]) -> list[tuning.Score]:
+    """Scores of a PI with these ripples, rad/s, in four variants; its 24th order is 0.3 rad/s in each."""
+    found = study(folder, TUNE.replace("variants = 4", lines))
+    (subject,), ensemble = tuning.subjects(found), draw(found, 4)
+    evaluation = tuning.Evaluation(found, subject, ensemble, given(Here()))
+    values = np.full((len(ripples), 4, 1, 3), 0.3)
+    values[:, :, 0, 0] = ripples
+    sweeps = [Sweep(found, ensemble, subject.pairs, evaluation.columns, each, {}) for each in values]
+    return [evaluation.score(sweep, {}) for sweep in sweeps]
+
+
+@pytest.mark.parametrize(("over", "value"), [('"mean"', 4 / 5.5), ('"worst"', 7 / 8), ("0.5", 3 / 6)])
+def test_a_score_is_a_share_of_the_first(tmp_path: Path, over: str, value: float) -> None:
+    first, other = scores(tmp_path, f"over = {over}", [2.0, 6.0, 6.0, 8.0], [3.0, 3.0, 3.0, 7.0])
+    assert first == tuning.Score(0.0, 1.0, 0.0)
+    assert other.value == pytest.approx(value)
+
+
+@pytest.mark.parametrize("first", [[0.0] * 4, [1.0, 1.0, 1.0, np.nan]])
+def test_a_score_beside_a_first_of_zero_or_none_is_in_si(tmp_path: Path, first: list[float]) -> None:
+    assert scores(tmp_path, "", first, [3.0, 3.0, 3.0, 7.0])[1].value == 4.0
+
+
+def test_limits_are_missed_by_shares_of_themselves(tmp_path: Path) -> None:
+    """All variants, or as many as [tune] says; of a limit of zero there is no share."""
+
+    def violation(*hold: str) -> float:
+        of = ", ".join(f"{{ metric = {each} }}" for each in hold)
+        return scores(tmp_path, f"hold = [{of}]", [1.0, 2.0, 3.0, 6.0])[0].violation
+
+    assert violation('"ripple", limit = "4 rad/s"') == pytest.approx(0.5)
+    assert violation('"ripple", limit = "4 rad/s", share = 0.75') == 0
+    assert violation('"ripple", limit = "2 rad/s", share = 0.75') == pytest.approx(0.5)
+    assert violation('"speed.24", limit = "0 rad/s"') == pytest.approx(0.3)
+    assert violation('"speed.24", limit = "0.2 rad/s"', '"ripple", limit = "4 rad/s"') == pytest.approx(1.0)
 
 
 def test_who_misses_a_limit_is_worse_than_all_who_do_not() -> None:

@@ -554,6 +554,9 @@ def test_bars_of_an_estimate_are_as_high_as_the_waves(known: Identification) -> 
     assert '<text x="0" y="16">18</text>' in page  # mN m: 0.06 A times 0.3 N m/A
     assert "Cogging (mN m) by mechanical order, with errors" in page and "Ripple of K_t" not in page
     assert '<text x="0" y="16">0.2</text>' in page  # deg
+    assert "Encoder&#x27;s error (deg) by mechanical order" in page
+    share = identified.render(Identified(estimate(known, ripple=(wave(6, 0.02, 0.005),)), {}))
+    assert "Ripple of K_t (%) by mechanical order" in share and '<text x="0" y="16">2.5</text>' in share
     assert cells(page)[0] == ["Value", "with its error"]
     assert cells(page)[1] == ["offset of i_q, or a load", "0.02 +- 0.001 A"]
     empty = identified.render(Identified(estimate(known), {}))

@@ -1,9 +1,16 @@
 """`cogless live`, `cogless run --live` and what they refuse."""
 
+import subprocess
+from pathlib import Path
+
 import live_studies
 import pytest
 from commands import cogless
 from node import NO_ENGINE
+
+from cogless.errors import StudyError
+from cogless.files import control_sources
+from cogless.live import compile, engine
 
 needs = pytest.mark.skipif(bool(NO_ENGINE), reason=NO_ENGINE)
 
@@ -44,3 +51,77 @@ def test_a_page_of_ones_own_motor_needs_it_in_a_datasheets_words(capsys, tmp_pat
     code, _, error = cogless(capsys, "live", study, "--own-motor", "-o", tmp_path / "page.html")
     told = "live: motor.inductance_line_to_line: missing: expected for the fields of one's own motor\n"
     assert (code, error) == (2, told) and not (tmp_path / "page.html").exists()
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_the_engine_is_compiled_from_all_laws_and_rounds_as_the_native_one(tmp_path, monkeypatch, precision):
+    commands = []
+
+    def zig(arguments):
+        commands.append(arguments)
+        Path(arguments[arguments.index("-o") + 1]).write_bytes(b"made")
+
+    monkeypatch.setattr(compile, "_zig", zig)
+    sources = control_sources().parents[1]
+    compile.compiled(sources, tmp_path / "new" / "engine.wasm", precision)
+    assert (tmp_path / "new" / "engine.wasm").read_bytes() == b"made"
+    *compiling, linking = commands
+    assert all("-ffp-contract=off" in command and "-O2" in command for command in commands)
+    assert {"-DCOGLESS_DOUBLE" in command for command in commands} == {precision == "double"}
+    named = {Path(command[command.index("-c") + 1]).name: command for command in compiling}
+    laws = {path.name for path in (sources / "control" / "src" / "cogless").glob("*.c")}
+    assert set(named) == laws | set(compile.ENGINE)
+    for name, command in named.items():
+        assert (command[0], "-std=c99" in command) == (("cc", True) if name in laws else ("c++", False))
+    assert linking[0] == "c++" and len([word for word in linking if word.endswith(".o")]) == len(named)
+
+
+@pytest.mark.parametrize(
+    ("printed", "told"),
+    [
+        ("a warning\na.c:1: error: no such\nmore", "a.c:1: error: no such"),
+        ("one\ntwo", "one"),
+        ("", "exit 3"),
+    ],
+)
+def test_the_compilers_first_error_is_told(monkeypatch, printed, told):
+    def run(command, **_):
+        return subprocess.CompletedProcess(command, 3, "", printed)
+
+    monkeypatch.setattr(compile.subprocess, "run", run)
+    with pytest.raises(compile.CompileError) as error:
+        compile._zig(["cc"])
+    assert str(error.value) == told
+
+
+def test_the_engine_is_compiled_once_and_kept(tmp_path, monkeypatch, capsys):
+    """Where it came with no wheel: as long as sources and options are the same."""
+    made = []
+
+    def compiled(sources, target, precision):
+        made.append(precision)
+        target.write_bytes(precision.encode())
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(engine, "package_folders", lambda: ())
+    monkeypatch.setattr(engine.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(StudyError) as error:
+        engine.module("double")
+    assert str(error.value) == engine.NO_COMPILER and not engine.is_there("double")
+    monkeypatch.setattr(engine.importlib.util, "find_spec", lambda name: name)
+    monkeypatch.setattr(engine, "compiled", compiled)
+    assert [engine.module("double") for _ in range(2)] == [b"double"] * 2 and made == ["double"]
+    told = "live: compiling the engine for pages, once for this version: one to three minutes\n"
+    assert capsys.readouterr().err == told
+    assert engine.is_there("double") and not engine.is_there("single")
+    (kept,) = (tmp_path / "cogless").iterdir()
+    assert kept.name.endswith("-engine_double.wasm")
+    monkeypatch.setattr(engine, "FLAGS", ("-O3",))
+    assert not engine.is_there("double")
+
+    def fails(*_):
+        raise compile.CompileError("a.c:1: error: no")
+
+    monkeypatch.setattr(engine, "compiled", fails)
+    with pytest.raises(StudyError, match=r"^live: the engine does not compile: a\.c:1: error: no$"):
+        engine.module("double")

@@ -14,10 +14,13 @@ from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.live import toml
 from cogless.live.blobs import held
-from cogless.live.candidates import candidates, quoted, shortest
-from cogless.live.keys import Landing, adjustable, landed, packed
-from cogless.live.packed import Number
+from cogless.live.candidates import OF_REFERENCE, PLANT, candidates, quoted, shortest
+from cogless.live.keys import Found, Landing, _accepted, adjustable, landed, packed
+from cogless.live.packed import Number, pack
 from cogless.live.page import data
+from cogless.report import speed_tracking
+from cogless.report.status_lanes import MOMENT
+from cogless.results.status import Status
 from cogless.study.reading import changed
 
 DESCRIBED = """
@@ -198,6 +201,19 @@ def test_sliders_are_about_the_studys_values_and_fields_take_a_hundred_times_mor
     assert pairs == [("low", "fair"), ("step", "fair")]
 
 
+def test_a_slider_has_the_studys_value_and_larger_ones():
+    """An encoder's lines have stops instead, and bits are told as they are, not as shares."""
+    groups = {"mechanics": "Load and motion", "motor": "Motor", "inverter": "Inverter"}
+    for _, low, high in OF_REFERENCE:
+        assert low < 1 < high
+    for group, key, low, high in PLANT:
+        assert group == groups.get(key.removeprefix("drive.").partition(".")[0], "Sensors")
+        if key.endswith(".bits"):
+            assert 8 == low < high
+        elif key != "drive.position_sensor.lines":
+            assert low <= 1 < high, key
+
+
 @pytest.mark.parametrize(
     ("name", "written"), [("pi", "pi"), ("a.b", '"a.b"'), ("7", '"7"'), ("pi-ilc", "pi-ilc")]
 )
@@ -212,3 +228,75 @@ def test_a_direct_key_sets_its_value_times_a_constant_rounded_as_the_number_is()
     assert landed(Landing(number("d"), 2.0), 0.3) == 0.6
     assert landed(Landing(number("f"), 2.0), 0.3) == float(np.float32(0.6)) != 0.6
     assert landed(Landing(number("I"), 1000.0, True), 0.0126) == 13.0
+
+
+def test_a_value_that_no_description_has_is_refused():
+    with pytest.raises(TypeError, match=r"^page\.x: complex: expected a plain value$"):
+        pack({"controller": {"law": "pi"}, "page": {"x": 1j}}, "double")
+
+
+def test_an_end_of_a_slider_that_the_study_refuses_comes_nearer(tmp_path):
+    """Half the way to the study's value, five times at most; a sensor has 32 bits at most, and 12 here."""
+    study = live_studies.study(tmp_path)
+    found = {one.key.rpartition(".")[2]: one for one in candidates(study) if one.scenario == "low"}
+    bits, inertia = found['bits"'], found['inertia"']
+    assert [_accepted(study, bits, end) for end in (32.0, 33.0, 100.0, 400.0)] == [32, 22, 23, 12]
+    assert _accepted(study, inertia, -1e-4) == 7.5e-5  # of 2.5e-4
+
+
+def test_a_page_has_what_its_scripts_draw_and_judge_by(small):
+    """Its constants are the report's; what a law learned is told from what it never learns by one number."""
+    study, found = small
+    made = data(study, found, "cogless run x")
+    assert (made["command"], made["name"], made["kind"], made["motor"]) == (
+        "cogless run x",
+        "study",
+        "speed",
+        None,
+    )
+    assert (made["busy"], made["guarded"], made["moment"]) == (Status.BUSY, Status.GUARDED, MOMENT)
+    limits = {"far": speed_tracking.FAR, "lost": speed_tracking.LOST}
+    limits |= {"drift": speed_tracking.DRIFT, "one_way": speed_tracking.ONE_WAY}
+    assert made["tracking"] == limits
+    named = [
+        tuple(one[key] for key in ("name", "label", "colour", "baseline")) for one in made["controllers"]
+    ]
+    assert named == [
+        ("pi", "<i>PI</i>", 0, True),
+        ("pi-ilc", "pi-ilc", 1, False),
+        ("table", "table", 2, False),
+    ]
+    assert [one["learns"] for one in made["controllers"]] == [False, True, False]  # a table is learned before
+    low, step = made["scenarios"]
+    assert (low["name"], low["rate"], low["controllers"]) == ("low", 4e3, ["pi", "pi-ilc", "table"])
+    titles = {one["name"]: (one["titles"], one["unit"]) for one in step["metrics"]}
+    assert titles == {
+        "speed_ripple_rad_s": (["speed ripple"], "rpm"),
+        "speed_order_rad_s": (["speed order 8", "speed order 16"], "rad/s"),
+        "loss_W": (["loss"], "W"),
+        "chatter_A": (["chatter"], "A"),
+        "recovery_s": (["recovery"], "s"),
+        "dip_rad_s": (["dip"], "rpm"),
+    }
+    for one in step["metrics"]:
+        assert one["factor"] == (np.pi / 30 if one["unit"] == "rpm" else 1) and one["better"] == "lower"
+    runs = made["runs"]
+    places = {f"{s}/{c}/run" for s in ("low", "step") for c in ("pi", "pi-ilc", "table")}
+    assert set(runs) == places | {"low/table/learn", "step/table/learn"}
+    assert all(runs[place]["off"][1:] == ["d", 1e9] and runs[place]["learned"] is None for place in places)
+    key = next(one for one in made["keys"] if one["key"] == "scenario.low.duration")
+    assert (key["label"], key["group"], key["scenario"], key["controller"]) == (
+        "duration", "Load and motion", "low", None
+    )  # fmt: skip
+    assert [key[word] for word in ("unit", "factor", "start", "whole", "stops")] == ["s", 1.0, 2.0, False, ()]
+    assert (key["low"], key["high"], key["most"]) == (1.1, 4.0, 400.0)  # 0.2 s were too short for a metric
+    assert 1.0 <= key["least"] < 1.1
+    assert set(key["lands"]) == {place for place in runs if place.startswith("low/")}
+
+
+def test_more_controllers_than_colours_share_them(tmp_path):
+    """The baseline has the first for itself."""
+    more = {f"controller.more{n}": {"law": "pi", "kp": "0.01 A/rpm", "ki": "0.1 A/rpm/s"} for n in range(7)}
+    study = changed(live_studies.study(tmp_path), more)
+    made = data(study, Found(), "")["controllers"]
+    assert [one["colour"] for one in made] == [0, 1, 2, 3, 4, 5, 6, 7, 1, 2]

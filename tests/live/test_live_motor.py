@@ -3,6 +3,7 @@
 import math
 import random
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import live_studies
@@ -15,7 +16,8 @@ from test_live_page import sets_of, settle
 from cogless.errors import StudyError
 from cogless.live import motor, write
 from cogless.live.blobs import held
-from cogless.live.keys import adjustable, packed
+from cogless.live.candidates import MOTOR, of_motor
+from cogless.live.keys import _changed, adjustable, packed
 from cogless.live.page import data
 from cogless.report.speed_tracking import missed
 from cogless.report.status_lanes import MOMENT
@@ -65,6 +67,47 @@ def test_a_motors_numbers_can_be_changed_for_plant_and_controller(own):
     assert keys["mechanics.inertia"].least <= 6e-6 and keys["mechanics.inertia"].most >= 4e-3
     paths = {one.number.path for one in found.products["slow", "harmonic", "run"]}
     assert {"controller.config.b", "controller.config.pi.kp", "drive.control.foc.kp_q"} <= paths
+
+
+def test_gains_of_which_the_motor_already_decides_are_left_out(own):
+    _, found = own
+    same = "it acts on the same numbers as another key"
+    assert found.left_out == [("controller.pi.tuning.phase_margin", same), ("controller.harmonic.base", same)]
+
+
+def test_a_motors_sliders_are_from_a_third_to_three_times_the_studys_value(own):
+    """Pole pairs and orders from 1 to as many as a page has numbers for."""
+    study, _ = own
+    keys = {one.key: one for one in of_motor(study)}
+    assert tuple(keys) == MOTOR and {one.group for one in keys.values()} == {"Your motor"}
+    assert {one.key: (one.least, one.low, one.high, one.most) for one in keys.values() if one.whole} == {
+        "motor.pole_pairs": (1, 1, 40, 40),
+        "motor.cogging.0.order": (1, 1, 400, 400),
+        "motor.cogging.1.order": (1, 1, 400, 400),
+    }
+    for one in keys.values():
+        if not one.whole:
+            ends = [end / one.start for end in (one.least, one.low, one.high, one.most)]
+            assert ends == pytest.approx([0.003, 0.3, 3, 300], rel=1e-3)
+
+
+@pytest.mark.parametrize("off", [1 - 1e-5, 1 + 1e-5])
+def test_a_product_that_is_not_what_the_design_gives_is_told(own, off):
+    """As is a number that moves and has no product."""
+    study, found = own
+    base = packed(study, held(study))
+    by_key = {key.candidate.key: key.candidate for key in found.keys if key.candidate.key in motor.TOGETHER}
+
+    def changes(values):
+        return _changed(study, values)
+
+    place = ("slow", "pi", "run")
+    kept = found.products[place]
+    (kp,) = [one for one in kept if one.number.path == "controller.config.kp"]
+    others = [one for one in kept if one is not kp]
+    for wrong in (others, [*others, replace(kp, start=off * kp.start)]):
+        with pytest.raises(StudyError, match=r"^live: controller\.config\.kp: \S+ as a product, \S+ by the"):
+            motor._check(base, changes, by_key, {**found.products, place: wrong})
 
 
 @pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)

@@ -17,6 +17,7 @@ from cogless.errors import StudyError
 from cogless.live import left_out, write
 from cogless.live.blobs import blobs, held, precision
 from cogless.live.keys import adjustable
+from cogless.live.trial_candidates import trial_candidates
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import load
@@ -96,6 +97,49 @@ def test_the_gain_the_filter_the_loads_and_the_plant_can_be_changed(adjusted):
     assert 'scenario.move.override."mechanics.inertia"' in names
     assert "drive.position_sensor.bits" in names
     assert not any("R_s" in name or "feedback" in name for name in names)  # they make no difference
+
+
+OF_TRIALS = {  # what the page calls a key, its group, and its slider's ends as shares of the study's value
+    "drive": {
+        "controller.ilc.K_3": ("K_3", "ilc", 0.0, 2.0),
+        "controller.ilc.q_filter.cutoff": ("q_filter.cutoff", "ilc", 0.3, 2.0),
+        "scenario.move.trials": ("trials", "Trials", 9 / 12, 2.0),
+        "scenario.move.changes.0.load_steps.0.1": ("load, from trial 5", "Trials", 0.0, 2.0),
+        'scenario.move.changes.1.override."mechanics.inertia"': (
+            "mechanics.inertia, from trial 9", "Trials", 0.5, 2.0
+        ),
+        'scenario.move.override."mechanics.inertia"': ("mechanics.inertia", "Load and motion", 0.3, 3.0),
+        'scenario.move.override."mechanics.viscous_friction"': (
+            "mechanics.viscous_friction", "Load and motion", 0.0, 3.0
+        ),
+        'scenario.move.override."motor.K_t"': ("motor.K_t", "Motor", 0.7, 1.3),
+        "drive.position_sensor.bits": ("drive.position_sensor.bits", "Sensors", 8 / 14, 20 / 14),
+    },
+    "linear": {
+        "controller.ilc.K_3": ("K_3", "ilc", 0.0, 2.0),
+        "scenario.cycle.trials": ("trials", "Trials", 4 / 6, 2.0),
+        "scenario.cycle.load_steps.0.1": ("load", "Trials", 0.0, 2.0),
+        "scenario.cycle.changes.0.override.a": ("a, from trial 4", "Trials", 0.5, 2.0),
+        "scenario.cycle.override.a": ("a", "Plant", 0.5, 2.0),
+        "scenario.cycle.override.k": ("k", "Plant", 0.5, 2.0),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", STUDIES)
+def test_sliders_of_trials_are_about_the_studys_values(tmp_path, kind):
+    found = list(trial_candidates(trial_studies.loaded(tmp_path, text=STUDIES[kind])))
+    assert {one.key: (one.label, one.group) for one in found} == {
+        key: told[:2] for key, told in OF_TRIALS[kind].items()
+    }
+    for one in found:
+        ends = OF_TRIALS[kind][one.key][2:]
+        assert (one.low / one.start, one.high / one.start) == pytest.approx(ends, rel=1e-3), one.key
+        first, name = one.key.split(".")[:2]
+        assert (one.scenario, one.controller) == (
+            name if first == "scenario" else None,
+            name if first == "controller" else None,
+        )
 
 
 def test_a_law_with_a_matrix_is_left_out_and_named(tmp_path):

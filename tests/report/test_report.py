@@ -5,6 +5,7 @@ import math
 import re
 import time
 from dataclasses import replace
+from html import escape
 from html.parser import HTMLParser
 
 import numpy as np
@@ -12,9 +13,24 @@ import pytest
 import synthetic
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from cogless.report import Line, compare, overtime, render, verdicts, write, write_plots
-from cogless.report.comparison import factor_text, held_back, misses, pretty
+from cogless.report import (
+    Line,
+    compare,
+    criterion,
+    maps,
+    overtime,
+    periods,
+    render,
+    sensitivity,
+    spectra,
+    tracking,
+    verdicts,
+    write,
+    write_plots,
+)
+from cogless.report.comparison import QUANTITIES, factor_text, held_back, misses, pretty
 from cogless.report.packing import number, pack, thin, unpack
+from cogless.report.sensor import SEEN
 from cogless.report.settings import assumptions, settings
 from cogless.report.spectra import order_spectrum, turned_back
 from cogless.report.speed_tracking import late, missed, span_of
@@ -161,6 +177,15 @@ def test_a_line_has_words_for_a_table_and_for_a_sentence():
     assert stalled.not_held("a") == "speed ripple rms, 8 to 10 s: mean 0 of 60 rpm"
 
 
+def test_signals_have_words_and_measured_ones_those_of_the_true_ones():
+    for true, measured in SEEN.items():
+        assert QUANTITIES[measured] == f"measured {QUANTITIES[true]}"
+    assert {QUANTITIES[f"i_{phase}"] for phase in "abc"} == {"phase current"}
+    assert [QUANTITIES[f"i_{axis}"] for axis in "dq"] == ["d current", "q current"]
+    torques = {"tau_e": "electric", "tau_motor": "motor", "tau_load": "load"}
+    assert [QUANTITIES[name] for name in torques] == [f"{word} torque" for word in torques.values()]
+
+
 @pytest.mark.parametrize(
     ("kind", "value", "number", "text"),
     [
@@ -304,6 +329,34 @@ def test_verdict_names_the_costs(made):
     assert "None of the" not in details
 
 
+@pytest.mark.parametrize(
+    ("ratio", "told"),
+    [
+        (1.009, ""),
+        (1.011, "+1 % copper loss"),
+        (1.99, "+99 % copper loss"),
+        (2.0, "2.00 times the copper loss"),
+    ],
+)
+def test_a_cost_is_more_than_a_hundredth(made, ratio, told):
+    loss = ratio * made.runs[0].metrics["copper_loss_W"]
+    details = " ".join(verdicts(with_metrics(made, pi_ilc={"copper_loss_W": loss}))[0].details)
+    assert (f"PI-ILC costs {told} (" in details) == bool(told)
+    assert ("copper loss" in details) == bool(told)
+
+
+def test_metrics_in_which_the_winner_is_behind_are_named_the_worst_first(made):
+    """Orders are no others: they are parts of the ripple that it is judged by."""
+    times = {"torque_ripple_N_m": 2.0, "copper_loss_W": 5.0, "chattering_A": 3.0, "speed_orders_rad_s": 9.0}
+    fair = made.runs[1].metrics
+    winner = {name: ratio * np.asarray(fair[name]) for name, ratio in times.items()}
+    winner["speed_orders_rad_s"] = winner["speed_orders_rad_s"].tolist()
+    details = verdicts(with_metrics(made, pi_ilc=winner))[0].details
+    (line,) = [line for line in details if line.startswith("Against PI re-tuned, PI-ILC has ")]
+    found = re.findall(r"([\d.]+) times the ([a-z ]+) \(", line)
+    assert found == [("5.00", "copper loss"), ("3.00", "chattering"), ("2.00", "torque ripple")]
+
+
 @pytest.mark.parametrize(("second", "told"), [(0.009, False), (0.011, True)])
 def test_an_order_that_is_nothing_beside_the_ripple_is_no_cost(made, second, told):
     """30 times as much of an order is no cost if it is below 0.01 of the baseline's ripple."""
@@ -353,7 +406,17 @@ def test_verdict_is_honest_when_learning_loses(made):
     assert low.tone == "worse"
     assert low.headline.startswith("At 60 rpm, no controller beats PI as published: it leaves 4.77 rpm of")
     assert low.headline.endswith("the next, PI re-tuned, 7.64 rpm (worse: 1.60 times as much).")
-    assert "PI-ILC 8.59 rpm (worse: 1.80 times as much)" in " ".join(low.details)
+    expected = "The others against PI as published: PI-ILC 8.59 rpm (worse: 1.80 times as much)."
+    assert expected in low.details
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.52, "9.93 rpm (as much)"), (0.25, "4.77 rpm (2.00 times less)")]
+)
+def test_verdict_tells_the_others_beside_the_baseline(made, value, text):
+    pi, fair, ilc = ripple(1.0), ripple(2 * value), ripple(0.1)
+    low = verdicts(with_metrics(made, pi=pi, fair_pi=fair, pi_ilc=ilc))[0]
+    assert f"The others against PI as published: PI re-tuned {text}." in low.details
 
 
 def test_verdict_with_zeros(made):
@@ -427,8 +490,12 @@ def test_verdict_when_the_baseline_or_everybody_stalls(made):
         "At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple; "
         "PI as published did not hold the speed (mean 30 of 60 rpm, 8 to 10 s)."
     )
+    assert "The others: PI re-tuned 5.17 rpm." in low.details
     low = verdicts(with_speed(made, {"pi-ilc": 0.5, "fair-pi": 0.5}))[0]
-    assert (low.tone, "only PI as published holds the speed" in low.headline) == ("worse", True)
+    assert low.tone == "worse"
+    assert low.headline == (
+        "At 60 rpm, only PI as published holds the speed: it leaves 11.8 rpm of speed ripple."
+    )
     low = verdicts(with_speed(made, {"pi": 0.5, "fair-pi": 0.0, "pi-ilc": np.nan}))[0]
     assert low.tone == "worse"
     assert low.headline == (
@@ -740,6 +807,16 @@ def test_page_is_one_offline_file(made):
         "(baseline)",
     ):
         assert text in page
+
+
+def test_every_section_has_its_note(made):
+    page = render(made)
+    notes = [spectra.NOTE, maps.NOTE, periods.NOTE, criterion.NOTE, sensitivity.NOTE]
+    notes += [tracking.NOTE, tracking.WATERFALL_NOTE]
+    assert [text for text in notes if escape(text) not in page] == []
+    assert (
+        "RMS of each term of the current reference late in low-speed; the varying part is about its" in page
+    )
 
 
 def test_settings_are_those_of_the_file(made):

@@ -12,6 +12,7 @@ import pytest
 import cogless
 import studies
 from cogless.report import broken, render, verdicts, write_plots
+from cogless.report.faults import account
 from cogless.results import Results
 
 DROPOUT = {"kind": "angle-missing", "time": "0.3 s", "duration": "20 ms"}
@@ -96,16 +97,21 @@ def test_nothing_broken_nothing_said(made):
 def test_a_verdict_is_not_green_with_a_current_beyond_the_limit(made):
     within = verdict_on(changed(made, largest_current=3.12))  # 4 %: a current loop's overshoot
     assert "beyond" not in within.headline
+    assert "beyond" not in verdict_on(changed(made, largest_current=3.15)).headline  # 5 % is not more than 5
     over = verdict_on(changed(made, largest_current=3.2))
     assert over.tone == "worse" and "The current is beyond its limit: pi 3.20 A of 3 A." in over.headline
-    assert verdict_on(changed(made, largest_current=np.nan)).tone == "worse"
+    lost = verdict_on(changed(made, largest_current=np.nan))
+    assert lost.tone == "worse" and "The current is beyond its limit: pi no number of 3 A." in lost.headline
 
 
 def test_a_verdict_is_not_green_with_more_ripple_than_without_the_fault(made):
     usual = next(run for run in made.runs if run.scenario == "faulty").faults[0].ripple_after
-    more = verdict_on(changed(made, ripple_after=1.5 * usual))
-    assert more.tone != "better"
-    assert re.search(r"more ripple than without the fault: pi 1\.[45]\d? times", more.headline)
+    worse = changed(made, ripple_after=1.5 * usual)
+    more = verdict_on(worse)
+    told = account(worse, [run for run in worse.runs if run.scenario == "faulty"])
+    assert told.tone == "even"  # no limit is broken, and the speed is held
+    expected = r"\. Afterwards there is more ripple than without the fault: pi 1\.[45]\d? times\.$"
+    assert re.search(expected, more.headline)
     assert "more ripple" not in verdict_on(changed(made, ripple_after=1.1 * usual)).headline
 
 
@@ -147,6 +153,8 @@ def test_many_faults(many):
     )
     assert [told.heading.split(":")[0] for told in found.told[:3]] == ["0.1 s", "0.25 s", "0.4 s"]
     assert found.told[3].heading == "One more fault is in results.json."
+    five = replace(many, runs=[replace(r, faults=[*r.faults, *r.faults[-1:]]) for r in many.runs])
+    assert verdict_on(five).told[3].heading == "2 more faults are in results.json."
     assert [zoom["name"] for zoom in scenario_of(many)["zooms"]][-4:] == [
         "fault at 0.1 s", "fault at 0.25 s", "fault at 0.4 s", "fault at 0.55 s"
     ]  # fmt: skip

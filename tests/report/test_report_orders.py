@@ -95,6 +95,32 @@ def test_without_learning_or_a_sweep_nothing_is_followed(made):
     assert tracking.tracking(made, runs, tracking.tracked(made, runs)) == []
 
 
+def test_eight_revolutions_are_enough_for_orders_over_time(made):
+    runs = runs_in(made, "low-speed")  # one revolution a second
+    for rows, pieces in ((7.99 * RATE, None), (8.01 * RATE, 8)):
+        part = [replace(run, trace=replace(run.trace, data=run.trace.data[: round(rows)])) for run in runs]
+        found = tracking.tracked(made, part)
+        assert (None if found is None else len(found.times)) == pieces
+
+
+def test_48_pieces_at_most_of_as_many_revolutions_each(run_up):
+    found = tracking.tracked(run_up, runs_in(run_up, "low-speed"))
+    assert len(found.times) == len(found.speeds) == 27  # 55 revolutions, two a piece
+    assert {amplitudes.shape for amplitudes in found.amplitudes.values()} == {(27, 120)}
+    (chart, *_) = tracking.waterfall(run_up, found)
+    assert (chart["title"], chart["quantity"], chart["unit"]) == ("Orders over speed", "speed", "rpm")
+    assert chart["top"] == max(np.nanmax(amplitudes) for amplitudes in found.amplitudes.values())
+
+
+def test_the_four_strongest_orders_of_anybody_are_followed_and_half_as_fast_again_is_a_sweep():
+    quiet, loud = np.array([[3.0, 0.0, 1.0, 0.0, 5.0, 0.0]]), np.array([[0.0, 4.0, 2.0, 0.0, 0.0, 0.0]])
+    found = tracking.Tracked(np.ones(2), np.array([1.0, 1.5]), {0: quiet, 1: loud})
+    assert found.followed == [1, 2, 3, 5] and found.sweeps
+    assert replace(found, amplitudes={1: loud}).followed == [2, 3]  # what isn't there isn't followed
+    assert replace(found, amplitudes={0: 1.0 + np.arange(6.0)[None]}).followed == [3, 4, 5, 6]
+    assert not replace(found, speeds=np.array([1.0, 1.49])).sweeps
+
+
 def test_a_run_of_few_revolutions_has_no_orders_over_time(made):
     assert tracking.tracked(made, runs_in(made, "step-on")) is None  # four revolutions
 
@@ -169,11 +195,18 @@ def test_jitter_and_torque_ripple_are_those_of_the_rows_at_the_end(made):
         made, "low-speed", tau_e=lambda run: 0.2 + 0.05 * np.sin(4 * run.trace["theta_m"]), tau_cogging=0.0
     )
     runs = runs_in(results, "low-speed")
-    found = cells(late.table(results, runs))
+    text = late.table(results, runs)
+    found = cells(text)
+    assert list(found) == [
+        "speed ripple, rms", "speed ripple as measured, rms", "torque ripple, (max \u2212 min) / (max + min)"
+    ]  # fmt: skip
+    assert "Over the last part of the run, from 8 to 10 s. Jitter is about the mean." in text
     assert found["torque ripple, (max \u2212 min) / (max + min)"] == ["0.250"] * 3
     rows = late.late(results, runs[0])
     expected = np.std(runs[0].trace["omega_error"][rows]) / RPM
     assert found["speed ripple, rms"][0] == f"{expected:.2f} rpm"
+    measured = np.std(runs[0].trace["omega_error_measured"][rows]) / RPM
+    assert found["speed ripple as measured, rms"][0] == f"{measured:.2f} rpm"
     assert not any("position" in name for name in found)
 
 

@@ -8,20 +8,21 @@ import pytest
 from test_report import data_of
 
 from cogless import load
-from cogless.design.verdict import verdict, warnings
+from cogless.design.verdict import judged, verdict, warnings
 from cogless.errors import StudyError
 from cogless.report import render, verdicts
 from cogless.report.comparison import compare
-from cogless.report.growth import growth, worse_since
+from cogless.report.growth import growth, sentences, worse_since
 from cogless.report.markup import asset
 from cogless.report.paths import errors, periods
-from cogless.report.periods import over_angle
+from cogless.report.periods import _period, over_angle
 from cogless.report.required_current import needed_current
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
 from cogless.run import simulate
 from cogless.run.carry_out import measure
 from cogless.study import changed
+from cogless.study.space_controller import Period
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +90,16 @@ def test_the_verdict_calls_what_gets_worse(made):
     assert "which cogless design does not foresee" in text
     fine = verdicts(made)[0]
     assert "Worse" not in " ".join(fine.details) and "speed after" in fine.headline
+
+
+def test_a_current_that_grows_as_the_design_says_is_told_where_the_error_is_no_worse(made):
+    """Not of a law that design says settles: its line is then nothing that it has learned."""
+    pi, *learning = made.runs
+    grown = [with_line(run, 400, 1.0, 9.0) for run in learning]
+    said = verdict(made.study, "printed").short()
+    assert sentences(made, [pi, *grown], {}) == [
+        f"The current of printed scheme grows at 400 Hz, as cogless design says ({said})."
+    ]
 
 
 def with_error(run, other, ratio, since, metric):
@@ -207,7 +218,14 @@ def test_the_page_has_the_angle_and_the_criterion(made):
     assert " over one electrical revolution: " in drawn["angle"][0]["title"]
     assert [s["controller"] for s in drawn["criterion"][0]["series"]] == [1, 1, 2, 2]
     slow, fast = ((float(s["label"].split()[0]), s["fade"]) for s in drawn["criterion"][0]["series"][:2])
-    assert slow[0] < fast[0] and slow[1] < fast[1] == 1
+    assert slow[0] < fast[0] and (slow[1], fast[1]) == (0.4, 1)
+    loops = [one for name in ("printed", "filtered") for one in judged(made.study, "twelve-seconds", name)]
+    frequency = np.array(drawn["criterion"][0]["frequency"])  # over all that design looks at
+    ends = min(loop.frequencies[0] for loop in loops), max(loop.frequencies[-1] for loop in loops)
+    assert (frequency[0], frequency[-1]) == pytest.approx(ends, rel=1e-4)
+    for loop, shown in zip(loops, drawn["criterion"][0]["series"], strict=True):
+        drawn_to = max(f for f, value in zip(frequency, shown["values"], strict=True) if value is not None)
+        assert drawn_to <= loop.highest * (1 + 1e-4) and drawn_to > 0.9 * loop.highest
     highest = [max(v for v in s["values"] if v is not None) for s in drawn["criterion"][0]["series"]]
     assert max(highest[:2]) == pytest.approx(1.71, abs=0.01) and max(highest[2:]) < 1
     assert len(drawn["maps"][0]["series"]) == 1  # neither of the PI nor of the delay line
@@ -280,6 +298,19 @@ def test_periods_over_the_angle(until):
     assert [s["fade"] for s in chart["series"]] == pytest.approx([0.25, 0.4375, 0.625, 0.8125, 1.0])
     for series, k in zip(chart["series"], (5, 6, 8, 12, 21), strict=True):
         assert series["values"] == pytest.approx(3 + k - 1 + np.arange(361) / 360, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("period", "words"),
+    [
+        (Period(), "one electrical revolution"),
+        (Period(of="mechanical"), "one mechanical revolution"),
+        (Period(parts=6), "1/6 of one electrical revolution"),
+        (Period(of="mechanical", turns=2), "2/1 of one mechanical revolution"),
+    ],
+)
+def test_a_period_in_words(period, words):
+    assert _period(period) == words
 
 
 def test_one_period_over_the_angle_is_drawn_once():

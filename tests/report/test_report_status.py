@@ -43,7 +43,23 @@ def test_a_state_that_lasts_has_a_lane_without_faults(made):
     assert [run["controller"] for run in found["learning held back by the guard"]] == [0, 1, 2]
     for run in found["learning held back by the guard"]:
         assert run["spans"] == pytest.approx([SINCE, UNTIL], abs=1e-3)
-    assert lanes(with_status(made, Status.FROZEN, 1.0, 1.05)) == {}  # a moment
+    for until, count in ((1.095, 0), (1.105, 1)):  # shorter than a tenth of a second is a moment
+        assert len(lanes(with_status(made, Status.FROZEN, 1.0, until))) == count
+
+
+def test_every_state_has_a_lane_of_its_name(made):
+    assert list(lanes(with_status(made, sum(Status)))) == [
+        "safe output",
+        "angle missing",
+        "angle shifted",
+        "angle stuck",
+        "current not plausible",
+        "bus voltage not plausible",
+        "at its limit (current or voltage)",
+        "not learning",
+        "error far beyond the usual",
+        "learning held back by the guard",
+    ]
 
 
 def test_the_guard_in_the_window_of_a_metric_is_told_in_table_and_verdict(made):

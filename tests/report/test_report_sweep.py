@@ -17,7 +17,7 @@ from commands import cogless
 import studies
 from cogless.ensemble import judge
 from cogless.ensemble import sweep as sweeping
-from cogless.ensemble.columns import columns
+from cogless.ensemble.columns import LAST, Column, columns
 from cogless.ensemble.sample import draw
 from cogless.ensemble.sensitivity import influences, positions
 from cogless.ensemble.table import Sweep
@@ -147,9 +147,34 @@ def test_the_page_draws_every_variant(tmp_path: Path) -> None:
     assert shown["spreads"][0]["limit"] == pytest.approx(3)
 
 
+def test_a_large_sweep_is_drawn_in_part(tmp_path: Path) -> None:
+    """Three metrics of four, four keys of five, the strongest first, and 600 points of 700."""
+    vary = """[vary]
+mechanics.inertia = { uniform = "20 %" }
+mechanics.viscous_friction = { uniform = "20 %" }
+controller.pi.kp = { uniform = "20 %" }
+controller.pi.ki = { uniform = "20 %" }
+controller.pi-ilc.gain = { uniform = "20 %" }"""
+    sweep = made(tmp_path, 700, lambda a, b, c, d, e: a + 2 * b + 3 * c + 4 * d + 5 * e, vary)
+    ripple, orders = sweep.study.metric
+    of_three = orders.model_copy(update={"order": (24, 48, 72), "limit": 0.15})
+    study = sweep.study.model_copy(update={"metric": (ripple, of_three)})
+    four = np.concatenate((sweep.values, sweep.values[:, :, :1]), axis=2)
+    text = page(replace(sweep, study=study, columns=columns(study), values=four), tmp_path)
+    (shown,) = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])["scenarios"]  # type: ignore[index]
+    assert [chart["title"] for chart in shown["spreads"]] == [
+        f"{name}: share of variants" for name in ("ripple", "speed: order 24", "speed: order 48")
+    ]
+    of_ripple = [chart for chart in shown["scatter"] if chart["quantity"] == "ripple"]
+    keys = ("controller.pi-ilc.gain", "controller.pi.ki", "controller.pi.kp", "mechanics.viscous_friction")
+    assert [chart["title"] for chart in of_ripple] == [f"ripple over {key}" for key in keys]
+    assert {len(chart["xs"]) for chart in (*shown["spreads"], *of_ripple)} == {600}
+
+
 def test_one_controller_has_its_plots_too(tmp_path: Path) -> None:
-    both = made(tmp_path, 64, lambda x, y: x)
+    both = linear(tmp_path)
     text = page(replace(both, pairs=both.pairs[:1], values=both.values[:, :1]), tmp_path)
+    assert '<li class="even">' in text  # nothing is beaten
     found = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
     assert found is not None
     (shown,) = json.loads(found[1])["scenarios"]
@@ -274,6 +299,40 @@ def test_the_answer_is_told_line_by_line(tmp_path: Path) -> None:
     broken = replace(sweep, errors={(3, 0): "no", (4, 1): "no"})
     more = report.write(broken, tmp_path / "report.html", lambda settings, pair: "")
     assert more == [*told, "  2 runs failed; sweep.parquet has their errors."]
+
+
+def test_a_variant_keeps_the_limits_if_it_keeps_all_of_them(tmp_path: Path) -> None:
+    """The ripple's limit is broken from 3 rpm on, the order's from 1 to 2: half of the variants keep both."""
+    sweep = linear(tmp_path)
+    ripple, orders = sweep.study.metric
+    study = sweep.study.model_copy(update={"metric": (ripple, orders.model_copy(update={"limit": 0.15}))})
+    rpm = sweep.values[:, 0, 0] * 30 / np.pi
+    sweep.values[(rpm > 1.01) & (rpm < 2.01), 0, 1] = 0.2
+    both = replace(sweep, study=study, columns=columns(study))
+    told = report.write(both, tmp_path / "report.html", lambda settings, pair: "")
+    assert told[0] == "low: All limits are kept, of 100 variants: pi-ilc in 100 % and pi in 50.0 %."
+    assert told[1::3] == [
+        "  ripple, at most 3.00 rpm",
+        "  speed: order 24, at most 0.150 rad/s",
+        "  speed: order 48, at most 0.150 rad/s",
+    ]
+
+
+@pytest.mark.parametrize(("limit", "tone"), [(2.02, "even"), (1.98, "worse")])
+def test_no_controller_is_praised_where_most_variants_break_the_limit(
+    tmp_path: Path, limit: float, tone: str
+) -> None:
+    """Of 0.04, 0.08, ... 4 rpm half are below 2.02, and 49 of 100 below 1.98."""
+    sweep = linear(tmp_path, limit=limit * np.pi / 30)
+    sweep.values[:, 1, 0] = sweep.values[:, 0, 0]
+    assert f'<li class="{tone}">' in page(sweep, tmp_path)
+
+
+def test_parts_of_a_metric_are_named(tmp_path: Path) -> None:
+    ripple, orders = ensembles.study(tmp_path).metric
+    parts = [Column(ripple), Column(orders, 1, "48"), Column(ripple, 1, "2"), Column(ripple, None, LAST)]
+    names = ["ripple", "speed: order 48", "ripple: phase 2", "ripple: last trial"]
+    assert [report._name(column) for column in parts] == names
 
 
 def test_without_a_limit_the_spread_is_told_and_what_a_limit_would_tell(tmp_path: Path) -> None:

@@ -13,13 +13,14 @@ from test_report import Checker, data_of
 
 from cogless.design.certificate import Certificate, Learning, ModelCertificate
 from cogless.design.from_study import design_study
+from cogless.design.lmi import Check
 from cogless.design.trial_summary import _proof, warnings, words
 from cogless.report import lines, page, render, verdicts, write, write_plots
 from cogless.report.packing import unpack
 from cogless.report.trials import overtrials, waveforms
 from cogless.report.trials.case import case
 from cogless.report.trials.certificate import certificate_table, close_to_one
-from cogless.report.trials.gains import gain_table
+from cogless.report.trials.gains import _check, gain_table
 from cogless.report.trials.phases import Phase, phases, zooms
 from cogless.results import Run, TrialResults
 from cogless.results.results_json import to_dict
@@ -71,6 +72,41 @@ def test_gains_say_how_they_were_found(tmp_path, made):
     text = re.sub(r"<[^>]+>", "|", gain_table(TrialResults(here, tuple(runs)), runs))
     row = re.search(r"K_1 and K_2 from(.*?)K_3 from", text, re.DOTALL)[1]
     assert "LMIs; checked" in row and row.count("given") == 1
+
+
+@pytest.mark.parametrize(("passed", "word"), [(True, "checked"), (False, "CHECK FAILED")])
+def test_a_check_of_gains_is_told_whatever_it_found(passed, word):
+    assert _check(Check(1e-3, 2.0, 2.5, passed)) == f"{word}: cost at the worst vertex 2.00, bound 2.50"
+
+
+def test_gains_have_their_names_and_units(made):
+    """What a controller hasn't has a dash."""
+    rows = re.findall(r"<tr>(.*?)</tr>", gain_table(made, made.runs))
+    cells = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in rows]
+    named = {cell[0]: cell[1:] for cell in cells}
+    ilc = made.runs[1].design
+    assert [re.sub(r"<[^>]+>", "", label) for label in named.pop("")] == [
+        "no learning (baseline)",
+        "ILC, Fig. 1",
+        "ILC into the input",
+    ]
+    assert named == {
+        "K_1, theta_m (A/rad)": [f"{ilc.K_1[0]:.6g}"] * 3,
+        "K_1, omega_m (A·s/rad)": [f"{ilc.K_1[1]:.6g}"] * 3,
+        "K_2, integrator (A/rad)": [f"{ilc.K_2:.6g}"] * 3,
+        "N (A/rad)": [f"{ilc.N:.6g}"] * 3,
+        "K_3": ["–", "0.694", "0.694"],  # noqa: RUF001
+        "feedforward": ["perfect tracking, 2 samples ahead"] * 3,
+        "feedforward num (A/rad)": [", ".join(f"{x:.6g}" for x in ilc.feedforward.num)] * 3,
+        "feedforward den": ["1"] * 3,
+        "K_1 and K_2 from": ["given"] * 3,
+        "learned signal into": ["–", "input and integrator", "input"],  # noqa: RUF001
+        "shift r (samples)": ["–", "2", "2"],  # noqa: RUF001
+        "Q filter b": ["–", ", ".join(f"{x:.6g}" for x in ilc.q_filter.b), "–"],  # noqa: RUF001
+        "Q filter a": ["–", ", ".join(f"{x:.6g}" for x in ilc.q_filter.a), "–"],  # noqa: RUF001
+        "Q filter acts on": ["–", "the error", "–"],  # noqa: RUF001
+        "K_3 from": ["–", *["given, or by frequency"] * 2],  # noqa: RUF001
+    }
 
 
 # --- verdict
@@ -125,6 +161,22 @@ def test_verdict_when_the_start_takes_longest(study):
     assert verdict.details[0].startswith("ILC into the input never reaches the floor; its first trial after")
 
 
+def test_phases_in_which_the_floor_is_never_reached_are_named(study):
+    """The first of them is where a worse first trial is told; of the baseline it is enough that it fails."""
+    start, middle = STAYS.copy(), falls(3.0)
+    start[:20], middle[20:40] = falls(3.0)[:20], 5.0
+    load, change = "after the load change (trial 21)", "after the change of reference and inertia (trial 41)"
+    worse = "its first trial there is 1.64 times worse (5.00 mrad against 3.04 mrad)."
+    for rms, where in ((start, f"{load} and {change}"), (middle, load)):
+        told = alone(study, {"ilc": falls(3.0), "input": rms, "none": STAYS}).details[0]
+        assert told == f"ILC into the input never reaches it {where}; {worse}"
+    quick = alone(study, {"ilc": np.full(60, 0.5), "input": STAYS, "none": start}).headline
+    expected = (
+        f"{ILC} is at {FLOOR} in the first trial after every change; no learning never is after a change."
+    )
+    assert quick == expected
+
+
 def test_verdict_names_the_slowest_of_the_changes(study):
     rms = falls(3.0)
     rms[:10] = rms[40:46] = 4.0
@@ -170,6 +222,15 @@ def test_verdict_when_an_error_is_not_finite(study):
     verdict = alone(study, {"ilc": falls(3.0), "input": broken})
     expected = "ILC into the input diverges after the load change (trial 21): its error doesn't stay finite."
     assert expected in verdict.details
+
+
+def test_verdict_when_no_error_stays_finite(tmp_path):
+    lost = np.full(60, np.nan)
+    verdict = alone(without_floor(tmp_path), {"none": lost, "ilc": lost, "input": lost})
+    assert verdict.tone == "worse"
+    assert verdict.headline == (
+        "The error grows over the trials with every controller. No error stays finite."
+    )
 
 
 def test_noise_and_growth_below_the_floor_are_no_divergence(study):
@@ -297,6 +358,33 @@ def test_verdict_tells_what_the_certificate_says(made):
     assert any("along the trial its loop is unstable for vertex 2 (largest pole 1.10" in d for d in details)
 
 
+@pytest.mark.parametrize(
+    ("growth", "why"),
+    [
+        (1.5, "from the trial's ends its error may grow by the factor 1.50 from one trial to the next"),
+        (0.9, "Φ has a pole outside the unit circle"),
+    ],
+)
+def test_a_certificate_may_fail_though_no_frequency_grows(made, growth, why):
+    details = verdicts(certified(made, "ilc", norm=0.9, monotone=False, growth=growth))[0].details
+    assert f"{ILC} is not certified: {why} (exactly sampled plant)." in details
+
+
+def test_a_run_that_diverges_is_told_beside_its_certificate(study):
+    growing = synthetic.trial_results(study, {"ilc": 4e-4 * 1.1 ** np.arange(60.0)})
+    assert (
+        f"The certificate of {ILC} says that the error doesn't grow, but it knows no current loop, no sensor "
+        "and no limit: the run counts."
+    ) in verdicts(growing)[0].details
+
+
+def test_loops_that_a_sample_of_delay_makes_unstable_are_named(made):
+    assert verdicts(certified(made, "ilc", delayed_stable=True))[0].details[-1] == (
+        "With one more sample of delay at the input the loop of no learning and ILC into the input is not "
+        "stable at every corner."
+    )
+
+
 def test_a_run_outside_the_ranges_is_not_called_certified(made):
     def told(results):
         return [d for d in verdicts(results)[0].details if "ertif" in d and ILC in d]
@@ -406,11 +494,13 @@ def test_a_logarithmic_axis_has_no_place_for_zero(study):
 
 def test_chosen_trials_hold_what_the_trace_has(made, study):
     waves = data_of(render(made))["scenarios"][0]["waveforms"]
-    assert [p["title"] for p in waves["panels"]][1:] == [
-        "Position error",
-        "Current reference",
-        "Learned signal",
+    assert [(p["title"], p["quantity"], p["unit"]) for p in waves["panels"]] == [
+        ("Position, reference dashed", "position", "rad"),
+        ("Position error", "error", "mrad"),
+        ("Current reference", "i_q_ref", "A"),
+        ("Learned signal", "v", "rad"),
     ]
+    assert (waves["x"], waves["note"]) == ("time in the trial (s)", "")
     assert [p["trials"] for p in waves["phases"]] == [[1, 2, 5, 20], [21, 22, 25, 40], [41, 42, 45, 60]]
     assert waves["start"] == pytest.approx(0) and waves["step"] == pytest.approx(study.period)
     position, error, _, learned = waves["panels"]
@@ -422,6 +512,13 @@ def test_chosen_trials_hold_what_the_trace_has(made, study):
         np.testing.assert_allclose(unpack(packed), wanted, atol=1e-4 * np.ptp(wanted))
     assert np.max(unpack(position["references"][2])) == pytest.approx(2.0, rel=1e-3)
     assert [s["controller"] for s in learned["series"]] == [1, 2]  # the other learns nothing
+
+
+def test_so_many_phases_are_drawn_and_the_rest_is_told(made, monkeypatch):
+    monkeypatch.setattr(waveforms, "MOST_PHASES", 2)
+    waves = waveforms.waveforms(made, made.runs)
+    assert waves["note"] == "Of the first 2 of 3 phases."
+    assert [phase["name"] for phase in waves["phases"]] == ["start", "trial 21: load"]
 
 
 def test_long_trials_are_thinned(made, monkeypatch):

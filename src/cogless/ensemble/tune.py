@@ -84,9 +84,6 @@ class Subject:
     knobs: Sequence[Knob]
     pairs: Sequence[Pair]
 
-    def values(self, settings: Settings) -> dict[str, Any]:
-        return {knob.key: knob.text(settings[knob.key]) for knob in self.knobs}
-
 
 @dataclass(frozen=True)
 class Score:
