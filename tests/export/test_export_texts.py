@@ -71,8 +71,8 @@ def test_what_comes_out_for_a_bridge(subject: Subject) -> None:
     )
     brakes = (
         "the duty cycles are one half. Open the\nbridge then (gates off): they short-circuit a motor that "
-        "turns, up to psi_f / L_d{}, and it brakes; a bridge that can't be opened needs\n`.current_max` above "
-        "twice that"
+        "turns, up to psi_f / L_d{}, and it brakes; a bridge that can't be opened needs\n`.current_max` "
+        "above twice that"
     )
     assert told["safe_output"] == brakes.format(" = 2.27 A")
     each = changed(subject, foc={"L_d": 0.0}, divider=1)
