@@ -109,6 +109,9 @@ def test_a_scenario_begins_where_its_log_does(known: Identification) -> None:
     bent = turning("slow.csv", slow)
     bent.signals["theta"][5:] += 0.005  # 5 ms after the first row
     assert scenario(estimate(known, bent), bent)["initial_speed"] == "3 rad/s"
+    rare = turning("slow.csv", slow, dt=1.0)  # two rows, where they are rare
+    rare.signals["theta"][2:] += 2.0
+    assert scenario(estimate(known, rare), rare)["initial_speed"] == "1.002 rad/s"
 
 
 def test_logs_of_a_known_law_and_reference_are_replayed(known: Identification) -> None:
