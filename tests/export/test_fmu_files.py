@@ -259,3 +259,65 @@ def test_a_drive_s_fmu_tells_when_its_inputs_count(ideal: bool) -> None:
     about_references = {"external_reference", "input.omega_ref"}
     of_trials = {v.name for v in _variables(run, [("omega_ref", "rad/s")])}
     assert of_trials.isdisjoint(about_references) and told.keys() - of_trials == about_references
+
+
+def test_the_compiler_is_the_user_s_or_the_first_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = {"gcc", "clang", "g++"}
+    monkeypatch.setattr(build.shutil, "which", lambda name: name if name in there else None)
+    for variable in ("CC", "CXX"):
+        monkeypatch.delenv(variable, raising=False)
+    assert (build.compiler("C"), build.compiler("C++")) == (["gcc"], ["g++"])
+    monkeypatch.setenv("CC", "clang -m64 '-DA=1 2'")
+    assert build.compiler("C") == ["clang", "-m64", "-DA=1 2"]
+    monkeypatch.setenv("CC", "icc -x")
+    expected = "export --to fmu: no C compiler: expected CC=icc on the PATH"
+    with pytest.raises(StudyError, match=f"^{expected}$"):
+        build.compiler("C")
+    there.clear()
+    with pytest.raises(StudyError) as told:
+        build.compiler("C++")
+    names = "c++, g++, clang++"
+    assert str(told.value) == (f"export --to fmu: no C++ compiler: expected {names}, or CXX set, on the PATH")
+
+
+@pytest.mark.parametrize(
+    ("system", "language", "fails", "extra"),
+    [
+        ("linux", "C++", 0, [["-static-libgcc", "-static-libstdc++"]]),
+        ("linux", "C++", 1, [["-static-libgcc", "-static-libstdc++"], []]),  # a system without static ones
+        ("linux", "C", 0, [[]]),
+        ("darwin", "C++", 0, [[]]),
+        ("darwin", "C++", 1, [[]]),
+        ("linux", "C++", 2, [["-static-libgcc", "-static-libstdc++"], []]),
+    ],
+)
+def test_a_library_has_its_runtime_inside_where_that_links(
+    system: str,
+    language: str,
+    fails: int,
+    extra: list[list[str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And shows the functions of the standard alone."""
+    asked: list[list[str]] = []
+
+    def run(command: list[str]) -> Any:
+        asked.append(command)
+        return SimpleNamespace(returncode=int(len(asked) <= fails), stderr="ld: error: no x")
+
+    monkeypatch.setattr(build, "_run", run)
+    monkeypatch.setattr(build, "compiler", lambda language: [language])
+    monkeypatch.setattr(sys, "platform", system)
+    library = tmp_path / "deep" / "pi.so"
+    if fails < len(extra):
+        build.link([Path("a.o"), Path("b.o")], library, language)
+    else:
+        with pytest.raises(StudyError, match=r"^export --to fmu: pi\.so does not compile: ld: error: no x$"):
+            build.link([Path("a.o"), Path("b.o")], library, language)
+    command = [language, "-shared", "-o", str(library), "a.o", "b.o"]
+    exports = tmp_path / "deep" / "pi.map"
+    if system == "linux":
+        command += [f"-Wl,--version-script={exports}", "-ldl", "-lm"]
+        assert exports.read_text() == "{ global: fmi2*; fmi3*; local: *; };\n"
+    assert asked == [command + more for more in extra] and exports.exists() == (system == "linux")
