@@ -138,18 +138,20 @@ def test_a_log_s_noise_is_what_its_fit_leaves(rows: Rows) -> None:
     )  # without the noise of its steps
 
 
-def test_a_session_s_own_friction_is_what_its_rows_have_beyond_the_fit() -> None:
-    """Of two hundred rows; its error is twice that of their mean, by leaving a twelfth of them out."""
+@pytest.mark.parametrize(("count", "parts"), [(200, 12), (59, 11), (10, 2)])
+def test_a_session_s_own_friction_is_what_its_rows_have_beyond_the_fit(count: int, parts: int) -> None:
+    """Its error is twice that of its rows' mean, by leaving a twelfth of them out, of five or more."""
     log: Any = SimpleNamespace(name="a")
-    noise = np.random.default_rng(2).normal(0, 0.1, 200)
-    ones = np.ones((200, 1))
+    noise = np.random.default_rng(2).normal(0, 0.1, count)
+    ones = np.ones((count, 1))
     rows = Rows(log, (("c",),), ones, 0.7 + noise, 0 * ones, noise, noise, noise)
     made: Any = SimpleNamespace(fit=fit_of({("c",): 0.5, ("offset",): 0.1}))
     own = _own(made, [rows])
     assert list(own) == ["c"] and own["c"].value == pytest.approx(0.7 + noise.mean())
-    means = [np.delete(noise, rows).mean() for rows in np.array_split(np.arange(200), 12)]
-    assert own["c"].error == pytest.approx(2 * math.sqrt(11) * np.std(means))
-    assert _own(made, [replace(rows, columns=0 * ones)]) == {} == _own(made, [])
+    means = [np.delete(noise, left).mean() for left in np.array_split(np.arange(count), parts)]
+    assert own["c"].error == pytest.approx(2 * math.sqrt(parts - 1) * np.std(means))
+    few = replace(rows, columns=ones[:9], y=rows.y[:9])
+    assert _own(made, [replace(rows, columns=0 * ones)]) == {} == _own(made, []) == _own(made, [few])
 
 
 # --- torques of an order
