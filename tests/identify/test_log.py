@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -250,6 +252,53 @@ def test_parts_turn_for_a_revolution_at_one_speed() -> None:
         assert len(found) == parts and all(math.isnan(each.load) for each in found)
     both = Log("a", LogRule(file="*"), 1e-3, {"theta": 10 * np.minimum(t, 3 - t)}, (slice(0, 3000),))
     assert [round(each.speed) for each in steady.steady(both)] == [10, -10]
+
+
+@dataclass(frozen=True, eq=False)
+class OfPowers(steady.Steady):
+    """A part whose speed has a power by order that is given; all others have ln 2, a floor of 1."""
+
+    powers: Any = None
+
+    def wave(self, x: Any, orders: Any) -> Any:
+        return np.sqrt([self.powers.get(n, math.log(2)) for n in orders])
+
+
+def found_of(powers: dict[int, float], speed: float = 1.0) -> list[int]:
+    log = Log("a", LogRule(file="*"), 1e-3, {}, (slice(0, 0),))
+    none = np.zeros(0)
+    return OfPowers(log, none.astype(int), none, none, speed, 0.0, 0.0, powers).orders()
+
+
+def test_an_order_stands_out_by_a_chance_of_one_in_a_hundred_of_all() -> None:
+    """Of 400 orders; the power of one of noise is beyond x times its mean with exp(-x)."""
+    limit = -math.log(0.01 / 400)
+    assert found_of({7: 1.01 * limit, 100: 0.99 * limit, 400: 1.02 * limit}) == [400, 7]
+    assert found_of({7: 99, 8: 100, 9: 98, 20: 100, 22: 100}) == [8, 20, 22]  # a window leaks to both sides
+    usual = dict.fromkeys(range(200, 220), 1e3)  # twenty of 41 neighbours are no floor
+    assert sorted(found_of(usual)) == list(usual) and found_of({**usual, 220: 1e3}) == []
+    fast = TURN / 6e-3  # rad/s of a wave that is just visible
+    assert (found_of({1: 1e3}, fast / 3.1), found_of({1: 1e3}, fast / 2.9)) == ([1], [])
+    assert found_of({1: 1e3}, -fast / 3.1) == [1]
+
+
+def test_a_vibration_within_a_fifth_of_a_second_leaves_the_speed_steady() -> None:
+    t = np.arange(3000) * 1e-3
+    for hertz, whole in ((5.0, True), (3.0, False)):
+        theta = 10 * t - 5 / (TURN * hertz) * np.cos(TURN * hertz * t)  # half the speed
+        log = Log("a", LogRule(file="*"), 1e-3, {"theta": theta}, (slice(0, 3000),))
+        assert (max((len(each.rows) for each in steady.steady(log)), default=0) > 2700) == whole
+
+
+def test_a_part_has_twenty_rows_and_an_angle_from_the_speed_where_none_was_recorded() -> None:
+    for rows, parts in ((20, 1), (19, 0)):
+        theta = 1.05 * TURN * np.arange(rows) / (rows - 1)
+        log = Log("a", LogRule(file="*"), 1e-3, {"theta": theta}, (slice(0, rows),))
+        assert len(list(steady.steady(log))) == parts and steady.with_angle(log) is log
+    alone = Log("a", LogRule(file="*"), 1e-2, {"omega": np.array([3.0, 4.0])}, (slice(0, 2),))
+    assert steady.with_angle(alone)["theta"] == pytest.approx([0.03, 0.07])
+    none = replace(alone, signals={"i_q": np.zeros(2)})
+    assert steady.with_angle(none) is none
 
 
 # --- the weak form
