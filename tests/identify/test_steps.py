@@ -19,7 +19,7 @@ from cogless.identify.log import Log
 from cogless.identify.orders import found_orders, gains
 from cogless.identify.regression import Fit, _blocks, _noise, solved
 from cogless.identify.result import Estimate, Value, wave_of
-from cogless.identify.sessions import _own
+from cogless.identify.sessions import _own, sessions
 from cogless.identify.steady import Steady
 from cogless.identify.weak_form import Model, Name, Rows
 from cogless.study.drive import Drive
@@ -152,6 +152,12 @@ def test_a_session_s_own_friction_is_what_its_rows_have_beyond_the_fit(count: in
     assert own["c"].error == pytest.approx(2 * math.sqrt(parts - 1) * np.std(means))
     few = replace(rows, columns=ones[:9], y=rows.y[:9])
     assert _own(made, [replace(rows, columns=0 * ones)]) == {} == _own(made, []) == _own(made, [few])
+
+
+def test_one_session_has_nothing_to_be_compared_with() -> None:
+    """Logs that are in none are in no other."""
+    logs = [SimpleNamespace(rule=SimpleNamespace(session=name)) for name in ("warm", None, "warm")]
+    assert sessions(of_motor(fit_of({("c",): 0.5}), logs=logs)) == ()
 
 
 # --- torques of an order
