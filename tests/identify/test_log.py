@@ -322,6 +322,19 @@ def test_a_kernel_smooths_and_derives_a_parabola_exactly() -> None:
         )
 
 
+def test_rows_that_hold_the_rotor_are_filtered_where_they_have_times() -> None:
+    """A map of held angles is taken as it is; stretches of four half kernels or less are left out."""
+    theta = 3.0 * np.arange(3000) * 1e-3
+    signals = {"theta": theta, "i_q": 0.1 + 0 * theta, "direction": 1 + 0 * theta}
+    held = Log("a", LogRule(file="*", kind="hold"), 0.0, signals, (slice(0, 3000),))
+    sensor, model = weak_form.Sensor(0.0, 4), weak_form.Model()
+    (found,) = weak_form.rows_of(held, model, 6e-3, sensor)
+    assert len(found.y) == 3000
+    timed = replace(held, dt=1e-3, stretches=(slice(0, 96), slice(100, 197), slice(200, 3000)))
+    rows = [len(each.y) for each in weak_form.rows_of(timed, model, 6e-3, sensor)]
+    assert len(rows) == 2 and sum(rows) < 1000
+
+
 def test_a_signal_is_moved_by_parts_of_a_row() -> None:
     x = np.arange(50.0)
     wave = x**2
