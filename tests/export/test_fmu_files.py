@@ -18,6 +18,7 @@ from cogless import units
 from cogless.errors import StudyError
 from cogless.export.fmu import build, cpp, xml
 from cogless.export.fmu.controller import _trials
+from cogless.export.fmu.drive import _variables
 from cogless.export.fmu.unit import DOUBLE, Unit, in_precision
 from cogless.export.fmu.variables import TIME, Variable, duties, first, measurements, place_of, real, signal
 
@@ -221,3 +222,102 @@ def test_each_trial_of_a_controller_s_fmu_has_the_motion_of_its_phase() -> None:
     none: Any = SimpleNamespace(law=SimpleNamespace(name="pi"))
     assert _trials(run, none).count("    (void)controller;\n    (void)tick;\n") == 2
     assert "TRIAL" not in _trials(run, none)
+
+
+@pytest.mark.parametrize("ideal", [False, True])
+def test_a_drive_s_fmu_tells_when_its_inputs_count(ideal: bool) -> None:
+    run: Any = SimpleNamespace(phases=2, bus_voltage=None if ideal else 24.0, trials=False)
+    variables = _variables(run, [("time", "s"), ("omega_ref", "rad/s"), ("omega_m", "rad/s")])
+    told = {v.name: (v.causality, v.kind, v.unit, v.about) for v in variables if v.causality != "output"}
+    what = "input.i_q_ref" if ideal else "the duty inputs"
+    of_current = ("input", "real", "A", "q-axis current; counts where external_control is true")
+    open_ = "true: all switches are off and the duties do not count; bit 1024 of a controller's status"
+    duty = ("input", "real", "1", "duty cycle, 0 to 1")
+    own = {"input.i_q_ref": of_current} if ideal else {
+        "bridge_open": ("input", "boolean", "", open_), "duty_a": duty, "duty_b": duty
+    }  # fmt: skip
+    assert told == {
+        "time": ("independent", "real", "s", "time since the start of the simulation"),
+        "external_control": (
+            "parameter", "boolean", "", f"true: {what} act at once, in place of the study's controller"
+        ),
+        "external_reference": (
+            "parameter", "boolean", "", "true: the reference is that of the inputs, not the scenario's"
+        ),
+        "tau_load_added": ("input", "real", "N*m", "load torque besides that of the scenario"),
+        **own,
+        "input.omega_ref": ("input", "real", "rad/s", "counts where external_reference is true"),
+    }  # fmt: skip
+    names = [v.name for v in variables if v.causality == "output"]
+    voltages = [] if ideal else ["measured.i_a", "measured.i_b"]
+    assert names == [
+        "omega_ref", "omega_m", *voltages, "measured.theta_m", "measured.omega_m",
+        *([] if ideal else ["measured.u_dc"]),
+        *(f"reference.{name}" for name in ("theta_ref", "omega_ref", "alpha_ref", "i_d_ref", "learn")),
+    ]  # fmt: skip
+    run.trials = True  # whose reference is the motion that is taught
+    about_references = {"external_reference", "input.omega_ref"}
+    of_trials = {v.name for v in _variables(run, [("omega_ref", "rad/s")])}
+    assert of_trials.isdisjoint(about_references) and told.keys() - of_trials == about_references
+
+
+def test_the_compiler_is_the_user_s_or_the_first_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = {"gcc", "clang", "g++"}
+    monkeypatch.setattr(build.shutil, "which", lambda name: name if name in there else None)
+    for variable in ("CC", "CXX"):
+        monkeypatch.delenv(variable, raising=False)
+    assert (build.compiler("C"), build.compiler("C++")) == (["gcc"], ["g++"])
+    monkeypatch.setenv("CC", "clang -m64 '-DA=1 2'")
+    assert build.compiler("C") == ["clang", "-m64", "-DA=1 2"]
+    monkeypatch.setenv("CC", "icc -x")
+    expected = "export --to fmu: no C compiler: expected CC=icc on the PATH"
+    with pytest.raises(StudyError, match=f"^{expected}$"):
+        build.compiler("C")
+    there.clear()
+    with pytest.raises(StudyError) as told:
+        build.compiler("C++")
+    names = "c++, g++, clang++"
+    assert str(told.value) == (f"export --to fmu: no C++ compiler: expected {names}, or CXX set, on the PATH")
+
+
+@pytest.mark.parametrize(
+    ("system", "language", "fails", "extra"),
+    [
+        ("linux", "C++", 0, [["-static-libgcc", "-static-libstdc++"]]),
+        ("linux", "C++", 1, [["-static-libgcc", "-static-libstdc++"], []]),  # a system without static ones
+        ("linux", "C", 0, [[]]),
+        ("darwin", "C++", 0, [[]]),
+        ("darwin", "C++", 1, [[]]),
+        ("linux", "C++", 2, [["-static-libgcc", "-static-libstdc++"], []]),
+    ],
+)
+def test_a_library_has_its_runtime_inside_where_that_links(
+    system: str,
+    language: str,
+    fails: int,
+    extra: list[list[str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And shows the functions of the standard alone."""
+    asked: list[list[str]] = []
+
+    def run(command: list[str]) -> Any:
+        asked.append(command)
+        return SimpleNamespace(returncode=int(len(asked) <= fails), stderr="ld: error: no x")
+
+    monkeypatch.setattr(build, "_run", run)
+    monkeypatch.setattr(build, "compiler", lambda language: [language])
+    monkeypatch.setattr(sys, "platform", system)
+    library = tmp_path / "deep" / "pi.so"
+    if fails < len(extra):
+        build.link([Path("a.o"), Path("b.o")], library, language)
+    else:
+        with pytest.raises(StudyError, match=r"^export --to fmu: pi\.so does not compile: ld: error: no x$"):
+            build.link([Path("a.o"), Path("b.o")], library, language)
+    command = [language, "-shared", "-o", str(library), "a.o", "b.o"]
+    exports = tmp_path / "deep" / "pi.map"
+    if system == "linux":
+        command += [f"-Wl,--version-script={exports}", "-ldl", "-lm"]
+        assert exports.read_text() == "{ global: fmi2*; fmi3*; local: *; };\n"
+    assert asked == [command + more for more in extra] and exports.exists() == (system == "linux")

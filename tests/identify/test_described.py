@@ -1,10 +1,21 @@
-"""Ripple of a plan's and of a found study is of the steady ends of their scenarios."""
+"""The study that an estimate becomes: its scenarios are the logs, and ripple is of their steady ends."""
 
 from __future__ import annotations
 
-import pytest
+from dataclasses import replace
+from typing import Any
 
-from cogless.identify.described import metrics, steady_for
+import numpy as np
+import pytest
+from identify.commissioned import MOTORS, PI
+
+from cogless.identify import config, plan
+from cogless.identify.config import Identification, LogRule
+from cogless.identify.described import metrics, replayable, scenario, scenario_name, steady_for, study
+from cogless.identify.log import Log
+from cogless.identify.result import Estimate, Value
+from cogless.study.mechanics import Mechanics
+from cogless.study.numerics import steps_needed
 
 REVERSED = {
     "profile": [["0 s", "2 rad/s"], ["8 s", "2 rad/s"], ["8.4 s", "-2 rad/s"], ["12.4 s", "-2 rad/s"]]
@@ -39,3 +50,115 @@ def test_ripple_is_of_steady_ends_alone():
     assert ripple["scenarios"] == ["slow", "fast"] and waves["scenarios"] == ["fast"]
     assert waves["order"] == [12, 72]
     assert metrics({"swept": both["swept"]}) == []
+    shorter = {"one": {"reference": "9 rad/s", "duration": "1 s"}}
+    assert metrics(shorter)[0]["last"] == "0.75 s"  # a second is enough
+    assert metrics({"one": {"reference": "9 rad/s", "duration": "0.99 s"}}) == []
+
+
+@pytest.mark.parametrize(("speed", "turns"), [(9.3, True), (9.1, False), (-9.3, True)])
+def test_orders_are_of_ends_that_turn_for_more_than_a_revolution(speed: float, turns: bool) -> None:
+    """1.1 of it, 6.91 rad, in the last three quarters of a second."""
+    found = metrics({"one": {"reference": f"{speed} rad/s", "duration": "1 s"}}, [24])
+    assert [each["name"] for each in found] == ["speed_ripple", "speed_order"][: 1 + turns]
+
+
+DT = 1e-3
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> Identification:
+    """A servo and the law and references of its logs."""
+    servo, path = MOTORS["servo"], tmp_path_factory.mktemp("known") / "id.toml"
+    logs = [
+        {"file": "slow*", "reference": "2 rad/s", "controller": "pi"},
+        {"file": "fast*", "reference": {"profile": [["0 s", "0 rad/s"], ["2 s", "-700 rad/s"]]}},
+        {"file": "table*", "reference": "2 rad/s", "kind": "table-on"},
+    ]
+    columns = {name: name for name in ("t", "theta", "i_q")}
+    tables = {"columns": columns, "motor": servo["motor"], "drive": servo["drive"], "controller": PI}
+    path.write_text(plan.text({**tables, "log": logs}))
+    return config.load(path)
+
+
+def turning(name: str, rule: LogRule, speed: float = 2.0, first: int = 0, dt: float = DT) -> Log:
+    theta = 7.0 + speed * DT * np.arange(3000)
+    return Log(name, rule, dt, {"theta": theta, "i_q": 0 * theta}, (slice(first, 2500), slice(2600, 3000)))
+
+
+def estimate(known: Identification, *logs: Log, **values: Any) -> Estimate:
+    made = Estimate(known, logs, {"j": Value(1e-3, 1e-5)}, (), (), (), {}, (), ())
+    return replace(made, **values)
+
+
+def test_a_scenario_begins_where_its_log_does(known: Identification) -> None:
+    """At the angle and the speed of its first stretch, within a revolution, and with its load."""
+    slow, fast = known.log[:2]
+    log = turning("slow.csv", slow, first=500)
+    found = scenario(estimate(known, log), log)
+    assert found == {
+        "duration": "2 s",
+        "reference": "2 rad/s",
+        "initial_angle": f"{8.0 - 2 * np.pi:.6g} rad",
+        "initial_speed": "2 rad/s",
+        "controllers": ["pi"],
+    }
+    log = turning("fast.csv", fast)
+    found = scenario(estimate(known, log, loads={"fast.csv": Value(0.5, 0.1)}), log)
+    assert found["load"] == "0.15 N*m" and "controllers" not in found  # K_t is 0.3 N m/A
+    assert found["reference"] == {"profile": [["0 s", "0 rad/s"], ["2 s", "-700 rad/s"]]}
+    bent = turning("slow.csv", slow)
+    bent.signals["theta"][5:] += 0.005  # 5 ms after the first row
+    assert scenario(estimate(known, bent), bent)["initial_speed"] == "3 rad/s"
+    rare = turning("slow.csv", slow, dt=1.0)  # two rows, where they are rare
+    rare.signals["theta"][2:] += 2.0
+    assert scenario(estimate(known, rare), rare)["initial_speed"] == "1.002 rad/s"
+
+
+def test_logs_of_a_known_law_and_reference_are_replayed(known: Identification) -> None:
+    slow, fast, table = known.log
+    logs = [turning("slow.csv", slow), turning("fast.csv", fast)]
+    held, other = turning("slow2.csv", slow, dt=0.0), turning("x.csv", LogRule(file="*"))
+    made = estimate(known, *logs, held, other, turning("table.csv", table))
+    assert replayable(made) == logs
+    assert list(study(made)["scenario"]) == ["slow", "fast"] and study(made)["controller"] == PI
+    nothing = known.model_copy(update={"controller": {}})
+    assert replayable(replace(made, known=nothing)) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [("a b.c.csv", "a-b"), ("traces.nc#1/pi", "traces"), ("-ä1_2-.csv", "1_2"), ("?.csv", "log")],
+)
+def test_a_log_s_name_becomes_a_key(name: str, key: str) -> None:
+    assert scenario_name(turning(name, LogRule(file="*"))) == key
+
+
+def test_a_study_of_other_logs_turns_at_their_largest_usual_speed(known: Identification) -> None:
+    logs = [turning(name, LogRule(file="*"), speed) for name, speed in (("a", -3.0), ("b", 2.0))]
+    (steady,) = study(estimate(known, *logs))["scenario"].items()
+    at = {"reference": "3 rad/s", "initial_speed": "3 rad/s"}
+    assert steady == ("steady", {"duration": "10 s", **at})
+    held = study(estimate(known, turning("a", LogRule(file="*"), dt=0.0)))["scenario"]["steady"]
+    assert held["reference"] == "6.28 rad/s"  # a revolution a second, where none turned
+
+
+def test_the_engine_has_steps_for_the_fastest_speed_of_all(known: Identification) -> None:
+    """A fifth above what was logged, at a log's start, or in a reference."""
+    star, rate = known.motor.star(), known.drive.rates.current_loop
+    light = Mechanics.model_validate({"inertia": "3e-4 kg*m^2"})
+
+    def steps(*logs: Log) -> int:
+        found: int = study(estimate(known, *logs))["drive"]["rates"]["integration_steps"]
+        return found
+
+    def needed(top: float) -> int:
+        return max(known.drive.rates.integration_steps, steps_needed(star, light, 1.2 * top, rate))
+
+    assert needed(2.0) < needed(700.0) < needed(5000.0)
+    assert steps(turning("a", LogRule(file="*"))) == needed(2.0)
+    assert steps(turning("fast.csv", known.log[1])) == needed(700.0)
+    assert steps(turning("a", LogRule(file="*"), -5000.0)) == needed(5000.0)
+    begins = turning("slow.csv", known.log[0])
+    begins.signals["theta"][:10] -= 5000.0 * DT * np.arange(10)
+    begins.signals["theta"][10:] -= 5000.0 * DT * 10
+    assert steps(begins) == needed(4998.0)

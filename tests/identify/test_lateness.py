@@ -197,6 +197,8 @@ def test_a_log_of_another_law_is_left_out_and_told_where_no_other_is(monkeypatch
         "is only told within half a period of the law; check its gains, and the drive's rates, filter and "
         "bandwidth in the file of columns."
     )
+    faint = told(monkeypatch, replace(like, away=like.away / 100))[0].delay  # it tells that all are likely
+    assert faint is not None and faint.error == pytest.approx((9.9e-4 + 1e-5) / 2 + BETWEEN)
     flat = replace(like, away=np.ones(100))  # it tells nothing
     assert told(monkeypatch, flat)[0] == told(monkeypatch)[0] == room.Lateness(None)
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -252,6 +254,53 @@ def test_parts_turn_for_a_revolution_at_one_speed() -> None:
     assert [round(each.speed) for each in steady.steady(both)] == [10, -10]
 
 
+@dataclass(frozen=True, eq=False)
+class OfPowers(steady.Steady):
+    """A part whose speed has a power by order that is given; all others have ln 2, a floor of 1."""
+
+    powers: Any = None
+
+    def wave(self, x: Any, orders: Any) -> Any:
+        return np.sqrt([self.powers.get(n, math.log(2)) for n in orders])
+
+
+def found_of(powers: dict[int, float], speed: float = 1.0) -> list[int]:
+    log = Log("a", LogRule(file="*"), 1e-3, {}, (slice(0, 0),))
+    none = np.zeros(0)
+    return OfPowers(log, none.astype(int), none, none, speed, 0.0, 0.0, powers).orders()
+
+
+def test_an_order_stands_out_by_a_chance_of_one_in_a_hundred_of_all() -> None:
+    """Of 400 orders; the power of one of noise is beyond x times its mean with exp(-x)."""
+    limit = -math.log(0.01 / 400)
+    assert found_of({7: 1.01 * limit, 100: 0.99 * limit, 400: 1.02 * limit}) == [400, 7]
+    assert found_of({7: 99, 8: 100, 9: 98, 20: 100, 22: 100}) == [8, 20, 22]  # a window leaks to both sides
+    usual = dict.fromkeys(range(200, 220), 1e3)  # twenty of 41 neighbours are no floor
+    assert sorted(found_of(usual)) == list(usual) and found_of({**usual, 220: 1e3}) == []
+    fast = TURN / 6e-3  # rad/s of a wave that is just visible
+    assert (found_of({1: 1e3}, fast / 3.1), found_of({1: 1e3}, fast / 2.9)) == ([1], [])
+    assert found_of({1: 1e3}, -fast / 3.1) == [1]
+
+
+def test_a_vibration_within_a_fifth_of_a_second_leaves_the_speed_steady() -> None:
+    t = np.arange(3000) * 1e-3
+    for hertz, whole in ((5.0, True), (3.0, False)):
+        theta = 10 * t - 5 / (TURN * hertz) * np.cos(TURN * hertz * t)  # half the speed
+        log = Log("a", LogRule(file="*"), 1e-3, {"theta": theta}, (slice(0, 3000),))
+        assert (max((len(each.rows) for each in steady.steady(log)), default=0) > 2700) == whole
+
+
+def test_a_part_has_twenty_rows_and_an_angle_from_the_speed_where_none_was_recorded() -> None:
+    for rows, parts in ((20, 1), (19, 0)):
+        theta = 1.05 * TURN * np.arange(rows) / (rows - 1)
+        log = Log("a", LogRule(file="*"), 1e-3, {"theta": theta}, (slice(0, rows),))
+        assert len(list(steady.steady(log))) == parts and steady.with_angle(log) is log
+    alone = Log("a", LogRule(file="*"), 1e-2, {"omega": np.array([3.0, 4.0])}, (slice(0, 2),))
+    assert steady.with_angle(alone)["theta"] == pytest.approx([0.03, 0.07])
+    none = replace(alone, signals={"i_q": np.zeros(2)})
+    assert steady.with_angle(none) is none
+
+
 # --- the weak form
 
 
@@ -271,6 +320,19 @@ def test_a_kernel_smooths_and_derives_a_parabola_exactly() -> None:
         assert kernel.of(signal, kernel.first, step) == pytest.approx(
             kernel.of(signal, kernel.first, 1)[::step]
         )
+
+
+def test_rows_that_hold_the_rotor_are_filtered_where_they_have_times() -> None:
+    """A map of held angles is taken as it is; stretches of four half kernels or less are left out."""
+    theta = 3.0 * np.arange(3000) * 1e-3
+    signals = {"theta": theta, "i_q": 0.1 + 0 * theta, "direction": 1 + 0 * theta}
+    held = Log("a", LogRule(file="*", kind="hold"), 0.0, signals, (slice(0, 3000),))
+    sensor, model = weak_form.Sensor(0.0, 4), weak_form.Model()
+    (found,) = weak_form.rows_of(held, model, 6e-3, sensor)
+    assert len(found.y) == 3000
+    timed = replace(held, dt=1e-3, stretches=(slice(0, 96), slice(100, 197), slice(200, 3000)))
+    rows = [len(each.y) for each in weak_form.rows_of(timed, model, 6e-3, sensor)]
+    assert len(rows) == 2 and sum(rows) < 1000
 
 
 def test_a_signal_is_moved_by_parts_of_a_row() -> None:

@@ -81,6 +81,26 @@ def test_a_rotor_that_cogging_would_stop_has_twice_the_energy_of_its_hills(logs)
     assert 10_000 % rate == 0
 
 
+def test_a_plan_of_a_stepper_by_hand(logs):
+    """Half above the speed of twice its hills' energy, and at twice that around, as fast as its hills do."""
+    played, rate = plan.scenarios(load(logs / "motor.toml"), "pi")
+    least = math.sqrt(2 * 2 * HILLS / 1.2e-5)
+    v = 1.5 * least  # which is above the scenario's revolution a second
+    found = {
+        name: np.array([[float(x.split()[0]) for x in row] for row in each["reference"]["profile"]])
+        for name, each in played.items()
+    }
+    speeds = {name: rows[0, 1] for name, rows in found.items()}
+    assert speeds == pytest.approx(
+        {"slow": least, "one-speed": v, "fast": 2 * v, "acceleration": 0, "load-forwards": least,
+         "load-backwards": least}, rel=1e-5
+    )  # fmt: skip
+    around = 2 * 2 * v * 1.2e-5 / 23e-3  # s, by the torques of both orders
+    turns = [[0.4 * n + late, (-1) ** n * 2 * v] for n in range(16) for late in (around, 0.4)]
+    assert found["acceleration"] == pytest.approx(np.array([[0, 0], *turns]), rel=1e-5)
+    assert rate == plan._rate(10e3, 300 * 2 * v) > plan.RATE
+
+
 def test_no_planned_log_of_a_stepper_sticks(logs):
     known = config.load(logs / "id.toml")
     used, said = usable(known, load_logs([logs / "traces.nc"], known))
@@ -190,7 +210,32 @@ def test_a_voltage_that_drives_no_current_is_refused(tmp_path):
 
 
 def test_a_stepper_whose_voltage_is_too_low_for_its_hills_is_refused(tmp_path):
-    with pytest.raises(
-        StudyError, match=r"inverter.bus_voltage: 6 V: expected more: cogging stops this rotor"
-    ):
+    with pytest.raises(StudyError) as error:
         planned(tmp_path, STEPPER, 6)
+    least = math.sqrt(2 * 2 * HILLS / 1.2e-5) * 30 / math.pi
+    most = plan.highest(load(tmp_path / "motor.toml"), "pi") * 30 / math.pi
+    assert str(error.value) == (
+        f"{tmp_path}/motor.toml: drive.inverter.bus_voltage: 6 V: expected more: cogging stops this rotor "
+        f"below {least:.3g} rpm, so the plan needs {3 * least:.3g} rpm, and the voltage reaches {most:.3g}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"drive.position_sensor": {"kind": "hall"}},
+            "drive.position_sensor: Hall sensors show six angles of an electrical revolution, too few for "
+            "cogging and friction: expected an encoder, which may be on loan",
+        ),
+        (
+            {"controller": {"ilc": {**PI["pi"], "law": "pi-ilc", "gain": "0.1 A*s/rad"}}},
+            'controller: expected one without learning, such as law = "pi"',
+        ),
+    ],
+)
+def test_what_no_plan_is_for_is_refused(tmp_path, changes, said):
+    (tmp_path / "motor.toml").write_text(plan.text(servo()))
+    with pytest.raises(StudyError) as error:
+        plan.tables(load(tmp_path / "motor.toml", changes))
+    assert str(error.value) == f"{tmp_path}/motor.toml: {said}"

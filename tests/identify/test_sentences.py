@@ -496,6 +496,16 @@ def cells(page: str) -> list[list[str]]:
     return [[re.sub(r"<[^>]+>", "", c) for c in re.findall(r"<t[hd]>(.*?)</t[hd]>", row)] for row in rows]
 
 
+def test_a_table_has_eight_cells_for_each_wave_of_its_highest_order(known: Identification) -> None:
+    """But 1024 at least; its limit is the largest entry's, as a float holds it."""
+    for orders, cells in (((24, 200), 1600), ((200, 24), 1600), ((24, 128), 1024)):
+        made = estimate(known, cogging=tuple(wave(order, 0.1) for order in orders))
+        table = write.compensation(made)
+        assert (table.cells, table.units, table.law_name) == (cells, (1,), "anti-cogging")
+        largest = float(np.max(np.abs(table.values)))
+        assert largest <= table.limits[0] <= largest * (1 + 3e-7)
+
+
 def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
     """540 wide, 34 below each other; a cause has its colour in all logs."""
     slow = order_at(24, TURN, Cause("cogging", 0.75, 0.05), Cause("encoder", 0.25, 0.0), share=0.8)

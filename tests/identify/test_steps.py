@@ -19,7 +19,7 @@ from cogless.identify.log import Log
 from cogless.identify.orders import found_orders, gains
 from cogless.identify.regression import Fit, _blocks, _noise, solved
 from cogless.identify.result import Estimate, Value, wave_of
-from cogless.identify.sessions import _own
+from cogless.identify.sessions import _own, sessions
 from cogless.identify.steady import Steady
 from cogless.identify.weak_form import Model, Name, Rows
 from cogless.study.drive import Drive
@@ -138,18 +138,26 @@ def test_a_log_s_noise_is_what_its_fit_leaves(rows: Rows) -> None:
     )  # without the noise of its steps
 
 
-def test_a_session_s_own_friction_is_what_its_rows_have_beyond_the_fit() -> None:
-    """Of 200 rows; its error is twice the jackknife error of their mean, with twelve blocks."""
+@pytest.mark.parametrize(("count", "parts"), [(200, 12), (59, 11), (10, 2)])
+def test_a_session_s_own_friction_is_what_its_rows_have_beyond_the_fit(count: int, parts: int) -> None:
+    """Its error is twice the jackknife error of its rows' mean, with blocks of five rows or more."""
     log: Any = SimpleNamespace(name="a")
-    noise = np.random.default_rng(2).normal(0, 0.1, 200)
-    ones = np.ones((200, 1))
+    noise = np.random.default_rng(2).normal(0, 0.1, count)
+    ones = np.ones((count, 1))
     rows = Rows(log, (("c",),), ones, 0.7 + noise, 0 * ones, noise, noise, noise)
     made: Any = SimpleNamespace(fit=fit_of({("c",): 0.5, ("offset",): 0.1}))
     own = _own(made, [rows])
     assert list(own) == ["c"] and own["c"].value == pytest.approx(0.7 + noise.mean())
-    means = [np.delete(noise, rows).mean() for rows in np.array_split(np.arange(200), 12)]
-    assert own["c"].error == pytest.approx(2 * math.sqrt(11) * np.std(means))
-    assert _own(made, [replace(rows, columns=0 * ones)]) == {} == _own(made, [])
+    means = [np.delete(noise, left).mean() for left in np.array_split(np.arange(count), parts)]
+    assert own["c"].error == pytest.approx(2 * math.sqrt(parts - 1) * np.std(means))
+    few = replace(rows, columns=ones[:9], y=rows.y[:9])
+    assert _own(made, [replace(rows, columns=0 * ones)]) == {} == _own(made, []) == _own(made, [few])
+
+
+def test_one_session_has_nothing_to_be_compared_with() -> None:
+    """Logs that are in none are in no other."""
+    logs = [SimpleNamespace(rule=SimpleNamespace(session=name)) for name in ("warm", None, "warm")]
+    assert sessions(of_motor(fit_of({("c",): 0.5}), logs=logs)) == ()
 
 
 # --- torques of an order
@@ -275,6 +283,46 @@ def test_k_t_and_r_come_out_of_the_voltage_of_steady_parts() -> None:
     assert r.value == pytest.approx(0.9) and r.error == pytest.approx(0.009)
     assert voltage.told(known, logs[:3]) is None  # too few for three unknowns
     assert voltage.told(known, [logs[0]] * 2 + [logs[1]] * 2) is None  # at one speed
+
+
+def test_what_the_voltage_leaves_unexplained_is_in_the_errors() -> None:
+    """By Student's t of two degrees of freedom, 4.303 at 95 %, as of five parts for three unknowns."""
+    speeds, currents = np.array([10.0, 10.0, -20.0, 30.0, -30.0]), np.array([0.5, 2.0, -0.5, 1.0, -2.0])
+    columns = np.column_stack((speeds, currents, np.sign(currents)))
+    left = np.linalg.svd(columns)[0][:, 3]  # what no unknown explains
+    logs = []
+    for n, u_q in enumerate(columns @ [0.21, 0.9, 0.4] + left):
+        log = turning(speeds[n], 20_000, i_q=np.full(20_000, currents[n]), u_q=np.full(20_000, u_q))
+        logs.append(replace(log, name=str(n)))
+    told = voltage.told(of_motor().known, logs)
+    assert told is not None
+    spread = 4.30265 * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)) / 2)
+    by_k_t = 0.3 / (4 * 0.05)
+    assert told[0].error == pytest.approx(by_k_t * math.hypot(spread[0], 0.0021), rel=1e-4)
+    assert told[1].error == pytest.approx(math.hypot(spread[1], 0.009), rel=1e-4)
+
+
+def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
+    """The servo's K_t is 0.3 N m/A; copper has sqrt(2) times its resistance 105 K warmer."""
+    known = of_motor().known
+    known.motor = known.motor.model_copy(update={"R_s": 2.0})
+    agreed = voltage._of_k_t(known, Value(0.309, 0.01))
+    assert isinstance(agreed, voltage.Agreement)
+    assert agreed == "The voltage says K_t = 0.309 +- 0.01 N*m/A, as the file of columns has it (0.3)."
+    ends = ": all torques are in proportion to it; correct motor.K_t (per rms ampere it is K_t_rms) or kv."
+    for value, begins in ((0.315, "K_t = 0.315"), (0.285, "K_t = 0.285"), (-0.3, "K_t = -0.3")):
+        said = voltage._of_k_t(known, Value(value, 0.01))
+        assert said == f"The voltage says {begins} +- 0.01 N*m/A; the file of columns has 0.3{ends}"
+        assert not isinstance(said, voltage.Agreement)
+    for value in (0.3 * math.sqrt(2), 0.3 / math.sqrt(2)):
+        said = voltage._of_k_t(known, Value(value, 0.004))
+        assert said.endswith(f"; they differ by sqrt(2), the factor between rms and peak{ends}")
+    assert voltage._of_r(known, Value(2.7, 0.13)) == [
+        "The voltage says R = 2.7 +- 0.13 ohm, sqrt(2) times that of the file of columns (2): i_q looks like "
+        "rms amperes, unless the winding is 105 K warmer; multiply it by sqrt(2), and with it all torques."
+    ]
+    assert voltage._of_r(known, Value(2.7, 0.12)) == []  # 2.83 is not within its error
+    assert voltage._of_r(known, Value(2.83, 0.282)) and not voltage._of_r(known, Value(2.83, 0.284))
 
 
 # --- orders that a fit leaves

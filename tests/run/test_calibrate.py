@@ -2,8 +2,10 @@
 
 from math import inf, sqrt
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import studies
@@ -220,3 +222,33 @@ def test_a_list_s_deviations_count_by_its_largest_target_and_a_weight(tmp_path: 
     first, second, ripple = (r.got - r.wanted for r in fit.residuals)
     shares = [2 * first / 4, 2 * second / 4, ripple / 5]
     assert fit.deviation == pytest.approx(sqrt(sum(x * x for x in shares) / 3), rel=1e-3)
+
+
+@pytest.mark.parametrize("statuses", [(1, 1, 0), (0, 0, 2)])
+def test_each_fit_begins_at_the_best_so_far_with_smaller_steps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, statuses: tuple[int, ...]
+) -> None:
+    """The last one says whether it settled; the best of all evaluations is the result, wherever it was."""
+    begun, left = list[tuple[float, float]](), list(statuses)
+    tried = [[1.0, 0.5, 2.0], [0.25, 0.3], [0.6]]  # shares of the deviation at the start
+
+    def fit(deviations: Any, best: Any, *, bounds: Any, diff_step: Any, **_: Any) -> Any:
+        assert [float(bound[0]) for bound in bounds] == [-inf, inf]
+        begun.append((float(best[0]), float(diff_step[0])))
+        for x in tried[len(begun) - 1]:
+            assert deviations(np.array([x])) == pytest.approx([x])
+        return SimpleNamespace(status=left.pop(0))
+
+    def found(study: Study, known: Any, jobs: int) -> list[Residual]:
+        return [Residual("low", "pi", "speed_ripple", None, 1.0, 1.0 + study.mechanics.inertia / 2.5e-4)]
+
+    monkeypatch.setattr(room, "least_squares", fit)
+    monkeypatch.setattr(room, "_residuals", found)
+    study = problem(tmp_path, [{"key": "mechanics.inertia"}], [target("speed_ripple", "1 rad/s")])
+    told: list[tuple[int, float]] = []
+    made = calibrate(study, lambda count, least: told.append((count, round(least, 9))))
+    assert begun == [(1.0, 0.3), (0.5, 0.1), (0.25, 0.02)]
+    assert told == [(1, 1.0), (2, 0.5), (3, 0.5), (4, 0.25), (5, 0.25), (6, 0.25)]
+    assert (made.settled, made.interrupted) == (statuses[-1] > 0, False)
+    assert made.deviation == pytest.approx(0.25) and made.study.mechanics.inertia == pytest.approx(6.25e-5)
+    assert (made.parameters[0].before, made.parameters[0].after) == ('"0.00025 kg*m^2"', '"6.25e-05 kg*m^2"')

@@ -14,7 +14,7 @@ import pytest
 import cogless
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.run.known_drive import KnownDrive
+from cogless.run.known_drive import KnownDrive, known_drive
 
 STUDY = """
 title = "Own laws"
@@ -175,6 +175,12 @@ def test_a_law_is_told_the_drive_as_its_controller_knows_it(folder: Path) -> Non
             "delay": 1.5e-4,
         }
     )
+
+
+def test_a_motor_that_does_not_tell_its_slots_has_none(folder: Path) -> None:
+    study = cogless.load(folder / "study.toml")
+    untold = study.motor.model_copy(update={"slots": None})
+    assert known_drive(study.model_copy(update={"motor": untold})).slots == 0
 
 
 def test_a_library_may_refuse_the_drive(folder: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -63,7 +62,7 @@ def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) ->
 
 
 def _swap(made: Path, target: Path, old: Path) -> None:
-    """Replace the old folder by the new one; if that fails, the old one is put back."""
+    """Replace the target by the new folder, and move it to `old`; if that fails, it is put back."""
     if not target.exists():
         os.rename(made, target)
         return
@@ -73,7 +72,6 @@ def _swap(made: Path, target: Path, old: Path) -> None:
     except BaseException:
         os.rename(old, target)
         raise
-    shutil.rmtree(old)
 
 
 def _sums(folder: Path) -> dict[str, str] | None:

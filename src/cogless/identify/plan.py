@@ -117,7 +117,7 @@ def scenarios(study: Study, law: str) -> tuple[dict[str, Any], float]:
                 f"{_voltage(study)}: expected more: cogging stops this rotor below {least * RPM:.3g} rpm, so "
                 f"the plan needs {3 * least * RPM:.3g} rpm, and the voltage reaches {most * RPM:.3g}"
             )
-        v = min(max(v, 1.5 * least), most / 2)
+        v = max(v, 1.5 * least)  # at most half of what the voltage reaches
         slow = loaded = least / v
         fast, rate = 2.0, _rate(study.drive.rates.current_loop, sixth * 2.0 * v)
         sweeps = [

@@ -14,8 +14,6 @@ PAGE = 0x1000
 STACK_TOP, STACK_SIZE = 0x20200000, 0x10000
 RETURN = 0x00001000  # return address of a called function; no code is there
 PAINT = 0xA5
-FPU_ON = 0x40000000
-COPROCESSORS_ON = 0xF << 20  # CPACR: full access to the FPU
 
 Visits = Counter[tuple[int, int]]  # address and size of a block -> how often it was run
 
@@ -27,7 +25,10 @@ def require() -> None:
 
 
 class Processor:
-    """An emulated processor with an image in its flash and RAM; each call starts with an empty stack."""
+    """An emulated processor with an image in its flash and RAM; each call starts with an empty stack.
+
+    Its FPU is on, as the emulator begins; firmware must switch it on itself.
+    """
 
     def __init__(self, image: Image) -> None:
         import unicorn
@@ -49,8 +50,6 @@ class Processor:
         visit = self._visits.append
         # the hook is called for each block (instructions without a jump between them) that is run
         self._uc.hook_add(unicorn.UC_HOOK_BLOCK, lambda uc, address, size, data: visit((address, size)))
-        self._uc.reg_write(arm.UC_ARM_REG_C1_C0_2, COPROCESSORS_ON)
-        self._uc.reg_write(arm.UC_ARM_REG_FPEXC, FPU_ON)
 
     def call(self, function: str, *arguments: int) -> int:
         """Run a function to its end and return its result; StudyError where the processor faults."""

@@ -61,18 +61,16 @@ def find(wanted: str | None = None) -> Toolchain:
     """The installed compiler, gcc first, or the `wanted` one of "gcc" and "zig"; StudyError if there is
     none."""
     if wanted in (None, "gcc") and shutil.which(GCC):
-        return Toolchain(
-            (GCC,), _version((GCC, "--version"), "gcc"), (*FOR_GCC, *COMMON), ("-nostdlib", "-lgcc")
-        )
+        version = _said(GCC, "-dumpfullversion")
+        return Toolchain((GCC,), f"gcc {version}", (*FOR_GCC, *COMMON), ("-nostdlib", "-lgcc"))
     if wanted in (None, "zig") and importlib.util.find_spec("ziglang") is not None:
         zig = (sys.executable, "-m", "ziglang")
-        return Toolchain((*zig, "cc"), _version((*zig, "version"), "zig"), (*FOR_ZIG, *COMMON), ())
+        return Toolchain((*zig, "cc"), f"zig {_said(*zig, 'version')}", (*FOR_ZIG, *COMMON), ())
     debian = f"{GCC} (Debian: apt-get install gcc-arm-none-eabi)"
     pypi = "ziglang (pip install 'cogless[pil]')"
     ways = (pypi, debian) if wanted == "zig" else (debian, pypi)
     raise StudyError(f"pil: no cross compiler: expected {' or '.join(ways)}")
 
 
-def _version(command: Sequence[str], name: str) -> str:
-    said = subprocess.run(command, capture_output=True, text=True, check=False).stdout
-    return f"{name} {(said.splitlines() or [''])[0].split()[-2 if name == 'gcc' else -1]}"
+def _said(*command: str) -> str:
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
