@@ -192,6 +192,31 @@ def test_mistakes_are_one_line(
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("of", "keys", "line"),
+    [
+        (lambda theta: np.sin(4 * theta) + 1, {}, "file: expected a mean of zero, not 1.41 of the rms"),
+        (np.sin, {"orders": [400]}, "orders: expected orders up to 359, half the points"),
+        (
+            lambda theta: np.sin(8 * theta),
+            {},
+            "file: expected a fundamental, order 4, of more than 10% of the rms: are pole_pairs and frame",
+        ),
+        (np.zeros_like, {}, "file: expected a fundamental, order 4, of more than 10% of the rms"),
+    ],
+)
+def test_a_back_emf_table_that_is_not_of_this_motor(
+    tmp_path: Path, of: Callable[[Angles], Angles], keys: dict[str, Any], line: str
+) -> None:
+    """What only shows with the motor's pole pairs is told at the table's own keys, as all else."""
+    given = {**table(tmp_path, of, *VOLTS), "between": "phase", "speed": "10 rad/s", **keys}
+    with pytest.raises(StudyError) as error:
+        load(studies.write(tmp_path, studies.BASE), {"motor.psi_f": None, "motor.back_emf_table": given})
+    key, _, expected = line.partition(": ")
+    told = str(error.value)
+    assert told.startswith(f"{tmp_path}/study.toml: motor.back_emf_table.{key}: ") and expected in told
+
+
 def test_a_table_that_disagrees_with_the_torque_constant(tmp_path: Path) -> None:
     """The speed is given in electrical, not mechanical, or rms for peak: the factor is named."""
     of = table(tmp_path, lambda theta: phase_voltage(theta) / math.sqrt(2), *VOLTS)
