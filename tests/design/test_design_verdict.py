@@ -150,6 +150,14 @@ def test_the_gain_that_learning_may_add_at_once() -> None:
     assert grown == pytest.approx(found.unstable.frequency, rel=0.05)
 
 
+def test_an_integral_that_oscillates_before_learning_takes_over_from_it_is_told() -> None:
+    """Without it the loop is stable, but the rotor swings by then."""
+    study = section_5({"law.k_i": 2e4, "reference": "0.3 rad/s"})
+    loop = SpaceLoop(study, "filtered", 0.3)
+    assert oscillation(loop.plant, loop.feedback) is None
+    assert known(study).words() == "feedback unstable, at 217 Hz; lower its gains"
+
+
 def test_the_mildest_remedy_is_named_or_that_there_is_none() -> None:
     more = "lower its learning gains too"
     for repair, words in (
