@@ -96,6 +96,12 @@ def test_delta_becomes_star() -> None:
     )
     # K_t is measured at the terminals, where the connection doesn't show.
     assert Motor.model_validate({**common, "K_t": "0.6 N*m/A"}).star().psi_f == pytest.approx(0.1)
+    # Between two terminals of a delta is a winding beside the other two: 2/3 of its resistance and inductance.
+    lines = {"resistance_line_to_line": "2 ohm", "inductance_line_to_line": "3 mH"}
+    assert Motor.model_validate({**common, **lines, "K_t": "0.6 N*m/A"}).star().L_q == pytest.approx(0.002)
+    only = {"pole_pairs": 4, "winding": "delta", "K_t": "0.6 N*m/A", **lines}
+    alone = Motor.model_validate(only).star()
+    assert (alone.R_s, alone.L_d, alone.L_q) == pytest.approx((1.0, 0.0015, 0.0015))
     # A belief is about a winding too.
     belief = Belief.model_validate({"R_s": "3.3 ohm", "psi_f": "0.11 Wb"}).resolved(star)
     assert (belief.R_s, belief.psi_f, belief.L_d) == pytest.approx((1.1, 0.11 / math.sqrt(3), 0.001))

@@ -375,6 +375,8 @@ MAGNET, RESISTANCE = 'psi_f = "68 mWb"', 'R_s = "15.42 ohm"'
 INDUCTANCE = 'L_d = "30 mH"\nL_q = "30 mH"'
 
 
+TABLE = '{ file = "emf.csv", frame = "electrical", between = "phase", speed = "10 rad/s" }'
+SATURATION = '{ q = { current = ["0 A", "1 A", "2 A"], inductance = ["30 mH", "30 mH", "20 mH"] } }'
 PHASE_OR_LINES = "; they differ by 2, the factor between phase and line to line, or poles and pole pairs"
 
 
@@ -389,6 +391,11 @@ PHASE_OR_LINES = "; they differ by 2, the factor between phase and line to line,
         (MAGNET, 'kv_phase_rms = "60 rpm/V"\nwinding = "delta"',
             'motor.kv_phase_rms: "60 rpm/V": expected a word from line to line, '
             "since a delta has no star point"),
+        (MAGNET, f'winding = "delta"\nback_emf_table = {TABLE}',
+            'motor.back_emf_table.between: "phase": expected "line-to-line", '
+            "since a delta has no star point"),
+        (MAGNET, f'{MAGNET}\nwinding = "delta"\nsaturation = {SATURATION}',
+            "motor.saturation: expected none, since the winding is a delta"),
         (MAGNET, 'K_e_phase_rms = "1 V"',
             'motor.K_e_phase_rms: "1 V": expected a voltage per speed, such as "1 V/rpm"'),
         (RESISTANCE, f'{RESISTANCE}\nresistance_line_to_line = "15.42 ohm"',
@@ -400,6 +407,8 @@ PHASE_OR_LINES = "; they differ by 2, the factor between phase and line to line,
     ],
 )  # fmt: skip
 def test_words_of_a_datasheet(tmp_path: Path, before: str, after: str, line: str) -> None:
+    rows = [f"{45 * k},{v}" for k, v in enumerate((0, 7, 10, 7, 0, -7, -10, -7))]
+    (tmp_path / "emf.csv").write_text("\n".join(["angle [deg],voltage [V]", *rows]), encoding="utf-8")
     assert line_of(tmp_path, None, studies.BASE.replace(before, after)) == f"study.toml: {line}"
 
 
