@@ -96,7 +96,7 @@ def test_delta_becomes_star() -> None:
     )
     # K_t is measured at the terminals, where the connection doesn't show.
     assert Motor.model_validate({**common, "K_t": "0.6 N*m/A"}).star().psi_f == pytest.approx(0.1)
-    # Between two terminals of a delta is a winding beside the other two: 2/3 of its resistance and inductance.
+    # Between two terminals of a delta a winding lies beside the other two: 2/3 of its resistance.
     lines = {"resistance_line_to_line": "2 ohm", "inductance_line_to_line": "3 mH"}
     assert Motor.model_validate({**common, **lines, "K_t": "0.6 N*m/A"}).star().L_q == pytest.approx(0.002)
     only = {"pole_pairs": 4, "winding": "delta", "K_t": "0.6 N*m/A", **lines}
