@@ -56,6 +56,17 @@ def test_a_cogging_table_is_the_harmonics_that_it_was_made_of(tmp_path: Path) ->
     assert torque_of(motor, THETA) == pytest.approx(cogging(THETA), abs=1e-15)
 
 
+@pytest.mark.parametrize(("share", "orders"), [(0.0199, [24]), (0.0202, [24, 72])])
+def test_waves_of_less_than_two_percent_are_left_out(tmp_path: Path, share: float, orders: list[int]) -> None:
+    def cogs(theta: Angles) -> Angles:
+        return np.asarray(5e-3 * (np.sin(24 * theta) + share * np.sin(72 * theta)))
+
+    given = {**table(tmp_path, cogs), "sign": "on-rotor"}
+    assert [c.order for c in star(given).cogging] == orders
+    named = star({**given, "orders": [72]})  # which says that the others are none of it
+    assert [(c.order, c.torque) for c in named.cogging] == [(72, pytest.approx(5e-3 * share))]
+
+
 def test_a_holding_current_is_the_opposite_torque_over_the_torque_constant(tmp_path: Path) -> None:
     of = table(tmp_path, lambda theta: -cogging(theta) / 0.5, "angle [deg],current [mA]")
     motor = star({**of, "sign": "holding"})
