@@ -228,6 +228,42 @@ def test_a_back_emf_table_that_is_not_of_this_motor(
     assert told.startswith(f"{tmp_path}/study.toml: motor.back_emf_table.{key}: ") and expected in told
 
 
+@pytest.mark.parametrize(("share", "fine"), [(0.102, True), (0.1, False)])
+def test_a_tenth_of_a_back_emf_table_is_the_fundamental_at_least(
+    tmp_path: Path, share: float, fine: bool
+) -> None:
+    """Its amplitude beside that of order 5: a tenth of both together is 0.1005 of the other."""
+    of = table(tmp_path, lambda theta: share * np.sin(4 * theta) + np.sin(20 * theta), *VOLTS)
+    emf = {**of, "between": "phase", "speed": "1 rad/s"}
+    if fine:
+        assert star(emf, "back_emf_table").psi_f == pytest.approx(share / 4)
+    else:
+        with pytest.raises(ValueError, match="expected a fundamental, order 4"):
+            star(emf, "back_emf_table")
+
+
+@pytest.mark.parametrize(
+    ("peak", "why"),
+    [
+        ("0.96 mN*m", None),
+        ("1.04 mN*m", None),
+        ("1.06 mN*m", ""),
+        ("2.15 mN*m", "; peak and peak to peak differ by 2"),
+        ("0.47 mN*m", "; peak and peak to peak differ by 2"),
+        ("3 mN*m", ""),
+    ],
+)
+def test_a_stated_peak_agrees_with_the_table_within_five_percent(
+    tmp_path: Path, peak: str, why: str | None
+) -> None:
+    of = {**table(tmp_path, lambda theta: 1e-3 * np.sin(20 * theta)), "sign": "on-rotor"}
+    if why is None:
+        assert star({**of, "peak": peak}).cogging[0].torque == pytest.approx(1e-3)
+    else:
+        with pytest.raises(ValueError, match=rf"expected 0\.001 N\*m or so, as the table has{why}(?!;)"):
+            star({**of, "peak": peak})
+
+
 def test_a_table_that_disagrees_with_the_torque_constant(tmp_path: Path) -> None:
     """The speed is given in electrical, not mechanical, or rms for peak: the factor is named."""
     of = table(tmp_path, lambda theta: phase_voltage(theta) / math.sqrt(2), *VOLTS)
