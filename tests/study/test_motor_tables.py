@@ -213,6 +213,13 @@ def test_mistakes_are_one_line(
             {},
             "file: expected a fundamental, order 4, of more than 10% of the rms: are pole_pairs and frame",
         ),
+        (lambda theta: np.sin(4 * theta), {"speed": "0 rad/s"}, "speed: expected a speed above zero"),
+        (
+            lambda theta: np.sin(4 * theta),
+            {"peak": "2 V"},
+            "peak: expected 1 V or so, as the table has; peak",
+        ),
+        (lambda theta: np.sin(4 * theta), {"peak_to_peak": "3 V"}, "peak_to_peak: expected 2 V or so"),
         (np.zeros_like, {}, "file: expected a fundamental, order 4, of more than 10% of the rms"),
     ],
 )

@@ -21,6 +21,8 @@ TARGET = {"scenario": "low", "controller": "pi", "metric": "speed_ripple", "valu
 SIDE = {"inertia": "1e-4 kg*m^2", "stiffness": "30 N*m/rad"}
 PARAMETER = {"key": "motor.cogging.0.torque"}
 
+SPREAD = {key: {"uniform": "20 %"} for key in ("motor.R_s", "motor.L_d", "motor.L_q")}
+
 
 def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BASE) -> str:
     path = studies.write(folder, text)
@@ -357,12 +359,42 @@ def test_what_the_simulation_can_just_do(
             'drive.current_sensors.range: "2 A": expected drive.current_loop.current_limit, 3 A, or more'),
         ({"controller.t": {**TABLE, "calibration": {"speed": "1e-9 rpm", "position_gain": 1}}},
             'controller.t.calibration.speed: "1e-9 rpm": expected a run of at most 20000 s, not 1.35e+11 s'),
+        ({"mechanics.load_side": {**SIDE, "ratio": 1.5},
+          "drive.position_sensor": {"kind": "ideal", "side": "load"}, "drive.rates.integration_steps": 20},
+            'drive.position_sensor.side: "load": expected "motor", since the ratio 1.5 is not whole: '
+            "the load's angle would not tell the motor's"),
+        ({"drive.rates.position_loop": "1 kHz"},
+            "drive.rates: expected either speed_loop or, in trials, position_loop"),
+        ({"controller.h": {"law": "harmonic", "base": 24, "kp": "0.02 A*s/rad", "ki": "1 A/rad",
+          "position": True}},
+            "controller.h.k_theta: missing: expected a gain, since kp and ki are given and position is true"),
+        ({"controller.h": {"law": "harmonic", "base": 24, "k_theta": "5 1/s", "kp": "0.02 A*s/rad",
+          "ki": "1 A/rad"}},
+            'controller.h.k_theta: "5 1/s": expected none, unless position is true and kp and ki are given'),
+        ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s"], "correlation": 0.5}]}},
+            'vary.together.0.keys: ["motor.R_s"]: expected two or more different keys'),
+        ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s"] * 2, "correlation": 0.5}]}},
+            'vary.together.0.keys: ["motor.R_s", "motor.R_s"]: expected two or more different keys'),
+        ({"vary": {**SPREAD, "together": [{"keys": [*SPREAD], "correlation": -0.51}]}},
+            "vary.together.0.correlation: -0.51: expected -0.5 or more, since no 3 values can all be "
+            "less alike"),
+        ({"vary": {**SPREAD, "together": [{"keys": [*SPREAD][:2], "correlation": -1.0},
+                                          {"keys": [*SPREAD][1:], "correlation": 0.5}]}},
+            'vary.together.1.keys.0: "motor.L_d": expected a key that is in no other group'),
+        ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s", "motor.psi_f"], "correlation": 0.5}]}},
+            'vary.together.0.keys.1: "motor.psi_f": expected one of motor.R_s, motor.L_d, motor.L_q'),
     ],
 )  # fmt: skip
 def test_what_once_was_a_traceback_a_hang_or_unclear(
     tmp_path: Path, changes: dict[str, object], line: str
 ) -> None:
     assert line_of(tmp_path, changes).removeprefix("study.toml: ").startswith(line)
+
+
+def test_values_are_as_little_alike_as_they_can_be(tmp_path: Path) -> None:
+    together = [{"keys": [*SPREAD], "correlation": -0.5}]
+    found = studies.study(tmp_path, {"vary": {**SPREAD, "together": together}}).vary
+    assert found is not None and found.together[0].correlation == -0.5
 
 
 def test_a_scenario_whose_name_is_a_number_can_be_changed(tmp_path: Path) -> None:
