@@ -342,6 +342,8 @@ def test_chattering_needs_every_sample():
 def test_unknown_signal_and_empty_window():
     with pytest.raises(StudyError, match="metric m: signal y: expected one of time, theta_m, x"):
         value("mean", trace(x=0.0), signal="y")
+    with pytest.raises(StudyError, match="window is shorter than smooth"):
+        value("time-to-learn", trace(x=0.0), window=(1.0, 1.1), smooth=0.2, band=1.0)
     with pytest.raises(StudyError, match="window 7 s to 8 s holds no row"):
         value("mean", trace(x=0.0), window=(7.0, 8.0))
 
