@@ -1,5 +1,6 @@
 """A mistake in a study is one line that names the file, the key, the value and what was expected."""
 
+import re
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,17 +12,17 @@ from cogless.study import load
 from cogless.study.laws import AnyController
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change
+from cogless.study.table import Table, check_precision
 
 LAWS = [get_args(model.model_fields["law"].annotation)[0] for model in get_args(AnyController)]
 PI = {"law": "pi", "kp": 1, "ki": 1}
 ILC = {**PI, "law": "pi-ilc", "gain": 0}
+SPREAD = {key: {"uniform": "20 %"} for key in ("motor.R_s", "motor.L_d", "motor.L_q")}
 TABLE = {**PI, "law": "anti-cogging", "calibration": {"speed": "2 rpm", "position_gain": "20 1/s"}}
 METRIC = {"name": "m", "kind": "rms", "signal": "i_q"}
 TARGET = {"scenario": "low", "controller": "pi", "metric": "speed_ripple", "value": "5 rpm"}
 SIDE = {"inertia": "1e-4 kg*m^2", "stiffness": "30 N*m/rad"}
 PARAMETER = {"key": "motor.cogging.0.torque"}
-
-SPREAD = {key: {"uniform": "20 %"} for key in ("motor.R_s", "motor.L_d", "motor.L_q")}
 
 
 def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BASE) -> str:
@@ -359,6 +360,9 @@ def test_what_the_simulation_can_just_do(
             'drive.current_sensors.range: "2 A": expected drive.current_loop.current_limit, 3 A, or more'),
         ({"controller.t": {**TABLE, "calibration": {"speed": "1e-9 rpm", "position_gain": 1}}},
             'controller.t.calibration.speed: "1e-9 rpm": expected a run of at most 20000 s, not 1.35e+11 s'),
+        ({"controller.l": {**ILC, "cells": 100, "lead": "26 ms"}, "drive.rates.speed_loop": "1 kHz"},
+            'controller.l.lead: "26 ms": expected at most 0.025 s, a quarter of the '
+            "memory's cells in samples"),
         ({"mechanics.load_side": {**SIDE, "ratio": 1.5},
           "drive.position_sensor": {"kind": "ideal", "side": "load"}, "drive.rates.integration_steps": 20},
             'drive.position_sensor.side: "load": expected "motor", since the ratio 1.5 is not whole: '
@@ -389,6 +393,34 @@ def test_what_once_was_a_traceback_a_hang_or_unclear(
     tmp_path: Path, changes: dict[str, object], line: str
 ) -> None:
     assert line_of(tmp_path, changes).removeprefix("study.toml: ").startswith(line)
+
+
+class Numbers(Table):
+    x: float = 0.0
+
+
+@pytest.mark.parametrize(
+    ("x", "precision", "terms", "told"),
+    [
+        (0.0, "single", 1, None),
+        (-3.3e38, "single", 1, None),
+        (-3.5e38, "single", 1, "expected 0, or from 1.2e-38 to 3.4e+38 in single precision"),
+        (1e38, "single", 4, "expected 0, or from 1.2e-38 to 8.5e+37 in single precision"),
+        (-1.1e-38, "single", 1, "expected 0, or from 1.2e-38 to 3.4e+38 in single precision"),
+        (1.3e-38, "single", 1, None),
+        (1e39, "double", 1, None),
+        (1e-308, "double", 1, "expected 0, or from 2.3e-308 to 1.7e+308 in double precision"),
+    ],
+)
+def test_a_number_that_the_controller_cannot_hold(
+    x: float, precision: str, terms: int, told: str | None
+) -> None:
+    if told is None:
+        check_precision(Numbers(x=x), precision, terms=terms)
+    else:
+        with pytest.raises(ValueError, match=f"^{re.escape(told)}$") as error:
+            check_precision(Numbers(x=x), precision, "controller", "c", terms=terms)
+        assert error.value.context["key"] == ("controller", "c", "x")  # type: ignore[attr-defined]
 
 
 def test_values_are_as_little_alike_as_they_can_be(tmp_path: Path) -> None:
