@@ -12,7 +12,7 @@ from cogless import load, run_study
 from cogless.design import auto
 from cogless.design.auto import CORNERS, filled, known_orders, missing
 from cogless.design.learning import PeriodicLoop
-from cogless.design.learning_loop import SETTLED
+from cogless.design.learning_loop import SETTLED, LearningLoop
 from cogless.design.pi import speed_loop
 from cogless.design.space_learning import SpaceLoop
 from cogless.design.summary import design
@@ -277,3 +277,54 @@ def test_linear_parts_of_robust_ilc_are_two_real_roots() -> None:
     assert c * eta == pytest.approx(min(b * ki, (b * kp / 2) ** 2))
     assert law.g == pytest.approx(2 * b * study.drive.current_sensors.noise)  # type: ignore[union-attr]
     assert (law.q, law.beta_1, law.gamma) == (1.0, 0.0, 0.0)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("settles", "left", "tried", "best"),
+    [
+        ({4: 3, 2: 2, 1: 1, 0.5: 0}, {4: 0.5, 2: 0.3, 1: 0.4, 0.5: 0.1}, [8, 4, 2, 1], (2, 2)),
+        ({8: 3, 4: 3, 2: 2}, {8: 0.5, 4: 0.5, 2: 0.1}, [8, 4], (8, 3)),  # half of it leaves as much
+        ({8: 5, 2: 2, 1: 1}, {8: 0.5, 2: 0.4, 1: 0.6}, [8, 4, 2, 1], (2, 2)),
+    ],
+)
+def test_a_gain_is_halved_while_half_of_it_leaves_less(
+    monkeypatch: pytest.MonkeyPatch,
+    settles: dict[float, int],
+    left: dict[float, float],
+    tried: list[float],
+    best: tuple[float, int],
+) -> None:
+    """`settles`: the width of the filter with which a gain does; others don't with any."""
+    study: Any = None
+    asked: list[float] = []
+    for_gain: dict[str, Any] = {
+        "_by_hand": lambda *_: {},
+        "_with": lambda *_: None,
+        "_loops": lambda *_: [],
+        "_narrowest": lambda *_: settles.get(asked[-1]),
+        "_left": lambda study, name, kind, values: left[values["mu"]],
+    }
+    for name, of in for_gain.items():
+        monkeypatch.setattr(auto, name, of)
+
+    def keys(gain: float) -> dict[str, float]:
+        asked.append(gain)
+        return {"mu": gain}
+
+    found = auto._filtered(study, "x", LearningLoop, 8.0, keys)
+    assert asked == tried
+    assert found == {"mu": best[0], "q_half_width": best[1]}
+
+
+def test_what_learning_leaves_is_the_mean_over_the_scenarios_that_turn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    speeds = {"slow": 2.0, "rest": 0.0, "fast": 4.0}
+    study: Any = SimpleNamespace(
+        scenario={key: SimpleNamespace(top_reference=speed) for key, speed in speeds.items()}
+    )
+    kind: Any = lambda study, name, speed, scenario: SimpleNamespace(periods_per_second=speed)  # noqa: E731
+    monkeypatch.setattr(auto, "_with", lambda study, *_: study)
+    monkeypatch.setattr(auto, "_scenarios", lambda *_: list(speeds))
+    monkeypatch.setattr(auto, "ripple", lambda loop, time: SimpleNamespace(ratio=time))
+    assert auto._left(study, "x", kind, {}) == pytest.approx(auto.LEARNED * (1 / 2 + 1 / 4) / 2)

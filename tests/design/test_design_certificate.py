@@ -7,7 +7,7 @@ import pytest
 from design_plants import drive_train, mandra, mandra_settings, rms, simulate, smooth_step
 from scipy.signal import butter, filtfilt
 
-from cogless.design.certificate import Certificate, Gains, Update, certify
+from cogless.design.certificate import Certificate, Gains, Update, _Sweep, certify
 from cogless.design.feedforward import static_gain
 from cogless.design.finite import growth
 from cogless.design.lifted import impulse_response, lifted, norm_optimal
@@ -124,6 +124,39 @@ def test_limit_of_the_gain(plant: UncertainPlant, found: Certificate) -> None:
         ).design.without_filter
         assert other is not None
         assert other.monotone == monotone
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_worst_plant_nominal_plant_and_limit_in_closed_form(sign: int) -> None:
+    """F = 1 - K b z / (z - 1/2) is 1 - 2 K b at rest and 1 - 2/3 K b at half the rate."""
+    strong, nominal = (Loop(np.array([[0.5]]), np.array([[b * sign]]), np.ones(1)) for b in (2.0, 1.0))
+    both = _Sweep([strong, nominal], ["strong", "nominal"], Update(1, 0.7 * sign), 1e-3)
+    found = both.learning(None, "error", 0.0)
+    assert (found.norm, found.frequency, found.worst) == (pytest.approx(1.8), 0.0, "strong")
+    assert found.nominal == pytest.approx(1 - 0.7 * 2 / 3)
+    assert found.K_3_limit == pytest.approx(sign * 0.5)
+    assert (found.monotone, found.contracting) == (False, False)
+    alone = _Sweep([nominal], ["nominal"], Update(1, 0.7 * sign), 1e-3).learning(None, "error", 0.0)
+    assert (alone.frequency, alone.monotone, alone.contracting) == (pytest.approx(500.0), True, True)
+
+
+@pytest.mark.parametrize(
+    ("ends", "phi", "monotone", "contracting"),
+    [
+        (1 + 0.99e-4, 0.999, True, True),  # growth at the ends is only estimated
+        (1 + 1.01e-4, 0.0, False, False),
+        (0.0, 1.0, True, False),
+        (0.0, 1 + 0.9e-6, True, False),  # as rounding leaves a double pole at z = 1
+        (0.0, 1 + 1.1e-6, False, False),
+    ],
+)
+def test_ends_and_phi_count_beside_the_norm(
+    ends: float, phi: float, monotone: bool, contracting: bool
+) -> None:
+    loop = Loop(np.array([[0.5]]), np.ones((1, 1)), np.ones(1))
+    found = _Sweep([loop], ["nominal"], Update(1, 0.75), 1e-3).learning(None, "error", ends, phi)
+    assert found.norm == pytest.approx(0.5)
+    assert (found.monotone, found.contracting) == (monotone, contracting)
 
 
 @pytest.mark.parametrize("filtered", ["error", "signal"])

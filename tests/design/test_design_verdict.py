@@ -150,6 +150,14 @@ def test_the_gain_that_learning_may_add_at_once() -> None:
     assert grown == pytest.approx(found.unstable.frequency, rel=0.05)
 
 
+def test_an_integral_that_oscillates_before_learning_takes_over_from_it_is_told() -> None:
+    """Without it the loop is stable, but the rotor swings by then."""
+    study = section_5({"law.k_i": 2e4, "reference": "0.3 rad/s"})
+    loop = SpaceLoop(study, "filtered", 0.3)
+    assert oscillation(loop.plant, loop.feedback) is None
+    assert known(study).words() == "feedback unstable, at 217 Hz; lower its gains"
+
+
 def test_the_mildest_remedy_is_named_or_that_there_is_none() -> None:
     more = "lower its learning gains too"
     for repair, words in (
@@ -270,11 +278,13 @@ def test_design_warning_and_report_say_the_same() -> None:
 
 
 def test_what_learns_nothing_or_has_a_period_of_nothing_is_said() -> None:
-    assert warnings(section_5({"law.omega_min": "5 rad/s"}), "filtered")[0].startswith("learns nothing")
-    assert warnings(section_5({"law.learning_start": "60 s"}), "filtered")[0].startswith("learns nothing")
+    nothing = "learns nothing: no reference is fast enough after learning_start"
+    assert warnings(section_5({"law.omega_min": "5 rad/s"}), "filtered")[0] == nothing
+    assert warnings(section_5({"law.learning_start": "60 s"}), "filtered")[0] == nothing
     study = load("verrelli2016-position")
     *_, line = warnings(study, "wrong-period")
     assert line.startswith("its period, 4/5 of a revolution, isn't one of order 1")
+    assert line.endswith(": what doesn't repeat is learned only as far as it stays for a period")
     assert warnings(study, "true-period") == []
     assert warnings(study, "feedback") == []
 

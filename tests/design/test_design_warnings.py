@@ -133,3 +133,18 @@ def test_a_soft_shaft_is_told_with_where_it_swings():
     assert shaft_notes(soft) == [f"{told}, its gap closed"]
     assert shaft_notes(changed(soft, {"mechanics.load_side.backlash": "0 deg"})) == [told]
     assert shaft_notes(my_motor()) == []
+
+
+def test_a_soft_shaft_that_takes_a_tenth_of_the_phase_margin_is_told():
+    """The crossover is in Hz; a loop that it makes unstable is told as such instead."""
+
+    def said(stiffness, **more):
+        side = {"inertia": "4e-5 kg*m^2", "stiffness": stiffness, "damping": "1 mN*m*s/rad"}
+        return notes(my_motor(**{"mechanics.load_side": side}, **more, **FINER), "pi")
+
+    told = "controller.pi: with the soft shaft its phase margin is 53.3 deg at 127.9 Hz, not 60 deg"
+    assert said("3 N*m/rad") == [told]  # 0.89 of 60 degrees
+    assert said("1 N*m/rad") == []  # 0.92
+    given = {"controller.pi": {"law": "pi", "kp": "0.02 A*s/rad", "ki": "0.5 A/rad"}}
+    assert said("3 N*m/rad", **given) == []  # no rule asks for a margin
+    assert said("3 N*m/rad", **{"drive.position_sensor": {"kind": "ideal", "side": "load"}}) == []

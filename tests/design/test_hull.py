@@ -84,3 +84,31 @@ def test_a_hull_of_corners_that_is_enough_stays_as_it_is() -> None:
     # scaled by the spread of all, 1 and 1.2: 0.7 over 0.5 of the height; a tenth of the excess more
     assert out.outside == pytest.approx(0.4)
     assert out.vertices[:, 1].max() == pytest.approx(0.5 + 0.5 * (1 + 0.4 * 1.1))
+
+
+def test_samples_beside_a_line_of_corners_get_a_box_with_a_tenth_to_spare() -> None:
+    found = enclose(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[0.5, 0.1], [0.2, 0.0]]))
+    assert not found.exact and found.kept == ()
+    expected = [[0.0, -0.005], [0.0, 0.105], [1.0, -0.005], [1.0, 0.105]]
+    assert sorted(found.vertices.tolist()) == pytest.approx(np.array(expected))
+    assert found.outside == pytest.approx(2.0)  # of half the samples' spread
+
+
+def test_a_thin_hull_gets_a_box_instead_of_growing_along_its_length() -> None:
+    """The corners span a twentieth of the samples' height: the hull would have to grow to twenty times it."""
+    thin = np.array([[0.0, -0.05], [1.0, -0.05], [1.0, 0.05], [0.0, 0.05]])
+    found = enclose(thin, np.array([[0.5, 1.0], [0.5, -1.0]]))
+    assert len(found.vertices) == 4
+    assert found.vertices[:, 0] == pytest.approx([0.0, 0.0, 1.0, 1.0])
+    assert found.vertices[:, 1] == pytest.approx([-1.1, 1.1, -1.1, 1.1])
+    thick = enclose(thin * [1.0, 3.0], np.array([[0.5, 1.0], [0.5, -1.0]]))  # grows to 1 / 0.15 of its size
+    assert np.ptp(thick.vertices[:, 0]) == pytest.approx(1 + 1.1 * (1 / 0.15 - 1))
+
+
+@pytest.mark.parametrize(("beside", "count"), [(5e-5, 4), (2e-4, 8)])
+def test_what_is_hardly_beside_the_corners_is_told_but_adds_no_vertices(beside: float, count: int) -> None:
+    plane = np.array([[x, y, x + y] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+    normal = np.array([1.0, 1.0, -2.0]) / 6**0.5  # entries scaled by their spreads, 1, 1 and 2
+    found = enclose(plane, beside * normal[None, :] * [1.0, 1.0, 2.0])
+    assert not found.exact and len(found.vertices) == count
+    assert found.outside == pytest.approx(beside * (4 / 6) ** 0.5)

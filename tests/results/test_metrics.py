@@ -1,7 +1,7 @@
 """Metrics against closed forms, and what must not change them."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -197,6 +197,14 @@ def test_the_mean_before_the_event_is_over_one_revolution_only():
     assert value("dip", t, event=3.0) == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize(("before", "found"), [(0.4, 2.0), (1.0, 0.0)])
+def test_events_less_than_half_a_row_apart_are_one(before, found):
+    """Of an event a whole row before it there is nothing left to take a mean over."""
+    t = trace(theta_m=lambda time: 4 * np.pi * time, x=lambda time: np.where(time < 3.0, 1.0, 3.0))
+    conditions = replace(CONDITIONS, events=(1.0, 3.0 - before / RATE, 3.0))
+    assert evaluate(Metric("dip", event=3.0), t, conditions) == pytest.approx(found)
+
+
 def test_never_settled_is_none_and_always_inside_is_zero():
     t = trace(x=lambda time: np.sin(2 * np.pi * 7 * time))
     assert value("settling", t, event=1.0, band=0.9) is None
@@ -334,6 +342,8 @@ def test_chattering_needs_every_sample():
 def test_unknown_signal_and_empty_window():
     with pytest.raises(StudyError, match="metric m: signal y: expected one of time, theta_m, x"):
         value("mean", trace(x=0.0), signal="y")
+    with pytest.raises(StudyError, match="window is shorter than smooth"):
+        value("time-to-learn", trace(x=0.0), window=(1.0, 1.1), smooth=0.2, band=1.0)
     with pytest.raises(StudyError, match="window 7 s to 8 s holds no row"):
         value("mean", trace(x=0.0), window=(7.0, 8.0))
 
@@ -406,6 +416,18 @@ def test_a_revolution_may_be_short_by_its_last_row():
     """As a window of 100 rows that would begin again with the next one."""
     theta = 2 * np.pi * np.arange(100) / 100
     assert order_amplitudes(theta, np.sin(3 * theta), [3], 4, False) == pytest.approx([1.0], rel=0.03)
+
+
+@pytest.mark.parametrize(("short", "told"), [(1.95, True), (2.05, False)])
+def test_a_revolution_may_be_short_by_two_rows(short, told):
+    """Of 20 steps that would be 22, all but."""
+    theta = 2 * np.pi * np.linspace(0, 20 / (20 + short), 21)
+    try:
+        order_amplitudes(theta, np.sin(theta), [1], 4, False)
+    except ValueError:
+        assert not told
+    else:
+        assert told
 
 
 def test_kinds_are_those_of_the_study():

@@ -56,6 +56,17 @@ def test_a_cogging_table_is_the_harmonics_that_it_was_made_of(tmp_path: Path) ->
     assert torque_of(motor, THETA) == pytest.approx(cogging(THETA), abs=1e-15)
 
 
+@pytest.mark.parametrize(("share", "orders"), [(0.0199, [24]), (0.0202, [24, 72])])
+def test_waves_of_less_than_two_percent_are_left_out(tmp_path: Path, share: float, orders: list[int]) -> None:
+    def cogs(theta: Angles) -> Angles:
+        return np.asarray(5e-3 * (np.sin(24 * theta) + share * np.sin(72 * theta)))
+
+    given = {**table(tmp_path, cogs), "sign": "on-rotor"}
+    assert [c.order for c in star(given).cogging] == orders
+    named = star({**given, "orders": [72]})  # which says that the others are none of it
+    assert [(c.order, c.torque) for c in named.cogging] == [(72, pytest.approx(5e-3 * share))]
+
+
 def test_a_holding_current_is_the_opposite_torque_over_the_torque_constant(tmp_path: Path) -> None:
     of = table(tmp_path, lambda theta: -cogging(theta) / 0.5, "angle [deg],current [mA]")
     motor = star({**of, "sign": "holding"})
@@ -190,6 +201,74 @@ def test_mistakes_are_one_line(
         load(studies.write(tmp_path, studies.BASE), {f"motor.{key}": given})
     assert str(error.value).startswith(f"{tmp_path}/study.toml: motor.{key}.{line}")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("of", "keys", "line"),
+    [
+        (lambda theta: np.sin(4 * theta) + 1, {}, "file: expected a mean of zero, not 1.41 of the rms"),
+        (np.sin, {"orders": [400]}, "orders: expected orders up to 359, half the points"),
+        (
+            lambda theta: np.sin(8 * theta),
+            {},
+            "file: expected a fundamental, order 4, of more than 10% of the rms: are pole_pairs and frame",
+        ),
+        (lambda theta: np.sin(4 * theta), {"speed": "0 rad/s"}, "speed: expected a speed above zero"),
+        (
+            lambda theta: np.sin(4 * theta),
+            {"peak": "2 V"},
+            "peak: expected 1 V or so, as the table has; peak",
+        ),
+        (lambda theta: np.sin(4 * theta), {"peak_to_peak": "3 V"}, "peak_to_peak: expected 2 V or so"),
+        (np.zeros_like, {}, "file: expected a fundamental, order 4, of more than 10% of the rms"),
+    ],
+)
+def test_a_back_emf_table_that_is_not_of_this_motor(
+    tmp_path: Path, of: Callable[[Angles], Angles], keys: dict[str, Any], line: str
+) -> None:
+    """What only shows with the motor's pole pairs is told at the table's own keys, as all else."""
+    given = {**table(tmp_path, of, *VOLTS), "between": "phase", "speed": "10 rad/s", **keys}
+    with pytest.raises(StudyError) as error:
+        load(studies.write(tmp_path, studies.BASE), {"motor.psi_f": None, "motor.back_emf_table": given})
+    key, _, expected = line.partition(": ")
+    told = str(error.value)
+    assert told.startswith(f"{tmp_path}/study.toml: motor.back_emf_table.{key}: ") and expected in told
+
+
+@pytest.mark.parametrize(("share", "fine"), [(0.102, True), (0.1, False)])
+def test_a_tenth_of_a_back_emf_table_is_the_fundamental_at_least(
+    tmp_path: Path, share: float, fine: bool
+) -> None:
+    """Its amplitude beside that of order 5: a tenth of both together is 0.1005 of the other."""
+    of = table(tmp_path, lambda theta: share * np.sin(4 * theta) + np.sin(20 * theta), *VOLTS)
+    emf = {**of, "between": "phase", "speed": "1 rad/s"}
+    if fine:
+        assert star(emf, "back_emf_table").psi_f == pytest.approx(share / 4)
+    else:
+        with pytest.raises(ValueError, match="expected a fundamental, order 4"):
+            star(emf, "back_emf_table")
+
+
+@pytest.mark.parametrize(
+    ("peak", "why"),
+    [
+        ("0.96 mN*m", None),
+        ("1.04 mN*m", None),
+        ("1.06 mN*m", ""),
+        ("2.15 mN*m", "; peak and peak to peak differ by 2"),
+        ("0.47 mN*m", "; peak and peak to peak differ by 2"),
+        ("3 mN*m", ""),
+    ],
+)
+def test_a_stated_peak_agrees_with_the_table_within_five_percent(
+    tmp_path: Path, peak: str, why: str | None
+) -> None:
+    of = {**table(tmp_path, lambda theta: 1e-3 * np.sin(20 * theta)), "sign": "on-rotor"}
+    if why is None:
+        assert star({**of, "peak": peak}).cogging[0].torque == pytest.approx(1e-3)
+    else:
+        with pytest.raises(ValueError, match=rf"expected 0\.001 N\*m or so, as the table has{why}(?!;)"):
+            star({**of, "peak": peak})
 
 
 def test_a_table_that_disagrees_with_the_torque_constant(tmp_path: Path) -> None:

@@ -93,6 +93,51 @@ def test_what_a_reference_asks_at_most(
     assert np.abs(way.alpha).max() == pytest.approx(acceleration, rel=0.03)
 
 
+@pytest.mark.parametrize(
+    ("reference", "samples"),
+    [
+        ({"speed": "2 rad/s"}, 4000),
+        ({**SINE, "frequency": "10 Hz"}, 40 * 10 * 40),
+        ({**SINE, "frequency": "10 Hz", "depth": -2.0, "modulation": "5 Hz"}, 40 * 20 * 40),
+        ({"offset": "0 rad/s", "sines": [{"amplitude": "1 rad/s", "frequency": f"{f} Hz"} for f in (9, 3)]},
+            40 * 9 * 40),
+        ({"profile": [["0 s", "1 rad/s"], ["0.02 s", "5 rad/s"], ["9 s", "5 rad/s"]]}, 10 * 40 / 0.02),
+        ({"moves": [["1 s", "0 rad"], ["9 s", "2 rad"], ["9.02 s", "2 rad"]]}, 10 * 40 / 0.02),
+        ({"speed": "2 rad/s", "smoothing": "0.02 s"}, 10 * 40 / 0.02),
+        ({**SINE, "frequency": "1 kHz"}, 200_000),
+    ],
+)  # fmt: skip
+def test_samples_are_as_dense_as_what_they_sample_is_fast(reference: dict[str, Any], samples: float) -> None:
+    """And one lies in each step of the time, at a place that doesn't repeat."""
+    way = course(Scenario.model_validate({"duration": "40 s", "reference": reference}))
+    assert len(way.time) == pytest.approx(samples, abs=1)
+    assert way.step == pytest.approx(40 / len(way.time))
+    places = way.time / way.step - np.arange(len(way.time))
+    assert places.min() >= -1e-9 and places.max() < 1
+    assert np.histogram(places, 10, (0, 1))[0] / len(places) == pytest.approx(0.1, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("reference", "steepest", "jump"),
+    [
+        ({"profile": [["0 s", "1 rad/s"], ["2 s", "5 rad/s"]]}, 2.0, 2.0),
+        ({"profile": [["1 s", "1 rad/s"], ["2 s", "5 rad/s"]]}, 4.0, 2.0),  # held until it begins
+        ({"profile": [["0 s", "3 rad/s"]]}, 0.0, 4.0),
+        ({"moves": [["0 s", "0 rad"], ["2 s", "4 rad"]]}, STEEPEST, 1.0),
+        (SINE, 4 * math.pi, 4.0),
+        ({"offset": "1 rad/s", "sines": [{"amplitude": "2 rad/s", "frequency": "1 Hz", "phase": "30 deg"}]},
+            4 * math.pi, 3.0),
+        ({"speed": "0.3 rad/s", "ramp": "0.5 rad/s^2"}, 0.5, 0.0),  # begins at the initial speed
+    ],
+)  # fmt: skip
+def test_smoothing_adds_the_jump_from_the_initial_speed(
+    reference: dict[str, Any], steepest: float, jump: float
+) -> None:
+    plain = {"duration": "40 s", "initial_speed": "-1 rad/s"}
+    smooth = Scenario.model_validate({**plain, "reference": {**reference, "smoothing": "0.5 s"}})
+    assert smooth.top_acceleration == pytest.approx(steepest + jump / (math.e * 0.5))
+
+
 @pytest.mark.parametrize("smoothing", [0.0, 0.3])
 @pytest.mark.parametrize(
     "reference",

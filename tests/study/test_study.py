@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from cogless.study.drive import Belief
 from cogless.study.fault import Fault
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change, split, with_unit
+from cogless.study.saturation import Saturation
 
 MOTOR = """
 pole_pairs = 12
@@ -96,6 +98,12 @@ def test_delta_becomes_star() -> None:
     )
     # K_t is measured at the terminals, where the connection doesn't show.
     assert Motor.model_validate({**common, "K_t": "0.6 N*m/A"}).star().psi_f == pytest.approx(0.1)
+    # Between two terminals of a delta a winding lies beside the other two: 2/3 of its resistance.
+    lines = {"resistance_line_to_line": "2 ohm", "inductance_line_to_line": "3 mH"}
+    assert Motor.model_validate({**common, **lines, "K_t": "0.6 N*m/A"}).star().L_q == pytest.approx(0.002)
+    only = {"pole_pairs": 4, "winding": "delta", "K_t": "0.6 N*m/A", **lines}
+    alone = Motor.model_validate(only).star()
+    assert (alone.R_s, alone.L_d, alone.L_q) == pytest.approx((1.0, 0.0015, 0.0015))
     # A belief is about a winding too.
     belief = Belief.model_validate({"R_s": "3.3 ohm", "psi_f": "0.11 Wb"}).resolved(star)
     assert (belief.R_s, belief.psi_f, belief.L_d) == pytest.approx((1.1, 0.11 / math.sqrt(3), 0.001))
@@ -559,3 +567,30 @@ def test_a_fault_in_words(kind: str, more: dict[str, str], words: str) -> None:
     table = {"kind": kind, "time": "1 s", "duration": "0.5 s", **more}
     fault: Fault = TypeAdapter(Fault).validate_python(table)
     assert (fault.words, fault.end) == (words, 1.5)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize(("d", "reach"), [(None, 2.0), (4.0, 4.0)], ids=["L_d", "table of d"])
+def test_a_magnet_table_bends_less_than_leaves_an_inductance(
+    sign: float, d: float | None, reach: float
+) -> None:
+    """Through 0, -f and -2 f at 0, 1 and 2 A it is f (t^3 - 2 t^2) first: L_q - 4 f i_d is left at i_q = 0.
+
+    That is zero at the table's last i_d. A rising flux leaves it there in the other direction.
+    """
+    L = 30e-3
+    tables: dict[str, Any] = {}
+    if d:
+        tables["d"] = {"current": ["0 A", "1 A", f"{d} A"], "inductance": [f"{L} H"] * 3}
+    for share in (0.999, 1.001):
+        f = sign * share * L / (4 * reach)
+        tables["magnet"] = {
+            "current": ["0 A", "1 A", "2 A"],
+            "flux": ["0 Wb", f"{-f!r} Wb", f"{-2 * f!r} Wb"],
+        }
+        made = Saturation.model_validate(tables)
+        if share < 1:
+            made.check(L, L)
+        else:
+            with pytest.raises(ValueError, match=rf"no inductance at i_d = {sign * reach:g} A, i_q = 0 A"):
+                made.check(L, L)

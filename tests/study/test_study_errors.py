@@ -1,5 +1,6 @@
 """A mistake in a study is one line that names the file, the key, the value and what was expected."""
 
+import re
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,10 +12,12 @@ from cogless.study import load
 from cogless.study.laws import AnyController
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change
+from cogless.study.table import Table, check_precision
 
 LAWS = [get_args(model.model_fields["law"].annotation)[0] for model in get_args(AnyController)]
 PI = {"law": "pi", "kp": 1, "ki": 1}
 ILC = {**PI, "law": "pi-ilc", "gain": 0}
+SPREAD = {key: {"uniform": "20 %"} for key in ("motor.R_s", "motor.L_d", "motor.L_q")}
 TABLE = {**PI, "law": "anti-cogging", "calibration": {"speed": "2 rpm", "position_gain": "20 1/s"}}
 METRIC = {"name": "m", "kind": "rms", "signal": "i_q"}
 TARGET = {"scenario": "low", "controller": "pi", "metric": "speed_ripple", "value": "5 rpm"}
@@ -357,12 +360,73 @@ def test_what_the_simulation_can_just_do(
             'drive.current_sensors.range: "2 A": expected drive.current_loop.current_limit, 3 A, or more'),
         ({"controller.t": {**TABLE, "calibration": {"speed": "1e-9 rpm", "position_gain": 1}}},
             'controller.t.calibration.speed: "1e-9 rpm": expected a run of at most 20000 s, not 1.35e+11 s'),
+        ({"controller.l": {**ILC, "cells": 100, "lead": "26 ms"}, "drive.rates.speed_loop": "1 kHz"},
+            'controller.l.lead: "26 ms": expected at most 0.025 s, a quarter of the '
+            "memory's cells in samples"),
+        ({"mechanics.load_side": {**SIDE, "ratio": 1.5},
+          "drive.position_sensor": {"kind": "ideal", "side": "load"}, "drive.rates.integration_steps": 20},
+            'drive.position_sensor.side: "load": expected "motor", since the ratio 1.5 is not whole: '
+            "the load's angle would not tell the motor's"),
+        ({"drive.rates.position_loop": "1 kHz"},
+            "drive.rates: expected either speed_loop or, in trials, position_loop"),
+        ({"controller.h": {"law": "harmonic", "base": 24, "kp": "0.02 A*s/rad", "ki": "1 A/rad",
+          "position": True}},
+            "controller.h.k_theta: missing: expected a gain, since kp and ki are given and position is true"),
+        ({"controller.h": {"law": "harmonic", "base": 24, "k_theta": "5 1/s", "kp": "0.02 A*s/rad",
+          "ki": "1 A/rad"}},
+            'controller.h.k_theta: "5 1/s": expected none, unless position is true and kp and ki are given'),
+        ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s"], "correlation": 0.5}]}},
+            'vary.together.0.keys: ["motor.R_s"]: expected two or more different keys'),
+        ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s"] * 2, "correlation": 0.5}]}},
+            'vary.together.0.keys: ["motor.R_s", "motor.R_s"]: expected two or more different keys'),
+        ({"vary": {**SPREAD, "together": [{"keys": [*SPREAD], "correlation": -0.51}]}},
+            "vary.together.0.correlation: -0.51: expected -0.5 or more, since no 3 values can all be "
+            "less alike"),
+        ({"vary": {**SPREAD, "together": [{"keys": [*SPREAD][:2], "correlation": -1.0},
+                                          {"keys": [*SPREAD][1:], "correlation": 0.5}]}},
+            'vary.together.1.keys.0: "motor.L_d": expected a key that is in no other group'),
+        ({"vary": {**SPREAD, "together": [{"keys": ["motor.R_s", "motor.psi_f"], "correlation": 0.5}]}},
+            'vary.together.0.keys.1: "motor.psi_f": expected one of motor.R_s, motor.L_d, motor.L_q'),
     ],
 )  # fmt: skip
 def test_what_once_was_a_traceback_a_hang_or_unclear(
     tmp_path: Path, changes: dict[str, object], line: str
 ) -> None:
     assert line_of(tmp_path, changes).removeprefix("study.toml: ").startswith(line)
+
+
+class Numbers(Table):
+    x: float = 0.0
+
+
+@pytest.mark.parametrize(
+    ("x", "precision", "terms", "told"),
+    [
+        (0.0, "single", 1, None),
+        (-3.3e38, "single", 1, None),
+        (-3.5e38, "single", 1, "expected 0, or from 1.2e-38 to 3.4e+38 in single precision"),
+        (1e38, "single", 4, "expected 0, or from 1.2e-38 to 8.5e+37 in single precision"),
+        (-1.1e-38, "single", 1, "expected 0, or from 1.2e-38 to 3.4e+38 in single precision"),
+        (1.3e-38, "single", 1, None),
+        (1e39, "double", 1, None),
+        (1e-308, "double", 1, "expected 0, or from 2.3e-308 to 1.7e+308 in double precision"),
+    ],
+)
+def test_a_number_that_the_controller_cannot_hold(
+    x: float, precision: str, terms: int, told: str | None
+) -> None:
+    if told is None:
+        check_precision(Numbers(x=x), precision, terms=terms)
+    else:
+        with pytest.raises(ValueError, match=f"^{re.escape(told)}$") as error:
+            check_precision(Numbers(x=x), precision, "controller", "c", terms=terms)
+        assert error.value.context["key"] == ("controller", "c", "x")  # type: ignore[attr-defined]
+
+
+def test_values_are_as_little_alike_as_they_can_be(tmp_path: Path) -> None:
+    together = [{"keys": [*SPREAD], "correlation": -0.5}]
+    found = studies.study(tmp_path, {"vary": {**SPREAD, "together": together}}).vary
+    assert found is not None and found.together[0].correlation == -0.5
 
 
 def test_a_scenario_whose_name_is_a_number_can_be_changed(tmp_path: Path) -> None:
@@ -375,6 +439,8 @@ MAGNET, RESISTANCE = 'psi_f = "68 mWb"', 'R_s = "15.42 ohm"'
 INDUCTANCE = 'L_d = "30 mH"\nL_q = "30 mH"'
 
 
+TABLE = '{ file = "emf.csv", frame = "electrical", between = "phase", speed = "10 rad/s" }'
+SATURATION = '{ q = { current = ["0 A", "1 A", "2 A"], inductance = ["30 mH", "30 mH", "20 mH"] } }'
 PHASE_OR_LINES = "; they differ by 2, the factor between phase and line to line, or poles and pole pairs"
 
 
@@ -389,6 +455,11 @@ PHASE_OR_LINES = "; they differ by 2, the factor between phase and line to line,
         (MAGNET, 'kv_phase_rms = "60 rpm/V"\nwinding = "delta"',
             'motor.kv_phase_rms: "60 rpm/V": expected a word from line to line, '
             "since a delta has no star point"),
+        (MAGNET, f'winding = "delta"\nback_emf_table = {TABLE}',
+            'motor.back_emf_table.between: "phase": expected "line-to-line", '
+            "since a delta has no star point"),
+        (MAGNET, f'{MAGNET}\nwinding = "delta"\nsaturation = {SATURATION}',
+            "motor.saturation: expected none, since the winding is a delta"),
         (MAGNET, 'K_e_phase_rms = "1 V"',
             'motor.K_e_phase_rms: "1 V": expected a voltage per speed, such as "1 V/rpm"'),
         (RESISTANCE, f'{RESISTANCE}\nresistance_line_to_line = "15.42 ohm"',
@@ -400,6 +471,8 @@ PHASE_OR_LINES = "; they differ by 2, the factor between phase and line to line,
     ],
 )  # fmt: skip
 def test_words_of_a_datasheet(tmp_path: Path, before: str, after: str, line: str) -> None:
+    rows = [f"{45 * k},{v}" for k, v in enumerate((0, 7, 10, 7, 0, -7, -10, -7))]
+    (tmp_path / "emf.csv").write_text("\n".join(["angle [deg],voltage [V]", *rows]), encoding="utf-8")
     assert line_of(tmp_path, None, studies.BASE.replace(before, after)) == f"study.toml: {line}"
 
 

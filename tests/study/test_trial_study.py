@@ -123,6 +123,20 @@ def test_expressions_that_have_no_value(text: str, line: str) -> None:
 @pytest.mark.parametrize(
     ("text", "key", "value", "line"),
     [
+        # the plant
+        (LINEAR, "plant.parameter.a", {}, "plant.parameter.a: expected value, range or both"),
+        (LINEAR, "plant.states", ["x"], 'plant.states: ["x"]: expected 2 names, one a state'),
+        (LINEAR, "design.range", {"motor.K_t": ["1 N*m/A", "2 N*m/A"]},
+            "design.range: expected none: ranges stand at plant.parameter"),
+        (LINEAR, "plant.parameter", {name: [0.5, 1.0] for name in "abcdefghijkmnopqrstuvwxyz"},
+            "plant.parameter: expected at most 12 parameters with a range"),
+        (LINEAR, "trace.energy", True, "trace.energy: true: expected false, since there is no drive"),
+        # metrics
+        (LINEAR, "metric.0.kind", "three-sigma",
+            'metric.0.kind: "three-sigma": expected a kind for trials: rms, ripple-rms, mean, maximum, '
+            "peak-to-peak, first-rms, final-rms, trials-to-floor"),
+        (LINEAR, "metric.0.window", ["0 s", "1 s"],
+            'metric.0.window: ["0 s", "1 s"]: expected none, in trials'),
         # the scenario
         (DRIVE, "scenario.move.duration", "0.501 s",
             'scenario.move.duration: "0.501 s": expected a whole number of samples of 0.0025 s'),

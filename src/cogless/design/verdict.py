@@ -393,7 +393,7 @@ def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tup
     if fastest > slowest * (1 + SAME):
         count = max(FEWEST_SPEEDS, math.ceil(math.log(fastest / slowest) / math.log(STEP)) + 1)
     speeds = np.geomspace(slowest, fastest, count)
-    spacing = math.log(fastest / slowest) / max(count - 1, 1) or 1.0
+    spacing = math.log(fastest / slowest) / (count - 1) if count > 1 else 1.0
     nearest = np.full(len(omega), -1)
     nearest[moving] = np.rint(np.log(omega[moving] / slowest) / spacing)
     for k, speed in enumerate(speeds.tolist()):

@@ -21,6 +21,7 @@ from cogless.study.table import AngularSpeed, Current, Many, Table, Torque, Volt
 MOST_ORDERS = 48  # that a table becomes unless they are named; each costs time in every step
 LEFT_OUT = 0.02  # largest share of the table's rms that may be left out then
 OFFSET = 0.1  # largest mean, as a share of the rms
+FUNDAMENTAL = 0.1  # least, as a share of the rms: with other pole pairs there is none, and no torque
 AGREE = 0.05  # relative difference at which a stated size still agrees with the table
 
 TableOrder = Annotated[int, Field(ge=1, le=10_000)]
@@ -35,8 +36,13 @@ class AngleFile(Table):
     orders: Many[TableOrder] | None = None
     _table: OverAngle = PrivateAttr()
 
-    def _waves(self, needed: Iterable[int] = (), without_effect: int | None = None) -> list[Wave]:
-        """The orders that are taken. `needed`: always among them; multiples of `without_effect` never."""
+    def _waves(
+        self, needed: Iterable[int] = (), without_effect: int | None = None, key: tuple[str, ...] = ()
+    ) -> list[Wave]:
+        """The orders that are taken. `needed`: always among them; multiples of `without_effect` never.
+
+        `key`: this table's, within the one that is validated.
+        """
         table = self._table
         highest = (len(table.angle) - 1) // 2
         all_ = [
@@ -48,13 +54,16 @@ class AngleFile(Table):
         if abs(mean) > OFFSET * rms:
             raise invalid(
                 f"expected a mean of zero, not {mean / rms:.3g} of the rms: is friction or an offset in it?",
+                *key,
                 "file",
             )
         waves = [(n, c) for n, c in all_[1:] if without_effect is None or n % without_effect]
         if self.orders is not None:
             wanted = {*self.orders, *needed}
             if max(wanted) > highest:
-                raise invalid(f"expected orders up to {highest}, half the points of the table", "orders")
+                raise invalid(
+                    f"expected orders up to {highest}, half the points of the table", *key, "orders"
+                )
             return [(n, c) for n, c in waves if n in wanted]
         power = sum(abs(c) ** 2 for _, c in waves)
         taken, rest = list[Wave](), power
@@ -67,6 +76,7 @@ class AngleFile(Table):
             raise invalid(
                 f"expected at most {MOST_ORDERS} orders that leave {LEFT_OUT:.0%} of the rms, it takes "
                 f"{len(taken)}; or name them in orders",
+                *key,
                 "file",
             )
         return sorted(taken)
@@ -146,7 +156,11 @@ class BackEmfTable(AngleFile):
         8, ... Multiples of 3 are alike in all phases and have no effect.
         """
         per_turn = pole_pairs if self.frame == "mechanical" else 1
-        found = self._waves((per_turn,), 3 * per_turn)
+        found = self._waves((per_turn,), 3 * per_turn, ("back_emf_table",))
+        rms, fundamental = math.hypot(*(abs(c) for _, c in found)), abs(dict(found)[per_turn])
+        if fundamental <= FUNDAMENTAL * rms:
+            expected = f"expected a fundamental, order {per_turn}, of more than {FUNDAMENTAL:.0%} of the rms"
+            raise invalid(f"{expected}: are pole_pairs and frame right?", "back_emf_table", "file")
         of_phase = {
             n // per_turn: c / (pole_pairs * self.speed) / self._difference(n // per_turn)
             for n, c in found

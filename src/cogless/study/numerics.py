@@ -47,7 +47,7 @@ def no_load_speed(bus_voltage: float, motor: StarMotor, psi_f: float) -> float:
 def voltage_reach(study: Study) -> float:
     """The speed without load that the bus voltage turns the motor at, rad/s; infinite with an ideal drive."""
     inverter, motor = study.drive.inverter, study.motor.star()
-    if inverter is None or study.drive.ideal or not motor.psi_f:
+    if inverter is None:
         return math.inf
     return no_load_speed(inverter.bus_voltage, motor, motor.psi_f)
 
