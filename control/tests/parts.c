@@ -84,6 +84,10 @@ static void try_speed(void)
         const cgl_real by_count = counts ? cgl_speed_count_step(&counted, edges.count) : CGL_R(0.0);
         const cgl_real by_time = times ? cgl_speed_timed_step(&timed, &edges, now + random_below(5000)) : CGL_R(0.0);
         CHECK(cgl_is_finite(by_count) && cgl_is_finite(by_time));
+        if (times && random_below(100) == 0U) {
+            cgl_speed_timed_reset(&timed, &edges, now, by_time);
+            CHECK(timed.edge == edges.time && timed.count == edges.count && timed.since == now - edges.time);
+        }
         hear(by_count);
         hear(by_time);
         hear_bits(edges.count);
@@ -338,6 +342,28 @@ static void turn_an_encoder(void)
     CHECK(encoder.position == 260U);
 }
 
+/* Three sensors with offsets, read ten times: their means; and none where one of them moves by more than the spread. */
+static void average_offsets(void)
+{
+    const cgl_offsets_config config = {.samples = 10U, .phases = 3U, .spread = CGL_R(0.05), .largest = CGL_R(0.5)};
+    cgl_offsets offsets;
+    for (uint32_t moving = 0; moving < 4U; ++moving) { /* 3: none */
+        cgl_calibration result = CGL_CALIBRATION_BUSY;
+        CHECK(cgl_offsets_init(&offsets, &config) == CGL_OK);
+        for (uint32_t n = 0; n < 10U; ++n) {
+            cgl_real i_abc[3] = {CGL_R(0.1), CGL_R(-0.2), CGL_R(0.3)};
+            for (uint32_t x = 0; x < 3U; ++x) {
+                i_abc[x] += n == 2U ? CGL_R(0.04) : (n == 7U ? CGL_R(-0.02) : CGL_R(0.0));
+                i_abc[x] -= x != moving && n == 7U ? CGL_R(-0.02) : CGL_R(0.0);
+            }
+            result = cgl_offsets_step(&offsets, i_abc);
+            CHECK(result == (moving < 3U && n >= 7U ? CGL_CALIBRATION_FAILED : (n < 9U ? CGL_CALIBRATION_BUSY : CGL_CALIBRATION_DONE)));
+        }
+    }
+    CHECK(within(offsets.mean[0] - CGL_R(0.104), CGL_R(1.0e-6)) && within(offsets.mean[1] + CGL_R(0.196), CGL_R(1.0e-6)));
+    CHECK(within(offsets.mean[2] - CGL_R(0.304), CGL_R(1.0e-6)));
+}
+
 /* A sensor off its middle, at a speed that the current does not change: its error is learned, and taken out of angle and speed. */
 static void see_through_a_sensor(void)
 {
@@ -464,13 +490,14 @@ void try_parts(long configs)
 {
     keep_the_numbers();
     turn_an_encoder();
+    average_offsets();
     see_through_a_sensor();
     reject_a_load();
     learn_orders();
     feed_forward();
     static const random_subject subjects[] = {
         {"dead_time", try_dead_time, 0xea399657U, 0x7eda2521U},
-        {"speed", try_speed, 0x318d4a36U, 0x6f47db2eU},
+        {"speed", try_speed, 0x3989de0eU, 0x2510e6bcU},
         {"angle_observer", try_angle_observer, 0xfc9c7959U, 0x7dfbe762U},
         {"encoder", try_encoder, 0x169f7619U, 0x169f7619U},
         {"encoder_table", try_encoder_table, 0xe4eb47c2U, 0x03c2e002U},

@@ -1276,6 +1276,7 @@ static void try_drive(void)
         CHECK(within(out.i_q_ref, law.limit));
         if (random_below(1000) == 0U) {
             cgl_drive_reset(&drive);
+            CHECK(drive.in.gentle == 0U && !drive.in.learn && !drive.in.off && within(drive.in.muted, CGL_R(0.0)));
             since = config.divider;
         } else if (random_below(200) == 0U) {
             cgl_drive_config other = random_drive(ts);
