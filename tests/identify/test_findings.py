@@ -1,0 +1,72 @@
+"""What differs from log to log is told."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from identify.fits import fit_of
+
+from cogless.identify import findings
+from cogless.identify.config import LogRule
+from cogless.identify.weak_form import Model, Rows
+
+
+def rows_with(name: str, friction: float, wave: complex, session: str | None = None, **log: Any) -> Rows:
+    """Six hundred rows of a log over whole turns, with its own friction and wave of order 6."""
+    rule = LogRule(file="*", session=session)
+    own: Any = SimpleNamespace(**{"name": name, "dt": 1e-3, "kind": "", "rule": rule, **log})
+    theta = 2 * math.pi / 100 * np.arange(600)
+    columns = np.column_stack((np.ones(600), np.cos(6 * theta), np.sin(6 * theta)))
+    y = columns @ [friction, wave.real, wave.imag] + np.random.default_rng(len(name)).normal(0, 1e-3, 600)
+    names = (("c",), ("cogging", 6, "c"), ("cogging", 6, "s"))
+    return Rows(own, names, columns, y, 0 * columns, theta, theta, theta)
+
+
+def told(*rows: Rows) -> tuple[list[str], list[str]]:
+    """What is said of these logs, and what is left out."""
+    left: list[str] = []
+    fit = fit_of({("c",): 0.5, ("cogging", 6, "c"): 0.3, ("cogging", 6, "s"): 0.0})
+    return findings.between_logs(rows, fit, Model(cogging=(6,)), left), left
+
+
+def test_friction_that_differs_by_a_fifth_is_told() -> None:
+    """Of turning logs whose load is known, and where no two sessions have names."""
+    one, alike, other = rows_with("a", 0.45, 0.3), rows_with("bb", 0.545, 0.3), rows_with("ccc", 0.555, 0.3)
+    assert told(one, alike) == ([], [])
+    assert told(other, one) == (
+        [
+            "Sessions differ: friction 0.45 A in a and 0.555 A in ccc; identify each session by itself, or "
+            "warm the motor up first."
+        ],
+        [],
+    )
+    for log in ({"kind": "load"}, {"dt": 0.0}):
+        assert told(one, rows_with("ccc", 0.7, 0.3, **log)) == ([], [])
+    named = rows_with("a", 0.45, 0.3, "cold"), rows_with("ccc", 0.7, 0.3, "warm")
+    assert told(*named) == ([], []) and told(named[0], rows_with("ccc", 0.7, 0.3)) != ([], [])
+
+
+@pytest.mark.parametrize(("turn", "turned"), [(0.36, True), (0.34, False), (-0.36, True)])
+def test_cogging_that_is_turned_between_logs_has_no_place(turn: float, turned: bool) -> None:
+    """Against the log that shows it most clearly; by 0.35 rad of the strongest order, or more."""
+    first, other = (
+        rows_with("a", 0.5, 0.4),
+        rows_with("bb", 0.5, 0.3 * complex(math.cos(turn), math.sin(turn))),
+    )
+    said, left = told(other, first)
+    assert left == ["Cogging is left out, since its place differs between the logs."] * turned
+    assert (
+        said
+        == [
+            f"bb: order 6 is turned by {math.degrees(turn):.0f} deg against a, "
+            f"{math.degrees(abs(turn)) / 6:.2g} deg of the rotor or more: the index has slipped, or the "
+            "encoder counts from where it was switched on; find the index before each log."
+        ]
+        * turned
+    )
+    hidden = rows_with("bb", 0.5, 1e-3 * complex(math.cos(turn), math.sin(turn)))  # within its noise
+    assert told(hidden, first) == ([], [])
