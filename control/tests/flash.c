@@ -67,13 +67,12 @@ static cgl_flash_result read(void *context, uint32_t slot, uint32_t offset, uint
     flash *all = context;
     CHECK(slot < 2U && offset <= all->size && count <= all->size - offset);
     memcpy(bytes, &all->byte[slot][offset], count);
-    const bool last = all->reads == 1U, fails = all->broken && all->reads <= 1U;
+    const bool wrong = all->reads == 1U;
     all->reads -= all->reads > 0U ? 1U : 0U;
-    all->broken = all->broken && !last;
-    if (last && !fails) {
+    if (wrong && !all->fails) {
         bytes[0] ^= 1U;
     }
-    return fails ? CGL_FLASH_FAILED : CGL_FLASH_DONE;
+    return all->broken || (wrong && all->fails) ? CGL_FLASH_FAILED : CGL_FLASH_DONE;
 }
 
 cgl_map_store_config flash_config(flash *all, uint32_t motor)

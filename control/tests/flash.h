@@ -21,7 +21,8 @@ typedef struct {
     erase_manner manner;
     bool slow;            /* every second call says CGL_FLASH_BUSY */
     bool broken;          /* reads fail */
-    uint32_t reads;       /* of which the last gives another byte, or fails where it is `broken`; 0: any may, as that is */
+    uint32_t reads;       /* the last of so many goes wrong, 0: none; it gives another byte, or fails */
+    bool fails;
     bool locked;          /* erases and writes change nothing, and nobody is told */
     uint32_t calls, erases, writes;
 } flash;

@@ -1,5 +1,5 @@
-/* The tests that need no Python: random inputs, the README's example, a calibration that is long for a float, and what
- * the transcriptions in NumPy say of the same inputs.
+/* The tests that need no Python: known answers, random inputs, the README's example, a calibration that is long for a float, and
+ * what the transcriptions in NumPy say of the same inputs.
  * cogless_control_tests [CONFIGS]: so many random configs for each law, 300 steps or more each; default 500, and never fewer
  * than have a checksum. */
 #include <stdio.h>
@@ -11,6 +11,7 @@
 #include "cogless/quality.h"
 #include "control.h"
 #include "guarded.h"
+#include "known_answers.h"
 #include "memories.h"
 #include "parts.h"
 #include "random_inputs.h"
@@ -90,6 +91,7 @@ int main(int count, char **arguments)
 {
     const long asked = count > 1 ? strtol(arguments[1], NULL, 10) : 500L;
     const long configs = asked > CHECKED_CONFIGS ? asked : CHECKED_CONFIGS;
+    known_answers();
     golden_vectors();
     memories();
     guarded(configs);

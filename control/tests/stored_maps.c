@@ -111,6 +111,18 @@ static void save_and_expect(const cgl_map_store_config *config, owner *o, uint32
     CHECK(load(config, o, &found) == CGL_MAP_OK && knows(&found, which));
 }
 
+/* New flash, in which maps 1 to `which` of a new owner have been saved. */
+static cgl_map_store_config after_saves(flash *all, uint32_t write_size, owner *o, uint32_t channels, uint32_t cells, uint32_t which)
+{
+    flash_clear(all, write_size);
+    make(o, channels, cells);
+    const cgl_map_store_config config = flash_config(all, MOTOR);
+    for (uint32_t n = 1; n <= which; ++n) {
+        save_and_expect(&config, o, n);
+    }
+    return config;
+}
+
 /* ---- power lost at every byte ---- */
 
 static void lose_power(uint32_t channels, uint32_t cells, uint32_t write_size, erase_manner manner, uint32_t before)
@@ -179,10 +191,7 @@ static void flip_every_bit(uint32_t channels, uint32_t cells, uint32_t write_siz
 {
     static flash all;
     owner o, found;
-    flash_clear(&all, write_size);
-    const cgl_map_store_config config = flash_config(&all, MOTOR);
-    make(&o, channels, cells);
-    save_and_expect(&config, &o, 1U);
+    const cgl_map_store_config config = after_saves(&all, write_size, &o, channels, cells, 1U);
     for (uint32_t bit = 0; bit < 8U * CGL_MAP_STORED_LENGTH(channels, cells, write_size); ++bit) {
         uint8_t *byte = &all.byte[0][bit / 8U];
         *byte = (uint8_t)(*byte ^ 1U << bit % 8U);
@@ -198,11 +207,7 @@ static void fall_back(void)
 {
     static flash all;
     owner o, found;
-    flash_clear(&all, 8U);
-    const cgl_map_store_config config = flash_config(&all, MOTOR);
-    make(&o, 1U, 50U);
-    save_and_expect(&config, &o, 1U);
-    save_and_expect(&config, &o, 2U);
+    const cgl_map_store_config config = after_saves(&all, 8U, &o, 1U, 50U, 2U);
     all.byte[1][100] ^= 4U;
     CHECK(load(&config, &o, &found) == CGL_MAP_OK && knows(&found, 1U));
     save_and_expect(&config, &o, 3U);
@@ -303,10 +308,7 @@ static void refuse_numbers(void)
     static const uint32_t bad[] = {0x7F800000U, 0xFF800000U, 0x7FC00000U, 0xFFFFFFFFU, 0x7F800001U, 0x3F800001U, 0xBF800001U};
     static flash all;
     owner o, found;
-    flash_clear(&all, 4U);
-    const cgl_map_store_config config = flash_config(&all, MOTOR);
-    make(&o, 1U, 10U);
-    save_and_expect(&config, &o, 1U);
+    const cgl_map_store_config config = after_saves(&all, 4U, &o, 1U, 10U, 1U);
     for (uint32_t n = 0; n < sizeof bad / sizeof bad[0]; ++n) {
         for (uint32_t byte = 0; byte < 4U; ++byte) {
             all.byte[0][CGL_MAP_HEADER + 36U + byte] = (uint8_t)(bad[n] >> 8U * byte);
@@ -380,10 +382,7 @@ static void number_saves(void)
     static flash all;
     owner o, found;
     for (uint32_t n = 0; n < sizeof numbers / sizeof numbers[0]; ++n) {
-        flash_clear(&all, 8U);
-        const cgl_map_store_config config = flash_config(&all, MOTOR);
-        make(&o, 1U, 12U);
-        save_and_expect(&config, &o, 1U);
+        const cgl_map_store_config config = after_saves(&all, 8U, &o, 1U, 12U, 1U);
         set_header(&all, 0U, 8U, 4U, numbers[n]);
         for (uint32_t which = 2; which < 6U; ++which) {
             save_and_expect(&config, &o, which);
@@ -502,11 +501,7 @@ static void notice_locked_flash(void)
 {
     static flash all;
     owner o, found;
-    flash_clear(&all, 8U);
-    const cgl_map_store_config config = flash_config(&all, MOTOR);
-    make(&o, 1U, 12U);
-    save_and_expect(&config, &o, 1U);
-    save_and_expect(&config, &o, 2U);
+    const cgl_map_store_config config = after_saves(&all, 8U, &o, 1U, 12U, 2U);
     all.locked = true;
     for (uint32_t which = 1; which < 4U; which += 2U) {
         cgl_map_store store = started(&config);
@@ -521,9 +516,7 @@ static void look_again(void)
 {
     static flash all, before;
     owner o, found;
-    flash_clear(&all, 8U);
-    const cgl_map_store_config config = flash_config(&all, MOTOR);
-    make(&o, 1U, 12U);
+    const cgl_map_store_config config = after_saves(&all, 8U, &o, 1U, 12U, 0U);
     cgl_map_store store = started(&config);
     for (uint32_t which = 1; which < 5U; ++which) {
         learn(&o, which);
@@ -540,22 +533,17 @@ static void look_again(void)
 }
 
 /* Flash that fades, or fails once, during a load: the result is the whole newest map, the older one, or none. */
-static void fade(bool broken)
+static void fade(bool fails)
 {
     static flash all;
     owner o, found;
-    flash_clear(&all, 8U);
-    const cgl_map_store_config config = flash_config(&all, MOTOR);
-    make(&o, 2U, 40U);
-    save_and_expect(&config, &o, 1U);
-    save_and_expect(&config, &o, 2U);
+    const cgl_map_store_config config = after_saves(&all, 8U, &o, 2U, 40U, 2U);
+    all.fails = fails;
     uint32_t whole = 0U, older = 0U, cleared = 0U, untouched = 0U;
     for (uint32_t reads = 1; reads < 100U; ++reads) {
         all.reads = reads;
-        all.broken = broken;
         const cgl_map_result result = load(&config, &o, &found);
         all.reads = 0U;
-        all.broken = false;
         bool zero = true;
         for (uint32_t n = 0; n < o.map.channels * o.map.cells; ++n) {
             zero = zero && within(*at(&found, n), CGL_R(0.0));

@@ -1,0 +1,201 @@
+/* Parts and laws with inputs whose answer is known: from the field that they work on, or in closed form. */
+#include "known_answers.h"
+
+#include "check.h"
+#include "cogless/adrc.h"
+#include "cogless/angle.h"
+#include "cogless/calibration.h"
+#include "cogless/encoder.h"
+#include "cogless/encoder_table.h"
+#include "cogless/feedforward.h"
+#include "cogless/harmonic.h"
+#include "cogless/map.h"
+
+/* Numbers that logs and other programs know. */
+static void keep_the_numbers(void)
+{
+    static const int status[] = {CGL_STATUS_SATURATED,     CGL_STATUS_FAULT,       CGL_STATUS_FROZEN,  CGL_STATUS_BUSY, CGL_STATUS_ANGLE_LOST,
+                                 CGL_STATUS_ANGLE_SHIFTED, CGL_STATUS_ANGLE_STUCK, CGL_STATUS_CURRENT, CGL_STATUS_BUS,  CGL_STATUS_OUTLIER,
+                                 CGL_STATUS_OFF,           CGL_STATUS_GUARDED};
+    static const int result[] = {CGL_MAP_OK,           CGL_MAP_BUSY,         CGL_MAP_NONE,         CGL_MAP_DAMAGED,   CGL_MAP_OTHER_VERSION,
+                                 CGL_MAP_OTHER_MOTOR,  CGL_MAP_OTHER_MOTION, CGL_MAP_OTHER_LAYOUT, CGL_MAP_BAD_VALUE, CGL_MAP_FLASH_FAILED,
+                                 CGL_MAP_CHANGED,      CGL_MAP_LEARNING,     CGL_MAP_NO_ROOM,      CGL_MAP_BY_TIME,   CGL_MAP_INVALID};
+    for (int n = 0; n < 12; ++n) {
+        CHECK(status[n] == 1 << n);
+    }
+    for (int n = 0; n < 15; ++n) {
+        CHECK(result[n] == n);
+    }
+}
+
+/* Readings are unwrapped the shorter way. At the index the rotor is at zero, whatever its angle was thought to be. */
+static void turn_an_encoder(void)
+{
+    const cgl_encoder_config config = {.counts = 1000U, .range = 65536U, .zero = 250U};
+    static const uint32_t reading[] = {110U, 102U, 65530U, 4U, 1004U}, position[] = {10U, 2U, 894U, 904U, 904U};
+    cgl_encoder encoder;
+    CHECK(cgl_encoder_init(&encoder, &config, 100U) == CGL_OK && !encoder.placed);
+    for (int n = 0; n < 5; ++n) {
+        cgl_encoder_step(&encoder, reading[n]);
+        CHECK(encoder.position == position[n] && encoder.count == reading[n] - 100U - (n == 2 ? 65536U : 0U));
+        CHECK(within(cgl_radians(encoder.turns) - CGL_TWO_PI * (cgl_real)position[n] / CGL_R(1000.0), CGL_R(1.0e-6)));
+    }
+    cgl_encoder_index(&encoder, 1010U); /* 6 counts ahead of the last reading */
+    CHECK(encoder.position == 244U && encoder.placed);
+    cgl_encoder_index(&encoder, 65530U); /* and 1010 behind */
+    CHECK(encoder.position == 260U);
+}
+
+/* Three sensors with offsets, read ten times: their means; and none where one of them moves by more than the spread. */
+static void average_offsets(void)
+{
+    const cgl_offsets_config config = {.samples = 10U, .phases = 3U, .spread = CGL_R(0.05), .largest = CGL_R(0.5)};
+    cgl_offsets offsets;
+    for (uint32_t moving = 0; moving < 4U; ++moving) { /* 3: none */
+        CHECK(cgl_offsets_init(&offsets, &config) == CGL_OK);
+        for (uint32_t n = 0; n < 10U; ++n) {
+            const cgl_real more = n == 2U ? CGL_R(0.04) : CGL_R(0.0);
+            cgl_real i_abc[3] = {CGL_R(0.1) + more, CGL_R(-0.2) + more, CGL_R(0.3) + more};
+            if (moving < 3U && n == 7U) {
+                i_abc[moving] -= CGL_R(0.02);
+            }
+            const cgl_calibration good = n < 9U ? CGL_CALIBRATION_BUSY : CGL_CALIBRATION_DONE;
+            CHECK(cgl_offsets_step(&offsets, i_abc) == (moving < 3U && n >= 7U ? CGL_CALIBRATION_FAILED : good));
+        }
+    }
+    CHECK(within(offsets.mean[0] - CGL_R(0.104), CGL_R(1.0e-6)) && within(offsets.mean[1] + CGL_R(0.196), CGL_R(1.0e-6)));
+    CHECK(within(offsets.mean[2] - CGL_R(0.304), CGL_R(1.0e-6)));
+}
+
+/* A sensor off its middle, at a speed that the current does not change: its error is learned, and taken out of angle and speed. */
+static void see_through_a_sensor(void)
+{
+    const cgl_encoder_table_config config = {.orders = 2U, .order = {1U, 2U}, .gain = CGL_R(2.0), .omega_min = CGL_R(20.0),
+                                             .bandwidth = CGL_R(2.0), .limit = CGL_R(0.05)};
+    const cgl_real ts = CGL_R(1.0e-3), omega = CGL_R(100.0);
+    cgl_encoder_table table;
+    cgl_real off = CGL_R(0.0), slips = CGL_R(0.0);
+    CHECK(cgl_encoder_table_init(&table, &config, ts) == CGL_OK);
+    for (int n = 0; n < 8000; ++n) {
+        const cgl_real theta = cgl_fraction(omega * ts * (cgl_real)n / CGL_TWO_PI) * CGL_TWO_PI;
+        cgl_real sine, cosine, sine_2, cosine_2;
+        cgl_sincos(theta, &sine, &cosine);
+        cgl_sincos(CGL_R(2.0) * theta, &sine_2, &cosine_2);
+        cgl_measurement now = {.theta_m = theta + CGL_R(0.01) * cosine + CGL_R(0.004) * sine_2,
+                               .omega_m = omega * (CGL_R(1.0) - CGL_R(0.01) * sine + CGL_R(0.008) * cosine_2)};
+        cgl_encoder_table_step(&table, &now, CGL_R(0.0), true);
+        if (n >= 7900) {
+            const cgl_real wrong = cgl_abs(now.theta_m - theta), slip = cgl_abs(now.omega_m - omega);
+            off = wrong > off && wrong < CGL_R(6.0) ? wrong : off;
+            slips = slip > slips ? slip : slips;
+        }
+    }
+    CHECK(table.learning && within(table.a[0] - CGL_R(0.01), CGL_R(3.0e-4)) && within(table.c[1] - CGL_R(0.004), CGL_R(2.0e-4)));
+    CHECK(off < CGL_R(5.0e-4) && slips < CGL_R(0.05));
+}
+
+/* A rotor that is nothing but inertia, and a load: the observer finds the load, and the speed has no error left. */
+static void reject_a_load(void)
+{
+    const cgl_real ts = CGL_R(1.0e-3), load = CGL_R(-30.0); /* [rad/s^2] */
+    const cgl_adrc_config config = {.b = CGL_R(100.0), .omega_c = CGL_R(20.0), .omega_o = CGL_R(100.0), .limit = CGL_R(5.0)};
+    cgl_adrc law;
+    cgl_law_input in = {.omega_ref = CGL_R(10.0), .learn = true};
+    cgl_law_output out;
+    CHECK(cgl_adrc_init(&law, &config, ts) == CGL_OK);
+    for (int n = 0; n < 2000; ++n) {
+        cgl_adrc_step(&law, &in, &out);
+        in.omega_m += ts * (config.b * out.i_q_ref + load);
+    }
+    CHECK(within(in.omega_m - in.omega_ref, CGL_R(1.0e-3)) && within(law.omega - in.omega_m, CGL_R(1.0e-3)));
+    CHECK(within(law.f - load, CGL_R(0.05)) && within(out.i_q_ref + load / config.b, CGL_R(1.0e-3)));
+    CHECK(within(law.rejected + law.proportional - out.i_q_ref, CGL_R(1.0e-6)));
+}
+
+/* A rotor [rad, rad/s] that cogs, seen by a sensor off its middle: the ripple of its true speed in the last of so many seconds. */
+static cgl_real ripple_of(cgl_harmonic *law, cgl_real rotor[2], cgl_real reference, int seconds)
+{
+    const cgl_real ts = CGL_R(1.0e-3), off = CGL_R(0.01);
+    cgl_real low = reference, high = reference, sine, cosine;
+    for (int n = 0; n < 1000 * seconds; ++n) {
+        cgl_sincos(rotor[0], &sine, &cosine);
+        cgl_real shown = rotor[0] + off * cosine;
+        shown += shown < CGL_R(0.0) ? CGL_TWO_PI : CGL_R(0.0);
+        const cgl_law_input in = {.omega_ref = reference, .omega_m = rotor[1] * (CGL_R(1.0) - off * sine), .theta_m = shown,
+                                  .learn = true};
+        cgl_law_output out;
+        cgl_harmonic_step(law, &in, &out);
+        for (int part = 0; part < 4; ++part) {
+            cgl_sincos(CGL_R(6.0) * rotor[0], &sine, &cosine);
+            const cgl_real alpha = law->config.b * out.i_q_ref + CGL_R(50.0) * cosine + CGL_R(40.0) * (cosine * cosine - sine * sine);
+            rotor[1] += CGL_R(0.25) * ts * alpha;
+            rotor[0] = cgl_fraction((rotor[0] + CGL_R(0.25) * ts * rotor[1]) / CGL_TWO_PI) * CGL_TWO_PI;
+        }
+        if (n >= 1000 * (seconds - 1)) {
+            low = rotor[1] < low ? rotor[1] : low;
+            high = rotor[1] > high ? rotor[1] : high;
+        }
+    }
+    return high - low;
+}
+
+/* The amplitudes are those of the cogging, and the bend is the sensor's; a new speed is learned at once. */
+static void learn_orders(void)
+{
+    static cgl_real cell[CGL_HARMONIC_LENGTH(4U)];
+    const cgl_harmonic_config config = {.pi = {CGL_R(0.06), CGL_R(0.9), CGL_R(3.0)}, .b = CGL_R(800.0), .base = 6U, .bends = 1U,
+                                        .orders = 4U, .rate = CGL_R(8.0), .rate_min = CGL_R(0.5), .limit = CGL_R(1.0)};
+    cgl_harmonic law;
+    cgl_real rotor[2] = {CGL_R(0.0), CGL_R(20.0)};
+    CHECK(cgl_harmonic_init(&law, &config, CGL_R(1.0e-3), cell, CGL_HARMONIC_LENGTH(4U)) == CGL_OK);
+    const cgl_real early = ripple_of(&law, rotor, CGL_R(20.0), 1);
+    (void)ripple_of(&law, rotor, CGL_R(20.0), 4);
+    CHECK(within(law.bend.share, CGL_R(0.0))); /* a bend is not believed before it stands out from how its turns differ */
+    (void)ripple_of(&law, rotor, CGL_R(20.0), 1);
+    CHECK(law.bend.share > CGL_R(0.5) && law.bend.share < CGL_R(0.8));
+    CHECK(ripple_of(&law, rotor, CGL_R(20.0), 3) < CGL_R(0.15) * early);
+    CHECK(within(cell[0] + CGL_R(50.0) / config.b, CGL_R(5.0e-4)) && within(cell[1] + CGL_R(40.0) / config.b, CGL_R(5.0e-4)));
+    CHECK(within(cell[4], CGL_R(2.0e-3)) && within(cell[5], CGL_R(2.0e-3)));
+    CHECK(within(law.bend.part[0] - CGL_R(0.01), CGL_R(2.5e-3)) && within(law.bend.part[1], CGL_R(2.0e-3)));
+    CHECK(law.bend.share > CGL_R(0.95) && within(law.time - CGL_R(8.94), CGL_R(0.05)));
+    CHECK(ripple_of(&law, rotor, CGL_R(45.0), 2) < CGL_R(0.25) * early);
+    CHECK(within(law.time - CGL_R(2.0), CGL_R(0.05)) && law.rate > CGL_R(1.2) && law.rate < CGL_R(1.5)); /* it learns anew there */
+    (void)ripple_of(&law, rotor, CGL_R(12.0), 2);
+    CHECK(within(law.time - CGL_R(2.0), CGL_R(0.1))); /* and there; a speed between earlier ones isn't new */
+    (void)ripple_of(&law, rotor, CGL_R(30.0), 1);
+    (void)ripple_of(&law, rotor, CGL_R(15.0), 1);
+    CHECK(within(law.time - CGL_R(4.0), CGL_R(0.2)));
+    cgl_harmonic_config lower = config;
+    lower.limit = CGL_R(0.02);
+    CHECK(cgl_harmonic_retune(&law, &lower) == CGL_OK && within(cell[0] + lower.limit, CGL_R(1.0e-6)));
+}
+
+/* The filter against its difference equation; it begins at rest. */
+static void feed_forward(void)
+{
+    const cgl_feedforward_config config = {.numerator = 2U, .denominator = 3U, .preview = 1U, .num = {CGL_R(1.0), CGL_R(0.5)},
+                                           .den = {CGL_R(1.0), CGL_R(-0.5), CGL_R(0.25)}};
+    const cgl_real y[4] = {CGL_R(1.0), CGL_R(2.0), CGL_R(-1.0), CGL_R(4.0)}, gain = CGL_R(1.5) / CGL_R(0.75);
+    cgl_real before = gain * y[0], before_that = before;
+    cgl_feedforward feedforward;
+    CHECK(cgl_feedforward_init(&config, &feedforward) == CGL_OK);
+    cgl_feedforward_reset(&config, &feedforward, y[0]);
+    for (uint32_t p = 0; p < 12U; ++p) {
+        const cgl_real now = y[p < 3U ? p : 3U], next = y[p + 1U < 3U ? p + 1U : 3U];
+        const cgl_real f = next + CGL_R(0.5) * now + CGL_R(0.5) * before - CGL_R(0.25) * before_that;
+        CHECK(within(cgl_feedforward_step(&config, &feedforward, y, 4U, p) - f, CGL_R(1.0e-5)));
+        before_that = before;
+        before = f;
+    }
+}
+
+void known_answers(void)
+{
+    keep_the_numbers();
+    turn_an_encoder();
+    average_offsets();
+    see_through_a_sensor();
+    reject_a_load();
+    learn_orders();
+    feed_forward();
+}
