@@ -6,6 +6,7 @@ The measure is Gamma of harmonic_transfer.py: where an order may be turned again
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,6 +85,9 @@ def _halls(study: Study) -> tuple[float, int]:
 def _orders(study: Study, law: Harmonic) -> tuple[int, int]:
     """The lowest order, whose multiples are learned, and the highest.
 
+    Cogging has only multiples of the greatest common divisor of slots and poles, their lowest common multiple
+    foremost.
+
     Hall sensors are off their places once per electrical revolution: from there on an order may be theirs.
     What they show below are the load's orders.
     """
@@ -91,27 +95,25 @@ def _orders(study: Study, law: Harmonic) -> tuple[int, int]:
         base = law.base or 1
         return base, max(base, study.motor.pole_pairs - 1)
     poles, slots = _poles_and_slots(study)
-    common = math.lcm(slots or poles, poles)
+    base, main = math.gcd(slots or poles, poles), math.lcm(slots or poles, poles)
     slowest = min((s.slowest for s in study.scenario.values() if s.slowest), default=0.0)
     sampled = SPLIT / (slowest * speed_loop(study).period) if slowest else math.inf
-    return law.base or _base(study), int(max(common, min(FULLEST * common, sampled)))
+    highest = int(max(main, min(FULLEST * main, sampled)))
+    cogging = [wave.order for wave in study.motor.star().cogging if wave.torque and wave.order <= highest]
+    return law.base or _reaching(base, [main, *cogging], 3 * poles), highest
 
 
-def _base(study: Study) -> int:
-    """The greatest common divisor of slots and poles: cogging has only its multiples.
+def _reaching(base: int, cogging: Sequence[int], inverter: int) -> int:
+    """The base, or its least multiple of which `ORDERS` reach the highest order of the cogging.
 
-    Where `ORDERS` of them end below the main order or one that the motor is told to have, its least multiple
-    that divides these and the inverter's: then what an uneven magnet or tooth adds is left out.
+    It divides all orders of cogging and inverter, but may leave out what an uneven magnet or tooth adds. If
+    there is none, the base remains.
     """
-    poles, slots = _poles_and_slots(study)
-    base, common = math.gcd(slots or poles, poles), math.lcm(slots or poles, poles)
-    cogging = [wave.order for wave in study.motor.star().cogging if wave.torque]
-    highest = max([common, *cogging])
-    if base * ORDERS >= highest:
+    if base * ORDERS >= max(cogging):
         return base
-    shared = math.gcd(common, 3 * poles, *cogging)
-    fitting = (n for n in range(base, shared + 1, base) if shared % n == 0 and n * ORDERS >= highest)
-    return next(fitting, base)
+    shared = math.gcd(*cogging, inverter)
+    multiples = (n for n in range(base, shared + 1, base) if shared % n == 0 and n * ORDERS >= max(cogging))
+    return next(multiples, base)
 
 
 def delay_of(loop: SpeedLoop) -> float:

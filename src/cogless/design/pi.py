@@ -93,7 +93,9 @@ class SpeedLoop:
 
     def plant(self, w: Real) -> tuple[Complex, Complex]:
         """P(jw), from current reference to measured speed, and the response to the sampled angle, rad/A."""
-        return self._plant(w) if len(w) == 1 else _on_grid(self, w.tobytes())
+        if len(w) == 1:  # a step of a search, which comes once
+            return self._plant(w)
+        return _on_grid(self, np.asarray(w, dtype=float).tobytes())
 
     def _plant(self, w: Real) -> tuple[Complex, Complex]:
         speed, theta = self._sampled(w)
