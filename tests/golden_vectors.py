@@ -144,19 +144,19 @@ def memory(rng: np.random.Generator, m: AngleMemory | DelayLine, speeds: list[fl
     return case([*memory_config(m), ts, m.ratio], rows, entries)
 
 
-def steady_inputs(steps: int, ts: float) -> list[PositionInput]:
+def steady_inputs(steps: int, ts: float, omega: float) -> list[PositionInput]:
     """A rotor whose angle has ripple of orders 6 and 24 under an eccentric sensor; once no angle."""
     rows = []
     for n in range(steps):
-        turned = 1.0 + 10.0 * ts * n
+        turned = 1.0 + omega * ts * n
         turned += 2e-4 * math.cos(6 * turned) + 5e-5 * math.sin(24 * turned)
         seen = turned + 0.01 * math.cos(turned)
         values = [
             turned,
-            10.0,
+            omega,
             0.0,
             math.nan if n == 900 else seen % math.tau,
-            10.0 + 0.1 * math.sin(6 * turned),
+            omega + 0.1 * math.sin(6 * turned),
         ]
         rows.append(PositionInput(*single(values), learn=n % 700 < 695))
     return rows
@@ -349,9 +349,13 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
         rates = single([8.0, 1.0, 1.5])
         held = single([0.1, 0.14, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # the second of them
         step = single(1e-3)
-        one = Harmonic(Pi(kp, ki, ts, limit), *numbers, 6, 5, *rates, tuple(held), sensor_step=step)
-        config = [kp, ki, limit, 0.0, *numbers, step, 6, 2, 5, *rates, *held]
-        return [law(rng(), one, config, ts, True, steady_inputs(1500, ts))]
+
+        def at(omega: float, base: int, steps: int) -> list:
+            one = Harmonic(Pi(kp, ki, ts, limit), *numbers, base, 5, *rates, tuple(held), sensor_step=step)
+            config = [kp, ki, limit, 0.0, *numbers, step, base, 2, 5, *rates, *held]
+            return law(rng(), one, config, ts, True, steady_inputs(steps, ts, omega))
+
+        return [at(10.0, 6, 1500), at(single(30.0), 12, 400)]  # slow orders; one slow and four quick ones
 
     return {
         "pi": lambda: [pi(rng())],
