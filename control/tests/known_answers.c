@@ -166,6 +166,11 @@ static void learn_orders(void)
     (void)ripple_of(&law, rotor, CGL_R(15.0), 1);
     CHECK(within(law.time - CGL_R(4.0), CGL_R(0.2)));
     cgl_harmonic_config lower = config;
+    lower.delay = CGL_R(16.0) * law.pi.ts; /* the longest */
+    CHECK(cgl_harmonic_retune(&law, &lower) == CGL_OK);
+    lower.delay = CGL_R(17.0) * law.pi.ts;
+    CHECK(cgl_harmonic_retune(&law, &lower) == CGL_ERROR_CONFIG);
+    lower = config;
     lower.limit = CGL_R(0.02);
     CHECK(cgl_harmonic_retune(&law, &lower) == CGL_OK && within(cell[0] + lower.limit, CGL_R(1.0e-6)));
 }
