@@ -26,8 +26,8 @@ build() { # name, sources
 fuzz() { # name
   mkdir -p "$out/$1.corpus"
   begin=$(date +%s)
-  if ! "$out/$1" -runs="$runs" -seed="${SEED:-1}" -max_len=512 -len_control=0 -timeout=10 -artifact_prefix="$out/$1-" \
-      "$out/$1.corpus" >"$out/$1.log" 2>&1; then
+  if ! "$out/$1" -runs="$runs" -seed="${SEED:-1}" -max_len=512 -len_control=0 -entropic=0 -timeout=10 \
+      -artifact_prefix="$out/$1-" "$out/$1.corpus" >"$out/$1.log" 2>&1; then
     printf '%-24s FAILED\n' "$1"
     grep -E -m3 '^control/|runtime error|ERROR: Add' "$out/$1.log" || tail -n 5 "$out/$1.log"
     return 1
@@ -40,12 +40,13 @@ if [ "${3:-}" ]; then # one target, for xargs below
   fuzz "$3"
   exit
 fi
+# Comparisons tell the fuzzer a map's magic numbers; of a controller's scaled numbers they tell nothing, and take half the time.
 build map_store "$here/map_store.c"
 build map_store-double -DCOGLESS_DOUBLE "$here/map_store.c"
 names="map_store map_store-double"
 for law in "$here"/law_*.c; do
   name=$(basename "$law" .c)
-  build "${name#law_}" "$here/controller.c" "$law"
+  build "${name#law_}" -fno-sanitize-coverage=trace-cmp "$here/controller.c" "$law"
   names="$names ${name#law_}"
 done
 for name in $names; do echo "$name"; done | xargs -P "$jobs" -I{} "$0" "$runs" "$jobs" {}
