@@ -215,6 +215,10 @@ static void try_encoder_table(void)
             config = cgl_encoder_table_retune(&table, &other) == CGL_OK ? other : config;
             CHECK(within(table.config.gain - config.gain, CGL_R(0.0)) && within(table.config.limit - config.limit, CGL_R(0.0)));
         }
+        if (random_below(500) == 0U) {
+            cgl_encoder_table_reset(&table);
+            CHECK(!table.learning && table.wait == table.settle);
+        }
         const bool wild = random_below(4) == 0U;
         theta = cgl_fraction((theta + CGL_R(0.01) * omega) / CGL_TWO_PI) * CGL_TWO_PI;
         cgl_measurement now = {{CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)}, wild ? random_real(CGL_R(7.0)) : theta,
@@ -319,7 +323,7 @@ void try_parts(long configs)
         {"speed", try_speed, 0x3989de0eU, 0x2510e6bcU},
         {"angle_observer", try_angle_observer, 0xfc9c7959U, 0x7dfbe762U},
         {"encoder", try_encoder, 0x169f7619U, 0x169f7619U},
-        {"encoder_table", try_encoder_table, 0x3ceb90c7U, 0xc6a22952U},
+        {"encoder_table", try_encoder_table, 0xe996691cU, 0x4e87504eU},
         {"calibration", try_calibration, 0xe681e117U, 0x5669f70bU},
         {"low_pass", try_low_pass, 0x3fdd7ae4U, 0x576bdf15U},
         {"hall", try_hall, 0xb8415665U, 0x3a0696a6U},

@@ -715,7 +715,9 @@ static void try_harmonic(void)
             CHECK((uint32_t)law.cosine[2U * config.orders + k] == config.base * (k + 1U));
         }
         CHECK(within(out.i_q_ref, config.pi.limit));
-        hear(law.learned);
+        const cgl_real state[] = {law.learned, law.rate, law.time, law.anchor, law.omega, law.load};
+        hear_all(state, sizeof state / sizeof state[0]);
+        hear_terms(law.bend.part, sizeof law.bend.part);
         CHECK(within(law.learned, config.limit));
         CHECK(within(law.pi.integral, config.pi.limit));
         check_cells(2U * config.orders, config.limit);
@@ -1416,7 +1418,7 @@ void random_inputs(long configs)
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0xf52cfd5eU, 0xf57c209aU},
         {"adrc", try_adrc, 0x23a4b363U, 0x45fa9ca1U},
-        {"harmonic", try_harmonic, 0xdff3d5a9U, 0x08db6315U},
+        {"harmonic", try_harmonic, 0xd24dd349U, 0xd178a1b9U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
