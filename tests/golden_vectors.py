@@ -347,7 +347,7 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
         ts = single(1e-3)
         numbers = single([800.0, 0.4e-3])
         rates = single([8.0, 1.0, 1.5])
-        held = single([0.1, 0.14, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # the second of them
+        held = single([0.1, 0.14, 0.28, 0.32, 0.0, 0.0, 0.0, 0.0])  # at first the second order and the fifth
         step = single(1e-3)
 
         def at(omega: float, base: int, steps: int) -> list:

@@ -111,6 +111,8 @@ static void what_gains_nothing(void)
     begin();
     const double learned = run(200.0, 1.0, 0.0, true);
     CHECK(learned > 97.0 && learned < 101.0 && guard.phase == CGL_GUARD_PROBE);
+    (void)run(0.2, 1.0, 0.0, true);
+    CHECK(within(guard.share - CGL_R(0.9), CGL_R(0.01))); /* in half a second, for the feedback to take over */
     CHECK(run(20.0, 1.0, 0.0, true) < 6.0 && guard.phase == CGL_GUARD_LEARN && guard.gentle == 1U);
 }
 

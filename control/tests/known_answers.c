@@ -73,8 +73,11 @@ static void see_through_a_sensor(void)
     const cgl_encoder_table_config config = {.orders = 2U, .order = {1U, 2U}, .gain = CGL_R(2.0), .omega_min = CGL_R(20.0),
                                              .bandwidth = CGL_R(2.0), .limit = CGL_R(0.05)};
     const cgl_real ts = CGL_R(1.0e-3), omega = CGL_R(100.0);
+    cgl_encoder_table_config twice = config;
+    twice.order[1] = 1U;
     cgl_encoder_table table;
     cgl_real off = CGL_R(0.0), slips = CGL_R(0.0);
+    CHECK(cgl_encoder_table_init(&table, &twice, ts) == CGL_ERROR_CONFIG);
     CHECK(cgl_encoder_table_init(&table, &config, ts) == CGL_OK);
     for (int n = 0; n < 8000; ++n) {
         const cgl_real theta = cgl_fraction(omega * ts * (cgl_real)n / CGL_TWO_PI) * CGL_TWO_PI;
