@@ -1409,6 +1409,7 @@ static void try_adrc(void)
         hear(out.i_q_ref);
         hear(law.f);
         hear(law.proportional);
+        hear(law.rejected);
         check_off(&in, &out);
         CHECK(within(out.i_q_ref, config.limit));
         CHECK(within(law.f, config.b * config.limit) && cgl_is_finite(law.omega) && cgl_is_finite(law.proportional));

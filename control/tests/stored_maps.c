@@ -123,6 +123,25 @@ static cgl_map_store_config after_saves(flash *all, uint32_t write_size, owner *
     return config;
 }
 
+/* SPEC.md, the header: its numbers, low byte first. */
+static void describe_a_map(void)
+{
+    static flash all;
+    owner o;
+    flash_clear(&all, 8U);
+    const cgl_map_store_config config = flash_config(&all, MOTOR);
+    make(&o, 3U, 8U);
+    o.map.ratio = 2U;
+    learn(&o, 1U);
+    cgl_map_store store = started(&config);
+    CHECK(save(&store, &o) == CGL_MAP_OK);
+    const uint32_t number[] = {0x4D4C4743U, CGL_MAP_VERSION | 64U << 16, 1U, MOTOR, config.motion, 5U | 1U << 8 | 8U << 16,
+                               8U, 1U, 3U, 2U | 3U << 16 | 1U << 24, 2U | 3U << 8, 0x3F800000U, 0x40000000U, 0x40800000U};
+    for (uint32_t n = 0; n < 4U * sizeof number / sizeof number[0]; ++n) {
+        CHECK(all.byte[store.slot][n] == (uint8_t)(number[n / 4U] >> (8U * (n % 4U))));
+    }
+}
+
 /* ---- power lost at every byte ---- */
 
 static void lose_power(uint32_t channels, uint32_t cells, uint32_t write_size, erase_manner manner, uint32_t before)
@@ -698,6 +717,7 @@ static void maps_of_laws(void)
 
 void stored_maps(void)
 {
+    describe_a_map();
     maps_of_laws();
     CHECK(cgl_crc32(0U, (const uint8_t *)"123456789", 9U) == 0xCBF43926U);
     refuse_configs();
