@@ -1440,7 +1440,7 @@ void random_inputs(long configs)
         {"monitor", try_monitor, 0xb6462ec9U, 0xb21e67f2U},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0xa0e1abb3U, 0xc2752ad5U},
-        {"adrc", try_adrc, 0x23a4b363U, 0x45fa9ca1U},
+        {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
         {"harmonic", try_harmonic, 0xd24dd349U, 0xd178a1b9U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
     };

@@ -135,7 +135,7 @@ static void describe_a_map(void)
     learn(&o, 1U);
     cgl_map_store store = started(&config);
     CHECK(save(&store, &o) == CGL_MAP_OK);
-    const uint32_t number[] = {0x4D4C4743U, CGL_MAP_VERSION | 64U << 16, 1U, MOTOR, config.motion, 5U | 1U << 8 | 8U << 16,
+    const uint32_t number[] = {0x4D4C4743U, 1U | 64U << 16, 1U, MOTOR, config.motion, 5U | 1U << 8 | 8U << 16,
                                8U, 1U, 3U, 2U | 3U << 16 | 1U << 24, 2U | 3U << 8, 0x3F800000U, 0x40000000U, 0x40800000U};
     for (uint32_t n = 0; n < 4U * sizeof number / sizeof number[0]; ++n) {
         CHECK(all.byte[store.slot][n] == (uint8_t)(number[n / 4U] >> (8U * (n % 4U))));
