@@ -114,6 +114,7 @@ def test_samples_are_as_dense_as_what_they_sample_is_fast(reference: dict[str, A
     assert way.step == pytest.approx(40 / len(way.time))
     places = way.time / way.step - np.arange(len(way.time))
     assert places.min() >= -1e-9 and places.max() < 1
+    assert places[1:3] == pytest.approx([(math.sqrt(5) - 1) / 2, math.sqrt(5) - 2])  # the golden ratio's
     assert np.histogram(places, 10, (0, 1))[0] / len(places) == pytest.approx(0.1, rel=0.01)
 
 

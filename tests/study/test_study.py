@@ -569,6 +569,16 @@ def test_a_fault_in_words(kind: str, more: dict[str, str], words: str) -> None:
     assert (fault.words, fault.end) == (words, 1.5)
 
 
+@pytest.mark.parametrize(("axis", "henry"), [("d", 27.1), ("q", 27.1), ("d", 26.9), ("q", 26.9)])
+def test_a_table_begins_within_a_tenth_of_the_motor_s_inductance(axis: str, henry: float) -> None:
+    made = Saturation.model_validate({axis: {"current": CURRENT, "inductance": [f"{henry} mH"] * 4}})
+    if henry > 27:
+        made.check(30e-3, 30e-3)
+    else:
+        with pytest.raises(ValueError, match=f"expected 0.03 H at zero current, as L_{axis}, not 0.0269 H"):
+            made.check(30e-3, 30e-3)
+
+
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize(("d", "reach"), [(None, 2.0), (4.0, 4.0)], ids=["L_d", "table of d"])
 def test_a_magnet_table_bends_less_than_leaves_an_inductance(

@@ -618,6 +618,13 @@ def test_a_mistake_in_the_datasheet_names_the_datasheet(tmp_path: Path) -> None:
     assert line_of(tmp_path, None, text) == 'm.toml: R_s: "1 A": expected a resistance, such as "1 ohm"'
 
 
+@pytest.mark.parametrize(("length", "named"), [(1000, 1000 * "x"), (1001, f'"{56 * "x"}...')])
+def test_a_long_path_is_named_in_short(length: int, named: str) -> None:
+    with pytest.raises(StudyError) as error:
+        load(length * "x")
+    assert str(error.value).startswith(f"{named}: no such study: expected a file, or one of the shipped: ")
+
+
 def test_no_such_study(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=r"x\.toml: no such study: expected a file, or one of the shipped: "):
         load(tmp_path / "x.toml")
