@@ -267,6 +267,89 @@ def test_a_mistake_is_one_line(tmp_path: Path, text: str, key: str, value: Any, 
         assert found.removeprefix("study.toml: ").split(" (and ")[0] == line
 
 
+VERTICES = {
+    "plant": {"period": "0.1 s", "C": [1], "vertex": [{"A": [[0.5]], "B": [1]}, {"A": [[0.7]], "B": [2]}]},
+    "design": {"state_weight": [1, 1], "input_weight": 1, "initial_state": [1, 0]},
+    "scenario.cycle.changes": [],
+}
+OBSERVED = {"law": "observer-ilc"}
+FIXED = {"law": "trial-ilc", "K_s": [1.0, 2.0, 3.0], "N": 1.0, "K_3": 0.1}
+OWN = {"law": "python", "object": "law.py:Law"}
+
+
+@pytest.mark.parametrize(
+    ("text", "common", "key", "most", "beyond", "told"),
+    [
+        # samples of a trial, up to rounding
+        (DRIVE, {"scenario.move.changes": [], "scenario.move.reference": [["0 s", "0 rad"]]},
+            "scenario.move.duration", "10 ms", "7.5 ms", "expected 4 to 65535 samples, not 3"),
+        (DRIVE, {}, "scenario.move.duration", "163.8375 s", "163.84 s",
+            "expected 4 to 65535 samples, not 65536"),
+        (DRIVE, {}, "scenario.move.duration", "0.50000000025 s", "0.5000000008 s",
+            "expected a whole number of samples of 0.0025 s"),
+        # rows of the trace
+        (DRIVE, {"trace.rate": "8 kHz"}, "scenario.move.trials", 5000, 5001,
+            "expected at most 5000, 2e+07 rows of the trace are too many"),
+        (DRIVE, {}, "scenario.move.trials", 100_000, 100_001, "expected a number of 100000 or less"),
+        (DRIVE, {}, "trace.rate", "4000.000000002 Hz", "4000.000000006 Hz",
+            "expected a rate that divides 8000 Hz"),
+        # what happens within a trial
+        (LINEAR, {}, "scenario.cycle.load_steps", [[49, 0.1]], [[50, 0.1]],
+            "expected a sample of the trial, below 50"),
+        (DRIVE, {}, "scenario.move.reference", [["0 s", "0 rad"], ["0.5 s", "1 rad"]],
+            [["0 s", "0 rad"], ["0.5001 s", "1 rad"]], "expected a time within the trial, 0.5 s"),
+        (DRIVE, {}, "scenario.move.initial_angle", "-0.4999 rev", "-0.5 rev",
+            "expected less than half a turn from where the reference begins, 0 rad: the sensor doesn't tell "
+            "turns"),
+        (DRIVE, {}, "scenario.move.changes.0.initial_angle", "0.4999 rev", "0.5 rev",
+            "expected less than half a turn from where the reference begins, 0 rad: the sensor doesn't tell "
+            "turns"),
+        (LINEAR, VERTICES, "scenario.cycle.override", {"vertex": 2}, {"vertex": 3},
+            "expected vertex = a number of 1 to 2; without it the mean"),
+        (LINEAR, VERTICES, "scenario.cycle.override", {"vertex": 1}, {"vertex": 0},
+            "expected vertex = a number of 1 to 2; without it the mean"),
+        (LINEAR, VERTICES, "scenario.cycle.override", {}, {"vertex": True},
+            "expected vertex = a number of 1 to 2; without it the mean"),
+        (LINEAR, VERTICES, "scenario.cycle.override", {}, {"corner": 1},
+            "expected vertex = a number of 1 to 2; without it the mean"),
+        (LINEAR, {}, "scenario.cycle.override.a", 0.6, True, "expected a number"),
+        (LINEAR, {}, "scenario.cycle.override.a", 1, "1", "expected a number"),
+        (LINEAR, {}, "scenario.cycle.override.a", 1, float("inf"), "expected a number"),
+        # laws
+        (DRIVE, {}, "controller.ilc.q_filter.cutoff", "199.9 Hz", "200 Hz",
+            "expected less than half the sampling rate, 200 Hz"),
+        (DRIVE, {"controller.ilc": OBSERVED}, "controller.ilc.cutoff", "199.9 Hz", "200 Hz",
+            "expected less than half the sampling rate, 200 Hz"),
+        (DRIVE, {"controller.ilc": FIXED}, "controller.ilc.K_s", [1, 2, 3], [1, 2, 3, 4],
+            "expected 3 numbers: one a state, and the integrator's"),
+        (DRIVE, {"controller.ilc": {**FIXED, "integral": False}}, "controller.ilc.K_s", [1, 2], [1],
+            "expected 3 numbers: one a state, and the integrator's"),
+        (DRIVE, {"controller.ilc": {**FIXED, "integral": False}}, "controller.ilc.K_s", [1, 2, 3],
+            [1, 2, 3, 4], "expected 3 numbers: one a state, and the integrator's"),
+        (DRIVE, {"controller.ilc": {"law": "state-ilc"}}, "controller.ilc.K_stab", [1, 2], [1, 2, 3],
+            "expected 2 numbers, one a state"),
+    ],
+)  # fmt: skip
+def test_what_a_study_of_trials_can_just_have(
+    tmp_path: Path, text: str, common: dict[str, Any], key: str, most: Any, beyond: Any, told: str
+) -> None:
+    trial_studies.loaded(tmp_path, {**common, key: most}, text)
+    found = line_of(tmp_path, {**common, key: beyond}, text)
+    assert found.startswith(f"study.toml: {key}") and found.endswith(f": {told}")
+
+
+@pytest.mark.parametrize(
+    ("text", "law", "told"),
+    [
+        (DRIVE, {**OWN, "start": {"map": "a.bin"}},
+            "start: expected none: what is learned from trial to trial belongs to their reference"),
+        (LINEAR, OWN, 'law: "python": expected a law of trials, since a law of your own needs a drive'),
+    ],
+)  # fmt: skip
+def test_a_law_of_one_s_own_in_trials(tmp_path: Path, text: str, law: dict[str, Any], told: str) -> None:
+    assert line_of(tmp_path, {"controller.new": law}, text) == f"study.toml: controller.new.{told}"
+
+
 def test_a_trace_that_is_too_large(tmp_path: Path) -> None:
     found = line_of(tmp_path, {"scenario.move.trials": 100_000, "scenario.move.duration": "1 s"}, DRIVE)
     expected = "expected at most 50000, 4e+07 rows of the trace are too many"
