@@ -330,6 +330,32 @@ def test_a_mistake_is_one_line(tmp_path: Path, changes: dict[str, Any], line: st
     assert line_of(tmp_path, changes) == line
 
 
+PERIODIC = {**SPACE, "memory": "delay", "cells": 1024}
+RESTS = {**SPACE, "learning": False, "frame": "mechanical"}  # asks for no samples
+
+
+@pytest.mark.parametrize(
+    ("common", "most", "beyond"),
+    [
+        ({}, {**PERIODIC, "cells": 250}, {**PERIODIC, "cells": 249}),  # samples of a period
+        ({}, {**PERIODIC, "k_pp": 999.9}, {**PERIODIC, "k_pp": 1000.0}),  # the speed loop's rate
+        ({}, {**PERIODIC, "delay_method": "inversion", "k_pp": 2000.0}, {**PERIODIC, "k_pp": 2000.0}),
+        ({}, {**SPACE, "period": {"of": "mechanical", "turns": 3978}},
+            {**SPACE, "period": {"of": "mechanical", "turns": 3979}}),
+        ({"motor.pole_pairs": 3}, {**RESTS, "period": {"parts": 21845}}, {**RESTS, "period": {"parts": 21846}}),
+        ({}, {**RESTS, "period": {"parts": 100}}, {**RESTS, "learning": True, "period": {"parts": 100}}),
+        ({}, {**SPACE, "index": "rotor", "period": {"parts": 3}},
+            {**SPACE, "index": "rotor", "period": {"turns": 3}}),
+        ({}, {**PERIODIC, "alpha_limit": 1e15}, {**PERIODIC, "alpha_limit": 1.1e15}),
+    ],
+)  # fmt: skip
+def test_what_a_law_over_the_angle_can_just_do(
+    tmp_path: Path, common: dict[str, Any], most: dict[str, Any], beyond: dict[str, Any]
+) -> None:
+    load(studies.write(tmp_path), {**common, "controller.pi": most})
+    assert line_of(tmp_path, {**common, "controller.pi": beyond}).startswith("controller.pi.")
+
+
 def test_metrics_in_the_electrical_frame(tmp_path: Path) -> None:
     from cogless import run_study
 

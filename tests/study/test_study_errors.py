@@ -313,6 +313,21 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         ({"trace.rate": "1 kHz"}, "scenario.low.duration", "20000 s", "20001 s"),
         ({}, "controller.adrc", {**ADRC, "omega_o": 1999.9}, {**ADRC, "omega_o": 2000.0}),
         ({"drive.current_sensors.bits": 12}, "drive.current_sensors.range", "3 A", "2.999 A"),
+        # up to rounding: a part in a thousand million, of rates one in a million million
+        ({}, "trace.rate", "5000.000000002 Hz", "5000.000000007 Hz"),
+        ({"trace.rate": "1 kHz", "metric": []}, "scenario.low.duration",
+            "9.999999995 ms", "9.999999985 ms"),
+        ({"trace.rate": "1 kHz"}, "metric.0.window", ["0.1 s", "0.11 s"], ["0.1 s", "0.109999999985 s"]),
+        ({}, "controller.ilc", {**BY_ANGLE, "cells": 403, "lead": "100.00000005 ms"},
+            {**BY_ANGLE, "cells": 403, "lead": "100.00000015 ms"}),
+        ({"metric": [{**METRIC, "scenarios": ["low"]}]}, "metric.0.window",
+            ["0.1 s", "0.4 s"], ["0.1 s", "0.4000001 s"]),
+        ({"metric": [{**METRIC, "scenarios": ["low"]}]}, "metric.0.last", "0.4 s", "0.4000001 s"),
+        ({}, "metric.1.order", [1874], [1875]),  # half of 15 kHz at four electrical turns a second
+        ({"metric.1": {"name": "m", "kind": "chattering", "scenarios": ["low"]}}, "metric.1.window",
+            ["0.1 s", "0.11 s"], ["0.1 s", "0.1099 s"]),
+        ({}, "scenario.step.events.1.time", "0.3 s", "0.3000001 s"),
+        ({"scenario.low.torque_mode.current": "0 A"}, "scenario.low.torque_mode.time", "0.3999 s", "0.4 s"),
     ],
 )  # fmt: skip
 def test_what_the_simulation_can_just_do(
