@@ -143,9 +143,11 @@ def shipped() -> dict[str, type[Table]]:
     for module in pkgutil.iter_modules(cogless.study.__path__):
         import_module(f"cogless.study.{module.name}")
     import_module("cogless.identify.config")
-    found = {f"{each.__module__}.{each.__name__}": each for each in models(Table)}
     return {
-        name.removeprefix("cogless."): each for name, each in found.items() if name.startswith("cogless.")
+        f"{each.__module__}.{each.__name__}".removeprefix("cogless."): each
+        for each in models(Table)
+        if each.__module__.startswith("cogless.")
+        and getattr(import_module(each.__module__), each.__name__, None) is each  # none made while running
     }
 
 
