@@ -348,6 +348,9 @@ RESTS = {**SPACE, "learning": False, "frame": "mechanical"}  # asks for no sampl
         ({}, {**SPACE, "index": "rotor", "period": {"parts": 3}},
             {**SPACE, "index": "rotor", "period": {"turns": 3}}),
         ({}, {**PERIODIC, "alpha_limit": 1e15}, {**PERIODIC, "alpha_limit": 1.1e15}),
+        # one gain is enough
+        ({}, {**SPACE, "mu_alpha": 0.0, "mu_beta": 1.0}, {**SPACE, "mu_alpha": 0.0, "mu_beta": 0.0}),
+        ({}, {**SPACE, "mu_alpha": 0.0, "mu_h": 1.0}, {**SPACE, "mu_alpha": 0.0, "mu_h": 0.0}),
     ],
 )  # fmt: skip
 def test_what_a_law_over_the_angle_can_just_do(

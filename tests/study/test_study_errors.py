@@ -633,6 +633,20 @@ def test_a_mistake_in_the_datasheet_names_the_datasheet(tmp_path: Path) -> None:
     assert line_of(tmp_path, None, text) == 'm.toml: R_s: "1 A": expected a resistance, such as "1 ohm"'
 
 
+def test_what_datasheet_and_study_lack_together_is_told_of_the_study(tmp_path: Path) -> None:
+    text = studies.BASE.replace(MAGNET, 'datasheet = "m.toml"')
+    (tmp_path / "m.toml").write_text('winding = "star"\n', encoding="utf-8")
+    assert line_of(tmp_path, None, text) == (
+        'study.toml: motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'
+    )
+    (tmp_path / "m.toml").write_text('psi_f = "1 A"\n', encoding="utf-8")
+    there = {"scenario.low.override": {"motor.psi_f": "2 A"}}  # a scenario's is the study's
+    (tmp_path / "n.toml").write_text('psi_f = "68 mWb"\n', encoding="utf-8")
+    assert line_of(tmp_path, None, text).startswith('m.toml: psi_f: "1 A": expected a flux linkage')
+    found = line_of(tmp_path, there, text.replace("m.toml", "n.toml"))
+    assert found.startswith('study.toml: scenario.low.override: motor.psi_f: "2 A": expected a flux linkage')
+
+
 @pytest.mark.parametrize(("length", "named"), [(1000, 1000 * "x"), (1001, f'"{56 * "x"}...')])
 def test_a_long_path_is_named_in_short(length: int, named: str) -> None:
     with pytest.raises(StudyError) as error:
