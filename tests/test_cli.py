@@ -610,6 +610,35 @@ def test_a_flag_asks_for_what_is_not_done_without_it() -> None:
     assert [one for one in parameters if one[2] is True] == []
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (["run", "no.toml", "-j"], "'--jobs' / '-j'"),
+        (["sweep", "no.toml", "-n"], "'-n'"),
+        (["pil", "no.toml", "--controller", "pi", "--ticks"], "'--ticks'"),
+    ],
+)
+def test_counts_begin_with_one(capsys: pytest.CaptureFixture[str], words: list[str], option: str) -> None:
+    code, out, err = cogless(capsys, *words, 0)
+    assert (code, out) == (2, "") and err.startswith(f"Invalid value for {option}: ")
+    code, out, err = cogless(capsys, *words, 1)
+    assert (code, out) == (2, "") and err.startswith("no.toml: no such study: ")
+
+
+def test_a_tuning_s_mistake_is_told_before_it_begins(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cogless.ensemble.tune.tune", lambda *_: pytest.fail("ran"))
+    study = studies.write(tmp_path)
+    code, out, err = cogless(capsys, "tune", study, "-o", tmp_path / "out")
+    assert (code, out) == (2, "") and err.startswith(f"{study}: tune: missing: expected ")
+
+
+def test_cogless_alone_says_what_it_can_do(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = cogless(capsys)
+    assert "Usage: cogless" in out and "diagnose" in out and "completion" not in out
+
+
 def test_every_option_says_what_it_is_for() -> None:
     for command in app.registered_commands:
         assert command.callback is not None
