@@ -127,6 +127,13 @@ def test_expressions_that_have_no_value(text: str, line: str) -> None:
     assert str(error.value) == line
 
 
+VERTICES = {
+    "plant": {"period": "0.1 s", "C": [1], "vertex": [{"A": [[0.5]], "B": [1]}, {"A": [[0.7]], "B": [2]}]},
+    "design": {"state_weight": [1, 1], "input_weight": 1, "initial_state": [1, 0]},
+    "scenario.cycle.changes": [],
+}
+
+
 @pytest.mark.parametrize(
     ("text", "key", "value", "line"),
     [
@@ -210,6 +217,22 @@ def test_expressions_that_have_no_value(text: str, line: str) -> None:
             "plant.parameter.k.value: 3.0: expected a value within the range, 1.8 to 2.2"),
         (LINEAR, "plant.vertex", [{"A": [[1, 0], [0, 1]], "B": [1, 0]}],
             "plant.A: [[\"-a\", 0.0], [1.0, \"-2 * a\"]]: expected either A and B, or vertex"),
+        (LINEAR, "plant", {**VERTICES["plant"], "vertex": [{"A": [[0.5, 1]], "B": [1]}]},
+            "plant.vertex.0.A: [[0.5, 1]]: expected 1 rows of 1, as many as C has"),
+        (LINEAR, "plant", {**VERTICES["plant"], "vertex": [{"A": [[1]], "B": [1]}, {"A": [[1]], "B": []}]},
+            "plant.vertex.1.B: []: expected 1 numbers, as many as C has"),
+        (LINEAR, "plant", {**VERTICES["plant"], "parameter": {"a": 1.0}},
+            "plant.parameter: expected none, since vertex gives numbers"),
+        (LINEAR, "plant", {"period": "1 s", "C": [1]},
+            "plant.A: missing: expected either A and B, or vertex"),
+        (LINEAR, "plant", {"period": "1 s", "C": [1], "A": [[1]]},
+            "plant.A: [[1]]: expected either A and B, or vertex"),
+        (LINEAR, "plant", {"period": "1 s", "C": [1] * 9, "A": [[1] * 9] * 9, "B": [1] * 9},
+            "plant.C: [1, 1, 1, 1, 1, 1, 1, 1, 1]: expected 1 to 8 numbers, one a state"),
+        (LINEAR, "plant.A.1.0", "c + a - d",
+            'plant.A.1.0: "c + a - d": expected known parameters (a, k), not "c"'),
+        (LINEAR, "plant.B.1", "2 *",
+            'plant.B.1: "2 *": expected arithmetic over parameters, such as "-B / J"'),
         (LINEAR, "scenario.cycle.changes.0.override.b", 1,
             "scenario.cycle.changes.0.override.b: 1: expected a parameter of the plant: a, k"),
         (LINEAR, "scenario.cycle.changes.0.override.a", "much",
@@ -267,11 +290,6 @@ def test_a_mistake_is_one_line(tmp_path: Path, text: str, key: str, value: Any, 
         assert found.removeprefix("study.toml: ").split(" (and ")[0] == line
 
 
-VERTICES = {
-    "plant": {"period": "0.1 s", "C": [1], "vertex": [{"A": [[0.5]], "B": [1]}, {"A": [[0.7]], "B": [2]}]},
-    "design": {"state_weight": [1, 1], "input_weight": 1, "initial_state": [1, 0]},
-    "scenario.cycle.changes": [],
-}
 OBSERVED = {"law": "observer-ilc"}
 FIXED = {"law": "trial-ilc", "K_s": [1.0, 2.0, 3.0], "N": 1.0, "K_3": 0.1}
 OWN = {"law": "python", "object": "law.py:Law"}
