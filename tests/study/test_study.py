@@ -569,6 +569,15 @@ def test_a_fault_in_words(kind: str, more: dict[str, str], words: str) -> None:
     assert (fault.words, fault.end) == (words, 1.5)
 
 
+def test_an_axis_is_as_stiff_as_its_table_is_flat_anywhere() -> None:
+    """At the end, by the slope of a parabola through the last three points: (3 * 5 - 10) / 2 mWb a step."""
+    bent = {"current": [*CURRENT[:3], "3 A"], "flux": ["0 Wb", "30 mWb", "40 mWb", "45 mWb"]}
+    straight = {"current": CURRENT[:3], "inductance": ["3 mH"] * 3}
+    assert Saturation.model_validate({"q": bent, "d": straight}).smallest == pytest.approx(2.5e-3)
+    assert Saturation.model_validate({"d": straight}).smallest == pytest.approx(3e-3)
+    assert Saturation().smallest == math.inf
+
+
 @pytest.mark.parametrize(("axis", "henry"), [("d", 27.1), ("q", 27.1), ("d", 26.9), ("q", 26.9)])
 def test_a_table_begins_within_a_tenth_of_the_motor_s_inductance(axis: str, henry: float) -> None:
     made = Saturation.model_validate({axis: {"current": CURRENT, "inductance": [f"{henry} mH"] * 4}})

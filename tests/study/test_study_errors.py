@@ -162,6 +162,9 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("mechanics.load", {"time_table": {"time": ["1 s", "0 s"], "torque": ["1 N*m", "1 N*m"]}},
             'mechanics.load.time_table.time: ["1 s", "0 s"]: '
             "expected one or more values, each above the one before"),
+        ("mechanics.load", {"time_table": {"time": ["1 s", "1 s"], "torque": ["1 N*m", "1 N*m"]}},
+            'mechanics.load.time_table.time: ["1 s", "1 s"]: '
+            "expected one or more values, each above the one before"),
         ("mechanics.load", {"time_table": {"time": ["1 s"], "torque": []}},
             "mechanics.load.time_table.torque: []: expected as many values as time has, 1"),
         ("mechanics.load", {"angle_table": {"angle": ["0 deg", "360 deg"], "torque": ["1 N*m", "1 N*m"]}},
