@@ -181,3 +181,26 @@ def test_a_member_of_another_name_in_the_header_is_noticed() -> None:
     for fields in ((replace(kp, name="k_p"), *others), (kp, replace(kp, name="k_p"), *others)):
         with pytest.raises(ValueError, match=r"cgl_pi_config\.k_p: missing|cgl_pi_config\.kp: unknown"):
             with_fields(fields).pack("cgl_pi_config", PI)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"limitt": 4.0}, r"cgl_pi_config\.limitt: unknown"),
+        ({"b": 1.0, "a": 2.0}, r"cgl_pi_config\.a: unknown"),
+        ({"limit": None, "a": 2.0}, r"cgl_pi_config\.a: unknown"),
+        ({"limit": None, "z": 2.0}, r"cgl_pi_config\.limit: missing"),
+    ],
+)
+def test_of_several_wrong_members_the_first_is_told(change: dict[str, float | None], told: str) -> None:
+    values = {name: value for name, value in {**PI, **change}.items() if value is not None}
+    with pytest.raises(ValueError, match=f"^{told}$"):
+        control_layout("single").pack("cgl_pi_config", values)
+
+
+def test_what_a_pointer_points_to_is_not_in_the_bytes() -> None:
+    layout = control_layout("single")
+    values = layout.decode("cgl_trial_config", bytes(layout.size("cgl_trial_config")))
+    assert layout.pack("cgl_trial_config", values) == bytes(layout.size("cgl_trial_config"))
+    with pytest.raises(ValueError, match=r"^cgl_trial_config\.learning_matrix: expected None, since it is a"):
+        layout.pack("cgl_trial_config", {**values, "learning_matrix": 1})
