@@ -124,6 +124,18 @@ def test_another_dimension_has_no_number() -> None:
         number_in("1 s", "A")
 
 
+def test_a_text_of_any_dimension_is_si() -> None:
+    """Where SI has kilograms, a gram is a thousandth."""
+    assert units.in_si("3 mN*m") == pytest.approx(3e-3)
+    assert units.in_si("2 kg*cm^2") == pytest.approx(2e-4) and units.in_si("5 g/s^2") == pytest.approx(5e-3)
+    assert units.is_known("rpm") and not units.is_known("rpn")
+    for text, told in (("a lot", "a number and a unit"), ("3 rpn", 'a known unit, not "rpn"')):
+        with pytest.raises(UnitError, match=f"^expected {told}$"):
+            units.in_si(text)
+    with pytest.raises(UnitError, match='^expected a number with a unit like "A"$'):
+        number_in("a lot", "A")
+
+
 def test_importing_cogless_loads_neither_pint_nor_pydantic() -> None:
     heavy = "('pint', 'pydantic', 'scipy', 'matplotlib')"
     code = f"import sys, cogless; print([m for m in {heavy} if m in sys.modules])"

@@ -14,6 +14,7 @@ from cogless.errors import StudyError
 from cogless.results.trace import Trace
 from cogless.run.carry_out import measure
 from cogless.study import load
+from cogless.study.drive import Belief
 from cogless.study.motion import course
 from cogless.study.scenario import Scenario
 from cogless.study.step_motor import StepMotor
@@ -52,6 +53,18 @@ def test_a_step_motor_in_the_words_of_the_plant() -> None:
     assert (harmonic.order, harmonic.d, harmonic.q) == (1, 0.5e-3, 0.5e-3)
     (cogging,) = star.cogging
     assert cogging.order == 200 and cogging.torque == pytest.approx(-0.5 * 50 * 4 * 1.766e-3)
+
+
+def test_a_step_motor_with_a_saliency_and_gaps_among_its_harmonics() -> None:
+    """L_d and L_q lie L_1 on either side of L_0; all flux goes with i_f, cogging with its square."""
+    more = {"L_1": "0.1 mH", "i_f": "2 A", "L_m": ["5 mH", "0 mH", "0.2 mH"], "L_f": ["0 mH", "1 mH"]}
+    star = StepMotor.model_validate({**STEP, **more}).star()
+    assert (star.L_d, star.L_q, star.psi_f, star.K_t) == pytest.approx((0.8e-3, 0.6e-3, 0.01, 0.5))
+    (harmonic,), (cogging,) = star.flux_harmonics, star.cogging
+    assert (harmonic.order, harmonic.d, harmonic.q) == (2, 0.4e-3, 0.4e-3)
+    assert (cogging.order, cogging.torque) == (250, pytest.approx(-0.5 * 50 * 4 * 5 * 1e-3))
+    belief = Belief.model_validate({"R_s": "1.2 ohm", "L_q": "0.5 mH", "psi_f": "8 mWb"}).resolved(star)
+    assert (belief.R_s, belief.L_d, belief.L_q, belief.psi_f) == pytest.approx((1.2, 0.8e-3, 0.5e-3, 8e-3))
 
 
 SINE = {"offset": "3 rad/s", "amplitude": "1 rad/s", "frequency": "2 Hz"}

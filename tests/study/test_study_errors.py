@@ -216,6 +216,9 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller.t", {**TABLE, "calibration": {"speed": "-2 rpm", "position_gain": 1}},
             'controller.t.calibration.speed: "-2 rpm": '
             'expected an angular speed above zero, such as "1 rad/s"'),
+        ("controller.t", {**TABLE, "calibration": {"speed": "2 rpm", "position_gain": 1e16}},
+            "controller.t.calibration.position_gain: 1e+16: expected a size that single precision holds, "
+            "1e-15 to 1e+15 in SI units"),
         ("controller.mine", {"law": "python", "object": "law.py"},
             'controller.mine.object: "law.py": expected a file and a class, such as "my_law.py:MyLaw"'),
         ("controller", {"pi": {**PI, "baseline": True}, "fair": {**PI, "baseline": True}},

@@ -37,6 +37,11 @@ def test_phases_keep_what_a_change_does_not_name(tmp_path: Path) -> None:
     assert (study.samples("move"), study.period, study.states) == (200, 0.0025, 2)
 
 
+def test_a_metric_has_a_value_for_each_trial_or_phase(tmp_path: Path) -> None:
+    study = trial_studies.loaded(tmp_path)
+    assert {m.name: study.values_of(m, "move") for m in study.metric} == {"error": 12, "to_floor": 3}
+
+
 def test_a_change_may_be_of_the_last_trial(tmp_path: Path) -> None:
     study = trial_studies.loaded(tmp_path, {"scenario.move.changes.1.trial": 12, "scenario.move.trials": 12})
     assert [first for first, _ in study.scenario["move"].phases] == [1, 5, 12]
