@@ -132,7 +132,7 @@ def test_a_text_of_any_dimension_is_si() -> None:
     for text, told in (("a lot", "a number and a unit"), ("3 rpn", 'a known unit, not "rpn"')):
         with pytest.raises(UnitError, match=f"^expected {told}$"):
             units.in_si(text)
-    with pytest.raises(UnitError, match='^expected a number with a unit like "A"$'):
+    with pytest.raises(UnitError, match=r'^expected a number with a unit like "A"$'):
         number_in("a lot", "A")
 
 

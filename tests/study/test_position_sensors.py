@@ -193,6 +193,8 @@ def test_a_delay_of_a_hundred_thousand_periods_is_remembered(tmp_path: Path, key
         ([(a, 0.01 * a) for a in range(0, 361, 10)],
             "line 38: the error does not close over the revolution: from the last to the first it steps "
             "36 times as far as anywhere else"),
+        ([(a, {10: 5.0, 20: -5.0}.get(a, 0.0)) for a in range(0, 360, 10)],
+            "expected an error that never falls as fast as the angle rises"),
         ([(a, 15.0 * (a % 20 == 0)) for a in range(0, 360, 10)],
             "expected an error that never falls as fast as the angle rises"),
     ],
