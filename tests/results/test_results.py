@@ -1,15 +1,19 @@
 """results.json: its shape, "never", whole or not at all; the check of the output directory."""
 
+import importlib.metadata
 import json
+import math
+import re
 from dataclasses import replace
 
 import pytest
 from synthetic import STUDY, results, study
 
 from cogless.errors import StudyError
-from cogless.files import replacing, writable
+from cogless.files import reason, replacing, writable
 from cogless.results import Results
-from cogless.results.results_json import to_dict, write
+from cogless.results.results_json import run_id, to_dict, write
+from cogless.versions import versions
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +51,33 @@ def test_shape(made, tmp_path):
         "frame": "electrical",
     }
     assert held["settings"]["mechanics"]["inertia"] == "2.5e-4 kg*m^2"
+
+
+def test_a_run_is_known_by_its_settings_and_results(made, tmp_path):
+    """Sixteen digits in all of its files, whatever the order in which metrics stand."""
+    name = run_id(made)
+    assert re.fullmatch("[0-9a-f]{16}", name)
+    first, *others = made.runs
+    turned = replace(first, metrics=dict(reversed(first.metrics.items())))
+    assert run_id(Results(made.study, [turned, *others])) == name
+    assert run_id(Results(made.study, others)) != name != run_id(replace(made, interrupted=True))
+    write(made, tmp_path / "results.json", {"report.html": "ab"})
+    held = json.loads((tmp_path / "results.json").read_text())
+    assert (held["run"], held["files"]) == (name, {"report.html": "ab"})
+
+
+def test_a_version_that_is_not_known_is_told(monkeypatch):
+    """As of a copy that was never installed."""
+    known = importlib.metadata.version
+
+    def version(package):
+        if package == "cogless":
+            raise importlib.metadata.PackageNotFoundError
+        return known(package)
+
+    monkeypatch.setattr(importlib.metadata, "version", version)
+    found = versions.__wrapped__()
+    assert found["cogless"] == "not installed" and found["numpy"] == known("numpy")
 
 
 def test_never_is_null(made):
@@ -98,6 +129,25 @@ def test_settings_that_json_does_not_have(tmp_path):
 def test_interrupted_without_runs(made):
     held = to_dict(Results(made.study, [], interrupted=True))
     assert held["interrupted"] is True and held["runs"] == []
+
+
+def test_a_learned_signal_in_short(made):
+    """Of trials; of nothing, and of what is not finite, too."""
+    for memory, found in (
+        ({"learned": [1.0, -3.0]}, {"samples": 2, "peak": 3.0}),
+        ({"learned": []}, {"samples": 0, "peak": 0.0}),
+        ({"learned": [1.0, math.inf]}, {"samples": 2, "peak": None}),
+        ({"current": [], "frame": "electrical"},
+            {"frame": "electrical", "cells": 0, "peak_A": 0.0, "rms_A": 0.0}),
+        ({"current": [1e200, 0.0], "frame": "mechanical"},
+            {"frame": "mechanical", "cells": 2, "peak_A": 1e200, "rms_A": None}),
+    ):  # fmt: skip
+        run = replace(made.runs[0], memory=memory)
+        assert to_dict(Results(made.study, [run]))["runs"][0]["memory"] == found
+
+
+def test_a_reason_is_the_system_s_in_lower_case():
+    assert reason(OSError(2, "No Such File")) == "no such file" and reason(OSError("Odd")) == "Odd"
 
 
 def test_whole_or_absent(tmp_path):

@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from cogless import units
 from cogless.study.angle_table import read
-from cogless.study.csv_file import finite
+from cogless.study.csv_file import finite, shown
 
 ERROR = {"error": units.ANGLE}
 WAVES = {1: (0.3, 0.4), 3: (0.1, -2.0), 17: (0.02, 1.5)}  # order: amplitude, phase
@@ -137,6 +137,10 @@ def test_a_number_is_below_a_thousand_millions(huge: float) -> None:
     assert finite("x", 999_999_999.0, "error", "line 2: ") == 999_999_999.0
     with pytest.raises(PydanticCustomError, match='line 2: "x": expected a finite error'):
         finite("x", huge, "error", "line 2: ")
+
+
+def test_a_cell_is_quoted_in_forty_characters() -> None:
+    assert shown(40 * "x") == f'"{40 * "x"}"' and shown(41 * "x") == f'"{37 * "x"}..."'
 
 
 def test_a_missing_file_is_told(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 import studies
 from cogless.errors import StudyError
 from cogless.study import load
+from cogless.study.error_messages import shown
 from cogless.study.laws import AnyController
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change
@@ -662,6 +663,12 @@ def test_a_long_path_is_named_in_short(length: int, named: str) -> None:
     with pytest.raises(StudyError) as error:
         load(length * "x")
     assert str(error.value).startswith(f"{named}: no such study: expected a file, or one of the shipped: ")
+
+
+def test_a_value_is_shown_in_sixty_characters() -> None:
+    assert shown(58 * "x") == f'"{58 * "x"}"' and shown(59 * "x") == f'"{56 * "x"}...'
+    assert shown({"a.b": [1, 0.5, True, float("inf")], "c": {}}) == '{ "a.b" = [1, 0.5, true, inf], c = {} }'
+    assert shown("\x7f\u2028°") == '"\\u007f\\u2028\\u00b0"' and shown("°") == '"°"'
 
 
 def test_no_such_study(tmp_path: Path) -> None:
