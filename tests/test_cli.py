@@ -147,6 +147,7 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
         (["fly"], "No such command 'fly'. See cogless --help."),
         (["runn"], "No such command 'runn'. Did you mean 'run'? See cogless --help."),
         (["export", "STUDY", "--controller", "pi"], "Missing option '--to'. See cogless export --help."),
+        (["export", "STUDY", "--controller", "pi", "--to", "x", "-o", "y"], '--to: "x": expected c or fmu'),
         (["run", ""], '"": is a directory: expected a study file'),
         (["run", "x" * 5000], f'"{"x" * 56}...: no such study: '),
         (["run", "STUDY", "--set", "title=\udcff"], '--set: "title=\\udcff": expected UTF-8'),
@@ -165,6 +166,32 @@ def test_a_wrong_command_line(
     code, out, err = cogless(capsys, *(places.get(word, word) for word in arguments))
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err.replace(study, "STUDY").replace(str(tmp_path), "FOLDER").startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("said", "words", "line"),
+    [
+        ("Odd.", ["run", "x"], "Odd. See cogless run --help.\n"),
+        ("Odd?", ["--verbose", "run"], "Odd? See cogless --help.\n"),
+        ("", ["run"], ""),
+    ],
+)
+def test_a_mistake_that_names_no_command_is_of_the_first_word(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    said: str,
+    words: list[str],
+    line: str,
+) -> None:
+    class OddError(Exception):
+        def format_message(self) -> str:
+            return said
+
+    def wrong() -> None:
+        raise OddError
+
+    monkeypatch.setattr("cogless.__main__._command", wrong)
+    assert cogless(capsys, *words) == (2, "", line)
 
 
 def test_a_whole_controller_may_be_added(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,6 +30,7 @@ class Metric:
     band: float | None = None
     smooth: float | None = None
     last: float | None = None
+    floor: float | None = None
     dimension: units.Dimension = units.ANGULAR_SPEED
 
     def span(self, end: float) -> tuple[float, float] | None:
@@ -337,6 +338,34 @@ def test_chattering_counts_speed_loop_samples(rate):
 def test_chattering_needs_every_sample():
     with pytest.raises(StudyError, match=r"expected trace.rate of 1000 Hz or more"):
         value("chattering", trace(i_q_ref=0.0, rate=500), signal=None)
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields", "lacks"),
+    [
+        ("rms", {"signal": None}, "a signal"),
+        ("dip", {}, "an event"),
+        ("settling", {"event": 1.0}, "a band"),
+        ("exceeds", {}, "a band"),
+        ("time-to-learn", {"band": 1.0}, "a band, and smooth"),
+        ("time-to-learn", {"smooth": 0.1}, "a band, and smooth"),
+        ("trials-to-floor", {"floor": None}, "a floor"),
+    ],
+)
+def test_a_metric_says_what_it_lacks(kind, fields, lacks):
+    with pytest.raises(StudyError, match=f"^metric m: expected {lacks}$"):
+        value(kind, trace(x=0.0, rate=100), **fields)
+
+
+def test_an_angle_that_is_not_finite_has_no_orders():
+    for theta in (np.zeros(0), np.array([0.0, np.nan, 7.0]), np.array([0.0, 4.0, np.inf])):
+        with pytest.raises(ValueError, match="expected one angle or more, all finite"):
+            order_amplitudes(theta, np.zeros(len(theta)), [1], 1, False)
+
+
+def test_without_a_motor_an_electrical_turn_is_a_mechanical_one():
+    t = trace(x=lambda time: np.sin(2 * np.pi * time))
+    assert evaluate(Metric("order", order=(1, 4)), t, Conditions()) == pytest.approx([1, 0], abs=1e-6)
 
 
 def test_unknown_signal_and_empty_window():

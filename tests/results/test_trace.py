@@ -1,11 +1,13 @@
 """Traces: names and units, windows, xarray and netCDF."""
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 import xarray
 
+from cogless import StudyError
 from cogless.results.trace import Trace, write_netcdf
 
 
@@ -93,6 +95,12 @@ def test_to_xarray():
     assert data.omega_m.attrs["units"] == "rad/s"
     assert data.time.attrs["units"] == "s"
     assert float(data.omega_m.sel(time=0.5, method="nearest")) == 5
+
+
+def test_without_xarray_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(StudyError, match=r"^to_xarray: expected xarray \(pip install 'cogless\[xarray\]'\)$"):
+        make().to_xarray()
 
 
 def test_netcdf_has_one_group_for_each_run(tmp_path):

@@ -115,6 +115,16 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'trace.rate: "4 kHz": expected a rate that divides drive.rates.current_loop, 15000 Hz'),
         ("drive.current_loop.kp", "1 V/A",
             'drive.current_loop: expected either kp and ki or bandwidth, such as "800 Hz"'),
+        ("drive.current_loop", {"kp": "1e16 V/A", "ki": "1 V/A/s", "current_limit": "3 A"},
+            'drive.current_loop.kp: "1e16 V/A": expected a size that single precision holds, 1e-15 to 1e+15 '
+            "in SI units"),
+        ("drive.dead_time_compensation", {"band": "0.9e-15 A"},
+            'drive.dead_time_compensation.band: "0.9e-15 A": expected a size that single precision holds, '
+            "1e-15 to 1e+15 in SI units"),
+        ("drive", {"rates": {"current_loop": "2 kHz", "speed_loop": "1 kHz"},
+                   "current_loop": {"kind": "ideal", "current_limit": "1e16 A"}},
+            'drive.current_loop.current_limit: "1e16 A": expected a size that single precision holds, 1e-15 '
+            "to 1e+15 in SI units"),
         ("drive.position_sensor", {"kind": "laser"},
             'drive.position_sensor.kind: "laser": expected one of "ideal", "encoder", "absolute", '
             '"resolver", "hall"'),
@@ -148,6 +158,13 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             "expected smaller ones: the gear's output would turn back"),
         ("drive.position_sensor", {"kind": "ideal", "side": "load"},
             'drive.position_sensor.side: "load": expected "motor", since there is no mechanics.load_side'),
+        ("mechanics",
+            {"inertia": "1 g*m^2", "coulomb_friction": "2 mN*m", "breakaway_friction": "1.99 mN*m"},
+            'mechanics.breakaway_friction: "1.99 mN*m": expected no less than coulomb_friction'),
+        ("mechanics.load", {"angle_table": {"angle": ["0 deg"], "file": "a.csv"}},
+            'mechanics.load.angle_table.file: "a.csv": expected none, since angle and torque are given'),
+        ("mechanics.load", {"angle_table": {"torque": ["1 N*m"], "file": "a.csv"}},
+            'mechanics.load.angle_table.file: "a.csv": expected none, since angle and torque are given'),
         ("mechanics.stribeck_speed", "1 rpm",
             'mechanics.stribeck_speed: "1 rpm": expected 0, unless breakaway_friction exceeds '
             "coulomb_friction"),
@@ -185,6 +202,9 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("scenario.low.reference", {"profile": [["1 s", "0 rpm"], ["0 s", "1 rpm"]]},
             'scenario.low.reference.profile: [["1 s", "0 rpm"], ["0 s", "1 rpm"]]: '
             "expected one or more points, each later than the one before"),
+        ("scenario.low.torque_mode", {"time": "0.1 s", "profile": [["1 s", "1 A"], ["1 s", "2 A"]]},
+            'scenario.low.torque_mode.profile: [["1 s", "1 A"], ["1 s", "2 A"]]: expected points, each later '
+            "than the one before"),
         ("scenario.low.override", {"seed": 2},
             "scenario.low.override.seed: 2: expected a key of motor, drive or mechanics"),
         ("scenario.low.override", {"mechanics.inertia": "-1 kg*m^2"},
@@ -208,6 +228,15 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller.fair.tuning.phase_margin", 100,
             'controller.fair.tuning.phase_margin: "100 deg": '
             'expected a phase margin from "20 deg" to "80 deg"'),
+        ("controller.fair.tuning", {"rule": "phase-margin"},
+            'controller.fair.tuning.phase_margin: missing: expected one, such as "60 deg"'),
+        ("controller.t", {**PI, "law": "anti-cogging", "start": {}},
+            'controller.t.start: expected either map = "FILE.bin" or table = "FILE.csv"'),
+        ("controller.t", {**PI, "law": "anti-cogging", "start": {"map": "a.bin", "table": "a.csv"}},
+            'controller.t.start: expected either map = "FILE.bin" or table = "FILE.csv"'),
+        *(("controller.t", {**PI, "law": "anti-cogging", "start": {"map": "a.bin", key: word}},
+            f'controller.t.start.{key}: "{word}": expected none, since a stored map tells it')
+          for key, word in (("sign", "holding"), ("frame", "mechanical"))),
         ("controller.ilc", {**ILC, "forgetting": 0},
             "controller.ilc.forgetting: 0: expected a number above 0"),
         ("controller.ilc", {**ILC, "cells": 8, "q_half_width": 4},
@@ -225,6 +254,10 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller", {"pi": {**PI, "baseline": True}, "fair": {**PI, "baseline": True}},
             'controller.fair.baseline: true: expected one baseline, already "pi"'),
         # metrics
+        ("metric", [{**METRIC, "kind": "first-rms"}],
+            'metric.0.kind: "first-rms": expected another, since there are no trials'),
+        ("metric", [{**METRIC, "signal": "temperature_winding"}],
+            'metric.0.signal: "temperature_winding": expected another, or a table motor.temperature'),
         ("metric.0.window", [0.1, 1],
             'metric.0.window: ["0.1 s", "1 s"]: expected a window within the 0.4 s of scenario "low"'),
         ("metric.0.last", "0.1 s", 'metric.0.last: "0.1 s": expected one of window, last and event'),
@@ -338,6 +371,9 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         ({"metric.1": {"name": "m", "kind": "chattering", "scenarios": ["low"]}}, "metric.1.window",
             ["0.1 s", "0.11 s"], ["0.1 s", "0.1099 s"]),
         ({}, "scenario.step.events.1.time", "0.3 s", "0.3000001 s"),
+        ({}, "controller.fair.tuning.phase_margin", "0.301 rad", "0.3 rad"),
+        ({}, "controller.fair.tuning.phase_margin", "1.449 rad", "1.45 rad"),
+        ({"mechanics.coulomb_friction": "2 mN*m"}, "mechanics.breakaway_friction", "2 mN*m", "1.999 mN*m"),
         ({"scenario.low.torque_mode.current": "0 A"}, "scenario.low.torque_mode.time", "0.3999 s", "0.4 s"),
     ],
 )  # fmt: skip
@@ -669,6 +705,22 @@ def test_a_value_is_shown_in_sixty_characters() -> None:
     assert shown(58 * "x") == f'"{58 * "x"}"' and shown(59 * "x") == f'"{56 * "x"}...'
     assert shown({"a.b": [1, 0.5, True, float("inf")], "c": {}}) == '{ "a.b" = [1, 0.5, true, inf], c = {} }'
     assert shown("\x7f\u2028°") == '"\\u007f\\u2028\\u00b0"' and shown("°") == '"°"'
+
+
+def test_a_file_that_cannot_be_read_or_is_no_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "arena.toml"
+    path.write_text("[plant.a]\n[law.b]\n")
+    with pytest.raises(StudyError) as error:
+        load(path)
+    assert str(error.value) == f"{path}: an arena: expected a study; cogless run takes both"
+
+    def refused(*_: Any, **__: Any) -> str:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_text", refused)
+    with pytest.raises(StudyError) as error:
+        load(path)
+    assert str(error.value) == f"{path}: permission denied: expected a readable TOML file"
 
 
 def test_no_such_study(tmp_path: Path) -> None:

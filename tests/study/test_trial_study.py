@@ -249,6 +249,15 @@ VERTICES = {
             "design.state_weight: [1, 1, 0]: expected a positive definite weight"),
         (DRIVE, "design.state_weight", [[1, 2, 0], [0, 1, 0], [0, 0, 1]],
             "design.state_weight: [[1, 2, 0], [0, 1, 0], [0, 0, 1]]: expected a positive definite weight"),
+        (DRIVE, "design.state_weight", [[1, 0], [0, 1], [0, 0]],
+            "design.state_weight: [[1, 0], [0, 1], [0, 0]]: expected the diagonal, or as many rows as "
+            "columns"),
+        (DRIVE, "design.state_weight", [[1, 0, 0], [0, 1, 0]],
+            "design.state_weight: [[1, 0, 0], [0, 1, 0]]: expected the diagonal, or as many rows as columns"),
+        (DRIVE, "design.range", {"mechanics.inertia": ["1e-4 kg*m^2"]},
+            'design.range."mechanics.inertia": ["1e-4 kg*m^2"]: expected the smallest and the largest value'),
+        (DRIVE, "design.range", {"mechanics.inertia": "1e-4 kg*m^2"},
+            'design.range."mechanics.inertia": "1e-4 kg*m^2": expected the smallest and the largest value'),
         (DRIVE, "design.input_weight", 0, "design.input_weight: 0: expected a number above 0"),
         (DRIVE, "design.initial_state", [0, 0, 0],
             "design.initial_state: [0, 0, 0]: expected a number that isn't zero"),
@@ -371,6 +380,14 @@ def test_what_a_study_of_trials_can_just_have(
 )  # fmt: skip
 def test_a_law_of_one_s_own_in_trials(tmp_path: Path, text: str, law: dict[str, Any], told: str) -> None:
     assert line_of(tmp_path, {"controller.new": law}, text) == f"study.toml: controller.new.{told}"
+
+
+@pytest.mark.parametrize("part", ["motor", "mechanics", "drive"])
+def test_trials_need_a_whole_drive_or_a_plant(tmp_path: Path, part: str) -> None:
+    before, _, rest = DRIVE.partition(f"[{part}]")
+    text = before + rest[rest.index("\n[") + 1 :]
+    expected = "expected a table, or a plant in place of motor, mechanics and drive"
+    assert line_of(tmp_path, {}, text) == f"study.toml: {part}: missing: {expected}"
 
 
 def test_a_trace_that_is_too_large(tmp_path: Path) -> None:
