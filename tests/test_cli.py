@@ -17,7 +17,7 @@ import synthetic
 from commands import cogless, forked
 
 import studies
-from cogless.catalogue import catalogue
+from cogless.catalogue import catalogue, show
 from cogless.cli import app, logs, tables, terminal
 from cogless.results import Results
 from cogless.study import Study
@@ -418,6 +418,31 @@ def test_list_names_the_laws(capsys: pytest.CaptureFixture[str]) -> None:
     ]
     assert "  trial-ilc     State feedback with integral action" in out
     assert "  robust-ilc      Robust iterative learning" in out
+
+
+def test_list_tells_titles_and_first_comments(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In columns as wide as the longest name, under headings that a terminal shows in bold."""
+    texts = {"studies/one": 'title = "First"', "studies/longer": "seed = 1"}
+    texts |= {"motors/m": "# Of a maker \nR_s = 1", "motors/n": "R_s = 1"}
+    for name, text in texts.items():
+        path = tmp_path / f"{name}.toml"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    monkeypatch.setattr("cogless.__path__", [str(tmp_path)])
+    monkeypatch.setattr(
+        "cogless.catalogue._models", lambda: ({}, {"AnyController": [], "AnyTrialController": []})
+    )
+    show()
+    plain = capsys.readouterr().out
+    assert plain.splitlines() == [
+        "Studies", "  longer  ", "  one     First", "Motors", "  m  Of a maker", "  n  ",
+        "Control laws", "Control laws of trials",
+    ]  # fmt: skip
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    show()
+    assert capsys.readouterr().out.startswith("\x1b[1mStudies\x1b[0m\n  longer")
 
 
 def test_list_loads_nothing_that_takes_time(tmp_path: Path) -> None:
