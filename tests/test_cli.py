@@ -17,6 +17,7 @@ import synthetic
 from commands import cogless, forked
 
 import studies
+from cogless.__main__ import _flushed
 from cogless.catalogue import catalogue, show
 from cogless.cli import app, logs, tables, terminal
 from cogless.results import Results
@@ -318,6 +319,37 @@ def test_a_full_disk_behind_stdout(tmp_path: Path, command: list[str]) -> None:
         words = [study if word == "STUDY" else word for word in command]
         run = subprocess.run([*COMMAND, *words], stdout=full, stderr=subprocess.PIPE, cwd=tmp_path)
     assert (run.returncode, run.stderr) == (2, b"output: no space left on device\n")
+
+
+NO_ROOM = OSError(28, "No space left on device")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (NO_ROOM, 0, "output: no space left on device\n"),
+        (NO_ROOM, 2, ""),  # a mistake is told already
+        (BrokenPipeError(), 0, ""),  # as behind `| head`
+    ],
+)
+def test_output_that_nobody_takes_is_exit_2(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, error: OSError, code: int, said: str
+) -> None:
+    class Full:
+        place = os.open(os.devnull, os.O_WRONLY)
+
+        def flush(self) -> None:
+            raise error
+
+        def fileno(self) -> int:
+            return self.place
+
+    monkeypatch.setattr(sys, "stdout", Full())
+    assert _flushed(code) == 2
+    monkeypatch.setattr(sys, "stdout", None)  # a program without a console has none
+    assert _flushed(code) == code
+    monkeypatch.undo()
+    assert capsys.readouterr().err == said
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits a file's size")

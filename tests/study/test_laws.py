@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
+from cogless.study.controller import LawLoop
+from cogless.study.drive import AnyCurrentLoop, StarBelief
 from cogless.study.laws import Controller
 
 POLE_PAIRS = 4
@@ -80,6 +82,43 @@ def test_numbers_with_a_unit_are_si_for_a_law_of_one_s_own() -> None:
     si = {"a": pytest.approx(3e-3), "b": [1, pytest.approx(2 * math.pi), "x"], **as_they_are}
     assert law({**OWN, "params": params}).arguments == si
     assert law({**LIBRARY, "params": [1.5, "3 mA"]}).numbers == pytest.approx([1.5, 3e-3])
+
+
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        (POSITION, {"parts": 1}),
+        ({**POSITION, "period": {"parts": 3}}, {"parts": 3}),
+        ({**POSITION, "frame": "mechanical", "period": {"parts": 3}}, {"parts": 12}),  # of the law's angle
+        ({**SPEED, "mu_h": 1, "period": {"of": "mechanical", "turns": 3}, "memory": "delay", "k_pp": 8,
+          "delay_method": "inversion", "alpha_limit": 1, "beta_limit": 2, "cells": 512, "q_half_width": 3},
+            {"turns": 3, "kind": "CGL_MEMORY_DELAY", "channels": 3, "limit": (1.0, 2.0, None), "k_pp": 8.0,
+             "method": "CGL_DELAY_INVERSION", "cells": 512, "q_half_width": 3}),
+    ],
+)  # fmt: skip
+def test_the_memory_of_a_law_over_the_angle(table: dict[str, Any], told: dict[str, Any]) -> None:
+    usual = {
+        "kind": "CGL_MEMORY_ANGLE", "channels": 1, "cells": 1024, "turns": 1, "parts": 1, "q_half_width": 5,
+        "lead": 0, "forgetting": 1.0, "limit": (None,), "method": "CGL_DELAY_ODE", "k_pp": 10.0,
+    }  # fmt: skip
+    loop = LawLoop(current_rate=15_000, divider=15, current_limit=3.0, pole_pairs=POLE_PAIRS)
+    assert law(table).memory_config(loop) == {**usual, **told}
+    assert loop.ts == pytest.approx(1e-3) and loop.samples(12.4e-3) == 12
+
+
+def test_a_loop_s_gains_are_given_or_by_its_bandwidth_or_none_of_an_ideal_one() -> None:
+    belief = StarBelief(R_s=2.0, L_d=3e-3, L_q=5e-3, psi_f=0.1)
+    limit, w = {"current_limit": "3 A"}, 2 * math.pi * 800
+    loops: list[dict[str, Any]] = [
+        {"kp": "7 V/A", "ki": "9 V/A/s"},
+        {"bandwidth": "800 Hz"},
+        {"kind": "ideal"},
+    ]
+    found = [TypeAdapter(AnyCurrentLoop).validate_python({**limit, **loop}).gains(belief) for loop in loops]
+    for gains, told in zip(
+        found, ((7, 9, 7, 9), (w * 3e-3, w * 2, w * 5e-3, w * 2), (0, 0, 0, 0)), strict=True
+    ):
+        assert gains == pytest.approx(dict(zip(("kp_d", "ki_d", "kp_q", "ki_q"), told, strict=True)))
 
 
 def test_a_commissioning_run_goes_an_eighth_of_a_turn_further_each_way() -> None:

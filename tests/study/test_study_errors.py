@@ -371,6 +371,8 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         ({"metric.1": {"name": "m", "kind": "chattering", "scenarios": ["low"]}}, "metric.1.window",
             ["0.1 s", "0.11 s"], ["0.1 s", "0.1099 s"]),
         ({}, "scenario.step.events.1.time", "0.3 s", "0.3000001 s"),
+        ({"drive.encoder_table": {"orders": [5, 10], "omega_min": "60 rpm"}},
+            "drive.encoder_table.limit", "0.1 rad", "0.1001 rad"),
         ({}, "controller.fair.tuning.phase_margin", "0.301 rad", "0.3 rad"),
         ({}, "controller.fair.tuning.phase_margin", "1.449 rad", "1.45 rad"),
         ({"mechanics.coulomb_friction": "2 mN*m"}, "mechanics.breakaway_friction", "2 mN*m", "1.999 mN*m"),
