@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from cogless import units
 from cogless.errors import StudyError
-from cogless.results.metrics import KINDS, Conditions, evaluate, order_amplitudes, result_name
+from cogless.results.metrics import KINDS, Conditions, _last_part, evaluate, order_amplitudes, result_name
 from cogless.results.trace import Trace
 from cogless.study import metric as declared
 
@@ -427,6 +427,14 @@ def test_orders_do_not_depend_on_where_the_rotor_starts(amplitude, phase, order,
     assert order_amplitudes(shifted, x, [order], 4, True) == pytest.approx([amplitude], rel=1e-5)
     assert order_amplitudes(theta + turn, x, [order], 4, True) == pytest.approx([amplitude], rel=1e-5)
     assert order_amplitudes(theta, 2 * x, [order], 4, True) == pytest.approx([2 * amplitude], rel=1e-5)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_last_part_of_a_turn_begins_between_two_rows(sign):
+    angle, x = sign * np.array([0.0, 1, 3, 4, 4]), np.array([0.0, 10, 30, 40, 40])
+    for span, along in ((2.5, [1.5, 3, 4, 4]), (3.0, [1, 3, 4, 4]), (9.0, [0, 1, 3, 4, 4]), (0.0, [4, 4])):
+        found, value_there = _last_part(angle, x, span)
+        assert (sign * found).tolist() == along and value_there.tolist() == [10 * a for a in along]
 
 
 def test_a_revolution_may_be_short_by_a_hair():

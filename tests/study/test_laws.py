@@ -109,15 +109,12 @@ def test_the_memory_of_a_law_over_the_angle(table: dict[str, Any], told: dict[st
 def test_a_loop_s_gains_are_given_or_by_its_bandwidth_or_none_of_an_ideal_one() -> None:
     belief = StarBelief(R_s=2.0, L_d=3e-3, L_q=5e-3, psi_f=0.1)
     limit, w = {"current_limit": "3 A"}, 2 * math.pi * 800
-    loops: list[dict[str, Any]] = [
-        {"kp": "7 V/A", "ki": "9 V/A/s"},
-        {"bandwidth": "800 Hz"},
-        {"kind": "ideal"},
-    ]
-    found = [TypeAdapter(AnyCurrentLoop).validate_python({**limit, **loop}).gains(belief) for loop in loops]
-    for gains, told in zip(
-        found, ((7, 9, 7, 9), (w * 3e-3, w * 2, w * 5e-3, w * 2), (0, 0, 0, 0)), strict=True
+    for loop, told in (
+        ({"kp": "7 V/A", "ki": "9 V/A/s"}, (7, 9, 7, 9)),
+        ({"bandwidth": "800 Hz"}, (w * 3e-3, w * 2, w * 5e-3, w * 2)),
+        ({"kind": "ideal"}, (0, 0, 0, 0)),
     ):
+        gains = TypeAdapter(AnyCurrentLoop).validate_python({**limit, **loop}).gains(belief)
         assert gains == pytest.approx(dict(zip(("kp_d", "ki_d", "kp_q", "ki_q"), told, strict=True)))
 
 
