@@ -156,6 +156,8 @@ def test_a_change_leaves_the_first_study_as_it_was(tmp_path: Path) -> None:
         ("a.b=true", ("a.b", True)),
         ("a.b=", ("a.b", "")),
         ("a=x=y", ("a", "x=y")),
+        (" a.b = red ", ("a.b", "red")),
+        ("a=1\nb=2", ("a", "1\nb=2")),  # one value, or a text
     ],
 )
 def test_set_reads_toml_and_else_text(text: str, change: tuple[str, object]) -> None:
@@ -166,6 +168,15 @@ def test_keys_with_dots_stand_in_quotes() -> None:
     key = 'scenario.low.override."motor.cogging.0.torque"'
     assert split(key) == ("scenario", "low", "override", "motor.cogging.0.torque")
     assert split("motor.cogging.0.torque") == ("motor", "cogging", 0, "torque")
+    assert split('a."7"."b.c".7') == ("a", "7", "b.c", 7)
+    assert split("a.123456789.1234567890") == ("a", 123456789, "1234567890")
+    assert split(".".join(32 * "x")) == tuple(32 * "x")
+
+
+def test_of_a_longer_array_the_last_unit_goes_on() -> None:
+    assert with_unit([1, 2.5, 3], ["1 A", "2 V"]) == ["1 A", "2.5 V", "3 V"]
+    assert with_unit([1, "x", True], ["2 A"]) == ["1 A", "x", True] and with_unit([1], []) == [1]
+    assert with_unit([[0, 5], [1, 6]], [["0 s", "1 rpm"]]) == [["0 s", "5 rpm"], ["1 s", "6 rpm"]]
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
