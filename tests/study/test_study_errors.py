@@ -341,6 +341,10 @@ WITH_ILC = {f"scenario.{key}.controllers": ["pi", "ilc"] for key in ("low", "ste
 BY_TIME = {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time"}
 BY_ANGLE = {**PI, "law": "pi-ilc", "gain": 0.01, "period": "mechanical"}
 ADRC = {"law": "adrc", "b": 1e3, "omega_c": 100.0}
+STUCK = {"kind": "angle-stuck", "time": "1 ms", "duration": "1 ms"}
+IDEAL = {"drive": {"rates": {"current_loop": "2 kHz", "speed_loop": "1 kHz"},
+                   "current_loop": {"kind": "ideal", "current_limit": "3 A"}},
+         "scenario.step.override": {}, "trace.rate": "1 kHz"}  # fmt: skip
 RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 rpm"}
 
 
@@ -355,7 +359,7 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         ({**WITH_ILC, **RESTS}, "controller.ilc",
             {**BY_ANGLE, "lead": "249 ms"}, {**BY_ANGLE, "lead": "251 ms"}),
         ({"trace.rate": "1 kHz"}, "scenario.low.duration", "20000 s", "20001 s"),
-        ({}, "controller.adrc", {**ADRC, "omega_o": 1999.9}, {**ADRC, "omega_o": 2000.0}),
+        ({}, "controller.adrc", {**ADRC, "omega_o": 1999.998}, {**ADRC, "omega_o": 1999.9985}),
         ({"drive.current_sensors.bits": 12}, "drive.current_sensors.range", "3 A", "2.999 A"),
         # up to rounding: a part in a thousand million, of rates one in a million million
         ({}, "trace.rate", "5000.000000002 Hz", "5000.000000007 Hz"),
@@ -371,6 +375,20 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         ({"metric.1": {"name": "m", "kind": "chattering", "scenarios": ["low"]}}, "metric.1.window",
             ["0.1 s", "0.11 s"], ["0.1 s", "0.1099 s"]),
         ({}, "scenario.step.events.1.time", "0.3 s", "0.3000001 s"),
+        # measured once at least, before the end
+        ({"drive.rates.current_loop": "10 kHz", "scenario.low.faults": [STUCK]},
+            "scenario.low.faults.0.duration", "99.99999995 us", "99.99999985 us"),
+        ({"drive.rates.current_loop": "10 kHz", "scenario.low.faults": [STUCK]},
+            "scenario.low.faults.0.time", "0.39994 s", "0.39996 s"),
+        ({**IDEAL, "metric": []}, "scenario.low.faults", [STUCK],
+            [{**STUCK, "kind": "current-zero", "phase": "a"}]),
+        ({**IDEAL, "metric": []}, "scenario.low.faults", [STUCK],
+            [{**STUCK, "kind": "bus-voltage", "voltage": "9 V"}]),
+        ({"drive.current_sensors.sensors": 2}, "scenario.low.faults",
+            [{**STUCK, "kind": "current-zero", "phase": "b"}],
+            [{**STUCK, "kind": "current-zero", "phase": "c"}]),
+        ({}, "scenario.low.faults",
+            [{**STUCK, "kind": "current-missing", "phase": "c"}], [{**STUCK, "time": "1 s"}]),
         ({"drive.encoder_table": {"orders": [5, 10], "omega_min": "60 rpm"}},
             "drive.encoder_table.limit", "0.1 rad", "0.1001 rad"),
         ({}, "controller.fair.tuning.phase_margin", "0.301 rad", "0.3 rad"),
