@@ -79,6 +79,14 @@ def test_a_datasheet_gives_what_the_study_leaves_out(tmp_path: Path) -> None:
     assert (own_flux.motor.psi_f, own_flux.motor.K_t) == (pytest.approx(0.002), None)
 
 
+def test_a_word_that_is_changed_takes_the_place_of_those_that_say_the_same(tmp_path: Path) -> None:
+    study = studies.study(tmp_path, {"motor.K_t": "0.3 N*m/A", "motor.resistance_line_to_line": "40 ohm"})
+    assert (study.motor.psi_f, study.motor.K_t) == (None, 0.3)
+    assert (study.motor.R_s, study.motor.star().R_s) == (None, 20.0)
+    back = changed(study, {"motor.kv": "20 rpm/V"}).motor
+    assert (back.K_t, back.kv) == (None, pytest.approx(2 * math.pi / 3))
+
+
 def test_a_datasheet_named_by_set(tmp_path: Path) -> None:
     (tmp_path / "m.toml").write_text(MOTOR, encoding="utf-8")
     text = studies.BASE.replace("pole_pairs = 4\n", "").replace("[motor]", '[motor]\ndatasheet = "none"')
