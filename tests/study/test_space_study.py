@@ -361,6 +361,7 @@ RESTS = {**SPACE, "learning": False, "frame": "mechanical"}  # asks for no sampl
         ({}, {**SPACE, "index": "rotor", "period": {"parts": 3}},
             {**SPACE, "index": "rotor", "period": {"turns": 3}}),
         ({}, {**PERIODIC, "alpha_limit": 1e15}, {**PERIODIC, "alpha_limit": 1.1e15}),
+        ({}, {**PERIODIC, "alpha_limit": 1e-15}, {**PERIODIC, "alpha_limit": 0.9e-15}),
         # one gain is enough
         ({}, {**SPACE, "mu_alpha": 0.0, "mu_beta": 1.0}, {**SPACE, "mu_alpha": 0.0, "mu_beta": 0.0}),
         ({}, {**SPACE, "mu_alpha": 0.0, "mu_h": 1.0}, {**SPACE, "mu_alpha": 0.0, "mu_h": 0.0}),

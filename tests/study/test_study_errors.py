@@ -311,6 +311,9 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
         ({"scenario.step.reference": "9000 rpm"},  # the fastest scenario counts
             "drive.rates.integration_steps: 1: expected 3 or more, since the highest order at top speed "
             "changes within 52.8 us; its voltage turns the motor at 6284 rpm without load, not at 9000"),
+        ({"scenario.low.initial_speed": "-9000 rpm"},  # turned by something else
+            "drive.rates.integration_steps: 1: expected 4 or more, since the highest order at top speed "
+            "changes within 44.2 us"),
         ({"mechanics.inertia": "1e-12 kg*m^2"},
             "drive.rates.integration_steps: 1: expected 257 or more, since the speed with the current "
             "(K_t, inertia, L) changes within 0.52 us"),
@@ -375,6 +378,17 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         ({"metric.1": {"name": "m", "kind": "chattering", "scenarios": ["low"]}}, "metric.1.window",
             ["0.1 s", "0.11 s"], ["0.1 s", "0.1099 s"]),
         ({}, "scenario.step.events.1.time", "0.3 s", "0.3000001 s"),
+        # a load's angle tells the motor's behind a whole ratio
+        ({"mechanics.load_side": {**SIDE, "ratio": 3}, "drive.position_sensor.kind": "ideal"},
+            "drive.position_sensor.side", "load", "rotor"),
+        # signals that a run has
+        *(({**has, "metric": []}, "metric", [{**METRIC, "signal": signal}], [{**METRIC, "signal": "i_x"}])
+          for has, signal in (
+              ({}, "i_c"), ({}, "u_d"), ({}, "status"), ({"trace.energy": True}, "energy_residual"),
+              ({"motor.temperature": {"winding": "90 degC"}}, "temperature_magnet"),
+              ({"mechanics.load_side": SIDE}, "omega_load"), (IDEAL, "omega_m"),
+              ({"controller.afc": {**PI, "law": "pi-afc", "gain": 1, "orders": [6]}}, "term_afc"),
+          )),
         # measured once at least, before the end
         ({"drive.rates.current_loop": "10 kHz", "scenario.low.faults": [STUCK]},
             "scenario.low.faults.0.duration", "99.99999995 us", "99.99999985 us"),

@@ -37,6 +37,18 @@ def test_phases_keep_what_a_change_does_not_name(tmp_path: Path) -> None:
     assert (study.samples("move"), study.period, study.states) == (200, 0.0025, 2)
 
 
+def test_the_top_speed_is_in_the_middle_of_the_steepest_move_or_at_the_start(tmp_path: Path) -> None:
+    """15/8 of its mean speed, as far as samples tell: 1 rad in 0.35 s, after a change 2 rad."""
+    further = [["0.05 s", "0 rad"], ["0.4 s", "-2 rad"]]
+    for changes, speed in (
+        ({}, 1.875 / 0.35),
+        ({"scenario.move.changes.0.reference": further}, 2 * 1.875 / 0.35),
+        ({"scenario.move.initial_speed": "-20 rad/s"}, 20.0),
+        ({"scenario.move.changes.1.initial_speed": "-20 rad/s"}, 20.0),
+    ):
+        assert trial_studies.loaded(tmp_path, changes).top_speed("move") == pytest.approx(speed, rel=1e-3)
+
+
 def test_a_metric_has_a_value_for_each_trial_or_phase(tmp_path: Path) -> None:
     study = trial_studies.loaded(tmp_path)
     assert {m.name: study.values_of(m, "move") for m in study.metric} == {"error": 12, "to_floor": 3}
