@@ -344,6 +344,8 @@ WITH_ILC = {f"scenario.{key}.controllers": ["pi", "ilc"] for key in ("low", "ste
 BY_TIME = {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time"}
 BY_ANGLE = {**PI, "law": "pi-ilc", "gain": 0.01, "period": "mechanical"}
 ADRC = {"law": "adrc", "b": 1e3, "omega_c": 100.0}
+WORD = {"kind": "absolute", "bits": 14}
+HEATING = {"ambient": "20 degC", "magnet_capacity": "1 J/K", "winding_to_ambient": "1 K/W"}
 STUCK = {"kind": "angle-stuck", "time": "1 ms", "duration": "1 ms"}
 IDEAL = {"drive": {"rates": {"current_loop": "2 kHz", "speed_loop": "1 kHz"},
                    "current_loop": {"kind": "ideal", "current_limit": "3 A"}},
@@ -381,6 +383,33 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         # a load's angle tells the motor's behind a whole ratio
         ({"mechanics.load_side": {**SIDE, "ratio": 3}, "drive.position_sensor.kind": "ideal"},
             "drive.position_sensor.side", "load", "rotor"),
+        # sensors and what watches them
+        ({}, "drive.position_sensor", {**WORD, "error": [{"order": 10, "amplitude": "0.0999 rad"}]},
+            {**WORD, "error": [{"order": 10, "amplitude": "-0.1 rad"}]}),
+        ({}, "drive.position_sensor", {"kind": "hall", "placement": ["-29.99 deg"] * 6},
+            {"kind": "hall", "placement": ["0 deg"] * 5 + ["-30 deg"]}),
+        ({"drive.position_sensor": {**WORD, "speed_method": "observer"}},
+            "drive.position_sensor.observer_bandwidth", "4774 Hz", "4775 Hz"),
+        ({}, "drive.speed_filter", "4774 Hz", "4775 Hz"),
+        *(({"drive.encoder_table": {"orders": [1], "omega_min": "1 rpm", "limit": "1 mrad"}},
+            "drive.encoder_table.orders", most, beyond)
+          for most, beyond in (
+              ([1000], [1001]), ([1, 2, 3, 4], [1, 2, 3, 4, 5]), ([1, 3], [3, 3]), ([1], [0]),
+          )),
+        ({}, "drive.monitor.hold", "33333.3 s", "33333.4 s"),
+        ({}, "drive.quality.longest", "1 ms", "0.99 ms"),
+        ({}, "drive.quality.longest", "500000 s", "500001 s"),
+        ({}, "drive.quality.outlier", 1, 0.99),
+        # temperatures
+        ({"motor.temperature": {"winding": "20 degC", "resistance_coefficient": "0.003 1/K"}},
+            "motor.temperature.magnet", "-273.15 degC", "-273.16 degC"),
+        ({"motor.temperature": {"winding": "120 degC"}},
+            "motor.temperature.flux_coefficient", "-0.00999 1/K", "-0.01 1/K"),
+        ({"motor.temperature": {"winding": "20 degC"}}, "motor.temperature.heating",
+            {**HEATING, "winding_capacity": "0.26667 mJ/K"}, {**HEATING, "winding_capacity": "0.26666 mJ/K"}),
+        # orders
+        ({}, "controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": [*range(1, 16), 65535]},
+            {**PI, "law": "pi-afc", "gain": 1, "orders": [*range(1, 16), 65536]}),
         # signals that a run has
         *(({**has, "metric": []}, "metric", [{**METRIC, "signal": signal}], [{**METRIC, "signal": "i_x"}])
           for has, signal in (
