@@ -709,6 +709,17 @@ def test_counts_begin_with_one(capsys: pytest.CaptureFixture[str], words: list[s
     assert (code, out) == (2, "") and err.startswith("no.toml: no such study: ")
 
 
+def test_as_many_runs_at_a_time_as_there_are_cores() -> None:
+    defaults = [
+        each.default
+        for command in app.registered_commands
+        if command.callback is not None
+        for name, each in inspect.signature(command.callback).parameters.items()
+        if name == "jobs"
+    ]
+    assert defaults == [os.cpu_count()] * 4
+
+
 def test_a_tuning_s_mistake_is_told_before_it_begins(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
