@@ -368,6 +368,26 @@ def test_without_a_motor_an_electrical_turn_is_a_mechanical_one():
     assert evaluate(Metric("order", order=(1, 4)), t, Conditions()) == pytest.approx([1, 0], abs=1e-6)
 
 
+@pytest.mark.parametrize(("share", "enough"), [(5e-7, True), (1.5e-6, False)])
+def test_a_row_for_every_sample_up_to_a_millionth(share, enough):
+    t, conditions = trace(i_q_ref=0.0, rate=1000), replace(CONDITIONS, speed_period=1e-3 * (1 - share))
+    if enough:
+        assert evaluate(Metric("chattering", signal=None), t, conditions) == 0.0
+    else:
+        with pytest.raises(StudyError, match="needs a row for every speed-loop sample"):
+            evaluate(Metric("chattering", signal=None), t, conditions)
+
+
+def test_a_reference_that_stepped_a_row_before_the_event_stays():
+    """So the speed is thrown off by something else: it overshoots on its way back from 9, by 13 - 11.9."""
+    t = trace(
+        omega_m=lambda time: np.interp(time, [1.0, 1.01, 1.02, 1.03], [12.0, 9.0, 13.0, 11.9]),
+        omega_ref=lambda time: np.where(time < 0.985, 10.0, 12.0),
+        rate=100,
+    )
+    assert value("overshoot", t, signal="omega_m", event=1.0) == pytest.approx(1.1)
+
+
 def test_unknown_signal_and_empty_window():
     with pytest.raises(StudyError, match="metric m: signal y: expected one of time, theta_m, x"):
         value("mean", trace(x=0.0), signal="y")
