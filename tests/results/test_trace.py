@@ -55,7 +55,9 @@ def test_window_includes_both_ends():
     assert trace.window(0.195, 0.205) == slice(20, 21)
     assert trace.window(-1, 9) == slice(0, 101)
     assert trace.window(3, 2) == slice(101, 101) and trace.window(0.5, 0.2) == slice(50, 50)
-    assert trace.window(0.2 + 1e-9, 0.5 - 1e-9) == slice(20, 51)  # up to rounding
+    # up to rounding, a millionth of a row
+    assert trace.window(0.2 + 0.9e-8, 0.5 - 0.9e-8) == slice(20, 51)
+    assert trace.window(0.2 + 1.1e-8, 0.5 - 1.1e-8) == slice(21, 50)
 
 
 def test_the_period_is_the_mean_time_between_rows():
