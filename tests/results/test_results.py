@@ -12,6 +12,7 @@ from synthetic import STUDY, results, study
 from cogless.errors import StudyError
 from cogless.files import reason, replacing, writable
 from cogless.results import Results
+from cogless.results.fault_response import Fault, Response
 from cogless.results.results_json import run_id, to_dict, write
 from cogless.versions import versions
 
@@ -144,6 +145,32 @@ def test_a_learned_signal_in_short(made):
     ):  # fmt: skip
         run = replace(made.runs[0], memory=memory)
         assert to_dict(Results(made.study, [run]))["runs"][0]["memory"] == found
+
+
+def test_a_response_to_a_fault_in_plain_numbers(made):
+    """What never happened, or grew beyond all numbers, is null."""
+    response = Response(
+        Fault(1.0, 1.5, ("x",)),
+        ("y",),
+        0.1,
+        0.2,
+        None,
+        0.3,
+        None,
+        (2.0, 3.0),
+        None,
+        math.nan,
+        4.0,
+        math.inf,
+        5.0,
+    )
+    run = replace(made.runs[0], faults=(response,))
+    assert to_dict(Results(made.study, [run]))["runs"][0]["faults"] == [{
+        "what": ["x"], "time_s": 1.0, "duration_s": 0.5, "noticed": ["y"], "noticed_after_s": 0.1,
+        "safe_s": 0.2, "not_learning_s": None, "saturated_s": 0.3, "before_s": None, "after_s": [2.0, 3.0],
+        "ripple_before_rad_s": None, "ripple_after_rad_s": None, "largest_speed_error_rad_s": 4.0,
+        "largest_current_A": None, "current_limit_A": 5.0,
+    }]  # fmt: skip
 
 
 def test_a_reason_is_the_system_s_in_lower_case():
