@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from hypothesis import strategies as st
 
 from cogless.c_headers import Field, Headers, control_headers, parse
 from cogless.c_layout import Layout, control_layout
+from cogless.results.status import Status
+from cogless.study import drive, harmonic, pi_afc, plant, space_checks
 
 CONFIGS = sorted(name for name in control_headers().structs if name.endswith("_config"))
 PLAIN = {"bool": st.booleans(), "uint32_t": st.integers(0, 2**32 - 1)}
@@ -181,3 +184,52 @@ def test_a_member_of_another_name_in_the_header_is_noticed() -> None:
     for fields in ((replace(kp, name="k_p"), *others), (kp, replace(kp, name="k_p"), *others)):
         with pytest.raises(ValueError, match=r"cgl_pi_config\.k_p: missing|cgl_pi_config\.kp: unknown"):
             with_fields(fields).pack("cgl_pi_config", PI)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"limitt": 4.0}, r"cgl_pi_config\.limitt: unknown"),
+        ({"b": 1.0, "a": 2.0}, r"cgl_pi_config\.a: unknown"),
+        ({"limit": None, "a": 2.0}, r"cgl_pi_config\.a: unknown"),
+        ({"limit": None, "z": 2.0}, r"cgl_pi_config\.limit: missing"),
+    ],
+)
+def test_of_several_wrong_members_the_first_is_told(change: dict[str, float | None], told: str) -> None:
+    values = {name: value for name, value in {**PI, **change}.items() if value is not None}
+    with pytest.raises(ValueError, match=f"^{told}$"):
+        control_layout("single").pack("cgl_pi_config", values)
+
+
+def test_what_a_pointer_points_to_is_not_in_the_bytes() -> None:
+    layout = control_layout("single")
+    values = layout.decode("cgl_trial_config", bytes(layout.size("cgl_trial_config")))
+    assert layout.pack("cgl_trial_config", values) == bytes(layout.size("cgl_trial_config"))
+    with pytest.raises(ValueError, match=r"^cgl_trial_config\.learning_matrix: expected None, since it is a"):
+        layout.pack("cgl_trial_config", {**values, "learning_matrix": 1})
+
+
+@pytest.mark.parametrize(
+    ("macro", "number"),
+    [
+        ("HARMONIC_ORDERS", harmonic.ORDERS),
+        ("HARMONIC_ORDER_MAX", harmonic.HIGHEST),
+        ("HARMONIC_EDGES", 2 * harmonic.BANDS),
+        ("HARMONIC_FASTEST", harmonic.FASTEST),
+        ("PI_AFC_ORDERS", pi_afc.ORDERS),
+        ("PI_AFC_ORDER_MAX", pi_afc.HIGHEST),
+        ("ENCODER_TABLE_ORDERS", drive.ORDERS),
+        ("TRIAL_STATES", plant.MOST_STATES),
+        ("ANGLE_MAX", space_checks.ANGLE_MAX),
+    ],
+)
+def test_what_a_study_may_ask_for_is_what_the_library_can_hold(macro: str, number: float) -> None:
+    text = "\n".join(path.read_text() for path in (SOURCE / "cogless").glob("*.h"))
+    (found,) = re.findall(rf"^#define CGL_{macro} (?:CGL_R\()?([\d.e]+)", text, re.MULTILINE)
+    assert float(found) == number
+
+
+def test_bits_of_a_status_are_the_library_s() -> None:
+    text = (SOURCE / "cogless" / "status.h").read_text()
+    bits = {name: int(bit) for name, bit in re.findall(r"CGL_STATUS_(\w+) = (\d+)", text)}
+    assert bits == {str(each.name): each.value for each in Status}

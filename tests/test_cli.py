@@ -17,7 +17,8 @@ import synthetic
 from commands import cogless, forked
 
 import studies
-from cogless.catalogue import catalogue
+from cogless.__main__ import _flushed
+from cogless.catalogue import catalogue, show
 from cogless.cli import app, logs, tables, terminal
 from cogless.results import Results
 from cogless.study import Study
@@ -147,6 +148,7 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
         (["fly"], "No such command 'fly'. See cogless --help."),
         (["runn"], "No such command 'runn'. Did you mean 'run'? See cogless --help."),
         (["export", "STUDY", "--controller", "pi"], "Missing option '--to'. See cogless export --help."),
+        (["export", "STUDY", "--controller", "pi", "--to", "x", "-o", "y"], '--to: "x": expected c or fmu'),
         (["run", ""], '"": is a directory: expected a study file'),
         (["run", "x" * 5000], f'"{"x" * 56}...: no such study: '),
         (["run", "STUDY", "--set", "title=\udcff"], '--set: "title=\\udcff": expected UTF-8'),
@@ -165,6 +167,32 @@ def test_a_wrong_command_line(
     code, out, err = cogless(capsys, *(places.get(word, word) for word in arguments))
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err.replace(study, "STUDY").replace(str(tmp_path), "FOLDER").startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("said", "words", "line"),
+    [
+        ("Odd.", ["run", "x"], "Odd. See cogless run --help.\n"),
+        ("Odd?", ["--verbose", "run"], "Odd? See cogless --help.\n"),
+        ("", ["run"], ""),
+    ],
+)
+def test_a_mistake_that_names_no_command_is_of_the_first_word(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    said: str,
+    words: list[str],
+    line: str,
+) -> None:
+    class OddError(Exception):
+        def format_message(self) -> str:
+            return said
+
+    def wrong() -> None:
+        raise OddError
+
+    monkeypatch.setattr("cogless.__main__._command", wrong)
+    assert cogless(capsys, *words) == (2, "", line)
 
 
 def test_a_whole_controller_may_be_added(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -293,6 +321,37 @@ def test_a_full_disk_behind_stdout(tmp_path: Path, command: list[str]) -> None:
     assert (run.returncode, run.stderr) == (2, b"output: no space left on device\n")
 
 
+NO_ROOM = OSError(28, "No space left on device")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (NO_ROOM, 0, "output: no space left on device\n"),
+        (NO_ROOM, 2, ""),  # a mistake is told already
+        (BrokenPipeError(), 0, ""),  # as behind `| head`
+    ],
+)
+def test_output_that_nobody_takes_is_exit_2(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, error: OSError, code: int, said: str
+) -> None:
+    class Full:
+        place = os.open(os.devnull, os.O_WRONLY)
+
+        def flush(self) -> None:
+            raise error
+
+        def fileno(self) -> int:
+            return self.place
+
+    monkeypatch.setattr(sys, "stdout", Full())
+    assert _flushed(code) == 2
+    monkeypatch.setattr(sys, "stdout", None)  # a program without a console has none
+    assert _flushed(code) == code
+    monkeypatch.undo()
+    assert capsys.readouterr().err == said
+
+
 @pytest.mark.skipif(os.name != "posix", reason="limits a file's size")
 @pytest.mark.parametrize("room", [1000, 40_000, 100_000])
 def test_results_that_have_no_room_are_printed_nevertheless(tmp_path: Path, room: int) -> None:
@@ -391,6 +450,31 @@ def test_list_names_the_laws(capsys: pytest.CaptureFixture[str]) -> None:
     ]
     assert "  trial-ilc     State feedback with integral action" in out
     assert "  robust-ilc      Robust iterative learning" in out
+
+
+def test_list_tells_titles_and_first_comments(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In columns as wide as the longest name, under headings that a terminal shows in bold."""
+    texts = {"studies/one": 'title = "First"', "studies/longer": "seed = 1"}
+    texts |= {"motors/m": "# Of a maker \nR_s = 1", "motors/n": "R_s = 1"}
+    for name, text in texts.items():
+        path = tmp_path / f"{name}.toml"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    monkeypatch.setattr("cogless.__path__", [str(tmp_path)])
+    monkeypatch.setattr(
+        "cogless.catalogue._models", lambda: ({}, {"AnyController": [], "AnyTrialController": []})
+    )
+    show()
+    plain = capsys.readouterr().out
+    assert plain.splitlines() == [
+        "Studies", "  longer  ", "  one     First", "Motors", "  m  Of a maker", "  n  ",
+        "Control laws", "Control laws of trials",
+    ]  # fmt: skip
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    show()
+    assert capsys.readouterr().out.startswith("\x1b[1mStudies\x1b[0m\n  longer")
 
 
 def test_list_loads_nothing_that_takes_time(tmp_path: Path) -> None:
@@ -608,6 +692,46 @@ def test_a_flag_asks_for_what_is_not_done_without_it() -> None:
     refusing = {command for command, name, default in parameters if name == "no_code" and default is False}
     assert refusing == {"run", "sweep", "tune", "calibrate"}
     assert [one for one in parameters if one[2] is True] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (["run", "no.toml", "-j"], "'--jobs' / '-j'"),
+        (["sweep", "no.toml", "-n"], "'-n'"),
+        (["pil", "no.toml", "--controller", "pi", "--ticks"], "'--ticks'"),
+    ],
+)
+def test_counts_begin_with_one(capsys: pytest.CaptureFixture[str], words: list[str], option: str) -> None:
+    code, out, err = cogless(capsys, *words, 0)
+    assert (code, out) == (2, "") and err.startswith(f"Invalid value for {option}: ")
+    code, out, err = cogless(capsys, *words, 1)
+    assert (code, out) == (2, "") and err.startswith("no.toml: no such study: ")
+
+
+def test_as_many_runs_at_a_time_as_there_are_cores() -> None:
+    defaults = [
+        each.default
+        for command in app.registered_commands
+        if command.callback is not None
+        for name, each in inspect.signature(command.callback).parameters.items()
+        if name == "jobs"
+    ]
+    assert defaults == [os.cpu_count()] * 4
+
+
+def test_a_tuning_s_mistake_is_told_before_it_begins(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cogless.ensemble.tune.tune", lambda *_: pytest.fail("ran"))
+    study = studies.write(tmp_path)
+    code, out, err = cogless(capsys, "tune", study, "-o", tmp_path / "out")
+    assert (code, out) == (2, "") and err.startswith(f"{study}: tune: missing: expected ")
+
+
+def test_cogless_alone_says_what_it_can_do(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = cogless(capsys)
+    assert "Usage: cogless" in out and "diagnose" in out and "completion" not in out
 
 
 def test_every_option_says_what_it_is_for() -> None:

@@ -53,6 +53,8 @@ def test_texts_become_si(text: str, dimension: units.Dimension, si: float) -> No
     ("text", "dimension", "expected"),
     [
         ("60", units.ANGULAR_SPEED, 'expected a unit too, such as "60 rpm"'),
+        (19 * "1", units.ANGULAR_SPEED, f'expected a unit too, such as "{19 * "1"} rpm"'),
+        (20 * "1", units.ANGULAR_SPEED, 'expected a unit too, such as "1 rpm"'),
         ("1 Hz", units.ANGULAR_SPEED, 'expected an angular speed, such as "1 rpm"'),
         ("1 1/s", units.ANGULAR_SPEED, 'expected an angular speed, such as "1 rpm"'),
         ("1 rad/s", units.FREQUENCY, 'expected a frequency, such as "1 Hz"'),
@@ -122,6 +124,18 @@ def test_the_unit_of_a_text() -> None:
 def test_another_dimension_has_no_number() -> None:
     with pytest.raises(UnitError, match='expected a number with a unit like "A"'):
         number_in("1 s", "A")
+
+
+def test_a_text_of_any_dimension_is_si() -> None:
+    """Where SI has kilograms, a gram is a thousandth."""
+    assert units.in_si("3 mN*m") == pytest.approx(3e-3) and units.in_si("3 A") == 3.0
+    assert units.in_si("2 kg*cm^2") == pytest.approx(2e-4) and units.in_si("5 g/s^2") == pytest.approx(5e-3)
+    assert units.is_known("rpm") and not units.is_known("rpn")
+    for text, told in (("a lot", "a number and a unit"), ("3 rpn", 'a known unit, not "rpn"')):
+        with pytest.raises(UnitError, match=f"^expected {told}$"):
+            units.in_si(text)
+    with pytest.raises(UnitError, match=r'^expected a number with a unit like "A"$'):
+        number_in("a lot", "A")
 
 
 def test_importing_cogless_loads_neither_pint_nor_pydantic() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -69,6 +70,13 @@ def test_a_load_that_comes_and_goes_is_a_fault_in_a_study_with_faults(tmp_path):
     assert faults_in(studies.study(tmp_path, stays), "step") == []
 
 
+def test_of_loads_in_a_row_the_last_before_the_usual_one_is_a_fault(tmp_path):
+    events = [{"time": f"{t} s", "load": f"{load} N*m"} for t, load in ((0.1, 0.2), (0.15, 0.3), (0.2, 0))]
+    changes = {"scenario.low.faults": [angle("0.1 s", "1 ms")], "scenario.step.events": events}
+    (load,) = faults_in(studies.study(tmp_path, changes), "step")
+    assert (load.time, load.end, load.words) == (0.15, 0.2, ("load of 300 mN·m",))
+
+
 def test_the_scenario_without_faults():
     study = cogless.load("faults")
     assert without_faults(study, "stuck") == without_faults(study, "shock") == "nothing"
@@ -88,6 +96,14 @@ def test_times_are_counted_from_the_fault_to_the_next():
     assert first.noticed == ("angle stuck",) and first.noticed_after == pytest.approx(0.1)
     assert second.noticed == () and second.noticed_after is None and second.safe == 0
     assert one(trace(status), learns=False)[0].not_learning is None
+
+
+def test_a_row_at_the_fault_s_time_counts_up_to_rounding_and_one_without_a_status_says_nothing():
+    off = trace(lambda t: np.where(t < 0.2, np.nan, (t == 0.3) * int(Status.OFF)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        first, second = one(off, Fault(0.1, 0.15, ("x",)), Fault(0.1 + 0.2, 0.5, ("y",)))
+    assert (first.safe, second.safe) == (0.0, pytest.approx(1e-3))
 
 
 def test_what_is_noticed_first_is_told_first():

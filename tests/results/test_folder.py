@@ -6,7 +6,6 @@ import os
 import random
 import shutil
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -171,12 +170,14 @@ def test_without_links_the_files_are_replaced_one_by_one(
 
 @pytest.mark.skipif(os.name != "posix", reason="locks")
 def test_a_second_run_into_the_folder_is_refused(tmp_path: Path) -> None:
-    other = "from pathlib import Path; from cogless.results.folder import held\n"
-    other += f"with held(Path({str(tmp_path)!r})): pass"
-    with held(tmp_path):
-        run = subprocess.run([sys.executable, "-c", other], capture_output=True, text=True)
-    assert f"{tmp_path}: another run is writing there: expected another directory" in run.stderr
-    assert subprocess.run([sys.executable, "-c", other]).returncode == 0
+    for _ in range(2):  # once the first is done, the next is alone again
+        with held(tmp_path):
+            files = os.listdir("/dev/fd")
+            with pytest.raises(StudyError) as error, held(tmp_path):
+                pass
+            assert os.listdir("/dev/fd") == files  # none stays open
+    expected = "another run is writing there: expected another directory"
+    assert str(error.value) == f"{tmp_path}: {expected}"
 
 
 def run_ids(folder: Path) -> set[str]:

@@ -1,15 +1,20 @@
 """results.json: its shape, "never", whole or not at all; the check of the output directory."""
 
+import importlib.metadata
 import json
+import math
+import re
 from dataclasses import replace
 
 import pytest
 from synthetic import STUDY, results, study
 
 from cogless.errors import StudyError
-from cogless.files import replacing, writable
+from cogless.files import reason, replacing, writable
 from cogless.results import Results
-from cogless.results.results_json import to_dict, write
+from cogless.results.fault_response import Fault, Response
+from cogless.results.results_json import run_id, to_dict, write
+from cogless.versions import versions
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +52,33 @@ def test_shape(made, tmp_path):
         "frame": "electrical",
     }
     assert held["settings"]["mechanics"]["inertia"] == "2.5e-4 kg*m^2"
+
+
+def test_a_run_is_known_by_its_settings_and_results(made, tmp_path):
+    """Sixteen digits in all of its files, whatever the order in which metrics stand."""
+    name = run_id(made)
+    assert re.fullmatch("[0-9a-f]{16}", name)
+    first, *others = made.runs
+    turned = replace(first, metrics=dict(reversed(first.metrics.items())))
+    assert run_id(Results(made.study, [turned, *others])) == name
+    assert run_id(Results(made.study, others)) != name != run_id(replace(made, interrupted=True))
+    write(made, tmp_path / "results.json", {"report.html": "ab"})
+    held = json.loads((tmp_path / "results.json").read_text())
+    assert (held["run"], held["files"]) == (name, {"report.html": "ab"})
+
+
+def test_a_version_that_is_not_known_is_told(monkeypatch):
+    """As of a copy that was never installed."""
+    known = importlib.metadata.version
+
+    def version(package):
+        if package == "cogless":
+            raise importlib.metadata.PackageNotFoundError
+        return known(package)
+
+    monkeypatch.setattr(importlib.metadata, "version", version)
+    found = versions.__wrapped__()
+    assert found["cogless"] == "not installed" and found["numpy"] == known("numpy")
 
 
 def test_never_is_null(made):
@@ -98,6 +130,51 @@ def test_settings_that_json_does_not_have(tmp_path):
 def test_interrupted_without_runs(made):
     held = to_dict(Results(made.study, [], interrupted=True))
     assert held["interrupted"] is True and held["runs"] == []
+
+
+def test_a_learned_signal_in_short(made):
+    """Of trials; of nothing, and of what is not finite, too."""
+    for memory, found in (
+        ({"learned": [1.0, -3.0]}, {"samples": 2, "peak": 3.0}),
+        ({"learned": []}, {"samples": 0, "peak": 0.0}),
+        ({"learned": [1.0, math.inf]}, {"samples": 2, "peak": None}),
+        ({"current": [], "frame": "electrical"},
+            {"frame": "electrical", "cells": 0, "peak_A": 0.0, "rms_A": 0.0}),
+        ({"current": [1e200, 0.0], "frame": "mechanical"},
+            {"frame": "mechanical", "cells": 2, "peak_A": 1e200, "rms_A": None}),
+    ):  # fmt: skip
+        run = replace(made.runs[0], memory=memory)
+        assert to_dict(Results(made.study, [run]))["runs"][0]["memory"] == found
+
+
+def test_a_response_to_a_fault_in_plain_numbers(made):
+    """What never happened, or grew beyond all numbers, is null."""
+    response = Response(
+        Fault(1.0, 1.5, ("x",)),
+        ("y",),
+        0.1,
+        0.2,
+        None,
+        0.3,
+        None,
+        (2.0, 3.0),
+        None,
+        math.nan,
+        4.0,
+        math.inf,
+        5.0,
+    )
+    run = replace(made.runs[0], faults=(response,))
+    assert to_dict(Results(made.study, [run]))["runs"][0]["faults"] == [{
+        "what": ["x"], "time_s": 1.0, "duration_s": 0.5, "noticed": ["y"], "noticed_after_s": 0.1,
+        "safe_s": 0.2, "not_learning_s": None, "saturated_s": 0.3, "before_s": None, "after_s": [2.0, 3.0],
+        "ripple_before_rad_s": None, "ripple_after_rad_s": None, "largest_speed_error_rad_s": 4.0,
+        "largest_current_A": None, "current_limit_A": 5.0,
+    }]  # fmt: skip
+
+
+def test_a_reason_is_the_system_s_in_lower_case():
+    assert reason(OSError(2, "No Such File")) == "no such file" and reason(OSError("Odd")) == "Odd"
 
 
 def test_whole_or_absent(tmp_path):

@@ -1,11 +1,13 @@
 """Traces: names and units, windows, xarray and netCDF."""
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 import xarray
 
+from cogless import StudyError
 from cogless.results.trace import Trace, write_netcdf
 
 
@@ -53,7 +55,9 @@ def test_window_includes_both_ends():
     assert trace.window(0.195, 0.205) == slice(20, 21)
     assert trace.window(-1, 9) == slice(0, 101)
     assert trace.window(3, 2) == slice(101, 101) and trace.window(0.5, 0.2) == slice(50, 50)
-    assert trace.window(0.2 + 1e-9, 0.5 - 1e-9) == slice(20, 51)  # up to rounding
+    # up to rounding, a millionth of a row
+    assert trace.window(0.2 + 0.9e-8, 0.5 - 0.9e-8) == slice(20, 51)
+    assert trace.window(0.2 + 1.1e-8, 0.5 - 1.1e-8) == slice(21, 50)
 
 
 def test_the_period_is_the_mean_time_between_rows():
@@ -93,6 +97,12 @@ def test_to_xarray():
     assert data.omega_m.attrs["units"] == "rad/s"
     assert data.time.attrs["units"] == "s"
     assert float(data.omega_m.sel(time=0.5, method="nearest")) == 5
+
+
+def test_without_xarray_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(StudyError, match=r"^to_xarray: expected xarray \(pip install 'cogless\[xarray\]'\)$"):
+        make().to_xarray()
 
 
 def test_netcdf_has_one_group_for_each_run(tmp_path):

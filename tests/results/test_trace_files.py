@@ -44,6 +44,9 @@ def test_results_and_report_are_those_of_traces_in_memory(
 def test_a_trace_in_memory_has_no_file_until_the_room_is_used_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    room = trace_files.TraceRoom(tmp_path)
+    assert room.file(SIGNALS, 2_000_000) is None  # 48 MB
+    assert room.file(SIGNALS, 1) is not None
     monkeypatch.setattr(trace_files, "IN_MEMORY", 8 * 3 * 100)
     room = trace_files.TraceRoom(tmp_path)
     assert room.file(SIGNALS, 60) is None

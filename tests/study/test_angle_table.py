@@ -9,6 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from cogless import units
 from cogless.study.angle_table import read
+from cogless.study.csv_file import finite, shown
 
 ERROR = {"error": units.ANGLE}
 WAVES = {1: (0.3, 0.4), 3: (0.1, -2.0), 17: (0.02, 1.5)}  # order: amplitude, phase
@@ -70,10 +71,13 @@ def test_harmonics_of_equal_spacing_are_exact(tmp_path: Path) -> None:
 
 def test_harmonics_of_unequal_spacing_are_those_of_a_spline(tmp_path: Path) -> None:
     even = np.arange(0.0, 360.0, 0.5)
-    found = read(written(tmp_path, even + 0.2 * np.sin(np.radians(7 * even))), ERROR).harmonics(20)
-    for order, (amplitude, _) in enumerate(found[1:], start=1):
+    table = read(written(tmp_path, 5 + even + 0.2 * np.sin(np.radians(7 * even))), ERROR)
+    assert len(table.harmonics(359)) == 360
+    for order, (amplitude, phase) in enumerate(table.harmonics(20)[1:], start=1):
         # a cubic spline of step h loses about (n h)^4 / 720 of order n
-        assert amplitude == pytest.approx(math.radians(WAVES.get(order, (0.0, 0.0))[0]), abs=2e-7)
+        wanted = WAVES.get(order, (0.0, phase))
+        assert amplitude == pytest.approx(math.radians(wanted[0]), abs=2e-7)
+        assert phase == pytest.approx(wanted[1], abs=1e-3)
 
 
 def test_no_harmonics_beyond_half_the_points(tmp_path: Path) -> None:
@@ -126,6 +130,17 @@ def test_a_mistake_names_its_line(tmp_path: Path, text: str, problem: str) -> No
     with pytest.raises(PydanticCustomError) as error:
         read(tmp_path / "t.csv", ERROR)
     assert str(error.value).startswith(problem)
+
+
+@pytest.mark.parametrize("huge", [1e9, -1e9, math.inf])
+def test_a_number_is_below_a_thousand_millions(huge: float) -> None:
+    assert finite("x", 999_999_999.0, "error", "line 2: ") == 999_999_999.0
+    with pytest.raises(PydanticCustomError, match='line 2: "x": expected a finite error'):
+        finite("x", huge, "error", "line 2: ")
+
+
+def test_a_cell_is_quoted_in_forty_characters() -> None:
+    assert shown(40 * "x") == f'"{40 * "x"}"' and shown(41 * "x") == f'"{37 * "x"}..."'
 
 
 def test_a_missing_file_is_told(tmp_path: Path) -> None:

@@ -123,6 +123,48 @@ def test_a_change_leaves_the_study_as_it_was(tmp_path: Path) -> None:
     assert cogless.for_scenario(study, "step").motor.cogging[0].torque == pytest.approx(4e-3)
 
 
+PI = {"law": "pi", "kp": 0.1, "ki": 1.0}
+SHORT = {"duration": "0.3 s", "reference": "60 rpm"}
+
+
+@pytest.mark.parametrize(
+    ("before", "changes", "wrong"),
+    [
+        # what is there at all, by name
+        ({"controller.pi.baseline": True}, {"controller.new": {**PI, "baseline": True}}, "controller.new"),
+        ({"controller.pi.baseline": True}, {"controller.new": PI}, ""),
+        ({}, {"scenario.new": {**SHORT, "duration": "1e9 s"}}, "scenario.new.duration"),
+        ({}, {"scenario.new": {**SHORT, "controllers": ["x"]}}, "scenario.new.controllers.0"),
+        ({}, {"scenario.new": SHORT}, ""),
+        ({}, {"scenario.step.controllers": ["x"]}, "scenario.step.controllers.0"),
+        # a table that comes
+        ({"metric": []}, {"mechanics.load_side": {"inertia": "1e-4 kg*m^2", "stiffness": "1e9 N*m/rad"}},
+            "drive.rates.integration_steps"),
+        ({}, {"drive.dead_time_compensation": {"band": "0.1 A", "time": "1 s"}},
+            "drive.dead_time_compensation.time"),
+        ({}, {"motor.temperature": {"winding": "90 degC"}}, ""),
+        # one of another kind
+        ({}, {"controller.pi": {"law": "adrc", "b": 1e3, "omega_c": 100.0, "omega_o": 1e6}}, "controller.pi"),
+        ({}, {"controller.pi": {**PI, "law": "pi-ilc", "gain": 0.01, "lead": "1 s"}}, "controller.pi.lead"),
+        ({}, {"drive.position_sensor": {"kind": "ideal", "side": "load"}}, "drive.position_sensor.side"),
+        # a value that checks of other tables read
+        ({"drive.current_sensors.bits": 12}, {"drive.current_loop.current_limit": "12 A"},
+            "drive.current_sensors.range"),
+        ({"drive.current_sensors.bits": 12}, {"drive.current_loop.current_limit": "10 A"}, ""),
+        ({}, {"scenario.step.events.0.time": "0.11 s"}, "metric.2.event"),
+        ({}, {"metric.0.window": ["0.1 s", "0.35 s"]}, "metric.0.window"),
+        ({}, {"motor.cogging.0.order": 2000}, "drive.rates.integration_steps"),
+    ],
+)  # fmt: skip
+def test_a_change_is_checked_by_all_that_read_it(
+    tmp_path: Path, before: dict[str, Any], changes: dict[str, Any], wrong: str
+) -> None:
+    study = studies.study(tmp_path, before)
+    found = told(lambda: changed(study, changes))
+    assert found == told(lambda: as_read(study, changes))
+    assert f"study.toml: {wrong}" in found if wrong else not isinstance(found, str)
+
+
 def test_what_did_not_change_is_taken_over(tmp_path: Path) -> None:
     study = studies.study(tmp_path)
     variant = changed(study, {"controller.pi.kp": 0.2})

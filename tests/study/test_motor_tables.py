@@ -249,6 +249,16 @@ def test_a_tenth_of_a_back_emf_table_is_the_fundamental_at_least(
             star(emf, "back_emf_table")
 
 
+@pytest.mark.parametrize(("share", "fine"), [(-0.099, True), (0.099, True), (0.101, False)])
+def test_a_mean_of_a_tenth_of_the_rms_is_none_of_a_cogging(tmp_path: Path, share: float, fine: bool) -> None:
+    of = table(tmp_path, lambda theta: np.sqrt(2) * np.sin(20 * theta) + share)
+    if fine:
+        assert [c.order for c in star({**of, "sign": "on-rotor"}).cogging] == [20]
+    else:
+        with pytest.raises(ValueError, match=r"expected a mean of zero, not 0\.101 of the rms"):
+            star({**of, "sign": "on-rotor"})
+
+
 @pytest.mark.parametrize(
     ("peak", "why"),
     [

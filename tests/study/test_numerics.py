@@ -110,6 +110,29 @@ def test_a_soft_shaft_swings_with_both_masses() -> None:
     assert damped**2 - 2 * half * damped + swing**2 == pytest.approx(0, abs=1e-6 * swing**2)
 
 
+def test_a_load_behind_a_rigid_gear_is_seen_from_the_motor() -> None:
+    """Of ratio 2: a quarter of its inertia and viscous friction, half of its sliding friction."""
+    side = {"inertia": "4e-4 kg*m^2", "viscous_friction": "8e-3 N*m*s/rad", "coulomb_friction": "6 mN*m",
+            "stiffness": "1 N*m/rad", "ratio": 2}  # fmt: skip
+    own = {"viscous_friction": "1e-3 N*m*s/rad", "coulomb_friction": "1 mN*m"}
+    found, alone = mechanics(**own, load_side=side), mechanics(**own)
+    stiff = found.stiff
+    assert (stiff.inertia, stiff.viscous_friction, stiff.coulomb_friction) == pytest.approx(
+        (2e-4, 3e-3, 4e-3)
+    )
+    assert (stiff.load_side, stiff.ratio, found.ratio) == (None, 1.0, 2.0)
+    assert alone.stiff is alone and alone.ratio == 1.0
+
+
+def test_a_gear_s_errors_make_its_output_faster_and_slower() -> None:
+    """Of ratio 2: an order of the input 3 * 0.02, one of the output 5 * 0.03 of half the speed."""
+    errors = [{"side": "input", "order": 3, "angle": "0.02 rad"},
+              {"side": "output", "order": 5, "angle": "0.03 rad"}]  # fmt: skip
+    side = {"inertia": "1 g*m^2", "stiffness": "1 N*m/rad", "ratio": 2, "gear_errors": errors}
+    found = mechanics(load_side=side).load_side
+    assert found is not None and found.slope == pytest.approx((0.5 - 0.135, 0.5 + 0.135))
+
+
 def test_half_a_time_constant_is_the_longest_step() -> None:
     slow = mechanics(inertia="1 kg*m^2")
     fastest = TOP * 4

@@ -174,6 +174,16 @@ def test_a_mistake_is_one_line(tmp_path: Path, changes: dict[str, Any], line: st
 
 
 @pytest.mark.parametrize(
+    ("key", "value"),
+    [(f"{SENSOR}.latency", "10 s"), ("drive.bus", {"delay_command": "10 s", "jitter": "10 s"})],
+)
+def test_a_delay_of_a_hundred_thousand_periods_is_remembered(tmp_path: Path, key: str, value: Any) -> None:
+    changes = {"drive.rates.current_loop": "10 kHz", SENSOR: WORD, key: value}
+    drive = load(studies.write(tmp_path), changes).drive
+    assert drive.bus is None or drive.bus.mean_delay == 20.0
+
+
+@pytest.mark.parametrize(
     ("rows", "problem"),
     [
         ([(a, math.nan if a == 50 else 0.1) for a in range(0, 360, 10)],
@@ -183,6 +193,8 @@ def test_a_mistake_is_one_line(tmp_path: Path, changes: dict[str, Any], line: st
         ([(a, 0.01 * a) for a in range(0, 361, 10)],
             "line 38: the error does not close over the revolution: from the last to the first it steps "
             "36 times as far as anywhere else"),
+        ([(a, {10: 5.0, 20: -5.0}.get(a, 0.0)) for a in range(0, 360, 10)],
+            "expected an error that never falls as fast as the angle rises"),
         ([(a, 15.0 * (a % 20 == 0)) for a in range(0, 360, 10)],
             "expected an error that never falls as fast as the angle rises"),
     ],

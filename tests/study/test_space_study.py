@@ -14,6 +14,7 @@ from cogless.errors import StudyError
 from cogless.results.trace import Trace
 from cogless.run.carry_out import measure
 from cogless.study import load
+from cogless.study.drive import Belief
 from cogless.study.motion import course
 from cogless.study.scenario import Scenario
 from cogless.study.step_motor import StepMotor
@@ -52,6 +53,18 @@ def test_a_step_motor_in_the_words_of_the_plant() -> None:
     assert (harmonic.order, harmonic.d, harmonic.q) == (1, 0.5e-3, 0.5e-3)
     (cogging,) = star.cogging
     assert cogging.order == 200 and cogging.torque == pytest.approx(-0.5 * 50 * 4 * 1.766e-3)
+
+
+def test_a_step_motor_with_a_saliency_and_gaps_among_its_harmonics() -> None:
+    """L_d and L_q lie L_1 on either side of L_0; all flux goes with i_f, cogging with its square."""
+    more = {"L_1": "0.1 mH", "i_f": "2 A", "L_m": ["5 mH", "0 mH", "0.2 mH"], "L_f": ["0 mH", "1 mH"]}
+    star = StepMotor.model_validate({**STEP, **more}).star()
+    assert (star.L_d, star.L_q, star.psi_f, star.K_t) == pytest.approx((0.8e-3, 0.6e-3, 0.01, 0.5))
+    (harmonic,), (cogging,) = star.flux_harmonics, star.cogging
+    assert (harmonic.order, harmonic.d, harmonic.q) == (2, 0.4e-3, 0.4e-3)
+    assert (cogging.order, cogging.torque) == (250, pytest.approx(-0.5 * 50 * 4 * 5 * 1e-3))
+    belief = Belief.model_validate({"R_s": "1.2 ohm", "L_q": "0.5 mH", "psi_f": "8 mWb"}).resolved(star)
+    assert (belief.R_s, belief.L_d, belief.L_q, belief.psi_f) == pytest.approx((1.2, 0.8e-3, 0.5e-3, 8e-3))
 
 
 SINE = {"offset": "3 rad/s", "amplitude": "1 rad/s", "frequency": "2 Hz"}
@@ -114,6 +127,7 @@ def test_samples_are_as_dense_as_what_they_sample_is_fast(reference: dict[str, A
     assert way.step == pytest.approx(40 / len(way.time))
     places = way.time / way.step - np.arange(len(way.time))
     assert places.min() >= -1e-9 and places.max() < 1
+    assert places[1:3] == pytest.approx([(math.sqrt(5) - 1) / 2, math.sqrt(5) - 2])  # the golden ratio's
     assert np.histogram(places, 10, (0, 1))[0] / len(places) == pytest.approx(0.1, rel=0.01)
 
 
@@ -327,6 +341,37 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_a_mistake_is_one_line(tmp_path: Path, changes: dict[str, Any], line: str) -> None:
     assert line_of(tmp_path, changes) == line
+
+
+PERIODIC = {**SPACE, "memory": "delay", "cells": 1024}
+RESTS = {**SPACE, "learning": False, "frame": "mechanical"}  # asks for no samples
+
+
+@pytest.mark.parametrize(
+    ("common", "most", "beyond"),
+    [
+        ({}, {**PERIODIC, "cells": 250}, {**PERIODIC, "cells": 249}),  # samples of a period
+        ({}, {**PERIODIC, "k_pp": 999.9}, {**PERIODIC, "k_pp": 1000.0}),  # the speed loop's rate
+        ({}, {**PERIODIC, "delay_method": "inversion", "k_pp": 2000.0}, {**PERIODIC, "k_pp": 2000.0}),
+        ({}, {**SPACE, "period": {"of": "mechanical", "turns": 3978}},
+            {**SPACE, "period": {"of": "mechanical", "turns": 3979}}),
+        ({"motor.pole_pairs": 3},
+            {**RESTS, "period": {"parts": 21845}}, {**RESTS, "period": {"parts": 21846}}),
+        ({}, {**RESTS, "period": {"parts": 100}}, {**RESTS, "learning": True, "period": {"parts": 100}}),
+        ({}, {**SPACE, "index": "rotor", "period": {"parts": 3}},
+            {**SPACE, "index": "rotor", "period": {"turns": 3}}),
+        ({}, {**PERIODIC, "alpha_limit": 1e15}, {**PERIODIC, "alpha_limit": 1.1e15}),
+        ({}, {**PERIODIC, "alpha_limit": 1e-15}, {**PERIODIC, "alpha_limit": 0.9e-15}),
+        # one gain is enough
+        ({}, {**SPACE, "mu_alpha": 0.0, "mu_beta": 1.0}, {**SPACE, "mu_alpha": 0.0, "mu_beta": 0.0}),
+        ({}, {**SPACE, "mu_alpha": 0.0, "mu_h": 1.0}, {**SPACE, "mu_alpha": 0.0, "mu_h": 0.0}),
+    ],
+)  # fmt: skip
+def test_what_a_law_over_the_angle_can_just_do(
+    tmp_path: Path, common: dict[str, Any], most: dict[str, Any], beyond: dict[str, Any]
+) -> None:
+    load(studies.write(tmp_path), {**common, "controller.pi": most})
+    assert line_of(tmp_path, {**common, "controller.pi": beyond}).startswith("controller.pi.")
 
 
 def test_metrics_in_the_electrical_frame(tmp_path: Path) -> None:

@@ -79,6 +79,14 @@ def test_a_datasheet_gives_what_the_study_leaves_out(tmp_path: Path) -> None:
     assert (own_flux.motor.psi_f, own_flux.motor.K_t) == (pytest.approx(0.002), None)
 
 
+def test_a_word_that_is_changed_takes_the_place_of_those_that_say_the_same(tmp_path: Path) -> None:
+    study = studies.study(tmp_path, {"motor.K_t": "0.3 N*m/A", "motor.resistance_line_to_line": "40 ohm"})
+    assert (study.motor.psi_f, study.motor.K_t) == (None, 0.3)
+    assert (study.motor.R_s, study.motor.star().R_s) == (None, 20.0)
+    back = changed(study, {"motor.kv": "20 rpm/V"}).motor
+    assert (back.K_t, back.kv) == (None, pytest.approx(2 * math.pi / 3))
+
+
 def test_a_datasheet_named_by_set(tmp_path: Path) -> None:
     (tmp_path / "m.toml").write_text(MOTOR, encoding="utf-8")
     text = studies.BASE.replace("pole_pairs = 4\n", "").replace("[motor]", '[motor]\ndatasheet = "none"')
@@ -156,6 +164,8 @@ def test_a_change_leaves_the_first_study_as_it_was(tmp_path: Path) -> None:
         ("a.b=true", ("a.b", True)),
         ("a.b=", ("a.b", "")),
         ("a=x=y", ("a", "x=y")),
+        (" a.b = red ", ("a.b", "red")),
+        ("a=1\nb=2", ("a", "1\nb=2")),  # one value, or a text
     ],
 )
 def test_set_reads_toml_and_else_text(text: str, change: tuple[str, object]) -> None:
@@ -166,6 +176,15 @@ def test_keys_with_dots_stand_in_quotes() -> None:
     key = 'scenario.low.override."motor.cogging.0.torque"'
     assert split(key) == ("scenario", "low", "override", "motor.cogging.0.torque")
     assert split("motor.cogging.0.torque") == ("motor", "cogging", 0, "torque")
+    assert split('a."7"."b.c".7') == ("a", "7", "b.c", 7)
+    assert split("a.123456789.1234567890") == ("a", 123456789, "1234567890")
+    assert split(".".join(32 * "x")) == tuple(32 * "x")
+
+
+def test_of_a_longer_array_the_last_unit_goes_on() -> None:
+    assert with_unit([1, 2.5, 3], ["1 A", "2 V"]) == ["1 A", "2.5 V", "3 V"]
+    assert with_unit([1, "x", True], ["2 A"]) == ["1 A", "x", True] and with_unit([1], []) == [1]
+    assert with_unit([[0, 5], [1, 6]], [["0 s", "1 rpm"]]) == [["0 s", "5 rpm"], ["1 s", "6 rpm"]]
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
@@ -567,6 +586,25 @@ def test_a_fault_in_words(kind: str, more: dict[str, str], words: str) -> None:
     table = {"kind": kind, "time": "1 s", "duration": "0.5 s", **more}
     fault: Fault = TypeAdapter(Fault).validate_python(table)
     assert (fault.words, fault.end) == (words, 1.5)
+
+
+def test_an_axis_is_as_stiff_as_its_table_is_flat_anywhere() -> None:
+    """At the end, by the slope of a parabola through the last three points: (3 * 5 - 10) / 2 mWb a step."""
+    bent = {"current": [*CURRENT[:3], "3 A"], "flux": ["0 Wb", "30 mWb", "40 mWb", "45 mWb"]}
+    straight = {"current": CURRENT[:3], "inductance": ["3 mH"] * 3}
+    assert Saturation.model_validate({"q": bent, "d": straight}).smallest == pytest.approx(2.5e-3)
+    assert Saturation.model_validate({"d": straight}).smallest == pytest.approx(3e-3)
+    assert Saturation().smallest == math.inf
+
+
+@pytest.mark.parametrize(("axis", "henry"), [("d", 27.1), ("q", 27.1), ("d", 26.9), ("q", 26.9)])
+def test_a_table_begins_within_a_tenth_of_the_motor_s_inductance(axis: str, henry: float) -> None:
+    made = Saturation.model_validate({axis: {"current": CURRENT, "inductance": [f"{henry} mH"] * 4}})
+    if henry > 27:
+        made.check(30e-3, 30e-3)
+    else:
+        with pytest.raises(ValueError, match=f"expected 0.03 H at zero current, as L_{axis}, not 0.0269 H"):
+            made.check(30e-3, 30e-3)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])

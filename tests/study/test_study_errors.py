@@ -9,6 +9,7 @@ import pytest
 import studies
 from cogless.errors import StudyError
 from cogless.study import load
+from cogless.study.error_messages import shown
 from cogless.study.laws import AnyController
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change
@@ -91,6 +92,10 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             "the current"),
         ("motor.saturation", {"q": {"current": ["0 A", "1 A", "2 A"], "inductance": ["15 mH"] * 3}},
             "motor.saturation.q: expected 0.03 H at zero current, as L_q, not 0.015 H"),
+        ("motor.saturation", {"magnet": {"current": ["0 A", "1 A", "2 A"], "flux": ["1 Wb", "2 Wb", "3 Wb"]}},
+            'motor.saturation.magnet.flux: ["1 Wb", "2 Wb", "3 Wb"]: expected zero at zero current'),
+        ("motor.saturation", {"magnet": {"current": ["0 A", "1 A", "2 A"]}},
+            "motor.saturation.magnet.flux: expected as many values as current has, 3"),
         ("motor.temperature", {"winding": "350 K"},
             'motor.temperature.winding: "350 K": expected a temperature, such as "1 degC"'),
         ("motor.temperature", {"winding": "-300 degC"},
@@ -110,6 +115,16 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'trace.rate: "4 kHz": expected a rate that divides drive.rates.current_loop, 15000 Hz'),
         ("drive.current_loop.kp", "1 V/A",
             'drive.current_loop: expected either kp and ki or bandwidth, such as "800 Hz"'),
+        ("drive.current_loop", {"kp": "1e16 V/A", "ki": "1 V/A/s", "current_limit": "3 A"},
+            'drive.current_loop.kp: "1e16 V/A": expected a size that single precision holds, 1e-15 to 1e+15 '
+            "in SI units"),
+        ("drive.dead_time_compensation", {"band": "0.9e-15 A"},
+            'drive.dead_time_compensation.band: "0.9e-15 A": expected a size that single precision holds, '
+            "1e-15 to 1e+15 in SI units"),
+        ("drive", {"rates": {"current_loop": "2 kHz", "speed_loop": "1 kHz"},
+                   "current_loop": {"kind": "ideal", "current_limit": "1e16 A"}},
+            'drive.current_loop.current_limit: "1e16 A": expected a size that single precision holds, 1e-15 '
+            "to 1e+15 in SI units"),
         ("drive.position_sensor", {"kind": "laser"},
             'drive.position_sensor.kind: "laser": expected one of "ideal", "encoder", "absolute", '
             '"resolver", "hall"'),
@@ -143,6 +158,13 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             "expected smaller ones: the gear's output would turn back"),
         ("drive.position_sensor", {"kind": "ideal", "side": "load"},
             'drive.position_sensor.side: "load": expected "motor", since there is no mechanics.load_side'),
+        ("mechanics",
+            {"inertia": "1 g*m^2", "coulomb_friction": "2 mN*m", "breakaway_friction": "1.99 mN*m"},
+            'mechanics.breakaway_friction: "1.99 mN*m": expected no less than coulomb_friction'),
+        ("mechanics.load", {"angle_table": {"angle": ["0 deg"], "file": "a.csv"}},
+            'mechanics.load.angle_table.file: "a.csv": expected none, since angle and torque are given'),
+        ("mechanics.load", {"angle_table": {"torque": ["1 N*m"], "file": "a.csv"}},
+            'mechanics.load.angle_table.file: "a.csv": expected none, since angle and torque are given'),
         ("mechanics.stribeck_speed", "1 rpm",
             'mechanics.stribeck_speed: "1 rpm": expected 0, unless breakaway_friction exceeds '
             "coulomb_friction"),
@@ -157,6 +179,9 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'metric.0.signal: "omega_load": expected another, or a table mechanics.load_side'),
         ("mechanics.load", {"time_table": {"time": ["1 s", "0 s"], "torque": ["1 N*m", "1 N*m"]}},
             'mechanics.load.time_table.time: ["1 s", "0 s"]: '
+            "expected one or more values, each above the one before"),
+        ("mechanics.load", {"time_table": {"time": ["1 s", "1 s"], "torque": ["1 N*m", "1 N*m"]}},
+            'mechanics.load.time_table.time: ["1 s", "1 s"]: '
             "expected one or more values, each above the one before"),
         ("mechanics.load", {"time_table": {"time": ["1 s"], "torque": []}},
             "mechanics.load.time_table.torque: []: expected as many values as time has, 1"),
@@ -177,6 +202,9 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("scenario.low.reference", {"profile": [["1 s", "0 rpm"], ["0 s", "1 rpm"]]},
             'scenario.low.reference.profile: [["1 s", "0 rpm"], ["0 s", "1 rpm"]]: '
             "expected one or more points, each later than the one before"),
+        ("scenario.low.torque_mode", {"time": "0.1 s", "profile": [["1 s", "1 A"], ["1 s", "2 A"]]},
+            'scenario.low.torque_mode.profile: [["1 s", "1 A"], ["1 s", "2 A"]]: expected points, each later '
+            "than the one before"),
         ("scenario.low.override", {"seed": 2},
             "scenario.low.override.seed: 2: expected a key of motor, drive or mechanics"),
         ("scenario.low.override", {"mechanics.inertia": "-1 kg*m^2"},
@@ -200,6 +228,15 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller.fair.tuning.phase_margin", 100,
             'controller.fair.tuning.phase_margin: "100 deg": '
             'expected a phase margin from "20 deg" to "80 deg"'),
+        ("controller.fair.tuning", {"rule": "phase-margin"},
+            'controller.fair.tuning.phase_margin: missing: expected one, such as "60 deg"'),
+        ("controller.t", {**PI, "law": "anti-cogging", "start": {}},
+            'controller.t.start: expected either map = "FILE.bin" or table = "FILE.csv"'),
+        ("controller.t", {**PI, "law": "anti-cogging", "start": {"map": "a.bin", "table": "a.csv"}},
+            'controller.t.start: expected either map = "FILE.bin" or table = "FILE.csv"'),
+        *(("controller.t", {**PI, "law": "anti-cogging", "start": {"map": "a.bin", key: word}},
+            f'controller.t.start.{key}: "{word}": expected none, since a stored map tells it')
+          for key, word in (("sign", "holding"), ("frame", "mechanical"))),
         ("controller.ilc", {**ILC, "forgetting": 0},
             "controller.ilc.forgetting: 0: expected a number above 0"),
         ("controller.ilc", {**ILC, "cells": 8, "q_half_width": 4},
@@ -209,11 +246,18 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller.t", {**TABLE, "calibration": {"speed": "-2 rpm", "position_gain": 1}},
             'controller.t.calibration.speed: "-2 rpm": '
             'expected an angular speed above zero, such as "1 rad/s"'),
+        ("controller.t", {**TABLE, "calibration": {"speed": "2 rpm", "position_gain": 1e16}},
+            "controller.t.calibration.position_gain: 1e+16: expected a size that single precision holds, "
+            "1e-15 to 1e+15 in SI units"),
         ("controller.mine", {"law": "python", "object": "law.py"},
             'controller.mine.object: "law.py": expected a file and a class, such as "my_law.py:MyLaw"'),
         ("controller", {"pi": {**PI, "baseline": True}, "fair": {**PI, "baseline": True}},
             'controller.fair.baseline: true: expected one baseline, already "pi"'),
         # metrics
+        ("metric", [{**METRIC, "kind": "first-rms"}],
+            'metric.0.kind: "first-rms": expected another, since there are no trials'),
+        ("metric", [{**METRIC, "signal": "temperature_winding"}],
+            'metric.0.signal: "temperature_winding": expected another, or a table motor.temperature'),
         ("metric.0.window", [0.1, 1],
             'metric.0.window: ["0.1 s", "1 s"]: expected a window within the 0.4 s of scenario "low"'),
         ("metric.0.last", "0.1 s", 'metric.0.last: "0.1 s": expected one of window, last and event'),
@@ -267,6 +311,9 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
         ({"scenario.step.reference": "9000 rpm"},  # the fastest scenario counts
             "drive.rates.integration_steps: 1: expected 3 or more, since the highest order at top speed "
             "changes within 52.8 us; its voltage turns the motor at 6284 rpm without load, not at 9000"),
+        ({"scenario.low.initial_speed": "-9000 rpm"},  # turned by something else
+            "drive.rates.integration_steps: 1: expected 4 or more, since the highest order at top speed "
+            "changes within 44.2 us"),
         ({"mechanics.inertia": "1e-12 kg*m^2"},
             "drive.rates.integration_steps: 1: expected 257 or more, since the speed with the current "
             "(K_t, inertia, L) changes within 0.52 us"),
@@ -297,6 +344,12 @@ WITH_ILC = {f"scenario.{key}.controllers": ["pi", "ilc"] for key in ("low", "ste
 BY_TIME = {**PI, "law": "pi-ilc", "gain": 0.01, "memory": "time"}
 BY_ANGLE = {**PI, "law": "pi-ilc", "gain": 0.01, "period": "mechanical"}
 ADRC = {"law": "adrc", "b": 1e3, "omega_c": 100.0}
+WORD = {"kind": "absolute", "bits": 14}
+HEATING = {"ambient": "20 degC", "magnet_capacity": "1 J/K", "winding_to_ambient": "1 K/W"}
+STUCK = {"kind": "angle-stuck", "time": "1 ms", "duration": "1 ms"}
+IDEAL = {"drive": {"rates": {"current_loop": "2 kHz", "speed_loop": "1 kHz"},
+                   "current_loop": {"kind": "ideal", "current_limit": "3 A"}},
+         "scenario.step.override": {}, "trace.rate": "1 kHz"}  # fmt: skip
 RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 rpm"}
 
 
@@ -311,8 +364,80 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         ({**WITH_ILC, **RESTS}, "controller.ilc",
             {**BY_ANGLE, "lead": "249 ms"}, {**BY_ANGLE, "lead": "251 ms"}),
         ({"trace.rate": "1 kHz"}, "scenario.low.duration", "20000 s", "20001 s"),
-        ({}, "controller.adrc", {**ADRC, "omega_o": 1999.9}, {**ADRC, "omega_o": 2000.0}),
+        ({}, "controller.adrc", {**ADRC, "omega_o": 1999.998}, {**ADRC, "omega_o": 1999.9985}),
         ({"drive.current_sensors.bits": 12}, "drive.current_sensors.range", "3 A", "2.999 A"),
+        # up to rounding: a part in a thousand million, of rates one in a million million
+        ({}, "trace.rate", "5000.000000002 Hz", "5000.000000007 Hz"),
+        ({"trace.rate": "1 kHz", "metric": []}, "scenario.low.duration",
+            "9.999999995 ms", "9.999999985 ms"),
+        ({"trace.rate": "1 kHz"}, "metric.0.window", ["0.1 s", "0.11 s"], ["0.1 s", "0.109999999985 s"]),
+        ({}, "controller.ilc", {**BY_ANGLE, "cells": 403, "lead": "100.00000005 ms"},
+            {**BY_ANGLE, "cells": 403, "lead": "100.00000015 ms"}),
+        ({"metric": [{**METRIC, "scenarios": ["low"]}]}, "metric.0.window",
+            ["0.1 s", "0.4 s"], ["0.1 s", "0.4000001 s"]),
+        ({"metric": [{**METRIC, "scenarios": ["low"]}]}, "metric.0.last", "0.4 s", "0.4000001 s"),
+        ({}, "metric.1.order", [1874], [1875]),  # half of 15 kHz at four electrical turns a second
+        ({"metric.1": {"name": "m", "kind": "chattering", "scenarios": ["low"]}}, "metric.1.window",
+            ["0.1 s", "0.11 s"], ["0.1 s", "0.1099 s"]),
+        ({}, "scenario.step.events.1.time", "0.3 s", "0.3000001 s"),
+        # a load's angle tells the motor's behind a whole ratio
+        ({"mechanics.load_side": {**SIDE, "ratio": 3}, "drive.position_sensor.kind": "ideal"},
+            "drive.position_sensor.side", "load", "rotor"),
+        # sensors and what watches them
+        ({}, "drive.position_sensor", {**WORD, "error": [{"order": 10, "amplitude": "0.0999 rad"}]},
+            {**WORD, "error": [{"order": 10, "amplitude": "-0.1 rad"}]}),
+        ({}, "drive.position_sensor", {"kind": "hall", "placement": ["-29.99 deg"] * 6},
+            {"kind": "hall", "placement": ["0 deg"] * 5 + ["-30 deg"]}),
+        ({"drive.position_sensor": {**WORD, "speed_method": "observer"}},
+            "drive.position_sensor.observer_bandwidth", "4774 Hz", "4775 Hz"),
+        ({}, "drive.speed_filter", "4774 Hz", "4775 Hz"),
+        *(({"drive.encoder_table": {"orders": [1], "omega_min": "1 rpm", "limit": "1 mrad"}},
+            "drive.encoder_table.orders", most, beyond)
+          for most, beyond in (
+              ([1000], [1001]), ([1, 2, 3, 4], [1, 2, 3, 4, 5]), ([1, 3], [3, 3]), ([1], [0]),
+          )),
+        ({}, "drive.monitor.hold", "33333.3 s", "33333.4 s"),
+        ({}, "drive.quality.longest", "1 ms", "0.99 ms"),
+        ({}, "drive.quality.longest", "500000 s", "500001 s"),
+        ({}, "drive.quality.outlier", 1, 0.99),
+        # temperatures
+        ({"motor.temperature": {"winding": "20 degC", "resistance_coefficient": "0.003 1/K"}},
+            "motor.temperature.magnet", "-273.15 degC", "-273.16 degC"),
+        ({"motor.temperature": {"winding": "120 degC"}},
+            "motor.temperature.flux_coefficient", "-0.00999 1/K", "-0.01 1/K"),
+        ({"motor.temperature": {"winding": "20 degC"}}, "motor.temperature.heating",
+            {**HEATING, "winding_capacity": "0.26667 mJ/K"}, {**HEATING, "winding_capacity": "0.26666 mJ/K"}),
+        # orders
+        ({}, "controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": [*range(1, 16), 65535]},
+            {**PI, "law": "pi-afc", "gain": 1, "orders": [*range(1, 16), 65536]}),
+        # signals that a run has
+        *(({**has, "metric": []}, "metric", [{**METRIC, "signal": signal}], [{**METRIC, "signal": "i_x"}])
+          for has, signal in (
+              ({}, "i_c"), ({}, "u_d"), ({}, "status"), ({"trace.energy": True}, "energy_residual"),
+              ({"motor.temperature": {"winding": "90 degC"}}, "temperature_magnet"),
+              ({"mechanics.load_side": SIDE}, "omega_load"), (IDEAL, "omega_m"),
+              ({"controller.afc": {**PI, "law": "pi-afc", "gain": 1, "orders": [6]}}, "term_afc"),
+          )),
+        # measured once at least, before the end
+        ({"drive.rates.current_loop": "10 kHz", "scenario.low.faults": [STUCK]},
+            "scenario.low.faults.0.duration", "99.99999995 us", "99.99999985 us"),
+        ({"drive.rates.current_loop": "10 kHz", "scenario.low.faults": [STUCK]},
+            "scenario.low.faults.0.time", "0.39994 s", "0.39996 s"),
+        ({**IDEAL, "metric": []}, "scenario.low.faults", [STUCK],
+            [{**STUCK, "kind": "current-zero", "phase": "a"}]),
+        ({**IDEAL, "metric": []}, "scenario.low.faults", [STUCK],
+            [{**STUCK, "kind": "bus-voltage", "voltage": "9 V"}]),
+        ({"drive.current_sensors.sensors": 2}, "scenario.low.faults",
+            [{**STUCK, "kind": "current-zero", "phase": "b"}],
+            [{**STUCK, "kind": "current-zero", "phase": "c"}]),
+        ({}, "scenario.low.faults",
+            [{**STUCK, "kind": "current-missing", "phase": "c"}], [{**STUCK, "time": "1 s"}]),
+        ({"drive.encoder_table": {"orders": [5, 10], "omega_min": "60 rpm"}},
+            "drive.encoder_table.limit", "0.1 rad", "0.1001 rad"),
+        ({}, "controller.fair.tuning.phase_margin", "0.301 rad", "0.3 rad"),
+        ({}, "controller.fair.tuning.phase_margin", "1.449 rad", "1.45 rad"),
+        ({"mechanics.coulomb_friction": "2 mN*m"}, "mechanics.breakaway_friction", "2 mN*m", "1.999 mN*m"),
+        ({"scenario.low.torque_mode.current": "0 A"}, "scenario.low.torque_mode.time", "0.3999 s", "0.4 s"),
     ],
 )  # fmt: skip
 def test_what_the_simulation_can_just_do(
@@ -616,6 +741,49 @@ def test_a_mistake_in_the_datasheet_names_the_datasheet(tmp_path: Path) -> None:
     (tmp_path / "m.toml").write_text('pole_pairs = 4\nR_s = "1 A"\n', encoding="utf-8")
     text = studies.BASE.replace('R_s = "15.42 ohm"\n', 'datasheet = "m.toml"\n')
     assert line_of(tmp_path, None, text) == 'm.toml: R_s: "1 A": expected a resistance, such as "1 ohm"'
+
+
+def test_what_datasheet_and_study_lack_together_is_told_of_the_study(tmp_path: Path) -> None:
+    text = studies.BASE.replace(MAGNET, 'datasheet = "m.toml"')
+    (tmp_path / "m.toml").write_text('winding = "star"\n', encoding="utf-8")
+    assert line_of(tmp_path, None, text) == (
+        'study.toml: motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'
+    )
+    (tmp_path / "m.toml").write_text('psi_f = "1 A"\n', encoding="utf-8")
+    there = {"scenario.low.override": {"motor.psi_f": "2 A"}}  # a scenario's is the study's
+    (tmp_path / "n.toml").write_text('psi_f = "68 mWb"\n', encoding="utf-8")
+    assert line_of(tmp_path, None, text).startswith('m.toml: psi_f: "1 A": expected a flux linkage')
+    found = line_of(tmp_path, there, text.replace("m.toml", "n.toml"))
+    assert found.startswith('study.toml: scenario.low.override: motor.psi_f: "2 A": expected a flux linkage')
+
+
+@pytest.mark.parametrize(("length", "named"), [(1000, 1000 * "x"), (1001, f'"{56 * "x"}...')])
+def test_a_long_path_is_named_in_short(length: int, named: str) -> None:
+    with pytest.raises(StudyError) as error:
+        load(length * "x")
+    assert str(error.value).startswith(f"{named}: no such study: expected a file, or one of the shipped: ")
+
+
+def test_a_value_is_shown_in_sixty_characters() -> None:
+    assert shown(58 * "x") == f'"{58 * "x"}"' and shown(59 * "x") == f'"{56 * "x"}...'
+    assert shown({"a.b": [1, 0.5, True, float("inf")], "c": {}}) == '{ "a.b" = [1, 0.5, true, inf], c = {} }'
+    assert shown("\x7f\u2028°") == '"\\u007f\\u2028\\u00b0"' and shown("°") == '"°"'
+
+
+def test_a_file_that_cannot_be_read_or_is_no_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "arena.toml"
+    path.write_text("[plant.a]\n[law.b]\n")
+    with pytest.raises(StudyError) as error:
+        load(path)
+    assert str(error.value) == f"{path}: an arena: expected a study; cogless run takes both"
+
+    def refused(*_: Any, **__: Any) -> str:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_text", refused)
+    with pytest.raises(StudyError) as error:
+        load(path)
+    assert str(error.value) == f"{path}: permission denied: expected a readable TOML file"
 
 
 def test_no_such_study(tmp_path: Path) -> None:

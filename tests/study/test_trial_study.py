@@ -37,6 +37,23 @@ def test_phases_keep_what_a_change_does_not_name(tmp_path: Path) -> None:
     assert (study.samples("move"), study.period, study.states) == (200, 0.0025, 2)
 
 
+def test_the_top_speed_is_in_the_middle_of_the_steepest_move_or_at_the_start(tmp_path: Path) -> None:
+    """15/8 of its mean speed, as far as samples tell: 1 rad in 0.35 s, after a change 2 rad."""
+    further = [["0.05 s", "0 rad"], ["0.4 s", "-2 rad"]]
+    for changes, speed in (
+        ({}, 1.875 / 0.35),
+        ({"scenario.move.changes.0.reference": further}, 2 * 1.875 / 0.35),
+        ({"scenario.move.initial_speed": "-20 rad/s"}, 20.0),
+        ({"scenario.move.changes.1.initial_speed": "-20 rad/s"}, 20.0),
+    ):
+        assert trial_studies.loaded(tmp_path, changes).top_speed("move") == pytest.approx(speed, rel=1e-3)
+
+
+def test_a_metric_has_a_value_for_each_trial_or_phase(tmp_path: Path) -> None:
+    study = trial_studies.loaded(tmp_path)
+    assert {m.name: study.values_of(m, "move") for m in study.metric} == {"error": 12, "to_floor": 3}
+
+
 def test_a_change_may_be_of_the_last_trial(tmp_path: Path) -> None:
     study = trial_studies.loaded(tmp_path, {"scenario.move.changes.1.trial": 12, "scenario.move.trials": 12})
     assert [first for first, _ in study.scenario["move"].phases] == [1, 5, 12]
@@ -92,7 +109,14 @@ def test_references_stop_at_each_point_and_stay_between(values: list[float], gap
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("-B / J", -2.0), ("2*(J+B)**2", 18.0), ("1.5e-3", 0.0015), ("+J", 1.0), ("-2**2", -4.0)],
+    [
+        ("-B / J", -2.0),
+        ("2*(J+B)**2", 18.0),
+        ("1.5e-3", 0.0015),
+        ("+J", 1.0),
+        ("-2**2", -4.0),
+        ("J" + 99 * "+J" + " ", 100.0),
+    ],
 )
 def test_expressions(text: str, value: float) -> None:
     assert evaluate(text, {"B": 2.0, "J": 1.0}) == value
@@ -108,7 +132,7 @@ def test_expressions(text: str, value: float) -> None:
         ("J if B else 1", 'expected arithmetic of + - * / ** over parameters, such as "-B / J"'),
         ("True", 'expected arithmetic of + - * / ** over parameters, such as "-B / J"'),
         ("J +", 'expected arithmetic over parameters, such as "-B / J"'),
-        ("(" * 150 + "J" + ")" * 150, 'expected arithmetic over parameters, such as "-B / J"'),
+        ("J" + 100 * "+J", 'expected arithmetic over parameters, such as "-B / J"'),
         ("9**9**9**9", "expected a value, not one that fails (math range error)"),
         ("(0-1)**0.5", "expected a value, not one that fails (math domain error)"),
         ("1e999", "expected a finite value"),
@@ -118,6 +142,13 @@ def test_expressions_that_have_no_value(text: str, line: str) -> None:
     with pytest.raises(ExpressionError) as error:
         evaluate(text, {"B": 2.0, "J": 1.0})
     assert str(error.value) == line
+
+
+VERTICES = {
+    "plant": {"period": "0.1 s", "C": [1], "vertex": [{"A": [[0.5]], "B": [1]}, {"A": [[0.7]], "B": [2]}]},
+    "design": {"state_weight": [1, 1], "input_weight": 1, "initial_state": [1, 0]},
+    "scenario.cycle.changes": [],
+}
 
 
 @pytest.mark.parametrize(
@@ -203,6 +234,22 @@ def test_expressions_that_have_no_value(text: str, line: str) -> None:
             "plant.parameter.k.value: 3.0: expected a value within the range, 1.8 to 2.2"),
         (LINEAR, "plant.vertex", [{"A": [[1, 0], [0, 1]], "B": [1, 0]}],
             "plant.A: [[\"-a\", 0.0], [1.0, \"-2 * a\"]]: expected either A and B, or vertex"),
+        (LINEAR, "plant", {**VERTICES["plant"], "vertex": [{"A": [[0.5, 1]], "B": [1]}]},
+            "plant.vertex.0.A: [[0.5, 1]]: expected 1 rows of 1, as many as C has"),
+        (LINEAR, "plant", {**VERTICES["plant"], "vertex": [{"A": [[1]], "B": [1]}, {"A": [[1]], "B": []}]},
+            "plant.vertex.1.B: []: expected 1 numbers, as many as C has"),
+        (LINEAR, "plant", {**VERTICES["plant"], "parameter": {"a": 1.0}},
+            "plant.parameter: expected none, since vertex gives numbers"),
+        (LINEAR, "plant", {"period": "1 s", "C": [1]},
+            "plant.A: missing: expected either A and B, or vertex"),
+        (LINEAR, "plant", {"period": "1 s", "C": [1], "A": [[1]]},
+            "plant.A: [[1]]: expected either A and B, or vertex"),
+        (LINEAR, "plant", {"period": "1 s", "C": [1] * 9, "A": [[1] * 9] * 9, "B": [1] * 9},
+            "plant.C: [1, 1, 1, 1, 1, 1, 1, 1, 1]: expected 1 to 8 numbers, one a state"),
+        (LINEAR, "plant.A.1.0", "c + a - d",
+            'plant.A.1.0: "c + a - d": expected known parameters (a, k), not "c"'),
+        (LINEAR, "plant.B.1", "2 *",
+            'plant.B.1: "2 *": expected arithmetic over parameters, such as "-B / J"'),
         (LINEAR, "scenario.cycle.changes.0.override.b", 1,
             "scenario.cycle.changes.0.override.b: 1: expected a parameter of the plant: a, k"),
         (LINEAR, "scenario.cycle.changes.0.override.a", "much",
@@ -214,6 +261,15 @@ def test_expressions_that_have_no_value(text: str, line: str) -> None:
             "design.state_weight: [1, 1, 0]: expected a positive definite weight"),
         (DRIVE, "design.state_weight", [[1, 2, 0], [0, 1, 0], [0, 0, 1]],
             "design.state_weight: [[1, 2, 0], [0, 1, 0], [0, 0, 1]]: expected a positive definite weight"),
+        (DRIVE, "design.state_weight", [[1, 0], [0, 1], [0, 0]],
+            "design.state_weight: [[1, 0], [0, 1], [0, 0]]: expected the diagonal, or as many rows as "
+            "columns"),
+        (DRIVE, "design.state_weight", [[1, 0, 0], [0, 1, 0]],
+            "design.state_weight: [[1, 0, 0], [0, 1, 0]]: expected the diagonal, or as many rows as columns"),
+        (DRIVE, "design.range", {"mechanics.inertia": ["1e-4 kg*m^2"]},
+            'design.range."mechanics.inertia": ["1e-4 kg*m^2"]: expected the smallest and the largest value'),
+        (DRIVE, "design.range", {"mechanics.inertia": "1e-4 kg*m^2"},
+            'design.range."mechanics.inertia": "1e-4 kg*m^2": expected the smallest and the largest value'),
         (DRIVE, "design.input_weight", 0, "design.input_weight: 0: expected a number above 0"),
         (DRIVE, "design.initial_state", [0, 0, 0],
             "design.initial_state: [0, 0, 0]: expected a number that isn't zero"),
@@ -258,6 +314,92 @@ def test_a_mistake_is_one_line(tmp_path: Path, text: str, key: str, value: Any, 
     assert found.startswith("study.toml: ")
     if line is not None:
         assert found.removeprefix("study.toml: ").split(" (and ")[0] == line
+
+
+OBSERVED = {"law": "observer-ilc"}
+FIXED = {"law": "trial-ilc", "K_s": [1.0, 2.0, 3.0], "N": 1.0, "K_3": 0.1}
+OWN = {"law": "python", "object": "law.py:Law"}
+
+
+@pytest.mark.parametrize(
+    ("text", "common", "key", "most", "beyond", "told"),
+    [
+        # samples of a trial, up to rounding
+        (DRIVE, {"scenario.move.changes": [], "scenario.move.reference": [["0 s", "0 rad"]]},
+            "scenario.move.duration", "10 ms", "7.5 ms", "expected 4 to 65535 samples, not 3"),
+        (DRIVE, {}, "scenario.move.duration", "163.8375 s", "163.84 s",
+            "expected 4 to 65535 samples, not 65536"),
+        (DRIVE, {}, "scenario.move.duration", "0.50000000025 s", "0.5000000008 s",
+            "expected a whole number of samples of 0.0025 s"),
+        # rows of the trace
+        (DRIVE, {"trace.rate": "8 kHz"}, "scenario.move.trials", 5000, 5001,
+            "expected at most 5000, 2e+07 rows of the trace are too many"),
+        (DRIVE, {}, "scenario.move.trials", 100_000, 100_001, "expected a number of 100000 or less"),
+        (DRIVE, {}, "trace.rate", "4000.000000002 Hz", "4000.000000006 Hz",
+            "expected a rate that divides 8000 Hz"),
+        # what happens within a trial
+        (LINEAR, {}, "scenario.cycle.load_steps", [[49, 0.1]], [[50, 0.1]],
+            "expected a sample of the trial, below 50"),
+        (DRIVE, {}, "scenario.move.reference", [["0 s", "0 rad"], ["0.5 s", "1 rad"]],
+            [["0 s", "0 rad"], ["0.5001 s", "1 rad"]], "expected a time within the trial, 0.5 s"),
+        (DRIVE, {}, "scenario.move.initial_angle", "-0.4999 rev", "-0.5 rev",
+            "expected less than half a turn from where the reference begins, 0 rad: the sensor doesn't tell "
+            "turns"),
+        (DRIVE, {}, "scenario.move.changes.0.initial_angle", "0.4999 rev", "0.5 rev",
+            "expected less than half a turn from where the reference begins, 0 rad: the sensor doesn't tell "
+            "turns"),
+        (LINEAR, VERTICES, "scenario.cycle.override", {"vertex": 2}, {"vertex": 3},
+            "expected vertex = a number of 1 to 2; without it the mean"),
+        (LINEAR, VERTICES, "scenario.cycle.override", {"vertex": 1}, {"vertex": 0},
+            "expected vertex = a number of 1 to 2; without it the mean"),
+        (LINEAR, VERTICES, "scenario.cycle.override", {}, {"vertex": True},
+            "expected vertex = a number of 1 to 2; without it the mean"),
+        (LINEAR, VERTICES, "scenario.cycle.override", {}, {"corner": 1},
+            "expected vertex = a number of 1 to 2; without it the mean"),
+        (LINEAR, {}, "scenario.cycle.override.a", 0.6, True, "expected a number"),
+        (LINEAR, {}, "scenario.cycle.override.a", 1, "1", "expected a number"),
+        (LINEAR, {}, "scenario.cycle.override.a", 1, float("inf"), "expected a number"),
+        # laws
+        (DRIVE, {}, "controller.ilc.q_filter.cutoff", "199.9 Hz", "200 Hz",
+            "expected less than half the sampling rate, 200 Hz"),
+        (DRIVE, {"controller.ilc": OBSERVED}, "controller.ilc.cutoff", "199.9 Hz", "200 Hz",
+            "expected less than half the sampling rate, 200 Hz"),
+        (DRIVE, {"controller.ilc": FIXED}, "controller.ilc.K_s", [1, 2, 3], [1, 2, 3, 4],
+            "expected 3 numbers: one a state, and the integrator's"),
+        (DRIVE, {"controller.ilc": {**FIXED, "integral": False}}, "controller.ilc.K_s", [1, 2], [1],
+            "expected 3 numbers: one a state, and the integrator's"),
+        (DRIVE, {"controller.ilc": {**FIXED, "integral": False}}, "controller.ilc.K_s", [1, 2, 3],
+            [1, 2, 3, 4], "expected 3 numbers: one a state, and the integrator's"),
+        (DRIVE, {"controller.ilc": {"law": "state-ilc"}}, "controller.ilc.K_stab", [1, 2], [1, 2, 3],
+            "expected 2 numbers, one a state"),
+    ],
+)  # fmt: skip
+def test_what_a_study_of_trials_can_just_have(
+    tmp_path: Path, text: str, common: dict[str, Any], key: str, most: Any, beyond: Any, told: str
+) -> None:
+    trial_studies.loaded(tmp_path, {**common, key: most}, text)
+    found = line_of(tmp_path, {**common, key: beyond}, text)
+    assert found.startswith(f"study.toml: {key}") and found.endswith(f": {told}")
+
+
+@pytest.mark.parametrize(
+    ("text", "law", "told"),
+    [
+        (DRIVE, {**OWN, "start": {"map": "a.bin"}},
+            "start: expected none: what is learned from trial to trial belongs to their reference"),
+        (LINEAR, OWN, 'law: "python": expected a law of trials, since a law of your own needs a drive'),
+    ],
+)  # fmt: skip
+def test_a_law_of_one_s_own_in_trials(tmp_path: Path, text: str, law: dict[str, Any], told: str) -> None:
+    assert line_of(tmp_path, {"controller.new": law}, text) == f"study.toml: controller.new.{told}"
+
+
+@pytest.mark.parametrize("part", ["motor", "mechanics", "drive"])
+def test_trials_need_a_whole_drive_or_a_plant(tmp_path: Path, part: str) -> None:
+    before, _, rest = DRIVE.partition(f"[{part}]")
+    text = before + rest[rest.index("\n[") + 1 :]
+    expected = "expected a table, or a plant in place of motor, mechanics and drive"
+    assert line_of(tmp_path, {}, text) == f"study.toml: {part}: missing: {expected}"
 
 
 def test_a_trace_that_is_too_large(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cogless.study.study import Study
 
 FEWEST_SAMPLES = 4  # of a period
-ANGLE_MAX = 1e5  # rad, CGL_ANGLE_MAX of control/src/cogless/angle.h
+ANGLE_MAX = 1e5  # rad, CGL_ANGLE_MAX of control/src/cogless/real.h
 MOST_PARTS = 65535  # largest denominator of a period in revolutions of the law's angle
 
 
