@@ -471,10 +471,10 @@ def order_at(
         ((Cause("not explained", 0.9, 0.0),), "open"),
         ((Cause("cogging or dead time", 1.0, 0.0),), "cannot be told apart"),
         ((Cause("cogging", 1.0, 0.19),), "sure"),
-        ((Cause("cogging", 1.0, 0.21),), "likely"),
+        ((Cause("cogging", 1.0, 0.2),), "likely"),
         ((Cause("cogging", 1.0, 0.49),), "likely"),
-        ((Cause("cogging", 1.0, 0.51),), "open"),
-        ((Cause("cogging", 1.4, 0.0), Cause("not explained", -0.49, 0.0)), "sure"),
+        ((Cause("cogging", 1.0, 0.5),), "open"),
+        ((Cause("cogging", 1.4, 0.0), Cause("not explained", -0.5, 0.0)), "sure"),
         ((Cause("cogging", 1.4, 0.0), Cause("not explained", -0.51, 0.0)), "open"),
     ],
 )
