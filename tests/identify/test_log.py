@@ -401,6 +401,7 @@ def test_an_order_stands_out_by_a_chance_of_one_in_a_hundred_of_all() -> None:
     limit = -math.log(0.01 / 400)
     assert found_of({7: 1.01 * limit, 100: 0.99 * limit, 400: 1.02 * limit}) == [400, 7]
     assert found_of({7: 99, 8: 100, 9: 98, 20: 100, 22: 100}) == [8, 20, 22]  # a window leaks to both sides
+    assert found_of({20: 99, 22: 100, 401: 100}) == [22, 20]
     usual = dict.fromkeys(range(200, 220), 1e3)  # twenty of 41 neighbours are no floor
     assert sorted(found_of(usual)) == list(usual) and found_of({**usual, 220: 1e3}) == []
     fast = TURN / 6e-3  # rad/s of a wave that is just visible
@@ -414,6 +415,16 @@ def test_a_vibration_within_a_fifth_of_a_second_leaves_the_speed_steady() -> Non
         theta = 10 * t - 5 / (TURN * hertz) * np.cos(TURN * hertz * t)  # half the speed
         log = Log("a", LogRule(file="*"), 1e-3, {"theta": theta}, (slice(0, 3000),))
         assert (max((len(each.rows) for each in steady.steady(log)), default=0) > 2700) == whole
+
+
+def test_speeds_within_a_tenth_of_the_usual_one_are_steady() -> None:
+    """However slow. After two thirds of the log the speed is another."""
+    t = np.arange(3000) * 1e-2
+    for speed, more, share in ((10.0, 0.08, 1.0), (10.0, 0.15, 2 / 3), (0.5, 0.0, 1.0)):
+        theta = speed * (t + more * np.maximum(0.0, t - 20))
+        log = Log("a", LogRule(file="*"), 1e-2, {"theta": theta}, (slice(0, 3000),))
+        (found,) = steady.steady(log)
+        assert len(found.rows) == pytest.approx(3000 * share, abs=20)
 
 
 def test_a_part_has_twenty_rows_and_an_angle_from_the_speed_where_none_was_recorded() -> None:
@@ -433,7 +444,9 @@ def test_a_part_has_twenty_rows_and_an_angle_from_the_speed_where_none_was_recor
 def test_a_kernel_smooths_and_derives_a_parabola_exactly() -> None:
     """Of 2 + 3 x + 4 x^2: itself but for the kernel's width, its slope, and twice 4."""
     kernel = weak_form.Kernel(6e-3, 1e-3)
-    assert kernel.half == 24 and len(kernel.value) == 49
+    assert kernel.half == 24 and len(kernel.value) == 49 and weak_form.Kernel(6.1e-3, 1e-3).half == 25
+    t = (np.arange(49) - 24) * 1e-3
+    assert kernel.first == pytest.approx(t * kernel.value / np.sum(t**2 * kernel.value))
     x = np.arange(200) * 1e-3
     signal = 2 + 3 * x + 4 * x**2
     middle = x[24:-24]
@@ -456,7 +469,8 @@ def test_rows_that_hold_the_rotor_are_filtered_where_they_have_times() -> None:
     sensor, model = weak_form.Sensor(0.0, 4), weak_form.Model()
     (found,) = weak_form.rows_of(held, model, 6e-3, sensor)
     assert len(found.y) == 3000
-    timed = replace(held, dt=1e-3, stretches=(slice(0, 96), slice(100, 197), slice(200, 3000)))
+    stretches = (slice(0, 96), slice(100, 197), slice(200, 2900), slice(2910, 2990))
+    timed = replace(held, dt=1e-3, stretches=stretches)
     rows = [len(each.y) for each in weak_form.rows_of(timed, model, 6e-3, sensor)]
     assert len(rows) == 2 and sum(rows) < 1000
 

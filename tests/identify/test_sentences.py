@@ -578,6 +578,70 @@ def test_causes_that_oppose_each_other_are_told_beyond_a_fifth(
     two = Cause("cogging", first, 0.1), Cause("K_t ripple", second, 0.1)
     assert bool(diagnosis._opposed([order_at(42, 1.0, *two)])) == opposed
     assert diagnosis._opposed([order_at(42, 1.0, *two, share=0.009)]) == []
+    assert bool(diagnosis._opposed([order_at(42, 1.0, *two, share=0.01)])) == opposed
+    assert diagnosis._opposed([order_at(42, 1.0, two[0], Cause("K_t ripple", -0.2, 0.1))]) == []
+
+
+def test_both_directions_of_a_log_are_one_by_their_squares() -> None:
+    """A cause that one of them lacks has neither a share nor an error there; the largest comes first."""
+    one, two = Cause("cogging", 0.6, 0.1), Cause("cogging", 0.1, 0.1)
+    forth, back = (
+        order_at(6, 1.0, one, ripple=1.0),
+        order_at(6, 1.0, two, Cause("encoder", 0.9, 0.4), ripple=2.0),
+    )
+    (merged,) = diagnosis._merged([forth, back])
+    assert [(cause.name, cause.share, cause.error) for cause in merged.causes] == [
+        ("encoder", pytest.approx(0.72), pytest.approx(0.32)),
+        ("cogging", pytest.approx(0.2), pytest.approx(0.1)),
+    ]
+    parts: Any = [
+        SimpleNamespace(log=log(name), ripple=x) for name, x in (("a", 1.0), ("a", 7.0), ("b", 2.0))
+    ]
+    assert diagnosis._whole(parts) == {"a": pytest.approx(5.0), "b": 2.0}
+    none = order_at(6, 1.0, one, Cause("encoder", 0.0, 0.1))
+    assert set(Diagnosis("x", (none,), {none.log: 1.0}, ()).causes(none.log)) == {"cogging", "no order"}
+
+
+def test_an_estimate_tells_the_torques_of_logs_that_turn_if_it_has_an_inertia(known: Identification) -> None:
+    logs = (turning(1.0), log("held", dt=0.0, theta=0.0))
+    assert list(diagnosis._explained(estimate(known, logs=logs, fit=fit_of({("j",): 1.0})))) == ["one.csv"]
+    for made in (None, estimate(known, logs=logs), estimate(known, logs=logs, fit=fit_of({("c",): 1.0}))):
+        assert diagnosis._explained(made) == {}
+
+
+def test_what_logs_without_angle_or_current_can_tell() -> None:
+    whole = turning(1.0, omega=1.0)
+    poor = log(omega=1.0)
+    assert diagnosis._without([whole, log("off", "bridge-off", theta=0.0), log("c", "coast-down")]) == []
+    assert diagnosis._without([poor]) == [
+        "one.csv: no angle: orders are from the integral of the speed, and have no place on the rotor; "
+        "record the encoder's angle as theta.",
+        "one.csv: no current: causes of one order cannot be told apart, only how it changes with speed; "
+        "record i_q.",
+    ]
+    still = log("still.csv", dt=0.0), log("off.csv", "bridge-off")
+    assert (
+        diagnosis._unsteady([whole, poor, *still], {"other"})
+        == [
+            "one.csv: never turns at a steady speed for a revolution, so it has no line; what it tells of "
+            "the torques is in the others."
+        ]
+        * 2
+    )
+    assert diagnosis._unsteady([whole], {"one.csv"}) == []
+
+
+def test_a_diagnosis_needs_its_files(tmp_path: Path) -> None:
+    seen: list[tuple[str, float]] = []
+    columns = tmp_path / "id.toml"
+    with pytest.raises(StudyError) as error:
+        diagnosis.diagnosed([tmp_path / "a.csv"], columns, lambda *of: seen.append(of))
+    assert str(error.value) == f"{columns}: no such file: expected a TOML file that names the columns"
+    servo = MOTORS["servo"]
+    columns.write_text(plan.text({"columns": {"t": "t"}, "motor": servo["motor"], "drive": servo["drive"]}))
+    with pytest.raises(StudyError, match=r"a\.csv: "):
+        diagnosis.diagnosed([tmp_path / "a.csv"], columns, lambda *of: seen.append(of))
+    assert seen == [("reading", 0.0)]
 
 
 # --- files that are written
