@@ -14,7 +14,7 @@ from identify.fits import MODEL, fit_of, of_motor, turning
 from cogless.errors import StudyError
 from cogless.identify import replay
 from cogless.identify.config import LogRule
-from cogless.identify.lateness import Lateness
+from cogless.identify.lateness import NOTHING, Lateness
 from cogless.identify.log import Log
 from cogless.identify.replay import (
     _bandwidth,
@@ -297,3 +297,79 @@ def test_a_log_is_played_by_its_own_law_with_rows_that_divide_the_loop_s(monkeyp
     studies.clear()
     replay.played(made, progress.append, 1e-7)
     assert {study["drive"]["inverter"]["dead_time"] for study, _, _ in studies} == {"2e-07 s"}
+
+
+class Loop:
+    """A loop whose simulated logs show j as far off as their currents are late, and twice that as a delay.
+
+    A dead time that is added shows as 0.5 more.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, first: Estimate) -> None:
+        self.first, self.seen = first, list[Any]()
+        monkeypatch.setattr(replay, "simulated_log", lambda made, log, trace, late: trace + late)
+        monkeypatch.setattr(replay, "settled", self.settled)
+        monkeypatch.setattr(replay, "whole", lambda model, fit: self.values(7.0 if fit is first.fit else fit))
+        monkeypatch.setattr(replay, "coefficients", self.coefficients)
+        monkeypatch.setattr(replay, "at_delay", self.at_delay)
+        monkeypatch.setattr(replay, "with_values", self.with_values)
+
+    def values(self, j: float) -> dict[Any, float]:
+        return {("j",): j, ("delay",): 2 * j, ("cogging", 6, "c"): 3 * j, ("x",): 4 * j}
+
+    def settled(self, known: Any, logs: list[Any], model: Any) -> tuple[Any, float]:
+        self.seen.append((model.delay, model.error))
+        return model, logs[0]
+
+    def coefficients(self, known: Any, logs: Any, model: Any, factor: float = 1.0) -> dict[Any, float]:
+        return self.values(factor * (10.0 if logs is self.first.logs else logs[0]))
+
+    def at_delay(self, made: Estimate, delay: float) -> Estimate:
+        columns = MODEL.columns - {"delay"}
+        return replace(made, model=replace(MODEL, delay=delay, columns=columns))
+
+    def with_values(self, made: Estimate, here: Any, others: Any, simulated: Any, phase: Any) -> Estimate:
+        self.told = here, others, simulated, phase
+        values = {key: Value(1.0, 0.3) for key in ("j", "c", "delay")}
+        wave = Wave(6, Value(1.0, 0.0), Value(0.0, 0.0))
+        waves = (wave, replace(wave, order=12))
+        return replace(made, values=values, cogging=waves, encoder=waves)
+
+
+@pytest.mark.parametrize("late", [None, Value(0.2, 0.01)])
+def test_what_simulated_logs_show_beside_their_truth_is_taken_off(monkeypatch, late):
+    """At the delay that is told, else at none; and what a part of the added dead time does to it."""
+    six = Wave(6, Value(0.1, 0.0), Value(np.pi / 2, 0.0))
+    values = {"j": Value(1.5, 0.1), "delay": Value(0.0, 0.0)}
+    first = first_estimate(turning(1.0), values=values, cogging=(six,), encoder=())
+    loop = Loop(monkeypatch, first)
+    told = Lateness(late, Value(0.25, 0.1))
+    made = replay._corrected(first, first, {"a": 2.0}, told, {"a": 2.5})
+    at = 0.0 if late is None else 0.2
+    off = 2.0 + at  # what the simulated logs show, and by 0.5 more with the dead time
+    here, others, simulated, moved = loop.told
+    truth = {("j",): 1.5, ("delay",): 0.0, ("cogging", 6, "c"): 0.1}
+    factors = {name: n for n, name in enumerate(truth, start=1)}
+    part = {name: 0.25 * 0.5 * n * (name != ("delay",)) for name, n in factors.items()}
+    assert {name: here[name] for name in truth} == pytest.approx(
+        {name: 7.0 * n - (off * n - truth[name]) - part[name] for name, n in factors.items()}
+    )
+    assert here["x",] == pytest.approx(28.0 - 0.25 * 0.5 * 4)  # of what has no truth nothing is taken off
+    for other, width in zip(others, (0.75, 1.35), strict=True):
+        assert other["j",] == pytest.approx(width * 10 - (width * off - 1.5) - part["j",])
+    later = 0.5 / made.known.drive.rates.speed_loop if late is None else 0.01
+    assert simulated == pytest.approx(off)
+    assert moved == pytest.approx(
+        {
+            name: np.hypot(n * later, 0.1 * 0.5 * n)
+            for name, n in {**factors, ("x",): 4}.items()
+            if name != ("delay",)
+        }
+    )
+    assert loop.seen[:2] == [(at, {})] * 2
+    assert made.values["delay"] == (late or Value(1.0, pytest.approx(np.hypot(0.3, later))))
+    assert set(made.values) == {"j", "delay"} and made.encoder == ()
+    assert [wave.order for wave in made.cogging] == [6]
+    replay._corrected(first, first, {"a": 2.0}, replace(told, part=NOTHING), {"a": 2.5})
+    assert loop.told[0]["j",] == pytest.approx(7.0 - (off - 1.5))
+    assert loop.told[3]["j",] == pytest.approx(later)
