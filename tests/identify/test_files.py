@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cogless.errors import StudyError
-from cogless.identify import config
+from cogless.identify import config, files
 from cogless.identify.files import read
 from cogless.identify.log import load_logs
 
@@ -154,6 +154,51 @@ def test_a_current_in_rms_beside_peaks_of_the_phases_is_refused(tmp_path, share,
         f"{path}: current is 0.707 of the amplitude that a and b have, as rms is: expected peak amperes; "
         "multiply it by sqrt(2)"
     )
+
+
+def csv_of(folder, text, *wanted):
+    """The columns t and x, or these, of a CSV; or what is said of it."""
+    path = folder / "a.csv"
+    path.write_text(text)
+    try:
+        ((_, columns),) = read(path, list(wanted or ("t", "x")))
+    except StudyError as error:
+        return str(error).removeprefix(f"{path}: ")
+    return {name: values.tolist() for name, values in columns.items()}
+
+
+def test_a_row_that_is_not_as_the_heading_is_read_by_itself(tmp_path, monkeypatch):
+    """Empty cells behind it and empty lines mean nothing. Rows are counted through all blocks."""
+    monkeypatch.setattr(files, "BLOCK", 2)
+    rows = ["t;y;x", "0;0;1", "1;0;2", "2;0;3;", "", '"3";0;4', "4;0;5"]
+    assert csv_of(tmp_path, "\n".join(rows)) == {"t": [0, 1, 2, 3, 4], "x": [1, 2, 3, 4, 5]}
+    assert csv_of(tmp_path, "\n".join([*rows, "5;0;6", "6;0"])) == "x: row 7: missing: expected a number"
+    assert csv_of(tmp_path, "\n".join([*rows, "5;0;a"])) == 'x: row 6: "a": expected a number'
+    assert csv_of(tmp_path, "\n".join([*rows, "5;0;6;7"])) == (
+        "row 6: 4 cells: expected 3, as in the heading, and decimal points"
+    )
+    assert csv_of(tmp_path, "t\tx\n1\t2\n") == {"t": [1.0], "x": [2.0]}
+    assert csv_of(tmp_path, " x , y\n1,2\n", "x") == {"x": [1.0]}
+
+
+def test_a_heading_that_is_nearly_the_wanted_one_is_told(tmp_path):
+    """One that differs by a unit, spaces or capitals; not another that is wanted, too."""
+    for near in ("T", "t [s]", "t (s)", " t_"):
+        assert csv_of(tmp_path, f"{near},x\n1,2\n") == (
+            f'no column "t", but "{near.strip()}": expected name = "{near.strip()}" in columns'
+        )
+    assert csv_of(tmp_path, "T,x\n1,2\n", "t", "T", "x") == {"T": [1.0], "x": [2.0]}
+    assert csv_of(tmp_path, "tt,x\n1,2\n") == {"x": [2.0]}
+
+
+def test_text_before_a_heading_is_told_within_fifty_lines(tmp_path):
+    """A heading has two of the wanted names, or more; a line may stand in quotes."""
+    told = 'comes after text, "Bench": expected it first, or # before each line of the text'
+    for lines, found in ((49, True), (50, False)):
+        text = "Bench\n" + "no load\n" * lines + '"t"; "x"\n1;2\n'
+        said = csv_of(tmp_path, text)
+        assert said == (f'the heading ""t"; "x"" {told}' if found else "columns Bench: expected t, x")
+    assert csv_of(tmp_path, "Bench\nt\n1\n") == "columns Bench: expected t, x"
 
 
 @pytest.mark.parametrize(
