@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gzip
+import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -257,6 +259,52 @@ def test_a_file_that_is_not_what_its_name_says_is_refused_in_a_line(tmp_path, na
         list(read(path, ["x"]))
     line = str(caught.value)
     assert line.startswith(f"{path}: ") and line.endswith(said) and "\n" not in line
+
+
+class Channels:
+    """As much of a file of channels as is read: a ramp twice as fast, and one at half the rows."""
+
+    def __init__(self, path):
+        rows = {"x": np.array([0.0, 0.5, 1.0]), "y": np.array([0.0, 1.0]), "t": np.array([0.0, 0.5, 1.0])}
+        self.channels = {name: self.signal(t, (2 if name == "x" else 1) * t) for name, t in rows.items()}
+        if path.name == "bare.mf4":
+            del self.channels["t"]
+
+    def signal(self, timestamps, samples):
+        return SimpleNamespace(
+            timestamps=timestamps, interp=lambda t: SimpleNamespace(samples=np.interp(t, timestamps, samples))
+        )
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *of):
+        return None
+
+    def __contains__(self, name):
+        return name in self.channels
+
+    def get(self, name):
+        return self.channels[name]
+
+
+def test_channels_are_brought_to_the_time_of_the_first(tmp_path, monkeypatch):
+    """Where none has the time, the first that is wanted is that."""
+    error = type("MdfException", (Exception,), {})
+    monkeypatch.setitem(sys.modules, "asammdf", SimpleNamespace(MDF=Channels))
+    monkeypatch.setitem(sys.modules, "asammdf.blocks", SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "asammdf.blocks.utils", SimpleNamespace(MdfException=error))
+
+    def columns(name, *wanted):
+        ((_, found),) = read(tmp_path / name, list(wanted))
+        return {key: values.tolist() for key, values in found.items()}
+
+    own = {"x": [0.0, 1.0, 2.0], "y": [0.0, 0.5, 1.0]}
+    assert columns("a.mf4", "t", "x", "y", "z") == {"t": [0.0, 0.5, 1.0], **own}
+    assert columns("bare.mf4", "t", "x", "y", "z") == {"t": [0.0, 0.5, 1.0], **own}
+    assert columns("bare.mf4", "y", "x") == {"y": [0.0, 1.0], "x": [0.0, 2.0]}
+    with pytest.raises(StudyError, match=r"no such channels: expected z$"):
+        columns("a.mf4", "z")
 
 
 def known(folder, was="", now="", more=""):
