@@ -16,7 +16,7 @@ from cogless.identify import estimate
 from cogless.identify.estimate import _taken_out, _without, whole, with_values
 from cogless.identify.regression import Fit
 from cogless.identify.result import Estimate, Value, wave_of
-from cogless.identify.weak_form import Model, Name
+from cogless.identify.weak_form import Model, Name, Sensor
 
 
 @pytest.mark.parametrize(
@@ -241,6 +241,14 @@ def test_held_angles_tell_cogging_and_an_offset_alone(monkeypatch: pytest.Monkey
         estimate._start(FOUR, [MOVING, MOVING], left)  # type: ignore[list-item]
 
 
+def test_rows_are_filtered_by_the_model_s_kernel_or_another_width(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(estimate, "rows_of", lambda *of: [of])
+    model, logs = Model(width=2e-3), ["a", "b"]
+    for factor, width in (({}, 2e-3), ({"factor": 1.5}, 3e-3)):
+        made: Any = estimate._rows(FOUR, logs, model, **factor)  # type: ignore[arg-type]
+        assert made == [(log, model, pytest.approx(width), Sensor(0.0, 4)) for log in logs]
+
+
 def test_a_narrow_kernel_begins_at_the_delay_that_fits_the_slowest_log_best(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -373,7 +381,9 @@ def test_what_cannot_be_told_apart_is_left_out_the_least_important_first(
         Fitted(monkeypatch, *fits[1:], wide(*[1.0] * 7))
         rows: Any = [SimpleNamespace(y=np.array(y))]
         left: list[str] = []
-        return left, estimate._told_apart(NONE, [], rows, fits[0], model, left)[2]
+        last, _, made = estimate._told_apart(NONE, [], rows, fits[0], model, left)
+        assert (last == []) == (made != model)  # those of the model that is left
+        return left, made
 
     plain = wide(*[1.0] * 7)
     assert told(wide(100, 100, 100, 100, 1e9, 1e9, 100)) == ([], MODEL)

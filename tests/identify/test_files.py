@@ -354,6 +354,7 @@ def test_numbers_of_a_column_become_si_with_its_sign(tmp_path):
     loaded = known(tmp_path, '"counts", unit = "count"', '"counts", unit = "count", sign = -1')
     step = 2 * np.pi / COUNTS
     assert (loaded.counts, loaded.step) == (COUNTS, pytest.approx(step))
+    assert loaded.path == tmp_path / "id.toml" and loaded.tables["motor"]["pole_pairs"] == 4
     assert [loaded.factor(name) for name in ("t", "theta", "i_q")] == pytest.approx([1e-3, -step, -1e-3])
     plain = known(tmp_path, '{ name = "ms", unit = "ms" }', '"ms"')
     assert plain.factor("t") == 1.0

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +17,7 @@ from identify.commissioned import MOTORS
 from identify.fits import fit_of
 
 from cogless.errors import StudyError
-from cogless.identify import config, diagnosis, findings, plan, speed_alone, write
+from cogless.identify import config, described, diagnosis, findings, plan, speed_alone, write
 from cogless.identify.causes import Cause, Found
 from cogless.identify.command import Identified, lines
 from cogless.identify.config import Identification, LogRule
@@ -496,7 +498,7 @@ def test_an_order_falls_or_grows_with_speed() -> None:
         "where it is slow; record i_q."
     ]
     assert said(2.0, 0.5 / 2**0.4) == said(2.0, 0.5 * 2**0.4) == []
-    assert said(1.49, 0.1) == [] and said(1.51, 0.1) != []
+    assert said(1.49, 0.1) == [] and said(1.5, 0.1) != []
     assert said(2.0, 0.1, share=0.05) == []
 
 
@@ -693,6 +695,14 @@ def test_the_files_of_an_estimate_have_its_sentences_and_errors(
     write.write_all(made, tmp_path)
     motor = (tmp_path / "motor.toml").read_text()
     assert motor.startswith("# By cogless identify, from one.csv.\n# +-: error at 95 %.")
+    assert tomllib.loads(motor) == described.motor(made)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "motor.toml", "identified.json", "study.toml", "cogging.csv", "cogging.bin"
+    }  # fmt: skip
+    (tmp_path / "little").mkdir()
+    write.write_all(estimate(known), tmp_path / "little")
+    assert {path.name for path in (tmp_path / "little").iterdir()} == {"motor.toml", "identified.json"}
+    assert json.loads((tmp_path / "identified.json").read_text()) == json.loads(json.dumps(found))
     head = [line for line in motor.splitlines() if line.startswith("#")][2:]
     assert head == [
         "# Left.",
