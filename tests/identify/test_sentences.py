@@ -633,6 +633,63 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
     assert diagnosis._unsteady([whole], {"one.csv"}) == []
 
 
+def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
+    known: Identification, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Where nothing can be estimated, the speeds are all; what was said of it stays."""
+    steady = {"omega": TURN, "theta": TURN * DT * np.arange(2000)}
+    logs = [
+        log("whole", **steady, i_q=0.1),
+        log("held", dt=0.0, theta=0.0),
+        log("off", "bridge-off", **steady),
+        log("torqueless", **steady),
+        log("blind", omega=TURN, i_q=0.1),
+        log("short", "load", **steady, i_q=0.1),
+    ]
+    logs[-1] = replace(logs[-1], stretches=(slice(0, 15),))
+    asked: list[list[str]] = []
+    model = SimpleNamespace(left_out=("Left.",), remarks=("Remark.", "Left."), fit=fit_of({("j",): 1.0}))
+
+    def estimated(known: Identification, logs: list[Log], progress: Any) -> Any:
+        asked.append([one.name for one in logs])
+        if told is None:
+            raise StudyError("No.\nNever.")
+        return SimpleNamespace(**vars(told), logs=logs)
+
+    monkeypatch.setattr(diagnosis.config, "load", lambda path: known)
+    monkeypatch.setattr(diagnosis, "load_logs", lambda paths, known: logs)
+    monkeypatch.setattr(diagnosis, "estimate", estimated)
+    monkeypatch.setattr(diagnosis, "attributed", lambda made, parts: [order_at(24, 1.0)])
+    monkeypatch.setattr(diagnosis.speed_alone, "by_order", lambda parts, poles: [])
+    (tmp_path / "id.toml").touch()
+
+    def diagnosed() -> Diagnosis:
+        return diagnosis.diagnosed([], tmp_path / "id.toml", lambda *of: None)
+
+    told: Any = model
+    made = diagnosed()
+    assert asked == [["whole", "held", "off", "short"]]
+    assert list(made.whole) == ["whole", "off", "torqueless", "blind"] and len(made.found) == 1
+    assert made.said[:2] == ("Left.", "Remark.") and made.title == known.title
+    reference = [line for line in made.said if line.startswith("Dead time disturbs the current at order 24")]
+    assert len(reference) == 1
+    assert [line for line in made.said if "never turns" in line] == [
+        "short: never turns at a steady speed for a revolution, so it has no line; what it tells of the "
+        "torques is in the others."
+    ]
+    logs[0] = log("whole", **steady, i_q=0.1, i_q_ref=0.1)
+    assert not any(line.startswith("Dead time disturbs") for line in diagnosed().said)
+    told = None
+    made = diagnosed()
+    assert made.said[:2] == ("No.", "Never.") and made.found == () and len(made.whole) == 4
+    logs[:] = [log("off", "bridge-off", **steady), log("held", dt=0.0, theta=0.0)]
+    asked.clear()
+    assert list(diagnosed().whole) == ["off"] and asked == []  # nothing turns by a current
+    logs[:] = [logs[1]]
+    with pytest.raises(StudyError, match="no log turns at a steady speed for a revolution"):
+        diagnosed()
+
+
 def test_a_diagnosis_needs_its_files(tmp_path: Path) -> None:
     seen: list[tuple[str, float]] = []
     columns = tmp_path / "id.toml"
