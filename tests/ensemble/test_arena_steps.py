@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from test_arena import AUTO, LAWS, PLANT, arena
+from test_arena import LAWS, PLANT, arena
 
 from cogless.ensemble import arena as room
 from cogless.ensemble import arena_cases, arena_files
@@ -119,9 +119,3 @@ def test_trials_run_with_each_seed_and_keep_what_has_a_number_for_each_phase(
     assert [(run.trials, run.law, run.seed, run.metrics) for run in found.trials] == [
         ("moves", "ilc", seed, {"first_error_rad": [1.0, 2.0]}) for seed in (3, 4)
     ]
-
-
-def test_the_table_learned_before_is_automatic_too(tmp_path: Path) -> None:
-    assert prepared(
-        arena(tmp_path, law={**LAWS, "t": {"law": "anti-cogging", "tuning": AUTO}}), "drone", ["t"]
-    )
