@@ -12,7 +12,7 @@ import studies
 from cogless.c_laws import C_LAWS
 from cogless.export.c.board import board
 from cogless.export.c.command import self_test_ticks, subject_of
-from cogless.export.c.extras import extras
+from cogless.export.c.extras import extras, parts
 from cogless.export.c.subject import Subject
 from cogless.export.c.texts import (
     _figures,
@@ -170,6 +170,51 @@ def test_a_calibration_and_trials_have_functions_of_their_own(subject: Subject) 
     assert "static const cgl_real motion[250] = {0};" in told["example_declarations"]
     resets = extras(replace(trial, dead_time_config={"time": 1e-6}))["more_definitions"]
     assert "->drive);\n    cgl_dead_time_reset(&controller->dead_time);\n    cgl_trial_begin(" in resets
+
+
+def test_parts_around_the_drive_have_their_texts_where_the_study_has_them(
+    subject: Subject, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The angle's table corrects what is measured, before; dead time is compensated after."""
+    monkeypatch.setattr(
+        "cogless.export.c.extras.initialiser", lambda headers, struct, *of: f"    /* {struct} */"
+    )
+    none = {**dict.fromkeys(parts(subject), ""), "measured_now": "now"}
+    assert parts(subject) == none and subject.parts == ["drive.h", "speed_pi.h"]
+    dead = replace(subject, dead_time_config={"time": 1e-6})
+    assert dead.parts == ["drive.h", "speed_pi.h", "dead_time.h"]
+    told = parts(dead)
+    assert (told["correct"], told["measured_now"]) == ("", "now")
+    assert "cgl_dead_time_step(&controller->dead_time, &drive->currents, out->duty);" in told["compensate"]
+    table = replace(subject, encoder_table_config={"cells": 4})
+    assert table.parts == ["drive.h", "speed_pi.h", "encoder_table.h"]
+    told = parts(table)
+    assert (told["measured_now"], told["compensate"]) == ("&corrected", "")
+    assert (
+        "cgl_encoder_table_step(&controller->encoder_table, &corrected, drive->i_q, true);" in told["correct"]
+    )
+    assert told["part_members"] == "    cgl_encoder_table encoder_table;\n"
+    assert "pi_encoder_table_config = {\n    /* cgl_encoder_table_config */\n};" in told["part_configs"]
+    both = parts(replace(dead, encoder_table_config={"cells": 4}))
+    assert both["part_includes"] == '#include "cogless/dead_time.h"\n#include "cogless/encoder_table.h"\n'
+    resets = [f"    cgl_{part}_reset(&controller->{part});\n" for part in ("dead_time", "encoder_table")]
+    assert both["part_resets"] == "".join(resets)
+
+
+@pytest.mark.parametrize(
+    ("unguarded", "kind", "defines", "unused"),
+    [
+        (False, None, [], set()),
+        (True, "CGL_MEMORY_TIME", ["COGLESS_NO_GUARD"], {"guard.c"}),
+        (False, "CGL_MEMORY_ANGLE", ["COGLESS_NO_DELAY_LINE"], {"delay_line.c", "delay_line.h"}),
+    ],
+)
+def test_what_is_not_used_is_left_out(
+    subject: Subject, unguarded: bool, kind: str | None, defines: list[str], unused: set[str]
+) -> None:
+    law = {"memory": {"kind": kind}} if kind else {"memory": [1.0]}
+    less = replace(changed(subject, unguarded=unguarded), law_config=law)
+    assert (less.defines, less.unused) == (defines, unused)
 
 
 def test_a_law_that_learns_nothing_has_no_memory(subject: Subject) -> None:

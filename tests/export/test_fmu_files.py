@@ -36,6 +36,12 @@ DESCRIPTION = xml.Description(
 )
 
 
+ABLE = {
+    2: ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate"),
+    3: ("canGetAndSetFMUState", "canSerializeFMUState"),
+}
+
+
 def the(root: Element, path: str) -> dict[str, str]:
     found = root.find(path)
     assert found is not None, path
@@ -59,8 +65,25 @@ def test_a_model_description_s_variables(version: int) -> None:
     assert [v.get("unit") for v in typed] == ["s", None, "N*m", None, None, "rad/s", None]
     assert [v.get("start") for v in typed] == [None, "false", "0.25", "true", "3", None, None]
     assert the(root, "DefaultExperiment") == {"startTime": "0", "stopTime": "0.5", "stepSize": "0.000125"}
-    assert the(root, "CoSimulation")["modelIdentifier"] == "pi_drive"
-    assert (root.get("fmiVersion"), root.get("description")) == (f"{version}.0", "A <drive>")
+    able = ("canHandleVariableCommunicationStepSize", *ABLE[version])
+    step = {"fixedInternalStepSize": "0.000125"} if version == 3 else {}
+    assert the(root, "CoSimulation") == {
+        "modelIdentifier": "pi_drive", **dict.fromkeys(able, "true"), **step
+    }  # fmt: skip
+    token = root.attrib.pop("guid" if version == 2 else "instantiationToken")
+    assert (token, root.attrib) == (
+        "{token}",
+        {
+            "fmiVersion": f"{version}.0",
+            "modelName": "pi-drive",
+            "description": "A <drive>",
+            "generationTool": "cogless 1",
+            "variableNamingConvention": "structured",
+        },
+    )
+    assert [v.get("description") for v in variables] == [v.about for v in VARIABLES]
+    category = {"name": "logStatusError", "description": "why a function returned an error"}
+    assert [each.attrib for each in root.iter("Category")] == [category]
     assert {unit.get("name") for unit in root.iter("Unit")} == {"s", "rad/s", "N*m"}  # those that are used
     assert [unit.attrib for unit in root.iter("BaseUnit")][-1] == {"kg": "1", "m": "2", "s": "-2"}
 

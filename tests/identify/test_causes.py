@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from identify.fits import fit_of, of_motor, part, turning
 
 from cogless.identify import causes
-from cogless.identify.causes import DEAD_TIME, ENCODER, GAIN, RIPPLE
+from cogless.identify.causes import (
+    COGGING,
+    DEAD_TIME,
+    ENCODER,
+    GAIN,
+    MECHANICS,
+    OFFSET,
+    RIPPLE,
+    UNEXPLAINED,
+    Cause,
+)
+from cogless.identify.config import LogRule
+from cogless.identify.estimate import CURES
 from cogless.identify.weak_form import Model
 
 
@@ -89,3 +103,73 @@ def test_the_disturbance_of_an_order_is_what_inertia_and_friction_leave_of_the_c
     wanted = (1j * order * w * 2e-3 + 0.1) * size + 0.05j
     assert measured == pytest.approx(wanted, rel=2e-3)
     assert blurred == pytest.approx(0.05 * order * w * 1e-4 / 2, rel=1e-2)
+
+
+def shares(
+    monkeypatch: pytest.MonkeyPatch, order: int, measured: complex, known: causes.Phasors, **more: Any
+) -> dict[str, tuple[float, float]]:
+    """Shares of the causes of an order, and their errors, where this disturbance is known up to 0.05 A."""
+    one = part(turning(30.0), 30.0)
+    monkeypatch.setattr(causes, "_measured", lambda made, part, order: (measured, 0.05))
+    monkeypatch.setattr(causes, "disturbances", lambda made, part, order: dict(known))
+    responses = {id(one): (0.1 + 0j, 0.03)} if more.pop("follows", False) else {}
+    found = causes._attributed(of_motor(**more), one, order, responses)
+    return {cause.name: (cause.share, cause.error) for cause in found.causes}
+
+
+def test_what_is_left_of_an_order_is_not_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+    """But for what the measurement may be off by, which is in every cause's error."""
+    known: causes.Phasors = {COGGING: (0.3 + 0j, 0.02)}
+    told = shares(monkeypatch, 24, 0.4 + 0j, known)
+    assert told == {
+        COGGING: pytest.approx((0.3 / 0.35, math.hypot(0.02, 0.05) / 0.35)),
+        UNEXPLAINED: pytest.approx((0.05 / 0.35, 0.05 / 0.35)),
+    }
+    assert shares(monkeypatch, 24, 0.34 + 0j, known)[UNEXPLAINED][0] == 0.0
+    guessed = {"cogging or K_t ripple or dead time": (1.0, 0.4)}
+    assert shares(monkeypatch, 24, 0.4 + 0j, {}) == shares(monkeypatch, 24, 0j, {}) == guessed
+
+
+def test_dead_time_is_of_order_6p_and_an_offset_of_the_pole_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither is in what the fit knows. Without anything that it knows, they have to be half of the order."""
+    known: causes.Phasors = {COGGING: (0.3 + 0j, 0.0)}
+    assert DEAD_TIME in shares(monkeypatch, 24, 0.3 + 0j, known, follows=True)
+    assert DEAD_TIME not in shares(monkeypatch, 24, 0.3 + 0j, known)
+    assert DEAD_TIME not in shares(monkeypatch, 12, 0.3 + 0j, known, follows=True)
+    rule = LogRule(file="*", kind="bridge-off")
+    offsets = {name: np.full(4000, x) for name, x in (("i_a", 0.03), ("i_b", -0.06), ("i_c", 0.03))}
+    off = replace(turning(30.0, **offsets), rule=rule)
+    wave = -2j / 3 * (0.03 - 0.06 * np.exp(-2j * math.pi / 3) + 0.03 * np.exp(-4j * math.pi / 3))
+    told = shares(monkeypatch, 4, 0.3 + 0j, known, logs=(off,))
+    assert told[OFFSET][0] == pytest.approx(float((wave / (0.3 + wave)).real))
+    assert OFFSET not in shares(monkeypatch, 4, 0.3 + 0j, known)
+    assert OFFSET not in shares(monkeypatch, 8, 0.3 + 0j, known, logs=(off,))
+    for left, guessed in ((0.05 + 0.9 * abs(wave), False), (0.05 + 1.2 * abs(wave), True)):
+        told = shares(monkeypatch, 4, left * wave / abs(wave), {}, logs=(off,))
+        assert (OFFSET not in told) == guessed
+
+
+def test_a_torque_may_be_of_what_no_log_tells_apart() -> None:
+    rule = LogRule(file="*", kind="bridge-off")
+    off = replace(turning(30.0, i_a=np.zeros(4000), i_b=np.zeros(4000)), rule=rule)
+    for order, more, name in (
+        (4, {}, "cogging or current offset"),
+        (4, {"logs": (off,)}, COGGING),
+        (24, {}, COGGING),
+        (24, {"left_out": (CURES["ripple"].format(24),)}, "cogging or K_t ripple or dead time"),
+        (2, {}, MECHANICS),
+        (3, {}, COGGING),
+    ):
+        assert causes._cogging(of_motor(**more), order) == name
+
+
+def test_an_order_has_its_share_of_the_ripple() -> None:
+    """Of its square, all at most; a wave's rms is its size over sqrt 2."""
+    log = turning(-30.0, rows=20_000)
+    one = replace(part(log, -30.0), omega=-30 + 0.3 * np.cos(24 * log["theta"]))
+    small, large = Cause(ENCODER, 0.2, 0.1), Cause(COGGING, 0.8, 0.1)
+    found = causes.found_in(replace(one, ripple=0.25), 24, [small, large])
+    assert (found.log, found.speed, found.load, found.order) == ("a", 30.0, -0.5, 24)
+    assert (found.ripple, found.share) == pytest.approx((0.3 / math.sqrt(2), 0.045 / 0.0625), rel=1e-3)
+    assert found.causes == (large, small)
+    assert causes.found_in(replace(one, ripple=0.2), 24, []).share == 1.0

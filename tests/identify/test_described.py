@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -11,9 +12,9 @@ from identify.commissioned import MOTORS, PI
 
 from cogless.identify import config, plan
 from cogless.identify.config import Identification, LogRule
-from cogless.identify.described import metrics, replayable, scenario, scenario_name, steady_for, study
+from cogless.identify.described import drive, metrics, replayable, scenario, scenario_name, steady_for, study
 from cogless.identify.log import Log
-from cogless.identify.result import Estimate, Value
+from cogless.identify.result import Estimate, Value, Wave
 from cogless.study.mechanics import Mechanics
 from cogless.study.numerics import steps_needed
 
@@ -112,6 +113,19 @@ def test_a_scenario_begins_where_its_log_does(known: Identification) -> None:
     rare = turning("slow.csv", slow, dt=1.0)  # two rows, where they are rare
     rare.signals["theta"][2:] += 2.0
     assert scenario(estimate(known, rare), rare)["initial_speed"] == "1.002 rad/s"
+
+
+def test_an_encoder_s_eccentricity_is_the_drive_s(known: Identification) -> None:
+    """Other orders of its error have no key, and other sensors no eccentricity."""
+    once, twice = (Wave(n, Value(math.radians(0.1), 0.0), Value(math.radians(-30), 0.0)) for n in (1, 2))
+    table = known.tables["drive"]
+    sensor = {**table["position_sensor"], "eccentricity": "0.1 deg", "eccentricity_phase": "-30 deg"}
+    assert drive(estimate(known, encoder=(twice, once))) == {**table, "position_sensor": sensor}
+    assert drive(estimate(known, encoder=(twice,))) == table
+    for kind in ({"kind": "resolver"}, "ideal"):
+        other = known.model_copy()
+        other._tables = {**known.tables, "drive": {**table, "position_sensor": kind}}
+        assert drive(estimate(other, encoder=(once,)))["position_sensor"] == kind
 
 
 def test_logs_of_a_known_law_and_reference_are_replayed(known: Identification) -> None:

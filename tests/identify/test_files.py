@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import gzip
+import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cogless.errors import StudyError
-from cogless.identify import config
+from cogless.identify import config, files
 from cogless.identify.files import read
 from cogless.identify.log import load_logs
 
@@ -156,6 +158,51 @@ def test_a_current_in_rms_beside_peaks_of_the_phases_is_refused(tmp_path, share,
     )
 
 
+def csv_of(folder, text, *wanted):
+    """The columns t and x, or these, of a CSV; or what is said of it."""
+    path = folder / "a.csv"
+    path.write_text(text)
+    try:
+        ((_, columns),) = read(path, list(wanted or ("t", "x")))
+    except StudyError as error:
+        return str(error).removeprefix(f"{path}: ")
+    return {name: values.tolist() for name, values in columns.items()}
+
+
+def test_a_row_that_is_not_as_the_heading_is_read_by_itself(tmp_path, monkeypatch):
+    """Empty cells behind it and empty lines mean nothing. Rows are counted through all blocks."""
+    monkeypatch.setattr(files, "BLOCK", 2)
+    rows = ["t;y;x", "0;0;1", "1;0;2", "2;0;3;", "", '"3";0;4', "4;0;5"]
+    assert csv_of(tmp_path, "\n".join(rows)) == {"t": [0, 1, 2, 3, 4], "x": [1, 2, 3, 4, 5]}
+    assert csv_of(tmp_path, "\n".join([*rows, "5;0;6", "6;0"])) == "x: row 7: missing: expected a number"
+    assert csv_of(tmp_path, "\n".join([*rows, "5;0;a"])) == 'x: row 6: "a": expected a number'
+    assert csv_of(tmp_path, "\n".join([*rows, "5;0;6;7"])) == (
+        "row 6: 4 cells: expected 3, as in the heading, and decimal points"
+    )
+    assert csv_of(tmp_path, "t\tx\n1\t2\n") == {"t": [1.0], "x": [2.0]}
+    assert csv_of(tmp_path, " x , y\n1,2\n", "x") == {"x": [1.0]}
+
+
+def test_a_heading_that_is_nearly_the_wanted_one_is_told(tmp_path):
+    """One that differs by a unit, spaces or capitals; not another that is wanted, too."""
+    for near in ("T", "t [s]", "t (s)", " t_"):
+        assert csv_of(tmp_path, f"{near},x\n1,2\n") == (
+            f'no column "t", but "{near.strip()}": expected name = "{near.strip()}" in columns'
+        )
+    assert csv_of(tmp_path, "T,x\n1,2\n", "t", "T", "x") == {"T": [1.0], "x": [2.0]}
+    assert csv_of(tmp_path, "tt,x\n1,2\n") == {"x": [2.0]}
+
+
+def test_text_before_a_heading_is_told_within_fifty_lines(tmp_path):
+    """A heading has two of the wanted names, or more; a line may stand in quotes."""
+    told = 'comes after text, "Bench": expected it first, or # before each line of the text'
+    for lines, found in ((49, True), (50, False)):
+        text = "Bench\n" + "no load\n" * lines + '"t"; "x"\n1;2\n'
+        said = csv_of(tmp_path, text)
+        assert said == (f'the heading ""t"; "x"" {told}' if found else "columns Bench: expected t, x")
+    assert csv_of(tmp_path, "Bench\nt\n1\n") == "columns Bench: expected t, x"
+
+
 @pytest.mark.parametrize(
     ("name", "columns", "said"),
     [
@@ -214,6 +261,52 @@ def test_a_file_that_is_not_what_its_name_says_is_refused_in_a_line(tmp_path, na
     assert line.startswith(f"{path}: ") and line.endswith(said) and "\n" not in line
 
 
+class Channels:
+    """As much of a file of channels as is read: a ramp twice as fast, and one at half the rows."""
+
+    def __init__(self, path):
+        rows = {"x": np.array([0.0, 0.5, 1.0]), "y": np.array([0.0, 1.0]), "t": np.array([0.0, 0.5, 1.0])}
+        self.channels = {name: self.signal(t, (2 if name == "x" else 1) * t) for name, t in rows.items()}
+        if path.name == "bare.mf4":
+            del self.channels["t"]
+
+    def signal(self, timestamps, samples):
+        return SimpleNamespace(
+            timestamps=timestamps, interp=lambda t: SimpleNamespace(samples=np.interp(t, timestamps, samples))
+        )
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *of):
+        return None
+
+    def __contains__(self, name):
+        return name in self.channels
+
+    def get(self, name):
+        return self.channels[name]
+
+
+def test_channels_are_brought_to_the_time_of_the_first(tmp_path, monkeypatch):
+    """Where none has the time, the first that is wanted is that."""
+    error = type("MdfException", (Exception,), {})
+    monkeypatch.setitem(sys.modules, "asammdf", SimpleNamespace(MDF=Channels))
+    monkeypatch.setitem(sys.modules, "asammdf.blocks", SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "asammdf.blocks.utils", SimpleNamespace(MdfException=error))
+
+    def columns(name, *wanted):
+        ((_, found),) = read(tmp_path / name, list(wanted))
+        return {key: values.tolist() for key, values in found.items()}
+
+    own = {"x": [0.0, 1.0, 2.0], "y": [0.0, 0.5, 1.0]}
+    assert columns("a.mf4", "t", "x", "y", "z") == {"t": [0.0, 0.5, 1.0], **own}
+    assert columns("bare.mf4", "t", "x", "y", "z") == {"t": [0.0, 0.5, 1.0], **own}
+    assert columns("bare.mf4", "y", "x") == {"y": [0.0, 1.0], "x": [0.0, 2.0]}
+    with pytest.raises(StudyError, match=r"no such channels: expected z$"):
+        columns("a.mf4", "z")
+
+
 def known(folder, was="", now="", more=""):
     """The file of columns with a change, and more at its end."""
     assert was in ID
@@ -261,6 +354,7 @@ def test_numbers_of_a_column_become_si_with_its_sign(tmp_path):
     loaded = known(tmp_path, '"counts", unit = "count"', '"counts", unit = "count", sign = -1')
     step = 2 * np.pi / COUNTS
     assert (loaded.counts, loaded.step) == (COUNTS, pytest.approx(step))
+    assert loaded.path == tmp_path / "id.toml" and loaded.tables["motor"]["pole_pairs"] == 4
     assert [loaded.factor(name) for name in ("t", "theta", "i_q")] == pytest.approx([1e-3, -step, -1e-3])
     plain = known(tmp_path, '{ name = "ms", unit = "ms" }', '"ms"')
     assert plain.factor("t") == 1.0

@@ -26,11 +26,12 @@ def rows_with(name: str, friction: float, wave: complex, session: str | None = N
     return Rows(own, names, columns, y, 0 * columns, theta, theta, theta)
 
 
-def told(*rows: Rows) -> tuple[list[str], list[str]]:
-    """What is said of these logs, and what is left out."""
+def told(*rows: Rows, c: float = 0.5) -> tuple[list[str], list[str]]:
+    """What is said of these logs, and what is left out. `c`: friction of all together."""
     left: list[str] = []
-    fit = fit_of({("c",): 0.5, ("cogging", 6, "c"): 0.3, ("cogging", 6, "s"): 0.0})
-    return findings.between_logs(rows, fit, Model(cogging=(6,)), left), left
+    waves = {("cogging", n, part): size for n, size in ((12, 0.1), (6, 0.3)) for part in "cs"}
+    fit = fit_of({("c",): c, **waves, ("cogging", 6, "s"): 0.0})
+    return findings.between_logs(rows, fit, Model(cogging=(12, 6)), left), left
 
 
 def test_friction_that_differs_by_a_fifth_is_told() -> None:
@@ -44,6 +45,7 @@ def test_friction_that_differs_by_a_fifth_is_told() -> None:
         ],
         [],
     )
+    assert told(one, other, c=0.0) == told(one, other, c=-0.1) == ([], [])  # no friction
     for log in ({"kind": "load"}, {"dt": 0.0}):
         assert told(one, rows_with("ccc", 0.7, 0.3, **log)) == ([], [])
     named = rows_with("a", 0.45, 0.3, "cold"), rows_with("ccc", 0.7, 0.3, "warm")
@@ -70,3 +72,17 @@ def test_cogging_that_is_turned_between_logs_has_no_place(turn: float, turned: b
     )
     hidden = rows_with("bb", 0.5, 1e-3 * complex(math.cos(turn), math.sin(turn)))  # within its noise
     assert told(hidden, first) == ([], [])
+
+
+def test_a_log_s_own_coefficients_have_three_times_their_error() -> None:
+    """What the fit leaves of its rows moves them; rows that don't tell give neither value nor error."""
+    rows = rows_with("a", 0.45, 0.3 + 0.1j)
+    fit = fit_of({("c",): 0.5, ("cogging", 6, "c"): 0.2, ("cogging", 6, "s"): 0.0})
+    waves = (("cogging", 6, "c"), ("cogging", 6, "s"))
+    assert findings._own([rows], fit, (("c",),))[0] == pytest.approx(0.45, abs=1e-3)
+    wave, error = findings._own([rows, rows], fit, waves)
+    assert wave == pytest.approx(0.3 + 0.1j, abs=1e-3)
+    left = np.std(rows.y - rows.columns @ [0.5, wave.real, wave.imag])
+    assert error == pytest.approx(3 * left / math.sqrt(1200 / 2), rel=1e-3)
+    rows.columns[:, 2] = rows.columns[:, 1]
+    assert findings._own([rows], fit, waves) == (0j, 0.0)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from identify.fits import fit_of
 
-from cogless.identify.orders import found_orders, gains
+from cogless.identify.orders import found_orders, gains, residual
 from cogless.identify.regression import Fit
 from cogless.identify.weak_form import Rows
 
@@ -45,6 +45,18 @@ def test_an_order_explains_its_wave_as_the_kernel_leaves_it_at_each_speed() -> N
     assert fast[39] > 0 and not fast[43:].any()
 
 
+def test_held_angles_show_each_order_whole() -> None:
+    """No kernel filters them; four rows beside each other are one value. What is fitted is not left over."""
+    held = left_over(10)
+    held.log.dt = 0.0
+    cosine = np.cos(44 * held.theta)
+    rows = replace(held, names=(("c",),), columns=np.ones((1000, 1)), y=2.0 + 0.1 * cosine)
+    fit = replace(fit_of({("c",): 2.0}), noise={"a": 1.0})
+    assert residual(rows, fit) == pytest.approx(0.1 * cosine)
+    share, counts = gains([rows], fit, 6e-3)
+    assert share[43] == pytest.approx(1.0, rel=1e-6) and counts[0] == 250
+
+
 def test_orders_are_found_the_strongest_first_from_a_tenth_of_it_on() -> None:
     fit = empty(a=1.0)
     rows = [left_over(2, (7, 0.3), (11, 0.4), noise=0.1)]
@@ -54,6 +66,8 @@ def test_orders_are_found_the_strongest_first_from_a_tenth_of_it_on() -> None:
     assert found_orders([left_over(2, (11, 0.4), (7, 0.12))], fit, 6e-3, ()) == [11]
     assert found_orders([left_over(2, (20, 0.09), noise=0.1)], fit, 6e-3, ()) == [20]
     assert found_orders([left_over(2, noise=0.1)], fit, 6e-3, ()) == []
+    eight = [(order, 0.1 * order) for order in range(11, 19)]  # the six strongest at once
+    assert found_orders([left_over(2, *eight)], fit, 6e-3, ()) == [18, 17, 16, 15, 14, 13]
 
 
 @pytest.mark.parametrize(("beyond", "found"), [(1.001, [7]), (0.999, [])])

@@ -136,7 +136,8 @@ def test_a_part_of_the_dead_time_is_known_to_two_standard_errors():
     assert (spread.value, spread.error) == pytest.approx((0.5, 2 * 0.3 / np.sqrt(3)))
     delayed = of_parts(([0.0, 1.0], 100))
     assert (delayed.value, delayed.error) == pytest.approx((0.4, np.hypot(0.2, 0.1)))
-    assert of_parts(([0.0, 1.0], 0)) == NOTHING
+    assert of_parts(([0.5, 0.5], 0.25)).value == pytest.approx(0.5)
+    assert of_parts(([0.0, 1.0], 0)) == NOTHING == Value(0.0, 0.0)
 
 
 # Delays that are likely, from profiles by hand: parabolas around a delay, 0.1 ms wide
@@ -148,8 +149,11 @@ class Rows(dict[str, np.ndarray]):
     period = 1e-4
 
 
-def told(monkeypatch, *profiles, dt=1e-3, period=1e-3, rows=300):
-    """What logs with these profiles tell, and after how many rows the law has its samples."""
+def told(monkeypatch, *profiles, dt=1e-3, period=1e-3, rows=300, periods=()):
+    """What logs with these profiles tell, and after how many rows the law has its samples.
+
+    `periods`: of traces, one for each log and then of others.
+    """
     canned, every = list(profiles), []
 
     def next_one(log, step, trace, with_dead_time):
@@ -160,7 +164,10 @@ def told(monkeypatch, *profiles, dt=1e-3, period=1e-3, rows=300):
     signals = {"theta": np.zeros(rows), "i_q": np.zeros(rows)}
     names = [f"log {n}" for n in range(len(profiles))]
     logs = [Log(name, LogRule(file="*"), dt, signals, (slice(0, rows),)) for name in names]
-    return lateness(logs, {name: Rows() for name in names}, BANDWIDTH, period), every
+    traces = {name: Rows() for name in [*names, *map(str, periods)]}
+    for trace, own in zip(traces.values(), periods, strict=False):
+        trace.period = own
+    return lateness(logs, traces, BANDWIDTH, period), every
 
 
 def around(delay, step=1e-5, misfit=0.0):
@@ -175,6 +182,8 @@ def test_delays_within_two_standard_errors_are_likely(monkeypatch):
     found = told(monkeypatch, around(4.05e-4))[0].delay
     assert found.value == pytest.approx(4.05e-4)  # 0.21 to 0.60 ms, and half a step on each side
     assert found.error == pytest.approx((3.9e-4 + 1e-5) / 2 + BETWEEN)
+    coarse = told(monkeypatch, around(4.05e-4), periods=(2e-4, 1e-4))[0].delay
+    assert coarse.error == pytest.approx((3.9e-4 + 1e-5) / 2 + 4 * BETWEEN)
     alike = told(monkeypatch, around(4.05e-4), around(4.05e-4, 5e-6))[0].delay  # by the finer steps
     assert alike.error == pytest.approx((2.8e-4 + 5e-6) / 2 + BETWEEN) and alike.value == pytest.approx(
         4.05e-4
@@ -251,6 +260,9 @@ def test_what_no_delay_explains_is_a_share_of_the_filter():
     made = _profile(logged(follows(1.0)), 1, follows(0.5), None)
     assert made.misfit == pytest.approx(0.25, abs=0.01)
     assert made.delays == pytest.approx(5e-6 * np.arange(101)) and np.argmin(made.away) < 3
+    # six taps, of which the delay takes one, and a part of a dead time another
+    assert min(made.away) == pytest.approx(5)
+    assert min(_profile(logged(follows(1.0)), 1, follows(0.5), follows(0.5, 0.2)).away) == pytest.approx(4)
 
 
 def test_how_far_a_delay_is_from_a_log_counts_by_the_noise_of_both():

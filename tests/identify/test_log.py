@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -46,6 +48,8 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> Identification:
         (1 / TURN, 'the speed looks like revolutions: unit = "rev/s"'),
         (TURN, 'the angle looks like revolutions: unit = "rev"'),
         (1e3, 'the time looks like milliseconds: unit = "ms"'),
+        (0.9505e3, 'the time looks like milliseconds: unit = "ms"'),
+        (0.9495e3, ""),
         (1e6, 'the time looks like microseconds: unit = "us"'),
         (-1.0, "one of them counts backwards: sign = -1"),
         (1 / 4, "the angle looks electrical, and a mechanical one is needed"),
@@ -72,7 +76,76 @@ def test_a_speed_may_lag_lose_counts_and_stop_for_a_gap(known: Identification) -
         agree(T, factor * OMEGA)
     agree(np.where(T < 1, T, T + 5.0), OMEGA)  # it stands in between
     agree(T, 100 * OMEGA, 0.01 * THETA)  # about 0.05 rad: it hardly turns
+    agree(T, np.where(T > 0, OMEGA, 1e5))  # its first value means nothing
     logging._units_agree("a", T, {"theta": THETA}, known)
+
+
+@pytest.mark.parametrize(("counts", "told"), [(1.05, False), (0.95, True)])
+def test_a_rotor_that_turns_by_less_than_twenty_counts_tells_no_unit(
+    known: Identification, counts: float, told: bool
+) -> None:
+    """Rms, about its mean."""
+    step = counts * float(np.std(THETA[1:])) / 20
+    coarse: Any = SimpleNamespace(step=step, columns=known.columns, motor=known.motor)
+    with pytest.raises(StudyError) if told else nullcontext():
+        logging._units_agree("a", T, {"omega": 100 * OMEGA, "theta": THETA}, coarse)
+
+
+def test_a_current_beyond_three_times_the_drive_s_limit_is_in_another_unit(tmp_path: Path) -> None:
+    """0.3 A here; signals that are not in the log are not beyond it."""
+    (tmp_path / "id.toml").write_text(
+        ID.replace('"10 A"', '"0.3 A"').replace("[motor]", 'i_d = "direct"\n[motor]')
+    )
+    small = load(tmp_path / "id.toml")
+    for most in (0.89, -0.89):
+        logging._within_limit("a", {"i_q": np.array([0.0, most])}, small)
+    for signal, heading in (("i_q", "current"), ("i_d", "direct"), ("i_b", "columns.i_b")):
+        with pytest.raises(StudyError) as error:
+            logging._within_limit("a", {signal: np.array([0.0, 0.5, -0.91])}, small)
+        assert str(error.value) == (
+            f"a: {heading}: row 3: 0.91 A, where the drive's limit is 0.3 A: expected its unit, such as "
+            'unit = "mA"'
+        )
+
+
+def test_a_current_in_rms_is_told_beside_phases_alone_and_with_its_other_axis(known: Identification) -> None:
+    a, b = np.sin(THETA), np.sin(THETA - TURN / 3)
+    for found in (
+        {"i_q": np.full(2000, math.sqrt(0.5)), "i_a": a, "i_b": b},
+        {"i_q": np.full(2000, 0.5), "i_d": np.full(2000, 0.5), "i_a": a, "i_b": b, "i_c": -a - b},
+    ):
+        with pytest.raises(StudyError, match=r"^a: current is \S+ of the amplitude that columns.i_a and"):
+            logging._amplitudes_agree("a", found, known)
+        logging._amplitudes_agree("a", {**found, "i_q": np.ones(2000)}, known)
+        for still in ({"i_a": 0 * a, "i_b": 0 * b, "i_c": 0 * b}, {"i_q": 0 * a, "i_d": 0 * a}):
+            logging._amplitudes_agree("a", {**found, **still}, known)
+
+
+def test_a_run_s_currents_are_turned_to_the_angle_that_its_drive_measures(tmp_path: Path) -> None:
+    """An angle that is measured by a further makes i_d + j i_q of it (i_d + j i_q) e^(-j p a)."""
+    import netCDF4
+
+    (tmp_path / "id.toml").write_text(
+        ID.replace('{ name = "counts", unit = "count" }', '"angle"')
+        .replace('{ name = "current", unit = "mA", sign = -1 }', '"i_q"')
+        .replace("[motor]", 'i_d = "i_d"\n[motor]')
+    )
+    known, angle = load(tmp_path / "id.toml"), 0.01 * np.arange(1000)
+    made = {
+        "ms": COLUMNS["ms"], "angle": angle, "theta_m": angle - math.pi / 16, "i_q": 2 + 0 * angle,
+        "i_d": 1 + 0 * angle,
+    }  # fmt: skip
+    with netCDF4.Dataset(tmp_path / "a.nc", "w") as file:
+        run = file.createGroup("slow").createGroup("pi")
+        run.createDimension("time", 1000)
+        for name, x in made.items():
+            run.createVariable(name, "f8", ("time",))[:] = x
+    np.savez(tmp_path / "a.npz", **made)  # a file of another kind has its drive's own
+    (run, other) = logging.load_logs([tmp_path / "a.nc", tmp_path / "a.npz"], known)
+    assert (run.name, other.name, run.duration) == ("slow", "a.npz", pytest.approx(1.0))
+    turned = (1 + 2j) * np.exp(-1j * math.pi / 4)
+    assert (run["i_d"][7], run["i_q"][7]) == pytest.approx((turned.real, turned.imag))
+    assert (other["i_d"][7], other["i_q"][7]) == (1.0, 2.0)
 
 
 # --- clocks
@@ -87,6 +160,10 @@ def test_a_clock_that_jitters_is_brought_to_equal_times() -> None:
     moved, jitter = logging._even(even + 5e-5 * noise, {"x": even + 5e-5 * noise}, 1e-3)
     assert jitter == pytest.approx(5e-5, rel=0.1)
     assert np.diff(moved["x"]) == pytest.approx(1e-3, rel=1e-3)
+    assert (len(moved["x"]), moved["x"][0]) == (999, pytest.approx(5e-5 * noise[0]))
+    grained = 5e-5 * np.round((even + 3e-5 * noise) / 5e-5)  # rounded by far less than a period
+    moved, _ = logging._even(grained, {"x": even}, 1e-3)
+    assert moved["x"] is not even
     rounded = np.round(np.arange(1000) * 2.4e-3, 3)
     kept, _ = logging._even(rounded, {"x": even}, 2e-3)
     assert kept["x"] is even
@@ -95,6 +172,38 @@ def test_a_clock_that_jitters_is_brought_to_equal_times() -> None:
 def test_the_period_is_that_between_gaps() -> None:
     t = np.array([0.0, 1.0, 2.0, 3.2, 10.0, 11.0])
     assert logging._period(t, 1.0) == pytest.approx((1 + 1 + 1.2 + 1) / 4)
+
+
+@pytest.mark.parametrize(("step", "cut"), [(2.5, False), (2.6, True)])
+def test_more_than_two_and_a_half_periods_between_rows_are_a_gap(
+    tmp_path: Path, step: float, cut: bool
+) -> None:
+    (tmp_path / "id.toml").write_text(ID.replace('{ name = "ms", unit = "ms" }', '"ms"'))
+    t = np.concatenate((np.arange(400.0), 399 + step + np.arange(600)))
+    np.savez(tmp_path / "a.npz", **{**COLUMNS, "ms": t})
+    (log,) = logging.load_logs([tmp_path / "a.npz"], load(tmp_path / "id.toml"))
+    assert log.stretches == ((slice(0, 400), slice(400, 1000)) if cut else (slice(0, 1000),))
+    gaps = [line for line in log.remarks if "gaps" in line]
+    assert gaps == ["a.npz: 1 gaps, the longest 2.6 s; the log is cut there."] * cut
+
+
+def test_half_of_the_rows_may_have_the_time_of_the_row_before(tmp_path: Path) -> None:
+    twice = {**COLUMNS, "ms": np.repeat(COLUMNS["ms"][:500], 2)}
+    (log,) = logs(tmp_path, "a.npz", twice)
+    assert len(log) == 500
+    assert log.remarks[0] == "a.npz: 500 rows have the time of the row before and are left out."
+    twice["ms"][-2:] = twice["ms"][-3]
+    with pytest.raises(StudyError) as error:
+        logs(tmp_path, "a.npz", twice)
+    assert str(error.value) == (
+        f"{tmp_path / 'a.npz'}: ms: 501 of 1000 rows have the time of the row before: expected all digits of "
+        "the time"
+    )
+
+
+def test_a_hundred_rows_are_a_log(tmp_path: Path) -> None:
+    (log,) = logs(tmp_path, "a.npz", {key: x[:100] for key, x in COLUMNS.items()})
+    assert len(log) == 100
 
 
 def test_jitter_is_told_from_a_twentieth_of_a_period_on(tmp_path: Path) -> None:
@@ -181,6 +290,13 @@ def test_an_angle_slips_where_it_jumps_by_ten_times_the_rows_around(jump: float,
     )
 
 
+@pytest.mark.parametrize("apart", [2, 3])
+def test_rows_that_move_alike_within_two_of_each_other_are_no_slip(apart: int) -> None:
+    rows = np.arange(500)
+    theta = 1e-3 * rows + 0.025 * ((rows >= 300) * 1.0 + (rows >= 300 + apart))
+    assert logging._slip("a", theta, 5e-4, []) == (500 if apart == 2 else 300)
+
+
 @pytest.mark.parametrize(("share", "told"), [(0.19, False), (0.21, True)])
 def test_rows_that_repeat_are_told_from_a_fifth_on(share: float, told: bool) -> None:
     moved = np.ones(1000)
@@ -188,7 +304,11 @@ def test_rows_that_repeat_are_told_from_a_fifth_on(share: float, told: bool) -> 
     theta = np.concatenate(([0.0], np.cumsum(moved)))
     remarks: list[str] = []
     logging._repeats("a", {"theta": theta, "i_q": theta}, 0.1, remarks)
-    assert [line.startswith("a: 21 % of the rows repeat the one before") for line in remarks] == [True] * told
+    expected = (
+        "a: 21 % of the rows repeat the one before: the log is faster than the drive; record at the drive's "
+        "own rate."
+    )
+    assert remarks == [expected] * told
     logging._repeats("a", {"theta": theta, "i_q": theta}, 1.0, slow := [])  # a count lasts longer than a row
     logging._repeats("a", {"theta": theta, "i_q": np.arange(1001.0)}, 0.1, slow)  # a new current in each row
     assert slow == []
@@ -199,8 +319,14 @@ def test_an_angle_that_wraps_is_unwrapped_and_one_of_no_turn_is_refused() -> Non
     theta = np.arange(1000) * 0.05
     assert logging._unwrapped("a", "a: x", theta % TURN, remarks) == pytest.approx(theta)
     assert remarks == ["a: the angle wraps 7 times, and is unwrapped."]
-    with pytest.raises(StudyError, match=r"a: x: row 201: the angle jumps by 9.95 rad, which is no turn"):
+    with pytest.raises(StudyError) as error:
         logging._unwrapped("a", "a: x", theta % 10.0, remarks)
+    assert str(error.value) == (
+        "a: x: row 201: the angle jumps by 9.95 rad, which is no turn: expected its unit, such as unit = "
+        '"deg", or counts that do not overflow'
+    )
+    logging._unwrapped("a", "a: x", np.array([0.0, math.pi, 0.0]), half := [])
+    assert half == []
 
 
 # --- steady parts
@@ -275,6 +401,7 @@ def test_an_order_stands_out_by_a_chance_of_one_in_a_hundred_of_all() -> None:
     limit = -math.log(0.01 / 400)
     assert found_of({7: 1.01 * limit, 100: 0.99 * limit, 400: 1.02 * limit}) == [400, 7]
     assert found_of({7: 99, 8: 100, 9: 98, 20: 100, 22: 100}) == [8, 20, 22]  # a window leaks to both sides
+    assert found_of({20: 99, 22: 100, 401: 100}) == [22, 20]
     usual = dict.fromkeys(range(200, 220), 1e3)  # twenty of 41 neighbours are no floor
     assert sorted(found_of(usual)) == list(usual) and found_of({**usual, 220: 1e3}) == []
     fast = TURN / 6e-3  # rad/s of a wave that is just visible
@@ -288,6 +415,16 @@ def test_a_vibration_within_a_fifth_of_a_second_leaves_the_speed_steady() -> Non
         theta = 10 * t - 5 / (TURN * hertz) * np.cos(TURN * hertz * t)  # half the speed
         log = Log("a", LogRule(file="*"), 1e-3, {"theta": theta}, (slice(0, 3000),))
         assert (max((len(each.rows) for each in steady.steady(log)), default=0) > 2700) == whole
+
+
+def test_speeds_within_a_tenth_of_the_usual_one_are_steady() -> None:
+    """However slow. After two thirds of the log the speed is another."""
+    t = np.arange(3000) * 1e-2
+    for speed, more, share in ((10.0, 0.08, 1.0), (10.0, 0.15, 2 / 3), (0.5, 0.0, 1.0)):
+        theta = speed * (t + more * np.maximum(0.0, t - 20))
+        log = Log("a", LogRule(file="*"), 1e-2, {"theta": theta}, (slice(0, 3000),))
+        (found,) = steady.steady(log)
+        assert len(found.rows) == pytest.approx(3000 * share, abs=20)
 
 
 def test_a_part_has_twenty_rows_and_an_angle_from_the_speed_where_none_was_recorded() -> None:
@@ -307,7 +444,9 @@ def test_a_part_has_twenty_rows_and_an_angle_from_the_speed_where_none_was_recor
 def test_a_kernel_smooths_and_derives_a_parabola_exactly() -> None:
     """Of 2 + 3 x + 4 x^2: itself but for the kernel's width, its slope, and twice 4."""
     kernel = weak_form.Kernel(6e-3, 1e-3)
-    assert kernel.half == 24 and len(kernel.value) == 49
+    assert kernel.half == 24 and len(kernel.value) == 49 and weak_form.Kernel(6.1e-3, 1e-3).half == 25
+    t = (np.arange(49) - 24) * 1e-3
+    assert kernel.first == pytest.approx(t * kernel.value / np.sum(t**2 * kernel.value))
     x = np.arange(200) * 1e-3
     signal = 2 + 3 * x + 4 * x**2
     middle = x[24:-24]
@@ -330,7 +469,8 @@ def test_rows_that_hold_the_rotor_are_filtered_where_they_have_times() -> None:
     sensor, model = weak_form.Sensor(0.0, 4), weak_form.Model()
     (found,) = weak_form.rows_of(held, model, 6e-3, sensor)
     assert len(found.y) == 3000
-    timed = replace(held, dt=1e-3, stretches=(slice(0, 96), slice(100, 197), slice(200, 3000)))
+    stretches = (slice(0, 96), slice(100, 197), slice(200, 2900), slice(2985, 2995))
+    timed = replace(held, dt=1e-3, stretches=stretches)
     rows = [len(each.y) for each in weak_form.rows_of(timed, model, 6e-3, sensor)]
     assert len(rows) == 2 and sum(rows) < 1000
 

@@ -200,6 +200,23 @@ def test_speeds_of_a_plan_end_where_the_voltage_drives_their_current(tmp_path):
     assert np.max(trace["omega_m"]) == pytest.approx(top, rel=0.01)
 
 
+def test_a_voltage_that_hardly_drives_a_torque_reaches_a_small_speed(tmp_path):
+    """0.6 N m beside 0.03 of friction at rest."""
+    planned(tmp_path, servo(), 48)
+    study = load(tmp_path / "motor.toml", {"drive.inverter.bus_voltage": "2.95 V"})
+    speed = plan.reach(study, lambda speed: 0.6)
+    i = (0.63 + 1e-3 * speed) / 0.3
+    assert 0 < speed < 0.2
+    assert math.hypot(0.8 * i + 4 * speed * 0.05, 4 * speed * 2e-3 * i) == pytest.approx(2.95 / math.sqrt(3))
+
+
+def test_a_plan_for_a_motor_at_rest_has_a_revolution_a_second(tmp_path):
+    one = {"duration": "1 s", "reference": "0 rad/s"}
+    (tmp_path / "motor.toml").write_text(plan.text({**servo(), "scenario": {"one": one}}))
+    played, _ = plan.scenarios(load(tmp_path / "motor.toml"), "pi")
+    assert played["one-speed"]["initial_speed"] == "6.28319 rad/s"
+
+
 def test_a_voltage_that_drives_no_current_is_refused(tmp_path):
     with pytest.raises(StudyError) as error:
         planned(tmp_path, servo(), 2)

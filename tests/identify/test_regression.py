@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from identify.fits import fit_of
 
-from cogless.identify.regression import _blocks, _noise, solved
+from cogless.identify.regression import _blocks, _noise, fit, inflation, solved
 from cogless.identify.weak_form import Name, Rows
 
 
@@ -52,3 +52,34 @@ def test_a_log_s_noise_is_what_its_fit_leaves(rows: Rows) -> None:
     assert steps == pytest.approx(
         np.sum(rows.columns[:, 0] ** 2) - 100 * 0.01
     )  # without the noise of its steps
+
+
+def test_logs_are_cut_into_blocks_and_weigh_by_what_is_left_of_each(rows: Rows) -> None:
+    """24 blocks of all logs, and four of each at least, of ten rows or more.
+
+    The first coefficient is 2 in one log and 3 in the other, with ten times the noise.
+    """
+    log: Any = SimpleNamespace(name="b")
+    rough = replace(
+        rows, log=log, y=rows.y + rows.columns @ [1.0, 0.0] + 9 * (rows.y - rows.columns @ [2.0, -1.0])
+    )
+    found = fit([rows, rough])
+    assert [block.log for block in found.blocks] == ["a"] * 10 + ["b"] * 10
+    assert found["b",] == pytest.approx(2.0 + 1 / 101, abs=0.05)  # by 1 / 0.5^2 and 1 / 5^2
+    assert found.noise == {"a": pytest.approx(0.5, rel=0.1), "b": pytest.approx(5.0, rel=0.1)}
+    names = [SimpleNamespace(name=name) for name in "abcdefgh"]
+    many = fit([replace(rows, log=name) for name in names])  # type: ignore[arg-type]
+    assert len(many.blocks) == 8 * 4
+    long = {
+        key: np.tile(getattr(rows, key).T, 3).T for key in ("columns", "y", "noise", "theta", "omega", "at")
+    }
+    assert len(fit([replace(rows, **long)]).blocks) == 24
+    few = {key: value[:19] for key, value in long.items()}
+    assert len(fit([replace(rows, **few)]).blocks) == 1
+
+
+def test_what_no_column_tells_is_nothing_in_a_prediction(rows: Rows) -> None:
+    found = fit_of({("b",): 2.0})
+    assert found.prediction(rows) == pytest.approx(2.0 * rows.columns[:, 0])
+    alike = replace(rows, columns=np.repeat(rows.columns[:, :1], 2, axis=1), noise=0 * rows.noise)
+    assert inflation(_blocks(alike, alike.names, 1)) == pytest.approx(np.full(2, 0.5 / 1e-12), rel=1e-6)

@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 from identify.commissioned import MOTORS
+from identify.fits import MODEL, fit_of, of_motor, turning
 
+from cogless.errors import StudyError
+from cogless.identify import replay
 from cogless.identify.config import LogRule
+from cogless.identify.lateness import NOTHING, Lateness
 from cogless.identify.log import Log
 from cogless.identify.replay import (
     _bandwidth,
@@ -22,8 +26,9 @@ from cogless.identify.replay import (
     _with_dead_time,
     simulated_log,
 )
-from cogless.identify.result import Value
+from cogless.identify.result import Estimate, Value, Wave
 from cogless.results.trace import Trace
+from cogless.study import Study
 from cogless.study.drive import Drive
 from cogless.study.motor import Motor
 
@@ -150,3 +155,221 @@ def test_a_simulated_log_has_the_drive_s_angle_and_its_currents_late(offset, add
     assert "i_d" not in simulated_log(
         known(), replace(log, signals={"theta": np.zeros(4)}), trace_with(error)
     )
+
+
+# --- the way from an estimate to one without the bias of its loop
+
+
+def first_estimate(*logs: Log, **more: Any) -> Estimate:
+    known: Any = of_motor().known
+    known.drive = Drive.model_validate(drive_tables())
+    empty = Estimate(known, logs, {}, (), (), (), {}, (), (), MODEL, (), fit_of({("j",): 1e-3}))
+    return replace(empty, **{"values": {"j": Value(1e-3, 1e-5)}, **more})
+
+
+@pytest.fixture
+def steps(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What is simulated, by the dead time added, and what the law's answers then tell."""
+    seen: dict[str, Any] = {"dead times": [], "traces": {"a": "trace"}, "told": [], "inertia": 1e-3}
+
+    def played(made, progress, dead_time):
+        seen["dead times"].append(dead_time)
+        progress(0.5)
+        if isinstance(seen["traces"], StudyError):
+            raise seen["traces"]
+        return seen["traces"]
+
+    def corrected(first, made, traces, late, with_dead_time):
+        return replace(first, values={**first.values, "j": Value(seen["inertia"], 1e-5)})
+
+    monkeypatch.setattr(replay, "played", played)
+    monkeypatch.setattr(replay, "lateness", lambda *of: seen["told"].pop(0))
+    monkeypatch.setattr(replay, "_corrected", corrected)
+    return seen
+
+
+def test_an_estimate_is_simulated_twice_the_second_time_with_the_dead_time_that_is_told(steps):
+    """A part of what is added, which is 0.002 periods of the current loop."""
+    added, progress = 0.002 / 10e3, []
+    made = first_estimate(turning(1.0))
+    steps["told"] = [Lateness(None, Value(2.0, 0.1)), Lateness(None, Value(-0.5, 0.1))]
+    found, traces = replay.refined(made, lambda *of: progress.append(of))
+    assert steps["dead times"] == pytest.approx([0.0, added, 2 * added, 3 * added])
+    assert traces == {"a": "trace"}
+    assert found.remarks == (
+        "The currents follow as with about 300 ns more dead time than the file of columns says; this is "
+        "taken into account; write it to drive.inverter.",
+    )
+    assert progress == [
+        (f"simulation {n} of 2{more}", 0.5) for n in (1, 2) for more in ("", " with more dead time")
+    ]
+    steps["told"] = [Lateness(None), Lateness(None, said="Another law.")]
+    assert replay.refined(made, lambda *of: None)[0].remarks == ("Another law.",)
+
+
+def test_an_estimate_that_cannot_be_simulated_stays_and_says_why(steps):
+    made = first_estimate(turning(1.0), replace(turning(1.0), name="b"), remarks=("First.",))
+    for values in ({"values": {}}, {"fit": None}):
+        untold = replace(made, **values)
+        assert replay.refined(untold, lambda *of: None) == (untold, {})
+    found, traces = replay.refined(made, lambda *of: None)
+    assert (traces, found.values) == ({"a": "trace"}, made.values)
+    assert found.remarks == (
+        "First.",
+        "No simulation of b: without its reference and controller in the file of columns, errors of the "
+        "closed loop (delay, steps of the angle) are not corrected.",
+    )
+    steps["traces"] = StudyError("why")
+    found, traces = replay.refined(made, lambda *of: None)
+    assert (found.remarks[1], traces) == (
+        "The logs could not be simulated (why); errors of the closed loop are not corrected.", {}
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("inertia", [0.0, -1e-3])
+def test_an_inertia_that_its_simulation_refutes_takes_what_rests_on_it_along(steps, inertia):
+    steps |= {"told": [Lateness(None)], "inertia": inertia}
+    told = {key: Value(1e-3, 1e-5) for key in ("j", "b", "c", "delay", "offset")}
+    made = first_estimate(turning(1.0), values=told, encoder=(object(),), left_out=("Left.",))
+    found, _ = replay.refined(made, lambda *of: None)
+    assert set(found.values) == {"offset"} and found.encoder == ()
+    assert found.left_out == (
+        "Left.",
+        "With what the simulated logs show taken off, the inertia is negative: these logs do not tell it, "
+        "nor friction and delay; add an acceleration log, and check the controller in the file of columns.",
+    )
+
+
+def test_a_simulation_s_truth_is_what_it_is_made_of():
+    """c cos + s sin of a wave's size and phase; 0 of what is looked for and was not found."""
+    one, two = Wave(24, Value(0.2, 0.0), Value(0.3, 0.0)), Wave(1, Value(0.01, 0.0), Value(-1.0, 0.0))
+    made = first_estimate(
+        values={"j": Value(1e-3, 0.0), "c": Value(0.1, 0.0)}, loads={"x": Value(0.5, 0.0)},
+        cogging=(one,), ripple=(one,), encoder=(two,),
+    )  # fmt: skip
+    large = {"c": 0.2 * np.sin(0.3), "s": 0.2 * np.cos(0.3)}
+    small = {"c": 0.01 * np.sin(-1.0), "s": 0.01 * np.cos(-1.0)}
+    expected = {("j",): 1e-3, ("b",): 0.0, ("c",): 0.1, ("delay",): 0.0, ("offset",): 0.0, ("load", "x"): 0.5}
+    sizes = {
+        ("cogging", 6): {"c": 0.0, "s": 0.0},
+        ("cogging", 24): large,
+        ("ripple", 24): large,
+        ("encoder", 1): small,
+    }
+    expected |= {(*name, part): value for name, of in sizes.items() for part, value in of.items()}
+    assert replay._truth(made) == expected
+
+
+def test_a_log_is_played_by_its_own_law_with_rows_that_divide_the_loop_s(monkeypatch):
+    """Each by itself; one whose rows do not is left out."""
+    logs = [turning(1.0), replace(turning(1.0), name="odd", dt=1.7e-4), replace(turning(1.0), name="b.csv")]
+    logs[2] = replace(logs[2], rule=LogRule(file="*", controller="mine"))
+    made = first_estimate(*logs)
+    made.known.path = "id.toml"
+    scenarios = {name: {"duration": name} for name in ("a", "odd", "b")}
+    tables = {"drive": drive_tables(), "scenario": scenarios, "metric": ["x"]}
+    monkeypatch.setattr(replay.described, "replayable", lambda made: logs)
+    monkeypatch.setattr(replay.described, "study", lambda made: dict(tables))
+
+    class Checked(Study):
+        def __init__(self, source):
+            object.__setattr__(
+                self, "__dict__", {"tables": source.tables, "controller": {"first": 1, "mine": 2}}
+            )
+
+    studies, progress = [], []
+
+    def rollout(study, only, jobs):
+        studies.append((vars(study[0])["tables"], only, jobs))
+        trace = Trace(("time", "u_d"), ("s", "V"), np.zeros((3, 2)))
+        return [SimpleNamespace(runs=[SimpleNamespace(trace=trace)])]
+
+    monkeypatch.setattr(replay, "checked", Checked)
+    monkeypatch.setattr(replay, "rollout", rollout)
+    found = replay.played(made, progress.append)
+    assert list(found) == ["a", "b.csv"] and found["a"].names == ("time",)
+    assert progress == [0.0, 1 / 3, 2 / 3]
+    rate = {"rate": "10000 Hz"}
+    assert studies == [
+        ({**tables, "scenario": {name: scenarios[name]}, "trace": rate, "metric": []}, [f"*/{law}"], 1)
+        for name, law in (("a", "first"), ("b", "mine"))
+    ]
+    studies.clear()
+    replay.played(made, progress.append, 1e-7)
+    assert {study["drive"]["inverter"]["dead_time"] for study, _, _ in studies} == {"2e-07 s"}
+
+
+class Loop:
+    """A loop whose simulated logs show j as far off as their currents are late, and twice that as a delay.
+
+    A dead time that is added shows as 0.5 more.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, first: Estimate) -> None:
+        self.first, self.seen = first, list[Any]()
+        monkeypatch.setattr(replay, "simulated_log", lambda made, log, trace, late: trace + late)
+        monkeypatch.setattr(replay, "settled", self.settled)
+        monkeypatch.setattr(replay, "whole", lambda model, fit: self.values(7.0 if fit is first.fit else fit))
+        monkeypatch.setattr(replay, "coefficients", self.coefficients)
+        monkeypatch.setattr(replay, "at_delay", self.at_delay)
+        monkeypatch.setattr(replay, "with_values", self.with_values)
+
+    def values(self, j: float) -> dict[Any, float]:
+        return {("j",): j, ("delay",): 2 * j, ("cogging", 6, "c"): 3 * j, ("x",): 4 * j}
+
+    def settled(self, known: Any, logs: list[Any], model: Any) -> tuple[Any, float]:
+        self.seen.append((model.delay, model.error))
+        return model, logs[0]
+
+    def coefficients(self, known: Any, logs: Any, model: Any, factor: float = 1.0) -> dict[Any, float]:
+        return self.values(factor * (10.0 if logs is self.first.logs else logs[0]))
+
+    def at_delay(self, made: Estimate, delay: float) -> Estimate:
+        columns = MODEL.columns - {"delay"}
+        return replace(made, model=replace(MODEL, delay=delay, columns=columns))
+
+    def with_values(self, made: Estimate, here: Any, others: Any, simulated: Any, phase: Any) -> Estimate:
+        self.told = here, others, simulated, phase
+        values = {key: Value(1.0, 0.3) for key in ("j", "c", "delay")}
+        wave = Wave(6, Value(1.0, 0.0), Value(0.0, 0.0))
+        waves = (wave, replace(wave, order=12))
+        return replace(made, values=values, cogging=waves, encoder=waves)
+
+
+@pytest.mark.parametrize("late", [None, Value(0.2, 0.01)])
+def test_what_simulated_logs_show_beside_their_truth_is_taken_off(monkeypatch, late):
+    """At the delay that is told, else at none; and what a part of the added dead time does to it."""
+    six = Wave(6, Value(0.1, 0.0), Value(np.pi / 2, 0.0))
+    values = {"j": Value(1.5, 0.1), "delay": Value(0.0, 0.0)}
+    first = first_estimate(turning(1.0), values=values, cogging=(six,), encoder=())
+    loop = Loop(monkeypatch, first)
+    told = Lateness(late, Value(0.25, 0.1))
+    made = replay._corrected(first, first, {"a": 2.0}, told, {"a": 2.5})
+    at = 0.0 if late is None else 0.2
+    off = 2.0 + at  # what the simulated logs show, and by 0.5 more with the dead time
+    here, others, simulated, moved = loop.told
+    truth = {("j",): 1.5, ("delay",): 0.0, ("cogging", 6, "c"): 0.1}
+    factors = {name: n for n, name in enumerate(truth, start=1)}
+    part = {name: 0.25 * 0.5 * n * (name != ("delay",)) for name, n in factors.items()}
+    assert {name: here[name] for name in truth} == pytest.approx(
+        {name: 7.0 * n - (off * n - truth[name]) - part[name] for name, n in factors.items()}
+    )
+    assert here["x",] == pytest.approx(28.0 - 0.25 * 0.5 * 4)  # of what has no truth nothing is taken off
+    for other, width in zip(others, (0.75, 1.35), strict=True):
+        assert other["j",] == pytest.approx(width * 10 - (width * off - 1.5) - part["j",])
+    later = 0.5 / made.known.drive.rates.speed_loop if late is None else 0.01
+    assert simulated == pytest.approx(off)
+    assert moved == pytest.approx(
+        {
+            name: np.hypot(n * later, 0.1 * 0.5 * n)
+            for name, n in {**factors, ("x",): 4}.items()
+            if name != ("delay",)
+        }
+    )
+    assert loop.seen[:2] == [(at, {})] * 2
+    assert made.values["delay"] == (late or Value(1.0, pytest.approx(np.hypot(0.3, later))))
+    assert set(made.values) == {"j", "delay"} and made.encoder == ()
+    assert [wave.order for wave in made.cogging] == [6]
+    replay._corrected(first, first, {"a": 2.0}, replace(told, part=NOTHING), {"a": 2.5})
+    assert loop.told[0]["j",] == pytest.approx(7.0 - (off - 1.5))
+    assert loop.told[3]["j",] == pytest.approx(later)

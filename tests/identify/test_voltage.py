@@ -31,7 +31,19 @@ def test_k_t_and_r_come_out_of_the_voltage_of_steady_parts() -> None:
     )
     assert r.value == pytest.approx(0.9) and r.error == pytest.approx(0.009)
     assert voltage.told(known, logs[:3]) is None  # too few for three unknowns
+    assert voltage.told(known, logs[:4]) is not None
     assert voltage.told(known, [logs[0]] * 2 + [logs[1]] * 2) is None  # at one speed
+
+
+@pytest.mark.parametrize(("fast", "told"), [(20.1, True), (19.8, False)])
+def test_speeds_that_tell_k_t_are_a_factor_of_two_apart(fast: float, told: bool) -> None:
+    """However the motor turns, and however many times."""
+    logs = []
+    for n, (speed, current) in enumerate([(10.0, 0.5), (10.0, -2.0), (-fast, -0.5), (fast, 1.0)]):
+        u_q = 0.9 * current + 0.21 * speed + 0.4 * np.sign(current)
+        signals = {"i_q": np.full(20_000, current), "u_q": np.full(20_000, u_q)}
+        logs.append(replace(turning(speed, 20_000, **signals), name=str(n)))
+    assert (voltage.told(of_motor().known, logs) is not None) == told
 
 
 def test_what_the_voltage_leaves_unexplained_is_in_the_errors() -> None:

@@ -110,6 +110,47 @@ def test_steps_of_the_angle_make_the_noise_of_inertia_and_friction(speed, share)
     assert not any(each.any() for each in noise.values())
 
 
+def test_rows_are_a_kernel_s_width_apart_but_for_the_ends():
+    """Within a kernel's reach of the ends the speed is not known, and so not its sign."""
+    (rows,) = rows_of(turning(3.0), replace(MODEL, error={}), weak_form.WIDTH, SENSOR)
+    assert np.array_equal(rows.at, np.arange(42, 1000 - 42, 6))
+    assert [weak_form.width_of(replace(rows.log, dt=dt), 6e-3) for dt in (1e-3, 1e-2)] == [6e-3, 0.03]
+
+
+def test_a_load_is_a_column_where_no_sensor_tells_it():
+    """A torque over K_t is what the current has beside it. Without a current no delay can be told."""
+    log = replace(turning(3.0), rule=LogRule(file="log", kind="load"))
+    log.signals["i_q"] = np.full(1000, 0.5)
+    model = Model(columns=frozenset({"c", "delay"}))
+    (rows,) = rows_of(log, model, weak_form.WIDTH, SENSOR)
+    assert rows.names == (("c",), ("delay",), ("load", "log"))
+    assert rows.columns == pytest.approx(np.tile([1.0, 0.0, 1.0], (len(rows.y), 1)), abs=2e-3)
+    assert rows.y == pytest.approx(0.5)
+    log.signals["torque"] = np.full(1000, 0.2)
+    (told,) = rows_of(log, model, weak_form.WIDTH, SENSOR)
+    assert told.names == (("c",), ("delay",)) and told.y == pytest.approx(0.3)
+    del log.signals["i_q"]
+    (without,) = rows_of(log, model, weak_form.WIDTH, SENSOR)
+    assert without.names == (("c",),) and without.y == pytest.approx(-0.2)
+
+
+def test_a_wave_counts_where_the_rows_show_it():
+    """Three rows a wave: order 90 at 20 rad/s, but not at 25."""
+    t = DT * np.arange(2000)
+    log = turning(0.0, 2000)
+    log.signals["theta"] = 20 * t + 5 * np.maximum(0, t - 1)
+    (rows,) = rows_of(log, Model(cogging=(90,), columns=frozenset()), 1e-3, SENSOR)
+    seen = np.abs(rows.columns).max(axis=1)
+    fast = (rows.at > 1050) & (rows.at < 1950)
+    assert seen[rows.at < 950].min() > 1e-8 and seen[fast].max() == 0
+
+
+def test_a_model_looks_for_inertia_and_friction_alone_unless_more_is_said():
+    nothing = {"cogging": (), "ripple": (), "encoder": (), "delay": 0.0, "error": {}, "waves": {}, "j": 0.0}
+    wanted = {**nothing, "columns": frozenset("jbc"), "width": 6e-3, "untold": frozenset()}
+    assert vars(Model()) == wanted
+
+
 @pytest.mark.parametrize(("counts", "turns"), [(4.1, True), (3.9, False)])
 def test_a_rotor_surely_turns_from_four_counts_within_the_kernel_s_reach_on(counts, turns):
     speed = counts * SENSOR.step / (4 * weak_form.WIDTH)

@@ -205,7 +205,7 @@ def test_the_first_number_that_differs_is_told_and_padding_does_not_count() -> N
         return bytes(made)
 
     told: list[float] = []
-    wanted = Recording([now] * 1002, outputs=[with_numbers(i_q=0.5)] * 1002)
+    wanted = Recording([now] * 1003, outputs=[with_numbers(i_q=0.5)] * 1003)
     target = cast(Any, SimpleNamespace(step=lambda measurement, reference: outputs.pop()))
     watched = _Watched(target, layout, wanted, 2004, told.append)
 
@@ -220,6 +220,11 @@ def test_the_first_number_that_differs_is_told_and_padding_does_not_count() -> N
     first = Difference(1001, "i_q", 0.5, 0.25)
     other = struct.pack("f", 1.0) + now[4:]
     assert step(with_numbers(i_q=0.25, u_d=1.0), other) == first
+    assert step(wanted.outputs[0]) == first  # of all that differ
+    alone = _Watched(target, layout, wanted, 2, told.append)
+    outputs.append(with_numbers(i_q=0.25))
+    alone.step(now, b"")
+    assert alone.difference == Difference(0, "i_q", 0.5, 0.25)
     again = _Watched(target, layout, wanted, 2, told.append)
     outputs.append(wanted.outputs[0])
     again.step(other, b"")

@@ -34,13 +34,14 @@ class Search:
         self._states = optuna.trial.TrialState
         self.start = dict(start)
         self.space = {key: optuna.distributions.FloatDistribution(0.0, 1.0) for key in start}
+        short = seed % 2**32  # a study's has 64 bits
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of parts that Optuna may still change
             # CMA-ES needs two directions
-            sampler: Any = optuna.samplers.TPESampler(seed=seed)
+            sampler: Any = optuna.samplers.TPESampler(seed=short)
             if len(start) > 1:
                 sampler = optuna.samplers.CmaEsSampler(
-                    x0=self.start, sigma0=SPREAD, seed=seed % 2**32, warn_independent_sampling=False
+                    x0=self.start, sigma0=SPREAD, seed=short, warn_independent_sampling=False
                 )
             storage = JournalStorage(JournalFileBackend(str(path)))
             self.study = optuna.create_study(

@@ -1,0 +1,191 @@
+"""How tasks are handed to workers, and what a journal keeps of them, without any worker."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import ensembles
+import pytest
+
+from cogless.ensemble import executors, journal, work
+from cogless.ensemble.executors import Workers, given, run_all
+from cogless.ensemble.parcel import pack
+from cogless.errors import StudyError
+
+
+class Waits(Executor):
+    """Tasks run when they are waited for, the first that was sent first; these die at their first time."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *dying: int) -> None:
+        self.sent: dict[Future[Any], tuple[Any, ...]] = {}
+        self.dying, self.together = list(dying), list[Sequence[int]]()
+        self.closed: list[bool] = []
+        monkeypatch.setattr(executors, "wait", self.wait)
+
+    def submit(self, work: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        self.sent[future] = arguments
+        return future
+
+    def wait(self, running: dict[Future[Any], int], return_when: str) -> Any:
+        self.together.append(list(running.values()))
+        future, number = next(iter(running.items()))
+        if number in self.dying:
+            self.dying.remove(number)
+            future.set_exception(BrokenProcessPool("died"))
+        else:
+            future.set_result(self.sent[future])
+        return SimpleNamespace(done={future})
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self.closed.append(wait)
+
+
+def test_two_tasks_are_sent_for_each_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that runs and one that waits; a cluster without a worker may get one yet."""
+    for count, ahead in ((2, 4), (1, 2), (0, 2)):
+        executor, found = Waits(monkeypatch), dict[int, Any]()
+        run_all(Workers(lambda: executor, lambda: count), int, {n: (n,) for n in range(6)}, found.__setitem__)  # noqa: B023
+        assert max(map(len, executor.together)) == ahead
+        assert list(found.items()) == [(n, (n,)) for n in range(6)] and executor.closed == []
+
+
+def test_a_task_whose_worker_died_is_sent_again_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To another executor; what runs beside it ends first."""
+    executor, found = Waits(monkeypatch, 1), list[int]()
+    run_all(
+        Workers(lambda: executor, lambda: 1),
+        int,
+        {n: (n,) for n in range(4)},
+        lambda n, result: found.append(n),
+    )
+    assert executor.together == [[0, 1], [1, 2], [2], [1], [3]]
+    assert found == [0, 2, 1, 3] and executor.closed == [False]
+
+
+def test_an_executor_is_made_when_it_is_needed_and_anew_when_it_is_broken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made: list[Waits] = []
+
+    def make() -> Waits:
+        made.append(Waits(monkeypatch))
+        return made[-1]
+
+    workers = Workers(make, lambda: 1)
+    workers.renew()
+    assert made == []
+    assert workers.executor is workers.executor is made[0]
+    workers.renew()
+    assert made[0].closed == [False] and workers.executor is made[1] and made[1].closed == []
+
+
+def test_a_caller_s_executor_has_as_many_workers_as_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    with ThreadPoolExecutor(3) as threads:
+        assert (given(threads).count(), given(threads).executor) == (3, threads)
+    silent = Waits(monkeypatch)
+    assert given(silent).count() == os.cpu_count()
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert given(silent).count() == 1
+
+
+def test_a_worker_leaves_ctrl_c_to_who_started_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[Any] = []
+    monkeypatch.setattr(signal, "signal", lambda *of: told.append(of))
+    executors._deaf()
+    assert told == [(signal.SIGINT, signal.SIG_IGN)]
+
+
+def test_a_sweep_that_ends_kills_what_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise it waits for it."""
+    told: list[Any] = []
+
+    class Pool:
+        def __init__(self, count: int, context: Any, initializer: Any) -> None:
+            told.append((count, initializer))
+            self._processes = {1: SimpleNamespace(kill=lambda: told.append("killed"))}
+
+        def shutdown(self, wait: bool = True, cancel_futures: bool = False) -> None:
+            told.append((wait, cancel_futures))
+
+    monkeypatch.setattr(executors, "ProcessPoolExecutor", Pool)
+    start = (3, executors._deaf)
+    with executors.processes(3) as workers:
+        assert workers.count() == 3 and workers.executor
+    assert told == [start, (True, False)]
+    told.clear()
+    with pytest.raises(KeyboardInterrupt), executors.processes(3) as workers:
+        assert workers.executor
+        raise KeyboardInterrupt
+    assert told == [start, (False, True), "killed"]
+
+
+# the journal
+
+
+def test_a_line_is_written_whole_even_in_parts(tmp_path: Path) -> None:
+    class Slow:
+        """Takes five bytes at a time."""
+
+        def __init__(self) -> None:
+            self.content = b""
+
+        def write(self, data: Any) -> int:
+            self.content += bytes(data[:5])
+            return min(5, len(data))
+
+    file: Any = Slow()
+    kept = journal.Journal(tmp_path / "j", file, {})
+    kept.add(3, [[1.5, None]])
+    assert file.content == b"[3,[[1.5,null]]]\n" and kept.finished == {3: [[1.5, None]]}
+
+
+def test_a_journal_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "none" / "j"
+    with pytest.raises(StudyError) as error, journal.opened(path, {}):
+        pass
+    assert str(error.value) == f"{path}: no such file or directory: expected a file that can be written"
+
+
+# the work
+
+
+def test_a_worker_that_is_interrupted_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parcel = pack(ensembles.study(tmp_path))
+    monkeypatch.setattr(work, "rollout", lambda *of, **how: [SimpleNamespace(interrupted=True)])
+    with pytest.raises(work.Ended):
+        work.rows(parcel, [{}], [("low", "pi")])
+
+
+def test_a_variant_without_a_design_leaves_the_others_theirs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It fails with its own error, and one that then does not fail is a mistake of cogless."""
+    parcel, run = pack(ensembles.study(tmp_path)), work.rollout
+
+    def rollout(studies: Any, only: Any, jobs: int, keep_traces: bool) -> Any:
+        assert (only, jobs, keep_traces) == (["low/pi"], 1, False)
+        if any(study.seed == 7 for study in studies):
+            raise StudyError("no design")
+        return run(studies, only, jobs=jobs, keep_traces=keep_traces)
+
+    def simulate(study: Any, scenario: str, controller: str) -> None:
+        if fails:
+            raise StudyError(f"{study.source.path}: {scenario}/{controller}: no design")
+
+    monkeypatch.setattr(work, "rollout", rollout)
+    monkeypatch.setattr(work, "simulate", simulate)
+    fails = True
+    (one,), (none,), (other,) = work.rows(parcel, [{"seed": n} for n in (6, 7, 8)], [("low", "pi")])
+    assert none == [None, None, None, "study.toml: low/pi: no design"]
+    assert one[-1] is other[-1] is None and one[0] > 0 and other[0] > 0
+    fails = False
+    with pytest.raises(RuntimeError, match=r"^low/pi: failed in a rollout, and not alone$"):
+        work.rows(parcel, [{"seed": 7}], [("low", "pi")])
