@@ -196,12 +196,13 @@ def test_a_map_has_ten_cells_or_more_in_a_wave(pole_pairs: int, order: int, cell
 
 
 def test_known_orders_go_by_the_current_that_they_need() -> None:
-    """Cogging of 4, 1 and 0.003 mN m: the last is less than a thousandth; the drive's own come behind."""
-    cogging = [{"order": n, "torque": f"{size} mN*m"} for n, size in ((30, 1.0), (12, 4.0), (50, 0.003))]
+    """Cogging of 4 mN m and less: 0.003 is under a thousandth, 0.005 isn't; the drive's own come behind."""
+    sizes = ((30, 1.0), (12, 4.0), (50, 0.003), (60, 0.005))
+    cogging = [{"order": n, "torque": f"{size} mN*m"} for n, size in sizes]
     changes = {"motor.cogging": cogging, "motor.flux_harmonics": [], "motor.pole_pairs": 7}
     study = load_raw("uomodri", changes)
     assert isinstance(study, Study)
-    assert known_orders(study, "pi") == [12, 30, 7, 14, 42]
+    assert known_orders(study, "pi") == [12, 30, 60, 7, 14, 42]
 
 
 def test_a_table_is_read_ahead_and_made_slowly() -> None:

@@ -40,7 +40,7 @@ from cogless.design.harmonic_transfer import (
 )
 from cogless.design.pi import SpeedLoop
 from cogless.design.soft_shaft import SoftShaft
-from cogless.study.harmonic import FASTEST, Learner
+from cogless.study.harmonic import FASTEST, Harmonic, Learner
 from cogless.study.position_sensor import Encoder, Hall, IdealSensor
 from cogless.study.step_motor import StepMotor
 
@@ -276,6 +276,77 @@ def test_cogging_s_main_order_is_that_of_poles_and_slots() -> None:
         (StepMotor.model_construct(teeth=50), 200),
     ):
         assert _main_order(turning([], motor=motor), 6) == order
+
+
+def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Orders up to the first that a later sample turns; what is held counts as good, and is told."""
+    on_time = {"one": [0.9, 0.5, -3.0, 0.3], "other": [0.8, 0.6, 0.9, 0.4]}
+    late = {"one": [0.1, 0.2, -3.0, 0.0], "other": [0.1, 0.2, 0.1, 0.5]}
+    monkeypatch.setattr(harmonic, "plants", lambda loop: list(on_time))
+    monkeypatch.setattr(harmonic, "at_speed", lambda plant, sector, edges, omega: (plant, omega))
+    monkeypatch.setattr(harmonic, "_halls", lambda study: (0.3, 4))
+
+    def gamma(at: tuple[str, float], told: Learner, pi: Any, w: Any, later: int) -> Any:
+        assert at[1] == 1.5 and w.tolist() == [3.0, 6.0, 9.0, 12.0]
+        return np.array((late if later else on_time)[at[0]]) + 0.7j
+
+    monkeypatch.setattr(harmonic, "gamma", gamma)
+    told, orders, none = replace(TOLD, held=(8.9e-3, 9.1e-3)), np.array([2.0, 4.0, 6.0, 8.0]), None
+    found = harmonic._at(none, LOOP, told, none, orders, 1.5)  # type: ignore[arg-type]
+    assert found == Certified(1.5, 8, 0.3, 6, (6,))
+    late["one"][3] = 0.1
+    assert harmonic._at(none, LOOP, told, none, orders, 1.5).late == 8  # type: ignore[arg-type]
+    late["other"][0] = -0.1
+    assert harmonic._at(none, LOOP, told, none, orders, 1.5).late == 0  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("shaft", "bounds", "rate", "rate_min"),
+    [
+        (None, {}, 20.0, 0.7),
+        ("soft", {1.0: 240.0, 3.0: 24.0}, 10.0, 0.7),
+        ("soft", {1.0: 1.2, 3.0: 24.0}, 0.5, 0.5),
+    ],
+)
+def test_the_rule_s_numbers_of_a_law(
+    monkeypatch: pytest.MonkeyPatch,
+    shaft: str | None,
+    bounds: dict[float, float],
+    rate: float,
+    rate_min: float,
+) -> None:
+    """20 1/s at most; on a soft shaft the least bound of the judged speeds, with a margin of 2.4."""
+    loop: Any = SimpleNamespace(period=1e-3, b=800.0, shaft=shaft)
+    law = Harmonic.model_construct()
+    asked: dict[str, Any] = {}
+    of_part: dict[str, Any] = {
+        "speed_loop": lambda study: loop,
+        "_orders": lambda study, law: (4, 9),
+        "delay_of": lambda loop: 2e-4,
+        "_step": lambda study: 1e-3,
+        "_bends": lambda study, base: base // 2,
+        "harmonic_gains": lambda study, name: "pi",
+        "_halls": lambda study: (0.3, 4),
+        "_speeds": lambda study, name, sampled: [1.0, 3.0] if sampled == 4e-3 else [],
+        "_least_rate": lambda study, told, fastest: asked.update(fastest=fastest) or 0.7,
+        "held_bands": lambda *of: asked.update(bands=of[2:]) or (0.1, 0.2),
+        "_rate_bound": lambda study, loop, told, pi, omega: bounds[omega],
+    }
+    for name, part in of_part.items():
+        monkeypatch.setattr(harmonic, name, part)
+    study: Any = SimpleNamespace(controller={"x": law})
+    found = harmonic._learner(study, "x")
+    assert found == Learner(800.0, 2e-4, 1e-3, 4, 2, 2, rate, rate_min, (0.1, 0.2))
+    assert asked == {"fastest": 3.0, "bands": ("pi", 0.3, 4, (1.0, 3.0))}
+    monkeypatch.setattr(harmonic, "_speeds", lambda *_: [])
+    still = harmonic._learner(study, "x")
+    assert (still.rate, still.rate_min, still.held) == (20.0, LEAST, ())
+    monkeypatch.setattr(harmonic, "_orders", lambda *_: (1, 900))
+    many = harmonic._learner(study, "x")
+    assert many.orders == 128 and many.rate == pytest.approx(1 / (16 * 128 * 1e-3))
+    assert many.rate_min == many.rate
+    monkeypatch.setattr(harmonic, "_orders", lambda *_: (9, 4))
+    assert harmonic._learner(study, "x").orders == 1
 
 
 # The certificate's words

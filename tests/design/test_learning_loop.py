@@ -13,12 +13,15 @@ import pytest
 import studies
 from cogless import load
 from cogless.design import ripple as module
+from cogless.design import space_learning
 from cogless.design.closed_loop import Linear, Oscillation
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import LearningLoop, _with_near, opened, sensitivity
 from cogless.design.margins import Complex, Real
 from cogless.design.observer import counting_window
 from cogless.design.ripple import LARGE, Ripple, Sampled, _noise, _orders, doubts, ripple, sampled
+from cogless.design.space_learning import SpaceLoop
+from cogless.study.space_controller import SpaceSpeed
 
 T, GAIN = 1e-3, 0.4
 TURNS = 6.0  # learning periods a second
@@ -77,6 +80,7 @@ def test_a_map_has_cells_and_a_delay_line_samples() -> None:
     assert in_map.highest == pytest.approx(0.499 * CELLS * TURNS) and line.highest == 0.499 / T
     assert loop(cells=200).highest == 0.499 / T  # more cells than samples
     assert (in_map.widest_filter, line.widest_filter) == (24, 82)  # of 50 cells, of 166.7 samples
+    assert loop(cells=51).widest_filter == 25
 
 
 def test_the_filter_is_a_mean_over_neighbours() -> None:
@@ -185,6 +189,28 @@ def test_frequencies_around_a_resonance_come_in_between() -> None:
     assert _with_near(f, told) == pytest.approx([1.0, 1.5, 2.0, 2.5, 3.0])
     told.near = None
     assert _with_near(f, told) is f
+
+
+@pytest.mark.parametrize("turn", [0.02, 0.5, 0.98])
+def test_a_load_anywhere_in_a_revolution_may_keep_law_4_from_learning(
+    monkeypatch: pytest.MonkeyPatch, turn: float
+) -> None:
+    """Its error is the largest current over k; at eta_bar it still learns."""
+    law = SpaceSpeed.model_construct(k=2.0, eta_bar=1.5)
+    study: Any = SimpleNamespace(controller={"x": law})
+
+    def doubt(largest: float, scenario: str | None = "s") -> str | None:
+        def current(theta: Real, omega_m: float) -> Real:
+            assert omega_m == 3.0
+            return np.where(np.abs(theta - turn * 2 * np.pi) < 0.01, -largest, 0.1)
+
+        functions = SimpleNamespace(current=current)
+        monkeypatch.setattr(space_learning, "functions_in", lambda study, scenario: functions)
+        return SpaceLoop(study, "x", -3.0, scenario=scenario).doubt
+
+    monkeypatch.setattr(space_learning, "speed_text", lambda study, speed: f"{speed:g} rad/s")
+    assert doubt(3.0) is None and doubt(3.2, None) is None
+    assert doubt(3.2) == "k alone leaves an error of up to 1.6 rad/s, above eta_bar: it may never learn"
 
 
 # Ripple
