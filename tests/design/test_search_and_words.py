@@ -227,6 +227,8 @@ def test_a_design_says_up_to_which_speed_it_learns() -> None:
     found = Verdict("settles", unit="rpm")
     one = Design("pi-ilc", None, {}, None, found, fastest=math.tau)
     assert one.words() == "settles; learns up to 60 rpm"
+    fine = Design("pi-ilc", None, {}, None, Verdict("settles"), fastest=1.23456789)
+    assert fine.words() == "settles; learns up to 1.23457 rad/s"
     assert Design("pi-ilc", None, {}, None, found).words() == "settles"
     assert Design("pi", None, {}, None, None, fastest=math.tau).words() == ""
     certified: Any = SimpleNamespace(words=lambda: "all settle")
@@ -263,13 +265,15 @@ COUNT = 0.02  # rad
         (
             2.5, True, FIRM,
             "at 2.5 rad/s an edge comes every 8 ms, the crossover is 15.9 Hz: the speed is 7.5 ms late, "
-            "which costs 43 deg of 57 deg of phase margin; 1.5 times the counts would do, or a crossover of 11 Hz",
+            "which costs 43 deg of 57 deg of phase margin; 1.5 times the counts would do, or a crossover of "
+            "11 Hz",
         ),
         (
             1.0, True, FIRM,
             "at 1 rad/s an edge comes every 20 ms, the crossover is 15.9 Hz: the speed is 20 ms late, "
-            "which costs 112 deg of 57 deg of phase margin; where it stops and goes it reads high, by 10 % if "
-            "every other edge takes twice as long; 3.6 times the counts would do, or a crossover of 4.4 Hz",
+            "which costs 112 deg of 57 deg of phase margin; where it stops and goes it reads high, by 10 % "
+            "if every other edge takes twice as long; 3.6 times the counts would do, or a crossover of "
+            "4.4 Hz",
         ),
         (1.0, False, UNSTABLE, None),
         (1.0, False, Margins(True, math.nan, math.nan, 3.0, 300.0), None),
