@@ -132,6 +132,8 @@ def test_a_given_pole_and_cutoff_are_kept() -> None:
     design = design_trial(motor(), settings(pole=0.5, cutoff=20.0))
     assert design.gains.observer is not None and design.gains.observer.pole == 0.5
     assert design.gains.cutoff == 20.0
+    assert (design.N, design.K_2, design.K_3, design.K_1.tolist()) == (1.0, 0.0, 1.0, [0.0, 0.0])
+    assert not design.gains.integral and design.shift == 2
     same = butterworth(20.0, 2, PERIOD)
     assert design.q_filter is not None and np.array_equal(design.q_filter.b, same.b)
 
