@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cogless.design import harmonic, harmonic_transfer
-from cogless.design.current_loop import IdealLoop
+from cogless.design.current_loop import CurrentLoop, IdealLoop
 from cogless.design.harmonic import (
     LEAST,
     Certificate,
@@ -214,6 +214,13 @@ def test_an_ideal_current_loop_has_the_delay_that_it_is_given() -> None:
     assert delay_of(replace(LOOP, delay=0.4e-3)) == 0.4e-3
 
 
+def test_a_current_loop_is_late_by_its_phase_less_half_its_period() -> None:
+    """With kp = L / T_c and no resistance the current is its reference one period later."""
+    at_once = replace(LOOP, steps=10, current=CurrentLoop(20.0, 0.0, 0.0, 2e-3, 1e-4, 0))
+    assert delay_of(at_once) == pytest.approx(0.5e-4)
+    assert delay_of(replace(at_once, delay=3e-4)) == pytest.approx(3.5e-4)
+
+
 def turning(orders: list[tuple[float, float]], **drive: Any) -> Any:
     """A study whose load has these orders and torques; `own` of a scenario, too."""
     waves = [SimpleNamespace(order=order, torque=torque) for order, torque in orders]
@@ -271,8 +278,8 @@ def test_only_a_timed_angle_has_steps_that_the_law_knows() -> None:
 def test_cogging_s_main_order_is_that_of_poles_and_slots() -> None:
     """A step motor's phase has two places for each of a rotor's teeth, in two phases."""
     for motor, order in (
-        (SimpleNamespace(pole_pairs=7, slots=12), 84),
-        (SimpleNamespace(pole_pairs=7, slots=None), 6),
+        (SimpleNamespace(pole_pairs=4, slots=9), 72),
+        (SimpleNamespace(pole_pairs=4, slots=None), 6),
         (StepMotor.model_construct(teeth=50), 200),
     ):
         assert _main_order(turning([], motor=motor), 6) == order
@@ -347,6 +354,39 @@ def test_the_rule_s_numbers_of_a_law(
     assert many.rate_min == many.rate
     monkeypatch.setattr(harmonic, "_orders", lambda *_: (9, 4))
     assert harmonic._learner(study, "x").orders == 1
+
+
+def test_a_certificate_is_of_the_speeds_at_which_orders_act(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And its bound on the rate is the least of theirs; an eccentric sensor's error has the main order."""
+    speeds, bounds = [1.0, 2.0, 1e4], {1.0: 7.0, 2.0: 5.0}
+    of_part: dict[str, Any] = {
+        "learner": lambda study, name: TOLD,
+        "harmonic_gains": lambda study, name: "pi",
+        "speed_loop": lambda study: LOOP,
+        "_speeds": lambda study, name, sampled: speeds if sampled == 2e-3 else [],
+        "_at": lambda study, loop, told, pi, acting, omega: (omega, acting.tolist()),
+        "_rate_bound": lambda study, loop, told, pi, omega: bounds[omega],
+        "_main_order": lambda study, base: 50,
+    }
+    for name, part in of_part.items():
+        monkeypatch.setattr(harmonic, name, part)
+    study: Any = None
+    found = harmonic.certificate(study, "x")
+    assert found.speeds == ((1.0, [2.0, 4.0, 6.0]), (2.0, [2.0, 4.0, 6.0]))
+    assert (found.learner, found.period, found.rate_most, found.straight) == (TOLD, 1e-3, 5.0, None)
+    assert found.fastest == pytest.approx(2.6 / 2e-3)
+    monkeypatch.setattr(harmonic, "learner", lambda study, name: replace(TOLD, bends=1))
+    bounds[1.0] = bounds[2.0] = math.inf
+    bent = harmonic.certificate(study, "x")
+    assert bent.straight == pytest.approx(0.5105 / 0.05) and bent.rate_most is None
+
+
+def test_halls_show_orders_below_their_own() -> None:
+    drive = SimpleNamespace(position_sensor=HALLS)
+    for pairs, base, orders in ((15, None, (1, 14)), (15, 3, (3, 14)), (1, None, (1, 1)), (4, 5, (5, 5))):
+        study: Any = SimpleNamespace(drive=drive, motor=SimpleNamespace(pole_pairs=pairs))
+        law: Any = SimpleNamespace(base=base)
+        assert harmonic._orders(study, law) == orders
 
 
 # The certificate's words

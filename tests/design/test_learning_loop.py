@@ -293,7 +293,7 @@ def test_noise_of_counts_adds_up_in_what_is_learned(
     monkeypatch.setattr(module, "_responses", responses)
     variance = spread * 0.01**2 / 12 / window**2
     alone, learned = _noise(noisy(lead), Sampled(0.01, window, False), 3.0)
-    assert alone == pytest.approx((3.0 * 2 * 0.6) ** 2 * variance, rel=1e-3)
+    assert alone == pytest.approx((3.0 * 2 * 0.6) ** 2 * variance, rel=1e-5)
     rho, V = (0.72 * 1.0) ** 2, 2 * 0.5 * 0.4
     times = 1 + rho + rho**2
     if lead:
@@ -301,7 +301,7 @@ def test_noise_of_counts_adds_up_in_what_is_learned(
     else:
         V = V * (0.8 - 0.6j)
         left = abs(0.6 + V) ** 2 + abs(V) ** 2 * rho * times
-    assert learned == pytest.approx(2.0**2 * left * variance, rel=1e-3)
+    assert learned == pytest.approx(2.0**2 * left * variance, rel=1e-5)
 
 
 def test_ripple_is_that_of_orders_and_of_counts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ from cogless.design.response import Filter, best_gain, factor, gain_limits
 from cogless.design.ripple import Ripple, Sampled
 from cogless.design.summary import Design
 from cogless.design.verdict import Verdict
-from cogless.study.controller import RobustIlc
+from cogless.study.controller import PiIlc, RobustIlc
 from cogless.study.pi_afc import PiAfc
 from cogless.study.position_sensor import Encoder
 from cogless.study.trial_controller import StateIlc
@@ -370,6 +370,35 @@ def test_switching_keeps_the_smallest_oscillation_alive_that_it_makes_grow(
     assert doubt(law.model_copy(update={"beta_1": 0.0})) is None
     monkeypatch.setattr(learning, "ripple", lambda loop, time: Ripple(0.8, 1.0))
     assert doubt(law) is None
+
+
+@pytest.mark.parametrize(
+    ("cells", "turns", "longest"), [(1000, 10.0, 25), (44, 10.0, 11), (1000, 1.0, 30), (47, 1.0, 11)]
+)
+def test_leads_up_to_a_quarter_of_the_period_or_the_map_are_tried(
+    cells: int, turns: float, longest: int
+) -> None:
+    """At 1 kHz and so many periods a second; 30 samples at most. Those that settle at the worst frequency."""
+    own: dict[str, Any] = {
+        "plant": SimpleNamespace(period=1e-3),
+        "periods_per_second": turns,
+        "frequencies": np.array([1.0, 2.0]),
+        "q": lambda self, f: np.array([0.5, 1.0]),
+        "unfiltered": lambda self, f, n: np.array([1.9, 0.9 if n != 4 else 1.1]),
+    }
+    study = SimpleNamespace(controller={"x": PiIlc.model_construct(cells=cells)})
+    found = type("Leading", (PeriodicLoop,), own)(study, "x", 1.0)
+    assert found.settling_leads() == {*range(1, longest + 1)} - {4}
+
+
+def test_leads_of_orders_settle_by_each_order_and_all_together() -> None:
+    """Up to 30 samples of 50 ms."""
+    own = {
+        "unfiltered": lambda self, f, n: np.array([0.5, 1.0 if n == 3 else 0.9]),
+        "_worst_with": lambda self, lead: Worst(1.1 if lead == pytest.approx(0.35) else 0.9, 7.0),
+    }
+    found = type("Leading", (Orders,), own)(orders().study, "x", 4.0)
+    assert found.settling_leads() == {*range(31)} - {3, 7}
 
 
 class Orders(OrderLoop):
