@@ -20,6 +20,7 @@ from cogless.design.verdict import verdict
 from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study import load as load_raw
+from cogless.study.space_controller import SpaceSpeed
 
 LAWS = ("pi-ilc", "robust-ilc", "pi-afc", "anti-cogging", "space-speed", "space-position")
 
@@ -195,12 +196,13 @@ def test_a_map_has_ten_cells_or_more_in_a_wave(pole_pairs: int, order: int, cell
 
 
 def test_known_orders_go_by_the_current_that_they_need() -> None:
-    """Cogging of 4, 1 and 0.003 mN m: the last is less than a thousandth; the drive's own come behind."""
-    cogging = [{"order": n, "torque": f"{size} mN*m"} for n, size in ((30, 1.0), (12, 4.0), (50, 0.003))]
+    """Cogging of 4 mN m and less: 0.003 is under a thousandth, 0.005 isn't; the drive's own come behind."""
+    sizes = ((30, 1.0), (12, 4.0), (50, 0.003), (60, 0.005))
+    cogging = [{"order": n, "torque": f"{size} mN*m"} for n, size in sizes]
     changes = {"motor.cogging": cogging, "motor.flux_harmonics": [], "motor.pole_pairs": 7}
     study = load_raw("uomodri", changes)
     assert isinstance(study, Study)
-    assert known_orders(study, "pi") == [12, 30, 7, 14, 42]
+    assert known_orders(study, "pi") == [12, 30, 60, 7, 14, 42]
 
 
 def test_a_table_is_read_ahead_and_made_slowly() -> None:
@@ -314,6 +316,81 @@ def test_a_gain_is_halved_while_half_of_it_leaves_less(
     found = auto._filtered(study, "x", LearningLoop, 8.0, keys)
     assert asked == tried
     assert found == {"mu": best[0], "q_half_width": best[1]}
+
+
+def test_a_gain_is_halved_nine_times_with_what_is_set_by_hand_and_without(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    study: Any = SimpleNamespace(source=SimpleNamespace(path="s.toml"))
+    asked: list[Any] = []
+    for name in ("_with", "_loops"):
+        monkeypatch.setattr(auto, name, lambda *_: [])
+    monkeypatch.setattr(auto, "_narrowest", lambda loops, fixed: asked.append((gains[-1], fixed)))
+    gains: list[float] = []
+    for by_hand in ({}, {"cells": 7}):
+        monkeypatch.setattr(auto, "_by_hand", lambda *_, by_hand=by_hand: by_hand)
+        asked.clear()
+        with pytest.raises(StudyError) as error:
+            auto._filtered(study, "x", LearningLoop, 8.0, lambda gain: gains.append(gain) or {})
+        halved = [8.0 / 2**n for n in range(10)]
+        tried = [(gain, fixed) for fixed in ([by_hand] if by_hand else []) for gain in halved]
+        assert asked == [*tried, *((gain, {}) for gain in halved)]
+    assert str(error.value) == (
+        "s.toml: controller.x.tuning: expected a loop in which some gain lets learning settle: none does here"
+    )
+
+
+def test_the_widest_filter_that_is_tried_has_400_neighbours_on_a_side() -> None:
+    assert auto._narrowest([narrow(401.0, widest=1000)], {}) == 400
+    assert auto._narrowest([narrow(401.0 * SETTLED * 1.001, widest=1000)], {}) is None
+
+
+@pytest.mark.parametrize(
+    ("ends", "above"),
+    [
+        ([(1.0, 4.0)], None),
+        ([(0.0, 4.0)], 2.0),
+        ([(0.0, 4.0), (0.0, 3.0), (0.0, 0.0)], 1.5),
+        ([(0.0, 4.0), (1.2, 5.0)], 1.2),
+        ([(0.0, 4.0), (2.5, 5.0)], 2.0),
+    ],
+)
+def test_learning_rests_below_half_of_the_top_speed_where_a_reference_stops(
+    ends: list[tuple[float, float]], above: float | None
+) -> None:
+    """But not where another reference turns all the time, and not if it is set by hand."""
+    scenarios = {str(n): SimpleNamespace(slowest=low, top_reference=top) for n, (low, top) in enumerate(ends)}
+    study: Any = SimpleNamespace(scenario=scenarios, scenarios_of=lambda name: [])
+    for table in ({}, {"omega_min": "1 rad/s"}):
+        study.source = SimpleNamespace(tables={"controller": {"x": table}})
+        assert auto._above(study, "x") == ({} if above is None or table else {"omega_min": above})
+
+
+@pytest.mark.parametrize(
+    ("law", "speeds"), [("pi-ilc", [2.0, 4.0]), ("space", [0.5, 2.0, 4.0]), ("fast", [2.0, 4.0])]
+)
+def test_loops_are_at_the_slowest_and_fastest_speeds_in_every_corner_that_is_stable(
+    monkeypatch: pytest.MonkeyPatch, law: str, speeds: list[float]
+) -> None:
+    """As told always, stable or not; a law that rests, from where it begins to learn, too."""
+    laws = {"pi-ilc": None, "space": SpaceSpeed.model_construct(omega_min=0.5)}
+    laws["fast"] = SpaceSpeed.model_construct(omega_min=9.0)
+    ends = ((0.0, 4.0), (2.0, 4.0))
+    scenarios = {str(n): SimpleNamespace(slowest=low, top_reference=top) for n, (low, top) in enumerate(ends)}
+    study: Any = SimpleNamespace(scenario=scenarios, scenarios_of=lambda name: [], controller=laws)
+    monkeypatch.setattr(auto, "speed_loop", lambda study: SimpleNamespace(period=1e-3))
+    kind: Any = lambda study, name, speed, torque, late: SimpleNamespace(  # noqa: E731
+        at=(speed, torque, late), plant=torque, feedback=None
+    )
+    monkeypatch.setattr(auto, "oscillation", lambda plant, feedback: 9.0 if plant >= 1.0 else None)
+    corners = [(1.0, 0.0), (1 / 1.5, 0.0)]
+    found = [loop.at for loop in auto._loops(kind, study, law)]
+    assert found == [(speed, torque, late) for speed in speeds for torque, late in corners]
+    monkeypatch.setattr(auto, "oscillation", lambda plant, feedback: None)
+    stable = [loop.at for loop in auto._loops(kind, study, law)]
+    assert stable[:4] == [
+        (speeds[0], *each) for each in ((1.0, 0.0), (1 / 1.5, 0.0), (2.0, 0.0), (1.0, 1e-3))
+    ]
 
 
 def test_what_learning_leaves_is_the_mean_over_the_scenarios_that_turn(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,6 +36,30 @@ def test_mandra() -> None:
     assert plant.note == ""
     assert np.round(plant.nominal.A, 4).tolist() == [[1, 0.0025], [0, 0.9958]]
     assert np.round(plant.nominal.B, 4).tolist() == [[0], [1.1212]]
+
+
+def test_a_certificate_covers_as_many_random_plants_as_mixtures_and_as_held_the_exact_ones() -> None:
+    plant = mandra()
+    discrete, exact = plant.random
+    assert exact is not None and (len(discrete), len(exact)) == (120, 60)
+    held = plant.as_held
+    assert (held.discretisation, held.relative_degree, held.nominal) == ("exact", 1, plant.exact_nominal)
+    assert held.vertices == plant.exact_vertices and held.labels == plant.labels
+    same, again = held.sample(np.random.default_rng(1), 3)
+    assert again is not None and [a is b for a, b in zip(same, again, strict=True)] == [True] * 3
+    bent = replace(plant, labels=plant.labels[:-1]).as_held
+    assert bent.labels == tuple(f"corner {k}" for k in range(1, 7))
+    given = from_vertices([([[0.5]], [1.0])], [1.0], 1e-3)
+    assert given.as_held is given and given.random[1] is None
+
+
+def test_a_polytope_shrinks_about_its_nominal_plant() -> None:
+    plant = mandra()
+    half, none = plant.shrunk(0.5), plant.shrunk(0.0)
+    for vertex, full in zip(half.vertices, plant.vertices, strict=True):
+        assert vertex.entries == pytest.approx((full.entries + plant.nominal.entries) / 2)
+    assert all(vertex.entries == pytest.approx(plant.nominal.entries) for vertex in none.vertices)
+    assert half.exact_vertices is None and half.exact_nominal is None
 
 
 def test_mandra_vertices_are_minimal_and_hold_all_corners() -> None:
@@ -124,6 +149,7 @@ def test_exact_sampling_bends_the_polytope() -> None:
     assert plant.relative_degree == 1
     assert not plant.exact_hull
     assert "bounding polytope of 12 vertices" in plant.note
+    assert plant.labels == tuple(f"vertex {k} of the bounding polytope" for k in range(1, 13))
     rows = np.array([m.entries for m in plant.vertices])
     size = np.abs(rows).max(axis=0)
     size[size == 0] = 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,10 @@ from rich.console import Console
 
 from cogless import load
 from cogless.design.learning import PeriodicLoop
+from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.space_bounds import theorem
-from cogless.design.summary import to_dict
-from cogless.design.table import design_table
+from cogless.design.summary import Gain, to_dict
+from cogless.design.table import _margins, _shown, design_table
 from cogless.export.c.command import export_c
 from cogless.run.drive_config import engine_config
 from cogless.study import Study
@@ -83,3 +85,25 @@ def test_a_lead_is_shown_as_it_is_used() -> None:
     none = load("uomodri", {"drive.rates": rates, "controller.pi-ilc.lead": "0.1 ms"})
     assert "lead 0 s (0 samples; 0.0001 s asked for)" in printed(none)
     assert re.search(r"lead 0\.0006 s(?! \()", printed(load("uomodri")))
+
+
+TURN = 2 * math.pi
+
+
+@pytest.mark.parametrize(
+    ("margins", "cells"),
+    [
+        (None, ("", "", "")),
+        (UNSTABLE, ("", "unstable", "")),
+        (Margins(True, 12.3456 * TURN, 0.5, 2.345, 80 * TURN), ("12.35 Hz", "28.6 deg", "2.35 at 80 Hz")),
+        (Margins(True, 12 * TURN, 1.0, math.nan, math.nan), ("12 Hz", "57.3 deg", "none")),
+        (Margins(True, math.nan, math.nan, 2.0, 80 * TURN), ("none", "none", "2.00 at 80 Hz")),
+    ],
+)
+def test_margins_that_a_loop_has_or_lacks(margins: Margins | None, cells: tuple[str, str, str]) -> None:
+    assert _margins(margins) == cells
+
+
+def test_a_gain_is_shown_in_its_datasheet_s_unit_with_its_note() -> None:
+    told = [Gain(0.5, "A*s/rad"), Gain(2.34567, "1/s"), Gain(12.0, ""), Gain(4e-3, "s", "4 samples")]
+    assert [_shown(gain) for gain in told] == ["0.05236 A/rpm", "2.346 1/s", "12", "0.004 s (4 samples)"]

@@ -29,7 +29,7 @@ from cogless.design.error import DesignError
 from cogless.design.from_study import design_study, retuned, same_gains, settings_of
 from cogless.design.model import Real
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
-from cogless.design.trial import TrialDesign, TrialGains, TrialSettings, design_gains, design_trial
+from cogless.design.trial import TrialDesign, TrialGains, TrialSettings, _factor, design_gains, design_trial
 from cogless.study import reading
 
 
@@ -295,6 +295,21 @@ def _holds(errors: Real, norm: float, ends: float = 1e-9) -> None:
             "torque_constant = 0.39; its "
             "largest pole is 1.062",
         ),
+        ({"N": float("inf")}, "N", "N: expected a finite number"),
+        ({"K_s": [1.0, float("nan"), 2.0]}, "K_s", "K_s: expected 3 finite numbers"),
+        ({"shift": 1}, "shift", "shift: 1: expected 2, the relative degree, to 32"),
+        ({"shift": 33}, "shift", "shift: 33: expected 2, the relative degree, to 32"),
+        ({"shift": 32, "samples": 32}, "shift", "shift: 32: expected less than the 32 samples"),
+        (
+            {"samples": 12, "cutoff": 30.0, "filter_order": 3},
+            "samples",
+            "samples: 12: expected more than 12 for the filter's ends",
+        ),
+        (
+            {"kind": "norm-optimal", "change_weight": float("inf")},
+            "change_weight",
+            "change_weight: inf: expected a number above zero",
+        ),
         (
             {"kind": "norm-optimal", "change_weight": 0.0},
             "change_weight",
@@ -307,6 +322,24 @@ def test_errors(plant: UncertainPlant, changes: dict[str, object], key: str, mes
         design_trial(plant, mandra_settings(**changes))
     assert str(error.value) == message
     assert error.value.key == key
+
+
+def test_a_trial_law_is_robust_and_learns_by_all_it_has_unless_it_is_told_otherwise() -> None:
+    left_out = vars(TrialSettings(100, np.eye(1), 1.0, [1.0], [1.0], 0.1))
+    switches = [left_out[key] for key in ("integral", "learning", "feedforward")]
+    assert switches == [True, True, True] and left_out["kind"] == "robust"
+    chosen = ("structure", "filter_order", "filtered", "change_weight")
+    assert [left_out[key] for key in chosen] == ["input-and-integrator", 2, "error", 0.01]
+    by_design = ("cutoff", "K_s", "N", "K_3", "shift", "pole")
+    assert [left_out[key] for key in by_design] == [None] * 6
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1.5, "1.5"), (1.00012345678, "1.000123"), (1.00009, "1 + 9.0e-05"), (1.000101, "1.000101")],
+)
+def test_a_factor_keeps_enough_digits(value: float, text: str) -> None:
+    assert _factor(value) == text
 
 
 def test_designed_without_integral_action(plant: UncertainPlant) -> None:

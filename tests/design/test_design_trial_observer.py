@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cogless.design.error import DesignError
+from cogless.design.model import Model
 from cogless.design.polytope import UncertainPlant, from_parameters
 from cogless.design.q_filter import butterworth
 from cogless.design.response import Bundle
@@ -17,8 +20,10 @@ from cogless.design.trial_observer import (
     SENSITIVITY,
     SHIFT,
     ObserverGains,
+    _exact,
     design_observer,
     highest_cutoff,
+    inverse,
 )
 
 PERIOD = 2.5e-3
@@ -61,11 +66,37 @@ def test_the_rule_is_at_its_bounds() -> None:
     faster = design_observer(plant, gains.pole - 0.02)
     assert sensitivity(plant, faster) > SENSITIVITY
     cutoff = highest_cutoff(plant, gains, 2)
+    # 25 responses, from half to twice the plants', at poles in hundredths
+    assert (gains.pole, gains.response, cutoff) == pytest.approx((0.33, 3.43542e-3, 38.9274), rel=1e-4)
     w = np.linspace(1e-3, np.pi, 800)
     assert plant.exact_vertices is not None
     loops = [gains.closed(model, plant.C) for model in plant.exact_vertices]
     keeps = np.abs(1 - Bundle(loops, SHIFT)(w)).max(axis=0) * butterworth(cutoff, 2, PERIOD).gain(w)
     assert keeps.max() == pytest.approx(LEFT, rel=0.02)
+
+
+@pytest.mark.parametrize(("far", "suits"), [(0.19, True), (0.21, False)])
+def test_a_second_integral_may_be_a_fifth_from_one(far: float, suits: bool) -> None:
+    here = Model(np.array([[1.0, 1.0], [0.0, 1 - far]]), np.array([[0.0], [1.0]]))
+    plant: Any = SimpleNamespace(random=([], [here]), exact_vertices=(here,), exact_nominal=here)
+    if suits:
+        assert _exact(plant) == [here] * 3
+        return
+    with pytest.raises(
+        DesignError, match=r"^nominal: expected a plant that integrates its input twice, such as"
+    ):
+        _exact(plant)
+
+
+def test_the_feedforward_is_of_the_two_slowest_poles() -> None:
+    """Half of the second differences and the damping's share of the first, over the plant's strength."""
+    A = np.diag([-0.9, 0.2, 1.0, 0.95])
+    plant: Any = SimpleNamespace(exact_nominal=Model(A, np.ones((4, 1))), C=np.array([0.0, 0.0, 0.1, 0.3]))
+    found = inverse(plant)
+    damping, strength = -np.log(0.95), (0.4 + 0.1 + 0.3 * 0.95) / 2
+    num = np.array([0.5, damping - 0.5, -damping - 0.5, 0.5]) / strength
+    assert found.num == pytest.approx(num) and found.den.tolist() == [1.0]
+    assert (found.preview, found.method, found.kept_zeros) == (2, "inverse", ())
 
 
 def test_a_smaller_range_allows_a_faster_loop() -> None:
@@ -101,6 +132,8 @@ def test_a_given_pole_and_cutoff_are_kept() -> None:
     design = design_trial(motor(), settings(pole=0.5, cutoff=20.0))
     assert design.gains.observer is not None and design.gains.observer.pole == 0.5
     assert design.gains.cutoff == 20.0
+    assert (design.N, design.K_2, design.K_3, design.K_1.tolist()) == (1.0, 0.0, 1.0, [0.0, 0.0])
+    assert not design.gains.integral and design.shift == 2
     same = butterworth(20.0, 2, PERIOD)
     assert design.q_filter is not None and np.array_equal(design.q_filter.b, same.b)
 

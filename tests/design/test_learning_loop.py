@@ -12,12 +12,16 @@ import pytest
 
 import studies
 from cogless import load
+from cogless.design import ripple as module
+from cogless.design import space_learning
 from cogless.design.closed_loop import Linear, Oscillation
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import LearningLoop, _with_near, opened, sensitivity
 from cogless.design.margins import Complex, Real
 from cogless.design.observer import counting_window
-from cogless.design.ripple import Ripple, Sampled, doubts, sampled
+from cogless.design.ripple import LARGE, Ripple, Sampled, _noise, _orders, doubts, ripple, sampled
+from cogless.design.space_learning import SpaceLoop
+from cogless.study.space_controller import SpaceSpeed
 
 T, GAIN = 1e-3, 0.4
 TURNS = 6.0  # learning periods a second
@@ -76,6 +80,7 @@ def test_a_map_has_cells_and_a_delay_line_samples() -> None:
     assert in_map.highest == pytest.approx(0.499 * CELLS * TURNS) and line.highest == 0.499 / T
     assert loop(cells=200).highest == 0.499 / T  # more cells than samples
     assert (in_map.widest_filter, line.widest_filter) == (24, 82)  # of 50 cells, of 166.7 samples
+    assert loop(cells=51).widest_filter == 25
 
 
 def test_the_filter_is_a_mean_over_neighbours() -> None:
@@ -186,6 +191,28 @@ def test_frequencies_around_a_resonance_come_in_between() -> None:
     assert _with_near(f, told) is f
 
 
+@pytest.mark.parametrize("turn", [0.02, 0.5, 0.98])
+def test_a_load_anywhere_in_a_revolution_may_keep_law_4_from_learning(
+    monkeypatch: pytest.MonkeyPatch, turn: float
+) -> None:
+    """Its error is the largest current over k; at eta_bar it still learns."""
+    law = SpaceSpeed.model_construct(k=2.0, eta_bar=1.5)
+    study: Any = SimpleNamespace(controller={"x": law})
+
+    def doubt(largest: float, scenario: str | None = "s") -> str | None:
+        def current(theta: Real, omega_m: float) -> Real:
+            assert omega_m == 3.0
+            return np.where(np.abs(theta - turn * 2 * np.pi) < 0.01, -largest, 0.1)
+
+        functions = SimpleNamespace(current=current)
+        monkeypatch.setattr(space_learning, "functions_in", lambda study, scenario: functions)
+        return SpaceLoop(study, "x", -3.0, scenario=scenario).doubt
+
+    monkeypatch.setattr(space_learning, "speed_text", lambda study, speed: f"{speed:g} rad/s")
+    assert doubt(3.0) is None and doubt(3.2, None) is None
+    assert doubt(3.2) == "k alone leaves an error of up to 1.6 rad/s, above eta_bar: it may never learn"
+
+
 # Ripple
 
 
@@ -240,3 +267,100 @@ def test_less_than_a_count_in_a_sample_is_a_doubt(counts: float, told: bool) -> 
     found = doubts([PeriodicLoop(study, "pi-ilc", speed, scenario=key) for speed in speeds])
     lines = [line for line in found if line.endswith(f" {counts:.2g} counts come in a speed sample")]
     assert len(lines) == told
+
+
+def noisy(lead: int) -> Any:
+    """A loop with all responses the same at each frequency, whose feedback takes half over from learning."""
+    before, after = (SimpleNamespace(ratio=2, response=lambda w, T, c=c: c) for c in (0.6, 0.3))
+    flat = {"gain": lambda w: np.full(len(w), 0.5), "kept": lambda f: np.full(len(f), 0.8 - 0.6j)}
+    flat |= {"q": lambda f: np.full(len(f), 0.9), "lines": lambda f, constant: 0.8 if constant else 0.0}
+    plant = SimpleNamespace(period=1e-3)
+    return SimpleNamespace(plant=plant, feedback_before=before, feedback=after, lead=lead, **flat)
+
+
+@pytest.mark.parametrize("lead", [0, 3])
+@pytest.mark.parametrize(("window", "spread"), [(0.5e-3, 2.0), (1e-3, 2.0), (1.5e-3, 2 + 2 / (1.5 * np.pi))])
+def test_noise_of_counts_adds_up_in_what_is_learned(
+    monkeypatch: pytest.MonkeyPatch, lead: int, window: float, spread: float
+) -> None:
+    """Each angle has q^2 / 12, and a speed two of them, which samples share where the window is longer."""
+    passed = {0.6: (3.0, 5.0), 0.3: (2.0, 0.4)}
+
+    def responses(loop: Any, feedback: Any, f: Real) -> tuple[Real, Real]:
+        through, S = passed[feedback.response(0, 0)]
+        return np.full(len(f), through), np.full(len(f), S)
+
+    monkeypatch.setattr(module, "_responses", responses)
+    variance = spread * 0.01**2 / 12 / window**2
+    alone, learned = _noise(noisy(lead), Sampled(0.01, window, False), 3.0)
+    assert alone == pytest.approx((3.0 * 2 * 0.6) ** 2 * variance, rel=1e-5)
+    rho, V = (0.72 * 1.0) ** 2, 2 * 0.5 * 0.4
+    times = 1 + rho + rho**2
+    if lead:
+        left = 0.6**2 + V**2 * 0.72**2 * times
+    else:
+        V = V * (0.8 - 0.6j)
+        left = abs(0.6 + V) ** 2 + abs(V) ** 2 * rho * times
+    assert learned == pytest.approx(2.0**2 * left * variance, rel=1e-5)
+
+
+def test_ripple_is_that_of_orders_and_of_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half the square of each amplitude; a speed that is timed has no noise of counts."""
+    here: Any = SimpleNamespace(
+        feedback_before="before",
+        feedback="after",
+        residual=lambda f: np.array([0.5, 2.0]),
+        periods_per_second=4.0,
+    )
+    monkeypatch.setattr(module, "_orders", lambda loop: (np.array([3.0, 5.0]), np.array([2.0, 1.0])))
+    answer = {"before": np.array([3.0, 4.0j]), "after": np.array([1.0, 2.0])}
+    monkeypatch.setattr(module, "_responses", lambda loop, feedback, f: (answer[feedback], None))
+    before, after = (6.0**2 + 4.0**2) / 2, ((2.0 * 0.5) ** 2 + (2.0 * 2) ** 2) / 2
+    asked: list[float] = []
+
+    def noise(loop: Any, source: Sampled, periods: float) -> tuple[float, float]:
+        asked.append(periods)
+        return 0.5, 0.25
+
+    monkeypatch.setattr(module, "_noise", noise)
+    for source, more in ((None, 0), (Sampled(0.1, 1.0, True), 0), (Sampled(0.1, 1.0, False), 1)):
+        monkeypatch.setattr(module, "_sensor", lambda loop, source=source: source)
+        found = ripple(here, 3.0)
+        assert found.without == pytest.approx((before + 0.5 * more) ** 0.5)
+        assert found.learned == pytest.approx((after + 0.25 * more) ** 0.5)
+    ripple(here, 0.1)
+    assert asked == [12.0, 1.0]  # a period at least
+
+
+@pytest.mark.parametrize("order", [15, 40])
+def test_orders_of_motor_and_load_are_currents_at_a_speed(
+    monkeypatch: pytest.MonkeyPatch, order: int
+) -> None:
+    """Without their mean, and but for rounding."""
+
+    def current(theta: Real, omega_m: float) -> Real:
+        return 5.0 + 0.3 * omega_m * np.sin(order * theta) + 1e-10 * np.cos(2 * theta)
+
+    functions = SimpleNamespace(orders={order}, current=current)
+    monkeypatch.setattr(module, "functions_in", lambda study, scenario: functions)
+    here: Any = SimpleNamespace(scenario="s", study=None, omega_m=-2.0)
+    f, d = _orders(here)
+    assert f == pytest.approx([order * 2.0 / (2 * np.pi)]) and d == pytest.approx([0.6])
+
+
+@pytest.mark.parametrize(
+    ("swing", "told"),
+    [(0.999 * LARGE, []), (0.414, ["at 3 rad/s its feedback lets the speed swing by 41 % rms"])],
+)
+def test_a_speed_that_swings_by_much_is_a_doubt_and_the_first_of_each_loop_s_own(
+    monkeypatch: pytest.MonkeyPatch, swing: float, told: list[str]
+) -> None:
+    reasons = [(1.0, None, 0.1), (3.0, "one", swing), (2.0, "other", 0.2)]
+    loops: Any = [
+        SimpleNamespace(omega_m=speed, doubt=reason, swing=each, study=None, scenario="s")
+        for speed, reason, each in reasons
+    ]
+    monkeypatch.setattr(module, "_sensor", lambda loop: None)
+    monkeypatch.setattr(module, "ripple", lambda loop, time: Ripple(loop.swing * loop.omega_m, 0.0))
+    monkeypatch.setattr(module, "speed_text", lambda study, speed: f"{speed:g} rad/s")
+    assert doubts(loops) == ("one", *told)

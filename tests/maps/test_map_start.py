@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from cogless.errors import StudyError
-from cogless.maps import map_table
+from cogless.maps import learned_map, map_table
 from cogless.maps.start import entries, of_current, resampled, within
 from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, Found, MapError, StoredMap, Valid
+from cogless.study.controller import OwnLaw
 
 TURN = 2 * np.pi
 
@@ -93,6 +95,8 @@ def test_entries_beyond_the_limit_are_refused_and_rounding_is_cut() -> None:
     assert within(np.array([[3.0 + 1e-6, -3.0 - 1e-6]]), law(2)).tolist() == [[3.0, -3.0]]
     with pytest.raises(MapError, match=r"^an entry of 3.1: expected at most the law's limit, 3$"):
         within(np.array([[0.0, -3.1]]), law(2))
+    with pytest.raises(MapError, match=r"^an entry of 3: expected"):
+        within(np.array([[0.0, 3.0 * (1 + 1.5e-6)]]), law(2))
     with pytest.raises(MapError, match="an entry of nan"):
         within(np.array([[np.nan, 0.0]]), law(2))
 
@@ -160,3 +164,56 @@ def test_a_motors_identity_has_32_bits() -> None:
     for wrong in ("0x100000000", "-1", "1F", "x", ""):
         with pytest.raises(StudyError, match=f'--motor: "{wrong}": expected 32 bits'):
             map_table.identity(wrong)
+
+
+def test_what_a_map_leaves_out_is_a_current_s_over_a_revolution_by_another_law() -> None:
+    plain = StoredMap(np.zeros(4), (CURRENT,), (3.0,))
+    assert (plain.law_name, plain.turns, plain.parts, plain.ratio) == ("other", 1, 1, 1)
+    assert (plain.motor, plain.motion, plain.sequence, plain.write_size) == (0, 0, 1, 8)
+
+
+def test_currents_of_orders_are_over_eight_angles_a_wave() -> None:
+    orders = np.array([[0.5, 0.0], [0.1, -0.2], [1.0, 3.0]])
+    found = learned_map._over_angle(*orders)
+    angle = TURN / 24 * np.arange(24)
+    assert found["frame"] == "mechanical" and found["angle"] == pytest.approx(angle)
+    current = 0.5 * np.cos(angle) + 0.1 * np.sin(angle) - 0.2 * np.sin(3 * angle)
+    assert found["current"] == pytest.approx(current)
+
+
+def test_a_map_of_a_run_is_cut_to_its_limits_and_of_a_whole_period(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(learned_map, "study_identity", lambda study: 0xABCD)
+    of_run: Any = {"values": [[4.0, -4.0, 1.0]], "limits": [3.0], "units": [CURRENT], "law": 2, "ratio": 5}
+    made = learned_map.of_run(None, {**of_run, "turns": 4, "parts": 6}, 7)  # type: ignore[arg-type]
+    assert made is not None and made.values.tolist() == [[3.0, -3.0, 1.0]]
+    assert (made.turns, made.parts, made.ratio, made.law, made.motor, made.motion) == (2, 3, 5, 2, 0xABCD, 7)
+    trial = learned_map.of_run(None, {**of_run, "turns": 0, "parts": 0})  # type: ignore[arg-type]
+    assert trial is not None and (trial.turns, trial.parts, trial.motion) == (0, 0, 0)
+    assert learned_map.of_run(None, None) is None  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("law", "period", "frame", "turn"),
+    [
+        (OwnLaw.model_construct(), (1, 4), "electrical", 1.0),
+        (OwnLaw.model_construct(), (1, 2), "mechanical", 0.5),
+        (SimpleNamespace(unit=0.1, ratio=lambda poles: poles), (1, 2), "electrical", 2.0),
+        (SimpleNamespace(unit=0.1, ratio=lambda poles: poles), (1, 1), "mechanical", 1.0),
+        (SimpleNamespace(unit=0.1, ratio=lambda poles: 1), (1, 2), "mechanical", 0.5),
+    ],
+)
+def test_a_memory_s_currents_are_over_the_angle_of_its_law(
+    monkeypatch: pytest.MonkeyPatch, law: Any, period: tuple[int, int], frame: str, turn: float
+) -> None:
+    """Of four pole pairs; a user's own law counts electrical angles where its period is one."""
+    motor = SimpleNamespace(motor=SimpleNamespace(pole_pairs=4))
+    monkeypatch.setattr(learned_map, "for_scenario", lambda *_: motor)
+    study: Any = SimpleNamespace(controller={"x": law}, drive=SimpleNamespace(precision="double"))
+    of_run = {"units": [CURRENT], "values": np.array([[2.0, 4.0]]), "turns": period[0], "parts": period[1]}
+    found = learned_map.memory_of(study, "s", "x", of_run)
+    assert found["frame"] == frame and found["angle"] == pytest.approx([0.0, turn * TURN / 2])
+    for precision, unit in (("double", law.unit), ("single", float(np.float32(law.unit)))):
+        study.drive.precision = precision
+        current = learned_map.memory_of(study, "s", "x", of_run)["current"]
+        assert current.tolist() == [1 / unit * x for x in (2.0, 4.0)]
+    assert learned_map.memory_of(study, "s", "x", None) == {}

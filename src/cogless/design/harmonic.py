@@ -124,7 +124,7 @@ def delay_of(loop: SpeedLoop) -> float:
     """
     if not isinstance(loop.current, CurrentLoop):
         return loop.delay
-    w = min(MIDDLE / loop.period, 0.5 * math.pi / loop.current.period)
+    w = MIDDLE / loop.period
     opened = loop.current.response(np.array([w]))
     late = -float(np.angle(opened / (1 + opened))[0]) / w
     return max(0.0, loop.delay + late - loop.current.period / 2)
