@@ -1,4 +1,4 @@
-"""What the still pictures draw: curves, bars and marks, read from matplotlib's axes, which aren't rendered."""
+"""What the still pictures draw: curves, bars and marks in matplotlib's axes, before they are rendered."""
 
 from types import SimpleNamespace
 
