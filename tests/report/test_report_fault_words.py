@@ -53,7 +53,8 @@ def test_of_three_faults_each_is_told_and_of_more_that_there_are_more(told):
         assert found.headline.startswith(f"{count} faults, the first at 0.5 s: a for 0.5 s. ")
         assert [part.heading for part in found.told] == [
             "0.5 s: a for 0.5 s", "1.5 s: b and c for 0.5 s",
-            *["2.5 s: sensor stuck for 0.5 s"] * (count > 2), *(f"{words} in results.json." for words in rest),
+            *["2.5 s: sensor stuck for 0.5 s"] * (count > 2),
+            *(f"{words} in results.json." for words in rest),
         ]  # fmt: skip
         assert [len(part.sentences) for part in found.told][: min(count, 3)] == [2] * min(count, 3)
     assert room.account(told, [run_of()]) is None
