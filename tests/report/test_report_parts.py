@@ -65,8 +65,8 @@ def test_verdicts_are_a_list_with_a_button_for_each_scenario(made):
 
 def design(**more):
     about = {
-        "K_1": [1.5, 0.25], "K_2": 0.0, "N": 2.0, "K_3": 0.0,
-        "learning_matrix": None, "through_integrator": True, "shift": 3, "q_filter": None, "filtered": "error", "feedforward": None,
+        "K_1": [1.5, 0.25], "K_2": 0.0, "N": 2.0, "K_3": 0.0, "learning_matrix": None, "shift": 3,
+        "through_integrator": True, "q_filter": None, "filtered": "error", "feedforward": None,
         "gains": SimpleNamespace(feedback=None, learning=None),
     }  # fmt: skip
     return SimpleNamespace(**about | more)
