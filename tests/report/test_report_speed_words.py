@@ -56,6 +56,7 @@ def case(study, *lines, worsened=()):
             f"no controller holds the speed from 8 to 10 s: {PI} mean 0 of 60 rpm, {FAIR} mean 0 of 60 rpm.",
         ),
         ({"ilc": 1}, (), "even", f"speed ripple: {ILC} 1.00 rpm."),
+        ({"pi": 1}, (), "even", f"speed ripple: {PI} 1.00 rpm."),
         ({"ilc": 1, "fair": 2}, (), "even", f"speed ripple: {FAIR} 2.00 rpm and {ILC} 1.00 rpm."),
         ({"pi": None, "ilc": 1}, (), "even", f"speed ripple: {PI} not finite and {ILC} 1.00 rpm."),
         ({"pi": None, "ilc": None}, (), "even", f"speed ripple: {PI} not finite and {ILC} not finite."),
@@ -197,6 +198,7 @@ def test_the_strongest_order_is_told_of_the_best_two_and_the_baseline(study):
     )
     lost = room._strongest_order(case(study, replace(behind, missed={"pi": "mean 0 of 60 rpm"}), *orders))
     assert lost == f"Of the strongest order, 1 (mechanical): {FAIR} 1.00 rpm and {ILC} 9.00 rpm."
+    assert [one.order for one in room._orders([order(1, pi=0.0), order(2, pi=0.5)], "pi")] == [2, 1]
     for nothing in (
         case(study, other("torque", pi=1, ilc=2), *orders),
         case(study, line(pi=1), *orders),
@@ -276,6 +278,7 @@ def test_a_cost_is_more_than_a_hundredth_of_the_baselines(study):
     [
         (0.0099, "rpm", 1.0, True),
         (0.01, "rpm", 1.0, False),
+        (0.001, "rpm", 0.0, False),
         (1.0, "rad/s", 1000.0, True),
         (1.0, "rad/s", 900.0, False),
     ],

@@ -96,6 +96,26 @@ def test_how_much_slower_another_is(of, mine, best, said, where):
 
 
 @pytest.mark.parametrize(
+    ("mine", "rms", "said"),
+    [
+        ([3, 5], 3.0, f"{INPUT} takes 5 {LOAD}, against 3; its first trial there is 1.50 times worse"),
+        ([5, 3], 3.0, f"{INPUT} takes 5 {START}, against 3; its first trial {LOAD} is 1.50 times worse"),
+        ([3, 3], 3.0, f"With {INPUT} the first trial {LOAD} is 1.50 times worse"),
+        ([3, 5], 2.9, f"{INPUT} takes 5 {LOAD}, against 3."),
+        ([3, 3], 2.9, ""),
+    ],
+)
+def test_who_is_behind_in_trials_and_in_the_first_of_them(of, mine, rms, said):
+    """A first trial that is half as much again is told, of what learns."""
+    found = of(
+        {"ilc": [3, 3], "input": mine, "none": [3, 9]}, {"ilc": [1, 2], "input": [1, rms], "none": [1, 9]}, 2
+    )
+    more = " (3.00 mrad against 2.00 mrad)." if said.endswith("worse") else ""
+    assert room._behind(found, "input", "ilc") == said + more
+    assert room._behind(found, "none", "ilc") == ""
+
+
+@pytest.mark.parametrize(
     ("counts", "tie"),
     [([2, 5, 1], True), ([5, 5, 5], True), ([2, 6, 1], False), ([2, 4, 1], False), ([2, 5, inf], False)],
 )
