@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cogless.design.certificate import Learning
-from cogless.report import maps, packing, periods, sensitivity, spectra, tracking
+from cogless.report import maps, packing, palette, paths, periods, sensitivity, spectra, tracking
 from cogless.report.trials import certificate, overtrials
 from cogless.results.trace import Trace
 
@@ -344,3 +344,29 @@ def test_a_constant_is_packed_as_it_is_and_what_is_no_number_as_none():
     nothing = packing.pack(np.array([np.nan]))
     assert (nothing["offset"], nothing["scale"]) == (0.0, 1.0)
     assert packing.plain(np.array([1.234567, np.inf, 0.0])) == [1.2346, None, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("reference", "varies"),
+    [
+        ([2.0, 2.0 + 1.8e-6], False),  # a millionth of the largest
+        ([2.0, 2.0 + 2.2e-6], True),
+        ([-2.0, -2.0 - 1.8e-6], False),
+        ([0.0, 0.9e-15], False),  # at rest, of a billionth of a rad/s
+        ([0.0, 1.1e-15], True),
+        ([], True),
+    ],
+)
+def test_a_reference_varies_by_more_than_rounding(reference, varies):
+    assert paths.varies(np.array(reference)) is varies
+
+
+def test_the_baseline_has_a_colour_for_itself_and_the_others_share_seven():
+    names = [f"c{n}" for n in range(10)]
+    study = SimpleNamespace(controller=dict.fromkeys(names), baseline="c2")
+    ran = [SimpleNamespace(controller=name) for name in reversed(names) if name != "c9"]
+    found = palette.colours(SimpleNamespace(study=study, runs=ran))
+    assert list(found.items()) == [
+        ("c0", 1), ("c1", 2), ("c2", 0), ("c3", 3), ("c4", 4), ("c5", 5), ("c6", 6), ("c7", 7), ("c8", 1)
+    ]  # fmt: skip
+    assert palette.place(SimpleNamespace(study=study, runs=ran[:2]), ran[0]) == 1

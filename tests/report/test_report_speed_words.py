@@ -192,6 +192,9 @@ def test_the_strongest_order_is_told_of_the_best_two_and_the_baseline(study):
     assert (
         told == f"Of the strongest order, 6 (mechanical): {ILC} 1.00 rpm, {FAIR} 2.00 rpm and {PI} 5.00 rpm."
     )
+    lacking = [order(6, pi=5, ilc=1), order(1, pi=1, fair=1, ilc=9)]
+    told = room._strongest_order(case(study, line(pi=3, fair=2, ilc=1), *lacking))
+    assert told == f"Of the strongest order, 6 (mechanical): {ILC} 1.00 rpm and {PI} 5.00 rpm."
     behind = line(pi=1, fair=2, ilc=3)
     assert room._strongest_order(case(study, behind, *orders)).endswith(
         f": {PI} 5.00 rpm and {FAIR} 2.00 rpm."
@@ -317,6 +320,8 @@ def test_who_missed_the_speed_is_told_unless_the_headline_has_it(study):
     ):
         early = line("early", missed=["fair"], span=span, fair=1)
         assert room._failures(case(study, missed, early)) == [*words, told]
+    early = line("early", missed=["fair"], span=(0.0, 0.5), fair=1)
+    assert len(room._failures(case(study, replace(missed, span=None), early))) == 2
     both = line(pi=1, ilc=2, missed=["pi", "ilc"])
     assert room._failures(case(study, both)) == []  # nobody holds it: the headline has all
     assert room._failures(case(study, line(pi=1, ilc=2, missed=["pi"]))) == []
