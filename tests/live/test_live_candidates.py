@@ -1,6 +1,7 @@
 """Sliders of keys and the values at which they are tried, number by number."""
 
 import math
+import struct
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar
@@ -8,8 +9,9 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 import pytest
 
+from cogless.errors import StudyError
 from cogless.live import keys, motor
-from cogless.live.candidates import LINES, OF_REFERENCE, PLANT, Candidate, looked_up, made, shortest
+from cogless.live.candidates import LINES, OF_REFERENCE, PLANT, YOURS, Candidate, looked_up, made, shortest
 from cogless.live.packed import Number, Packed
 from cogless.study.table import Quantity
 from cogless.units import TORQUE
@@ -272,3 +274,83 @@ def test_a_motor_is_tried_at_a_hundredth_to_a_hundred_times_its_values():
         assert np.log10(motor._samples(n)) == pytest.approx(
             [4 * (golden * (k + 1) * (n + 1) % 1) - 2 for k in range(12)]
         )
+
+
+PLACE = ("low", "pi", "run")
+KEYS = {
+    motor.POLE_PAIRS: (4.0, 1.0, 6.0), motor.RESISTANCE: (2.0, 0.6, 6.0), motor.INDUCTANCE: (1e-3, 3e-4, 3e-3),
+    "motor.kv": (60.0, 20.0, 180.0), "mechanics.inertia": (4e-5, 1e-5, 1e-4),
+    "drive.inverter.bus_voltage": (24.0, 8.0, 72.0),
+}  # fmt: skip
+
+
+def own_motor(formulas, formats):
+    """The keys of one's own motor, numbers of these formulas, and the run with other values of some keys."""
+    by_key = {
+        key: Candidate(key, key, YOURS, "", 1.0, start, *ends, *ends, whole=key == motor.POLE_PAIRS)
+        for key, (start, *ends) in KEYS.items()
+    }
+    numbers = tuple(Number(f"n{n}", 8 * n, kind) for n, kind in enumerate(formats))
+
+    def described(values):
+        at = {key: start for key, (start, *_) in KEYS.items()} | {one.key: x for one, x in values}
+        data = bytearray(8 * len(numbers))
+        for number, formula in zip(numbers, formulas, strict=True):
+            x = formula(*at.values())
+            struct.pack_into(
+                f"<{number.format}", data, number.offset, x if number.format in "df" else round(x)
+            )
+        return {PLACE: Packed(bytes(data), numbers, ())}
+
+    return list(by_key.values()), numbers, described
+
+
+def test_numbers_of_a_motor_are_products_of_its_keys_powers():
+    """And of a value for each number of pole pairs, and of a curve over R / L."""
+    formulas = (
+        lambda p, R, L, kv, J, bus: 3 * R / L,
+        lambda p, R, L, kv, J, bus: 1e4 * J * kv**2 / p,
+        lambda p, R, L, kv, J, bus: p,
+        lambda p, R, L, kv, J, bus: bus * (1 + 1e-4 * R / L),
+        lambda p, R, L, kv, J, bus: 7.0,
+        lambda p, R, L, kv, J, bus: 5.0,
+    )
+    by_key, numbers, described = own_motor(formulas, "dfIfdQ")
+    found = motor.products(described([]), described, by_key)
+    first, second, pairs, bent = found[PLACE]
+    assert (first.number, first.start, first.factors, first.curve) == (numbers[0], 6000.0, (), ())
+    assert first.powers == {motor.RESISTANCE: 1, motor.INDUCTANCE: -1}
+    assert second.powers == {"motor.kv": 2, "mechanics.inertia": 1}
+    assert second.factors == pytest.approx([4 / p for p in range(1, 7)], rel=1e-6) and second.curve == ()
+    assert (pairs.number, pairs.start, pairs.powers, pairs.factors) == (
+        numbers[2],
+        1.0,
+        {},
+        (1, 2, 3, 4, 5, 6),
+    )
+    assert bent.powers == {"drive.inverter.bus_voltage": 1} and bent.factors == ()
+    assert bent.curve == pytest.approx([(1 + 0.2 * math.exp(at)) / 1.2 for at in motor.nodes()], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("formula", "kind"),
+    [
+        (lambda p, R, L, kv, J, bus: J + 1, "d"),
+        (lambda p, R, L, kv, J, bus: J**0.5, "d"),
+        (lambda p, R, L, kv, J, bus: R * bus + L, "d"),
+        (lambda p, R, L, kv, J, bus: J * (1 + (kv > 200)), "d"),  # a product only near the study's values
+        (lambda p, R, L, kv, J, bus: 1 + (kv > 200), "I"),
+    ],
+)
+def test_a_number_that_is_no_product_is_refused(formula, kind):
+    by_key, _, described = own_motor([formula], kind)
+    with pytest.raises(StudyError, match=r"^live: n0: "):
+        motor.products(described([]), described, by_key)
+
+
+def test_all_keys_of_ones_own_motor_are_expected():
+    by_key, _, described = own_motor([lambda *_: 1.0], "d")
+    with pytest.raises(
+        StudyError, match=r"^live: motor.kv: missing: expected for the fields of one's own motor$"
+    ):
+        motor.products(described([]), described, [key for key in by_key if key.key != "motor.kv"])

@@ -210,7 +210,7 @@ def test_laws_that_learn_in_angle_have_their_currents_and_the_time_of_a_period(d
         monkeypatch.setattr(overtime, "needed_current", lambda *_, needed=needed: needed)
         run = run_of(1, **signals)
         run.law = SimpleNamespace()
-        overtime.waveforms(results_of(), [run_of(1), run])
+        overtime.waveforms(results_of(), [run_of(1), run] if needed is None else [run])
         assert [title for title, *_ in drawn[-1][0]][3:] == titles
     assert [panel[1:] for panel in drawn[-1][0]][4:] == [
         ("i_q", "i_q", "A"), ("i_d", "i_d", "A"), ("P_t", "P_t", "s")
