@@ -278,7 +278,8 @@ def test_a_motor_is_tried_at_a_hundredth_to_a_hundred_times_its_values():
 
 PLACE = ("low", "pi", "run")
 KEYS = {
-    motor.POLE_PAIRS: (4.0, 1.0, 6.0), motor.RESISTANCE: (2.0, 0.6, 6.0), motor.INDUCTANCE: (1e-3, 3e-4, 3e-3),
+    motor.POLE_PAIRS: (4.0, 1.0, 6.0), motor.RESISTANCE: (2.0, 0.6, 6.0),
+    motor.INDUCTANCE: (1e-3, 3e-4, 3e-3),
     "motor.kv": (60.0, 20.0, 180.0), "mechanics.inertia": (4e-5, 1e-5, 1e-4),
     "drive.inverter.bus_voltage": (24.0, 8.0, 72.0),
 }  # fmt: skip
