@@ -6,10 +6,11 @@ import struct
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from cogless.errors import StudyError
-from cogless.live import keys, page
+from cogless.live import keys, packed, page
 from cogless.live.blobs import OFF
 from cogless.live.candidates import YOURS, Candidate
 from cogless.live.keys import OTHER_SHAPE, Key, Landing
@@ -170,3 +171,78 @@ def test_keys_that_the_page_leaves_out_are_told_with_the_controllers(monkeypatch
 def test_scripts_are_allowed_by_their_hashes():
     one, two = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in ("a", "ü"))
     assert page._hashes(["a", "ü"]) == f"'sha256-{one}' 'sha256-{two}'"
+
+
+# --- the bytes of a run
+
+
+def read(data, numbers, at=0):
+    """The value that packed bytes describe, and where the next one begins; `numbers` tells their forms."""
+    kind, count = struct.unpack_from("<II", data, at)
+    at += 8
+    forms = {number.offset: number.format for number in numbers}
+
+    def number():
+        nonlocal at
+        at += 8
+        return struct.unpack_from(f"<{forms[at - 8]}", data, at - 8)[0]
+
+    def whole():
+        nonlocal at
+        at += 8
+        return struct.unpack_from("<Q", data, at - 8)[0]
+
+    def text(size):
+        nonlocal at
+        begin, at = at, at + size + -size % 8
+        return data[begin : begin + size].decode()
+
+    def value():
+        nonlocal at
+        found, at = read(data, numbers, at)
+        return found
+
+    match kind:
+        case packed.NONE:
+            found = None
+        case packed.BOOL:
+            found = bool(count)
+        case packed.INTEGER | packed.NATURAL | packed.REAL:
+            found = number()
+        case packed.TEXT:
+            found = text(count)
+        case packed.NUMBERS:
+            found = [number() for _ in range(count)]
+        case packed.LIST:
+            found = [value() for _ in range(count)]
+        case packed.TABLE:
+            found = {text(whole()): value() for _ in range(count)}
+        case packed.MATRIX:
+            columns = whole()
+            found = [[number() for _ in range(columns)] for _ in range(count)]
+    return found, at
+
+
+def test_a_description_reads_back_from_its_bytes():
+    """Whole numbers have a sign below 2**63. All but its numbers is its shape."""
+    description = {
+        "controller": {"law": "mine"}, "nothing": None, "yes": True, "no": False, "half": 0.5,
+        "least": -(2**63), "most": 2**63 - 1, "more": 2**63, "text": "a longer text", "eight": "12345678",
+        "numbers": [1.0, 2.5], "mixed": [1, "a", [0.25]], "empty": [], "pair": (3.0, 4.0),
+        "vector": np.array([1.5, 2.5]), "matrix": np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]),
+        "scalar": np.float32(0.25), "count": np.int64(7),
+    }  # fmt: skip
+    made = packed.pack(description, "double")
+    found, end = read(made.data, made.numbers)
+    assert end == len(made.data) and len(made.data) % 8 == 0
+    wanted = {key: x.tolist() if isinstance(x, np.ndarray) else x for key, x in description.items()}
+    assert found == {**wanted, "pair": [3.0, 4.0]}
+    at = {number.path: number for number in made.numbers}
+    forms = {"least": "q", "most": "q", "more": "Q", "half": "d", "yes": "I", "matrix.5": "d", "mixed.0": "q"}
+    assert {path: at[path].format for path in forms} == forms
+    assert [at[path].read(made.data) for path in ("yes", "no", "matrix.5", "vector.1")] == [1, 0, 6, 2.5]
+    other = packed.pack({**description, "half": 1.5, "yes": False, "numbers": [3.0, 4.0]}, "double")
+    assert other.shape == made.shape and other.numbers == made.numbers and other.data != made.data
+    changed = {"text": "another text", "numbers": [1.0], "nothing": 0, "matrix": np.ones((3, 2))}
+    for name, value in changed.items():
+        assert packed.pack({**description, name: value}, "double").shape != made.shape

@@ -248,6 +248,35 @@ def test_what_learning_leaves_is_drawn_between_what_is_learned():
     assert np.all(np.isnan(sensitivity._left(loop, f, 0.0)))
 
 
+@pytest.mark.parametrize(
+    ("turns", "period", "ends"),
+    [(20.0, 1e-3, (2.0, 450.0)), (0.0, 1e-3, (0.1, 450.0)), (20.0, 0.1, (2.0, 20.0))],
+)
+def test_a_sensitivity_is_from_a_tenth_of_the_revolutions_to_nearly_half_the_rate(
+    monkeypatch, turns, period, ends
+):
+    """But over a decade at least; at rest from a tenth of a hertz. What has no linear model has no curve."""
+    scenario = {"low": SimpleNamespace(top_reference=TURN * turns)}
+    for name, value in {
+        "speed_loop": lambda *_: SimpleNamespace(period=period), "plants": lambda plant: np.ones((3, 2)),
+        "_feedback": lambda results, run, omega_m: omega_m if run == 1 else None,
+        "place": lambda results, run: run,
+        "sensitivity": lambda plant, feedback, omega, *_: omega / TURN * np.exp(1j * (feedback > 0)),
+        "learned_terms": lambda *_: [], "_loop": lambda *_: None,
+    }.items():  # fmt: skip
+        monkeypatch.setattr(sensitivity, name, value)
+    run = type("Run", (int,), {"scenario": "low"})
+    results = SimpleNamespace(study=SimpleNamespace(scenario=scenario))
+    magnitude, phase = sensitivity.bode(results, [run(0), run(1)])
+    f = magnitude["frequency"]
+    assert (f[0], f[-1], len(f)) == (*map(pytest.approx, ends), 400)
+    (series,) = magnitude["series"]
+    assert (series["controller"], series["label"], series["fade"]) == (1, "", 1.0)
+    assert series["values"] == pytest.approx(20 * np.log10(f), abs=1e-3)
+    assert phase["series"][0]["values"] == pytest.approx([np.degrees(turns > 0)] * 400, abs=1e-2)
+    assert sensitivity.bode(results, [run(0)]) == []
+
+
 def test_a_sensitivity_in_decibels_and_degrees():
     S = np.array([1.0, -0.1, 10j, 0.0, 1e-5])
     assert sensitivity._decibels(S) == pytest.approx([0, -20, 20, -80, -80])

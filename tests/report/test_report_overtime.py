@@ -1,5 +1,6 @@
 """Plots over time: which spans have buttons and finer points, and how many points there are."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -116,10 +117,10 @@ def test_events_have_buttons_unless_a_fault_is_there_or_the_run_has_ended(broken
 def test_where_learning_begins_is_a_button(broken):
     """Once for all laws that begin there; none where they do from the start, or never."""
     runs = [run_of(10) for _ in range(6)]
-    for run, start in zip(runs, (3.0, 3.0, 0.0, 9.99, 1.5, None), strict=True):
+    for run, start in zip(runs, (3.0, 3.0, 0.0, 9.99, 0.5, None), strict=True):
         run.law = start if start is None else SimpleNamespace(learning_start=start)
     assert [zoom for zoom in buttons(results_of(), *runs) if "learning" in zoom[0]] == [
-        ("learning begins at 1.5 s", 0.0, 6.5), ("learning begins at 3 s", 1.0, 8.0)
+        ("learning begins at 0.5 s", 0.0, 5.5), ("learning begins at 3 s", 1.0, 8.0)
     ]  # fmt: skip
 
 
@@ -152,6 +153,27 @@ def test_two_faults_and_the_last_revolutions_have_finer_points(broken):
     assert len(overtime._details(results_of(), runs, 4002, 4)) == 2
     broken()
     assert overtime._details(results_of(), [run_of(1.5)], 10, 4) == []
+
+
+def test_a_fault_has_a_mark_from_its_beginning_to_its_end(monkeypatch):
+    found = [Fault(2.0, 3.0, ("stuck", "late")), Fault(4.0, 4.5, ("lost",))]
+    monkeypatch.setattr(overtime, "faults_in", lambda study, scenario: found if scenario == "low" else [])
+    assert overtime.marks(results_of(), [run_of(1)]) == [
+        {"from": 2.0, "to": 3.0, "label": "stuck and late"}, {"from": 4.0, "to": 4.5, "label": "lost"}
+    ]  # fmt: skip
+
+
+def test_the_last_revolutions_begin_a_row_before_the_rows_that_turn_them():
+    """Of four rows a second, each a quarter of a revolution; what is no number doesn't turn."""
+    trace = run_of(5).trace
+    slow = replace(trace, data=trace.data[:20] * [25, 1, 1])
+    assert [overtime._since(slow, n) for n in (1, 2)] == [3.75, 2.75]
+    short = [overtime._since(replace(slow, data=slow.data[:rows]), 2) for rows in (10, 9, 8)]
+    assert short == [0.25, None, None]
+    assert overtime._since(slow, 5) is None and overtime._since(slow, 6) is None
+    data = slow.data.copy()
+    data[-2, 1], data[-3, 1] = np.nan, -data[-3, 1]
+    assert overtime._since(replace(slow, data=data), 1) == pytest.approx(3.5)
 
 
 @pytest.fixture
