@@ -12,6 +12,7 @@ import synthetic
 from cogless.design.certificate import ENDS
 from cogless.design.response import MONOTONE
 from cogless.report.trials.case import case
+from cogless.report.trials.errors import settled
 from cogless.report.trials.phases import Phase
 
 room = import_module("cogless.report.trials.verdict")  # its package has a function of this name
@@ -285,3 +286,41 @@ def test_loops_that_a_sample_of_delay_unsettles(of, stable, said):
     }
     whole = f"With one more sample of delay at the input {said} at every corner."
     assert room._delay(found) == (whole if said else "")
+
+
+@pytest.mark.parametrize(
+    ("rms", "left"), [([9, 3, 4], 3.5355339), ([5], 5), ([9, 9, 3, 4], 3.5355339), ([9] * 10 + [2] * 10, 2)]
+)
+def test_what_is_left_in_the_end_is_of_the_second_half_of_the_trials(rms, left):
+    assert settled(np.array(rms, dtype=float)) == pytest.approx(left)
+
+
+def test_the_worst_of_what_is_left_is_not_finite_if_one_phase_s_is_not(of):
+    found = of({}, {"none": [1, 3], "ilc": [1, nan], "input": [inf, 1]}, 2)
+    assert [found.worst(name) for name in ("none", "ilc", "input", "nobody")] == [3, inf, inf, inf]
+    assert found.first("none", found.phases[1]) == 3 and np.isnan(found.first("nobody", found.phases[0]))
+
+
+@pytest.mark.parametrize(
+    ("mine", "other", "ratio", "phase", "values"),
+    [
+        ([9, 2, 6], [1, 2, 4], 1.5, 2, "6.00 mrad against 4.00 mrad"),  # not in the first phase
+        ([9, 6, 2], [1, 4, 2], 1.5, 1, "6.00 mrad against 4.00 mrad"),
+        ([9, 6, 2], [1, 0, 2], 1.0, 2, "2.00 mrad against 2.00 mrad"),  # of nothing there is no multiple
+        ([9, inf, 2], [1, 1, 2], 1.0, 2, "2.00 mrad against 2.00 mrad"),
+        ([9, nan, nan], [1, 1, 2], 0.0, 0, "9.00 mrad against 1.00 mrad"),
+    ],
+)
+def test_the_worst_first_trial_is_that_of_the_largest_multiple(of, mine, other, ratio, phase, values):
+    found = of({}, {"ilc": mine, "none": other})
+    assert found.worst_first("ilc", "none") == (ratio, found.phases[phase], values)
+
+
+def test_the_first_phase_that_grows_is_told_with_its_lowest_and_last_error(of):
+    """Of each controller; medians over quarters of the twenty trials."""
+    found = of({}, {"none": [2, 2, 2], "ilc": [2, 2, 2]})
+    found.rms["ilc"][35:40], found.rms["ilc"][55:] = 3.5, 9.0
+    found.rms["none"][45] = nan
+    (ilc, none) = (found.growing[name] for name in ("ilc", "none"))
+    assert ilc == (found.phases[1], 2.0, 3.5)
+    assert none[:2] == (found.phases[2], 2.0) and np.isnan(none[2])
