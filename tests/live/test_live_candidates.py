@@ -6,12 +6,24 @@ from itertools import pairwise
 from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar
 
+import live_studies
 import numpy as np
 import pytest
 
 from cogless.errors import StudyError
 from cogless.live import keys, motor
-from cogless.live.candidates import LINES, OF_REFERENCE, PLANT, YOURS, Candidate, looked_up, made, shortest
+from cogless.live.candidates import (
+    LINES,
+    OF_REFERENCE,
+    PLANT,
+    YOURS,
+    Candidate,
+    candidates,
+    looked_up,
+    made,
+    of_motor,
+    shortest,
+)
 from cogless.live.packed import Number, Packed
 from cogless.study.table import Quantity
 from cogless.units import TORQUE
@@ -127,6 +139,14 @@ def test_some_keys_have_sliders_of_their_own():
     (found,) = made("key", "label", "Group", Owner(), "torque", "4 mN*m", (0.5, 2), "low", "pi")
     assert (found.scenario, found.controller, found.whole, found.stops) == ("low", "pi", False, ())
     assert (found.unit, found.factor, found.start, found.si(2.5)) == ("mN*m", 1e-3, 4.0, 0.0025)
+    (found,) = made("key", "label", "Group", Owner(), "plain", 0.5, (0.5, 2))
+    assert (found.unit, found.factor, found.start, found.si(0.75), found.text(0.75)) == (
+        "",
+        1.0,
+        0.5,
+        0.75,
+        0.75,
+    )
     assert list(made("key", "label", "Group", None, "torque", "4 mN*m", (0.5, 2))) == []
 
 
@@ -141,6 +161,28 @@ def test_a_key_is_looked_up_in_the_model_and_in_the_file():
     assert looked_up(here, {}, "motor.cogging.0.torque") == (ripple, "torque", None)
     for key in ("motor.cogging.1.torque", "motor.ripple.0.torque", "motor.cogging.x.torque"):
         assert looked_up(here, file, key)[0] is None and looked_up(here, file, key)[2] is None
+
+
+def test_learning_may_begin_until_the_longest_run_of_its_law_ends(tmp_path):
+    study = live_studies.study(tmp_path)  # runs of 2 s and of 1 s
+    (found,) = (one for one in candidates(study) if one.label == "learning_start")
+    assert (found.key, found.controller, found.scenario) == (
+        "controller.pi-ilc.learning_start",
+        "pi-ilc",
+        None,
+    )
+    assert (found.low, found.high, found.least, found.most, found.start) == (0, 2, 0, 2, 0)
+
+
+def test_keys_of_ones_own_motor_are_called_by_what_they_are_of_it(tmp_path):
+    found = {one.key: one.label for one in of_motor(live_studies.study(tmp_path))}
+    assert found == {
+        "motor.pole_pairs": "pole_pairs",
+        "mechanics.inertia": "inertia",
+        "motor.cogging.0.order": "cogging.0.order",
+        "motor.cogging.0.torque": "cogging.0.torque",
+        "drive.inverter.bus_voltage": "inverter.bus_voltage",
+    }
 
 
 @pytest.mark.parametrize(
