@@ -202,6 +202,8 @@ def read(data, numbers, at=0):
         found, at = read(data, numbers, at)
         return found
 
+    if kind in (packed.NONE, packed.INTEGER, packed.NATURAL, packed.REAL):
+        assert count == 0
     match kind:
         case packed.NONE:
             found = None

@@ -71,7 +71,7 @@ def test_errors_over_the_trials_with_floor_and_changes():
 
 
 def test_the_first_trials_of_four_phases_are_drawn_with_their_references():
-    phases = [{"name": f"phase {n}", "trials": [10 * n + 1, 10 * n + 5]} for n in range(5)]
+    phases = [{"name": f"phase no {n}", "trials": [10 * n + 1, 10 * n + 5]} for n in range(5)]
     trials = [{str(10 * n + 1): pack(np.array([n, n + size])) for n in range(5)} for size in (1, 2)]
     panels = [
         chart(
@@ -82,7 +82,9 @@ def test_the_first_trials_of_four_phases_are_drawn_with_their_references():
     ]
     waves = {"x": "time in the trial (s)", "start": 0.5, "step": 2.0, "phases": phases, "panels": panels}
     above, below = trial_plots.PICTURES["trials"].rows({"waveforms": waves}, LOOKS)
-    assert [plot.x for plot in above] == [f"time in the trial (s); phase {n}" for n in range(4)]
+    assert [plot.x for plot in above] == [
+        f"time in the trial (s); phase no\n{n}" for n in range(4)
+    ]  # 32 a line
     axes = axes_of(above[3])
     assert [(colour, x) for colour, x, _ in curves(axes)] == [
         (colour, [0.5, 2.5]) for colour in ("C1", "C2", png.REFERENCE["color"])
@@ -170,6 +172,24 @@ def test_a_learned_map_is_a_curve_over_the_angle():
     assert curves(axes_of(plot)) == [("C1", [0, 90, 180], [1, 1.0, 2.0]), ("C0", [0, 90, 180], [0, 1.0, 2.0])]
 
 
+def test_bars_of_an_order_stand_side_by_side_about_its_place():
+    """Of two controllers each is 0.39 wide, and drawn in 92 % of that; what is no number has no height."""
+    both = [{"controller": n, "values": values} for n, values in ((2, [1.0, None]), (0, [3.0, 4.0]))]
+    ((plot,),) = plots.PICTURES["spectra"].rows({"spectra": [chart(orders=[6, 24], series=both)]}, LOOKS)
+    axes = axes_of(plot)
+    for bars, colour, x, heights in zip(
+        axes.containers, ("C2", "C0"), (-0.195, 0.195), ([1, 0], [3, 4]), strict=True
+    ):
+        assert {to_hex(bar.get_facecolor()) for bar in bars} == {to_hex(colour)}
+        assert [bar.get_x() + bar.get_width() / 2 for bar in bars] == pytest.approx([x, 1 + x])
+        assert [bar.get_width() for bar in bars] == pytest.approx([0.92 * 0.39] * 2)
+        assert [bar.get_height() for bar in bars] == heights
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["6", "24"]
+    assert not any(line.get_visible() for line in axes.get_xgridlines())
+    end = 0.195 + 0.46 * 0.39  # of the outer bars, beyond their place
+    assert axes.get_xlim() == pytest.approx((-end - 0.05 * (1 + 2 * end), 1 + end + 0.05 * (1 + 2 * end)))
+
+
 @pytest.fixture
 def figures(monkeypatch):
     """Figures and what their files say about them, in the order in which they are written, not rendered."""
@@ -200,6 +220,24 @@ def test_a_picture_is_as_wide_as_its_columns_need_and_as_high_as_its_rows(tmp_pa
     assert two.axes[0].get_gridspec().get_width_ratios() == (2, 1)
     assert about == {"Run": "run", "Series": "[[2.0, 2.0], [2.0, 2.0], [2.0, 2.0]]"}
     assert of_bars["Series"] == "[[-1.0, 3.0]]" and not bars.legends[0].get_texts()
+
+
+def test_only_pictures_with_a_plot_are_written(tmp_path, figures, monkeypatch):
+    monkeypatch.setattr(png, "run_id", lambda results: "id")
+    one = png.Picture(lambda data, looks: [[png.Plot(lambda ax: ax.plot([0], [data], **looks[0]))]], 1.5)
+    pictures = {
+        "none": png.Picture(lambda *_: [], 1.0),
+        "one": one,
+        "empty": png.Picture(lambda *_: [[]], 1.0),
+    }
+    results = SimpleNamespace(scenarios=["low"], study=SimpleNamespace(title="Study"))
+    drawn = {"controllers": [{"colour": 1, "label": "PI"}], "scenarios": [5.0]}
+    assert png.write_plots(results, drawn, pictures, tmp_path) == [tmp_path / "low-one.png"]
+    ((figure, about),) = figures
+    assert (figure.get_suptitle(), about["Run"]) == ("Study: low", "id")
+    (line,) = figure.axes[0].lines
+    assert (line.get_label(), list(line.get_ydata()), line.get_linewidth()) == ("PI", [5.0], 0.9)
+    assert line.get_color() == png.asset("report.css").split("--c1: ")[1][:7]
 
 
 @pytest.mark.parametrize(("count", "length", "abreast"), [(3, 4, 3), (20, 3, 12), (20, 6, 9), (2, 200, 1)])
