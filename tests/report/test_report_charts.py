@@ -194,6 +194,35 @@ def test_maps_are_drawn_on_the_grid_of_the_finest_up_to_1440_cells(results):
     (fine,) = maps.maps(results, [learned(0, long, np.cos(long), "electrical")])
     assert fine["x"] == "electrical angle (°)" and len(fine["angle"]) == 1441
     assert maps.maps(results, [learned(0, [0.0], [1.0])]) == []
+    third = np.arange(3) * TURN / 7
+    (odd,) = maps.maps(results, [learned(0, third, [0, 1, 2])])
+    assert odd["angle"] == pytest.approx([0, 51.429, 102.857, 154.286], abs=1e-9)  # thousandths of a degree
+
+
+@pytest.mark.parametrize(
+    ("frame", "turns", "rows"), [("mechanical", 2.1, 2), ("electrical", 1.1, 2), ("mechanical", 1.9, 0)]
+)
+def test_the_polar_map_needs_two_turns_of_its_frame(results, monkeypatch, frame, turns, rows):
+    """Two pole pairs: an electrical turn is half of one. What is learned is the sum of its terms."""
+    monkeypatch.setattr(maps, "learned_terms", lambda results, run: getattr(run, "terms", ["a", "b"]))
+    theta = np.linspace(0.0, TURN * turns, 2000)
+    x = theta / TURN * (2 if frame == "electrical" else 1)
+    run = run_of(0, theta_m=theta, a=x, b=2 * x)
+    run.memory = {"frame": frame}
+    unlearned = run_of(1, theta_m=theta)
+    unlearned.memory, unlearned.terms = {}, []
+    found = maps.polar(results, [run, unlearned])
+    if not rows:
+        assert found == []
+        return
+    (chart,) = found
+    assert (chart["title"], chart["unit"]) == (f"Learned current around one {frame} revolution", "A")
+    (series,) = chart["series"]
+    cell = np.arange(360) / 360
+    for name, turn in (("low", 0.0), ("values", 0.5), ("high", 1.0)):
+        assert series[name] == pytest.approx(3 * (turn + cell), abs=5e-3)
+    run.memory = {"frame": "trial"}
+    assert maps.polar(results, [run]) == []
 
 
 def test_the_last_eight_turns_are_laid_over_each_other_from_angle_zero():
