@@ -104,7 +104,9 @@ def test_eight_revolutions_are_enough_for_orders_over_time(made):
 
 
 def test_48_pieces_at_most_of_as_many_revolutions_each(run_up):
-    found = tracking.tracked(run_up, runs_in(run_up, "low-speed"))
+    runs = runs_in(run_up, "low-speed")
+    found = tracking.tracked(run_up, runs)
+    assert list(tracking.tracked(run_up, runs[:1]).amplitudes) == [0]  # of one controller too
     assert len(found.times) == len(found.speeds) == 27  # 55 revolutions, two a piece
     assert {amplitudes.shape for amplitudes in found.amplitudes.values()} == {(27, 120)}
     (chart, *_) = tracking.waterfall(run_up, found)

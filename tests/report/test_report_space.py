@@ -372,6 +372,19 @@ def test_a_drift_of_the_current_is_no_line_that_grows():
     assert growth(*steady(22.0025, i_q=current)) is None
 
 
+@pytest.mark.parametrize(("bins", "grew"), [(3, 0.75), (4, 1.0)])
+def test_the_fourth_line_of_a_spectrum_is_the_slowest_that_counts(bins, grew):
+    """Of 1600 rows at 400 Hz: what is slower is a drift."""
+    assert growth(*steady(22.0025, i_q=line(0.0, 0.5, frequency=bins / 4))) == pytest.approx(grew)
+
+
+def test_a_current_that_is_no_number_for_a_while_has_no_lines_there():
+    def current(t):
+        return np.where((t > 11) & (t < 12), np.nan, line(0.0, 0.1)(t))
+
+    assert growth(*steady(22.0025, i_q=current)) == pytest.approx(40.0, abs=0.01)
+
+
 def test_a_line_grows_in_the_last_of_the_windows_too():
     def current(t):
         return 1 + np.where(t < 18.001, 0.0, 0.1 * np.sin(2 * np.pi * 40 * t))

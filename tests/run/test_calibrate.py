@@ -115,6 +115,7 @@ def test_the_solver_sees_a_parameter_in_units_of_where_it_starts(tmp_path: Path)
         {**zero, "lower": "-2 mN*m", "upper": "4 mN*m"},
         {**zero, "lower": "-2 mN*m"},
         {**zero, "upper": 0},
+        {**zero, "lower": 0},
         {**zero, "lower": 0, "upper": 0},
     ]
     study = problem(tmp_path, given, [target("speed_ripple", "5 rpm")])
@@ -123,14 +124,14 @@ def test_the_solver_sees_a_parameter_in_units_of_where_it_starts(tmp_path: Path)
     *parameters, nothing = study.calibration.parameters
     knobs = [room._knob(study, n, parameter) for n, parameter in enumerate(parameters)]
     own = [f'scenario.{name}.override."mechanics.inertia"' for name in ("step", "low")]
-    assert [knob.key for knob in knobs] == [inertia["key"], *own, *[torque["key"]] * 4]
-    assert [knob.unit for knob in knobs] == ["kg*m^2"] * 3 + ["mN*m"] * 4
-    assert [knob.start for knob in knobs] == pytest.approx([2.5e-4, 5e-4, 2.5e-4, -3.0, 0.0, 0.0, 0.0])
-    assert [knob.scale for knob in knobs] == pytest.approx([2.5e-4, 5e-4, 2.5e-4, 3.0, 6.0, 1.0, 1.0])
-    assert [knob.lower for knob in knobs] == [-inf] * 4 + [-2.0] * 2 + [-inf]
-    assert [knob.upper for knob in knobs] == [inf] * 3 + [2.0, 4.0, inf, 0.0]
-    with pytest.raises(StudyError, match=r"parameters\.7\.initial: 0\.0: expected a value between lower and"):
-        room._knob(study, 7, nothing)
+    assert [knob.key for knob in knobs] == [inertia["key"], *own, *[torque["key"]] * 5]
+    assert [knob.unit for knob in knobs] == ["kg*m^2"] * 3 + ["mN*m"] * 5
+    assert [knob.start for knob in knobs] == pytest.approx([2.5e-4, 5e-4, 2.5e-4, -3.0, 0, 0, 0, 0])
+    assert [knob.scale for knob in knobs] == pytest.approx([2.5e-4, 5e-4, 2.5e-4, 3.0, 6.0, 1, 1, 1])
+    assert [knob.lower for knob in knobs] == [-inf] * 4 + [-2.0] * 2 + [-inf, 0.0]
+    assert [knob.upper for knob in knobs] == [inf] * 3 + [2.0, 4.0, inf, 0.0, inf]
+    with pytest.raises(StudyError, match=r"parameters\.8\.initial: 0\.0: expected a value between lower and"):
+        room._knob(study, 8, nothing)
 
 
 def test_a_study_without_calibration(tmp_path: Path) -> None:

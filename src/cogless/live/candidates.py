@@ -344,7 +344,10 @@ def made(
         low, high = stops[0], stops[-1]
     low, high = (float(round(x)) if whole else float(f"{x:.4g}") for x in (low, high))
     is_share = len(span) == 2 and not whole and not stops and label != "forgetting"
-    least, most = (low / WIDE if low > 0 else WIDE * low, WIDE * high) if is_share else (low, high)
+    least, most = low, high
+    if is_share:
+        least = low / WIDE if low > 0 else WIDE * low
+        most = high / WIDE if high < 0 else WIDE * high
     yield Candidate(
         key,
         label,

@@ -159,7 +159,7 @@ def _comparison(case: _Case) -> tuple[str, str]:
         return tone, f"{case.where}, {_have(case)}."
     about = "" if len(winners) == 1 else "about "
     ratio = case.against(winners[0], base)
-    less = f"{about}{times(1 / ratio)} less than" if ratio else f"{about}against"
+    less = f"{about}{times(1 / ratio)} less than" if ratio else "against"
     return tone, f"{case.where}, {_have(case)}, {less} {case.label(base)} ({line.text(base)})."
 
 

@@ -1,0 +1,399 @@
+"""Sliders of keys and the values at which they are tried, number by number."""
+
+import math
+import struct
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Annotated, Any, ClassVar
+
+import live_studies
+import numpy as np
+import pytest
+
+from cogless.errors import StudyError
+from cogless.live import keys, motor
+from cogless.live.candidates import (
+    LINES,
+    OF_REFERENCE,
+    PLANT,
+    YOURS,
+    Candidate,
+    candidates,
+    looked_up,
+    made,
+    of_motor,
+    shortest,
+)
+from cogless.live.packed import Number, Packed
+from cogless.study.table import Quantity
+from cogless.units import TORQUE
+
+# Of a quantity's slider: its ends as shares of the study's value, and the words that keys of it end in.
+ENDS = {
+    (0.3, 3): ("mechanics.inertia", "load_side.inertia", "stiffness"),  # what can't be zero
+    (0, 3): (
+        "coulomb_friction", "viscous_friction", "damping", "current", "torque", "torque_peak_to_peak",
+        "percent", "percent_peak_to_peak", "d", "q", "latency", "eccentricity",
+    ),
+    (1, 3): ("breakaway_friction",),  # not below Coulomb's
+    (0.5, 2): ("R_s", "resistance_line_to_line", "L_d", "L_q", "inductance_line_to_line"),
+    (0.7, 1.3): ("psi_f", "K_t", "kv"),
+    (0, 5): ("noise",),
+    (8, 16): ("current_sensors.bits",),
+    (8, 20): ("position_sensor.bits",),
+    (0, 0): ("lines",),
+    (-3, 3): ("offset.0", "offset.1", "offset.2", "gain_error.0", "gain_error.1", "gain_error.2"),
+    (0, 4): ("dead_time",),
+    (0.5, 1.5): ("bus_voltage",),
+}  # fmt: skip
+
+
+def test_each_key_of_the_plant_has_the_ends_of_its_quantity():
+    words = {word: ends for ends, those in ENDS.items() for word in those}
+    met, counts = set(), {}
+    for _, key, *ends in PLANT:
+        (word,) = (word for word in words if f".{key}".endswith(f".{word}"))
+        assert tuple(ends) == words[word], key
+        met.add(word)
+        first, name, n, *_ = (*key.split("."), "", "")
+        if first == "motor" and n:
+            counts.setdefault(name, set()).add(int(n))
+    assert met == words.keys()
+    assert counts == {"cogging": {0, 1, 2, 3}, "torque_ripple": {0, 1}, "flux_harmonics": {0, 1, 2}}
+    spans = {
+        "speed": (0.1, 3),
+        "ramp": (0.2, 3),
+        "offset": (0.1, 3),
+        "amplitude": (0, 2),
+        "frequency": (0.3, 3),
+    }
+    assert {name: tuple(ends) for name, *ends in OF_REFERENCE} == spans
+
+
+def test_an_encoders_lines_are_round_numbers_none_far_from_the_next():
+    """Round: products of 2, 3 and 5. Each is larger than the one before by two thirds at most."""
+    assert (LINES[0], LINES[-1]) == (64, 10_000)
+    for n in LINES:
+        for prime in (2, 3, 5):
+            while n % prime == 0:
+                n //= prime
+        assert n == 1
+    assert all(1 < after / before < 1.7 for before, after in pairwise(LINES))
+
+
+class Owner:
+    """A model with a number of each kind."""
+
+    model_fields: ClassVar[dict[str, Any]] = {
+        "torque": SimpleNamespace(metadata=[Quantity(TORQUE)], annotation=float),
+        "positive": SimpleNamespace(metadata=[Quantity(TORQUE, ">")], annotation=float),
+        "within": SimpleNamespace(
+            metadata=[], annotation=tuple[Annotated[float, Quantity(TORQUE, ">")], ...]
+        ),
+        "plain": SimpleNamespace(metadata=[], annotation=float),
+    }
+
+
+def slider(value, span, field="plain", label="key"):
+    """Low and high end, least and most of the field; None if it has no slider."""
+    found = list(made("key", label, "Group", Owner(), field, value, span))
+    return (found[0].low, found[0].high, found[0].least, found[0].most) if found else None
+
+
+@pytest.mark.parametrize(
+    ("value", "span", "field", "expected"),
+    [
+        ("4 mN*m", (0.5, 2), "torque", (2, 8, 0.02, 800)),
+        ("4 mN*m", (0.0, 3), "torque", (0, 12, 0, 1200)),
+        ("4 mN*m", (0.0, 3), "positive", (0.4, 12, 0.004, 1200)),  # not zero: a tenth at least
+        ("4 mN*m", (0.3, 3), "positive", (1.2, 12, 0.012, 1200)),
+        ("4 mN*m", (0.0, 3), "within", (0.4, 12, 0.004, 1200)),
+        ("-4 mN*m", (-3, 3), "torque", (-12, 12, -1200, 1200)),
+        ("-4 mN*m", (0.5, 2), "torque", (-8, -2, -800, -0.02)),
+        ("1.23456 mN*m", (1, 3), "torque", (1.23456, 3.704, 0.01235, 370.4)),  # rounded to four digits
+        ("4 mN*m", (-9, 9, "mN*m"), "torque", (-9, 9, -9, 9)),
+        ("20 mN*m", (-9, 9, "mN*m"), "torque", (-9, 20, -9, 20)),
+        ("-20 mN*m", (-9, 9, "mN*m"), "torque", (-20, 9, -20, 9)),
+        ("0 mN*m", (0.5, 2), "torque", None),
+        (0.5, (0.5, 2), "plain", (0.25, 1, 0.0025, 100)),
+        (3, (0.0, 3), "plain", (0, 12, 0, 12)),  # a whole number
+        (50, (0.0, 4), "plain", (0, 106, 0, 106)),
+        (51, (0.0, 4), "plain", (12, 204, 12, 204)),
+        (12, (8, 16), "plain", (8, 16, 8, 16)),  # bits are no shares
+        (3, (1, 40, ""), "plain", (1, 40, 1, 40)),
+        (True, (0.5, 2), "plain", None),
+        ("text", (0.5, 2), "torque", None),
+        ("4 mN*m", (0.5, 2), "plain", None),
+        ([1.0], (0.5, 2), "plain", None),
+        (1.0, (0.5, 2), "no field", None),
+    ],
+)  # fmt: skip
+def test_a_slider_reaches_about_the_studys_value(value, span, field, expected):
+    assert slider(value, span, field) == (expected and pytest.approx(expected, rel=1e-3))
+
+
+def test_some_keys_have_sliders_of_their_own():
+    assert slider(0.9, (0.0, 3), label="forgetting") == (0.5, 1, 0.5, 1)
+    (found,) = made("key", "position_sensor.lines", "Group", Owner(), "plain", 777, (0.0, 0.0))
+    assert (found.low, found.high, found.stops) == (64, 10_000, tuple(sorted((*LINES, 777))))
+    (found,) = made("key", "label", "Group", Owner(), "torque", "4 mN*m", (0.5, 2), "low", "pi")
+    assert (found.scenario, found.controller, found.whole, found.stops) == ("low", "pi", False, ())
+    assert (found.unit, found.factor, found.start, found.si(2.5)) == ("mN*m", 1e-3, 4.0, 0.0025)
+    (found,) = made("key", "label", "Group", Owner(), "plain", 0.5, (0.5, 2))
+    assert (found.unit, found.factor, found.start, found.si(0.75), found.text(0.75)) == (
+        "",
+        1.0,
+        0.5,
+        0.75,
+        0.75,
+    )
+    assert list(made("key", "label", "Group", None, "torque", "4 mN*m", (0.5, 2))) == []
+
+
+def test_a_key_is_looked_up_in_the_model_and_in_the_file():
+    """Of a list's number the owner is the one that has the list; of a list of tables it is the table."""
+    ripple, sensors = SimpleNamespace(torque=1.0), SimpleNamespace(offset=[1.0, 2.0])
+    here = SimpleNamespace(motor=SimpleNamespace(cogging=[ripple]), sensors=sensors)
+    file = {"motor": {"cogging": [{"torque": "1 N*m"}]}, "sensors": {"offset": ["1 A", "2 A"]}}
+    assert looked_up(here, file, "motor.cogging.0.torque") == (ripple, "torque", "1 N*m")
+    assert looked_up(here, file, "sensors.offset.1") == (sensors, "offset", "2 A")
+    assert looked_up(here, file, "sensors.offset.7") == (sensors, "offset", None)
+    assert looked_up(here, {}, "motor.cogging.0.torque") == (ripple, "torque", None)
+    for key in ("motor.cogging.1.torque", "motor.ripple.0.torque", "motor.cogging.x.torque"):
+        assert looked_up(here, file, key)[0] is None and looked_up(here, file, key)[2] is None
+
+
+def test_learning_may_begin_until_the_longest_run_of_its_law_ends(tmp_path):
+    study = live_studies.study(tmp_path)  # runs of 2 s and of 1 s
+    (found,) = (one for one in candidates(study) if one.label == "learning_start")
+    assert (found.key, found.controller, found.scenario) == (
+        "controller.pi-ilc.learning_start",
+        "pi-ilc",
+        None,
+    )
+    assert (found.low, found.high, found.least, found.most, found.start) == (0, 2, 0, 2, 0)
+
+
+def test_keys_of_ones_own_motor_are_called_by_what_they_are_of_it(tmp_path):
+    found = {one.key: one.label for one in of_motor(live_studies.study(tmp_path))}
+    assert found == {
+        "motor.pole_pairs": "pole_pairs",
+        "mechanics.inertia": "inertia",
+        "motor.cogging.0.order": "cogging.0.order",
+        "motor.cogging.0.torque": "cogging.0.torque",
+        "drive.inverter.bus_voltage": "inverter.bus_voltage",
+    }
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1e15, "1000000000000000.0"), (-1e15, "-1000000000000000.0"), (999999999999999.0, "999999999999999")],
+)
+def test_whole_numbers_below_a_million_billions_have_no_point(value, text):
+    assert shortest(value) == text
+
+
+def candidate(low, high, start=None, least=None, most=None, **more):
+    start = low if start is None else start
+    ends = (low if least is None else least, high if most is None else most)
+    return Candidate("key", "key", "Group", "", 1.0, start, low, high, *ends, **more)
+
+
+def test_a_key_is_tried_all_over_its_slider_and_its_field():
+    tried = keys._samples(candidate(2.0, 12.0))
+    golden = (math.sqrt(5) - 1) / 2
+    assert tried == pytest.approx([2 + 10 * (n * golden % 1) for n in range(1, 21)], rel=1e-6)
+    assert keys._samples(candidate(0.0, 9.0, whole=True))[:3] == [
+        round(9 * (n * golden % 1)) for n in (1, 2, 3)
+    ]
+    wide = keys._wide(candidate(2.0, 10.0, least=1.0, most=110.0))
+    assert wide == pytest.approx([1, 1.1, 1.37, 2, 10, 20, 47, 110])
+
+
+def test_stops_are_spread_evenly_with_the_studys_value_among_them():
+    assert keys._grid(candidate(0.0, 20.0, start=3.3)) == sorted([*map(float, range(21)), 3.3])
+    assert keys._grid(candidate(0.0, 1.0, start=0.5))[:3] == [0, 0.05, 0.1]
+    assert keys._grid(candidate(1000.0, 1100.0, start=1000.0)) == [
+        1000.0 + 10 * n for n in range(11)
+    ]  # 3 digits
+    assert keys._grid(candidate(0.0, 4.0, start=1.0, whole=True)) == [0, 1, 2, 3, 4]
+
+
+def test_a_key_that_only_its_slider_is_right_for_has_no_wider_field():
+    narrow = keys._narrowed(keys.Key(candidate(2.0, 10.0, least=1.0, most=110.0), {})).candidate
+    assert (narrow.least, narrow.low, narrow.high, narrow.most) == (2, 2, 10, 10)
+
+
+def packed(value, kind="d"):
+    number = Number("x", 0, kind)
+    data = np.array([value]).astype({"d": "<f8", "f": "<f4", "I": "<u4", "q": "<i8"}[kind]).tobytes()
+    return number, Packed(data, (number,), ())
+
+
+@pytest.mark.parametrize(
+    ("kind", "start", "tried", "scale", "rounded"),
+    [
+        ("d", 3.0, 5.5, 1.0, False),
+        ("d", 6.0, 11.0, 2.0, False),
+        ("f", 6.0, 11.0, 2.0, False),
+        ("q", 3000.0, 5500.0, 1000.0, False),
+        ("I", 3001.0, 5501.0, None, False),
+        ("q", 6.0, 11.0, 2.0, False),
+        ("d", 9.0, 30.25, None, False),  # a square
+        ("I", 750.0, 1375.0, 250.0, False),
+    ],
+)
+def test_a_number_is_a_multiple_of_its_key_or_has_stops(kind, start, tried, scale, rounded):
+    """Of a key that is 3 in the study and 5.5 as tried."""
+    study = SimpleNamespace(drive=None)
+    number, base = packed(start, kind)
+    landing = keys._fitting(study, number, candidate(1.0, 9.0, start=3.0), 5.5, base, packed(tried, kind)[1])
+    assert landing == (scale and keys.Landing(number, scale, rounded))
+
+
+@pytest.mark.parametrize(("rate", "rounded"), [(1000, True), (4000, True), (2000, False)])
+def test_a_time_is_a_whole_number_of_periods_of_the_law_or_the_current_loop(rate, rounded):
+    study = SimpleNamespace(drive=SimpleNamespace(rates=SimpleNamespace(current_loop=4000, divider=4)))
+    key = candidate(0.001, 0.03, start=0.0100003)
+    numbers = [packed(float(round(x * rate)), "I") for x in (key.start, 0.0130004)]
+    landing = keys._fitting(study, numbers[0][0], key, 0.0130004, numbers[0][1], numbers[1][1])
+    assert landing == (keys.Landing(numbers[0][0], float(rate), True) if rounded else None)
+
+
+# --- one's own motor
+
+
+def test_places_of_the_curve_are_chebyshevs_over_a_thirtieth_to_four_times():
+    """All zeros of the 24th polynomial: cos(24 arccos x)."""
+    low, high = math.log(1 / 30), math.log(4)
+    x = (2 * np.array(motor.nodes()) - low - high) / (high - low)
+    assert len(x) == 24 and np.cos(24 * np.arccos(x)) == pytest.approx(np.zeros(24), abs=1e-11)
+    assert np.all(np.diff(x) < 0)
+
+
+@pytest.mark.parametrize("at", [-3.0, -1.0, 0.0, 1.3])
+def test_between_the_places_the_curve_is_a_polynomial(at):
+    def curve(x):
+        return 2.0 + x - 0.5 * x**3
+
+    places = motor.nodes()
+    assert motor._between([curve(x) for x in places], at) == pytest.approx(curve(at), rel=1e-12)
+    assert motor._between([float(n) for n in range(24)], places[7]) == 7.0
+
+
+@pytest.mark.parametrize(
+    ("x", "start", "power"),
+    [(4.0, 1.0, 2.0), (0.5, 1.0, -1.0), (0.0, 0.0, 0.0), (0.0, 1.0, math.nan), (1.0, 0.0, math.nan)],
+)
+def test_a_power_is_how_often_a_number_doubles(x, start, power):
+    assert motor._log2(x, start) == pytest.approx(power, nan_ok=True)
+
+
+def test_a_power_is_whole_within_a_hundred_thousandth():
+    found = [motor._is_whole(x) for x in (1.0, -2 + 0.9e-5, 1 + 1.1e-5, 0.5, math.nan, math.inf)]
+    assert found == [True, True, False, False, False, False]
+
+
+def test_a_product_of_powers_a_factor_for_the_pole_pairs_and_a_curve():
+    about = {name: candidate(0.1, 100.0, start=start) for name, start in (
+        ("a", 2.0), (motor.POLE_PAIRS, 3.0), (motor.RESISTANCE, 5.0), (motor.INDUCTANCE, 7.0)
+    )}  # fmt: skip
+    number = Number("x", 0, "d")
+    plain = motor.Product(number, 10.0, {"a": 2, motor.RESISTANCE: -1})
+    assert motor.computed(plain, about, {}) == 10.0
+    assert motor.computed(plain, about, {"a": 6.0, motor.RESISTANCE: 2.5}) == pytest.approx(10 * 9 * 2)
+    by_pairs = motor.Product(number, 10.0, {}, factors=(0.25, 0.5, 1.0, 4.0))
+    assert [motor.computed(by_pairs, about, {motor.POLE_PAIRS: float(n)}) for n in (1, 4)] == [2.5, 40.0]
+    assert motor.computed(by_pairs, about, {}) == 10.0
+    bent = motor.Product(number, 10.0, {}, curve=tuple(1 + x for x in motor.nodes()))  # of log(R_s / L)
+    values = {motor.RESISTANCE: 2.5, motor.INDUCTANCE: 14.0}
+    assert motor.computed(bent, about, values) == pytest.approx(10 * (1 + math.log(0.25)))
+
+
+def test_a_motor_is_tried_at_a_hundredth_to_a_hundred_times_its_values():
+    golden = (math.sqrt(5) - 1) / 2
+    for n in (0, 1, 5):
+        assert np.log10(motor._samples(n)) == pytest.approx(
+            [4 * (golden * (k + 1) * (n + 1) % 1) - 2 for k in range(12)]
+        )
+
+
+PLACE = ("low", "pi", "run")
+KEYS = {
+    motor.POLE_PAIRS: (4.0, 1.0, 6.0), motor.RESISTANCE: (2.0, 0.6, 6.0),
+    motor.INDUCTANCE: (1e-3, 3e-4, 3e-3),
+    "motor.kv": (60.0, 20.0, 180.0), "mechanics.inertia": (4e-5, 1e-5, 1e-4),
+    "drive.inverter.bus_voltage": (24.0, 8.0, 72.0),
+}  # fmt: skip
+
+
+def own_motor(formulas, formats):
+    """The keys of one's own motor, numbers of these formulas, and the run with other values of some keys."""
+    by_key = {
+        key: Candidate(key, key, YOURS, "", 1.0, start, *ends, *ends, whole=key == motor.POLE_PAIRS)
+        for key, (start, *ends) in KEYS.items()
+    }
+    numbers = tuple(Number(f"n{n}", 8 * n, kind) for n, kind in enumerate(formats))
+
+    def described(values):
+        at = {key: start for key, (start, *_) in KEYS.items()} | {one.key: x for one, x in values}
+        data = bytearray(8 * len(numbers))
+        for number, formula in zip(numbers, formulas, strict=True):
+            x = formula(*at.values())
+            struct.pack_into(
+                f"<{number.format}", data, number.offset, x if number.format in "df" else round(x)
+            )
+        return {PLACE: Packed(bytes(data), numbers, ())}
+
+    return list(by_key.values()), numbers, described
+
+
+def test_numbers_of_a_motor_are_products_of_its_keys_powers():
+    """And of a value for each number of pole pairs, and of a curve over R / L."""
+    formulas = (
+        lambda p, R, L, kv, J, bus: 3 * R / L,
+        lambda p, R, L, kv, J, bus: 1e4 * J * kv**2 / p,
+        lambda p, R, L, kv, J, bus: p,
+        lambda p, R, L, kv, J, bus: bus * (1 + 1e-4 * R / L),
+        lambda p, R, L, kv, J, bus: 7.0,
+        lambda p, R, L, kv, J, bus: 5.0,
+    )
+    by_key, numbers, described = own_motor(formulas, "dfIfdQ")
+    found = motor.products(described([]), described, by_key)
+    first, second, pairs, bent = found[PLACE]
+    assert (first.number, first.start, first.factors, first.curve) == (numbers[0], 6000.0, (), ())
+    assert first.powers == {motor.RESISTANCE: 1, motor.INDUCTANCE: -1}
+    assert second.powers == {"motor.kv": 2, "mechanics.inertia": 1}
+    assert second.factors == pytest.approx([4 / p for p in range(1, 7)], rel=1e-6) and second.curve == ()
+    assert (pairs.number, pairs.start, pairs.powers, pairs.factors) == (
+        numbers[2],
+        1.0,
+        {},
+        (1, 2, 3, 4, 5, 6),
+    )
+    assert bent.powers == {"drive.inverter.bus_voltage": 1} and bent.factors == ()
+    assert bent.curve == pytest.approx([(1 + 0.2 * math.exp(at)) / 1.2 for at in motor.nodes()], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("formula", "kind"),
+    [
+        (lambda p, R, L, kv, J, bus: J + 1, "d"),
+        (lambda p, R, L, kv, J, bus: J**0.5, "d"),
+        (lambda p, R, L, kv, J, bus: R * bus + L, "d"),
+        (lambda p, R, L, kv, J, bus: J * (1 + (kv > 200)), "d"),  # a product only near the study's values
+        (lambda p, R, L, kv, J, bus: 1 + (kv > 200), "I"),
+    ],
+)
+def test_a_number_that_is_no_product_is_refused(formula, kind):
+    by_key, _, described = own_motor([formula], kind)
+    with pytest.raises(StudyError, match=r"^live: n0: "):
+        motor.products(described([]), described, by_key)
+
+
+def test_all_keys_of_ones_own_motor_are_expected():
+    by_key, _, described = own_motor([lambda *_: 1.0], "d")
+    with pytest.raises(
+        StudyError, match=r"^live: motor.kv: missing: expected for the fields of one's own motor$"
+    ):
+        motor.products(described([]), described, [key for key in by_key if key.key != "motor.kv"])
