@@ -1,6 +1,8 @@
 /* Parts and laws with inputs whose answer is known: from the field that they work on, or in closed form. */
 #include "known_answers.h"
 
+#include <stddef.h>
+
 #include "check.h"
 #include "cogless/adrc.h"
 #include "cogless/angle.h"
@@ -150,6 +152,11 @@ static void learn_orders(void)
                                         .orders = 4U, .rate = CGL_R(8.0), .rate_min = CGL_R(0.5), .limit = CGL_R(1.0)};
     cgl_harmonic law;
     cgl_real rotor[2] = {CGL_R(0.0), CGL_R(20.0)};
+    cgl_harmonic_config without_limit = config;
+    without_limit.pi.limit = CGL_R(-1.0);
+    CHECK(cgl_harmonic_init(&law, &without_limit, CGL_R(1.0e-3), cell, CGL_HARMONIC_LENGTH(4U)) == CGL_ERROR_CONFIG);
+    CHECK(cgl_harmonic_init(&law, &config, CGL_R(1.0e-3), NULL, CGL_HARMONIC_LENGTH(4U)) == CGL_ERROR_MEMORY);
+    CHECK(cgl_harmonic_init(&law, &config, CGL_R(1.0e-3), cell, CGL_HARMONIC_LENGTH(4U) - 1U) == CGL_ERROR_MEMORY);
     CHECK(cgl_harmonic_init(&law, &config, CGL_R(1.0e-3), cell, CGL_HARMONIC_LENGTH(4U)) == CGL_OK);
     const cgl_real early = ripple_of(&law, rotor, CGL_R(20.0), 1);
     (void)ripple_of(&law, rotor, CGL_R(20.0), 4);
