@@ -17,6 +17,7 @@ from cogless.design.response import Bundle
 from cogless.design.trial import TrialSettings, design_trial
 from cogless.design.trial_observer import (
     LEFT,
+    POLES,
     SENSITIVITY,
     SHIFT,
     ObserverGains,
@@ -66,7 +67,8 @@ def test_the_rule_is_at_its_bounds() -> None:
     faster = design_observer(plant, gains.pole - 0.02)
     assert sensitivity(plant, faster) > SENSITIVITY
     cutoff = highest_cutoff(plant, gains, 2)
-    # 25 responses, from half to twice the plants', at poles in hundredths
+    # 25 responses, from half to twice the plants', at poles in hundredths from 0.95 to 0.05
+    assert np.round(POLES, 9).tolist() == [n / 100 for n in range(95, 4, -1)]
     assert (gains.pole, gains.response, cutoff) == pytest.approx((0.33, 3.43542e-3, 38.9274), rel=1e-4)
     w = np.linspace(1e-3, np.pi, 800)
     assert plant.exact_vertices is not None

@@ -23,7 +23,9 @@ from cogless.export.c.texts import (
     _verdict_comment,
     _words,
 )
+from cogless.export.fmu.variables import duties, measurements
 from cogless.export.prepared import prepare
+from cogless.study import load
 
 
 @pytest.fixture(scope="module")
@@ -260,3 +262,19 @@ def test_a_self_test_lasts_for_80_steps_of_the_law(
     """At least 400 periods, and at most 2000, or those of the scenario."""
     run: Any = SimpleNamespace(ticks=ticks)
     assert self_test_ticks(changed(subject, divider=divider), run) == repeated
+
+
+@pytest.mark.parametrize(
+    ("study", "scenario", "controller", "phases"),
+    [
+        ("verrelli2016", "twelve-seconds", "pi", 2),
+        ("uomodri", "1-rev-s", "pi", 3),
+        ("mandra2019", "table-1", "ilc", 3),
+    ],
+)
+def test_an_fmu_has_a_current_and_a_duty_cycle_for_each_phase(study, scenario, controller, phases):
+    run = prepare(load(study), scenario, controller)
+    assert run.phases == phases
+    names = [variable.name for variable in measurements("input", run.phases, 24.0)]
+    assert [name for name in names if ".i_" in name] == [f"measured.i_{phase}" for phase in "abc"[:phases]]
+    assert len(duties("output", run.phases)) == phases

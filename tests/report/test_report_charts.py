@@ -290,7 +290,7 @@ def test_a_sensitivity_is_from_a_tenth_of_the_revolutions_to_nearly_half_the_rat
         "speed_loop": lambda *_: SimpleNamespace(period=period), "plants": lambda plant: np.ones((3, 2)),
         "_feedback": lambda results, run, omega_m: omega_m if run == 1 else None,
         "place": lambda results, run: run,
-        "sensitivity": lambda plant, feedback, omega, *_: omega / TURN * np.exp(1j * (feedback > 0)),
+        "sensitivity": lambda plant, feedback, omega, *_: omega / TURN * np.exp(0.01j * feedback),
         "learned_terms": lambda *_: [], "_loop": lambda *_: None,
     }.items():  # fmt: skip
         monkeypatch.setattr(sensitivity, name, value)
@@ -302,7 +302,7 @@ def test_a_sensitivity_is_from_a_tenth_of_the_revolutions_to_nearly_half_the_rat
     (series,) = magnitude["series"]
     assert (series["controller"], series["label"], series["fade"]) == (1, "", 1.0)
     assert series["values"] == pytest.approx(20 * np.log10(f), abs=1e-3)
-    assert phase["series"][0]["values"] == pytest.approx([np.degrees(turns > 0)] * 400, abs=1e-2)
+    assert phase["series"][0]["values"] == pytest.approx([np.degrees(0.01 * TURN * turns)] * 400, abs=1e-2)
     assert sensitivity.bode(results, [run(0)]) == []
 
 
