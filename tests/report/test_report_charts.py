@@ -1,14 +1,16 @@
 """Charts of numbers that are made up: which points, orders and cells they have, and in which unit."""
 
+from fractions import Fraction
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cogless.design.certificate import Learning
-from cogless.report import maps, packing, palette, paths, periods, sensitivity, spectra, tracking
+from cogless.report import maps, packing, palette, paths, periods, sensitivity, spectra, tracking, unlearned
 from cogless.report.trials import certificate, overtrials
 from cogless.results.trace import Trace
+from cogless.study.controller import PiIlc
 
 TURN = 2 * np.pi
 
@@ -428,3 +430,29 @@ def test_the_baseline_has_a_colour_for_itself_and_the_others_share_seven():
         ("c0", 1), ("c1", 2), ("c2", 0), ("c3", 3), ("c4", 4), ("c5", 5), ("c6", 6), ("c7", 7), ("c8", 1)
     ]  # fmt: skip
     assert palette.place(SimpleNamespace(study=study, runs=ran[:2]), ran[0]) == 1
+
+
+# --- what a run turned
+
+
+@pytest.mark.parametrize(("rows", "whole"), [(102, False), (100.5, True)])
+def test_a_revolution_lacks_two_rows_at_most(rows, whole):
+    """A hundred rows have 99 ways between them."""
+    theta = TURN / rows * np.arange(100)
+    assert (spectra.order_spectrum(theta, np.cos(theta), 4, pole_pairs=1) is not None) == whole
+
+
+@pytest.mark.parametrize(("turned", "why"), [(0.99, "it was frozen all the time"), (1.01, "of its period")])
+def test_learning_shows_once_the_rotor_has_turned_by_a_cell(monkeypatch, turned, why):
+    """Of the ten in a quarter of a revolution, in a hundred rows."""
+    law = PiIlc.model_construct(memory="map", cells=10, gain=1.0)
+    for name, value in {
+        "revolutions_learned": lambda *_: Fraction(1, 4), "travelled": lambda *_: "theta_m",
+        "never": lambda *_: None, "starts_too_late": lambda *_: None,
+        "too_short": lambda *_: "of its period" if turned > 1 else None,
+    }.items():  # fmt: skip
+        monkeypatch.setattr(unlearned, name, value)
+    theta = TURN / 40 * turned * np.linspace(0, 1, 100)
+    run = run_of(0, theta_m=theta, status=np.zeros(100), omega_ref=np.ones(100))
+    study = SimpleNamespace(controller={"a": law})
+    assert unlearned.unlearned(SimpleNamespace(study=study), run) == why
