@@ -444,7 +444,7 @@ def test_a_revolution_lacks_two_rows_at_most(rows, whole):
 
 @pytest.mark.parametrize(("turned", "why"), [(0.99, "it was frozen all the time"), (1.01, "of its period")])
 def test_learning_shows_once_the_rotor_has_turned_by_a_cell(monkeypatch, turned, why):
-    """Of the ten in a quarter of a revolution. Then its period is looked at, in a second of a hundred rows."""
+    """Of the ten in a quarter of a revolution. Then its period is looked at, in all of the hundred rows."""
     law = PiIlc.model_construct(memory="map", cells=10, gain=1.0)
     for name, value in {
         "revolutions_learned": lambda *_: Fraction(1, 4), "travelled": lambda *_: "theta_m",
