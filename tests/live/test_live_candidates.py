@@ -28,7 +28,7 @@ from cogless.live.packed import Number, Packed
 from cogless.study.table import Quantity
 from cogless.units import TORQUE
 
-# Of a quantity's slider: its ends as shares of the study's value, and the words that keys of it end in.
+# The ends of sliders, as shares of the study's value, and the last words of the keys that have them.
 ENDS = {
     (0.3, 3): ("mechanics.inertia", "load_side.inertia", "stiffness"),  # what can't be zero
     (0, 3): (
@@ -174,7 +174,7 @@ def test_learning_may_begin_until_the_longest_run_of_its_law_ends(tmp_path):
     assert (found.low, found.high, found.least, found.most, found.start) == (0, 2, 0, 2, 0)
 
 
-def test_keys_of_ones_own_motor_are_called_by_what_they_are_of_it(tmp_path):
+def test_keys_of_ones_own_motor_are_named_without_their_table(tmp_path):
     found = {one.key: one.label for one in of_motor(live_studies.study(tmp_path))}
     assert found == {
         "motor.pole_pairs": "pole_pairs",
@@ -219,7 +219,7 @@ def test_stops_are_spread_evenly_with_the_studys_value_among_them():
     assert keys._grid(candidate(0.0, 4.0, start=1.0, whole=True)) == [0, 1, 2, 3, 4]
 
 
-def test_a_key_that_only_its_slider_is_right_for_has_no_wider_field():
+def test_a_key_that_is_right_only_within_its_slider_has_no_wider_field():
     narrow = keys._narrowed(keys.Key(candidate(2.0, 10.0, least=1.0, most=110.0), {})).candidate
     assert (narrow.least, narrow.low, narrow.high, narrow.most) == (2, 2, 10, 10)
 
@@ -294,7 +294,7 @@ def test_a_power_is_whole_within_a_hundred_thousandth():
     assert found == [True, True, False, False, False, False]
 
 
-def test_a_product_of_powers_a_factor_for_the_pole_pairs_and_a_curve():
+def test_a_number_is_a_product_of_powers_a_factor_for_the_pole_pairs_and_a_curve():
     about = {name: candidate(0.1, 100.0, start=start) for name, start in (
         ("a", 2.0), (motor.POLE_PAIRS, 3.0), (motor.RESISTANCE, 5.0), (motor.INDUCTANCE, 7.0)
     )}  # fmt: skip

@@ -68,7 +68,7 @@ def test_a_run_is_known_by_its_settings_and_results(made, tmp_path):
 
 
 def test_a_version_that_is_not_known_is_told(monkeypatch):
-    """As of a copy that was never installed."""
+    """A copy that was never installed has none."""
     known = importlib.metadata.version
 
     def version(package):
@@ -133,7 +133,7 @@ def test_interrupted_without_runs(made):
 
 
 def test_a_learned_signal_in_short(made):
-    """Of trials; of nothing, and of what is not finite, too."""
+    """It is of trials or over an angle, and may be empty or not finite."""
     for memory, found in (
         ({"learned": [1.0, -3.0]}, {"samples": 2, "peak": 3.0}),
         ({"learned": []}, {"samples": 0, "peak": 0.0}),
