@@ -29,6 +29,18 @@ from cogless.study.trial_controller import StateIlc
 LOOPS: Any = []
 
 
+class Bundle:
+    """The responses of loops, where nothing looks at them."""
+
+    grid = np.zeros(1)
+
+    def __init__(self, *of: Any) -> None:
+        pass
+
+    def __call__(self, w: Any) -> None:
+        pass
+
+
 def test_without_a_filter_its_gain_is_one_and_it_acts_on_the_error() -> None:
     G = np.array([[0.5 + 0.1j, 1.0 - 0.3j]])
     assert np.array_equal(gain_limits(G), gain_limits(G, 1.0, "error"))
@@ -88,9 +100,7 @@ def test_a_workable_cutoff_leaves_at_most_95_percent_at_the_ends_of_a_trial_too(
     monkeypatch: pytest.MonkeyPatch, worst: float, grows_above: float, cutoff: float | None, K_3: float | None
 ) -> None:
     """The factor is here the cutoff over `worst` Hz. Cutoffs of 0.001 to 0.49 of the rate are tried."""
-    monkeypatch.setattr(
-        q_filter, "Bundle", lambda *_: type("B", (), {"grid": None, "__call__": lambda self, w: None})()
-    )
+    monkeypatch.setattr(q_filter, "Bundle", Bundle)
     one: Any = lambda cutoff, order, period: SimpleNamespace(cutoff=cutoff, gain=lambda w: cutoff)  # noqa: E731
     monkeypatch.setattr(q_filter, "butterworth", one)
     monkeypatch.setattr(q_filter, "best_gain", lambda G, H: (5.0, H / worst))
@@ -149,8 +159,7 @@ def test_a_gain_by_frequency_says_how_fast_it_is(
     better: Any,
     note: str | None,
 ) -> None:
-    bundle = type("B", (), {"grid": np.zeros(1), "__call__": lambda self, w: None})()
-    monkeypatch.setattr(trial, "Bundle", lambda loops, shift: bundle)
+    monkeypatch.setattr(trial, "Bundle", Bundle)
     monkeypatch.setattr(trial, "best_gain", lambda *of: (0.7 + len(of), worst))
     monkeypatch.setattr(trial, "butterworth", lambda *_: Filter(np.ones(1), np.ones(1)))
     monkeypatch.setattr(trial, "better_shift", lambda loops, r, q, shift, samples: better)

@@ -392,13 +392,8 @@ def test_what_cannot_be_told_apart_is_left_out_the_least_important_first(
     assert model == _without(_without(MODEL, ("delay",)), ("offset",))
     for y, one_load in (((1.0, 3.1), True), ((1.0, -3.1), False), ((0.0, 2.0), False)):
         left, model = told(plain, y=y)
-        assert (
-            left
-            == [
-                "Order 24: K_t ripple and cogging cannot be told apart; record logs with loads of both signs."
-            ]
-            * one_load
-        )
+        alike = "Order 24: K_t ripple and cogging cannot be told apart; record logs with loads of both signs."
+        assert left == [alike] * one_load
         assert model.ripple == (() if one_load else (24,))
     held = replace(MODEL, columns=frozenset({"offset"}), ripple=())
     left, model = told(wide(1, 1, 200, 1, 1, 1, 1), model=held)  # held angles: no friction beside it

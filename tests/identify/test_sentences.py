@@ -380,13 +380,11 @@ def test_why_a_log_cannot_be_used(known: Identification) -> None:
     for rate, turns, much in ((200.0, 1.01, True), (200.0, 0.99, False), (250.0, 3.0, False)):
         speed = turns * TURN * 200 / 8 / 24
         slow = log(theta=speed / rate * np.arange(2000), i_q=0.1, dt=1 / rate)
-        assert said(slow) == (
-            [
-                "one.csv: order 24 at 1.05 rev/s is above an eighth of the sampling rate, 200 Hz; record "
-                "2e+02 rows a second, or turn more slowly."
-            ]
-            * much
+        above = (
+            "one.csv: order 24 at 1.05 rev/s is above an eighth of the sampling rate, 200 Hz; record 2e+02 "
+            "rows a second, or turn more slowly."
         )
+        assert said(slow) == [above] * much
     speed = 6 + np.sin(0.1 * np.arange(2000))
     law = log(theta=np.cumsum(speed) * DT, omega=speed, i_q=0.3 - 0.05 * speed)
     used, (line,) = findings.usable(known, [law, turning(1.0)])
@@ -622,14 +620,11 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
         "record i_q.",
     ]
     still = log("still.csv", dt=0.0), log("off.csv", "bridge-off")
-    assert (
-        diagnosis._unsteady([whole, poor, *still], {"other"})
-        == [
-            "one.csv: never turns at a steady speed for a revolution, so it has no line; what it tells of "
-            "the torques is in the others."
-        ]
-        * 2
+    never = (
+        "one.csv: never turns at a steady speed for a revolution, so it has no line; what it tells of the "
+        "torques is in the others."
     )
+    assert diagnosis._unsteady([whole, poor, *still], {"other"}) == [never] * 2
     assert diagnosis._unsteady([whole], {"one.csv"}) == []
 
 

@@ -133,11 +133,8 @@ def test_when_a_check_trips(values, says):
     [
         ({}, {}, 1.0),
         ({"ripple_after": 3 * RPM}, {}, 3.0),
-        (
-            {"ripple_after": 0.006 * RPM, "ripple_before": 0.001 * RPM},
-            {},
-            1.0,
-        ),  # a ten-thousandth of 60 r/min
+        # up to a ten-thousandth of 60 r/min, 0.006, it is none
+        ({"ripple_after": 0.006 * RPM, "ripple_before": 0.001 * RPM}, {}, 1.0),
         ({"ripple_after": 0.007 * RPM, "ripple_before": 0.001 * RPM}, {}, 7.0),
         ({"ripple_before": 0.0}, {}, inf),
         ({"ripple_after": inf}, {}, None),

@@ -6,7 +6,6 @@ import os
 import random
 import shutil
 import signal
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -21,7 +20,6 @@ from cogless import StudyError
 from cogless.results import folder as folders
 from cogless.results.folder import hashes, held, new_set
 
-COMMAND = [sys.executable, "-m", "cogless"]
 OURS = [folders.NEW, folders.OLD, folders.SET, folders.LINK]
 
 
