@@ -177,7 +177,7 @@ def test_a_wrong_command_line(
         ("", ["run"], ""),
     ],
 )
-def test_a_mistake_that_names_no_command_is_of_the_first_word(
+def test_a_mistake_that_names_no_command_points_to_the_help_of_the_first_word(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
     said: str,
@@ -332,7 +332,7 @@ NO_ROOM = OSError(28, "No space left on device")
         (BrokenPipeError(), 0, ""),  # as behind `| head`
     ],
 )
-def test_output_that_nobody_takes_is_exit_2(
+def test_output_that_cannot_be_written_is_exit_2(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, error: OSError, code: int, said: str
 ) -> None:
     class Full:
@@ -709,7 +709,7 @@ def test_counts_begin_with_one(capsys: pytest.CaptureFixture[str], words: list[s
     assert (code, out) == (2, "") and err.startswith("no.toml: no such study: ")
 
 
-def test_as_many_runs_at_a_time_as_there_are_cores() -> None:
+def test_all_commands_with_jobs_run_as_many_as_there_are_cores_by_default() -> None:
     defaults = [
         each.default
         for command in app.registered_commands

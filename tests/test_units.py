@@ -127,7 +127,7 @@ def test_another_dimension_has_no_number() -> None:
 
 
 def test_a_text_of_any_dimension_is_si() -> None:
-    """Where SI has kilograms, a gram is a thousandth."""
+    """SI counts in kilograms, so that a gram is a thousandth."""
     assert units.in_si("3 mN*m") == pytest.approx(3e-3) and units.in_si("3 A") == 3.0
     assert units.in_si("2 kg*cm^2") == pytest.approx(2e-4) and units.in_si("5 g/s^2") == pytest.approx(5e-3)
     assert units.is_known("rpm") and not units.is_known("rpn")

@@ -112,7 +112,7 @@ static void what_gains_nothing(void)
     const double learned = run(200.0, 1.0, 0.0, true);
     CHECK(learned > 97.0 && learned < 101.0 && guard.phase == CGL_GUARD_PROBE);
     (void)run(0.2, 1.0, 0.0, true);
-    CHECK(within(guard.share - CGL_R(0.9), CGL_R(0.01))); /* in half a second, for the feedback to take over */
+    CHECK(within(guard.share - CGL_R(0.9), CGL_R(0.01))); /* it falls in half a second, so that the feedback takes over */
     CHECK(run(20.0, 1.0, 0.0, true) < 6.0 && guard.phase == CGL_GUARD_LEARN && guard.gentle == 1U);
 }
 
@@ -163,6 +163,7 @@ static cgl_real learned_on(cgl_real learned, cgl_real gain, cgl_real depth, bool
     return cgl_clamp(next, CGL_R(50.0));
 }
 
+/* All that the guard keeps. */
 static void hear_state(void)
 {
     const cgl_real state[] = {guard.target,     guard.slope,  guard.centre,   guard.drift, guard.reference, guard.tolerance,

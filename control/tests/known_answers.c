@@ -167,7 +167,7 @@ static void learn_orders(void)
     CHECK(within(cell[0] + CGL_R(50.0) / config.b, CGL_R(5.0e-4)) && within(cell[1] + CGL_R(40.0) / config.b, CGL_R(5.0e-4)));
     CHECK(within(cell[4], CGL_R(2.0e-3)) && within(cell[5], CGL_R(2.0e-3)));
     CHECK(within(law.bend.part[0] - CGL_R(0.01), CGL_R(2.5e-3)) && within(law.bend.part[1], CGL_R(2.0e-3)));
-    CHECK(within(law.bend.part[2], CGL_R(0.0)) && within(law.bend.part[3], CGL_R(0.0))); /* which has one order */
+    CHECK(within(law.bend.part[2], CGL_R(0.0)) && within(law.bend.part[3], CGL_R(0.0))); /* a bend of one order */
     CHECK(law.bend.share > CGL_R(0.95) && within(law.time - CGL_R(8.94), CGL_R(0.05)));
     CHECK(ripple_of(&law, rotor, CGL_R(45.0), 2) < CGL_R(0.25) * early);
     CHECK(within(law.time - CGL_R(2.0), CGL_R(0.05)) && law.rate > CGL_R(1.2) && law.rate < CGL_R(1.5)); /* it learns anew there */
@@ -177,7 +177,7 @@ static void learn_orders(void)
     (void)ripple_of(&law, rotor, CGL_R(15.0), 1);
     CHECK(within(law.time - CGL_R(4.0), CGL_R(0.2)));
     cgl_harmonic_config lower = config;
-    lower.delay = CGL_R(16.0) * law.pi.ts; /* the longest */
+    lower.delay = CGL_R(16.0) * law.pi.ts; /* the longest that it takes */
     CHECK(cgl_harmonic_retune(&law, &lower) == CGL_OK);
     lower.delay = CGL_R(17.0) * law.pi.ts;
     CHECK(cgl_harmonic_retune(&law, &lower) == CGL_ERROR_CONFIG);

@@ -145,7 +145,7 @@ static void try_hall(void)
     CHECK(config.pole_pairs >= 1U && config.pole_pairs <= 10000U && config.edges >= 1U && config.edges <= CGL_HALL_EDGES);
     CHECK(config.timer > CGL_R(0.0));
     cgl_hall_config too_fast = config;
-    too_fast.timer = (cgl_real)config.pole_pairs * (CGL_REAL_MAX * CGL_R(0.0625)); /* a sector in a tick, times 16 */
+    too_fast.timer = (cgl_real)config.pole_pairs * (CGL_REAL_MAX * CGL_R(0.0625)); /* a sector in a tick: too fast */
     CHECK(cgl_hall_init(&hall, &too_fast) == CGL_ERROR_CONFIG);
     uint32_t now = random_bits();
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
@@ -259,13 +259,13 @@ static void try_calibration(void)
     } while (cgl_align_init(&align, &config, random_gain(CGL_R(1.0e-3))) != CGL_OK);
     const bool wild = random_below(4) == 0U;
     const cgl_real zero = CGL_R(0.01) * (cgl_real)random_below(628) - CGL_R(3.14);
-    const cgl_real lag = CGL_R(0.0005) * (cgl_real)random_below(20); /* friction: so far the rotor stays behind the field */
+    const cgl_real lag = CGL_R(0.0005) * (cgl_real)random_below(20); /* the rotor is behind the field, by friction */
     for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
         cgl_align_output out;
         const cgl_real placed = zero + align.theta_e / (cgl_real)config.pole_pairs + (align.stage < 3U ? -lag : lag);
         const cgl_real theta = wild ? random_real(CGL_R(6.0)) : placed;
         const cgl_calibration result = cgl_align_step(&align, theta, &out);
-        if (!wild && result == CGL_CALIBRATION_DONE && config.settle > CGL_R(2.0) * align.ts) { /* it is a step late */
+        if (!wild && result == CGL_CALIBRATION_DONE && config.settle > CGL_R(2.0) * align.ts) { /* the rotor follows a step late */
             CHECK(within(align.zero - zero, CGL_R(1.0e-5)) && within(align.apart - lag, CGL_R(1.0e-5)));
         }
         CHECK(cgl_is_finite(out.omega_e) && within(out.theta_e, config.sweep));

@@ -106,7 +106,7 @@ static cgl_real fresh_cells[ROWS_MAX];
         }                                                                                                              \
     } while (false)
 
-/* What the guard asks for holds on when a law takes its config anew. */
+/* A law that is retuned keeps the gentler step that the guard asks for. */
 #define CHECK_GENTLE(name, law, config)                                                                                \
     do {                                                                                                               \
         cgl_law_input in = ordinary_input(0);                                                                          \
@@ -119,17 +119,18 @@ static cgl_real fresh_cells[ROWS_MAX];
         CHECK(within((law)->memory.gain - gain, CGL_R(0.0)));                                                          \
     } while (false)
 
-/* Terms of a law's current: a struct of reals. */
+/* The terms of a law's current, a struct of reals. */
 static void hear_terms(const void *terms, size_t size)
 {
     cgl_real term[8];
+    CHECK(size <= sizeof term);
     memcpy(term, terms, size);
     hear_all(term, (uint32_t)(size / sizeof term[0]));
 }
 
 /* ---- inputs: any, or a rotor that turns so that something is learned ---- */
 
-/* As of a guard: mostly nothing; a gentler step holds for a while. */
+/* What a guard may ask for: mostly nothing; a gentler step for some steps on end. */
 static void ask_of_guard(cgl_law_input *in, int step)
 {
     static uint32_t gentle;
@@ -721,7 +722,7 @@ static void try_harmonic(void)
         cgl_law_output out;
         next_input(&in, step);
         calm = step % 200 != 0 ? calm : random_below(2) != 0U;
-        if (calm) { /* it learns once it had no fault for a while */
+        if (calm) { /* it only learns after some time without a fault */
             in = ordinary_input(step);
             in.forget = random_below(400) == 0U;
             in.off = random_below(400) == 0U;

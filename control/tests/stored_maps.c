@@ -123,7 +123,7 @@ static cgl_map_store_config after_saves(flash *all, uint32_t write_size, owner *
     return config;
 }
 
-/* SPEC.md, the header: its numbers, low byte first. */
+/* A stored map begins with the header of SPEC.md: numbers with their low byte first. */
 static void describe_a_map(void)
 {
     static flash all;

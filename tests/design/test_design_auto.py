@@ -196,7 +196,7 @@ def test_a_map_has_ten_cells_or_more_in_a_wave(pole_pairs: int, order: int, cell
 
 
 def test_known_orders_go_by_the_current_that_they_need() -> None:
-    """Cogging of 4 mN m and less: 0.003 is under a thousandth, 0.005 isn't; the drive's own come behind."""
+    """0.003 mN m is left out, under a thousandth of the largest; 0.005 isn't. The drive's own come last."""
     sizes = ((30, 1.0), (12, 4.0), (50, 0.003), (60, 0.005))
     cogging = [{"order": n, "torque": f"{size} mN*m"} for n, size in sizes]
     changes = {"motor.cogging": cogging, "motor.flux_harmonics": [], "motor.pole_pairs": 7}
@@ -358,7 +358,7 @@ def test_the_widest_filter_that_is_tried_has_400_neighbours_on_a_side() -> None:
 def test_learning_rests_below_half_of_the_top_speed_where_a_reference_stops(
     ends: list[tuple[float, float]], above: float | None
 ) -> None:
-    """But not where another reference turns all the time, and not if it is set by hand."""
+    """But at no speed of a reference that turns all the time, and not if omega_min is set by hand."""
     scenarios = {str(n): SimpleNamespace(slowest=low, top_reference=top) for n, (low, top) in enumerate(ends)}
     study: Any = SimpleNamespace(scenario=scenarios, scenarios_of=lambda name: [])
     for table in ({}, {"omega_min": "1 rad/s"}):
@@ -372,7 +372,7 @@ def test_learning_rests_below_half_of_the_top_speed_where_a_reference_stops(
 def test_loops_are_at_the_slowest_and_fastest_speeds_in_every_corner_that_is_stable(
     monkeypatch: pytest.MonkeyPatch, law: str, speeds: list[float]
 ) -> None:
-    """As told always, stable or not; a law that rests, from where it begins to learn, too."""
+    """The first two corners are taken even if unstable. A law with omega_min has a loop at that speed too."""
     laws = {"pi-ilc": None, "space": SpaceSpeed.model_construct(omega_min=0.5)}
     laws["fast"] = SpaceSpeed.model_construct(omega_min=9.0)
     ends = ((0.0, 4.0), (2.0, 4.0))

@@ -38,7 +38,7 @@ def test_mandra() -> None:
     assert np.round(plant.nominal.B, 4).tolist() == [[0], [1.1212]]
 
 
-def test_a_certificate_covers_as_many_random_plants_as_mixtures_and_as_held_the_exact_ones() -> None:
+def test_random_plants_are_drawn_for_both_models_and_the_held_plant_is_the_exact_one() -> None:
     plant = mandra()
     discrete, exact = plant.random
     assert exact is not None and (len(discrete), len(exact)) == (120, 60)

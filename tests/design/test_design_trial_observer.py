@@ -78,7 +78,7 @@ def test_the_rule_is_at_its_bounds() -> None:
 
 
 @pytest.mark.parametrize(("far", "suits"), [(0.19, True), (0.21, False)])
-def test_a_second_integral_may_be_a_fifth_from_one(far: float, suits: bool) -> None:
+def test_the_second_integrator_s_pole_may_be_a_fifth_away_from_one(far: float, suits: bool) -> None:
     here = Model(np.array([[1.0, 1.0], [0.0, 1 - far]]), np.array([[0.0], [1.0]]))
     plant: Any = SimpleNamespace(random=([], [here]), exact_vertices=(here,), exact_nominal=here)
     if suits:
@@ -91,7 +91,7 @@ def test_a_second_integral_may_be_a_fifth_from_one(far: float, suits: bool) -> N
 
 
 def test_the_feedforward_is_of_the_two_slowest_poles() -> None:
-    """Half of the second differences and the damping's share of the first, over the plant's strength."""
+    """The mean of two second differences, and the damping times the first, over the plant's strength."""
     A = np.diag([-0.9, 0.2, 1.0, 0.95])
     plant: Any = SimpleNamespace(exact_nominal=Model(A, np.ones((4, 1))), C=np.array([0.0, 0.0, 0.1, 0.3]))
     found = inverse(plant)

@@ -109,7 +109,7 @@ def test_at_the_largest_rate_the_loop_of_all_orders_passes_minus_one(
     assert furthest * bound == pytest.approx(-1.0, rel=0.01)
 
 
-def test_what_may_be_wrong_is_the_torque_and_the_inertia_before_a_soft_shaft() -> None:
+def test_orders_must_converge_with_half_the_torque_or_the_inertia_before_a_soft_shaft_off() -> None:
     assert [each.b for each in plants(LOOP)] == [400.0, 800.0, 1200.0]
     soft = replace(LOOP, shaft=SoftShaft(2e-6, 4e-6, 10.0, 1e-3))
     found = plants(soft)
@@ -117,7 +117,7 @@ def test_what_may_be_wrong_is_the_torque_and_the_inertia_before_a_soft_shaft() -
     assert [each.shaft.inertia for each in found[3:]] == pytest.approx([1e-6, 2e-6, 3e-6])  # type: ignore[union-attr]
 
 
-def test_halls_edges_come_by_speed() -> None:
+def test_the_time_between_hall_edges_depends_on_the_speed() -> None:
     found = at_speed(LOOP, 0.3, 4, -1.5)
     assert (found.edge, found.edges) == (pytest.approx(0.2), 4) and at_speed(LOOP, 0.0, 4, 1.5) is LOOP
     motor = SimpleNamespace(pole_pairs=5)
@@ -126,20 +126,20 @@ def test_halls_edges_come_by_speed() -> None:
     assert told == [(pytest.approx(math.tau / 30), 4), (0.0, 0)]
 
 
-def test_gamma_that_is_turned_by_more_than_60_degrees_is_held() -> None:
+def test_gamma_is_turned_too_far_beyond_60_degrees_and_where_it_is_zero() -> None:
     found = turned(np.array([*np.exp(1j * np.radians([59, -59, 61, -61, 180])), 0.0]))
     assert found.tolist() == [False, False, True, True, True, True]
 
 
-def test_bands_reach_from_good_to_good_point() -> None:
+def test_a_band_reaches_from_the_last_good_point_before_it_to_the_first_after_it() -> None:
     om, bad = np.arange(1.0, 7.0), np.array([True, False, False, True, True, False])
     assert _bands(om, bad) == [(0.0, 2.0), (3.0, 6.0)]
     assert _bands(om, ~bad) == [(1.0, 4.0), (5.0, math.pi)]
     assert _bands(om, np.zeros(6, dtype=bool)) == []
 
 
-def test_bands_beyond_what_the_law_has_are_joined_where_they_are_nearest() -> None:
-    """By the ratio of the edges between them."""
+def test_if_there_are_more_bands_than_the_law_can_keep_the_nearest_are_joined() -> None:
+    """Nearest by the ratio of the edges on both sides of the gap."""
     bands = [(1.0, 2.0), (3.0, 4.0), (5.0, 6.0), (8.0, 9.0)]
     assert _few(bands.copy()) == (1, 2, 3, 4, 5, 6, 8, 9)
     assert _few([*bands, (14.0, 15.0)]) == (1, 2, 3, 6, 8, 9, 14, 15)
@@ -192,7 +192,7 @@ def test_with_halls_each_order_is_judged_at_its_own_speeds(monkeypatch: pytest.M
 
 
 def test_speeds_that_show_the_lowest_order_are_judged() -> None:
-    """More than 1/1000 rad a sample; of the controller's scenarios, or of all if it is in none."""
+    """Above 1/1000 rad a sample; in the controller's scenarios, or in all of them if it has none."""
     ends = {"a": (0.0, 2.0), "b": (0.5, 3.0), "c": (9.0, 9.0)}
     scenarios = {key: SimpleNamespace(slowest=low, top_reference=top) for key, (low, top) in ends.items()}
 
@@ -222,7 +222,7 @@ def test_a_current_loop_is_late_by_its_phase_less_half_its_period() -> None:
 
 
 def turning(orders: list[tuple[float, float]], **drive: Any) -> Any:
-    """A study whose load has these orders and torques; `own` of a scenario, too."""
+    """A study whose load has these orders and torques; `own` are harmonics of a scenario's own load."""
     waves = [SimpleNamespace(order=order, torque=torque) for order, torque in orders]
     none = SimpleNamespace(load=None)
     motor = drive.pop("motor", None)
@@ -357,7 +357,7 @@ def test_the_rule_s_numbers_of_a_law(
 
 
 def test_a_certificate_is_of_the_speeds_at_which_orders_act(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And its bound on the rate is the least of theirs; an eccentric sensor's error has the main order."""
+    """Its bound on the rate is the least of theirs; the main order tells that of a sensor's error."""
     speeds, bounds = [1.0, 2.0, 1e4], {1.0: 7.0, 2.0: 5.0}
     of_part: dict[str, Any] = {
         "learner": lambda study, name: TOLD,
@@ -426,7 +426,7 @@ def test_a_certificate_is_fine_if_all_orders_converge_and_settle_together() -> N
 
 
 def test_the_bound_on_the_rate_is_of_orders_that_are_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A rigid plant is as the law assumes; of a soft shaft Gamma counts, by frequency in rad a sample."""
+    """A rigid plant is as the law assumes. With a soft shaft Gamma counts, a function of rad a sample."""
     monkeypatch.setattr(harmonic, "rate_bound", lambda *of: of)
     monkeypatch.setattr(harmonic, "gamma", lambda loop, told, pi, w: w)
     told, study, pi = replace(TOLD, held=(3e-3, 5e-3)), None, None

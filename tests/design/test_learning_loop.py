@@ -192,10 +192,10 @@ def test_frequencies_around_a_resonance_come_in_between() -> None:
 
 
 @pytest.mark.parametrize("turn", [0.02, 0.5, 0.98])
-def test_a_load_anywhere_in_a_revolution_may_keep_law_4_from_learning(
+def test_a_load_at_any_angle_may_keep_space_speed_from_learning(
     monkeypatch: pytest.MonkeyPatch, turn: float
 ) -> None:
-    """Its error is the largest current over k; at eta_bar it still learns."""
+    """Without learning its error is the largest current over k; up to eta_bar it learns."""
     law = SpaceSpeed.model_construct(k=2.0, eta_bar=1.5)
     study: Any = SimpleNamespace(controller={"x": law})
 
@@ -270,7 +270,7 @@ def test_less_than_a_count_in_a_sample_is_a_doubt(counts: float, told: bool) -> 
 
 
 def noisy(lead: int) -> Any:
-    """A loop with all responses the same at each frequency, whose feedback takes half over from learning."""
+    """A loop whose responses are the same at all frequencies; while it learns it has half of its feedback."""
     before, after = (SimpleNamespace(ratio=2, response=lambda w, T, c=c: c) for c in (0.6, 0.3))
     flat = {"gain": lambda w: np.full(len(w), 0.5), "kept": lambda f: np.full(len(f), 0.8 - 0.6j)}
     flat |= {"q": lambda f: np.full(len(f), 0.9), "lines": lambda f, constant: 0.8 if constant else 0.0}
@@ -283,7 +283,7 @@ def noisy(lead: int) -> Any:
 def test_noise_of_counts_adds_up_in_what_is_learned(
     monkeypatch: pytest.MonkeyPatch, lead: int, window: float, spread: float
 ) -> None:
-    """Each angle has q^2 / 12, and a speed two of them, which samples share where the window is longer."""
+    """An angle's variance is q^2 / 12; a speed has two, which samples share if the window is longer."""
     passed = {0.6: (3.0, 5.0), 0.3: (2.0, 0.4)}
 
     def responses(loop: Any, feedback: Any, f: Real) -> tuple[Real, Real]:
@@ -329,14 +329,14 @@ def test_ripple_is_that_of_orders_and_of_counts(monkeypatch: pytest.MonkeyPatch)
         assert found.without == pytest.approx((before + 0.5 * more) ** 0.5)
         assert found.learned == pytest.approx((after + 0.25 * more) ** 0.5)
     ripple(here, 0.1)
-    assert asked == [12.0, 1.0]  # a period at least
+    assert asked == [12.0, 1.0]  # one period at least
 
 
 @pytest.mark.parametrize("order", [15, 40])
 def test_orders_of_motor_and_load_are_currents_at_a_speed(
     monkeypatch: pytest.MonkeyPatch, order: int
 ) -> None:
-    """Without their mean, and but for rounding."""
+    """The mean is none of them, nor is what is as small as rounding."""
 
     def current(theta: Real, omega_m: float) -> Real:
         return 5.0 + 0.3 * omega_m * np.sin(order * theta) + 1e-10 * np.cos(2 * theta)
@@ -352,7 +352,7 @@ def test_orders_of_motor_and_load_are_currents_at_a_speed(
     ("swing", "told"),
     [(0.999 * LARGE, []), (0.414, ["at 3 rad/s its feedback lets the speed swing by 41 % rms"])],
 )
-def test_a_speed_that_swings_by_much_is_a_doubt_and_the_first_of_each_loop_s_own(
+def test_doubts_are_the_first_that_a_loop_has_itself_and_a_speed_that_swings_by_much(
     monkeypatch: pytest.MonkeyPatch, swing: float, told: list[str]
 ) -> None:
     reasons = [(1.0, None, 0.1), (3.0, "one", swing), (2.0, "other", 0.2)]

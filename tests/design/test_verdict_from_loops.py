@@ -1,4 +1,4 @@
-"""How a verdict is drawn from the loops along a reference: kind, mean, remedy; the loops are given."""
+"""How a verdict follows from the loops along a reference, which are made up here: kind, mean and remedy."""
 
 from __future__ import annotations
 
@@ -78,8 +78,9 @@ def test_ripple_counts_by_its_square_and_its_share_of_the_angle(monkeypatch: pyt
     assert _Motion(((silent, 1.0),), duration=2.0).ratio == 1.0
 
 
-def test_both_ends_are_shown_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The slowest and the fastest of a scenario's loops, without their acceleration."""
+def test_a_scenario_s_slowest_and_fastest_loop_are_shown_without_acceleration(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
 
     @dataclass(frozen=True)
     class One:
@@ -105,7 +106,7 @@ def told(
     doubts: tuple[str, ...] = (),
     means: tuple[Mean, ...] = (),
 ) -> Any:
-    """The verdict on motions that are given; ripple doesn't change but where a loop has `ratio`."""
+    """The verdict on these motions. Learning leaves all of the ripple, or the `ratio` that a loop has."""
     left = iter(means)
     of_part: dict[str, Any] = {
         "_motion": lambda study, key, name: motions[int(key)],
@@ -133,8 +134,8 @@ def quiet(factor: float, growing: Oscillation | None = None, omega_m: float = 1.
     return loop(factor, growing, omega_m, **{"feedback": None, "feedback_before": None, **more})
 
 
-def test_stability_comes_first_and_its_fastest_growth(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the feedback, then with the mean torque constant, then with any."""
+def test_an_unstable_loop_is_told_first_by_its_fastest_growth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of the feedback alone, else with the mean torque constant, else with any."""
     mean, ends = at(quiet(2.0, SLOW)), at(quiet(2.0, FAST), quiet(2.0))
     shaking = at(quiet(1.0, feedback_before=SLOW))
     for points, kind, grows in (
@@ -161,7 +162,7 @@ def test_what_settles_names_its_worst_or_its_loudest_speed(monkeypatch: pytest.M
     assert told(monkeypatch, motion(high, just)).omega_m == 2.0
 
 
-def test_growth_is_sure_by_any_scenario_that_never_freezes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_growth_is_sure_if_it_is_in_any_scenario_that_never_freezes(monkeypatch: pytest.MonkeyPatch) -> None:
     up, down = at(quiet(1.3, omega_m=1.0)), at(quiet(0.9, omega_m=2.0))
     sure, unsure, steady = Mean(1.1, 3.0, 4.0, True), Mean(1.2, 3.0, 4.0, False), Mean(1.1, 3.0, 3.0, True)
     frozen = ((1.0, "few samples"),)
@@ -180,7 +181,7 @@ def test_growth_is_sure_by_any_scenario_that_never_freezes(monkeypatch: pytest.M
 
 
 def test_what_freezes_is_told_once_from_the_slowest_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And of several passages that with the highest speed; the scenario where plants differ."""
+    """Of several passages the one with the highest speed is told, and the scenario if the plants differ."""
     reasons = [((3.0, "fast"), (1.0, "slow")), ((2.0, "slow"),)]
     found = told(monkeypatch, *(motion(frozen=each) for each in reasons))
     assert found == Verdict("rests", frozen=("slow", "fast"))
@@ -251,7 +252,7 @@ def test_a_reference_is_judged_from_where_learning_starts(monkeypatch: pytest.Mo
 def test_laws_that_rest_have_their_own_least_speed(
     monkeypatch: pytest.MonkeyPatch, mu_h: float, accelerations: list[float]
 ) -> None:
-    """And those with mu_h see the acceleration."""
+    """Only those with mu_h see the acceleration."""
     law = SpaceSpeed.model_construct(learning_start=0.0, omega_min=2.0, mu_h=mu_h)
     found = moved(monkeypatch, law, [2.0, 4.0, 1.99])
     assert speeds(found) == pytest.approx([2.0, 4.0])
@@ -270,7 +271,7 @@ def test_speeds_that_freeze_are_not_judged_and_their_ends_are_told(monkeypatch: 
 
 
 def test_bad_speeds_that_are_only_passed_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two samples next to rest at 1 rad/s are half a radian each; a period is as many as the speed's."""
+    """A sample at 1 rad/s next to rest is half a radian, and a period at 1 rad/s a whole one."""
     reference = [4.0, 4.0, 1.0, 1.0, 0.0, 4.0]
     space = SpaceSpeed.model_construct(learning_start=0.0, omega_min=0.1, mu_h=0.0)
     found = moved(monkeypatch, space, reference, fine=2.0)
@@ -289,7 +290,7 @@ def test_bad_speeds_that_are_only_passed_are_told_apart(monkeypatch: pytest.Monk
 
 
 class Wave:
-    """A loop that keeps a factor at its order 4, less by a bell of a width beside it."""
+    """A loop whose factor is largest at order 4, and falls on both sides like a bell of this width."""
 
     orders: Any = None
 
@@ -311,7 +312,7 @@ class Wave:
 def test_the_mean_is_that_of_logarithms_at_an_order(
     monkeypatch: pytest.MonkeyPatch, width: float, channels: int, least: float, sure: bool
 ) -> None:
-    """Sure if the bound, of the least torque constant and per function, is above one over a whole order."""
+    """It is sure if its bound, with the least torque constant, is above one for a whole order."""
     monkeypatch.setattr(module, "_channels", lambda judged: channels)
     slow, fast = at(Wave(1.0, least, width), Wave(1.0, 1.5, width)), at(Wave(2.0, 1.2, width, highest=15.0))
     found = _mean([(slow, 0.25), (fast, 0.75)])
@@ -354,7 +355,9 @@ def test_orders_that_a_law_learns_are_judged_alone() -> None:
         (SpacePosition.model_construct(mu_alpha=0.0, mu_beta=0.0, mu_h=1.0), 0.0, 1),
     ],
 )
-def test_functions_that_learn(law: Any, alpha_m: float, channels: int) -> None:
+def test_functions_that_learn_have_a_gain_and_for_mu_h_an_acceleration(
+    law: Any, alpha_m: float, channels: int
+) -> None:
     study = SimpleNamespace(controller={"x": law})
     points: Any = [
         (at(SimpleNamespace(alpha_m=alpha, study=study, controller="x")), 0.5) for alpha in (0.0, alpha_m)
@@ -381,7 +384,7 @@ def curable(
     return type("Curable", (kind,), own)(None, "x", 1.0)
 
 
-def test_the_shortest_common_lead_comes_first() -> None:
+def test_the_first_remedy_is_the_shortest_lead_that_all_points_share() -> None:
     points = [at(curable(PeriodicLoop, 2.0, leads={7, 4, 5})), at(curable(PeriodicLoop, leads={3, 5, 7}))]
     assert _repair(points) == Repair(lead=5e-3)
     orders = [at(curable(OrderLoop, 2.0, leads={4})), at(curable(OrderLoop, 2.0))]
@@ -401,15 +404,17 @@ def test_the_shortest_common_lead_comes_first() -> None:
         ((2.0 * (WIDEST + 2), 1.0), 1000, Repair()),
     ],
 )
-def test_then_the_narrowest_filter(factors: tuple[float, ...], widest: int, repair: Repair) -> None:
-    """Of all points and torque constants, that fits into every period."""
+def test_without_such_a_lead_it_is_the_narrowest_filter(
+    factors: tuple[float, ...], widest: int, repair: Repair
+) -> None:
+    """One that is enough at all points with all torque constants, and fits into every period."""
     least, most = curable(SpaceLoop, factors[0], widest=1000), curable(SpaceLoop, 1.5, widest=1000)
     points = [at(curable(SpaceLoop, 0.5, widest=widest)), at(least, most)]
     assert _repair([*points, at(curable(SpaceLoop, 1.0, factors[1], widest=1000))]) == repair
 
 
-def test_then_forgetting_with_the_filter_as_it_is() -> None:
-    """In hundredths, rounded down: of seven times the filter keeps a half, without its own forgetting."""
+def test_where_no_filter_is_wide_enough_it_is_forgetting() -> None:
+    """In hundredths, rounded down: the filter as it is leaves 3.5 of 7, and 1 / 3.5 is 0.2857."""
     points = [at(curable(PeriodicLoop, 2.5, 7.0, widest=2)), at(curable(PeriodicLoop, 6.0, widest=2))]
     assert _repair(points) == Repair(forgetting=0.28)
 

@@ -1,4 +1,4 @@
-"""An arena's steps by themselves: who runs where and from which angle, and what an hour of it is."""
+"""An arena's steps one by one: which laws run on which plant, from which angle, and its run of an hour."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from cogless.ensemble.arena import _controller, _seeded, _tuned, chosen, prepare
 from cogless.errors import StudyError
 
 
-def test_an_hour_is_told_by_its_last_minute(tmp_path: Path) -> None:
-    """At about 20 rows a second, by an odd divider of the current loop's rate; without step and fault."""
+def test_a_run_of_an_hour_is_measured_in_its_last_minute(tmp_path: Path) -> None:
+    """It has about 20 rows a second, by an odd divider of the current loop's rate, and no step or fault."""
     study, _ = prepared(arena(tmp_path), "drone", ["bar"])
     hour = arena_cases.hour(study)
     (scenario,) = hour.scenario.values()
@@ -29,7 +29,7 @@ def test_an_hour_is_told_by_its_last_minute(tmp_path: Path) -> None:
     assert divider == pytest.approx(round(divider))
 
 
-def test_each_seed_begins_at_another_angle_by_the_golden_one(tmp_path: Path) -> None:
+def test_seeds_begin_a_golden_angle_apart(tmp_path: Path) -> None:
     study, _ = prepared(arena(tmp_path), "drone", ["bar"])
     for seed, degrees in ((0, 0.0), (1, 137.508), (3, 3 * 137.508 - 360)):
         seeded = _seeded(study, seed)
@@ -52,7 +52,7 @@ def test_pairs_are_chosen_by_patterns(tmp_path: Path) -> None:
 
 
 def test_a_feedback_by_hand_is_for_laws_with_a_pi_that_is_tuned(tmp_path: Path) -> None:
-    """A law of one's own brings what it needs; others learn from when the plant begins."""
+    """A law of one's own brings its feedback along. All laws that learn begin when the plant says so."""
     (tmp_path / "own.py").write_text("class P:\n    def step(self, inputs):\n        return 0.0\n")
     own = {"law": "python", "object": f"{tmp_path}/own.py:P", "learning": True}
     laws = {

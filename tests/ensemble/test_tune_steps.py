@@ -1,4 +1,4 @@
-"""The steps of a tuning by themselves: what is tuned at once, over what, and who grows."""
+"""A tuning's steps one by one: what is tuned together, over which variants, and whose learning grows."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def study(folder: Path, keys: str = KP, changes: dict[str, Any] | None = None, t
 
 
 def test_settings_are_checked_on_four_times_as_many_fresh_variants(tmp_path: Path) -> None:
-    """Of the nominal plant on sixteen seeds."""
+    """Those that are tuned over the nominal plant are checked on sixteen seeds."""
     found = study(tmp_path)
     searched, fresh = tuning.ensembles(found)
     assert (searched.count, fresh.count) == (4, 16)
@@ -61,7 +61,7 @@ def test_keys_of_controllers_are_tuned_for_each_and_others_for_all(tmp_path: Pat
     assert (len(joint.knobs), joint.pairs) == (2, [("low", "pi-ilc")])
 
 
-def test_a_range_may_begin_or_end_where_the_study_is(tmp_path: Path) -> None:
+def test_a_range_may_begin_or_end_at_the_study_s_own_value(tmp_path: Path) -> None:
     for limits, start in (('"0.015 A/rpm", "0.06 A/rpm"', 0.0), ('"0.005 A/rpm", "0.015 A/rpm"', 1.0)):
         (subject,) = tuning.subjects(study(tmp_path, f"controller.pi.kp = [{limits}]\n"))
         (knob,) = subject.knobs

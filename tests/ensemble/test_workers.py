@@ -21,7 +21,7 @@ from cogless.errors import StudyError
 
 
 class Waits(Executor):
-    """Tasks run when they are waited for, the first that was sent first; these die at their first time."""
+    """Runs a task when it is waited for, in the order of sending. The worker of each in `dying` dies once."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *dying: int) -> None:
         self.sent: dict[Future[Any], tuple[Any, ...]] = {}
@@ -49,7 +49,7 @@ class Waits(Executor):
 
 
 def test_two_tasks_are_sent_for_each_worker(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that runs and one that waits; a cluster without a worker may get one yet."""
+    """One runs while the other waits. A cluster without workers gets as many as if it had one."""
     for count, ahead in ((2, 4), (1, 2), (0, 2)):
         executor, found = Waits(monkeypatch), dict[int, Any]()
         run_all(Workers(lambda: executor, lambda: count), int, {n: (n,) for n in range(6)}, found.__setitem__)  # noqa: B023
@@ -58,7 +58,7 @@ def test_two_tasks_are_sent_for_each_worker(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_task_whose_worker_died_is_sent_again_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """To another executor; what runs beside it ends first."""
+    """By a new executor, once all that ran beside it has ended."""
     executor, found = Waits(monkeypatch, 1), list[int]()
     run_all(
         Workers(lambda: executor, lambda: 1),
@@ -96,15 +96,15 @@ def test_a_caller_s_executor_has_as_many_workers_as_it_says(monkeypatch: pytest.
     assert given(silent).count() == 1
 
 
-def test_a_worker_leaves_ctrl_c_to_who_started_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_leaves_ctrl_c_to_the_process_that_started_it(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[Any] = []
     monkeypatch.setattr(signal, "signal", lambda *of: told.append(of))
     executors._deaf()
     assert told == [(signal.SIGINT, signal.SIG_IGN)]
 
 
-def test_a_sweep_that_ends_kills_what_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Otherwise it waits for it."""
+def test_a_sweep_that_is_interrupted_kills_its_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is done waits for them."""
     told: list[Any] = []
 
     class Pool:
@@ -130,7 +130,7 @@ def test_a_sweep_that_ends_kills_what_runs(monkeypatch: pytest.MonkeyPatch) -> N
 # the journal
 
 
-def test_a_line_is_written_whole_even_in_parts(tmp_path: Path) -> None:
+def test_a_line_is_written_whole_to_a_file_that_takes_it_in_parts(tmp_path: Path) -> None:
     class Slow:
         """Takes five bytes at a time."""
 
@@ -167,7 +167,7 @@ def test_a_worker_that_is_interrupted_ends(tmp_path: Path, monkeypatch: pytest.M
 def test_a_variant_without_a_design_leaves_the_others_theirs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It fails with its own error, and one that then does not fail is a mistake of cogless."""
+    """It is run again alone, for its own error. If it does not fail there, that is a mistake of cogless."""
     parcel, run = pack(ensembles.study(tmp_path)), work.rollout
 
     def rollout(studies: Any, only: Any, jobs: int, keep_traces: bool) -> Any:

@@ -177,7 +177,7 @@ def test_a_calibration_and_trials_have_functions_of_their_own(subject: Subject) 
 def test_parts_around_the_drive_have_their_texts_where_the_study_has_them(
     subject: Subject, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The angle's table corrects what is measured, before; dead time is compensated after."""
+    """The angle's table corrects what is measured before the step; dead time is compensated after it."""
     monkeypatch.setattr(
         "cogless.export.c.extras.initialiser", lambda headers, struct, *of: f"    /* {struct} */"
     )
@@ -211,7 +211,7 @@ def test_parts_around_the_drive_have_their_texts_where_the_study_has_them(
         (False, "CGL_MEMORY_ANGLE", ["COGLESS_NO_DELAY_LINE"], {"delay_line.c", "delay_line.h"}),
     ],
 )
-def test_what_is_not_used_is_left_out(
+def test_parts_that_a_controller_does_not_use_are_left_out(
     subject: Subject, unguarded: bool, kind: str | None, defines: list[str], unused: set[str]
 ) -> None:
     law = {"memory": {"kind": kind}} if kind else {"memory": [1.0]}
@@ -272,7 +272,9 @@ def test_a_self_test_lasts_for_80_steps_of_the_law(
         ("mandra2019", "table-1", "ilc", 3),
     ],
 )
-def test_an_fmu_has_a_current_and_a_duty_cycle_for_each_phase(study, scenario, controller, phases):
+def test_an_fmu_has_a_current_and_a_duty_cycle_for_each_phase(
+    study: str, scenario: str, controller: str, phases: int
+) -> None:
     run = prepare(load(study), scenario, controller)
     assert run.phases == phases
     names = [variable.name for variable in measurements("input", run.phases, 24.0)]

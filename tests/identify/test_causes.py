@@ -108,7 +108,7 @@ def test_the_disturbance_of_an_order_is_what_inertia_and_friction_leave_of_the_c
 def shares(
     monkeypatch: pytest.MonkeyPatch, order: int, measured: complex, known: causes.Phasors, **more: Any
 ) -> dict[str, tuple[float, float]]:
-    """Shares of the causes of an order, and their errors, where this disturbance is known up to 0.05 A."""
+    """Each cause's share of an order and its error; the order is `measured` up to 0.05 A."""
     one = part(turning(30.0), 30.0)
     monkeypatch.setattr(causes, "_measured", lambda made, part, order: (measured, 0.05))
     monkeypatch.setattr(causes, "disturbances", lambda made, part, order: dict(known))
@@ -118,7 +118,7 @@ def shares(
 
 
 def test_what_is_left_of_an_order_is_not_explained(monkeypatch: pytest.MonkeyPatch) -> None:
-    """But for what the measurement may be off by, which is in every cause's error."""
+    """Except for what the measurement may be off by; that is in the error of every cause."""
     known: causes.Phasors = {COGGING: (0.3 + 0j, 0.02)}
     told = shares(monkeypatch, 24, 0.4 + 0j, known)
     assert told == {
@@ -164,7 +164,7 @@ def test_a_torque_may_be_of_what_no_log_tells_apart() -> None:
 
 
 def test_an_order_has_its_share_of_the_ripple() -> None:
-    """Of its square, all at most; a wave's rms is its size over sqrt 2."""
+    """The share is of the ripple's square, and at most one. A wave's rms is its amplitude over sqrt 2."""
     log = turning(-30.0, rows=20_000)
     one = replace(part(log, -30.0), omega=-30 + 0.3 * np.cos(24 * log["theta"]))
     small, large = Cause(ENCODER, 0.2, 0.1), Cause(COGGING, 0.8, 0.1)

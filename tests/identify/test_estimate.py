@@ -132,7 +132,7 @@ NONE: Any = None  # what is known of the motor, where it does not matter
 
 
 class Fitted:
-    """Fits one after the other, the last again and again; `models` were fitted."""
+    """Gives these fits in turn, the last again and again, and keeps the models that were fitted."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *fits: Fit) -> None:
         self.fits, self.models = list(fits), list[Model]()
@@ -148,7 +148,7 @@ def late(delay: float) -> Fit:
 
 
 def test_a_delay_is_taken_out_until_a_tenth_of_its_error_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Five times at most; not beyond what a drive has."""
+    """That is done five times at most, and not beyond a delay that a drive may have."""
     model = Model(delay=1e-3)
     fitted = Fitted(monkeypatch, late(2e-4), late(1e-4), late(0.99e-4))
     assert estimate._settled(NONE, [], model)[2].delay == pytest.approx(1.3e-3)
@@ -353,7 +353,7 @@ def test_orders_beside_larger_ones_are_the_encoder_s_if_it_errs(monkeypatch: pyt
 
 
 def test_a_value_s_error_has_what_kernels_of_other_widths_move_it_by(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three quarters of the width, and a third more."""
+    """The other widths are 0.75 and 1.35 of the model's."""
     monkeypatch.setattr(estimate, "coefficients", lambda known, logs, model, factor: {("j",): factor})
     monkeypatch.setattr(estimate.findings, "without_nonsense", lambda made, left: made)
     made = estimate._told(NONE, [], Model(), [], fit_of({("j",): 1.0}), ["Remark."], [])
@@ -392,13 +392,8 @@ def test_what_cannot_be_told_apart_is_left_out_the_least_important_first(
     assert model == _without(_without(MODEL, ("delay",)), ("offset",))
     for y, one_load in (((1.0, 3.1), True), ((1.0, -3.1), False), ((0.0, 2.0), False)):
         left, model = told(plain, y=y)
-        assert (
-            left
-            == [
-                "Order 24: K_t ripple and cogging cannot be told apart; record logs with loads of both signs."
-            ]
-            * one_load
-        )
+        alike = "Order 24: K_t ripple and cogging cannot be told apart; record logs with loads of both signs."
+        assert left == [alike] * one_load
         assert model.ripple == (() if one_load else (24,))
     held = replace(MODEL, columns=frozenset({"offset"}), ripple=())
     left, model = told(wide(1, 1, 200, 1, 1, 1, 1), model=held)  # held angles: no friction beside it

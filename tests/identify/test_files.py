@@ -170,7 +170,7 @@ def csv_of(folder, text, *wanted):
 
 
 def test_a_row_that_is_not_as_the_heading_is_read_by_itself(tmp_path, monkeypatch):
-    """Empty cells behind it and empty lines mean nothing. Rows are counted through all blocks."""
+    """Empty cells at a row's end and empty lines are ignored. Rows are counted over all blocks of a file."""
     monkeypatch.setattr(files, "BLOCK", 2)
     rows = ["t;y;x", "0;0;1", "1;0;2", "2;0;3;", "", '"3";0;4', "4;0;5"]
     assert csv_of(tmp_path, "\n".join(rows)) == {"t": [0, 1, 2, 3, 4], "x": [1, 2, 3, 4, 5]}
@@ -262,7 +262,7 @@ def test_a_file_that_is_not_what_its_name_says_is_refused_in_a_line(tmp_path, na
 
 
 class Channels:
-    """As much of a file of channels as is read: a ramp twice as fast, and one at half the rows."""
+    """Stands in for an MDF file: x rises twice as fast as the time, and y as fast, in fewer rows."""
 
     def __init__(self, path):
         rows = {"x": np.array([0.0, 0.5, 1.0]), "y": np.array([0.0, 1.0]), "t": np.array([0.0, 0.5, 1.0])}
@@ -289,7 +289,7 @@ class Channels:
 
 
 def test_channels_are_brought_to_the_time_of_the_first(tmp_path, monkeypatch):
-    """Where none has the time, the first that is wanted is that."""
+    """Without a channel of the time it is that of the first channel that is wanted."""
     error = type("MdfException", (Exception,), {})
     monkeypatch.setitem(sys.modules, "asammdf", SimpleNamespace(MDF=Channels))
     monkeypatch.setitem(sys.modules, "asammdf.blocks", SimpleNamespace())

@@ -75,7 +75,7 @@ def test_cogging_that_is_turned_between_logs_has_no_place(turn: float, turned: b
 
 
 def test_a_log_s_own_coefficients_have_three_times_their_error() -> None:
-    """What the fit leaves of its rows moves them; rows that don't tell give neither value nor error."""
+    """They are the fit's, moved by what it leaves of the log's rows. If rows tell nothing, both are zero."""
     rows = rows_with("a", 0.45, 0.3 + 0.1j)
     fit = fit_of({("c",): 0.5, ("cogging", 6, "c"): 0.2, ("cogging", 6, "s"): 0.0})
     waves = (("cogging", 6, "c"), ("cogging", 6, "s"))

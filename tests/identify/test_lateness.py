@@ -152,7 +152,7 @@ class Rows(dict[str, np.ndarray]):
 def told(monkeypatch, *profiles, dt=1e-3, period=1e-3, rows=300, periods=()):
     """What logs with these profiles tell, and after how many rows the law has its samples.
 
-    `periods`: of traces, one for each log and then of others.
+    `periods`: those of the traces, one for each log and then of further traces.
     """
     canned, every = list(profiles), []
 

@@ -122,7 +122,7 @@ def test_a_current_in_rms_is_told_beside_phases_alone_and_with_its_other_axis(kn
 
 
 def test_a_run_s_currents_are_turned_to_the_angle_that_its_drive_measures(tmp_path: Path) -> None:
-    """An angle that is measured by a further makes i_d + j i_q of it (i_d + j i_q) e^(-j p a)."""
+    """If the measured angle is ahead by a, i_d + j i_q becomes (i_d + j i_q) e^(-j p a)."""
     import netCDF4
 
     (tmp_path / "id.toml").write_text(
@@ -140,7 +140,7 @@ def test_a_run_s_currents_are_turned_to_the_angle_that_its_drive_measures(tmp_pa
         run.createDimension("time", 1000)
         for name, x in made.items():
             run.createVariable(name, "f8", ("time",))[:] = x
-    np.savez(tmp_path / "a.npz", **made)  # a file of another kind has its drive's own
+    np.savez(tmp_path / "a.npz", **made)  # in a file of another kind they are turned already
     (run, other) = logging.load_logs([tmp_path / "a.nc", tmp_path / "a.npz"], known)
     assert (run.name, other.name, run.duration) == ("slow", "a.npz", pytest.approx(1.0))
     turned = (1 + 2j) * np.exp(-1j * math.pi / 4)
@@ -418,7 +418,7 @@ def test_a_vibration_within_a_fifth_of_a_second_leaves_the_speed_steady() -> Non
 
 
 def test_speeds_within_a_tenth_of_the_usual_one_are_steady() -> None:
-    """However slow. After two thirds of the log the speed is another."""
+    """At any speed. Here it changes after two thirds of the log."""
     t = np.arange(3000) * 1e-2
     for speed, more, share in ((10.0, 0.08, 1.0), (10.0, 0.15, 2 / 3), (0.5, 0.0, 1.0)):
         theta = speed * (t + more * np.maximum(0.0, t - 20))

@@ -55,9 +55,9 @@ def test_a_log_s_noise_is_what_its_fit_leaves(rows: Rows) -> None:
 
 
 def test_logs_are_cut_into_blocks_and_weigh_by_what_is_left_of_each(rows: Rows) -> None:
-    """24 blocks of all logs, and four of each at least, of ten rows or more.
+    """24 blocks in all, but at least four for each log, each of ten rows or more.
 
-    The first coefficient is 2 in one log and 3 in the other, with ten times the noise.
+    The first coefficient is 2 in one log and 3 in the other, which has ten times the noise.
     """
     log: Any = SimpleNamespace(name="b")
     rough = replace(
@@ -78,8 +78,11 @@ def test_logs_are_cut_into_blocks_and_weigh_by_what_is_left_of_each(rows: Rows) 
     assert len(fit([replace(rows, **few)]).blocks) == 1
 
 
-def test_what_no_column_tells_is_nothing_in_a_prediction(rows: Rows) -> None:
+def test_a_prediction_is_without_the_columns_that_were_not_fitted(rows: Rows) -> None:
     found = fit_of({("b",): 2.0})
     assert found.prediction(rows) == pytest.approx(2.0 * rows.columns[:, 0])
+
+
+def test_columns_that_are_alike_inflate_their_errors_beyond_all_use(rows: Rows) -> None:
     alike = replace(rows, columns=np.repeat(rows.columns[:, :1], 2, axis=1), noise=0 * rows.noise)
     assert inflation(_blocks(alike, alike.names, 1)) == pytest.approx(np.full(2, 0.5 / 1e-12), rel=1e-6)

@@ -189,7 +189,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def test_an_estimate_is_simulated_twice_the_second_time_with_the_dead_time_that_is_told(steps):
-    """A part of what is added, which is 0.002 periods of the current loop."""
+    """It is told as a multiple of what is added for that, 0.002 periods of the current loop."""
     added, progress = 0.002 / 10e3, []
     made = first_estimate(turning(1.0))
     steps["told"] = [Lateness(None, Value(2.0, 0.1)), Lateness(None, Value(-0.5, 0.1))]
@@ -261,7 +261,7 @@ def test_a_simulation_s_truth_is_what_it_is_made_of():
 
 
 def test_a_log_is_played_by_its_own_law_with_rows_that_divide_the_loop_s(monkeypatch):
-    """Each by itself; one whose rows do not is left out."""
+    """Each log is played alone, and one whose rows do not divide them is left out."""
     logs = [turning(1.0), replace(turning(1.0), name="odd", dt=1.7e-4), replace(turning(1.0), name="b.csv")]
     logs[2] = replace(logs[2], rule=LogRule(file="*", controller="mine"))
     made = first_estimate(*logs)
@@ -338,7 +338,7 @@ class Loop:
 
 @pytest.mark.parametrize("late", [None, Value(0.2, 0.01)])
 def test_what_simulated_logs_show_beside_their_truth_is_taken_off(monkeypatch, late):
-    """At the delay that is told, else at none; and what a part of the added dead time does to it."""
+    """Their currents are late as told, or not at all. The effect of the told dead time is taken off, too."""
     six = Wave(6, Value(0.1, 0.0), Value(np.pi / 2, 0.0))
     values = {"j": Value(1.5, 0.1), "delay": Value(0.0, 0.0)}
     first = first_estimate(turning(1.0), values=values, cogging=(six,), encoder=())

@@ -257,7 +257,7 @@ def test_a_small_order_beside_a_large_one_may_be_the_encoders(
 
 
 def test_orders_on_both_sides_of_a_large_one_are_told_once(known: Identification) -> None:
-    """By the larger of them; what is out itself makes no others, and none is out twice."""
+    """The larger tells the angle. An order that is out puts no other out, and none is put out twice."""
 
     def beside(*errors: int, **sizes: float) -> tuple[list[int], list[str]]:
         left: list[str] = []
@@ -361,7 +361,7 @@ def test_offsets_of_the_phases_are_taken_out_of_i_q(known: Identification) -> No
 
 
 def test_why_a_log_cannot_be_used(known: Identification) -> None:
-    """A held rotor has no rate; one that is logged slowly shows order 24 to an eighth of the rate."""
+    """A log shows order 24 up to an eighth of its sampling rate."""
 
     def said(*logs: Log) -> list[str]:
         return findings.usable(known, logs)[1]
@@ -380,13 +380,11 @@ def test_why_a_log_cannot_be_used(known: Identification) -> None:
     for rate, turns, much in ((200.0, 1.01, True), (200.0, 0.99, False), (250.0, 3.0, False)):
         speed = turns * TURN * 200 / 8 / 24
         slow = log(theta=speed / rate * np.arange(2000), i_q=0.1, dt=1 / rate)
-        assert said(slow) == (
-            [
-                "one.csv: order 24 at 1.05 rev/s is above an eighth of the sampling rate, 200 Hz; record "
-                "2e+02 rows a second, or turn more slowly."
-            ]
-            * much
+        above = (
+            "one.csv: order 24 at 1.05 rev/s is above an eighth of the sampling rate, 200 Hz; record 2e+02 "
+            "rows a second, or turn more slowly."
         )
+        assert said(slow) == [above] * much
     speed = 6 + np.sin(0.1 * np.arange(2000))
     law = log(theta=np.cumsum(speed) * DT, omega=speed, i_q=0.3 - 0.05 * speed)
     used, (line,) = findings.usable(known, [law, turning(1.0)])
@@ -411,7 +409,7 @@ WRONG = {"j": -1e-3, "c": -0.1}
 def test_a_current_that_brakes_what_turns_has_the_wrong_sign(
     known: Identification, monkeypatch: pytest.MonkeyPatch, motions: list[tuple[float, float]], refused: bool
 ) -> None:
-    """By motions of a speed and an acceleration each, where friction and inertia come out negative."""
+    """Each motion is a speed and an acceleration; friction and inertia come out negative."""
     omega, alpha = (np.repeat(of, 16) for of in zip(*motions * (2 // len(motions)), strict=True))
     offset = 0.5 if len(motions) > 1 else 0.0
     y = WRONG["j"] * alpha + WRONG["c"] * np.sign(omega) + offset
@@ -585,7 +583,7 @@ def test_causes_that_oppose_each_other_are_told_beyond_a_fifth(
 
 
 def test_both_directions_of_a_log_are_one_by_their_squares() -> None:
-    """A cause that one of them lacks has neither a share nor an error there; the largest comes first."""
+    """Where one of them lacks a cause, its share and error are zero. The largest cause comes first."""
     one, two = Cause("cogging", 0.6, 0.1), Cause("cogging", 0.1, 0.1)
     forth, back = (
         order_at(6, 1.0, one, ripple=1.0),
@@ -622,21 +620,18 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
         "record i_q.",
     ]
     still = log("still.csv", dt=0.0), log("off.csv", "bridge-off")
-    assert (
-        diagnosis._unsteady([whole, poor, *still], {"other"})
-        == [
-            "one.csv: never turns at a steady speed for a revolution, so it has no line; what it tells of "
-            "the torques is in the others."
-        ]
-        * 2
+    never = (
+        "one.csv: never turns at a steady speed for a revolution, so it has no line; what it tells of the "
+        "torques is in the others."
     )
+    assert diagnosis._unsteady([whole, poor, *still], {"other"}) == [never] * 2
     assert diagnosis._unsteady([whole], {"one.csv"}) == []
 
 
 def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
     known: Identification, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Where nothing can be estimated, the speeds are all; what was said of it stays."""
+    """If no estimate can be made, it is of the speeds alone, and says why."""
     steady = {"omega": TURN, "theta": TURN * DT * np.arange(2000)}
     logs = [
         log("whole", **steady, i_q=0.1),

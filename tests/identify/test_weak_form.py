@@ -111,14 +111,14 @@ def test_steps_of_the_angle_make_the_noise_of_inertia_and_friction(speed, share)
 
 
 def test_rows_are_a_kernel_s_width_apart_but_for_the_ends():
-    """Within a kernel's reach of the ends the speed is not known, and so not its sign."""
+    """No row is within a kernel's reach of an end, where the speed is not known, nor its sign."""
     (rows,) = rows_of(turning(3.0), replace(MODEL, error={}), weak_form.WIDTH, SENSOR)
     assert np.array_equal(rows.at, np.arange(42, 1000 - 42, 6))
     assert [weak_form.width_of(replace(rows.log, dt=dt), 6e-3) for dt in (1e-3, 1e-2)] == [6e-3, 0.03]
 
 
 def test_a_load_is_a_column_where_no_sensor_tells_it():
-    """A torque over K_t is what the current has beside it. Without a current no delay can be told."""
+    """A torque that is measured is taken off the current. Without a current no delay can be told."""
     log = replace(turning(3.0), rule=LogRule(file="log", kind="load"))
     log.signals["i_q"] = np.full(1000, 0.5)
     model = Model(columns=frozenset({"c", "delay"}))

@@ -28,7 +28,7 @@ def candidate(name, low=1.0, high=9.0, start=2.0, **more):
 
 
 def described(values):
-    """The bytes of a run: each number is of another form in the keys."""
+    """The bytes of a run, in which each number depends on the keys in another way."""
     at = dict.fromkeys(NAMES, 2.0) | {one.key: value for one, value in values}
     if at["e"] != 2 or at["k"] > 9 or (at["few"] not in (1, 2)):
         raise StudyError("study.toml: controller.pi: expected less")
@@ -57,7 +57,7 @@ def adjusted(monkeypatch):
 
 
 def test_keys_are_direct_or_have_stops_or_are_left_out(adjusted):
-    """The last one that is tried at more values, and found to be no multiple, comes last."""
+    """A key that turns out to be no multiple only at further values comes last, with stops."""
     listed = [candidate(name) for name in NAMES]
     found = adjusted(*listed)
     by_name = {key.candidate.key: key for key in found.keys}
@@ -84,7 +84,7 @@ def test_keys_are_direct_or_have_stops_or_are_left_out(adjusted):
 
 
 def test_a_field_takes_more_than_its_slider_only_if_the_key_stays_right_there(adjusted):
-    """One saturates, one is refused, one has stops."""
+    """Key g saturates there, k is refused, and c has stops."""
     found = adjusted(*(candidate(name) for name in "acgk"))
     fields = {key.candidate.key: (key.candidate.least, key.candidate.most) for key in found.keys}
     assert fields == {"a": (0.01, 900.0), "c": (1.0, 9.0), "g": (1.0, 9.0), "k": (1.0, 9.0)}

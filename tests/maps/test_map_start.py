@@ -166,7 +166,7 @@ def test_a_motors_identity_has_32_bits() -> None:
             map_table.identity(wrong)
 
 
-def test_what_a_map_leaves_out_is_a_current_s_over_a_revolution_by_another_law() -> None:
+def test_a_map_is_of_a_current_over_a_revolution_by_another_law_unless_it_says_more() -> None:
     plain = StoredMap(np.zeros(4), (CURRENT,), (3.0,))
     assert (plain.law_name, plain.turns, plain.parts, plain.ratio) == ("other", 1, 1, 1)
     assert (plain.motor, plain.motion, plain.sequence, plain.write_size) == (0, 0, 1, 8)
@@ -181,7 +181,9 @@ def test_currents_of_orders_are_over_eight_angles_a_wave() -> None:
     assert found["current"] == pytest.approx(current)
 
 
-def test_a_map_of_a_run_is_cut_to_its_limits_and_of_a_whole_period(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_s_map_is_cut_to_its_limits_and_its_period_to_lowest_terms(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(learned_map, "study_identity", lambda study: 0xABCD)
     of_run: Any = {"values": [[4.0, -4.0, 1.0]], "limits": [3.0], "units": [CURRENT], "law": 2, "ratio": 5}
     made = learned_map.of_run(None, {**of_run, "turns": 4, "parts": 6}, 7)  # type: ignore[arg-type]
@@ -205,7 +207,7 @@ def test_a_map_of_a_run_is_cut_to_its_limits_and_of_a_whole_period(monkeypatch: 
 def test_a_memory_s_currents_are_over_the_angle_of_its_law(
     monkeypatch: pytest.MonkeyPatch, law: Any, period: tuple[int, int], frame: str, turn: float
 ) -> None:
-    """Of four pole pairs; a user's own law counts electrical angles where its period is one."""
+    """With four pole pairs. A user's own law is over the electrical angle if its period is one such turn."""
     motor = SimpleNamespace(motor=SimpleNamespace(pole_pairs=4))
     monkeypatch.setattr(learned_map, "for_scenario", lambda *_: motor)
     study: Any = SimpleNamespace(controller={"x": law}, drive=SimpleNamespace(precision="double"))

@@ -220,7 +220,7 @@ def test_the_first_number_that_differs_is_told_and_padding_does_not_count() -> N
     first = Difference(1001, "i_q", 0.5, 0.25)
     other = struct.pack("f", 1.0) + now[4:]
     assert step(with_numbers(i_q=0.25, u_d=1.0), other) == first
-    assert step(wanted.outputs[0]) == first  # of all that differ
+    assert step(wanted.outputs[0]) == first  # still the first of all that differ
     alone = _Watched(target, layout, wanted, 2, told.append)
     outputs.append(with_numbers(i_q=0.25))
     alone.step(now, b"")

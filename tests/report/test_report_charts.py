@@ -112,7 +112,7 @@ def test_orders_are_resolved_by_two_and_a_half_rows_each_and_24_electrical_ones_
 
 @pytest.fixture
 def angles(results, monkeypatch):
-    """In place of a spectrum the angles, in revolutions, between which it is taken; the law learns."""
+    """In place of a spectrum the revolutions from and to which it is taken. Laws learn by default."""
     monkeypatch.setattr(spectra, "late", lambda results, run: slice(run.late, len(run.trace)))
     monkeypatch.setattr(spectra, "learned_terms", lambda results, run: getattr(run, "learned", ["term"]))
     monkeypatch.setattr(
@@ -128,10 +128,10 @@ def angles(results, monkeypatch):
     return between
 
 
-def test_a_law_that_learns_began_with_its_first_turn_at_its_speed(angles):
-    """That is where the error is a twentieth of the reference or less; ten rows are a turn here."""
+def test_the_early_orders_of_a_law_that_learns_are_of_its_first_turn_at_speed(angles):
+    """At speed the error is a twentieth of the reference or less. Ten rows are a turn here."""
 
-    def run(errors, rows=60, **more):
+    def run(errors, rows=60):
         error = np.concatenate((errors, np.zeros(rows - len(errors))))
         return run_of(
             0,
@@ -145,7 +145,7 @@ def test_a_law_that_learns_began_with_its_first_turn_at_its_speed(angles):
     assert angles(run([-9, -1.01, -1.0]), 40) == ((0.2, 1.2), (4.0, 5.9))
     assert angles(run([1.0]), 40) == ((0.0, 1.0), (4.0, 5.9))
     assert angles(run([9, 9]), 40, learned=[]) == (None, (4.0, 5.9))
-    assert angles(run([9] * 60), 40) == (None, (4.0, 5.9))  # it never is
+    assert angles(run([9] * 60), 40) == (None, (4.0, 5.9))  # never at speed
     assert angles(run([9, 9]), 13) == ((0.2, 1.2), (1.3, 5.9))
     assert angles(run([9, 9]), 12) == (None, (1.2, 5.9))  # its turn ends where the last part begins
     assert angles(run([9, 9], rows=11), 5) == (None, (0.5, 1.0))
@@ -153,7 +153,7 @@ def test_a_law_that_learns_began_with_its_first_turn_at_its_speed(angles):
     assert angles(run([9, 9]), 59) == (None, None)
 
 
-def test_a_waterfall_is_sorted_by_speed_and_ends_with_the_last_order_of_anybody(results):
+def test_a_waterfall_is_sorted_by_speed_and_ends_with_the_last_order_of_any_run(results):
     amplitudes = np.zeros((2, 4))
     amplitudes[:, 0] = [2.0, 3.0]
     other = np.zeros((2, 4))
@@ -268,7 +268,7 @@ def test_a_period_is_on_an_even_grid():
 
 
 def test_what_learning_leaves_is_drawn_between_what_is_learned():
-    """Of what a loop leaves at a frequency, here the frequency itself, on lines 10 Hz apart up to 45 Hz."""
+    """A loop leaves at each frequency that frequency itself here; its lines are 10 Hz apart, up to 45 Hz."""
     f = np.array([9.0, 10.0, 15.0, 40.0, 41.0])
     loop = SimpleNamespace(periods_per_second=10.0, highest=45.0, orders=None, left=lambda at: at + 0j)
     assert sensitivity._left(loop, f, 0.0) == pytest.approx([np.nan, 10, 15, 40, np.nan], nan_ok=True)
@@ -286,7 +286,7 @@ def test_what_learning_leaves_is_drawn_between_what_is_learned():
 def test_a_sensitivity_is_from_a_tenth_of_the_revolutions_to_nearly_half_the_rate(
     monkeypatch, turns, period, ends
 ):
-    """But over a decade at least; at rest from a tenth of a hertz. What has no linear model has no curve."""
+    """It covers a decade at least, and begins at 0.1 Hz at rest. A law without linear model has no curve."""
     scenario = {"low": SimpleNamespace(top_reference=TURN * turns)}
     for name, value in {
         "speed_loop": lambda *_: SimpleNamespace(period=period), "plants": lambda plant: np.ones((3, 2)),
@@ -322,7 +322,7 @@ def factors(frequency, values):
 
 
 def test_factors_of_all_controllers_share_the_frequencies_above_zero(results):
-    """The first of a controller is drawn full: that with a Q filter, if there is one."""
+    """A controller has a full curve, that with its Q filter if there is one; the one without it is dashed."""
     one, two = factors([0.0, 10.0, 30.0], [1.0, 0.5, 0.5]), factors([0.0, 20.0], [2.0, 4.0])
     runs = [run_of(0, x=[0.0]), run_of(1, x=[0.0])]
     chart = certificate._chart(results, "Plant", [(runs[0], one, False), (runs[1], two, True)])
@@ -362,7 +362,7 @@ def test_a_limit_of_a_gain_is_none_if_it_is_rounding(limit, text):
     assert certificate._limit(None, 2.0, " with Q filter") == ""
 
 
-def test_trials_that_a_logarithm_does_not_know_are_told(results):
+def test_trials_that_a_logarithmic_axis_cannot_show_are_told(results):
     runs = [run_of(n, x=[0.0]) for n in range(3)]
     values = {"a": np.array([1.0, 0.0, 100.0]), "b": np.array([0.0, 0.0, np.inf, np.nan]), "c": None}
     chart = overtrials._chart(results, "Title", "RMS", "mrad", runs, values)

@@ -1,4 +1,4 @@
-"""What is said of faults at the edges of what counts: word by word, of responses that are made up."""
+"""The sentences on a fault on either side of each bound, word by word, for made-up responses."""
 
 from dataclasses import replace
 from math import inf, nan
@@ -41,7 +41,7 @@ def at(time, *words):
     return replace(USUAL, fault=Fault(time, time + 0.5, words or ("sensor stuck",)))
 
 
-def test_of_three_faults_each_is_told_and_of_more_that_there_are_more(told):
+def test_up_to_three_faults_are_told_and_the_others_are_counted(told):
     one = room.account(told, [run_of(USUAL)])
     assert (one.scenario, one.headline) == (
         "faulty", "2 s: sensor stuck for 0.5 s. Afterwards the ripple is about what it was."
@@ -83,7 +83,7 @@ def test_of_three_faults_each_is_told_and_of_more_that_there_are_more(told):
         ),
     ],
 )
-def test_what_came_of_it(told, responses, tone, said):
+def test_the_outcome_of_a_fault(told, responses, tone, said):
     run = run_of(*(replace(USUAL, **values) for values in responses))
     assert room._outcome(told, [run]) == (tone, said)
 
@@ -100,7 +100,7 @@ def test_a_speed_that_is_lost_is_told_of_each_controller_and_its_ripple_is_not(t
     assert "afterwards mean 0" in room._sentence(told, runs[0], USUAL).replace("\N{NO-BREAK SPACE}", " ")
 
 
-def test_beside_a_run_without_the_fault_the_ripple_is_that_ones(told, monkeypatch):
+def test_the_ripple_is_compared_with_that_of_a_run_without_the_fault_if_there_is_one(told, monkeypatch):
     monkeypatch.setattr(room, "_twin", lambda *_: SimpleNamespace(trace=None))
     monkeypatch.setattr(room, "ripple", lambda trace, span: 2 * RPM if span == USUAL.after else None)
     about = "Afterwards the ripple is about what it is without the fault."
@@ -133,11 +133,8 @@ def test_when_a_check_trips(values, says):
     [
         ({}, {}, 1.0),
         ({"ripple_after": 3 * RPM}, {}, 3.0),
-        (
-            {"ripple_after": 0.006 * RPM, "ripple_before": 0.001 * RPM},
-            {},
-            1.0,
-        ),  # a ten-thousandth of 60 r/min
+        # up to a ten-thousandth of 60 r/min, 0.006, it is none
+        ({"ripple_after": 0.006 * RPM, "ripple_before": 0.001 * RPM}, {}, 1.0),
         ({"ripple_after": 0.007 * RPM, "ripple_before": 0.001 * RPM}, {}, 7.0),
         ({"ripple_before": 0.0}, {}, inf),
         ({"ripple_after": inf}, {}, None),
@@ -167,9 +164,9 @@ def test_without_rows_nothing_is_compared(told):
     [
         ((2.0, 3.0), (0.5, 1.5), (1.7, 4.0)),  # a length after it, and three tenths of that before it
         ((2.0, 2.1), (0.5, 1.5), (1.75, 3.1)),  # a turn after it, and a quarter of that before it
-        ((2.0, 2.1), (0.0, 2.0), (1.75, 3.1)),  # of a long turn a second
-        ((2.0, 2.5), (-9.0, 9.0), (1.375, 5.0)),  # or five times as long as the fault
-        ((2.0, 2.01), None, (1.95, 2.21)),  # of an unknown turn 0.2 s
+        ((2.0, 2.1), (0.0, 2.0), (1.75, 3.1)),  # a second, if a turn takes longer
+        ((2.0, 2.5), (-9.0, 9.0), (1.375, 5.0)),  # five times as long as the fault at most
+        ((2.0, 2.01), None, (1.95, 2.21)),  # 0.2 s, if the time of a turn is not known
         ((0.1, 9.0), (0.0, 1.0), (0.0, 9.5)),  # within what is drawn
         ((0.0, 0.1), (0.0, 1.0), (0.0, 1.1)),
         ((9.5, 9.6), None, None),  # not after it

@@ -32,8 +32,8 @@ def points(page):
     return [np.array([[float(x) for x in point.split(",")] for point in line.split()]) for line in found]
 
 
-def test_a_replay_has_a_point_for_each_700th_of_its_second_or_fewer():
-    """Of 2000 rows every second; current in A. A log of rest has no ratio and a height of one."""
+def test_a_replay_of_many_rows_is_drawn_with_fewer_points():
+    """Every second one of 2000. A signal that is constant is drawn at the bottom, and has no ratio."""
     x = np.linspace(0.0, 1.0, 2000)
     trace = trace_of(2000, 5e-4, i_q=x)
     page = identified._overlay(log_of(2000, 5e-4, i_q=x), trace, "i_q", "i_q")

@@ -52,8 +52,8 @@ def buttons(results, *runs):
     ]
 
 
-def test_a_view_stands_in_the_middle_of_the_rows_that_each_point_is_of(monkeypatch):
-    """Of 100 rows in 20 points each ten have a least and a largest one, at a quarter and three quarters."""
+def test_the_points_of_a_view_are_in_the_middle_of_the_rows_that_they_stand_for(monkeypatch):
+    """100 rows in 20 points: of each ten rows the least and largest value, at 1/4 and 3/4 of their time."""
     trace = run_of(1.0).trace
     assert View(None, 100).grid(trace) == {"start": 0.0, "step": pytest.approx(0.01)}
     assert View(None, 20).grid(trace) == {"start": pytest.approx(0.02), "step": pytest.approx(0.05)}
@@ -125,7 +125,7 @@ def test_where_learning_begins_is_a_button(broken):
 
 
 @pytest.mark.parametrize(("sizes", "started"), [((9, 1.0), 1.99), ((9, 8.0), None), ((1.1, 1.0), None)])
-def test_a_start_up_ends_where_the_error_is_a_fifth_above_what_it_is_later(broken, sizes, started):
+def test_start_up_ends_when_the_error_is_within_a_fifth_above_that_of_later(broken, sizes, started):
     early, late = sizes
     time = np.arange(10 * RATE) / RATE
     error = np.where(time < 1.995, -early, late)
@@ -137,7 +137,7 @@ def test_a_start_up_ends_where_the_error_is_a_fifth_above_what_it_is_later(broke
 
 
 def test_two_faults_and_the_last_revolutions_have_finer_points(broken):
-    """Where they overlap, once; each of as many as are left for it, and twice as fine as the rest or more."""
+    """Spans that overlap are one. They share the points that are left, if these are twice as fine."""
     broken((2.0, 3.0), (3.5, 6.0), (7.0, 8.0))
     runs = [run_of(20)]
     details = overtime._details(results_of(), runs, 3000, 4)
@@ -240,6 +240,6 @@ def test_laws_that_learn_in_angle_have_their_currents_and_the_time_of_a_period(d
     assert overtime.waveforms(results_of(), []) == {"panels": []}
 
 
-def test_what_spreads_most_late_is_drawn_first():
+def test_the_spread_of_a_signal_is_that_of_its_second_half():
     assert overtime._spread(np.array([9.0, -9.0, 1.0, 3.0])) == 1.0
     assert overtime._spread(np.array([1.0, 9.0, 1.0, np.nan])) == overtime._spread(np.zeros(0)) == 0.0

@@ -374,7 +374,7 @@ def test_a_drift_of_the_current_is_no_line_that_grows():
 
 @pytest.mark.parametrize(("bins", "grew"), [(3, 0.75), (4, 1.0)])
 def test_the_fourth_line_of_a_spectrum_is_the_slowest_that_counts(bins, grew):
-    """Of 1600 rows at 400 Hz: what is slower is a drift."""
+    """Lines are 1/4 Hz apart, with 1600 rows at 400 Hz; what is slower is a drift."""
     assert growth(*steady(22.0025, i_q=line(0.0, 0.5, frequency=bins / 4))) == pytest.approx(grew)
 
 

@@ -114,7 +114,7 @@ def test_the_first_sentence(study, given, worsened, tone, said):
     assert room._headline(case(study, line(**given), worsened=worsened)) == (tone, f"At 60 rpm, {said}")
 
 
-def test_a_dip_is_no_rest(study):
+def test_a_dip_is_told_as_thrown_off_and_not_as_left(study):
     dip = line("dip", "dip", pi=4, fair=2.04, ilc=2)
     assert room._headline(case(study, dip))[1] == (
         f"At 60 rpm, {ILC} and {FAIR} tie: they are thrown off by 2.00 rpm and 2.04 rpm (dip), about "
@@ -232,8 +232,8 @@ def test_the_best_without_learning_is_told_where_it_is_not_the_baseline(study, g
     assert room._without_learning(case(study, line(**given))) == said
 
 
-def test_where_the_next_is_half_as_much_again_better_it_is_told(study):
-    """At most three metrics, the worst first; both ways where the two tie; never against the baseline."""
+def test_metrics_in_which_the_next_best_is_better_by_half_are_told(study):
+    """Three at most, the worst first; for each of the two if they tie; never against the baseline."""
     names = ("loss", "heat", "noise", "jerk", "wear")
     others = [
         other(n, unit="W", pi=1, fair=1, ilc=ratio)
@@ -306,7 +306,7 @@ def test_the_others_are_those_that_the_headline_leaves_out(study, given, said):
 
 
 def test_who_missed_the_speed_is_told_unless_the_headline_has_it(study):
-    """Of other metrics too, if their window ends later than this one's begins."""
+    """So is who missed it in another metric, if that one's window ends after this one's begins."""
     missed, lost = line(pi=1, ilc=2, fair=3, missed=["ilc"]), "did not hold the speed in"
     window = "8 to 10 s: mean 0 of 60 rpm"
     told = f"{ILC} {lost} speed ripple, {window}."

@@ -1,4 +1,4 @@
-"""What a verdict on trials says of counts and errors at the edge of what it tells: word by word."""
+"""The sentences of a verdict on trials on either side of each bound, word by word, for made-up errors."""
 
 from dataclasses import replace
 from importlib import import_module
@@ -107,7 +107,7 @@ def test_how_much_slower_another_is(of, mine, best, said, where):
     ],
 )
 def test_who_is_behind_in_trials_and_in_the_first_of_them(of, mine, rms, said):
-    """A first trial that is half as much again is told, of what learns."""
+    """A first trial is told if it is 1.5 times as bad or worse, and the controller learns."""
     found = of(
         {"ilc": [3, 3], "input": mine, "none": [3, 9]}, {"ilc": [1, 2], "input": [1, rms], "none": [1, 9]}, 2
     )
@@ -120,7 +120,7 @@ def test_who_is_behind_in_trials_and_in_the_first_of_them(of, mine, rms, said):
     ("counts", "tie"),
     [([2, 5, 1], True), ([5, 5, 5], True), ([2, 6, 1], False), ([2, 4, 1], False), ([2, 5, inf], False)],
 )
-def test_a_tie_is_of_the_slowest_phases(of, counts, tie):
+def test_controllers_tie_if_their_slowest_phases_are_as_quick(of, counts, tie):
     found = of({"ilc": [3, 5, 4], "input": counts})
     assert room._as_quick(found, "ilc", "ilc") and room._as_quick(found, "input", "ilc") is tie
     found.__dict__["growing"] = {"input": None}
@@ -192,7 +192,7 @@ def test_a_floor_is_lost_if_it_was_reached_in_the_first_half_of_a_phase(of, coun
         assert room._leaves_floor(lacking, "ilc") == ""
 
 
-def test_of_the_floors_that_are_lost_the_most_is_told(of):
+def test_of_the_phases_that_lose_the_floor_the_worst_is_told(of):
     found = of({"ilc": [3, 3, 3]}, {"ilc": [2.0, 4.0, 3.0]})
     assert room._leaves_floor(found, "ilc").endswith(
         f"4.00 mrad RMS in the second half of the trials {LOAD}."
@@ -200,7 +200,7 @@ def test_of_the_floors_that_are_lost_the_most_is_told(of):
 
 
 def test_the_best_is_compared_with_the_baseline_at_the_end_and_in_first_trials(of):
-    """Where it reached the floor anywhere; half as much again in a first trial after a change is told."""
+    """If it reached the floor in any phase. A first trial after a change is told if 1.5 times as bad."""
     counts = {"none": [inf, inf], "ilc": [1, inf], "input": [inf, inf]}
     end = f"In the last phase {ILC} leaves 3.00 mrad RMS, 1.50 times more than no learning (2.00 mrad)."
     first = (
@@ -317,7 +317,7 @@ def test_the_worst_first_trial_is_that_of_the_largest_multiple(of, mine, other, 
 
 
 def test_the_first_phase_that_grows_is_told_with_its_lowest_and_last_error(of):
-    """Of each controller; medians over quarters of the twenty trials."""
+    """For each controller, as medians of quarters of the twenty trials."""
     found = of({}, {"none": [2, 2, 2], "ilc": [2, 2, 2]})
     found.rms["ilc"][35:40], found.rms["ilc"][55:] = 3.5, 9.0
     found.rms["none"][45] = nan

@@ -70,7 +70,7 @@ def test_a_load_that_comes_and_goes_is_a_fault_in_a_study_with_faults(tmp_path):
     assert faults_in(studies.study(tmp_path, stays), "step") == []
 
 
-def test_of_loads_in_a_row_the_last_before_the_usual_one_is_a_fault(tmp_path):
+def test_of_several_loads_only_the_last_before_the_usual_one_is_a_fault(tmp_path):
     events = [{"time": f"{t} s", "load": f"{load} N*m"} for t, load in ((0.1, 0.2), (0.15, 0.3), (0.2, 0))]
     changes = {"scenario.low.faults": [angle("0.1 s", "1 ms")], "scenario.step.events": events}
     (load,) = faults_in(studies.study(tmp_path, changes), "step")
@@ -98,7 +98,7 @@ def test_times_are_counted_from_the_fault_to_the_next():
     assert one(trace(status), learns=False)[0].not_learning is None
 
 
-def test_a_row_at_the_fault_s_time_counts_up_to_rounding_and_one_without_a_status_says_nothing():
+def test_a_row_at_the_fault_s_time_counts_despite_rounding_and_rows_without_a_status_do_not():
     off = trace(lambda t: np.where(t < 0.2, np.nan, (t == 0.3) * int(Status.OFF)))
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -6,7 +6,6 @@ import os
 import random
 import shutil
 import signal
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -21,7 +20,6 @@ from cogless import StudyError
 from cogless.results import folder as folders
 from cogless.results.folder import hashes, held, new_set
 
-COMMAND = [sys.executable, "-m", "cogless"]
 OURS = [folders.NEW, folders.OLD, folders.SET, folders.LINK]
 
 
@@ -170,12 +168,12 @@ def test_without_links_the_files_are_replaced_one_by_one(
 
 @pytest.mark.skipif(os.name != "posix", reason="locks")
 def test_a_second_run_into_the_folder_is_refused(tmp_path: Path) -> None:
-    for _ in range(2):  # once the first is done, the next is alone again
+    for _ in range(2):  # the folder is free again when the first run is done
         with held(tmp_path):
             files = os.listdir("/dev/fd")
             with pytest.raises(StudyError) as error, held(tmp_path):
                 pass
-            assert os.listdir("/dev/fd") == files  # none stays open
+            assert os.listdir("/dev/fd") == files  # the refused one leaves none open
     expected = "another run is writing there: expected another directory"
     assert str(error.value) == f"{tmp_path}: {expected}"
 

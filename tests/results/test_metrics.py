@@ -378,8 +378,8 @@ def test_a_row_for_every_sample_up_to_a_millionth(share, enough):
             evaluate(Metric("chattering", signal=None), t, conditions)
 
 
-def test_a_reference_that_stepped_a_row_before_the_event_stays():
-    """So the speed is thrown off by something else: it overshoots on its way back from 9, by 13 - 11.9."""
+def test_a_step_of_the_reference_a_row_before_the_event_is_not_the_event():
+    """Something else throws the speed off, to 9; on its way back it overshoots by 13 - 11.9."""
     t = trace(
         omega_m=lambda time: np.interp(time, [1.0, 1.01, 1.02, 1.03], [12.0, 9.0, 13.0, 11.9]),
         omega_ref=lambda time: np.where(time < 0.985, 10.0, 12.0),
@@ -458,7 +458,7 @@ def test_the_last_part_of_a_turn_begins_between_two_rows(sign):
 
 
 def test_a_revolution_may_be_short_by_a_hair():
-    """As of a speed that is 0.09 % too low. One that is 0.12 % too low makes no revolution."""
+    """At a speed that is 0.09 % too low there is one, but not at one that is 0.12 % too low."""
     for short, told in ((9e-4, True), (1.2e-3, False)):
         theta = np.linspace(0, 2 * np.pi * (1 - short), 20001)
         try:

@@ -68,7 +68,7 @@ def test_a_run_is_known_by_its_settings_and_results(made, tmp_path):
 
 
 def test_a_version_that_is_not_known_is_told(monkeypatch):
-    """As of a copy that was never installed."""
+    """A copy that was never installed has none."""
     known = importlib.metadata.version
 
     def version(package):
@@ -133,7 +133,7 @@ def test_interrupted_without_runs(made):
 
 
 def test_a_learned_signal_in_short(made):
-    """Of trials; of nothing, and of what is not finite, too."""
+    """It is of trials or over an angle, and may be empty or not finite."""
     for memory, found in (
         ({"learned": [1.0, -3.0]}, {"samples": 2, "peak": 3.0}),
         ({"learned": []}, {"samples": 0, "peak": 0.0}),
@@ -150,20 +150,10 @@ def test_a_learned_signal_in_short(made):
 def test_a_response_to_a_fault_in_plain_numbers(made):
     """What never happened, or grew beyond all numbers, is null."""
     response = Response(
-        Fault(1.0, 1.5, ("x",)),
-        ("y",),
-        0.1,
-        0.2,
-        None,
-        0.3,
-        None,
-        (2.0, 3.0),
-        None,
-        math.nan,
-        4.0,
-        math.inf,
-        5.0,
-    )
+        Fault(1.0, 1.5, ("x",)), ("y",), noticed_after=0.1, safe=0.2, not_learning=None, saturated=0.3,
+        before=None, after=(2.0, 3.0), ripple_before=None, ripple_after=math.nan, largest_error=4.0,
+        largest_current=math.inf, current_limit=5.0,
+    )  # fmt: skip
     run = replace(made.runs[0], faults=(response,))
     assert to_dict(Results(made.study, [run]))["runs"][0]["faults"] == [{
         "what": ["x"], "time_s": 1.0, "duration_s": 0.5, "noticed": ["y"], "noticed_after_s": 0.1,

@@ -133,7 +133,7 @@ def test_a_mistake_names_its_line(tmp_path: Path, text: str, problem: str) -> No
 
 
 @pytest.mark.parametrize("huge", [1e9, -1e9, math.inf])
-def test_a_number_is_below_a_thousand_millions(huge: float) -> None:
+def test_a_number_of_a_table_is_below_a_thousand_million(huge: float) -> None:
     assert finite("x", 999_999_999.0, "error", "line 2: ") == 999_999_999.0
     with pytest.raises(PydanticCustomError, match='line 2: "x": expected a finite error'):
         finite("x", huge, "error", "line 2: ")

@@ -130,20 +130,20 @@ SHORT = {"duration": "0.3 s", "reference": "60 rpm"}
 @pytest.mark.parametrize(
     ("before", "changes", "wrong"),
     [
-        # what is there at all, by name
+        # names of controllers and scenarios
         ({"controller.pi.baseline": True}, {"controller.new": {**PI, "baseline": True}}, "controller.new"),
         ({"controller.pi.baseline": True}, {"controller.new": PI}, ""),
         ({}, {"scenario.new": {**SHORT, "duration": "1e9 s"}}, "scenario.new.duration"),
         ({}, {"scenario.new": {**SHORT, "controllers": ["x"]}}, "scenario.new.controllers.0"),
         ({}, {"scenario.new": SHORT}, ""),
         ({}, {"scenario.step.controllers": ["x"]}, "scenario.step.controllers.0"),
-        # a table that comes
+        # a table that is new
         ({"metric": []}, {"mechanics.load_side": {"inertia": "1e-4 kg*m^2", "stiffness": "1e9 N*m/rad"}},
             "drive.rates.integration_steps"),
         ({}, {"drive.dead_time_compensation": {"band": "0.1 A", "time": "1 s"}},
             "drive.dead_time_compensation.time"),
         ({}, {"motor.temperature": {"winding": "90 degC"}}, ""),
-        # one of another kind
+        # a table of another kind
         ({}, {"controller.pi": {"law": "adrc", "b": 1e3, "omega_c": 100.0, "omega_o": 1e6}}, "controller.pi"),
         ({}, {"controller.pi": {**PI, "law": "pi-ilc", "gain": 0.01, "lead": "1 s"}}, "controller.pi.lead"),
         ({}, {"drive.position_sensor": {"kind": "ideal", "side": "load"}}, "drive.position_sensor.side"),

@@ -27,7 +27,7 @@ TABLE = {"law": "anti-cogging", **BY_HAND, "calibration": {"speed": 2.0, "positi
 OWN = {"law": "python", "object": "law.py:Law", **LATER}
 LIBRARY = {"law": "library", "library": "law.so", **LATER}
 MAP = {"start": {"map": "a.bin"}}
-# what they tell unless told otherwise here: a law that learns from 3 s on, over the rotor's angle
+# what a law tells unless its row says otherwise: it learns from 3 s on, over the rotor's angle
 LEARNS = {"learns": True, "learned": True, "learns_from": 3.0, "holds_position": False, "by_rotor": True,
           "unit": 1.0, "linear": None, "ratio": 1}  # fmt: skip
 NEVER = {**LEARNS, "learns": False, "learned": False, "learns_from": 0.0}

@@ -250,7 +250,9 @@ def test_a_tenth_of_a_back_emf_table_is_the_fundamental_at_least(
 
 
 @pytest.mark.parametrize(("share", "fine"), [(-0.099, True), (0.099, True), (0.101, False)])
-def test_a_mean_of_a_tenth_of_the_rms_is_none_of_a_cogging(tmp_path: Path, share: float, fine: bool) -> None:
+def test_the_mean_of_a_cogging_table_may_be_a_tenth_of_its_rms(
+    tmp_path: Path, share: float, fine: bool
+) -> None:
     of = table(tmp_path, lambda theta: np.sqrt(2) * np.sin(20 * theta) + share)
     if fine:
         assert [c.order for c in star({**of, "sign": "on-rotor"}).cogging] == [20]

@@ -111,7 +111,7 @@ def test_a_soft_shaft_swings_with_both_masses() -> None:
 
 
 def test_a_load_behind_a_rigid_gear_is_seen_from_the_motor() -> None:
-    """Of ratio 2: a quarter of its inertia and viscous friction, half of its sliding friction."""
+    """With a ratio of 2: a quarter of its inertia and viscous friction, and half of its sliding friction."""
     side = {"inertia": "4e-4 kg*m^2", "viscous_friction": "8e-3 N*m*s/rad", "coulomb_friction": "6 mN*m",
             "stiffness": "1 N*m/rad", "ratio": 2}  # fmt: skip
     own = {"viscous_friction": "1e-3 N*m*s/rad", "coulomb_friction": "1 mN*m"}
@@ -125,7 +125,7 @@ def test_a_load_behind_a_rigid_gear_is_seen_from_the_motor() -> None:
 
 
 def test_a_gear_s_errors_make_its_output_faster_and_slower() -> None:
-    """Of ratio 2: an order of the input 3 * 0.02, one of the output 5 * 0.03 of half the speed."""
+    """By 3 * 0.02 of the input's speed for the order of the input, by 5 * 0.03 / 2 for that of the output."""
     errors = [{"side": "input", "order": 3, "angle": "0.02 rad"},
               {"side": "output", "order": 5, "angle": "0.03 rad"}]  # fmt: skip
     side = {"inertia": "1 g*m^2", "stiffness": "1 N*m/rad", "ratio": 2, "gear_errors": errors}

@@ -56,7 +56,7 @@ def test_a_step_motor_in_the_words_of_the_plant() -> None:
 
 
 def test_a_step_motor_with_a_saliency_and_gaps_among_its_harmonics() -> None:
-    """L_d and L_q lie L_1 on either side of L_0; all flux goes with i_f, cogging with its square."""
+    """L_d and L_q are L_0 +- L_1. Flux is in proportion to i_f, and cogging to its square."""
     more = {"L_1": "0.1 mH", "i_f": "2 A", "L_m": ["5 mH", "0 mH", "0.2 mH"], "L_f": ["0 mH", "1 mH"]}
     star = StepMotor.model_validate({**STEP, **more}).star()
     assert (star.L_d, star.L_q, star.psi_f, star.K_t) == pytest.approx((0.8e-3, 0.6e-3, 0.01, 0.5))
@@ -127,7 +127,8 @@ def test_samples_are_as_dense_as_what_they_sample_is_fast(reference: dict[str, A
     assert way.step == pytest.approx(40 / len(way.time))
     places = way.time / way.step - np.arange(len(way.time))
     assert places.min() >= -1e-9 and places.max() < 1
-    assert places[1:3] == pytest.approx([(math.sqrt(5) - 1) / 2, math.sqrt(5) - 2])  # the golden ratio's
+    golden = (math.sqrt(5) - 1) / 2
+    assert places[1:3] == pytest.approx([golden, 2 * golden - 1])
     assert np.histogram(places, 10, (0, 1))[0] / len(places) == pytest.approx(0.1, rel=0.01)
 
 
@@ -367,7 +368,7 @@ RESTS = {**SPACE, "learning": False, "frame": "mechanical"}  # asks for no sampl
         ({}, {**SPACE, "mu_alpha": 0.0, "mu_h": 1.0}, {**SPACE, "mu_alpha": 0.0, "mu_h": 0.0}),
     ],
 )  # fmt: skip
-def test_what_a_law_over_the_angle_can_just_do(
+def test_a_law_over_the_angle_at_its_bounds_and_beyond(
     tmp_path: Path, common: dict[str, Any], most: dict[str, Any], beyond: dict[str, Any]
 ) -> None:
     load(studies.write(tmp_path), {**common, "controller.pi": most})

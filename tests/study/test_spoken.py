@@ -20,11 +20,13 @@ RADIANS = {"speed": "6 rad/s"}
     ("changes", "dimension", "unit"),
     [
         ({}, ANGULAR_SPEED, "rpm"),
-        ({"metric.0.unit": "rev/s"}, ANGULAR_SPEED, "rev/s"),  # before the scenarios'
+        ({"metric.0.unit": "rev/s"}, ANGULAR_SPEED, "rev/s"),  # a metric's unit comes before a scenario's
         (NO_METRIC, ANGULAR_SPEED, "rpm"),
-        ({**NO_METRIC, "scenario.low.reference": RADIANS}, ANGULAR_SPEED, "rad/s"),  # before the other's
+        # of two scenarios the first one's
+        ({**NO_METRIC, "scenario.low.reference": RADIANS}, ANGULAR_SPEED, "rad/s"),
         ({**NO_METRIC, "scenario.low.reference": {"profile": [["0 s", "1 rev/s"]]}}, ANGULAR_SPEED, "rev/s"),
-        ({"motor.cogging.0.phase": "30 deg", "mechanics.load": "2 mN*m"}, ANGLE, "rad"),  # a motor's is not
+        # the motor's units describe no run
+        ({"motor.cogging.0.phase": "30 deg", "mechanics.load": "2 mN*m"}, ANGLE, "rad"),
         ({"scenario.step.initial_angle": "5 deg"}, ANGLE, "deg"),
         ({"drive.position_sensor": {"kind": "resolver", "eccentricity": "1 mrad"}}, ANGLE, "mrad"),
         ({"scenario.low.load": "2 mN*m"}, TORQUE, "N*m"),

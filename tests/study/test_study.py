@@ -79,7 +79,7 @@ def test_a_datasheet_gives_what_the_study_leaves_out(tmp_path: Path) -> None:
     assert (own_flux.motor.psi_f, own_flux.motor.K_t) == (pytest.approx(0.002), None)
 
 
-def test_a_word_that_is_changed_takes_the_place_of_those_that_say_the_same(tmp_path: Path) -> None:
+def test_a_changed_key_replaces_other_keys_that_say_the_same(tmp_path: Path) -> None:
     study = studies.study(tmp_path, {"motor.K_t": "0.3 N*m/A", "motor.resistance_line_to_line": "40 ohm"})
     assert (study.motor.psi_f, study.motor.K_t) == (None, 0.3)
     assert (study.motor.R_s, study.motor.star().R_s) == (None, 20.0)
@@ -165,7 +165,7 @@ def test_a_change_leaves_the_first_study_as_it_was(tmp_path: Path) -> None:
         ("a.b=", ("a.b", "")),
         ("a=x=y", ("a", "x=y")),
         (" a.b = red ", ("a.b", "red")),
-        ("a=1\nb=2", ("a", "1\nb=2")),  # one value, or a text
+        ("a=1\nb=2", ("a", "1\nb=2")),  # no second key: all of it is the value
     ],
 )
 def test_set_reads_toml_and_else_text(text: str, change: tuple[str, object]) -> None:
@@ -181,7 +181,7 @@ def test_keys_with_dots_stand_in_quotes() -> None:
     assert split(".".join(32 * "x")) == tuple(32 * "x")
 
 
-def test_of_a_longer_array_the_last_unit_goes_on() -> None:
+def test_an_array_that_is_longer_than_before_has_the_last_unit_for_the_rest() -> None:
     assert with_unit([1, 2.5, 3], ["1 A", "2 V"]) == ["1 A", "2.5 V", "3 V"]
     assert with_unit([1, "x", True], ["2 A"]) == ["1 A", "x", True] and with_unit([1], []) == [1]
     assert with_unit([[0, 5], [1, 6]], [["0 s", "1 rpm"]]) == [["0 s", "5 rpm"], ["1 s", "6 rpm"]]
@@ -588,8 +588,8 @@ def test_a_fault_in_words(kind: str, more: dict[str, str], words: str) -> None:
     assert (fault.words, fault.end) == (words, 1.5)
 
 
-def test_an_axis_is_as_stiff_as_its_table_is_flat_anywhere() -> None:
-    """At the end, by the slope of a parabola through the last three points: (3 * 5 - 10) / 2 mWb a step."""
+def test_the_smallest_inductance_is_the_least_slope_of_the_tables_of_flux() -> None:
+    """At the end that of a parabola through the last three points: (3 * 5 - 10) / 2 mWb a step."""
     bent = {"current": [*CURRENT[:3], "3 A"], "flux": ["0 Wb", "30 mWb", "40 mWb", "45 mWb"]}
     straight = {"current": CURRENT[:3], "inductance": ["3 mH"] * 3}
     assert Saturation.model_validate({"q": bent, "d": straight}).smallest == pytest.approx(2.5e-3)

@@ -1,6 +1,6 @@
 """What a study means where it says nothing, and the numbers that it may say.
 
-Another default would change every study that relies on it, another bound refuse one or let it fail later.
+Another default would change each study that relies on it; another bound would refuse one, or fail it later.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def test_plain_numbers_have_these_bounds(shipped: dict[str, type[Table]]) -> Non
 def test_a_number_is_in_si_in_a_controller_s_table_and_needs_a_unit_elsewhere(
     shipped: dict[str, type[Table]],
 ) -> None:
-    """But for trials, whose plant may be a drive, with units, or one without."""
+    """In trials both are right, since their plant may be a drive, with units, or one without."""
     for table, model in shipped.items():
         si = issubclass(model, (Base, Commissioning, GivenFeedback, QFilter, Tuning))
         for name, field in model.model_fields.items():

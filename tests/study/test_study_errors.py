@@ -311,7 +311,7 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
         ({"scenario.step.reference": "9000 rpm"},  # the fastest scenario counts
             "drive.rates.integration_steps: 1: expected 3 or more, since the highest order at top speed "
             "changes within 52.8 us; its voltage turns the motor at 6284 rpm without load, not at 9000"),
-        ({"scenario.low.initial_speed": "-9000 rpm"},  # turned by something else
+        ({"scenario.low.initial_speed": "-9000 rpm"},  # something else turns it that fast
             "drive.rates.integration_steps: 1: expected 4 or more, since the highest order at top speed "
             "changes within 44.2 us"),
         ({"mechanics.inertia": "1e-12 kg*m^2"},
@@ -366,7 +366,7 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         ({"trace.rate": "1 kHz"}, "scenario.low.duration", "20000 s", "20001 s"),
         ({}, "controller.adrc", {**ADRC, "omega_o": 1999.998}, {**ADRC, "omega_o": 1999.9985}),
         ({"drive.current_sensors.bits": 12}, "drive.current_sensors.range", "3 A", "2.999 A"),
-        # up to rounding: a part in a thousand million, of rates one in a million million
+        # rounding is allowed: 1e-9 of a time, 1e-12 of a rate
         ({}, "trace.rate", "5000.000000002 Hz", "5000.000000007 Hz"),
         ({"trace.rate": "1 kHz", "metric": []}, "scenario.low.duration",
             "9.999999995 ms", "9.999999985 ms"),
@@ -418,7 +418,7 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
               ({"mechanics.load_side": SIDE}, "omega_load"), (IDEAL, "omega_m"),
               ({"controller.afc": {**PI, "law": "pi-afc", "gain": 1, "orders": [6]}}, "term_afc"),
           )),
-        # measured once at least, before the end
+        # a fault covers one measurement at least, before the end
         ({"drive.rates.current_loop": "10 kHz", "scenario.low.faults": [STUCK]},
             "scenario.low.faults.0.duration", "99.99999995 us", "99.99999985 us"),
         ({"drive.rates.current_loop": "10 kHz", "scenario.low.faults": [STUCK]},
@@ -750,7 +750,7 @@ def test_what_datasheet_and_study_lack_together_is_told_of_the_study(tmp_path: P
         'study.toml: motor: expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"'
     )
     (tmp_path / "m.toml").write_text('psi_f = "1 A"\n', encoding="utf-8")
-    there = {"scenario.low.override": {"motor.psi_f": "2 A"}}  # a scenario's is the study's
+    there = {"scenario.low.override": {"motor.psi_f": "2 A"}}  # an override is a key of the study
     (tmp_path / "n.toml").write_text('psi_f = "68 mWb"\n', encoding="utf-8")
     assert line_of(tmp_path, None, text).startswith('m.toml: psi_f: "1 A": expected a flux linkage')
     found = line_of(tmp_path, there, text.replace("m.toml", "n.toml"))

@@ -38,7 +38,7 @@ def test_phases_keep_what_a_change_does_not_name(tmp_path: Path) -> None:
 
 
 def test_the_top_speed_is_in_the_middle_of_the_steepest_move_or_at_the_start(tmp_path: Path) -> None:
-    """15/8 of its mean speed, as far as samples tell: 1 rad in 0.35 s, after a change 2 rad."""
+    """A move's top speed is 15/8 of its mean: of 1 rad in 0.35 s, or of 2 rad after a change."""
     further = [["0.05 s", "0 rad"], ["0.4 s", "-2 rad"]]
     for changes, speed in (
         ({}, 1.875 / 0.35),
@@ -374,7 +374,7 @@ OWN = {"law": "python", "object": "law.py:Law"}
             "expected 2 numbers, one a state"),
     ],
 )  # fmt: skip
-def test_what_a_study_of_trials_can_just_have(
+def test_a_study_of_trials_at_its_bounds_and_beyond(
     tmp_path: Path, text: str, common: dict[str, Any], key: str, most: Any, beyond: Any, told: str
 ) -> None:
     trial_studies.loaded(tmp_path, {**common, key: most}, text)

@@ -1,4 +1,4 @@
-"""Searches for filters and shifts, and what a design says of them: with responses that are given."""
+"""A design's searches for filters, shifts and leads, and its words on them, for made-up responses."""
 
 from __future__ import annotations
 
@@ -27,6 +27,18 @@ from cogless.study.position_sensor import Encoder
 from cogless.study.trial_controller import StateIlc
 
 LOOPS: Any = []
+
+
+class Bundle:
+    """The responses of loops, where nothing looks at them."""
+
+    grid = np.zeros(1)
+
+    def __init__(self, *of: Any) -> None:
+        pass
+
+    def __call__(self, w: Any) -> None:
+        pass
 
 
 def test_without_a_filter_its_gain_is_one_and_it_acts_on_the_error() -> None:
@@ -84,13 +96,11 @@ def test_another_shift_is_proposed_if_it_is_clearly_faster(
     ],
 )
 @pytest.mark.parametrize("K_3", [None, 0.7])
-def test_a_cutoff_keeps_95_percent_at_most_and_at_the_ends_too(
+def test_a_workable_cutoff_leaves_at_most_95_percent_at_the_ends_of_a_trial_too(
     monkeypatch: pytest.MonkeyPatch, worst: float, grows_above: float, cutoff: float | None, K_3: float | None
 ) -> None:
-    """By a factor that is the cutoff over `worst` Hz; a thousandth to 0.49 of the rate are looked at."""
-    monkeypatch.setattr(
-        q_filter, "Bundle", lambda *_: type("B", (), {"grid": None, "__call__": lambda self, w: None})()
-    )
+    """The factor is here the cutoff over `worst` Hz. Cutoffs of 0.001 to 0.49 of the rate are tried."""
+    monkeypatch.setattr(q_filter, "Bundle", Bundle)
     one: Any = lambda cutoff, order, period: SimpleNamespace(cutoff=cutoff, gain=lambda w: cutoff)  # noqa: E731
     monkeypatch.setattr(q_filter, "butterworth", one)
     monkeypatch.setattr(q_filter, "best_gain", lambda G, H: (5.0, H / worst))
@@ -149,8 +159,7 @@ def test_a_gain_by_frequency_says_how_fast_it_is(
     better: Any,
     note: str | None,
 ) -> None:
-    bundle = type("B", (), {"grid": np.zeros(1), "__call__": lambda self, w: None})()
-    monkeypatch.setattr(trial, "Bundle", lambda loops, shift: bundle)
+    monkeypatch.setattr(trial, "Bundle", Bundle)
     monkeypatch.setattr(trial, "best_gain", lambda *of: (0.7 + len(of), worst))
     monkeypatch.setattr(trial, "butterworth", lambda *_: Filter(np.ones(1), np.ones(1)))
     monkeypatch.setattr(trial, "better_shift", lambda loops, r, q, shift, samples: better)
@@ -341,10 +350,10 @@ class Switching(PeriodicLoop):
         return Worst(1.5, 55.6)
 
 
-def test_switching_keeps_the_smallest_oscillation_alive_that_it_makes_grow(
+def test_the_smallest_oscillation_that_switching_makes_grow_is_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Of amplitude A times 2^n, A what makes the ripple 1.25 times as large; its gain is 4 / (pi A 2^n)."""
+    """Amplitudes A 2^n are tried; A makes the ripple 1.25 times as large. The gain is 4 / (pi A 2^n)."""
     law = RobustIlc.model_construct(beta_1=1.0, beta_2=2.0)
     monkeypatch.setattr(learning, "speed_text", lambda study, speed, digits: f"{speed:.{digits}g} rad/s")
     monkeypatch.setattr(learning, "ripple", lambda loop, time: Ripple(0.8, 0.6))
@@ -378,7 +387,7 @@ def test_switching_keeps_the_smallest_oscillation_alive_that_it_makes_grow(
 def test_leads_up_to_a_quarter_of_the_period_or_the_map_are_tried(
     cells: int, turns: float, longest: int
 ) -> None:
-    """At 1 kHz and so many periods a second; 30 samples at most. Those that settle at the worst frequency."""
+    """Of 30 samples at most, at 1 kHz and this many periods a second. A lead of 4 samples does not settle."""
     own: dict[str, Any] = {
         "plant": SimpleNamespace(period=1e-3),
         "periods_per_second": turns,
@@ -402,7 +411,7 @@ def test_leads_of_orders_settle_by_each_order_and_all_together() -> None:
 
 
 class Orders(OrderLoop):
-    """Orders 2, 5 and 9 at 4 rad/s, of a loop at 20 Hz that answers with a quarter turn more each 4 Hz."""
+    """Orders 2, 5 and 9 at 4 rad/s; the loop, at 20 Hz, lags by a quarter of a turn more every 4 Hz."""
 
     plant: Any = SimpleNamespace(period=0.05)
     feedback: Any = Linear(1, 1.0)
@@ -419,7 +428,7 @@ def orders(omega_m: float = 4.0, **more: Any) -> Orders:
     return Orders(study, "x", omega_m)  # type: ignore[arg-type]
 
 
-def test_orders_below_two_samples_a_cycle_are_learned_by_their_averaged_factor(
+def test_orders_with_more_than_two_samples_a_cycle_are_learned_by_their_averaged_factor(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(order_learning, "speed_text", lambda study, speed: f"{speed:g} rad/s")
@@ -440,7 +449,7 @@ def test_orders_below_two_samples_a_cycle_are_learned_by_their_averaged_factor(
     assert orders(32.0).frozen == "order 2 has less than two samples at 32 rad/s"
 
 
-def test_an_oscillation_is_one_that_no_order_makes_by_itself() -> None:
+def test_growth_is_an_oscillation_only_if_no_order_grows_by_itself() -> None:
     def found(factor: float, grows: bool) -> Oscillation | None:
         own = {
             "_worst": Worst(factor, 7.0),
