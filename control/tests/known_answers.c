@@ -22,6 +22,15 @@ static void keep_the_numbers(void)
     static const int result[] = {CGL_MAP_OK,           CGL_MAP_BUSY,         CGL_MAP_NONE,         CGL_MAP_DAMAGED,   CGL_MAP_OTHER_VERSION,
                                  CGL_MAP_OTHER_MOTOR,  CGL_MAP_OTHER_MOTION, CGL_MAP_OTHER_LAYOUT, CGL_MAP_BAD_VALUE, CGL_MAP_FLASH_FAILED,
                                  CGL_MAP_CHANGED,      CGL_MAP_LEARNING,     CGL_MAP_NO_ROOM,      CGL_MAP_BY_TIME,   CGL_MAP_INVALID};
+    static const int law[] = {CGL_MAP_LAW_OTHER,         CGL_MAP_LAW_PI_ILC, CGL_MAP_LAW_ROBUST_ILC,
+                              CGL_MAP_LAW_ANTI_COGGING,  CGL_MAP_LAW_SPACE_POSITION, CGL_MAP_LAW_SPACE_SPEED,
+                              CGL_MAP_LAW_TRIAL,         CGL_MAP_LAW_PI_AFC, CGL_MAP_LAW_HARMONIC};
+    static const int unit[] = {CGL_MAP_UNIT_NONE,           CGL_MAP_UNIT_CURRENT,      CGL_MAP_UNIT_CURRENT_PER_SPEED,
+                               CGL_MAP_UNIT_CURRENT_PER_ACCELERATION, CGL_MAP_UNIT_ACCELERATION, CGL_MAP_UNIT_OF_THE_TRIAL,
+                               CGL_MAP_UNIT_COSINE_CURRENT, CGL_MAP_UNIT_SINE_CURRENT, CGL_MAP_UNIT_ORDER};
+    for (int n = 0; n < 9; ++n) {
+        CHECK(law[n] == n && unit[n] == n);
+    }
     for (int n = 0; n < 12; ++n) {
         CHECK(status[n] == 1 << n);
     }
