@@ -1048,7 +1048,7 @@ static void check_trial_end(const cgl_trial_config *config, cgl_trial *law, bool
 
 static void try_trial(void)
 {
-    static cgl_real matrix[SAMPLES_MAX * SAMPLES_MAX], y_ref[SAMPLES_MAX];
+    static cgl_real matrix[(SAMPLES_MAX + 1U) * (SAMPLES_MAX + 1U)], y_ref[SAMPLES_MAX]; /* a retune asks for one sample more */
     cgl_trial_config config;
     cgl_trial law;
     uint32_t length;
