@@ -25,12 +25,12 @@ def motor(p: Mapping[str, float]) -> tuple[list[list[float]], list[list[float]]]
 
 def mandra(discretisation: str = "euler") -> UncertainPlant:
     """Section 6.1."""
-    return from_parameters(motor, MANDRA_RANGES, [1, 0], 2.5e-3, discretisation)  # type: ignore[arg-type]
+    return from_parameters(motor, MANDRA_RANGES, [1, 0], 2.5e-3, discretisation)
 
 
 def mandra_settings(**changes: object) -> TrialSettings:
     """Section 6.1 and 6.2."""
-    return TrialSettings(**{"samples": 1000, "Q": Q, "R": R, "gamma": START, "f": START, "g": 0.1, **changes})  # type: ignore[arg-type]
+    return TrialSettings(**{"samples": 1000, "Q": Q, "R": R, "gamma": START, "f": START, "g": 0.1, **changes})
 
 
 def speed(p: Mapping[str, float]) -> tuple[list[list[float]], list[list[float]]]:
@@ -53,7 +53,7 @@ def two_masses(p: Mapping[str, float]) -> tuple[list[list[float]], list[list[flo
 def drive_train(discretisation: str = "exact") -> UncertainPlant:
     """Load of 7 to 9 kg cm^2 on a shaft of 90 to 110 N m/rad, a resonance near 90 Hz, at 1 kHz."""
     ranges = {"load_inertia": (7e-4, 9e-4), "stiffness": (90.0, 110.0)}
-    return from_parameters(two_masses, ranges, [1, 0, 0, 0], 1e-3, discretisation)  # type: ignore[arg-type]
+    return from_parameters(two_masses, ranges, [1, 0, 0, 0], 1e-3, discretisation)
 
 
 def simulate(design: TrialDesign, model: Model, y_ref: Real, trials: int, load: float = 0.0) -> Real:

@@ -279,7 +279,7 @@ def test_of_several_mutants_in_one_program_the_environment_chooses(tmp_path: Pat
     both, lines = switched(text, changes)
     source.write_text(both)
     assert set(lines.values()) == {3, 8}  # the other is in no function
-    assert re.search(r"\)\s*\{.*?\n\}", both, re.DOTALL)[0].count("return x >") == 3  # type: ignore[index]
+    assert re.search(r"\)\s*\{.*?\n\}", both, re.DOTALL)[0].count("return x >") == 3
     strict = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror"]
     subprocess.run(["cc", *strict, source, "-o", tmp_path / "sign"], check=True)
     for number, says in (("", "-101"), ("3", "-1-11"), ("8", "-111"), ("9", "-101")):

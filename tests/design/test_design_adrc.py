@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 from reference.adrc import Adrc
 
 from cogless import load, run_study
+from cogless.design import adrc as rule
 from cogless.design.adrc import RATIO, response
+from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.summary import design
 from cogless.errors import StudyError
 
@@ -66,9 +69,31 @@ def test_at_the_same_margin_it_is_softer_than_a_pi() -> None:
         for run in run_study(load("uomodri", changes), ["fast/adrc", "fast/pi"]).runs
     }
     ripple = {name: found["speed_ripple_rad_s"] for name, found in runs.items()}
-    assert ripple["pi"] < ripple["adrc"] < 3 * ripple["pi"]  # type: ignore[operator]
+    assert ripple["pi"] < ripple["adrc"] < 3 * ripple["pi"]
 
 
 def test_an_observer_faster_than_its_samples_is_refused() -> None:
     with pytest.raises(StudyError, match=r"controller\.adrc\.omega_o: .*expected less than 10000 1/s"):
         load("uomodri", adrc(omega_o=10001.0))
+
+
+T = 1e-3
+
+
+@pytest.mark.parametrize(("edge", "omega_c"), [(0.3, 150.0), (0.9, 450.0), (2.0, 500.0)])
+def test_bandwidths_are_the_largest_with_the_margin(
+    monkeypatch: pytest.MonkeyPatch, edge: float, omega_c: float
+) -> None:
+    """Here the margin falls with the bandwidth. The observer has four times that, 2 rad a sample at most."""
+
+    def margins(loop: Any, b: float, omega_c: float, omega_o: float) -> Margins:
+        assert omega_o == 4 * omega_c and b == 7.0
+        share = omega_c / 500.0
+        return Margins(True, 1.0, 1.0 + edge - share, 2.0, 1.0) if share <= 0.95 or edge > 1 else UNSTABLE
+
+    monkeypatch.setattr(rule, "adrc_margins", margins)
+    loop: Any = SimpleNamespace(period=T)
+    find = rule.bandwidths.__wrapped__
+    assert find(loop, 7.0, 1.0) == pytest.approx((omega_c, 4 * omega_c))
+    with pytest.raises(ValueError, match="expected a faster and better damped current loop"):
+        find(loop, 7.0, 4.0)

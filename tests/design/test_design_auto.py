@@ -60,10 +60,10 @@ def test_a_delay_beyond_what_the_rule_allows_for_grows() -> None:
 
 def test_a_number_by_hand_stays() -> None:
     by_rule, by_hand = with_law("pi-ilc"), with_law("pi-ilc", gain=0.01, cells=512)
-    assert by_hand.controller["mine"].gain == 0.01  # type: ignore[union-attr]
-    assert by_hand.controller["mine"].cells == 512  # type: ignore[union-attr]
-    assert by_hand.controller["mine"].lead > 0  # type: ignore[union-attr]
-    assert by_rule.controller["mine"].gain > 0.05  # type: ignore[union-attr]
+    assert by_hand.controller["mine"].gain == 0.01
+    assert by_hand.controller["mine"].cells == 512
+    assert by_hand.controller["mine"].lead > 0
+    assert by_rule.controller["mine"].gain > 0.05
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_what_settles_with_nothing_stays_and_is_told() -> None:
 def test_a_feedback_by_hand_is_what_learning_is_designed_around() -> None:
     soft = with_law("pi-ilc", kp=0.05, ki=5.0)
     assert design(soft, "mine").gains["kp"].value == 0.05
-    assert soft.controller["mine"].gain < 0.5 * with_law("pi-ilc").controller["mine"].gain  # type: ignore[union-attr]
+    assert soft.controller["mine"].gain < 0.5 * with_law("pi-ilc").controller["mine"].gain
 
 
 def test_a_filled_study_is_filled_already() -> None:
@@ -147,7 +147,7 @@ def test_in_angle_a_reference_that_stops_is_learned_above_half_of_its_speed(
     assert found is not None
     assert found.kind == "settles"
     assert found.passing is None
-    assert study.controller["mine"].omega_min == pytest.approx(top / 2, rel=1e-3)  # type: ignore[union-attr]
+    assert study.controller["mine"].omega_min == pytest.approx(top / 2, rel=1e-3)
 
 
 def test_an_axis_at_rest_has_nothing_to_tune_for() -> None:
@@ -209,8 +209,8 @@ def test_a_table_is_read_ahead_and_made_slowly() -> None:
     """Its position loop is a quarter as fast as the crossover, and the highest order stays below that."""
     study = with_law("anti-cogging")
     law = study.controller["mine"]
-    crossover = design(study, "mine").margins.crossover  # type: ignore[union-attr]
-    run = law.calibration  # type: ignore[union-attr]
+    crossover = design(study, "mine").margins.crossover
+    run = law.calibration
     assert run is not None and run.position_gain == pytest.approx(crossover / 4)
     assert run.speed * max(known_orders(study, "mine")) == pytest.approx(run.position_gain)
     assert run.revolutions == 1
@@ -272,13 +272,13 @@ def test_linear_parts_of_robust_ilc_are_two_real_roots() -> None:
     """Its kp b is their sum, and their product as near to ki b as real roots come; b = K_t / J."""
     study = with_law("robust-ilc")
     law = study.controller["mine"]
-    kp, ki = auto._phase_margin_pi(study, "mine", law)  # type: ignore[arg-type]
+    kp, ki = auto._phase_margin_pi(study, "mine", law)
     b, c, eta = (getattr(law, key) for key in ("b", "c", "eta"))
     assert b == pytest.approx(study.K_t / study.mechanics.stiff.inertia)
     assert c + eta == pytest.approx(b * kp)
     assert c * eta == pytest.approx(min(b * ki, (b * kp / 2) ** 2))
-    assert law.g == pytest.approx(2 * b * study.drive.current_sensors.noise)  # type: ignore[union-attr]
-    assert (law.q, law.beta_1, law.gamma) == (1.0, 0.0, 0.0)  # type: ignore[union-attr]
+    assert law.g == pytest.approx(2 * b * study.drive.current_sensors.noise)
+    assert (law.q, law.beta_1, law.gamma) == (1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -379,9 +379,10 @@ def test_loops_are_at_the_slowest_and_fastest_speeds_in_every_corner_that_is_sta
     scenarios = {str(n): SimpleNamespace(slowest=low, top_reference=top) for n, (low, top) in enumerate(ends)}
     study: Any = SimpleNamespace(scenario=scenarios, scenarios_of=lambda name: [], controller=laws)
     monkeypatch.setattr(auto, "speed_loop", lambda study: SimpleNamespace(period=1e-3))
-    kind: Any = lambda study, name, speed, torque, late: SimpleNamespace(  # noqa: E731
-        at=(speed, torque, late), plant=torque, feedback=None
-    )
+
+    def kind(study: Any, name: str, speed: float, torque: float, late: float) -> Any:
+        return SimpleNamespace(at=(speed, torque, late), plant=torque, feedback=None)
+
     monkeypatch.setattr(auto, "oscillation", lambda plant, feedback: 9.0 if plant >= 1.0 else None)
     corners = [(1.0, 0.0), (1 / 1.5, 0.0)]
     found = [loop.at for loop in auto._loops(kind, study, law)]
@@ -400,7 +401,10 @@ def test_what_learning_leaves_is_the_mean_over_the_scenarios_that_turn(
     study: Any = SimpleNamespace(
         scenario={key: SimpleNamespace(top_reference=speed) for key, speed in speeds.items()}
     )
-    kind: Any = lambda study, name, speed, scenario: SimpleNamespace(periods_per_second=speed)  # noqa: E731
+
+    def kind(study: Any, name: str, speed: float, scenario: str) -> Any:
+        return SimpleNamespace(periods_per_second=speed)
+
     monkeypatch.setattr(auto, "_with", lambda study, *_: study)
     monkeypatch.setattr(auto, "_scenarios", lambda *_: list(speeds))
     monkeypatch.setattr(auto, "ripple", lambda loop, time: SimpleNamespace(ratio=time))

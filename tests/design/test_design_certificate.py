@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from design_plants import drive_train, mandra, mandra_settings, rms, simulate, smooth_step
 from scipy.signal import butter, filtfilt
 
+from cogless.design import certificate
 from cogless.design.certificate import Certificate, Gains, Update, _Sweep, certify
 from cogless.design.feedforward import static_gain
 from cogless.design.finite import growth
@@ -91,7 +95,7 @@ def test_norm_bounds_the_lifted_operator_and_is_reached_by_long_trials(
         loop = LAW.closed(model, plant.C)
         bundle = Bundle([loop], 2)
         w = grid()
-        norm, _, _ = peak(lambda w, _, b=bundle: factor(b(w), K_3), w, factor(bundle(w), K_3))  # type: ignore[misc]
+        norm, _, _ = peak(lambda w, _, b=bundle: factor(b(w), K_3), w, factor(bundle(w), K_3))
         G = lifted(loop, 403)
         finite = np.linalg.norm(np.eye(400) - K_3 * G[2:402, :400], 2)
         assert finite <= norm * (1 + 1e-12)
@@ -164,10 +168,10 @@ def test_limits_by_frequency(filtered: str) -> None:
     rng = np.random.default_rng(0)
     G = rng.normal(size=(3, 50)) + 1j * rng.normal(size=(3, 50))
     H = rng.uniform(0.2, 0.9, 50)
-    limits = gain_limits(G, H, filtered)  # type: ignore[arg-type]
+    limits = gain_limits(G, H, filtered)
     for k, row in enumerate(limits):
         for i, limit in enumerate(row):
-            at = factor(G[k : k + 1, i : i + 1], limit, H[i : i + 1], filtered)  # type: ignore[arg-type]
+            at = factor(G[k : k + 1, i : i + 1], limit, H[i : i + 1], filtered)
             assert at[0, 0] == pytest.approx(1 + 1e-9, rel=1e-9)
 
 
@@ -268,3 +272,69 @@ def test_closed_loop_is_the_papers() -> None:
     assert loop.A.tolist() == [[6, 10, 15], [6, 13, 18], [-7, -8, 1]]
     assert loop.B.tolist() == [[20], [24], [1]]
     assert loop.C.tolist() == [7, 8, 0]
+
+
+T = 1e-3
+
+
+def test_a_norm_optimal_update_is_its_operator_with_a_gain_of_one() -> None:
+    known = Loop(np.array([[0.5]]), np.array([[2.0]]), np.ones(1))
+    update, w = Update(1, 0.7, 0.01, known), np.array([0.0, 1.0])
+    G = 2.0 / (1 - 0.5 * np.exp(-1j * w))
+    assert update.gain == 1.0 and Update(1, 0.7).gain == 0.7
+    assert update.on(3 * G, w) == pytest.approx(3 * np.abs(G) ** 2 / (np.abs(G) ** 2 + 0.01))
+    assert Update(1, 0.7).on(G, w) is G
+
+
+def test_one_more_sample_of_delay_is_a_state_of_the_input() -> None:
+    """x' = u of the sample before, u = -x / 4: z^2 - z + 1/4 has a double root at a half; with an integral
+    z^3 - 2 z^2 + (1 - K_1) z + K_1 + K_2."""
+    model, C = Model(np.ones((1, 1)), np.ones((1, 1))), np.ones(1)
+    plain = Gains(np.array([-0.25]), 0.1, 1.0, True, False)
+    assert plain.delayed(model, C) == pytest.approx(0.5, abs=1e-6)
+    whole = Gains(np.array([-0.5]), 0.1, 1.0, True, True)
+    roots = np.roots([1.0, -2.0, 1.5, -0.5 + 0.1])
+    assert whole.delayed(model, C) == pytest.approx(np.abs(roots).max())
+
+
+def plants(**more: Any) -> Any:
+    """A plant whose vertices have poles at 0.5 and 0.6, and at 0.55 nominally; `more` replaces its fields."""
+
+    def first(pole: float) -> Model:
+        return Model(np.array([[pole]]), np.ones((1, 1)))
+
+    none = {"exact_vertices": None, "exact_nominal": None, "exact_hull": True, "discretisation": None}
+    drawn = [first(0.56)] * 3
+    same = {
+        "vertices": (first(0.5), first(0.6)),
+        "labels": ("low", "high"),
+        "nominal": first(0.55),
+        "C": np.ones(1),
+    }
+    return SimpleNamespace(
+        **{**none, **same, "random": (drawn, None), "relative_degree": 1, "period": T, **more}
+    )
+
+
+def test_a_certificate_names_the_plant_that_is_worst() -> None:
+    idle = Gains(np.zeros(1), 0.0, 1.0, False, False)
+    found = certificate.certify(plants(), idle, Update(1, 0.5), None, "error", 60)
+    assert (found.design.worst, found.design.radius, found.samples) == ("high", pytest.approx(0.6), 3)
+    assert found.exact is None and found.design.learning is found.design.without_filter is not None
+    exact = plants(
+        exact_vertices=(Model(np.array([[0.7]]), np.ones((1, 1))),) * 2,
+        exact_nominal=Model(np.array([[0.65]]), np.ones((1, 1))),
+        exact_hull=False,
+    )
+    exact.random = (exact.random[0], [Model(np.array([[0.8]]), np.ones((1, 1)))])
+    beside = certificate.certify(exact, idle, None, None, "error", 60).exact
+    assert beside is not None and (beside.worst, beside.radius) == ("a random plant", pytest.approx(0.8))
+    assert (beside.phi_radius, beside.growth, beside.learning) == (None, None, None)
+    exact.random = (exact.random[0], [])
+    of_corners = certificate.certify(exact, idle, None, None, "error", 60).exact
+    assert of_corners is not None and of_corners.worst == "corner 1"
+    exact.exact_nominal = Model(np.array([[0.9]]), np.ones((1, 1)))
+    nominal = certificate.certify(exact, idle, None, None, "error", 60).exact
+    assert nominal is not None and nominal.worst == "the nominal plant"
+    shifted = certificate.certify(plants(), idle, Update(2, 0.1), None, "error", 60).design
+    assert shifted.phi_radius is None and found.design.phi_radius is not None

@@ -33,7 +33,7 @@ def smooth(samples: int, rest: int) -> Real:
     return y_ref
 
 
-def response(model: Model, C: Real, K_1: Real, feedforward: Feedforward, w: Real) -> np.ndarray:  # type: ignore[type-arg]
+def response(model: Model, C: Real, K_1: Real, feedforward: Feedforward, w: Real) -> np.ndarray:
     """From y_ref to y."""
     z = np.exp(1j * w)
     A = model.A + model.B @ K_1[None, :]
@@ -92,10 +92,10 @@ def test_zero_phase_where_a_zero_cannot_be_cancelled(zero: float) -> None:
 
 @pytest.mark.parametrize("plant", [mandra("exact"), drive_train("exact"), drive_train("euler")])
 def test_sampling_zeros_leave_no_phase(plant: object) -> None:
-    model, C = plant.nominal, plant.C  # type: ignore[attr-defined]
+    model, C = plant.nominal, plant.C
     n = model.order
     weight = np.diag([1e4, 1.0, 1e2, 0.1][:n])
-    K_1 = guaranteed_cost(plant, weight, 1.0, np.eye(n)[0], False).K_s  # type: ignore[arg-type]
+    K_1 = guaranteed_cost(plant, weight, 1.0, np.eye(n)[0], False).K_s
     found = dynamic(model, C, K_1)
     assert found.method == "zero-phase error tracking"
     assert not any(cancellable(z) for z in found.kept_zeros)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,17 @@ import pytest
 from rich.console import Console
 
 from cogless import changed, load, run_study
+from cogless.design import learning
+from cogless.design.closed_loop import Oscillation
 from cogless.design.feedback import unstable_feedback
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, Worst
+from cogless.design.ripple import Ripple
 from cogless.design.summary import to_dict, weakest_margins
 from cogless.design.table import design_table
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
+from cogless.study.controller import PiIlc, RobustIlc
 
 # without quantisation and forgetting, so that growth and decay can be seen over many periods
 CLEAN: dict[str, Any] = {
@@ -105,7 +110,7 @@ LONG_LEAD: dict[str, Any] = {"controller.pi-ilc.lead": "80 ms"}  # 400 samples
 def printed(changes: dict[str, Any]) -> str:
     console = Console(file=io.StringIO(), width=400)
     console.print(design_table(load("uomodri", changes)))
-    return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
+    return console.file.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -173,7 +178,7 @@ def test_a_delay_line_halfway_between_two_samples_smooths_what_it_recalls() -> N
     """Its mean of two samples has the gain cos(pi f T), which leaves that much more of an order."""
     study = load("liu2018", {**CLEAN, "controller.pi-ilc.memory": "time"})
     T = PeriodicLoop(study, "pi-ilc", 2 * math.pi).plant.period
-    poles = study.motor.pole_pairs if study.controller["pi-ilc"].period == "electrical" else 1  # type: ignore[union-attr]
+    poles = study.motor.pole_pairs if study.controller["pi-ilc"].period == "electrical" else 1
     loop = PeriodicLoop(study, "pi-ilc", 2 * math.pi / (200.5 * T * poles))
     f = np.arange(1, 60) * loop.periods_per_second
     kept, recalled = loop.kept(f), loop.q(f) * np.cos(np.pi * f * T)
@@ -226,3 +231,69 @@ def test_what_adapts_to_a_load_is_in_the_margins(gamma: float, stable: bool) -> 
     assert (unstable is None) == stable
     (ran,) = run_study(study, ["1-rev-s/robust-ilc"]).runs
     assert (float(np.std(ran.trace["omega_error"][-5000:])) < 0.1) == stable
+
+
+class Switching(PeriodicLoop):
+    """A loop that settles while its beta_2 is below `limit`."""
+
+    limit, swings = 2.28, None
+
+    @property
+    def settled(self) -> bool:
+        return self.law.beta_2 < self.limit
+
+    def oscillation(self) -> Oscillation | None:
+        return self.swings
+
+    def worst(self) -> Worst:
+        return Worst(1.5, 55.6)
+
+
+def test_the_smallest_oscillation_that_switching_makes_grow_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Amplitudes A 2^n are tried; A makes the ripple 1.25 times as large. The gain is 4 / (pi A 2^n)."""
+    law = RobustIlc.model_construct(beta_1=1.0, beta_2=2.0)
+    monkeypatch.setattr(learning, "speed_text", lambda study, speed, digits: f"{speed:.{digits}g} rad/s")
+    monkeypatch.setattr(learning, "ripple", lambda loop, time: Ripple(0.8, 0.6))
+
+    def doubt(law: RobustIlc, kind: type[PeriodicLoop] = Switching) -> str | None:
+        controllers = {"x": law}
+        made = SimpleNamespace(controller=controllers)
+        made.model_copy = lambda update: SimpleNamespace(**update)
+        return kind(made, "x", 1.0).doubt
+
+    A = math.sqrt(2 * (1.0 - 0.36))
+    gains = [4 / (math.pi * A * 2**n) for n in range(6)]
+    assert gains[3] < 0.28 < gains[2]
+    told = "beta_1 sgn S keeps 3.2 rad/s rms of ripple or more alive, at {} Hz"  # A 2^2 / sqrt 2
+    assert doubt(law) == told.format(56)
+    shaking = type("Shaking", (Switching,), {"swings": Oscillation(87.6, 3.0)})
+    assert doubt(law, shaking) == told.format(88)
+    for last, limit in ((5, 2.0 + 0.99 * gains[5]), (0, 2.0 + 0.99 * gains[0])):
+        edge = type("Edge", (Switching,), {"limit": limit})
+        assert f"keeps {0.8 * 2**last:.2g} rad/s" in (doubt(law, edge) or "")
+    assert doubt(law, type("Firm", (Switching,), {"limit": 2.0 + 1.01 * gains[0]})) is None
+    assert doubt(law, type("Grown", (Switching,), {"limit": 2.0})) is None
+    assert doubt(law.model_copy(update={"beta_1": 0.0})) is None
+    monkeypatch.setattr(learning, "ripple", lambda loop, time: Ripple(0.8, 1.0))
+    assert doubt(law) is None
+
+
+@pytest.mark.parametrize(
+    ("cells", "turns", "longest"), [(1000, 10.0, 25), (44, 10.0, 11), (1000, 1.0, 30), (47, 1.0, 11)]
+)
+def test_leads_up_to_a_quarter_of_the_period_or_the_map_are_tried(
+    cells: int, turns: float, longest: int
+) -> None:
+    """Of 30 samples at most, at 1 kHz and this many periods a second. A lead of 4 samples does not settle."""
+    own: dict[str, Any] = {
+        "plant": SimpleNamespace(period=1e-3),
+        "periods_per_second": turns,
+        "frequencies": np.array([1.0, 2.0]),
+        "q": lambda self, f: np.array([0.5, 1.0]),
+        "unfiltered": lambda self, f, n: np.array([1.9, 0.9 if n != 4 else 1.1]),
+    }
+    study = SimpleNamespace(controller={"x": PiIlc.model_construct(cells=cells)})
+    found = type("Leading", (PeriodicLoop,), own)(study, "x", 1.0)
+    assert found.settling_leads() == {*range(1, longest + 1)} - {4}

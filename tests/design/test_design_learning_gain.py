@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar, nnls
 from cogless.design.certificate import Gains
 from cogless.design.error import DesignError
 from cogless.design.feedforward import static_gain
-from cogless.design.learning_gain import LearningGain, Vertex, check, cost, learning_gain, mapped
+from cogless.design.learning_gain import LearningGain, Vertex, _impossible, check, cost, learning_gain, mapped
 from cogless.design.model import Model, Real
 from cogless.design.polytope import UncertainPlant, from_parameters
 from cogless.design.response import Bundle, Loop, best_gain, factor, grid
@@ -247,3 +247,29 @@ def test_errors(f: Real, g: float, key: str, message: str) -> None:
         learning_gain(loops, nominal, 2, f, g)
     assert str(error.value) == message
     assert error.value.key == key
+
+
+@pytest.mark.parametrize(
+    ("zeros", "reason"),
+    [
+        (
+            [-4.0],
+            "the plant has a zero at z = -4, not inside the unit circle, and so the error grows for any gain",
+        ),
+        ([0.5, -1.25], "the plant has a zero at z = -1.25, not"),
+        ([1.0 + 0.5j, 1.0 - 0.5j], "the plant has a zero at z = 1"),
+        ([0.5], "the feedback leaves so much lag that the error grows for any gain from 0.25 of half the"),
+    ],
+)
+def test_why_no_gain_is_stable_is_told(zeros: list[complex], reason: str) -> None:
+    """The frequency is the first at which the response of any of the plants points backwards."""
+    n = len(zeros) + 1
+    A = np.eye(n, k=-1)
+    C = np.real(np.poly(zeros))  # with a chain of delays the output row has the zeros
+    loop = Loop(A, np.eye(n)[:, :1], C)
+    w = np.array([0.0, 0.25, 0.5, 1.0]) * np.pi
+    told = _impossible(np.array([[1.0, 0.5, 0.1, 0.1], [1.0, 0.0, 0.2, -1.0]], complex), w, loop)
+    assert told.startswith(f"q_filter: no K_3 is stable along the trial: {reason}")
+    assert " for any gain from 0.25 of half the sampling rate on; expected a zero-phase low-pass" in told
+    if len(zeros) > 1 and np.imag(zeros[0]):
+        assert "z = 1+0.5j, not" in told or "z = 1-0.5j, not" in told

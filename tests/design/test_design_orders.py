@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 
 import studies
 from cogless import changed, load
-from cogless.design.closed_loop import Linear, Resonator, poles
+from cogless.design import order_learning
+from cogless.design.closed_loop import Linear, Oscillation, Resonator, poles
+from cogless.design.learning_loop import Worst
 from cogless.design.order_learning import OrderLoop
 from cogless.design.pi import gains, pi_response, speed_loop
 from cogless.design.unlearned import foreseen
@@ -18,6 +21,7 @@ from cogless.design.verdict import Verdict, verdict
 from cogless.design.warnings import warnings
 from cogless.run.simulate import simulate
 from cogless.study import Study
+from cogless.study.pi_afc import PiAfc
 
 Changes = dict[str, Any]
 PERFECT: Changes = {
@@ -146,3 +150,65 @@ def test_where_nothing_is_learned_is_told() -> None:
     late = at("1 rev/s", {"learning_start": "9 s"})
     assert foreseen(late, "s", "pi-afc") == "learning_start is 9 s, the run ends at 5 s"
     assert foreseen(at("1 rev/s", {}, 0.2), "s", "pi-afc") is None  # it needs no whole revolution
+
+
+def test_leads_of_orders_settle_by_each_order_and_all_together() -> None:
+    """Up to 30 samples of 50 ms."""
+    own = {
+        "unfiltered": lambda self, f, n: np.array([0.5, 1.0 if n == 3 else 0.9]),
+        "_worst_with": lambda self, lead: Worst(1.1 if lead == pytest.approx(0.35) else 0.9, 7.0),
+    }
+    found = type("Leading", (Orders,), own)(orders().study, "x", 4.0)
+    assert found.settling_leads() == {*range(31)} - {3, 7}
+
+
+class Orders(OrderLoop):
+    """Orders 2, 5 and 9 at 4 rad/s; the loop, at 20 Hz, lags by a quarter of a turn more every 4 Hz."""
+
+    plant: Any = SimpleNamespace(period=0.05)
+    feedback: Any = Linear(1, 1.0)
+
+    def closed(self, f: Any) -> Any:
+        return np.exp(-2j * np.pi * np.asarray(f) / 16)
+
+
+def orders(omega_m: float = 4.0, **more: Any) -> Orders:
+    law = {"orders": (2, 5, 9), "omega_min": 0.5, "gain": 3.0, "lead": 0.0, **more}
+    study = SimpleNamespace(
+        controller={"x": PiAfc.model_construct(**law)}, motor=SimpleNamespace(pole_pairs=3)
+    )
+    return Orders(study, "x", omega_m)
+
+
+def test_orders_with_more_than_two_samples_a_cycle_are_learned_by_their_averaged_factor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(order_learning, "speed_text", lambda study, speed: f"{speed:g} rad/s")
+    here = orders()
+    assert here.orders.tolist() == [2.0, 5.0, 9.0] and orders(7.0).orders.tolist() == [2.0, 5.0]
+    second = 4.0 / math.tau
+    assert here.frequencies == pytest.approx(np.array([2, 5, 9]) * second)
+    for lead, time in ((None, 0.0), (3, 0.15)):
+        f = np.array([1.0, 3.0, 10.0])
+        seen = np.cos(2 * np.pi * f * (time - 1 / 16))
+        expected = np.exp(-1.5 * seen / second)
+        expected[2] = 1.0  # half the rate: too fast to be learned
+        assert here.unfiltered(f, lead) == pytest.approx(expected)
+    assert here.q(f).tolist() == [0.0] * 3 and here.recalled(f, True).tolist() == [1.0] * 3
+    assert here.cells_per_second == 20.0 and here.gamma == (0.0, 0.0)
+    assert orders(-4.0).frozen is None and orders(0.5).frozen is None
+    assert orders(-0.4).frozen == "-0.4 rad/s is below omega_min"
+    assert orders(32.0).frozen == "order 2 has less than two samples at 32 rad/s"
+
+
+def test_growth_is_an_oscillation_only_if_no_order_grows_by_itself() -> None:
+    def found(factor: float, grows: bool) -> Oscillation | None:
+        own = {
+            "_worst": Worst(factor, 7.0),
+            "unfiltered": lambda self, f: np.array([0.9, 1.1 if grows else 1.0]),
+        }
+        return type("Known", (Orders,), own)(orders().study, "x", 4.0).oscillation()
+
+    assert found(1.001, False) is None and found(1.5, True) is None
+    shaking = found(1.5, False)
+    assert shaking == Oscillation(7.0, pytest.approx(math.log(1.5) * 4.0 / math.tau))

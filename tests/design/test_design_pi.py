@@ -52,7 +52,7 @@ def one_current_period(loop: CurrentLoop, b: float, state: NDArray[Any], referen
 
 
 def current_poles(loop: CurrentLoop, factor: complex = 1.0) -> NDArray[Any]:
-    scaled = dataclasses.replace(loop, kp=loop.kp * factor, ki=loop.ki * factor)  # type: ignore[arg-type]
+    scaled = dataclasses.replace(loop, kp=loop.kp * factor, ki=loop.ki * factor)
     after = one_current_period(scaled, 0.0, np.eye(5, dtype=complex), np.zeros(5))
     return np.asarray(np.linalg.eigvals(after[:3, :3]))
 
@@ -389,7 +389,7 @@ def test_the_table_shows_the_current_loop(tmp_path: Path, bandwidth: str, note: 
     study = studies.study(tmp_path, {"drive.current_loop.bandwidth": bandwidth}, text)
     console = Console(file=io.StringIO(), width=300)
     console.print(design_table(study))
-    lines = console.file.getvalue().rstrip().splitlines()  # type: ignore[attr-defined]
+    lines = console.file.getvalue().rstrip().splitlines()
     assert lines[2].startswith("current loop")
     assert ("unstable" in lines[3]) == (bandwidth == "8 kHz")
     assert lines[-1] == note if note else not lines[-1].startswith("drive.")

@@ -204,7 +204,7 @@ def test_uncontrollable_modes(size: float) -> None:
 
 def of(**changes: object) -> Callable[[], UncertainPlant]:
     arguments = {"model": motor, "ranges": MANDRA_RANGES, "C": [1, 0], "period": 1e-3, **changes}
-    return lambda: from_parameters(**arguments)  # type: ignore[arg-type]
+    return lambda: from_parameters(**arguments)
 
 
 @pytest.mark.parametrize(

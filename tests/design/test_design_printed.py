@@ -38,7 +38,7 @@ def test_the_design_of_a_shipped_study_is_printed(name: str) -> None:
     example, file = EXAMPLES / f"{name}.toml", io.StringIO()
     study = load(example if example.exists() else name)
     trials = isinstance(study, TrialStudy)
-    shown = trial_summary.table(study, trial_summary.summary(study)) if trials else design_table(study)  # type: ignore[arg-type]
+    shown = trial_summary.table(study, trial_summary.summary(study)) if trials else design_table(study)
     Console(file=file, width=240).print(shown)
     lines = [parted(line) for line in file.getvalue().splitlines()]
     expected = [parted(line) for line in (PRINTED / f"{name}.txt").read_text().splitlines()]
@@ -80,13 +80,13 @@ def test_the_same_design_as_json(name: str) -> None:
         (line,) = (line for line in printed.splitlines() if line.startswith(f"{study.label(controller)}  "))
         hertz, degrees, gain, second = map(
             float, re.search(r"([\d.]+) Hz +([\d.]+) deg +([\d.]+) at ([\d.]+) Hz", line).groups()
-        )  # type: ignore[union-attr]
+        )
         margins = each["margins"]
         assert margins["stable"] and margins["crossover_rad_s"] == pytest.approx(math.tau * hertz, rel=2e-3)
         assert margins["phase_margin_rad"] == pytest.approx(math.radians(degrees), rel=2e-3)
         assert margins["gain_margin"] == pytest.approx(gain, rel=3e-3)
         assert margins["phase_crossover_rad_s"] == pytest.approx(math.tau * second, rel=2e-3)
-        kp = float(re.search(r"kp ([\d.]+) A/rpm", line)[1])  # type: ignore[index]
+        kp = float(re.search(r"kp ([\d.]+) A/rpm", line)[1])
         assert each["gains"]["kp"] == {"value": pytest.approx(kp * 30 / math.pi, rel=2e-3), "unit": "A*s/rad"}
         learns = each["learning"] is not None or each["certificate"] is not None
         assert learns == (each["fastest_rad_s"] is not None)

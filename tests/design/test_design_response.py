@@ -158,3 +158,11 @@ def test_growth_is_that_of_matrices(filtered: Filtered, shift: int) -> None:
         v = M @ v
     measured = growth([loop], 0.9, shift, q, filtered, samples)[0]
     assert measured == pytest.approx((sizes[79] / sizes[39]) ** (1 / 40), rel=2e-6)
+
+
+def test_without_a_filter_its_gain_is_one_and_it_acts_on_the_error() -> None:
+    G = np.array([[0.5 + 0.1j, 1.0 - 0.3j]])
+    assert np.array_equal(gain_limits(G), gain_limits(G, 1.0, "error"))
+    assert best_gain(G) == best_gain(G, np.ones(2))
+    assert np.array_equal(factor(G, 0.7), np.abs(1 - 0.7 * G))
+    assert np.array_equal(factor(G, 0.7, 0.5), np.abs(1 - 0.7 * G * 0.5))

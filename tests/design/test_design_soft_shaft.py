@@ -33,7 +33,7 @@ AXIS = {"mechanics.load_side": LOAD_SIDE, "mechanics.inertia": "1e-4 kg*m^2"}
 
 
 def loop(current: CurrentLoop | IdealLoop = CURRENT, window: int = 0, **shaft: object) -> SpeedLoop:
-    shafted = dataclasses.replace(SHAFT, **shaft)  # type: ignore[arg-type]
+    shafted = dataclasses.replace(SHAFT, **shaft)
     return SpeedLoop(b=200.0, steps=4, window=window, current=current, shaft=shafted)
 
 

@@ -371,7 +371,7 @@ def test_what_law_6_needs_is_where_its_proof_begins_to_hold(k_v: float, k_theta:
 def printed(study: Any) -> str:
     console = Console(file=io.StringIO(), width=500)
     console.print(design_table(study))
-    return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
+    return console.file.getvalue()
 
 
 def test_a_study_is_told_what_the_proofs_ask() -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 import scipy.linalg
 from design_plants import START, Q, R, drive_train, mandra, motor
 
+from cogless.design import state_feedback
 from cogless.design.error import DesignError
 from cogless.design.model import Model, Real
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
@@ -158,7 +161,7 @@ def test_uncontrollable_plant_names_vertex_and_mode() -> None:
     ranges = {"inertia": (6e-4, 8e-4), "friction": (1e-3, 1e-3), "torque_constant": (0.3, 0.3)}
 
     def idle(p: object) -> tuple[list[list[float]], list[list[float]]]:
-        A, B = motor(p)  # type: ignore[arg-type]
+        A, B = motor(p)
         return [[*A[0], 0.0], [*A[1], 0.0], [0.0, 0.0, 0.0]], [*B, [0.0]]
 
     plant = from_parameters(idle, ranges, [1, 0, 0], 1e-3)
@@ -296,3 +299,52 @@ def test_a_solver_that_fails_is_not_called_an_infeasible_range(monkeypatch: pyte
     with pytest.raises(DesignError) as error:
         guaranteed_cost(mandra(), Q, R, START, True)
     assert str(error.value).startswith("state_weight: no gain found by the solver, although one gain")
+
+
+T = 1e-3
+
+
+@pytest.mark.parametrize(
+    ("mode", "integral", "told"),
+    [
+        (0.5 + 0j, True, "the mode at z = 0.5"),
+        (1.0 + 0j, False, "the mode at z = 1"),
+        (0.25 - 0.5j, True, "the mode at z = 0.25-0.5j"),
+        (1 + 0.9e-5j, True, "(no gain at zero frequency)"),
+        (1 + 1.1e-5j, True, "the mode at z = 1+1.1e-05j"),
+    ],
+)
+def test_a_mode_that_the_input_cant_move_is_named(mode: complex, integral: bool, told: str) -> None:
+    assert state_feedback._uncontrollable("vertex 2", mode, integral).endswith(told)
+
+
+@pytest.mark.parametrize(("most", "share"), [(0.37, 0.35), (0.999, 0.98), (0.01, 0.0), (0.5, 0.5)])
+def test_the_share_of_a_range_that_one_gain_holds_is_found_in_six_halvings(
+    monkeypatch: pytest.MonkeyPatch, most: float, share: float
+) -> None:
+    """It is a number of 64ths, rounded down to a hundredth."""
+    monkeypatch.setattr(state_feedback, "with_integrator", lambda share, integral: share)
+    monkeypatch.setattr(state_feedback, "stabilise", lambda share, T: T if share <= most else None)
+    plant: Any = SimpleNamespace(shrunk=lambda share: share)
+    assert state_feedback._feasible_share(plant, np.eye(1), True) == share
+
+
+def test_only_the_five_pairs_furthest_apart_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Distances are in units of each entry's spread, so that large entries do not decide alone."""
+    models = [
+        Model(np.array([[a]]), np.array([[b]])) for a, b in ((0, 0), (1, 0), (0, 1e6), (1, 1e6), (0.5, 5e5))
+    ]
+    tried: list[tuple[int, int]] = []
+    places = {id(model): n for n, model in enumerate(models)}
+
+    def stabilise(pair: list[Model], T: Any) -> int | None:
+        tried.append((places[id(pair[0])], places[id(pair[1])]))
+        return None if tried[-1] == hopeless else 1
+
+    monkeypatch.setattr(state_feedback, "stabilise", stabilise)
+    hopeless: Any = (1, 2)
+    assert state_feedback._hopeless_pair(models, np.eye(1)) == (1, 2)
+    assert set(tried) <= {(0, 3), (1, 2)}
+    hopeless = None
+    tried.clear()
+    assert state_feedback._hopeless_pair(models, np.eye(1)) is None and len(tried) == 5

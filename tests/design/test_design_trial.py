@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,12 +24,16 @@ from design_plants import (
     two_masses,
 )
 
-from cogless.design import from_study
-from cogless.design.certificate import Learning
+from cogless.design import (
+    from_study,
+    trial,
+)
+from cogless.design.certificate import Learning, Update
 from cogless.design.error import DesignError
 from cogless.design.from_study import design_study, retuned, same_gains, settings_of
 from cogless.design.model import Real
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
+from cogless.design.response import Filter
 from cogless.design.trial import TrialDesign, TrialGains, TrialSettings, _factor, design_gains, design_trial
 from cogless.study import reading
 
@@ -233,7 +238,7 @@ def test_zero_outside_the_unit_circle(zero: float, grows: bool) -> None:
     assert any("from the ends of the filter" in note for note in design.notes) == grows
 
 
-def design_errors(design, plant: UncertainPlant, trials: int) -> Real:  # type: ignore[no-untyped-def]
+def design_errors(design, plant: UncertainPlant, trials: int) -> Real:
     """(plants, trials, samples) at random plants, sampled exactly where that is known, with a load."""
     discrete, exact = plant.random
     models = (exact or discrete)[:3]
@@ -361,7 +366,7 @@ def first_order(gain: float) -> UncertainPlant:
 )
 def test_a_plant_that_acts_the_other_way_learns_as_well(kind: str, filtered: dict[str, object]) -> None:
     settings = TrialSettings(
-        samples=200, Q=np.eye(2), R=1.0, gamma=[1.0, 0.0], f=[0.1, 0.0], g=0.1, kind=kind, **filtered  # type: ignore[arg-type]
+        samples=200, Q=np.eye(2), R=1.0, gamma=[1.0, 0.0], f=[0.1, 0.0], g=0.1, kind=kind, **filtered
     )  # fmt: skip
     ours, theirs = (design_trial(first_order(gain), settings) for gain in (2.0, -2.0))
     assert ours.K_3 > 0
@@ -453,3 +458,156 @@ def test_a_law_s_keys_are_its_design_s_settings(
     assert {key: getattr(found, key) for key in expected} == expected
     assert found.samples == 200 and np.shape(found.Q) == (3, 3)
     assert found.f == found.gamma and study.design.initial_change is None
+
+
+T = 1e-3
+
+
+def part(**more: Any) -> Any:
+    learning = SimpleNamespace(monotone=False, norm=more.pop("norm", 1.0), frequency=12.3456)
+    own = {"stable": True, "worst": "corner 2", "radius": 1.23456, "growth": None, "with_filter": None}
+    return SimpleNamespace(**{**own, "learning": learning, "phi_radius": 1.5, **more})
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        (part(norm=1.25), "1.25 a trial at 12.35 Hz"),
+        (part(norm=1 + 1e-9, growth=1.5), "1.5 a trial, from the ends of the trial"),
+        (part(growth=1.5, with_filter=1), "1.5 a trial, from the ends of the filter"),
+        (part(growth=1 + 0.9e-4), "1.5 a sample, by Phi's largest pole"),
+        (part(phi_radius=None), "1 + 0.0e+00 a sample, by Phi's largest pole"),
+    ],
+)  # fmt: skip
+def test_what_can_grow_is_told_with_what_prevents_it(
+    monkeypatch: pytest.MonkeyPatch, found: Any, told: str
+) -> None:
+    """What helps is a filter of so many Hz or a larger change_weight. Each of two models has its own note."""
+    cutoffs: list[float | None] = [12.345, None, 5.0, 5.0]
+    monkeypatch.setattr(trial, "workable_cutoff", lambda *_: cutoffs.pop(0))
+    plant: Any = SimpleNamespace(vertices=(), exact_vertices=None, C=None, period=T)
+    settings: Any = SimpleNamespace(filter_order=2, samples=100)
+    law: Any = None
+
+    def notes(update: Any, design: Any, exact: Any = None) -> list[str]:
+        return trial._warnings(plant, law, SimpleNamespace(design=design, exact=exact), update, settings)
+
+    grows = "the error can grow by a factor of "
+    remedy = "; a zero-phase low-pass filter of 12.3 Hz or less on the learned signal prevents it"
+    assert notes(Update(1, 0.5), found) == [f"design model: {grows}{told}{remedy}"]
+    assert notes(Update(1, 0.5), found) == [f"design model: {grows}{told}"]
+    optimal = Update(1, 0.0, 0.01)
+    larger = "; a larger change_weight prevents it"
+    assert notes(optimal, found) == [f"design model: {grows}{told}{larger}"]
+    assert notes(optimal, found, found) == [f"exact model: {grows}{told}{larger}"]  # L is for this model
+    assert len(notes(Update(1, 0.5), found, found)) == 2 and notes(None, found) == []
+    shaking = "unstable along the trial at corner 2, with a pole of 1.235"
+    unstable = part(stable=False, learning=None)
+    assert notes(None, unstable, unstable) == [f"{kind} model: {shaking}" for kind in ("design", "exact")]
+
+
+@pytest.mark.parametrize(
+    ("N", "kind", "gain", "told"),
+    [
+        (2.0, "robust", -1.5, "N: 2: expected a number below zero, as the loop's gain at zero frequency is"),
+        (-2.0, "robust", 1.5, "N: -2: expected a number above zero, as the loop's gain at zero frequency is"),
+        (2.0, "robust", 1.5, None),
+        (-2.0, "state", 1.5, None),
+        (None, "robust", 1.5, None),
+        (-2.0, "robust", None, None),
+    ],
+)
+def test_a_static_gain_points_where_the_loop_does(
+    monkeypatch: pytest.MonkeyPatch, N: float | None, kind: str, gain: float | None, told: str | None
+) -> None:
+    def static_gain(*_: Any) -> float:
+        if gain is None:
+            raise DesignError("static_gain: none")
+        return gain
+
+    monkeypatch.setattr(trial, "static_gain", static_gain)
+    of: Any = (
+        SimpleNamespace(nominal=None, C=None),
+        SimpleNamespace(K_1=None),
+        SimpleNamespace(N=N, kind=kind),
+    )
+    if told is None:
+        trial._check_sign(*of)
+        return
+    with pytest.raises(DesignError) as error:
+        trial._check_sign(*of)
+    assert str(error.value) == told
+
+
+LOOPS: Any = []
+
+
+class Bundle:
+    """The responses of loops, where nothing looks at them."""
+
+    grid = np.zeros(1)
+
+    def __init__(self, *of: Any) -> None:
+        pass
+
+    def __call__(self, w: Any) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("works", "said"),
+    [
+        ({2: 12.3456, 3: 20.0}, " of 12.3 Hz or less"),
+        ({3: 20.0}, " of 20 Hz or less, and shift = 3"),
+        ({8: 20.0}, " of 20 Hz or less, and shift = 8"),
+        ({9: 20.0}, "; with this feedback none makes it fast, though"),
+    ],
+)
+def test_a_filter_that_would_do_is_told(
+    monkeypatch: pytest.MonkeyPatch, works: dict[int, float], said: str
+) -> None:
+    monkeypatch.setattr(trial, "workable_cutoff", lambda loops, shift, *_: works.get(shift))
+    plant, settings = SimpleNamespace(period=1e-3), SimpleNamespace(filter_order=2, samples=100)
+    assert trial._low_pass(LOOPS, plant, settings, 2) == said
+
+
+FASTEST = "K_3 by frequency, for the smallest factor a trial"
+
+
+OTHER_SHIFT = "(35) is for a shift of 2"
+
+
+FILTERED = f"{FASTEST} with the filter on the learned signal"
+
+
+@pytest.mark.parametrize(
+    ("cutoff", "filtered", "worst", "better", "note"),
+    [
+        (None, "error", 0.95, None, f"{FASTEST}, 0.95: {OTHER_SHIFT}"),
+        (30.0, "error", 0.8, None, f"{FASTEST}, 0.8: {OTHER_SHIFT}"),
+        (None, "error", 0.951, None, None),
+        (30.0, "signal", 0.95, None, f"{FILTERED}, 0.95"),
+        (30.0, "signal", 0.951, None, None),
+        (
+            30.0, "signal", 0.8, (0.9, 4, 0.5),
+            f"{FILTERED}, 0.8, or 0.9 with the trial's ends; shift = 4 would make that 0.5",
+        ),
+    ],
+)  # fmt: skip
+def test_a_gain_by_frequency_says_how_fast_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+    cutoff: float | None,
+    filtered: str,
+    worst: float,
+    better: Any,
+    note: str | None,
+) -> None:
+    monkeypatch.setattr(trial, "Bundle", Bundle)
+    monkeypatch.setattr(trial, "best_gain", lambda *of: (0.7 + len(of), worst))
+    monkeypatch.setattr(trial, "butterworth", lambda *_: Filter(np.ones(1), np.ones(1)))
+    monkeypatch.setattr(trial, "better_shift", lambda loops, r, q, shift, samples: better)
+    plant: Any = SimpleNamespace(period=1e-3, relative_degree=2)
+    settings: Any = SimpleNamespace(cutoff=cutoff, filtered=filtered, filter_order=2, samples=100)
+    found = trial._by_frequency(LOOPS, plant, settings, 3)
+    with_filter = 2.7 if cutoff and filtered == "signal" else 1.7
+    assert found == (None if note is None else (with_filter, note))

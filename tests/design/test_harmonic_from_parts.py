@@ -114,7 +114,7 @@ def test_orders_must_converge_with_half_the_torque_or_the_inertia_before_a_soft_
     soft = replace(LOOP, shaft=SoftShaft(2e-6, 4e-6, 10.0, 1e-3))
     found = plants(soft)
     assert [each.b for each in found] == pytest.approx([400, 800, 1200, 960, 800, 4800 / 7])
-    assert [each.shaft.inertia for each in found[3:]] == pytest.approx([1e-6, 2e-6, 3e-6])  # type: ignore[union-attr]
+    assert [each.shaft.inertia for each in found[3:]] == pytest.approx([1e-6, 2e-6, 3e-6])
 
 
 def test_the_time_between_hall_edges_depends_on_the_speed() -> None:
@@ -122,7 +122,7 @@ def test_the_time_between_hall_edges_depends_on_the_speed() -> None:
     assert (found.edge, found.edges) == (pytest.approx(0.2), 4) and at_speed(LOOP, 0.0, 4, 1.5) is LOOP
     motor = SimpleNamespace(pole_pairs=5)
     drives = [SimpleNamespace(position_sensor=sensor) for sensor in (HALLS, IdealSensor.model_construct())]
-    told = [_halls(SimpleNamespace(drive=drive, motor=motor)) for drive in drives]  # type: ignore[arg-type]
+    told = [_halls(SimpleNamespace(drive=drive, motor=motor)) for drive in drives]
     assert told == [(pytest.approx(math.tau / 30), 4), (0.0, 0)]
 
 
@@ -299,12 +299,12 @@ def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(harmonic, "gamma", gamma)
     told, orders, none = replace(TOLD, held=(8.9e-3, 9.1e-3)), np.array([2.0, 4.0, 6.0, 8.0]), None
-    found = harmonic._at(none, LOOP, told, none, orders, 1.5)  # type: ignore[arg-type]
+    found = harmonic._at(none, LOOP, told, none, orders, 1.5)
     assert found == Certified(1.5, 8, 0.3, 6, (6,))
     late["one"][3] = 0.1
-    assert harmonic._at(none, LOOP, told, none, orders, 1.5).late == 8  # type: ignore[arg-type]
+    assert harmonic._at(none, LOOP, told, none, orders, 1.5).late == 8
     late["other"][0] = -0.1
-    assert harmonic._at(none, LOOP, told, none, orders, 1.5).late == 0  # type: ignore[arg-type]
+    assert harmonic._at(none, LOOP, told, none, orders, 1.5).late == 0
 
 
 @pytest.mark.parametrize(
@@ -422,7 +422,7 @@ def test_a_certificate_is_fine_if_all_orders_converge_and_settle_together() -> N
         ({"speeds": (SLOW, FAST)}, False),
         ({"speeds": (replace(SLOW, gamma=0.0),)}, False),
     ):
-        assert replace(FINE, **changes).fine == fine  # type: ignore[arg-type]
+        assert replace(FINE, **changes).fine == fine
 
 
 def test_the_bound_on_the_rate_is_of_orders_that_are_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -430,10 +430,10 @@ def test_the_bound_on_the_rate_is_of_orders_that_are_not_held(monkeypatch: pytes
     monkeypatch.setattr(harmonic, "rate_bound", lambda *of: of)
     monkeypatch.setattr(harmonic, "gamma", lambda loop, told, pi, w: w)
     told, study, pi = replace(TOLD, held=(3e-3, 5e-3)), None, None
-    T, _, w = harmonic._rate_bound(study, LOOP, told, pi, 1.0)  # type: ignore[arg-type, misc]
+    T, _, w = harmonic._rate_bound(study, LOOP, told, pi, 1.0)
     assert T == 1e-3 and w.tolist() == [2.0, 6.0]
     soft: Any = SimpleNamespace(period=1e-3, shaft="soft", near="near")
-    *_, plant, near = harmonic._rate_bound(study, soft, told, pi, 1.0)  # type: ignore[arg-type, misc]
+    *_, plant, near = harmonic._rate_bound(study, soft, told, pi, 1.0)
     assert plant(0.2) == pytest.approx(200.0) and near == "near"
     none = replace(TOLD, held=(0.0, 3.0))
-    assert harmonic._rate_bound(study, LOOP, none, pi, 1.0) == math.inf  # type: ignore[arg-type]
+    assert harmonic._rate_bound(study, LOOP, none, pi, 1.0) == math.inf

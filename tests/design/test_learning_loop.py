@@ -34,7 +34,7 @@ class Loop(LearningLoop):
 
     @property
     def law(self) -> Any:
-        return self.study.law  # type: ignore[attr-defined]
+        return self.study.law
 
     @property
     def gamma(self) -> tuple[float, float]:
@@ -42,18 +42,18 @@ class Loop(LearningLoop):
 
     @property
     def lead(self) -> int:
-        return self.law.lead  # type: ignore[no-any-return]
+        return self.law.lead
 
     @property
     def feedback_before(self) -> Linear:
         return Linear(1, 0.5, k_i=2.0)
 
     @property
-    def plant(self) -> Any:  # type: ignore[override]
+    def plant(self) -> Any:
         return SimpleNamespace(period=T, near=None)
 
     def oscillation(self) -> Oscillation | None:
-        return self.law.oscillation  # type: ignore[no-any-return]
+        return self.law.oscillation
 
     def closed(self, f: Real) -> Complex:
         assert np.all(f >= 0)
@@ -66,7 +66,7 @@ def loop(over_angle: bool = True, cells: int = CELLS, lead: int = 0, wide: int =
     law.oscillation = None
     law.revolutions = lambda pole_pairs: Fraction(2, pole_pairs)
     study = SimpleNamespace(law=law, motor=SimpleNamespace(pole_pairs=4))
-    return Loop(study, "mine", -2 * np.pi * 3.0)  # type: ignore[arg-type]
+    return Loop(study, "mine", -2 * np.pi * 3.0)
 
 
 def x(f: float, lead: int = 0) -> complex:

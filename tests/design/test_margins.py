@@ -159,7 +159,7 @@ def certificate(**changes: object) -> Certificate:
     learner = Learner(b=1e3, delay=1e-4, step=0.0, base=6, bends=0, orders=8, rate=2.0, rate_min=0.5, held=())
     speeds = (Certified(2 * math.pi, 42, 0.391, 36, ()), Certified(20 * math.pi, 12, 0.5, 6, (24, 30)))
     plain = Certificate(learner, 1e-3, speeds, 100 * math.pi, None, 5.061)
-    return replace(plain, **changes)  # type: ignore[arg-type]
+    return replace(plain, **changes)
 
 
 def test_a_certificate_in_one_line() -> None:

@@ -83,7 +83,7 @@ def point(omega_m: float, factor: float = 1.0, growing: Oscillation | None = Non
 def test_a_passage_ends_at_the_next_good_speed_in_two_digits_rounded_up() -> None:
     gone = [point(0.1, 3.0), point(0.2, 2.0)]
     left = [point(0.05), point(0.311), point(0.4)]
-    assert _passing(gone, left, 0.7) == Passing(pytest.approx(0.32), 0.7, 10.0, False)  # type: ignore[arg-type]
+    assert _passing(gone, left, 0.7) == Passing(pytest.approx(0.32), 0.7, 10.0, False)
     assert _passing(gone, [point(0.31)], 0.7).below == pytest.approx(0.31)  # stays
     assert _passing(gone, [point(31.2)], 0.7).below == pytest.approx(32.0)
     assert _passing(gone, [point(0.05)], 0.7).below == pytest.approx(0.22)  # a step of 1.06 beyond 0.2

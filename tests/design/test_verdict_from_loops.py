@@ -90,7 +90,7 @@ def test_a_scenario_s_slowest_and_fastest_loop_are_shown_without_acceleration(
     def shown(*speeds: float) -> list[One]:
         points = tuple((at(One(speed, 0.5)), 0.1) for speed in speeds)
         monkeypatch.setattr(module, "_motion", lambda *_: _Motion(points))
-        return judged(None, "s", "x")  # type: ignore[arg-type, return-value]
+        return judged(None, "s", "x")
 
     assert shown(3.0, 1.0, 2.0, 4.0) == [One(1.0, 0.0), One(4.0, 0.0)]
     assert shown(2.0, 2.0) == [One(2.0, 0.0)] and shown() == []
@@ -279,7 +279,7 @@ def test_bad_speeds_that_are_only_passed_are_told_apart(monkeypatch: pytest.Monk
     short = [4.0, 4.0, 1.0, 0.0, 4.0]
     found = moved(monkeypatch, space, short, fine=2.0)
     assert speeds(found) == pytest.approx([4.0]) and [share for _, share in found.judged] == [1.0]
-    assert found.passing == Passing(pytest.approx(4.0), 0.5, 5.0, False)  # type: ignore[arg-type]
+    assert found.passing == Passing(pytest.approx(4.0), 0.5, 5.0, False)
     ilc = moved(monkeypatch, ILC.model_copy(update={"learning_start": 0.0}), short, fine=2.0)
     assert speeds(ilc) == pytest.approx([4.0]) and ilc.passing is None
     only = moved(monkeypatch, space, [0.0, 1.0, 0.0], fine=2.0)  # all of it is such a passage
@@ -336,8 +336,8 @@ def test_at_a_constant_speed_the_loops_may_be_sure_themselves(monkeypatch: pytes
 def test_orders_that_a_law_learns_are_judged_alone() -> None:
     slow, fast = Wave(1.0, 1.5, 8.0), Wave(2.0, 1.5, 8.0)
     slow.orders, fast.orders = np.array([2.0, 6.0, 7.0]), np.array([2.0])
-    slow.study = fast.study = SimpleNamespace(controller={"x": None})  # type: ignore[attr-defined]
-    slow.controller = fast.controller = "x"  # type: ignore[attr-defined]
+    slow.study = fast.study = SimpleNamespace(controller={"x": None})
+    slow.controller = fast.controller = "x"
     found = _mean([(at(slow), 0.5), (at(fast), 0.5)])
     assert (found.lowest, found.highest) == (2.0, 4.0)
     assert found.factor == pytest.approx(0.9 * 1.5 * math.exp(-0.5)) and not found.sure

@@ -90,7 +90,7 @@ def test_a_limit_is_turned_so_that_less_is_better(tmp_path: Path) -> None:
     dimension = found.metric[0].dimension
     for wanted, sign in (("lower", 1), ("higher", -1)):
         metric = SimpleNamespace(wanted=wanted, dimension=dimension, name="ripple", kind="ripple-rms")
-        limit = tuning.hold_limit(found, Column(metric), "30 rpm")  # type: ignore[arg-type]
+        limit = tuning.hold_limit(found, Column(metric), "30 rpm")
         assert limit == pytest.approx(sign * np.pi)
 
 
@@ -98,7 +98,7 @@ def test_growth_is_the_largest_that_is_sure(tmp_path: Path, monkeypatch: pytest.
     def grows(*forecasts: Any) -> float:
         told = dict(enumerate(forecasts))
         monkeypatch.setattr(tuning, "forecast", lambda study, name: told[name])
-        return tuning.growth(study(tmp_path), told)  # type: ignore[arg-type]
+        return tuning.growth(study(tmp_path), told)
 
     def said(kind: str, factor: float | None) -> Any:
         return SimpleNamespace(kind=kind, worst=None if factor is None else SimpleNamespace(factor=factor))

@@ -230,22 +230,22 @@ def test_logs_that_turn_are_searched_for_everything_but_what_a_feedback_law_hide
 def test_held_angles_tell_cogging_and_an_offset_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     left: list[str] = []
     alone = ([HELD], Model(cogging=(24,), columns=frozenset({"offset"})))
-    assert estimate._start(FOUR, [HELD], left) == alone  # type: ignore[list-item]
+    assert estimate._start(FOUR, [HELD], left) == alone
     assert left.pop() == (
         "No log of a turning motor: inertia and friction cannot be identified; add an acceleration log."
     )
     monkeypatch.setattr(estimate.findings, "one_speed", lambda logs: True)
     monkeypatch.setattr(estimate.findings, "said_of_one_speed", lambda logs: f"{len(logs)} at one speed")
-    assert estimate._start(FOUR, [HELD, MOVING], left) == alone and left == ["1 at one speed"]  # type: ignore[list-item]
+    assert estimate._start(FOUR, [HELD, MOVING], left) == alone and left == ["1 at one speed"]
     with pytest.raises(StudyError, match=r"^2 at one speed$"):
-        estimate._start(FOUR, [MOVING, MOVING], left)  # type: ignore[list-item]
+        estimate._start(FOUR, [MOVING, MOVING], left)
 
 
 def test_rows_are_filtered_by_the_model_s_kernel_or_another_width(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(estimate, "rows_of", lambda *of: [of])
     model, logs = Model(width=2e-3), ["a", "b"]
     for factor, width in (({}, 2e-3), ({"factor": 1.5}, 3e-3)):
-        made: Any = estimate._rows(FOUR, logs, model, **factor)  # type: ignore[arg-type]
+        made: Any = estimate._rows(FOUR, logs, model, **factor)
         assert made == [(log, model, pytest.approx(width), Sensor(0.0, 4)) for log in logs]
 
 
@@ -310,8 +310,7 @@ def test_orders_are_added_until_no_more_are_found_or_there_are_forty(monkeypatch
     found = iter([[7], [11, 5], []])
     monkeypatch.setattr(estimate, "found_orders", lambda rows, fit, width, known: next(found))
     start = replace(MODEL, cogging=(24,), ripple=())
-    progress: Any = lambda *of: told.append(of)  # noqa: E731
-    made: Any = estimate._searched(FOUR, [], start, progress)
+    made: Any = estimate._searched(FOUR, [], start, lambda *of: told.append(of))
     assert made == replace(start, cogging=(5, 7, 8, 11, 24), ripple=(8, 24))
     assert [model.cogging for model in fitted.models] == [(24,), (7, 24), (5, 7, 11, 24)]
     assert all(model.encoder == () and "delay" not in model.columns for model in fitted.models)
@@ -319,7 +318,7 @@ def test_orders_are_added_until_no_more_are_found_or_there_are_forty(monkeypatch
     count = iter(range(100, 200))
     monkeypatch.setattr(estimate, "found_orders", lambda rows, fit, width, known: [next(count)])
     held = replace(start, columns=frozenset({"offset"}))
-    many: Any = estimate._searched(FOUR, [], held, progress)
+    many: Any = estimate._searched(FOUR, [], held, lambda *of: None)
     assert len(many.cogging) == 41 and many.ripple == ()
 
 

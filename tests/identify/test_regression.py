@@ -68,7 +68,7 @@ def test_logs_are_cut_into_blocks_and_weigh_by_what_is_left_of_each(rows: Rows) 
     assert found["b",] == pytest.approx(2.0 + 1 / 101, abs=0.05)  # by 1 / 0.5^2 and 1 / 5^2
     assert found.noise == {"a": pytest.approx(0.5, rel=0.1), "b": pytest.approx(5.0, rel=0.1)}
     names = [SimpleNamespace(name=name) for name in "abcdefgh"]
-    many = fit([replace(rows, log=name) for name in names])  # type: ignore[arg-type]
+    many = fit([replace(rows, log=name) for name in names])
     assert len(many.blocks) == 8 * 4
     long = {
         key: np.tile(getattr(rows, key).T, 3).T for key in ("columns", "y", "noise", "theta", "omega", "at")

@@ -186,12 +186,12 @@ def test_a_run_s_map_is_cut_to_its_limits_and_its_period_to_lowest_terms(
 ) -> None:
     monkeypatch.setattr(learned_map, "study_identity", lambda study: 0xABCD)
     of_run: Any = {"values": [[4.0, -4.0, 1.0]], "limits": [3.0], "units": [CURRENT], "law": 2, "ratio": 5}
-    made = learned_map.of_run(None, {**of_run, "turns": 4, "parts": 6}, 7)  # type: ignore[arg-type]
+    made = learned_map.of_run(None, {**of_run, "turns": 4, "parts": 6}, 7)
     assert made is not None and made.values.tolist() == [[3.0, -3.0, 1.0]]
     assert (made.turns, made.parts, made.ratio, made.law, made.motor, made.motion) == (2, 3, 5, 2, 0xABCD, 7)
-    trial = learned_map.of_run(None, {**of_run, "turns": 0, "parts": 0})  # type: ignore[arg-type]
+    trial = learned_map.of_run(None, {**of_run, "turns": 0, "parts": 0})
     assert trial is not None and (trial.turns, trial.parts, trial.motion) == (0, 0, 0)
-    assert learned_map.of_run(None, None) is None  # type: ignore[arg-type]
+    assert learned_map.of_run(None, None) is None
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ def other_numbers(literal: str) -> Iterator[str]:
     whole = re.fullmatch(r"(\d+)([uUlL]*)", plain)
     real = re.fullmatch(r"([\d.]+(?:[eE][+-]?\d+)?)([fFlL]?)", plain)
     if hexadecimal or whole:
-        digits, suffix = (hexadecimal or whole).groups()  # type: ignore[union-attr]
+        digits, suffix = (hexadecimal or whole).groups()
         k: int | float = int(digits, 0) if hexadecimal else int(digits)
     elif real:
         digits, suffix = real.groups()

@@ -140,7 +140,7 @@ def test_the_first_difference_is_told(
 
 @needs_both
 def test_a_difference_in_what_is_learned_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    memory = Target.memory.fget  # type: ignore[attr-defined]
+    memory = Target.memory.fget
 
     def wrong(target: Target) -> Any:
         changed = memory(target).copy()

@@ -146,7 +146,7 @@ def test_the_stack_is_used_down_to_where_its_paint_is_gone() -> None:
 
         return SimpleNamespace(read=read)
 
-    assert [Processor.stack.fget(left(paint)) for paint in (0, STACK_SIZE - 200)] == [STACK_SIZE, 200]  # type: ignore[attr-defined]
+    assert [Processor.stack.fget(left(paint)) for paint in (0, STACK_SIZE - 200)] == [STACK_SIZE, 200]
 
 
 def test_instructions_by_source_are_means_of_the_periods_with_the_law_and_of_the_others() -> None:
@@ -181,7 +181,7 @@ def test_a_comparison_tells_periods_with_the_law_from_the_others(divider: int) -
         Toolchain(("cc",), "gcc 12", ("-O2", "-g"), ()),
     )  # fmt: skip
     assert (found.study, found.scenario, found.controller, found.law) == ("s", "low", "my-pi", "pi")
-    assert (found.ticks, found.all) == (7, Instructions(1, pytest.approx(37 / 7), 10))  # type: ignore[arg-type]
+    assert (found.ticks, found.all) == (7, Instructions(1, pytest.approx(37 / 7), 10))
     if divider == 3:
         assert (found.with_law, found.without_law) == (Instructions(8, 9.0, 10), Instructions(1, 2.5, 4))
         assert found.end_of_trial == 7

@@ -161,7 +161,7 @@ controller.pi-ilc.gain = { uniform = "20 %" }"""
     study = sweep.study.model_copy(update={"metric": (ripple, of_three)})
     four = np.concatenate((sweep.values, sweep.values[:, :, :1]), axis=2)
     text = page(replace(sweep, study=study, columns=columns(study), values=four), tmp_path)
-    (shown,) = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])["scenarios"]  # type: ignore[index]
+    (shown,) = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])["scenarios"]
     assert [chart["title"] for chart in shown["spreads"]] == [
         f"{name}: share of variants" for name in ("ripple", "speed: order 24", "speed: order 48")
     ]
@@ -357,7 +357,7 @@ def test_where_more_is_better_the_low_end_is_the_worst(tmp_path: Path) -> None:
     )
     sweep.values[np.argsort(sweep.values[:, 0, 0])[1], 0, 0] = np.nan  # of 0.08 rpm
     text = page(sweep, tmp_path)
-    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])  # type: ignore[index]
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])
     (chart,) = data["scenarios"][0]["spreads"]
     drawn = chart["series"][0]["values"]
     assert drawn[:-1] == pytest.approx([*(0.04 * np.arange(100, 2, -1)), 0.04], rel=1e-4)  # the best first
@@ -387,7 +387,7 @@ def test_tables_of_a_sweep(tmp_path: Path) -> None:
         ["ripple", "pi", "4.00 rpm", "run pi 2"],
         ["ripple", "pi-ilc", "never", "run pi-ilc 2"],
     ]
-    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])  # type: ignore[index]
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])
     (spread,) = data["scenarios"][0]["spreads"]
     assert (spread["title"], spread["unit"], spread["limit"]) == ("ripple: share of variants", "rpm", 3.0)
     assert spread["xs"][0] == 0 and spread["xs"][-1] == 100 and len(spread["xs"]) == 100

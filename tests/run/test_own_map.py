@@ -280,7 +280,7 @@ def test_the_map_of_a_run_tells_whose_it_is_and_what(
     assert isinstance(stored, StoredMap) and run.map is not None
     assert (stored.law_name, stored.units, stored.parts, stored.cells, stored.limits) == about
     assert (stored.turns, stored.ratio, stored.motion) == (1, 1, 0)
-    assert stored.motor == learned["pi-ilc"].map.motor  # type: ignore[union-attr]
+    assert stored.motor == learned["pi-ilc"].map.motor
     assert run.memory["frame"] == ("electrical" if name == "electrical" else "mechanical")
     # IDEAL's cogging is 4 mN*m sin(24 theta), and K_t 0.12 N*m/A
     step = run.memory["angle"][1]
@@ -294,7 +294,7 @@ def test_python_and_c_store_the_same_bits(learned: dict[str, Run], folder: Path)
     start = {"start": {"map": "cells.bin"}}
     both = [ran(folder, LAWS[name], **start) for name in ("orders", "c")]
     assert np.array_equal(both[0].trace["omega_m"], both[1].trace["omega_m"])
-    assert both[0].map is not None and bytes(both[0].map) == bytes(both[1].map)  # type: ignore[arg-type]
+    assert both[0].map is not None and bytes(both[0].map) == bytes(both[1].map)
 
 
 OWN, ANY = ["orders", "cells", "electrical", "c"], ["pi-ilc", "pi-afc"]

@@ -545,7 +545,7 @@ def test_a_number_that_the_controller_cannot_hold(
     else:
         with pytest.raises(ValueError, match=f"^{re.escape(told)}$") as error:
             check_precision(Numbers(x=x), precision, "controller", "c", terms=terms)
-        assert error.value.context["key"] == ("controller", "c", "x")  # type: ignore[attr-defined]
+        assert error.value.context["key"] == ("controller", "c", "x")
 
 
 def test_values_are_as_little_alike_as_they_can_be(tmp_path: Path) -> None:

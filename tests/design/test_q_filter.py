@@ -1,0 +1,93 @@
+"""Searches for a shift and for a cutoff, for made-up factors."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cogless.design import q_filter
+from cogless.design.q_filter import better_shift, workable_cutoff
+
+LOOPS: Any = []
+
+
+class Bundle:
+    """The responses of loops, where nothing looks at them."""
+
+    grid = np.zeros(1)
+
+    def __init__(self, *of: Any) -> None:
+        pass
+
+    def __call__(self, w: Any) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("samples", "by_gain", "by_ends", "found"),
+    [
+        (100, {3: 0.8}, {3: 0.7}, (0.9, 3, 0.8)),
+        (100, {3: 0.6}, {3: 0.8}, (0.9, 3, 0.8)),  # the trial's ends count
+        (100, {3: 0.86}, {}, None),  # not clearly faster
+        (100, {7: 0.5, 8: 0.4}, {}, (0.9, 7, 0.5)),  # six beyond the relative degree
+        (7, {7: 0.5, 6: 0.7}, {}, (0.9, 6, 0.7)),
+        (100, {2: 0.5}, {}, None),
+    ],
+)
+def test_another_shift_is_proposed_if_it_is_clearly_faster(
+    monkeypatch: pytest.MonkeyPatch, samples: int, by_gain: Any, by_ends: Any, found: Any
+) -> None:
+    class Shifted:
+        grid = np.zeros(1)
+
+        def __init__(self, loops: Any, shift: int):
+            self.shift = shift
+
+        def __call__(self, w: Any) -> int:
+            return self.shift
+
+    monkeypatch.setattr(q_filter, "Bundle", Shifted)
+    monkeypatch.setattr(q_filter, "best_gain", lambda shift, H: (10 * shift, by_gain.get(shift, 0.9)))
+
+    def growth(loops: Any, K: int, shift: int, q: Any, filtered: str, count: int) -> Any:
+        assert (K, filtered, count) == (10 * shift, "signal", samples)
+        return np.array([0.1, by_ends.get(shift, 0.2)])
+
+    monkeypatch.setattr(q_filter, "growth", growth)
+    q: Any = SimpleNamespace(gain=lambda w: w)
+    assert better_shift(LOOPS, 1, q, 2, samples) == found
+
+
+@pytest.mark.parametrize(
+    ("worst", "grows_above", "cutoff"),
+    [
+        (100.0, 1000.0, 95.0),
+        (1e4, 1000.0, 490.0),
+        (100.0, 95.0 * 0.8**3, 95.0 * 0.8**3),
+        (100.0, 95.0 * 0.8**9, 95.0 * 0.8**9),
+        (100.0, 95.0 * 0.8**9.5, None),
+        (1.0, 1000.0, None),
+    ],
+)
+@pytest.mark.parametrize("K_3", [None, 0.7])
+def test_a_workable_cutoff_leaves_at_most_95_percent_at_the_ends_of_a_trial_too(
+    monkeypatch: pytest.MonkeyPatch, worst: float, grows_above: float, cutoff: float | None, K_3: float | None
+) -> None:
+    """The factor is here the cutoff over `worst` Hz. Cutoffs of 0.001 to 0.49 of the rate are tried."""
+    monkeypatch.setattr(q_filter, "Bundle", Bundle)
+    monkeypatch.setattr(
+        q_filter, "butterworth", lambda cutoff, *_: SimpleNamespace(cutoff=cutoff, gain=lambda w: cutoff)
+    )
+    monkeypatch.setattr(q_filter, "best_gain", lambda G, H: (5.0, H / worst))
+    monkeypatch.setattr(q_filter, "factor", lambda G, K, H, filtered: np.array([0.0, H / worst]))
+
+    def growth(loops: Any, K: float, shift: int, q: Any, filtered: str, samples: int) -> Any:
+        assert (K, shift, filtered, samples) == (K_3 or 5.0, 2, "signal", 300)
+        return np.array([0.5, 0.96 if q.cutoff > grows_above else 0.95])
+
+    monkeypatch.setattr(q_filter, "growth", growth)
+    found = workable_cutoff(LOOPS, 2, 2, 1e-3, 300, K_3)
+    assert found is None if cutoff is None else found == pytest.approx(cutoff, rel=7e-3)

@@ -1,0 +1,93 @@
+"""Edges and counts that come too rarely at slow speeds."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cogless.design import slow_running
+from cogless.design.margins import UNSTABLE, Margins
+from cogless.design.ripple import Sampled
+from cogless.study.position_sensor import Encoder
+
+FIRM = Margins(True, 100.0, 1.0, 3.0, 300.0)
+
+
+COUNT = 0.02  # rad
+
+
+@pytest.mark.parametrize(
+    ("omega", "timed", "margins", "said"),
+    [
+        (2.0, False, FIRM, None),  # 100 rad/s times 10 ms are a radian
+        (
+            1.0, False, FIRM,
+            "at 1 rad/s an edge comes every 20 ms, the crossover is 15.9 Hz: the rotor coasts from count to "
+            "count; 2 times the counts would do, or a crossover of 8 Hz",
+        ),
+        (4.0, True, FIRM, None),  # 4.5 ms late, 0.45 of the margin
+        (
+            2.5, True, FIRM,
+            "at 2.5 rad/s an edge comes every 8 ms, the crossover is 15.9 Hz: the speed is 7.5 ms late, "
+            "which costs 43 deg of 57 deg of phase margin; 1.5 times the counts would do, or a crossover of "
+            "11 Hz",
+        ),
+        (
+            1.0, True, FIRM,
+            "at 1 rad/s an edge comes every 20 ms, the crossover is 15.9 Hz: the speed is 20 ms late, "
+            "which costs 112 deg of 57 deg of phase margin; where it stops and goes it reads high, by 10 % "
+            "if every other edge takes twice as long; 3.6 times the counts would do, or a crossover of "
+            "4.4 Hz",
+        ),
+        (1.0, False, UNSTABLE, None),
+        (1.0, False, Margins(True, math.nan, math.nan, 3.0, 300.0), None),
+        (0.0, False, FIRM, None),
+    ],
+)  # fmt: skip
+def test_edges_that_come_too_rarely_for_the_loop(
+    monkeypatch: pytest.MonkeyPatch, omega: float, timed: bool, margins: Margins, said: str | None
+) -> None:
+    of_part: dict[str, Any] = {
+        "held": lambda study, scenario: omega,
+        "speed_loop": lambda study, scenario: SimpleNamespace(period=1e-3),
+        "sampled": lambda study, scenario: Sampled(COUNT, 1e-3, timed),
+        "feedback_of": lambda study, name, speed: "feedback",
+        "position_margins": lambda loop, feedback: margins,
+        "speed_text": lambda study, speed: f"{speed:g} rad/s",
+    }
+    for name, part in of_part.items():
+        monkeypatch.setattr(slow_running, name, part)
+    study: Any = SimpleNamespace(scenarios_of=lambda name: ["a", "b"])
+    assert slow_running.slow_warning(study, "x") == said
+    for name in ("sampled", "feedback_of"):
+        with monkeypatch.context() as without:
+            without.setattr(slow_running, name, lambda *_: None)
+            assert slow_running.slow_warning(study, "x") is None
+
+
+@pytest.mark.parametrize(
+    ("method", "counts", "told"), [("M", 0.5, False), ("average", 0.49, True), ("MT", 0.4, False)]
+)
+def test_a_counted_speed_of_less_than_half_a_count_reads_zero(
+    monkeypatch: pytest.MonkeyPatch, method: str, counts: float, told: bool
+) -> None:
+    sensor = Encoder.model_construct(kind="encoder", speed_method=method)
+    here = SimpleNamespace(drive=SimpleNamespace(position_sensor=sensor))
+    monkeypatch.setattr(slow_running, "held", lambda *_: counts * 20.0)
+    monkeypatch.setattr(slow_running, "sampled", lambda *_: Sampled(COUNT, 1e-3, False))
+    monkeypatch.setattr(slow_running, "for_scenario", lambda *_: here)
+    monkeypatch.setattr(slow_running, "speed_text", lambda study, speed: f"{speed:g} rad/s")
+    found = slow_running.reads_zero(None, "s")
+    line = "at 9.8 rad/s 0.49 counts come in a speed sample: most read 0, others 20 rad/s; "
+    assert found == (f'{line}speed_method = "MT" times the edges, "observer" smooths' if told else None)
+
+
+def test_the_slowest_speed_is_held_for_a_twentieth_of_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    study: Any = SimpleNamespace(scenario={"s": None})
+    ways = [np.array([0.0, *-np.arange(1.0, 102.0)]), np.zeros(5)]
+    monkeypatch.setattr(slow_running, "course", lambda scenario: SimpleNamespace(omega=ways.pop(0)))
+    assert [slow_running.held(study, "s"), slow_running.held(study, "s")] == [pytest.approx(6.0), 0.0]
