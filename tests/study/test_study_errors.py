@@ -410,6 +410,10 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         # orders
         ({}, "controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": [*range(1, 16), 65535]},
             {**PI, "law": "pi-afc", "gain": 1, "orders": [*range(1, 16), 65536]}),
+        # a lead is a quarter of a period at most
+        ({}, "controller.ilc",
+            {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical", "lead": "62.5 ms"},
+            {**PI, "law": "pi-ilc", "gain": 0.01, "period": "electrical", "lead": "62.51 ms"}),
         # signals that a run has
         *(({**has, "metric": []}, "metric", [{**METRIC, "signal": signal}], [{**METRIC, "signal": "i_x"}])
           for has, signal in (

@@ -213,6 +213,7 @@ def periods(study: Study) -> None:
                 f"expected a longer one: it has {longest:.3g} samples, at least {FEWEST_SAMPLES} are needed"
             )
             raise invalid(expected, "controller", name, "period", value=controller.period)
-        if controller.lead * rate > longest / FEWEST_SAMPLES:
-            expected = f"expected at most {longest / FEWEST_SAMPLES / rate:.3g} s, a quarter of a period"
+        quarter = longest / FEWEST_SAMPLES / rate
+        if controller.lead > quarter * (1 + 1e-9):
+            expected = f"expected at most {quarter:.6g} s, a quarter of a period"
             raise invalid(expected, "controller", name, "lead")
