@@ -10,6 +10,7 @@ from cogless.design.feedback import unstable_feedback
 from cogless.design.harmonic import learner
 from cogless.design.map_size import map_warning
 from cogless.design.pi import speed_loop
+from cogless.design.relay import relay_warning
 from cogless.design.slow_running import reads_zero, slow_warning
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weakest_margins
 from cogless.design.unlearned import foreseen
@@ -36,8 +37,8 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
 
 
 def notes(study: Study, name: str) -> list[str]:
-    """Warnings of a map with too few cells and of too few sensor edges, one line each, key first."""
-    all_of = (map_warning, slow_warning, _less_margin, _not_learned)
+    """Warnings of what a law, its map and its sensor cost or leave, one line each, key first."""
+    all_of = (map_warning, slow_warning, _less_margin, _not_learned, relay_warning)
     found = (of(study, name) for of in all_of)
     return [f"controller.{name}: {line}" for line in found if line is not None]
 
