@@ -55,10 +55,12 @@ class ControlLibrary:
 
     def _spoil_rest(self, struct: Any, fields: dict[str, Any]) -> None:
         for name, value in fields.items():
+            if not isinstance(value, dict | list):
+                continue
             member = getattr(struct, name)
             if isinstance(value, dict):
                 self._spoil_rest(member, value)
-            elif isinstance(value, list) and self.ffi.typeof(member).item.cname in ("float", "double"):
+            elif self.ffi.typeof(member).item.cname in ("float", "double"):
                 for n in range(len(value), len(member)):
                     member[n] = math.nan
 

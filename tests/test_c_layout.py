@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from control_library import HEADERS, SOURCE, control_library
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cogless.c_headers import Field, Headers, control_headers, parse
@@ -106,6 +106,7 @@ def values_of(headers: Headers, name: str, width: int) -> st.SearchStrategy[Any]
 
 
 @pytest.mark.parametrize("precision", ["single", "double"])
+@settings(max_examples=40)
 @given(data=st.data())
 def test_a_configuration_goes_through_its_bytes(precision: str, data: st.DataObject) -> None:
     layout, width = control_layout(precision), 32 if precision == "single" else 64

@@ -11,7 +11,7 @@ from reference.pi_afc import PiAfc
 
 from cogless.study.pi_afc import HIGHEST, ORDERS
 
-TS, STEPS = 1e-3, 3000
+TS, STEPS = 1e-3, 1500
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered")
 
 

@@ -48,7 +48,7 @@ def test_no_angle_gives_the_zero_angle(library, theta):
     assert pair(library, library.lib.cgl_sincos, theta) == (0.0, 1.0)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=100)
 @given(
     x=st.floats(-1e9, 1e9, exclude_min=True, exclude_max=True), precision=st.sampled_from(["float", "double"])
 )
@@ -92,7 +92,7 @@ def duties(library, u: complex, u_dc: float) -> np.ndarray:
     return np.array(list(out))
 
 
-@settings(deadline=None, max_examples=400)
+@settings(deadline=None, max_examples=100)
 @given(
     length=st.floats(0, 3),
     angle=st.floats(-math.pi, math.pi),

@@ -54,7 +54,7 @@ class Motor:
     def cogs(self, theta, sine=np.sin):
         return sum([a * sine(n * theta + phase) for n, a, phase in self.cogging])
 
-    def move(self, i, parts=4):
+    def move(self, i, parts=2):
         self.i = i
         h = self.ts / parts
         for _ in range(parts):
@@ -91,7 +91,7 @@ def test_double_equals_the_reference(seed):
     and pushed over cells; then a run."""
     rng = np.random.default_rng(seed)
     reference = law(
-        cells=int(rng.choice([4, 61, 200])), speed=rng.uniform(1, 3), revolutions=int(rng.choice([1, 3]))
+        cells=int(rng.choice([4, 61, 200])), speed=rng.uniform(4, 8), revolutions=int(rng.choice([1, 3]))
     )
     c = CAntiCogging(control_library("double"), reference)
     motor = Motor(2e-3, theta=rng.uniform(0, 6))
@@ -101,14 +101,14 @@ def test_double_equals_the_reference(seed):
         reference.pi.limit + reference.pi.kp * reference.position_gain * 2 * math.pi * reference.revolutions
     )
     after, learn, seen, lib = 0, True, 0, c.library.lib
-    for n in range(60_000):
+    for n in range(30_000):
         omega, theta, i = motor.measured(float)
-        if rng.random() < 0.003:
+        if rng.random() < 0.01:
             omega, theta, i = rng.permutation([omega, rng.choice([math.nan, math.inf]), i])
-        if rng.random() < 0.001:
+        if rng.random() < 0.003:
             motor.theta += rng.uniform(-0.3, 0.3)
         omega_ref = math.nan if n % 777 == 0 else math.sin(n / 300)
-        learn = rng.random() > (0.001 if learn else 0.1)
+        learn = rng.random() > (0.002 if learn else 0.1)
         recording = reference.calibrating
         got = c.step(omega_ref, omega, theta, i, learn)
         expected = reference.step(omega_ref, omega, theta, i, learn)
@@ -123,9 +123,9 @@ def test_double_equals_the_reference(seed):
         seen |= c.output.status
         motor.move(got)
         after += not c.calibrating
-        if after == 2000:
+        if after == 500:
             break
-    assert after == 2000
+    assert after == 500
     assert seen == 15
     assert max(abs(c.table - reference.table)) <= 1e-12
     assert abs(c.friction - reference.friction) <= 1e-12
@@ -184,8 +184,7 @@ def test_finds_friction_exactly_on_an_ideal_run(load):
     assert np.abs(one.table - exact).max() < 0.2 * (x**2 / 6 + x / per_cell)
 
 
-@pytest.mark.parametrize("precision", ["float", "double"])
-@pytest.mark.parametrize("load", [0.0, 0.3])
+@pytest.mark.parametrize(("precision", "load"), [("float", 0.3), ("double", 0.0)])
 def test_calibration_on_a_motor_and_the_ripple_after_it(precision, load):
     """Each harmonic of the table errs by the mean over a cell, (n pi / cells)^2 / 6, and by the current
     that accelerates: s^2 / (s^2 + b kp s + b ki) of it at s = j n speed, with the loop's other poles far
@@ -256,12 +255,12 @@ def test_what_is_not_to_be_learned_is_recorded_when_the_rotor_comes_there_again(
     library = control_library(precision)
     tables, lengths = [], []
     for spoils in (False, True):
-        one = CAntiCogging(library, law(speed=1.0, real=library.real, revolutions=revolutions))
+        one = CAntiCogging(library, law(speed=2.0, real=library.real, revolutions=revolutions))
         motor = Motor(2e-3)
         one.calibrate()
-        for n in range(60_000):
+        for n in range(30_000):
             omega, theta, i = motor.measured(library.real)
-            spoilt = spoils and (2000 < n < 2300 or 0 < n - 4000 * (1 + revolutions) < 300)
+            spoilt = spoils and (1000 < n < 1150 or 0 < n - 2000 * (1 + revolutions) < 150)
             motor.move(one.step(0.0, omega, theta, 50.0 if spoilt else i, not spoilt))
             frozen = bool(one.output.status & library.lib.CGL_STATUS_FROZEN)
             assert frozen == (spoilt and one.calibrating)
@@ -269,7 +268,7 @@ def test_what_is_not_to_be_learned_is_recorded_when_the_rotor_comes_there_again(
                 break
         tables.append(one.table.copy())
         lengths.append(n)
-    turn = 2 * math.pi / 1.0 / 2e-3
+    turn = 2 * math.pi / 2.0 / 2e-3
     assert lengths[1] - lengths[0] == pytest.approx(2 * turn, rel=0.02)
     assert np.max(np.abs(tables[1] - tables[0])) < 0.01
     assert np.max(np.abs(tables[0])) > 0.1
@@ -279,12 +278,12 @@ def test_a_calibration_that_never_may_learn_does_not_end_and_writes_nothing():
     library = control_library("float")
     one, motor = CAntiCogging(library, law(speed=2.0, real=np.float32)), Motor(2e-3)
     one.calibrate()
-    for _ in range(30_000):
+    for _ in range(8000):  # five turns
         motor.move(one.step(0.0, *motor.measured(np.float32), False))
     assert one.calibrating
     assert not one.table.any()
     assert abs(motor.omega) > 1.5  # it turns on
-    for _ in range(30_000):
+    for _ in range(8000):
         motor.move(one.step(0.0, *motor.measured(np.float32)))
     assert not one.calibrating
     assert np.max(np.abs(one.table)) > 0.1
@@ -307,12 +306,13 @@ def test_a_calibration_in_a_drive_ends_whatever_the_reference_is(omega_ref):
     assert lib.cgl_drive_init(drive, config, 5e-4) == lib.CGL_OK
     one.calibrate()
     reference = library.new("cgl_reference", omega_ref=omega_ref, learn=True)
+    now = library.new("cgl_measurement")
+    inputs, command = (library.ffi.addressof(drive[0], name) for name in ("in", "command"))
     seen = 0
     for n in range(70_000):
         theta = math.floor(motor.theta / (2 * math.pi) * counts) * 2 * math.pi / counts
-        now = library.new("cgl_measurement", theta_m=theta % (2 * math.pi), omega_m=motor.omega)
+        now.theta_m, now.omega_m = theta % (2 * math.pi), motor.omega
         if lib.cgl_drive_measure(drive, now, reference):
-            inputs, command = (library.ffi.addressof(drive[0], name) for name in ("in", "command"))
             lib.cgl_anti_cogging_step(one.state, inputs, command)
         lib.cgl_drive_actuate(drive, out)
         seen |= out.status if n > 1 else 0  # before, the guard knows of no calibration

@@ -78,25 +78,20 @@ class Aligner:
         assert lib.cgl_foc_init(self.foc, self.ffi.addressof(drive, "foc"), ts) == lib.CGL_OK
         config = new("cgl_align_config", **{**ALIGN, **changes})
         assert lib.cgl_align_init(self.align, config, ts) == lib.CGL_OK
+        self.now, self.out = new("cgl_measurement"), new("cgl_drive_output")
+        self.input, self.duties = new("cgl_foc_input"), new("cgl_foc_output")
         self.largest = 0.0
 
     def step(self, measurement: bytes, _reference: bytes) -> bytes:
-        new, lib, ffi = self.library.new, self.library.lib, self.ffi
-        now, out, duties = new("cgl_measurement"), new("cgl_drive_output"), new("cgl_foc_output")
+        lib, ffi, now, into, wanted = self.library.lib, self.ffi, self.now, self.input, self.wanted
         ffi.memmove(now, measurement, len(measurement))
-        self.result = lib.cgl_align_step(self.align, self.seen(now.theta_m), self.wanted)
-        self.largest = max(self.largest, self.wanted.i_d_ref)
-        inputs = new(
-            "cgl_foc_input",
-            i_abc=list(now.i_abc),
-            theta_e=self.wanted.theta_e,
-            omega_e=self.wanted.omega_e,
-            u_dc=now.u_dc,
-            i_d_ref=self.wanted.i_d_ref,
-        )
-        lib.cgl_foc_step(self.foc, inputs, duties)
-        out.duty = duties.duty
-        return bytes(ffi.buffer(out))
+        self.result = lib.cgl_align_step(self.align, self.seen(now.theta_m), wanted)
+        self.largest = max(self.largest, wanted.i_d_ref)
+        into.i_abc, into.u_dc = now.i_abc, now.u_dc
+        into.theta_e, into.omega_e, into.i_d_ref = wanted.theta_e, wanted.omega_e, wanted.i_d_ref
+        lib.cgl_foc_step(self.foc, into, self.duties)
+        self.out.duty = self.duties.duty
+        return bytes(ffi.buffer(self.out))
 
 
 def aligned(seen: Callable[[float], float], start: str = "100 deg", **changes: Any) -> tuple[Aligner, Study]:

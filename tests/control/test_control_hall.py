@@ -1,6 +1,7 @@
 """Hall sensors and the low-pass of the C library, against their definitions."""
 
 import math
+from bisect import bisect_right
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def turn(library, state, omega: float, late: list[float], steps: int, start: int
     for n in range(1, steps):
         theta = omega * 1e-4 * n  # mechanical
         sectors = theta * 5 / (math.pi / 3)
-        passed = sum(place <= sectors for place in places) - 201
+        passed = bisect_right(places, sectors) - 201
         if passed != sector:
             sector = passed
             last = places[passed + 200] if omega > 0 else places[passed + 201]

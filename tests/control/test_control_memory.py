@@ -1,6 +1,7 @@
 """The memory of the learning laws in the C library: a map over the angle, and delay lines."""
 
 import dataclasses
+import functools
 import math
 from typing import Any
 
@@ -131,7 +132,7 @@ def apart(rows: list[tuple[list[float], ...]], a: int, b: int) -> np.ndarray:
 
 @pytest.mark.filterwarnings("ignore:invalid value")
 @pytest.mark.parametrize("kind", ["angle", *LINES])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(10))
 def test_double_equals_the_reference(kind, seed):
     """What acts, what is kept of it, whether it learned, P_t, and the whole map after any step."""
     rng = np.random.default_rng(seed)
@@ -139,7 +140,7 @@ def test_double_equals_the_reference(kind, seed):
     memory = CMemory(control_library("double"), reference)
     tolerance = 2e-11 * max(reference.limit)
     learned, largest, rows = 0, 0.0, []
-    for n, (theta, speed, learn, correction) in enumerate(random_inputs(rng, reference, 2000, 0.004)):
+    for n, (theta, speed, learn, correction) in enumerate(random_inputs(rng, reference, 1500, 0.005)):
         got, got_learned = memory.step(theta, speed, learn, correction)
         expected, learns = reference.step(theta, speed, learn, correction)
         assert got_learned == learns, n
@@ -148,7 +149,7 @@ def test_double_equals_the_reference(kind, seed):
         largest = max(largest, *map(abs, expected))
         if kind != "angle" and kind != "time":
             assert abs(memory.state.line.p_t - reference.p_t) <= 1e-12, n
-        if kind == "angle" and (n % 61 == 0 or n > 1980):
+        if kind == "angle" and (n % 61 == 0 or n > 1480):
             for c in range(memory.channels):
                 held = [cell[c] for cell in reference.map]
                 assert abs(memory.map(c) - held).max() <= tolerance, (n, c)
@@ -158,7 +159,7 @@ def test_double_equals_the_reference(kind, seed):
     assert largest > 0.1 or kind != "angle"
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     seed=st.integers(0, 2**32 - 1), cells=st.integers(4, 80), share=st.floats(0, 1),
     fastest=st.floats(0.001, 0.3),
@@ -201,7 +202,7 @@ def test_single_stays_within_rounding(seed):
     rng = np.random.default_rng(seed)
     reference = random_reference(rng, "angle", np.float32)
     memory = CMemory(library := control_library("float"), reference)
-    inputs = random_inputs(rng, reference, 3000, 0.0)
+    inputs = random_inputs(rng, reference, 2000, 0.0)
     way = (
         sum(abs(speed) * TS for _, speed, *_ in inputs) * reference.ratio * reference.parts / reference.turns
     )
@@ -235,25 +236,24 @@ def test_single_by_time_stays_within_rounding():
 
 @pytest.mark.parametrize("precision", ["float", "double"])
 def test_the_running_sum_does_not_drift(precision):
-    """After a million steps it is what its entries say, to 1e-5 of the limit."""
+    """After 1.2 million cells passed, all at the limit, it is what its entries say, to 20 eps for each."""
     reference = AngleMemory(cells=300, q_half_width=20, limit=[1.0])
     memory = CMemory(library := control_library(precision), reference)
     step, theta, count = memory.library.lib.cgl_memory_step, 0.0, 0
     rng = np.random.default_rng(1)
-    steps = rng.choice([0.001, 0.01, 0.03], 1000)
-    waves = rng.uniform(-1, 1, 1000)
-    for _ in range(1000):
+    steps = rng.choice([0.03, 0.04], 1000)
+    waves = rng.uniform(-0.1, 0.1, 1000)
+    for _ in range(100):
         for way, wave in zip(steps.tolist(), waves.tolist(), strict=True):
             theta = theta + way if theta < 6.28 else theta + way - 6.283185307179586
-            memory.correction[0] = 1e-3 * wave + (0.05 if count == 0 else 0.0)
+            memory.correction[0] = wave
             count += step(memory.state, theta, 0.0, True, memory.correction, memory.value)
     state, at = memory.state, memory.state.map.at
-    assert count > 999_000
+    assert count > 99_900
     ring = memory.cell[memory.cells :]  # the last 21 cells passed
     entries = [*ring, *(memory.map()[(at + k) % 300] for k in range(1, 21))]
-    assert abs(state.channel[0].sum - sum(map(float, entries))) < 41 * 1e-5
-    assert abs(memory.map()).max() > 0.04
-    assert library.eps < 1e-5
+    assert abs(state.channel[0].sum - sum(map(float, entries))) < 41 * 20 * library.eps
+    assert abs(memory.map()).max() > 0.9
 
 
 # ---- what is new: faults that the tests before did not see
@@ -334,7 +334,7 @@ def test_with_a_ratio_the_angle_has_the_same_range(precision, start):
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])
-@pytest.mark.parametrize("cells", [255, 256, 32_767, 32_768, 65_535])
+@pytest.mark.parametrize("cells", [256, 32_768, 65_535])
 def test_maps_up_to_the_largest(precision, cells):
     """A sweep over the whole period, in steps of cells and of fractions, over the wrap and back: every cell
     holds what acted there, and is recalled there."""
@@ -382,8 +382,7 @@ def test_the_longest_line_is_accepted_with_the_memory_it_needs(precision):
         assert not whole.any()
 
 
-@pytest.mark.parametrize("cells", [70_000, 300_000])
-@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize(("precision", "cells"), [("float", 300_000), ("double", 70_000)])
 def test_by_time_a_period_has_more_samples_than_16_bit_count(precision, cells):
     """Of a line whose first period is still empty, what acts is the correction; then it comes back."""
     library = control_library(precision)
@@ -400,7 +399,7 @@ def test_by_time_a_period_has_more_samples_than_16_bit_count(precision, cells):
             assert value[0] == pytest.approx(expected, abs=4 * library.eps * (10 + period * 9 / cells)), n
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     cells=st.integers(4, 2000), lead=st.integers(0, 20), channels=st.integers(1, 3),
     way=st.lists(st.floats(-0.6, 0.6), min_size=5, max_size=60),
@@ -500,13 +499,13 @@ def test_one_period_ago_is_literal_in_one_direction(precision, direction, width)
     strip: dict[int, float] = {}
     rng = np.random.default_rng(3)
     previous = None
-    for k in range(1500):
+    for k in range(900):  # four periods
         x = 20.05 + step * k
 
         def ago(x):
             n = math.floor(x)
-            earlier = [strip.get(j - direction * cells, 0.0) for j in (n, n + 1)]
-            return earlier[0] + (x - n) * (earlier[1] - earlier[0])
+            here, there = (strip.get(j - direction * cells, 0.0) for j in (n, n + 1))
+            return here + (x - n) * (there - here)
 
         theta = float(library.real(x / cells * 2 * math.pi))
         if k < 40:  # until it knows the way
@@ -514,13 +513,13 @@ def test_one_period_ago_is_literal_in_one_direction(precision, direction, width)
             continue
         value = float(library.real(rng.uniform(-1, 1)))
         got = memory.store(theta, value)
-        expected = np.mean([ago(x + j) for j in range(-width, width + 1)])
+        expected = sum(ago(x + j) for j in range(-width, width + 1)) / (2 * width + 1)
         # in single, angles up to 60 rad are known to 4e-5 cells; values differ by up to 2 in 0.3 of a cell
         assert abs(got - expected) <= (1e-6 if precision == "double" else 5e-3), k
         if previous is not None:
             a, b = sorted([(x - step, previous), (x, value)])
             for n in range(math.floor(a[0]) + 1, math.floor(b[0]) + 1):
-                strip[n] = float(np.interp(n, [a[0], b[0]], [a[1], b[1]]))
+                strip[n] = a[1] + (n - a[0]) / (b[0] - a[0]) * (b[1] - a[1])
         previous = value
 
 
@@ -810,6 +809,7 @@ def test_a_line_waits_while_the_angle_does_not_rise():
         assert abs(value - math.sin(theta)) < 0.02
 
 
+@functools.cache
 def varying(ts: float, seconds: float) -> np.ndarray:
     """Angle [rad] of Section 5's electrical reference, 15 + 5 sin(2 pi t + sin(pi t)), by Gauss
     integration."""
@@ -823,11 +823,13 @@ def varying(ts: float, seconds: float) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(steps)[:-1]])
 
 
-def inverse(theta: np.ndarray, ts: float) -> np.ndarray:
-    """P_t of each sample [s] by a cubic spline through the reference; NaN within the first period."""
+@functools.cache
+def inverse(ts: float, seconds: float) -> np.ndarray:
+    """P_t of each 97th sample [s] by a cubic spline through the reference; NaN within the first period."""
     from scipy.interpolate import CubicSpline
     from scipy.optimize import brentq
 
+    theta = varying(ts, seconds)
     t = ts * np.arange(len(theta))
     curve = CubicSpline(t, theta)
     p_t = np.full(len(t), np.nan)
@@ -852,8 +854,7 @@ def test_p_t_by_both_methods_is_the_inverse_of_the_reference(method):
     and 100 us give 6e-8 rad, or 6e-9 s at 10 rad/s; and an angle is known to 2^-32 of a revolution, 1.5e-10 s
     there. By the differential equation Euler's error of a step comes on top, held by k_pp."""
     ts = 1e-4
-    theta = varying(ts, 4.0)
-    exact = inverse(theta, ts)
+    theta, exact = varying(ts, 2.6), inverse(ts, 2.6)
     known = np.flatnonzero(~np.isnan(exact))
     got = run_p_t(control_library("double"), method, theta, ts)
     error = abs(got - exact)[known].max()
@@ -914,10 +915,10 @@ def test_a_line_of_more_samples_than_16_bit_count_finds_the_angle(method):
 def test_a_line_that_rises_with_time_is_read_exactly(method):
     """A channel that holds the time of its sample: what is recalled is t - P_t, whatever the speed; and the
     mean over any width is the same, as the filter is symmetric."""
-    ts = 2e-4
+    ts = 5e-4
     theta = varying(ts, 2.0) % (2 * np.pi)
     for width in (0, 9):
-        line = DelayLine(kind=method, ts=ts, cells=4000, q_half_width=width, limit=[1e3])
+        line = DelayLine(kind=method, ts=ts, cells=1600, q_half_width=width, limit=[1e3])
         memory = CMemory(control_library("double"), line)
         checked = 0
         for n, x in enumerate(theta.tolist()):
@@ -926,7 +927,7 @@ def test_a_line_that_rises_with_time_is_read_exactly(method):
             if p_t > 0 and n * ts - p_t > (width + 1) * ts:
                 assert abs(recalled - (n * ts - p_t)) < 1e-12
                 checked += 1
-        assert checked > 5000
+        assert checked > 2000
 
 
 def test_a_line_too_short_for_the_period_says_so():
@@ -946,7 +947,7 @@ def test_positions_are_whole_parts_of_the_period():
         for turns, parts in PERIODS:
             reference = AngleMemory(cells=1000, turns=turns, parts=parts, ratio=7, limit=[1.0], real=real)
             memory = CMemory(control_library(precision), reference)
-            for theta in np.concatenate([rng.uniform(-9, 9, 300), rng.uniform(-1e5, 1e5, 100)]):
+            for theta in np.concatenate([rng.uniform(-9, 9, 100), rng.uniform(-1e5, 1e5, 40)]):
                 place = float(memory.library.real(theta))
                 reference.step(place, 0.0, True, [0.0])
                 memory.step(place)

@@ -61,16 +61,18 @@ class Law:
         self.memory = () if name in WITHOUT_MEMORY else (pointer, 200)
         self.init = getattr(library.lib, f"{base}_init")
         assert self.init(self.state, self.config, TS, *self.memory) == library.lib.CGL_OK
-        self.out = library.new("cgl_law_output")
+        self.input, self.out = library.new("cgl_law_input", omega_ref=10.0), library.new("cgl_law_output")
+        self.c_step = getattr(library.lib, f"cgl_{name}_step")
         self.n = 0
 
     def step(self, off: bool = False, base: float = 0.3) -> tuple[float, int]:
         theta = 10 * TS * self.n % (2 * math.pi)
         self.n += 1
         omega_m = 10.0 - base - 0.5 * math.sin(theta)
-        inputs = self.library.new("cgl_law_input", omega_ref=10.0, omega_m=omega_m, theta_m=theta,
-                                  theta_ref=theta, learn=True, off=off)  # fmt: skip
-        getattr(self.library.lib, f"cgl_{self.name}_step")(self.state, inputs, self.out)
+        of_law = self.input
+        of_law.omega_m, of_law.theta_m, of_law.theta_ref = omega_m, theta, theta
+        of_law.learn, of_law.off = True, off
+        self.c_step(self.state, of_law, self.out)
         return self.out.i_q_ref, self.out.status
 
 

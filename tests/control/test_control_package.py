@@ -1,5 +1,6 @@
 """The control library as others take it: CMake, Arduino, PlatformIO and Zephyr, on a bare processor."""
 
+import functools
 import json
 import os
 import re
@@ -116,6 +117,11 @@ int main(void)
 """
 
 
+@functools.cache
+def macros(compiler: str) -> str:
+    return run(compiler, "-dM", "-E", "-x", "c", os.devnull).stdout
+
+
 @pytest.mark.parametrize("compiler", ["cc", "gcc", "clang"])
 @pytest.mark.parametrize("real", ["float", "double"])
 @pytest.mark.parametrize(
@@ -130,9 +136,8 @@ def test_flags_that_break_arithmetic_are_refused_or_do_nothing(
     found, usual = shutil.which(compiler), shutil.which("cc")
     if found is None or (compiler != "cc" and usual is not None and Path(found).samefile(usual)):
         pytest.skip(f"no {compiler}, or it is cc")
-    macros = run(compiler, "-dM", "-E", "-x", "c", os.devnull).stdout
-    mark = "__clang_major__" if "__clang__" in macros else "__GNUC__"
-    major = int(next(line.split()[-1] for line in macros.splitlines() if f" {mark} " in line))
+    mark = "__clang_major__" if "__clang__" in macros(compiler) else "__GNUC__"
+    major = int(next(line.split()[-1] for line in macros(compiler).splitlines() if f" {mark} " in line))
     reorders = "fast" not in flags and "finite" not in flags
     if reorders and major < 12:
         pytest.skip("says nothing of such flags")

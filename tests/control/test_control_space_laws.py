@@ -11,7 +11,7 @@ from reference.motion import rounded
 from reference.space_laws import PositionInput, SpacePosition, SpaceSpeed, theta_tg
 from test_control_memory import TS, cells_needed, memory_config, varying
 
-STEPS, RATIO = 2100, 4
+STEPS, RATIO = 1500, 4
 TERMS = ("proportional", "integral", "alpha", "beta", "h")
 PERIODS = [
     (1, 1),
@@ -129,19 +129,18 @@ def status(library, reference) -> int:
 
 @pytest.mark.parametrize("law", ["position", "speed"])
 @pytest.mark.parametrize("kind", ["map", "ode", "inversion"])
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_double_equals_the_reference(law, kind, seed):
     rng = np.random.default_rng(seed)
     library = control_library("double")
     reference = random_law(rng, law, kind, np.float64)
     c = CLaw(library, reference)
+    f = (1.0, 30 * RATIO, 8000 * RATIO)
+    learned = 2 * sum(k * g for k, g in zip(reference.memory.limit, f, strict=False))
     seen = set()
     for n, one in enumerate(inputs(rng, reference.memory, np.float64, 0.002)):
         got, expected = c.step(one), reference.step(one)
         assert c.status == status(library, reference), n
-        learned = 2 * sum(
-            k * g for k, g in zip(reference.memory.limit, (1.0, 30 * RATIO, 8000 * RATIO), strict=False)
-        )
         scale = max(reference.limit, learned, *(abs(x) for x in reference.terms.values()))
         assert abs(got - expected) <= 1e-11 * scale, n
         for name, value in c.terms.items():
@@ -155,7 +154,7 @@ def test_double_equals_the_reference(law, kind, seed):
 
 @pytest.mark.parametrize("law", ["position", "speed"])
 @pytest.mark.parametrize("kind", ["map", "ode", "inversion"])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_single_stays_within_rounding(law, kind, seed):
     """As for the other learning laws (test_control_speed_laws.py): eps a step, at random, for the integral;
     and what is learned rounds once a period. Where a decision lies within rounding the two part; that has to
@@ -362,9 +361,8 @@ def section_5(memory, ts) -> SpacePosition:
     )
 
 
-@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize(("precision", "index"), [("float", "reference"), ("double", "rotor")])
 @pytest.mark.parametrize("kind", ["map", "ode", "inversion"])
-@pytest.mark.parametrize("index", ["reference", "rotor"])
 def test_learning_lowers_the_error_of_section_5(kind, precision, index):
     ts = 2e-4
     limit = [15.0, 1.0, 1.0]
@@ -374,7 +372,7 @@ def test_learning_lowers_the_error_of_section_5(kind, precision, index):
         else DelayLine(kind=kind, ts=ts, cells=4000, q_half_width=10, limit=limit, ratio=50)
     )
     law = dataclasses.replace(section_5(memory, ts), index=index)
-    errors = plant_run(CLaw(control_library(precision), law), 10.0, ts, 3.0)
-    before = np.ptp(errors[round(1.5 / ts) : round(3.0 / ts)])
-    after = np.ptp(errors[round(8.0 / ts) :])
+    errors = plant_run(CLaw(control_library(precision), law), 7.5, ts, 2.5)
+    before = np.ptp(errors[round(1.0 / ts) : round(2.5 / ts)])
+    after = np.ptp(errors[round(6.0 / ts) :])
     assert after < 0.35 * before

@@ -54,7 +54,7 @@ STEP = 2 * np.pi / COUNTS
 def some_edges(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Edges of a rotor that turns fast, slowly, stops and goes back: times in ticks, directions."""
     gaps, directions = [], []
-    for _ in range(40):
+    for _ in range(16):
         many, way = int(rng.integers(1, 40)), int(rng.choice([-1, 1]))
         gaps += [int(rng.integers(2_000, 200_000)) * int(rng.choice([1, 1, 1, 8])) for _ in range(many)]
         directions += [way] * many

@@ -154,7 +154,7 @@ def with_observer(rng, real) -> Trial:
 
 
 @pytest.mark.parametrize("kind", ["gain", "matrix", "observer"])
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(15))
 def test_double_equals_the_reference(seed, kind):
     """Several trials, each with a reference of its own: whole ones, and ones that are cut short, held beyond
     the end, hit by a fault, or with learning off."""
@@ -163,7 +163,7 @@ def test_double_equals_the_reference(seed, kind):
     observes = kind == "observer"
     law = with_observer(rng, np.float64) if observes else random_law(rng, np.float64, kind == "matrix")
     c = CTrial(library, law)
-    for trial in range(8):
+    for trial in range(6):
         y_ref = random_reference(rng, law.samples, np.float64)
         law.begin(y_ref)
         c.begin(y_ref)
@@ -277,19 +277,16 @@ class Rounding:
 
     def __init__(self, law: Trial, eps: float):
         self.law, self.eps, self.v = law, eps, np.zeros(law.samples)
+        # the recursion's errors act through 1 / den; its start is off as the ratio of sums is
+        self.recursion = l1([1.0], law.den)
 
     def begin(self) -> None:
         law, eps = self.law, self.eps
         taps = len(law.num) + len(law.den)
-        # the recursion's errors act through 1 / den; its start is off as the ratio of sums is
-        impulse = np.zeros(2000)
-        impulse[0] = 1
-        for p in range(1, 2000):
-            impulse[p] = -sum(law.den[j] * impulse[p - j] for j in range(1, min(p, len(law.den) - 1) + 1))
         largest, sum_den = abs(law.f).max(), abs(np.array(law.den)).sum()
         drive = abs(np.array(law.num)).sum() * abs(law.y_ref).max()
         start = taps * (drive + sum_den * largest) / abs(sum(law.den))
-        self.f = (taps + 1) * eps * abs(impulse).sum() * (drive + sum_den * (largest + start))
+        self.f = (taps + 1) * eps * self.recursion * (drive + sum_den * (largest + start))
         self.psi, self.e, self.p = 0.0, np.zeros(law.samples), 0
 
     def step(self, x) -> float:
@@ -686,7 +683,7 @@ def test_the_motor_of_the_paper_learns_in_both_precisions(library):
     assert rms(-0.5 * smooth) < errors[-1]
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=80)
 @given(
     theta=st.floats(width=32) | st.floats(-1e4, 1e4, width=32),
     last=st.floats(-1e4, 1e4, width=32),
@@ -704,7 +701,7 @@ def test_unwrapping_adds_whole_turns(theta, last, precision):
     assert abs(turns - round(turns)) <= bound
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_feedforward_equals_its_equation(seed):
     """Any numerator and stable denominator, any preview, up to all taps."""

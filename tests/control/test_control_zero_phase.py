@@ -88,7 +88,7 @@ def filters(draw):
     return np.array(b), a
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=60)
 @given(filters(), st.integers(1, 60), st.integers(0, 2**32 - 1), st.sampled_from(["float", "double"]))
 def test_equals_filtfilt_whatever_the_filter(ba, extra, seed, precision):
     library = control_library(precision)
@@ -161,7 +161,7 @@ def test_init_refuses(library):
         assert init(library, b, bad, 100)[1] == lib.CGL_ERROR_CONFIG
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=150)
 @given(st.lists(st.floats(-3, 3), min_size=0, max_size=15))
 def test_stability_equals_that_of_the_roots(tail):
     library = control_library("double")

@@ -83,7 +83,7 @@ class AngleMemory(Memory):
     half: int = 0  # how far the filter looks to each side, as yet
     started: bool = False
     follows: bool = False  # the last step learned
-    behind: dict[int, list[float]] = field(default_factory=dict)  # cells passed, as they were
+    behind: dict[int, list[float]] = field(default_factory=dict)  # the last cells passed, as they were
     corrected: tuple[int, list[float]] | None = None  # place and values of the last correction with a lead
 
     def __post_init__(self) -> None:
@@ -110,7 +110,7 @@ class AngleMemory(Memory):
         if self.started and moved > WHOLE - WHOLE // self.cells:
             moved = self.passed = 0
         elif self.started and moved <= QUARTER and count <= 16 + 2 * self.passed:
-            for n in range(self.at + 1, self.at + count + 1):
+            for n in range(self.at + max(1, count - self.q_half_width), self.at + count + 1):
                 self.behind[n] = list(self.cell(n))
             self.x, self.at, self.passed = x, self.at + count, count
         else:  # a new way begins: what was passed is the map
@@ -169,10 +169,9 @@ class AngleMemory(Memory):
             values = [v + c for v, c in zip(values, correction, strict=True)]
         stored = self.clipped(values)
         if self.follows and moved > 0:
+            ends = list(zip(self.value, stored, strict=True))
             for n, share in self.between(self.x, moved):
-                self.cell(n)[:] = self.clipped(
-                    [a + share * (b - a) for a, b in zip(self.value, stored, strict=True)]
-                )
+                self.cell(n)[:] = self.clipped([a + share * (b - a) for a, b in ends])
         self.value, self.follows = stored, True
         if self.lead > 0 and moved > 0:
             self.correct(moved, correction)
