@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.linalg import toeplitz
 from scipy.signal import filtfilt
 
 from cogless.design.model import Model, Real
@@ -61,20 +62,27 @@ def simulate(design: TrialDesign, model: Model, y_ref: Real, trials: int, load: 
     rest."""
     samples, n = len(y_ref), model.order
     v, errors = np.zeros(samples), np.zeros((trials, samples))
-    f = _feedforward(design, y_ref)
     B = model.B[:, 0]
     # state and psi together: their next value is this one's by `closed`, and what enters
     closed = np.zeros((n + 1, n + 1))
     closed[:n, :n], closed[:n, n] = model.A + np.outer(B, design.K_1), B * design.K_2
     closed[n, :n], closed[n, n] = -np.asarray(design.C), 1.0
-    for k in range(trials):
-        enters = np.outer(f + design.N * v - load, np.append(B, 0.0))
-        enters[:, n] = y_ref + (v if design.through_integrator else 0.0)
+
+    def outputs(u: Real, psi: Real) -> Real:
+        """Of what enters: u with the plant's input, psi with the integral."""
+        enters = np.outer(u, np.append(B, 0.0))
+        enters[:, n] = psi
         x, states = np.zeros(n + 1), np.zeros((samples, n + 1))
         for p in range(samples):
             states[p] = x
             x = closed @ x + enters[p]
-        errors[k] = y_ref - states[:, :n] @ design.C
+        return np.asarray(states[:, :n] @ design.C)
+
+    unlearned = y_ref - outputs(_feedforward(design, y_ref) - load, y_ref)
+    impulse = np.eye(samples)[0]
+    learned = toeplitz(outputs(design.N * impulse, design.through_integrator * impulse), np.zeros(samples))
+    for k in range(trials):
+        errors[k] = unlearned - learned @ v
         v = learn(design, v, errors[k])
     return errors
 

@@ -8,9 +8,9 @@ from typing import get_args
 
 import pytest
 
-from cogless import load
 from cogless.c_laws import C_LAWS, CLaw
 from cogless.results.metrics import KINDS
+from cogless.study import load
 from cogless.study.laws import AnyController
 from cogless.study.metric import EACH_PHASE, Metric
 from cogless.study.position_sensor import PositionSensor
@@ -33,6 +33,7 @@ LISTS = {
 }
 
 
+@functools.cache
 def text(path: Path) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
 

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cogless import units
@@ -83,12 +83,14 @@ def test_wrong_texts_say_what_was_expected(text: str, dimension: units.Dimension
     assert str(error.value) == expected
 
 
+@settings(max_examples=50)
 @given(st.floats(-1e6, 1e6), st.sampled_from(SPEEDS))
 def test_a_shown_value_reads_back(value: float, unit: str) -> None:
     text = format(value, unit, units.ANGULAR_SPEED, digits=17)
     assert parse(text, units.ANGULAR_SPEED) == pytest.approx(value, rel=1e-14, abs=1e-300)
 
 
+@settings(max_examples=50)
 @given(st.floats(-1e9, 1e9), st.sampled_from(SPEEDS), st.sampled_from(SPEEDS))
 def test_units_of_a_dimension_convert_into_each_other(number: float, here: str, there: str) -> None:
     si = parse(f"{number!r} {here}", units.ANGULAR_SPEED)
@@ -97,6 +99,7 @@ def test_units_of_a_dimension_convert_into_each_other(number: float, here: str, 
     )
 
 
+@settings(max_examples=50)
 @given(st.text(max_size=20))
 def test_any_text_is_read_or_refused(text: str) -> None:
     try:

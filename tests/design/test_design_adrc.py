@@ -41,14 +41,11 @@ def test_the_response_is_that_of_the_law(w: float) -> None:
     assert complex(real, imaginary) == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize("margin", [45, 52])
-def test_the_rule_gives_the_phase_margin(margin: int) -> None:
-    study = load("uomodri", adrc(phase_margin=f"{margin} deg"))
+def test_the_rule_gives_the_phase_margin() -> None:
+    study = load("uomodri", adrc(phase_margin="52 deg"))
     found = design(study, "adrc")
     assert found.rule == "auto" and found.margins is not None
-    assert found.margins.stable and math.degrees(found.margins.phase_margin) == pytest.approx(
-        margin, abs=0.01
-    )
+    assert found.margins.stable and math.degrees(found.margins.phase_margin) == pytest.approx(52, abs=0.01)
     assert found.gains["omega_o"].value == pytest.approx(RATIO * found.gains["omega_c"].value)
 
 

@@ -82,18 +82,26 @@ def test_bound_on_the_error_alone_is_that_of_the_norm(paper: LearningGain) -> No
     assert best_gain(bundle(grid()))[1] <= worst
 
 
+def simulated(vertex: Vertex, K_3: float, samples: int) -> tuple[Real, Real]:
+    """The error of a trial that starts with f after one without, and the matrix from the last error to it."""
+    F, free = np.zeros(samples), np.zeros(samples)
+    F[0] = 1 - vertex.Upsilon * K_3
+    eta, driven = START, vertex.B[:, 0] * K_3
+    for p in range(samples):
+        free[p], eta = -float(vertex.Gamma[0] @ eta), vertex.A @ eta
+        if p:
+            F[p], driven = -float(vertex.Gamma[0] @ driven), vertex.A @ driven
+    return free, toeplitz(F, np.zeros(samples))
+
+
 def test_cost_of_simulated_trials_is_below_the_bound(paper: LearningGain) -> None:
     plant = mandra()
     trials, samples = 40, 300
     for loop in loops_of(plant, K_S, plant.random[0][::8]):
-        vertex = Vertex.of(loop, 2)
+        free, trial = simulated(Vertex.of(loop, 2), paper.K_3, samples)
         e, cost = np.full(samples, G), 0.0
         for _ in range(trials):
-            eta, after = START, np.zeros(samples)
-            for p in range(samples):
-                after[p] = float((-vertex.Gamma @ eta)[0]) + (1 - vertex.Upsilon * paper.K_3) * e[p]
-                eta = vertex.A @ eta + vertex.B[:, 0] * paper.K_3 * e[p]
-            e = after
+            e = free + trial @ e
             cost += float(e @ e)
         # (30) summed: each trial starts with f, each sample of the first with g
         assert cost <= trials * paper.bounds[0] + samples * paper.bounds[1]
@@ -112,16 +120,9 @@ def test_cost_is_that_of_simulated_trials(paper: LearningGain) -> None:
     samples, trials, costs = 500, 300, []
     for loop in loops_of(mandra(), K_S)[:-1]:
         vertex = Vertex.of(loop, 2)
-        F, free = np.zeros(samples), np.zeros(samples)
-        F[0] = 1 - vertex.Upsilon * paper.K_3
-        eta, driven = START, vertex.B[:, 0] * paper.K_3
-        for p in range(samples):
-            free[p], eta = -float(vertex.Gamma[0] @ eta), vertex.A @ eta
-            if p:
-                F[p], driven = -float(vertex.Gamma[0] @ driven), vertex.A @ driven
-        trial, totals = toeplitz(F, np.zeros(samples)), []
+        (free, trial), totals = simulated(vertex, paper.K_3, samples), []
         for g in (G, -G):
-            e, total = free + F * g, 0.0
+            e, total = free + trial[:, 0] * g, 0.0
             for _ in range(trials):
                 total += float(e @ e)
                 e = trial @ e

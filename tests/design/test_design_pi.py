@@ -119,7 +119,7 @@ def test_a_resolver_with_a_long_window_has_many_crossings_and_the_first_counts()
     agree(found, lambda factor: speed_poles(FAST, 0.08144, 8.769, factor), FAST.period)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     b=st.floats(10, 1e5),
     bandwidth=st.floats(300, 15000),
@@ -148,7 +148,7 @@ def test_stability_of_any_loop_is_what_its_poles_say(
         assert radius(speed_poles(loop, kp, ki, 1.001 * found.gain_margin)) > 1
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     b=st.floats(10, 1e5),
     bandwidth=st.floats(200, 5000),

@@ -11,7 +11,7 @@ import scipy.linalg
 from design_plants import MANDRA_RANGES, mandra, motor
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import linprog
+from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
 from cogless.design.error import DesignError
@@ -21,11 +21,9 @@ from cogless.design.polytope import UncertainPlant, from_parameters, from_vertic
 
 
 def inside(vertices: Real, point: Real, slack: float = 1e-7) -> bool:
-    """Whether a point is a mixture of vertices, with slack in each coordinate."""
-    rows = np.vstack([vertices.T, -vertices.T])
-    limits = np.concatenate([point + slack, slack - point])
-    ones = np.ones((1, len(vertices)))
-    return bool(linprog(np.zeros(len(vertices)), rows, limits, ones, [1.0]).success)
+    """Whether a point is a mixture of vertices, but for a distance of `slack`."""
+    shares_of = np.vstack([vertices.T, np.ones(len(vertices))])
+    return bool(nnls(shares_of, np.append(point, 1.0))[1] <= slack)
 
 
 def test_mandra() -> None:
@@ -97,7 +95,7 @@ def test_duplicate_and_inner_vertices_are_dropped() -> None:
     assert plant.exact_hull  # a mixture of vertices is what the plant may be
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     st.integers(1, 3),
     st.integers(1, 12),
@@ -116,7 +114,7 @@ def test_minimal_in_a_random_affine_subspace(dimension: int, count: int, seed: i
     assert all(inside(hull, p / size) for p in points)
     for k in range(len(kept)):
         if len(kept) > 1:
-            assert not inside(np.delete(hull, k, axis=0), hull[k], 0.0)
+            assert not inside(np.delete(hull, k, axis=0), hull[k])
 
 
 def test_more_dimensions_than_qhull_likes() -> None:

@@ -44,7 +44,7 @@ def loop(changes: dict[str, Any]) -> SpeedLoop:
 
 
 @pytest.mark.parametrize("changes", [{}, DELAYED, SLOW, {**DELAYED, **SLOW}])
-@pytest.mark.parametrize("degrees", [20.0, 45.0, 60.0, 75.0])
+@pytest.mark.parametrize("degrees", [20.0, 75.0])
 def test_the_margin_is_reached(changes: dict[str, Any], degrees: float) -> None:
     around = loop(changes)
     for ratio in (1, 50):
@@ -57,7 +57,7 @@ def test_the_margin_is_reached(changes: dict[str, Any], degrees: float) -> None:
 @lru_cache(maxsize=1)
 def loops(around: SpeedLoop) -> dict[tuple[int, int], NDArray[np.complex128]]:
     """Open loops with one of k_omega and k_i, without and with k_theta, all of them 1: (k_theta, k_i)."""
-    w = np.geomspace(1e-3, 1, 8000) * math.pi / around.period
+    w = np.geomspace(1e-3, 1, 4000) * math.pi / around.period
     return {(a, i): open_loop(around, linear(1, a, 1 - i, i), w) for a in (0, 1) for i in (0, 1)}
 
 
@@ -78,7 +78,7 @@ def stiffest(around: SpeedLoop, place: float, degrees: float) -> float:
 
 
 IDEAL = "verrelli2016-position"
-SHARES = [0.5, *np.geomspace(0.51, 0.99, 30), 1.0, *np.geomspace(1.01, 1.9, 30), 2.0]
+SHARES = [0.5, *np.geomspace(0.51, 0.99, 12), 1.0, *np.geomspace(1.01, 1.9, 12), 2.0]
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import io
 import json
 import math
 import re
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,12 +34,23 @@ def parted(line: str) -> tuple[str, list[float]]:
     return words, [float(x) for x in NUMBER.findall(line)]
 
 
+@cache
+def loaded(name: str) -> Any:
+    example = EXAMPLES / f"{name}.toml"
+    return load(example if example.exists() else name)
+
+
+@cache
+def designs(name: str) -> trial_summary.TrialSummary:
+    """Of a study of trials."""
+    return trial_summary.summary(loaded(name))
+
+
 @pytest.mark.parametrize("name", sorted(path.stem for path in PRINTED.glob("*.txt")))
 def test_the_design_of_a_shipped_study_is_printed(name: str) -> None:
-    example, file = EXAMPLES / f"{name}.toml", io.StringIO()
-    study = load(example if example.exists() else name)
+    study, file = loaded(name), io.StringIO()
     trials = isinstance(study, TrialStudy)
-    shown = trial_summary.table(study, trial_summary.summary(study)) if trials else design_table(study)
+    shown = trial_summary.table(study, designs(name)) if trials else design_table(study)
     Console(file=file, width=240).print(shown)
     lines = [parted(line) for line in file.getvalue().splitlines()]
     expected = [parted(line) for line in (PRINTED / f"{name}.txt").read_text().splitlines()]
@@ -57,16 +69,13 @@ def numbers(table: Any) -> list[float]:
 @pytest.mark.parametrize("name", ["hub-motor", "two-mass-axis", "my_motor", "mandra2019"])
 def test_the_same_design_as_json(name: str) -> None:
     """In SI units where the table has a datasheet's; of a study of trials its numbers are the table's."""
-    example = EXAMPLES / f"{name}.toml"
-    study = load(example if example.exists() else name)
-    if isinstance(study, TrialStudy):
-        found = trial_summary.to_dict(study, trial_summary.summary(study))
-    else:
-        found = to_dict(study)
+    study = loaded(name)
+    trials = isinstance(study, TrialStudy)
+    found = trial_summary.to_dict(study, designs(name)) if trials else to_dict(study)
     told = json.loads(json.dumps(found, allow_nan=False))
     assert told["study"] == study.title and list(told["controllers"]) == list(study.controller)
     printed = (PRINTED / f"{name}.txt").read_text()
-    if isinstance(study, TrialStudy):
+    if trials:
         everything = np.array(numbers(told))
         shown = [
             float(x)

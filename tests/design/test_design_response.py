@@ -47,7 +47,7 @@ def of(loop: Loop, K: float) -> Certificate:
 
 
 @pytest.mark.parametrize("damping", [1e-2, 1e-3, 1e-4, 1e-6])
-@pytest.mark.parametrize("size", [-12.0, -4.0, 4.0, 12.0])
+@pytest.mark.parametrize("size", [-12.0, 4.0])
 @pytest.mark.parametrize("angle", [0.61234, 2.5])
 def test_a_lightly_damped_mode_is_not_missed(damping: float, size: float, angle: float) -> None:
     loop, K = flexible(damping, angle, size), 0.2

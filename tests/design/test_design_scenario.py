@@ -48,11 +48,10 @@ def test_learning_is_judged_with_the_plant_of_the_scenario() -> None:
     assert found.words() in warnings(other, "varying", "angle")[0]
     without = changed(other, {"controller.angle.learning": False})
     alone = changed(other, {"drive.guard": False})
-    assert ripple(alone, "varying", "angle") > 3 * ripple(without, "varying", "angle")
-    assert ripple(other, "varying", "angle") < 1.25 * ripple(
-        without, "varying", "angle"
-    )  # the guard stops it
-    assert ripple(told, "varying", "angle") < ripple(without, "varying", "angle")
+    of_feedback = ripple(without, "varying", "angle")
+    assert ripple(alone, "varying", "angle") > 3 * of_feedback
+    assert ripple(other, "varying", "angle") < 1.25 * of_feedback  # the guard stops it
+    assert ripple(told, "varying", "angle") < of_feedback
 
 
 def test_the_report_s_criterion_is_of_the_same_plant() -> None:

@@ -11,10 +11,11 @@ import pytest
 from cogless import load, run_study
 from cogless.design.closed_loop import Linear, Oscillation, oscillation
 from cogless.design.learning_loop import Worst
+from cogless.design.margins import Margins
 from cogless.design.pi import speed_loop
 from cogless.design.position import position_margins
 from cogless.design.space_learning import SpaceLoop
-from cogless.design.summary import to_dict
+from cogless.design.summary import to_dict, weakest_margins
 from cogless.design.verdict import Mean, Passing, Repair, Verdict, verdict, warnings
 from cogless.results import Run
 from cogless.study import Study
@@ -58,17 +59,18 @@ def roughness(run: Run, begin: float, end: float) -> float:
 SWING = {"reference": {"offset": "0 rad/s", "amplitude": "0.5 rad/s", "frequency": "0.2 Hz"}}
 TURNING = {"reference": {"profile": [["0 s", "0.3 rad/s"], ["10 s", "0.3 rad/s"], ["12 s", "-0.3 rad/s"]]}}
 WIDE = {"reference.amplitude": "0.25 rad/s"}
+STEADY = {"reference": "0.3 rad/s"}
 GRID: list[Changes] = [
-    *({"law.mu_h": mu_h} for mu_h in (0.1, 3.0, 10.0)),
+    *({"law.mu_h": mu_h} for mu_h in (3.0, 10.0)),
     *({"law.mu_alpha": mu} for mu in (800.0, 2500.0, 25000.0)),
     *({"law.q_half_width": q, "reference": f"{speed} rad/s"} for q, speed in product((0, 5), (-0.3, 0.3))),
     *({"law.q_half_width": q, "drive.inverter.computation_delay": 1} for q in (0, 5, 12)),
     *({"law.q_half_width": 20, "drive.rates.speed_loop": f"{rate} kHz"} for rate in (1, 2, 5)),
-    *({f"law.{key}": value} for key, value in (("v_0", 60.0), ("v_2", 0.5), ("k_v", 3e3), ("k_v", 2e4))),
+    *({f"law.{key}": value, **STEADY} for key, value in (("v_0", 60.0), ("k_v", 3e3), ("k_v", 2e4))),
+    {"law.v_2": 0.5},
     {"reference": {"speed": "0.3 rad/s", "ramp": "1 rad/s^2"}},
     {"law.q_half_width": 0},
     {**WIDE, "law.q_half_width": 0, "law.cells": 4096},
-    {**WIDE, "law.q_half_width": 12, "law.cells": 4096},
     {"law.period": {"of": "electrical", "turns": 2}, "law.cells": 2048},
 ]
 
@@ -77,19 +79,22 @@ def test_the_verdict_agrees_with_runs_over_a_grid() -> None:
     """It settles where that is said, and doesn't where the opposite is; what "may" says neither."""
     seen: dict[str, int] = {}
     for changes in GRID:
-        study = section_5(changes, 12.0)
+        early_on = {**changes, "law.learning_start": "2 s"}
+        study = section_5(early_on, 9.0)
         found = known(study)
-        run = run_of(section_5(changes, 40.0) if found.kind == "grows" else study)
+        seen[found.kind] = seen.get(found.kind, 0) + 1
+        if found.kind.startswith("may"):
+            continue
+        run = run_of(section_5(early_on, 32.0) if found.kind == "grows" else study)
         end = float(run.trace.time[-1])
-        early, late = roughness(run, 7.0, 9.0), roughness(run, end - 3, end)
+        early, late = roughness(run, 4.0, 6.0), roughness(run, end - 3, end)
         if found.kind == "settles":
             assert late < 2 * SETTLED, (changes, found)
         elif found.kind == "grows":
             assert late > max(SETTLED, 10 * early), (changes, found)
-        elif not found.kind.startswith("may"):
+        else:
             assert late > SHOWS, (changes, found)
-        seen[found.kind] = seen.get(found.kind, 0) + 1
-    assert seen["settles"] >= 10 and seen["unstable"] >= 5 and seen["grows"] >= 3
+    assert seen["settles"] >= 9 and seen["unstable"] >= 5 and seen["grows"] >= 3
     assert seen["feedback unstable"] == 2
 
 
@@ -320,9 +325,13 @@ def test_poles_cross_the_circle_where_the_margins_end(changes: Changes, more: di
 
 def test_margins_have_v_and_k_v() -> None:
     """verrelli2016 with k_v = 20000 or v_2 = 0.5 runs away: both were once told to have 60 degrees."""
+
+    def margins(changes: Changes) -> Margins:
+        found = weakest_margins(section_5(changes), "filtered")
+        assert found is not None
+        return found
+
     for changes, stable in (({}, True), ({"law.k_v": 2e4}, False), ({"law.v_2": 0.5}, False)):
-        margins = to_dict(section_5(changes))["controllers"]["filtered"]["margins"]
-        assert margins["stable"] == stable
-    damped = to_dict(section_5({"law.v_0": 20.0}))["controllers"]["filtered"]["margins"]
-    plain = to_dict(section_5({"law.k_omega": 25.0}))["controllers"]["filtered"]["margins"]
-    assert damped == pytest.approx(plain)
+        assert margins(changes).stable == stable
+    damped, plain = (margins(changes) for changes in ({"law.v_0": 20.0}, {"law.k_omega": 25.0}))
+    assert vars(damped) == pytest.approx(vars(plain))

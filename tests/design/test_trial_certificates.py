@@ -77,22 +77,33 @@ def test_the_nominal_error_contracts_as_certified_until_rounding(tmp_path: Path)
     assert ratio[-20:] == pytest.approx(certified.norm, rel=0.02)
 
 
-@pytest.mark.parametrize("J", [0.01, 0.017, 0.03])
-@pytest.mark.parametrize("B", [0.01, 0.05])
-@pytest.mark.parametrize("controller", ["ilc", "older"])
-def test_relative_degree_one(controller: str, J: float, B: float) -> None:
-    winder = study(
-        EXAMPLES / "winder.toml",
-        {"scenario.batch.changes": [], "scenario.batch.override": {"J": J, "B": B},
-         "scenario.batch.load_steps": [[200, 5.0], [400, 0.0]]},
-    )  # fmt: skip
-    (run,) = run_study(winder, [f"batch/{controller}"]).runs
-    exact = certificate(run).exact
-    assert exact is not None and exact.without_filter is not None
-    factor = exact.without_filter.norm
-    error = sizes(by_trial(run, "y_error", 20))
-    assert factor < 0.9 and error[-1] < 0.06 * error[0]
-    assert np.all(error[1:] <= factor * error[:-1] + 1e-9)
+def runs_at(
+    corners: list[dict[str, float]], name: str, scenario: dict[str, Any], controllers: tuple[str, ...]
+) -> list[Run]:
+    """Of an example: the scenario with each of these values, under each controller."""
+    scenarios = {f"corner-{n}": {**scenario, "override": corner} for n, corner in enumerate(corners)}
+    of_file = study(EXAMPLES / f"{name}.toml", {f"scenario.{key}": each for key, each in scenarios.items()})
+    chosen = [f"{key}/{controller}" for key in scenarios for controller in controllers]
+    runs = run_study(of_file, chosen).runs
+    assert len(runs) == len(chosen)
+    return list(runs)
+
+
+def scenario_of(name: str, scenario: str) -> dict[str, Any]:
+    tables = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
+    return dict(tables["scenario"][scenario])
+
+
+def test_relative_degree_one() -> None:
+    batch = scenario_of("winder", "batch") | {"changes": [], "load_steps": [[200, 5.0], [400, 0.0]]}
+    corners = [{"J": J, "B": B} for J in (0.01, 0.017, 0.03) for B in (0.01, 0.05)]
+    for run in runs_at(corners, "winder", batch, ("ilc", "older")):
+        exact = certificate(run).exact
+        assert exact is not None and exact.without_filter is not None
+        factor = exact.without_filter.norm
+        error = sizes(by_trial(run, "y_error", 20))
+        assert factor < 0.9 and error[-1] < 0.06 * error[0]
+        assert np.all(error[1:] <= factor * error[:-1] + 1e-9)
 
 
 @pytest.mark.parametrize(
@@ -104,14 +115,8 @@ def test_relative_degree_one(controller: str, J: float, B: float) -> None:
 )
 def test_a_zero_outside_the_unit_circle_and_order_four(name: str, corners: list[dict[str, float]]) -> None:
     """With the filter on the learned signal, its change from trial to trial is what shrinks."""
-    path = EXAMPLES / f"{name}.toml"
-    moves = tomllib.loads(path.read_text(encoding="utf-8"))["scenario"]["moves"]
-    moves |= {"changes": [], "load_steps": [[100, 0.3]]}
-    scenarios = {f"corner-{n}": {**moves, "override": corner} for n, corner in enumerate(corners)}
-    of_file = study(path, {f"scenario.{each}": table for each, table in scenarios.items()})
-    runs = run_study(of_file, [f"{each}/ilc" for each in scenarios]).runs
-    assert len(runs) == len(corners)
-    for run in runs:
+    moves = scenario_of(name, "moves") | {"changes": [], "load_steps": [[100, 0.3]]}
+    for run in runs_at(corners, name, moves, ("ilc",)):
         exact = certificate(run).exact
         assert exact is not None and exact.stable and exact.with_filter is not None
         assert exact.with_filter.contracting and exact.growth is not None

@@ -92,7 +92,7 @@ def test_a_changed_study_is_as_if_it_were_read_so(name: str) -> None:
     study, draw = load(name), random.Random(name)
     known = [key for key in keys(study.source.tables) if not key.startswith(("assumption", "calibration"))]
     drawn = [
-        {key: draw.choice(VALUES) for key in draw.sample(known, draw.choice((1, 1, 2)))} for _ in range(30)
+        {key: draw.choice(VALUES) for key in draw.sample(known, draw.choice((1, 1, 2)))} for _ in range(20)
     ]
     right = [{key: look_up(study.source.tables, split(key))} for key in draw.sample(known, 10)]
     wrong = 0

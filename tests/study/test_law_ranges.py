@@ -33,7 +33,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "space-speed": {**SPACE, "law": "space-speed", "k": 0.1, "eta_bar": "1 rad/s"},
 }  # fmt: skip
 MEMORIES = {"pi-ilc": ("angle", "time"), "robust-ilc": ("angle", "time")}
-AWKWARD = (0.0, -1.0, 1e-60, 1e-42, 1e-20, 1e20, 1e39, 1e300, 0, -1, 1, 4, 65535, 65536, 2**33)
+AWKWARD = (0.0, -1.0, 1e-60, 1e-42, 1e-20, 1e20, 1e39, 1e300, 1, 4, 65535, 65536, 2**33)
 ELSEWHERE = {"k_pp", "turns"}  # of space_checks.py
 
 

@@ -142,7 +142,7 @@ class SpeedLoop:
 
     def step_of(self, periods: int) -> Real:
         """The matrix that takes (x, i_ref) to their values `periods` current-loop periods later."""
-        return np.asarray(np.linalg.matrix_power(_step(self), periods))
+        return _steps(self.b, self.current, self.shaft, self.states, periods)
 
 
 def interpolated(w: Real, T_e: float, edges: int) -> tuple[Complex, Complex]:
@@ -166,24 +166,32 @@ def _on_grid(loop: SpeedLoop, frequencies: bytes) -> tuple[Complex, Complex]:
     return speed, theta
 
 
-@lru_cache(maxsize=16)  # the same for all speeds and accelerations of a reference
-def _step(around: SpeedLoop) -> Real:
+@lru_cache(maxsize=32)  # the same for all speeds of a reference, also where a sensor's edges come otherwise
+def _steps(
+    b: float, loop: CurrentLoop | IdealLoop, shaft: SoftShaft | None, states: int, periods: int
+) -> Real:
+    """The matrix that takes (x, i_ref) to their values so many current-loop periods later."""
+    found = np.asarray(np.linalg.matrix_power(_step(b, loop, shaft, states), periods))
+    found.flags.writeable = False
+    return found
+
+
+def _step(b: float, loop: CurrentLoop | IdealLoop, shaft: SoftShaft | None, states: int) -> Real:
     """The matrix that takes (x, i_ref) to their values one current-loop period later."""
-    loop, T = around.current, around.current.period
-    reference, size = around.states, around.states + 1
+    T, reference, size = loop.period, states, states + 1
     moving = [CURRENT, *range(OMEGA, reference)]
     count = len(moving)
     rates = np.zeros((count + 1, count + 1))  # of change of what moves, under a constant voltage
-    if around.shaft is None:
-        rates[1, 0], rates[2, 1] = around.b, 1.0
+    if shaft is None:
+        rates[1, 0], rates[2, 1] = b, 1.0
     else:
-        rates[:] = around.shaft.rates(around.b)
+        rates[:] = shaft.rates(b)
     if isinstance(loop, IdealLoop):
         step = np.diag([0.0] * OMEGA + [1.0] * (size - OMEGA))
         step[CURRENT, reference] = 1.0
-        if around.shaft is None:
-            step[OMEGA, reference] = around.b * T
-            step[THETA, [OMEGA, reference]] = T, around.b * T**2 / 2
+        if shaft is None:
+            step[OMEGA, reference] = b * T
+            step[THETA, [OMEGA, reference]] = T, b * T**2 / 2
         else:
             held = exponential(rates[:count, :count] * T)
             step[np.ix_(moving[1:], moving[1:])] = held[1:, 1:]
