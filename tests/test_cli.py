@@ -310,15 +310,14 @@ def test_ctrl_c_keeps_finished_runs(tmp_path: Path, how: str, presses: int) -> N
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-@pytest.mark.parametrize(
-    "command", [["list"], ["run", "STUDY", "--only=low/pi"], ["design", "STUDY", "--json"]]
-)
-def test_a_full_disk_behind_stdout(tmp_path: Path, command: list[str]) -> None:
-    study = str(studies.write(tmp_path))
+def test_a_full_disk_behind_stdout(tmp_path: Path) -> None:
+    study = studies.write(tmp_path)
     with Path("/dev/full").open("w") as full:
-        words = [study if word == "STUDY" else word for word in command]
-        run = subprocess.run([*COMMAND, *words], stdout=full, stderr=subprocess.PIPE, cwd=tmp_path)
-    assert (run.returncode, run.stderr) == (2, b"output: no space left on device\n")
+        listed = subprocess.run([*COMMAND, "list"], stdout=full, stderr=subprocess.PIPE)
+        assert (listed.returncode, listed.stderr) == (2, b"output: no space left on device\n")
+        for words in (["run", study, "--only=low/pi", "-o", tmp_path / "out"], ["design", study, "--json"]):
+            run = forked(tmp_path, *words, first=lambda: os.dup2(full.fileno(), 1))
+            assert (run.end(), run.err) == (2, "output: no space left on device\n")
 
 
 NO_ROOM = OSError(28, "No space left on device")
