@@ -478,17 +478,21 @@ def test_it_says_where_it_comes_from(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_it_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    options = ("--controller", "pi-ilc", "--to", "c", "--set", "controller.pi-ilc.gain=3")
-    small = ("--set", "controller.pi-ilc.cells=30")
-    code, out, err = cogless(capsys, "export", "uomodri", *options, *small, "-o", tmp_path / "out")
+    far = ("law=pi-ilc", "gain=0.3", "lead=7 ms", "cells=30")  # it looks so far ahead that it pushes
+    study = (
+        studies.write(tmp_path),
+        *(word for pair in far for word in ("--set", f"controller.fair.{pair}")),
+    )
+    options = ("--controller", "fair", "--to", "c", "-o", tmp_path / "out")
+    code, out, err = cogless(capsys, "export", *study, *options)
     assert (code, out) == (0, f"Export: {tmp_path / 'out' / 'README.md'}\n")
     verdict, size = err.splitlines()
-    _, table, _ = cogless(capsys, "design", "uomodri", *options[4:], *small)
-    said = re.fullmatch(r"Warning: controller\.pi-ilc: ((?:may )?grows?, .*x a period at .* Hz.*)\.", verdict)
+    _, table, _ = cogless(capsys, "design", *study)
+    said = re.fullmatch(r"Warning: controller\.fair: ((?:may )?grows?, .*x a period at .* Hz.*)\.", verdict)
     assert said and said[1].split(",")[0] in table
-    assert size.startswith("Warning: controller.pi-ilc: cells = 30 is 0.208 in a wave of order 144")
+    assert size.startswith("Warning: controller.fair: cells = 30 is 1.25 in a wave of order 24")
     assert said[1] in (tmp_path / "out" / "README.md").read_text()
-    footer = (tmp_path / "out" / "pi_ilc_controller.c").read_text().split("What `cogless design` finds")[1]
+    footer = (tmp_path / "out" / "fair_controller.c").read_text().split("What `cogless design` finds")[1]
     assert f"learning.verdict = {said[1]}" in footer and " unstable" not in footer
 
 
