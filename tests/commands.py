@@ -47,7 +47,7 @@ class Fork:
         return (self.folder / "stderr").read_text()
 
 
-def forked(folder: Path, *arguments: object, first: Callable[[], None] = lambda: None) -> Fork:
+def forked(folder: Path, *arguments: object, first: Callable[[], object] = lambda: None) -> Fork:
     """Starts a command, in a session of its own, with what it writes in `folder`. `first`: called before it
     in its process."""
     pid = os.fork()
@@ -69,6 +69,8 @@ def forked(folder: Path, *arguments: object, first: Callable[[], None] = lambda:
     except BaseException:
         traceback.print_exc()
     finally:
-        for stream in (sys.stdout, sys.stderr):
-            stream.flush()
-        os._exit(code)
+        try:
+            for stream in (sys.stdout, sys.stderr):
+                stream.flush()
+        finally:
+            os._exit(code)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -310,15 +311,14 @@ def test_ctrl_c_keeps_finished_runs(tmp_path: Path, how: str, presses: int) -> N
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-@pytest.mark.parametrize(
-    "command", [["list"], ["run", "STUDY", "--only=low/pi"], ["design", "STUDY", "--json"]]
-)
-def test_a_full_disk_behind_stdout(tmp_path: Path, command: list[str]) -> None:
-    study = str(studies.write(tmp_path))
+def test_a_full_disk_behind_stdout(tmp_path: Path) -> None:
+    study = studies.write(tmp_path)
     with Path("/dev/full").open("w") as full:
-        words = [study if word == "STUDY" else word for word in command]
-        run = subprocess.run([*COMMAND, *words], stdout=full, stderr=subprocess.PIPE, cwd=tmp_path)
-    assert (run.returncode, run.stderr) == (2, b"output: no space left on device\n")
+        listed = subprocess.run([*COMMAND, "list"], stdout=full, stderr=subprocess.PIPE)
+        assert (listed.returncode, listed.stderr) == (2, b"output: no space left on device\n")
+        for words in (["run", study, "--only=low/pi", "-o", tmp_path / "out"], ["design", study, "--json"]):
+            run = forked(tmp_path, *words, first=lambda: os.dup2(full.fileno(), 1))
+            assert (run.end(), run.err) == (2, "output: no space left on device\n")
 
 
 NO_ROOM = OSError(28, "No space left on device")
@@ -353,24 +353,21 @@ def test_output_that_cannot_be_written_is_exit_2(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits a file's size")
-@pytest.mark.parametrize("room", [1000, 40_000, 100_000])
-def test_results_that_have_no_room_are_printed_nevertheless(tmp_path: Path, room: int) -> None:
+def test_results_that_have_no_room_are_printed_nevertheless(tmp_path: Path) -> None:
     """First the traces don't fit, then the report; the set that was there stays, whole."""
     import resource
-
-    def limited() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
 
     out = tmp_path / "out"
     words = ("run", studies.write(tmp_path), "--only=low/pi", "--set=trace.rate=1 kHz", "-o", out)
     assert forked(tmp_path, *words).end() == 0
     before = {path.name: path.read_bytes() for path in out.iterdir()}
-    run = forked(tmp_path, *words, "--set=seed=5", first=limited)
-    file = "traces.nc" if room < 60_000 else "report.html"
-    assert run.end() == 2
-    assert re.fullmatch(rf"{out / file}: [^\n]*: expected a file that can be written\n", run.err)
-    assert "speed ripple" in run.out and "Report:" not in run.out
-    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    for room, file in ((1000, "traces.nc"), (40_000, "traces.nc"), (100_000, "report.html")):
+        limited = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (room, room))
+        run = forked(tmp_path, *words, "--set=seed=5", first=limited)
+        assert run.end() == 2
+        assert re.fullmatch(rf"{out / file}: [^\n]*: expected a file that can be written\n", run.err)
+        assert "speed ripple" in run.out and "Report:" not in run.out
+        assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
 def test_an_interrupt_before_the_first_run_writes_nothing(

@@ -87,10 +87,10 @@ def test_c() -> None:
 
 
 def test_every_mutant_of_python_is_a_program() -> None:
-    text = (ROOT / "src/cogless/results/metrics.py").read_text()
+    text = (ROOT / "src/cogless/results/trace.py").read_text()
     changes = python_code.changes(text)
     assert len(changes) > 50
-    for change in changes[::7]:  # neighbours change one place
+    for change in changes[::3]:  # neighbours change one place
         ast.parse(change.applied(text))
 
 
@@ -162,8 +162,12 @@ def test_the_tests_that_execute_a_block_are_noted(tmp_path: Path, workers: str) 
     (tests / "conftest.py").write_text("import a\n")  # before most hooks
     (tmp_path / "hits").mkdir()
     command = [sys.executable, "-m", "pytest", "-q", "-p", "mutants.hits", "-p", "no:cacheprovider"]
-    command += ["-n", workers, "tests/test_a.py"]
-    both = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{tests}"}
+    command += ["-p", "xdist", "-n", workers, "tests/test_a.py"]
+    both = {
+        **os.environ,
+        "PYTHONPATH": f"{tmp_path}{os.pathsep}{tests}",
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+    }
     done = subprocess.run(command, cwd=tmp_path, env=both, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
     lines = [line.split(" ", 2) for line in (tmp_path / "hits/tests").read_text().splitlines()]
@@ -174,17 +178,22 @@ def test_the_tests_that_execute_a_block_are_noted(tmp_path: Path, workers: str) 
 
 
 def test_all_code_can_be_marked() -> None:
+    """And every fourth file of Python compiles then."""
     count = 0
-    for file in sources(ROOT, []):
+    for n, file in enumerate(sources(ROOT, [])):
         text = (ROOT / file).read_text()
-        if file.endswith(".py"):
+        if file.endswith(".py") and n % 4 == 0:
             compile(marked(file, text, count), file, "exec")
         count += len(blocks_of(file, text))
     assert 4000 < count < PAGE
 
 
-def test_first_those_that_execute_a_mutant_then_the_others_of_their_files() -> None:
+def test_first_those_that_execute_a_mutant_then_the_others_of_their_files(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """What importing executes: those that execute anything of the file, or of those that import it."""
+    few = ["src/cogless/results", "src/cogless/run"]
+    monkeypatch.setattr("mutants.seen.sources", lambda root, wanted: sources(root, [*wanted, *few]))
     seen = Seen(ROOT)
     file = "src/cogless/results/metrics.py"
     text, first = seen.texts[file], seen.numbers[file]

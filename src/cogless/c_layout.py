@@ -20,7 +20,7 @@ PLAIN = {
     "unsigned": "I",
     "int": "i",
 }
-SAME_BITS = {"f": "I", "d": "Q", "Q": "Q", "?": "?", "B": "B", "H": "H", "I": "I", "i": "I"}
+SAME_BITS = {"f": "I", "d": "Q", "Q": "Q", "?": "B", "B": "B", "H": "H", "I": "I", "i": "I"}
 POINTER = struct.calcsize("P")
 
 
@@ -41,10 +41,6 @@ class Leaf:
         """The number, read from the struct's bytes."""
         return float(struct.unpack_from(self.format, data, self.offset)[0])
 
-    def bits(self, data: bytes) -> int:
-        """The number's bit pattern, read from the struct's bytes; for a bool 0 or 1."""
-        return int(struct.unpack_from(SAME_BITS[self.format], data, self.offset)[0])
-
 
 @dataclass(frozen=True)
 class Layout:
@@ -61,6 +57,7 @@ class Layout:
     _places: dict[str, list[tuple[Field, int]]] = field(default_factory=dict, repr=False)
     _by_name: dict[str, dict[str, Field]] = field(default_factory=dict, repr=False)
     _packers: dict[str, struct.Struct] = field(default_factory=dict, repr=False)
+    _bits: dict[str, struct.Struct] = field(default_factory=dict, repr=False)
 
     def size(self, name: str) -> int:
         """Size of a type in bytes, padding included."""
@@ -87,11 +84,17 @@ class Layout:
         numbers: list[Any] = []
         self._collect(name, values, numbers, name)
         if name not in self._packers:
-            self._packers[name] = self._packer(name)
+            self._packers[name] = self._whole(name, {})
         try:
             return self._packers[name].pack(*numbers)
         except (struct.error, OverflowError, TypeError):
             raise self._misfit(name, numbers) from None
+
+    def bits(self, name: str, data: bytes) -> tuple[int, ...]:
+        """The bit pattern of every number of a struct, in memory order, without pointers."""
+        if name not in self._bits:
+            self._bits[name] = self._whole(name, SAME_BITS)
+        return self._bits[name].unpack(data)
 
     def leaves(self, name: str) -> list[Leaf]:
         """Every number of a struct, in memory order, without pointers."""
@@ -160,11 +163,12 @@ class Layout:
             if missing := (member.length or 1) - len(items):
                 numbers += [0] * (missing * self._count(member.type))
 
-    def _packer(self, name: str) -> struct.Struct:
-        """One format for all numbers of a struct, with what lies between them."""
+    def _whole(self, name: str, formats: Mapping[str, str]) -> struct.Struct:
+        """One format for all numbers of a struct, with what lies between them. `formats`: others in place of
+        the numbers' own."""
         parts, end = ["="], 0  # "=": overflow raises
         for leaf in self.leaves(name):
-            parts.append(f"{leaf.offset - end}x{leaf.format}")
+            parts.append(f"{leaf.offset - end}x{formats.get(leaf.format, leaf.format)}")
             end = leaf.offset + struct.calcsize(leaf.format)
         return struct.Struct("".join([*parts, f"{self.size(name) - end}x"]))
 

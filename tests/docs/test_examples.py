@@ -87,8 +87,11 @@ def test_a_wrong_input_is_told(
 
 
 @pytest.mark.parametrize("script", ["batch.py", "rollout.py", "copied_state.py"])
-def test_scripts_run(folder: Path, script: str) -> None:
-    run = subprocess.run([sys.executable, script], cwd=folder, capture_output=True, text=True, check=True)
+def test_scripts_run(
+    folder: Path, script: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    runpy.run_path(script, run_name="__main__")
     expected = folder / Path(script).with_suffix(".txt")
     if expected.exists():
-        assert run.stdout == expected.read_text()
+        assert capsys.readouterr().out == expected.read_text()

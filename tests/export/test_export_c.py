@@ -6,8 +6,11 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from math import ceil, nan, sqrt, tau
 from pathlib import Path
@@ -36,11 +39,12 @@ from cogless.export.prepared import prepare
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-pedantic", "-Werror"]
 FLAGS = ["-std=c99", "-O1", "-ffp-contract=off"]  # more takes longer, and rounds alike
 LIBRARY = Path(__file__).parents[2] / "control" / "src" / "cogless"
+CELLS = {"controller.pi-ilc.cells": 300}
 # study, controller, changes: every law, and the memory by delay, and double precision
 CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
     ("liu2018", "pi", {}),
     ("liu2018", "adrc", studies.ADRC),
-    ("liu2018", "pi-ilc", {"controller.pi-ilc.cells": 300}),
+    ("liu2018", "pi-ilc", CELLS),
     ("liu2018-varying", "time", {}),
     ("liu2018", "robust-ilc", {"drive.precision": "double"}),
     ("uomodri", "table", {"scenario.1-rev-s.duration": "1.2 s", "metric": []}),
@@ -70,18 +74,24 @@ library = "own.so"
 """
 
 
-def library_part(source: Path, *flags: str) -> Path:
-    """What to link for a source of an export: the library's object, or the source where a test changed it."""
-    own = LIBRARY / source.name
-    if source.read_bytes() != own.read_bytes():
-        return source
+def object_of(source: Path, *flags: str) -> Path:
+    """The object of a source, of what stands beside it and below."""
     command = ["cc", *FLAGS, *STRICT, *flags, "-c"]
     return kept(
         f"{source.stem}.o",
         [version("cc"), *command],
-        [own, *sorted(LIBRARY.glob("*.h"))],
-        lambda made: subprocess.run([*command, own, "-o", made], check=True),
+        [source, *sorted(source.parent.rglob("*.h"))],
+        lambda made: subprocess.run([*command, source, "-o", made], check=True),
     )
+
+
+library_object = cache(object_of)
+
+
+def library_part(source: Path, *flags: str) -> Path:
+    """What to link for a source of an export: the library's object, or the source where a test changed it."""
+    own = LIBRARY / source.name
+    return library_object(own, *flags) if source.read_bytes() == own.read_bytes() else source
 
 
 def macros(exported: Path) -> list[str]:
@@ -89,55 +99,75 @@ def macros(exported: Path) -> list[str]:
     return re.findall(r"`(-D\w+)`", (exported / "README.md").read_text().split("never with")[0])
 
 
-def compiled(exported: Path, *flags: str) -> Path:
-    """The self-test of an export."""
+def compiled(exported: Path, *main: Path) -> Path:
+    """The program of an export and of `main`, else its self-test."""
     defined = macros(exported)
     library = [library_part(source, *defined) for source in sorted((exported / "cogless").glob("*.c"))]
-    own = [exported / "self_test.c", *exported.glob("*_controller.c")]
-    command = ["cc", *FLAGS, *flags, *defined]
+    own = [*exported.glob("*_controller.c"), *(main or [object_of(exported / "self_test.c", *defined)])]
+    command = ["cc", *FLAGS, *STRICT, *defined, "-I", exported]
     return kept(
-        "self_test.program",
-        [version("cc"), *command],
+        f"{own[-1].stem}.program",
+        [version("cc"), *command[:-1]],
         [*own, *library, *sorted(exported.rglob("*.h"))],
         lambda made: subprocess.run([*command, "-o", made, *own, *library], check=True),
     )
 
 
+def self_tested(exported: Path) -> tuple[int, str]:
+    """Exit code and words of an export's self-test."""
+    run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
+    return run.returncode, run.stdout
+
+
+Export = Callable[[str, str, dict[str, Any]], tuple[Subject, Path]]
+
+
+@pytest.fixture(scope="module")
+def export(tmp_path_factory: pytest.TempPathFactory) -> Export:
+    """Writes the export of each controller of a study once; who changes it takes a copy."""
+    made: dict[str, tuple[Subject, Path]] = {}
+
+    def exported(study: str, controller: str, changes: dict[str, Any]) -> tuple[Subject, Path]:
+        which = repr((study, controller, changes))
+        if which not in made:
+            out = tmp_path_factory.mktemp("export") / "out"
+            made[which] = export_c(load(study, changes), controller, out), out
+        return made[which]
+
+    return exported
+
+
 @pytest.fixture(scope="module", params=CONTROLLERS, ids=lambda found: "-".join(found[:2]))
-def once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Subject, Path]:
-    """A controller and its export, which a test may add to."""
-    study, controller, changes = request.param
-    exported = tmp_path_factory.mktemp("export") / "out"
-    return export_c(load(study, changes), controller, exported), exported
+def once(request: pytest.FixtureRequest, export: Export) -> tuple[Subject, Path]:
+    """A controller and its export."""
+    return export(*request.param)
 
 
 def test_the_self_test_repeats_the_simulation(once: tuple[Subject, Path], tmp_path: Path) -> None:
     subject, exported = once
     name, periods = subject.name, min(2000, max(400, 80 * subject.divider))
     strict = ["cc", *FLAGS, *STRICT, *macros(exported)]
-    run = subprocess.run([compiled(exported, *STRICT)], capture_output=True, text=True, check=False)
-    assert run.returncode == 0
-    assert re.fullmatch(rf"{name}: {periods} periods and \d+ stretches, all bits equal\n", run.stdout)
+    code, out = self_tested(exported)
+    assert code == 0
+    assert re.fullmatch(rf"{name}: {periods} periods and \d+ stretches, all bits equal\n", out)
     example = ["-c", exported / "example_interrupt.c", "-o", tmp_path / "example.o"]
     subprocess.run([*strict, *example], check=True)
 
 
-def test_the_self_test_finds_another_constant_and_another_memory(tmp_path: Path) -> None:
-    exported = tmp_path / "out"
-    export_c(load("liu2018"), "pi-ilc", exported)
+def test_the_self_test_finds_another_constant_and_another_memory(export: Export, tmp_path: Path) -> None:
+    exported = shutil.copytree(export("liu2018", "pi-ilc", CELLS)[1], tmp_path / "out")
     source = exported / "pi_ilc_controller.c"
     text = source.read_text()
     gain = re.search(r"\.gain = (\S+)f,", text)
     assert gain
     source.write_text(text.replace(gain.group(1), str(1.001 * float(gain.group(1)))))
-    run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
-    assert run.returncode == 1
-    assert re.fullmatch(r"pi_ilc: period \d+ differs\n", run.stdout)
+    code, out = self_tested(exported)
+    assert code == 1
+    assert re.fullmatch(r"pi_ilc: period \d+ differs\n", out)
     source.write_text(text)
     data = exported / "self_test_data.h"
     data.write_text(re.sub(r"memory_at_end = \d+U", "memory_at_end = 1U", data.read_text()))
-    run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
-    assert (run.returncode, run.stdout) == (1, "pi_ilc: init or the learned memory differs\n")
+    assert self_tested(exported) == (1, "pi_ilc: init or the learned memory differs\n")
 
 
 STUCK = "stuck_angle", "stuck_time"
@@ -146,7 +176,7 @@ GUARDS: list[tuple[str, str, dict[str, Any], tuple[str, ...]]] = [
     (
         "liu2018",
         "pi-ilc",
-        {},
+        CELLS,
         ("omega_max", "current_max", "current_sum", "current_limit", "speed_window", *STUCK),
     ),
     ("verrelli2016-speed", "learning", {"drive.precision": "single"}, STUCK),
@@ -156,25 +186,16 @@ GUARDS: list[tuple[str, str, dict[str, Any], tuple[str, ...]]] = [
 
 @pytest.mark.parametrize(("study", "controller", "changes", "more"), GUARDS)
 def test_the_self_test_finds_every_limit_and_fault(
-    study: str, controller: str, changes: dict[str, Any], more: tuple[str, ...], tmp_path: Path
+    export: Export,
+    study: str,
+    controller: str,
+    changes: dict[str, Any],
+    more: tuple[str, ...],
+    tmp_path: Path,
 ) -> None:
-    exported = tmp_path / "out"
-    export_c(load(study, changes), controller, exported)
+    exported = shutil.copytree(export(study, controller, changes)[1], tmp_path / "out")
     source = next(exported.glob("*_controller.c"))
     text = source.read_text()
-    defined = macros(exported)
-    subprocess.run(["cc", *FLAGS, *defined, "-c", exported / "self_test.c"], cwd=tmp_path, check=True)
-    library = [library_part(part, *defined) for part in (exported / "cogless").glob("*.c")]
-    program = [
-        "cc",
-        *FLAGS,
-        *defined,
-        "-o",
-        tmp_path / "self_test",
-        source,
-        tmp_path / "self_test.o",
-        *library,
-    ]
     for name in ("limit", "hold", "bridge", "outlier", *more):
         for factor in (0.8, 1.25):
             if name in ("current_limit", "limit") and factor > 1:
@@ -183,10 +204,9 @@ def test_the_self_test_finds_every_limit_and_fault(
             assert found, name
             value = f"{factor * float(found[1]) or 4.0!r}f"
             source.write_text(f"{text[: found.start(1)]}{value}{text[found.end(1) + 1 :]}")
-            subprocess.run(program, check=True)
-            run = subprocess.run([tmp_path / "self_test"], capture_output=True, text=True, check=False)
-            assert run.returncode == 1, (name, value)
-            assert re.fullmatch(r"\w+: stretch \d+ differs, see self_test_data.h\n", run.stdout), name
+            code, out = self_tested(exported)
+            assert code == 1, (name, value)
+            assert re.fullmatch(r"\w+: stretch \d+ differs, see self_test_data.h\n", out), name
 
 
 def test_what_the_self_test_meets() -> None:
@@ -322,31 +342,27 @@ def test_a_self_test_of_extreme_bounds(tmp_path: Path) -> None:
     for bounds in (extreme, times, none):
         changes = {f"drive.monitor.{key}": value for key, value in bounds.items()}
         export_c(load("liu2018", changes), "pi", tmp_path / "out")
-        run = subprocess.run([compiled(tmp_path / "out")], capture_output=True, text=True, check=False)
-        assert run.returncode == 0
+        assert self_tested(tmp_path / "out")[0] == 0
 
 
-def test_the_self_test_finds_fused_arithmetic(tmp_path: Path) -> None:
+def test_the_self_test_finds_fused_arithmetic(export: Export, tmp_path: Path) -> None:
     """A motion begins at rest: the test must last into it. Rounding once stands for an fma."""
-    exported = tmp_path / "out"
-    export_c(load("mandra2019"), "ilc", exported)
+    exported = shutil.copytree(export("mandra2019", "ilc", {})[1], tmp_path / "out")
     source = exported / "cogless" / "trial.c"
     text = source.read_text()
     product = "config->k_1[0] * law->theta + config->k_1[1] * in->omega_m"
     assert product in text
-    fused = "(float)((double)config->k_1[0] * law->theta + (double)config->k_1[1] * in->omega_m)"
-    source.write_text(text.replace(product, fused))
-    run = subprocess.run([compiled(exported)], capture_output=True, text=True, check=False)
-    assert run.returncode == 1
+    exact = re.sub(r"(\w+->)", r"(double)\1", product)
+    source.write_text(text.replace(product, f"(float)({exact})"))
+    assert self_tested(exported)[0] == 1
 
 
-def test_only_what_the_law_needs_and_unchanged(tmp_path: Path) -> None:
-    exported = tmp_path / "out"
-    export_c(load("liu2018"), "pi", exported)
+def test_only_what_the_law_needs_and_unchanged(export: Export) -> None:
+    _, exported = export("liu2018", "pi", {})
     taken = {path.name for path in (exported / "cogless").iterdir()}
     assert {"LICENSE", "drive.c", "foc.c", "monitor.c", "speed_pi.c"} < taken
     assert not {"memory.c", "trial.c", "map.h"} & taken
-    export_c(load("liu2018"), "pi-ilc", exported)
+    _, exported = export("liu2018", "pi-ilc", CELLS)
     taken = {path.name for path in (exported / "cogless").iterdir()}
     assert {"map.c", "map_store.c", "crc32.c", "memory.c", "pi_ilc.c", "trial.h", "robust_ilc.h"} < taken
     assert not {"trial.c", "robust_ilc.c", "space_speed.c", "anti_cogging.c"} & taken
@@ -434,14 +450,10 @@ def test_the_readme_saves_and_loads_what_was_learned(once: tuple[Subject, Path],
         assert code is None and not (exported / "cogless" / "map.h").exists()
         return
     assert code is not None
-    program, name = tmp_path / "maps", subject.name
+    name = subject.name
     text = f'#include "{name}_controller.h"\nstatic {name}_controller controller;\n{code[1]}'
     (tmp_path / "maps.c").write_text(text + FLASH.replace("NAME", name))
-    defined = macros(exported)
-    library = [library_part(source, *defined) for source in (exported / "cogless").glob("*.c")]
-    own = [tmp_path / "maps.c", *exported.glob("*_controller.c")]
-    command = ["cc", *FLAGS, *STRICT, *defined, "-I", exported, "-o", program, *own, *library]
-    subprocess.run(command, check=True)
+    program = compiled(exported, tmp_path / "maps.c")
     run = subprocess.run([program], capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout) == (0, "0 1 0.03125\n")
 
@@ -466,17 +478,21 @@ def test_it_says_where_it_comes_from(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_it_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    options = ("--controller", "pi-ilc", "--to", "c", "--set", "controller.pi-ilc.gain=3")
-    small = ("--set", "controller.pi-ilc.cells=30")
-    code, out, err = cogless(capsys, "export", "uomodri", *options, *small, "-o", tmp_path / "out")
+    far = ("law=pi-ilc", "gain=0.3", "lead=7 ms", "cells=30")  # it looks so far ahead that it pushes
+    study = (
+        studies.write(tmp_path),
+        *(word for pair in far for word in ("--set", f"controller.fair.{pair}")),
+    )
+    options = ("--controller", "fair", "--to", "c", "-o", tmp_path / "out")
+    code, out, err = cogless(capsys, "export", *study, *options)
     assert (code, out) == (0, f"Export: {tmp_path / 'out' / 'README.md'}\n")
     verdict, size = err.splitlines()
-    _, table, _ = cogless(capsys, "design", "uomodri", *options[4:], *small)
-    said = re.fullmatch(r"Warning: controller\.pi-ilc: ((?:may )?grows?, .*x a period at .* Hz.*)\.", verdict)
+    _, table, _ = cogless(capsys, "design", *study)
+    said = re.fullmatch(r"Warning: controller\.fair: ((?:may )?grows?, .*x a period at .* Hz.*)\.", verdict)
     assert said and said[1].split(",")[0] in table
-    assert size.startswith("Warning: controller.pi-ilc: cells = 30 is 0.208 in a wave of order 144")
+    assert size.startswith("Warning: controller.fair: cells = 30 is 1.25 in a wave of order 24")
     assert said[1] in (tmp_path / "out" / "README.md").read_text()
-    footer = (tmp_path / "out" / "pi_ilc_controller.c").read_text().split("What `cogless design` finds")[1]
+    footer = (tmp_path / "out" / "fair_controller.c").read_text().split("What `cogless design` finds")[1]
     assert f"learning.verdict = {said[1]}" in footer and " unstable" not in footer
 
 
@@ -606,7 +622,7 @@ def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
         (
             "liu2018",
             "pi-ilc",
-            {},
+            CELLS,
             (
                 "theta_e = 4 theta_m",
                 "2500 lines, 10000 counts, by the code that was simulated: `cogless/speed_count.h` says",
@@ -649,11 +665,11 @@ def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
     ],
 )
 def test_the_readme_says_what_a_board_needs(
-    study: str, controller: str, changes: dict[str, Any], says: tuple[str, ...], tmp_path: Path
+    export: Export, study: str, controller: str, changes: dict[str, Any], says: tuple[str, ...]
 ) -> None:
-    export_c(load(study, changes), controller, tmp_path / "out")
-    readme = " ".join((tmp_path / "out" / "README.md").read_text().split())
-    example = (tmp_path / "out" / "example_interrupt.c").read_text()
+    _, exported = export(study, controller, changes)
+    readme = " ".join((exported / "README.md").read_text().split())
+    example = (exported / "example_interrupt.c").read_text()
     assert "wrapped to [0, 2 pi)" in readme and "`CGL_STATUS_OFF` (1024)" in readme
     for text in says:
         assert text in readme, text

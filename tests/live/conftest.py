@@ -1,12 +1,21 @@
-"""A module's live page of its `study`, and the browser that shows it."""
+"""A module's live page of its `study`, and the browser that shows it: one for all modules, since it takes
+seconds to begin."""
 
+import live_studies
 import pytest
 from browser import browser
 
 from cogless.live import write
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session", autouse=True)
+def keys_found_once():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cogless.live.page.adjustable", live_studies.found)
+        yield
+
+
+@pytest.fixture(scope="session")
 def window(tmp_path_factory):
     with browser(tmp_path_factory.mktemp("browser")) as shown:
         yield shown

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import studies
-from cogless.study import Study
+from cogless.live.keys import Found, adjustable
+from cogless.study import AnyStudy, Study
 
 TEXT = """
 title = "A <b>small</b> drive </script><script>alert(1)</script>"
@@ -86,5 +87,16 @@ unit = "rpm"
 """
 
 
+_FOUND: dict[str, Found] = {}
+
+
 def study(folder: Path) -> Study:
     return studies.study(folder, None, TEXT)
+
+
+def found(study: AnyStudy, told: bool = False) -> Found:
+    """The keys that a page can change: found once for all studies of the same text, as it takes seconds."""
+    which = repr((study._source.tables, told))
+    if which not in _FOUND:
+        _FOUND[which] = adjustable(study, told)
+    return _FOUND[which]

@@ -8,11 +8,33 @@ import pytest
 from commands import cogless
 from node import NO_ENGINE
 
+import studies
 from cogless.errors import StudyError
 from cogless.files import control_sources
 from cogless.live import compile, engine
 
+SMALL = f"""title = "Two laws"
+{studies.IDEAL}
+[scenario.step]
+duration = "0.1 s"
+reference = "60 rpm"
+[controller.pi]
+law = "pi"
+kp = "0.01 A/rpm"
+ki = "0.1 A/rpm/s"
+[controller.mine]
+law = "python"
+object = "law.py:Zero"
+label = "Mine"
+"""
+LEFT_OUT = "Left out of the page: Mine: its law is code of its own, which the page doesn't run."
 needs = pytest.mark.skipif(bool(NO_ENGINE), reason=NO_ENGINE)
+
+
+def small(folder):
+    """A study's file, beside its law in Python."""
+    (folder / "law.py").write_text("class Zero:\n    def step(self, i):\n        return 0.0\n")
+    return studies.write(folder, SMALL)
 
 
 @needs
@@ -25,24 +47,16 @@ def test_the_page_is_written_where_it_is_asked_for(capsys, tmp_path):
 
 @needs
 def test_a_run_writes_the_page_beside_its_report(capsys, tmp_path):
-    study, folder = live_studies.study(tmp_path).source.path, tmp_path / "out"
-    code, out, _ = cogless(capsys, "run", study, "--only", "step/pi", "--live", "-o", folder)
-    assert code == 0 and f"Page: {folder / 'live.html'}" in out
+    study, folder = small(tmp_path), tmp_path / "out"
+    code, out, error = cogless(capsys, "run", study, "--only", "step/pi", "--live", "-o", folder)
+    assert code == 0 and f"Page: {folder / 'live.html'}" in out and LEFT_OUT in error
     assert {"report.html", "live.html", "results.json"} <= {path.name for path in folder.iterdir()}
 
 
 @needs
 def test_a_law_that_the_page_leaves_out_is_named(capsys, tmp_path):
-    (tmp_path / "law.py").write_text("class Zero:\n    def step(self, i):\n        return 0.0\n")
-    study = live_studies.study(tmp_path).source.path
-    text = study.read_text(encoding="utf-8")
-    study.write_text(text + '[controller.mine]\nlaw = "python"\nobject = "law.py:Zero"\nlabel = "Mine"\n')
-    code, _, error = cogless(capsys, "live", study, "-o", tmp_path / "page.html")
-    assert code == 0
-    line = "Left out of the page: Mine: its law is code of its own, which the page doesn't run."
-    assert error.splitlines() == [line]
-    code, _, error = cogless(capsys, "run", study, "--only", "step/pi", "--live", "-o", tmp_path / "out")
-    assert code == 0 and line in error
+    code, _, error = cogless(capsys, "live", small(tmp_path), "-o", tmp_path / "page.html")
+    assert (code, error.splitlines()) == (0, [LEFT_OUT])
 
 
 @needs

@@ -40,7 +40,7 @@ def own():
     study = changed(
         load(Path(__file__).parents[2] / "examples" / "my_motor.toml"), {"controller.harmonic.base": 1}
     )
-    return study, adjustable(study, told=True)
+    return study, live_studies.found(study, told=True)
 
 
 @pytest.fixture
@@ -240,14 +240,14 @@ def test_a_number_that_is_no_product_is_refused(own):
     """Such as the orders that are learned, if slots and poles tell them: no power of anything."""
     study, found = own
     keys = [key.candidate for key in found.keys if key.candidate.key in motor.TOGETHER]
-    base = packed(study, held(study))
+    base = packed(study, [("slow", "pi")])
 
     def bent(values):
         share = {key.key: x / key.start for key, x in values}
         other = {key.key: key.text(x) for key, x in values}
         inertia = 4e-5 * (1 + share.get("mechanics.inertia", 1.0) ** 2) / 2
         made = changed(study, other | {"mechanics.inertia": f"{inertia!r} kg*m^2"})
-        return packed(made, held(made), study)
+        return packed(made, [("slow", "pi")], study)
 
     with pytest.raises(StudyError, match=r"live: mechanics\.inertia: expected a product of powers"):
         motor.products(base, bent, keys)
@@ -262,12 +262,13 @@ def test_orders_that_slots_and_poles_tell_follow_the_pole_pairs(own):
     """Without a base of its own the law learns the multiples of gcd(slots, poles), or of 6."""
     study = load(own[0].source.path)
     keys = [key.candidate for key in own[1].keys if key.candidate.key in motor.TOGETHER]
+    run = ("slow", "harmonic")
 
     def made(values):
         other = changed(study, {key.key: key.text(x) for key, x in values})
-        return packed(other, held(other), study)
+        return packed(other, [run], study)
 
-    found = motor.products(packed(study, held(study)), made, keys)["slow", "harmonic", "run"]
+    found = motor.products(packed(study, [run]), made, keys)[*run, "run"]
     (base,) = [one for one in found if one.number.path.endswith(".base")]
     assert base.start == 1.0 and not base.powers
     common = [(math.gcd(12, 2 * n), math.lcm(12, 2 * n)) for n in range(1, 41)]

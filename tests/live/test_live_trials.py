@@ -2,13 +2,13 @@
 
 import base64
 import time
-from functools import cache
 
+import live_studies
 import pytest
 import trial_studies
 from browser import MISSING
 from node import NO_ENGINE, NO_NODE, module_file, run_node
-from test_live_engine import RUN, native
+from test_live_engine import RUN, each_met, native
 from test_live_keys import same_bytes
 from test_live_page import same, sets_of, settle, text, type_into
 
@@ -16,7 +16,6 @@ from cogless.design.from_study import design_study
 from cogless.errors import StudyError
 from cogless.live import left_out, write
 from cogless.live.blobs import blobs, held, precision
-from cogless.live.keys import adjustable
 from cogless.live.trial_candidates import trial_candidates
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
@@ -37,22 +36,22 @@ def study(request, tmp_path_factory):
     return trial_studies.loaded(tmp_path_factory.mktemp(request.param), text=STUDIES[request.param])
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def adjusted(tmp_path_factory):
-    """Of each kind a study, and the keys that a page of it can change, found once."""
+    """Of each kind a study, and the keys that a page of it can change."""
 
-    @cache
     def made(kind):
         study = trial_studies.loaded(tmp_path_factory.mktemp(kind), text=STUDIES[kind])
-        return study, adjustable(study)
+        return study, live_studies.found(study)
 
     return made
 
 
 def same_rows(folder, study, trials):
     """Each signal over so many trials, in the page's engine and in the native one; what is learned, too."""
-    designs = design_study(study, held(study))
-    plans = [plan(study, *pair, design=designs[pair]) for pair in held(study)]
+    pairs = list(each_met(held(study)))
+    designs = design_study(study, pairs)
+    plans = [plan(study, *pair, design=designs[pair]) for pair in pairs]
     ticks = [trials * study.samples(p.scenario) * p.divider for p in plans]
     jobs = [
         {

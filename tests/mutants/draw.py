@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 from mutants import c_code, python_code
@@ -24,6 +25,7 @@ def sources(root: Path, wanted: Sequence[str]) -> list[str]:
     return [file for file in files if not wanted or any(Path(file).is_relative_to(path) for path in wanted)]
 
 
+@cache
 def changes(file: str, text: str) -> list[Change]:
     return python_code.changes(text) if file.endswith(".py") else c_code.changes(text)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
 LIKELY = 6  # test files whose tests run first
 
 
+@cache
 def files_for(root: Path, file: str, function: str) -> list[str]:
     """All test files; first those that have a similar name, test the room, import the file, or name the
     function."""

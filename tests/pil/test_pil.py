@@ -39,20 +39,20 @@ COMPILERS = [
 needs_both = pytest.mark.skipif(not (EMULATOR and COMPILERS), reason="no emulator or no cross compiler")
 BUS = {"delay_measured": "0.3 ms", "delay_command": "1 ms", "jitter": "0.5 ms", "quantum": "1 mA"}
 COMPENSATED = {"drive.dead_time_compensation": {"band": "35 mA"}}
-# trials of 2,000 periods, of which a case sees the second begin
+# trials of 1,000 periods, of which a case sees the second begin
 SHORT = {
-    "scenario.table-1.duration": "0.25 s",
-    "scenario.table-1.reference": [["0.02 s", "0 rev"], ["0.22 s", "0.1 rev"]],
+    "scenario.table-1.duration": "0.125 s",
+    "scenario.table-1.reference": [["0.01 s", "0 rev"], ["0.11 s", "0.05 rev"]],
     "scenario.table-1.changes": [{"trial": 2, "load_steps": [[5, "1.11 N*m"]]}],
 }
 CASES: list[tuple[str, str, str, dict[str, Any], int]] = [
     ("liu2018", "900-rpm", "robust-ilc", {}, 1500),
     ("uomodri", "1-rev-s", "pi-afc", studies.AFC, 1500),
-    ("verrelli2016", "twelve-seconds", "printed", {}, 300),  # double precision
-    ("mandra2019", "table-1", "ilc", SHORT, 2100),
+    ("verrelli2016", "twelve-seconds", "printed", {}, 150),  # double precision
+    ("mandra2019", "table-1", "ilc", SHORT, 1100),
     ("liu2018", "60-rpm", "pi-ilc", {"drive.bus": BUS}, 1500),
     ("liu2018", "900-rpm", "robust-ilc", {"drive.bus": BUS, **COMPENSATED}, 1500),
-    ("mandra2019", "table-1", "ilc", SHORT | {"drive.bus": BUS}, 2100),
+    ("mandra2019", "table-1", "ilc", SHORT | {"drive.bus": BUS}, 1100),
 ]
 
 

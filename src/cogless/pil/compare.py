@@ -139,11 +139,12 @@ class _Watched:
 
     def _compare(self, struct: str, wanted: bytes, got: bytes) -> None:
         """Compare two structs number by number, since their padding may differ."""
-        for leaf in () if self.difference else self._layout.leaves(struct):
-            a, b = leaf.bits(wanted), leaf.bits(got)
-            if a != b:
-                self.difference = Difference(self._tick - 1, leaf.path, leaf.value(wanted), leaf.value(got))
-                return
+        bits = self._layout.bits
+        if self.difference or bits(struct, wanted) == bits(struct, got):
+            return
+        pairs = zip(self._layout.leaves(struct), bits(struct, wanted), bits(struct, got), strict=True)
+        leaf = next(leaf for leaf, a, b in pairs if a != b)
+        self.difference = Difference(self._tick - 1, leaf.path, leaf.value(wanted), leaf.value(got))
 
 
 def _memory_difference(target: Target, wanted: Recording, ticks: int) -> Difference | None:

@@ -62,7 +62,6 @@ def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[
         prepared.drive.begin_trial(state, motion)
     layout, counts, found = subject.layout, 0, []
     measured, asked = layout.leaves("cgl_measurement"), layout.leaves("cgl_reference")
-    given = layout.leaves("cgl_drive_output")
     real: type[np.floating[Any]] = np.float64 if subject.precision == "d" else np.float32
     for about, periods, jump, step, inputs in _plan(subject):
         counts += jump
@@ -71,18 +70,15 @@ def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[
         for leaves, data in ((measured, now), (asked, reference)):
             for leaf in leaves:
                 struct.pack_into(leaf.format, data, leaf.offset, values.get(leaf.path, 0.0))
-        words = [leaf.bits(bytes(now)) for leaf in measured]
-        words += [leaf.bits(bytes(reference)) for leaf in asked]
+        words = layout.bits("cgl_measurement", now) + layout.bits("cgl_reference", reference)
         place = next(leaf for leaf in measured if leaf.path == "theta_m")
         total = FNV_START
-        for n in range(periods):
-            angle = real(inputs.theta_m) + real((counts + n * step) % COUNTS) * (
-                real(math.tau) / real(COUNTS)
-            )
+        turned = ((counts + step * np.arange(periods)) % COUNTS).astype(real)
+        for angle in real(inputs.theta_m) + turned * (real(math.tau) / real(COUNTS)):
             struct.pack_into(place.format, now, place.offset, angle)
             out: bytes = prepared.drive.step_controller(state, bytes(now), bytes(reference))
-            total = fnv((leaf.bits(out) for leaf in given), total)
-        found.append(Stretch(about, periods, counts % COUNTS, step, tuple(words), total))
+            total = fnv(layout.bits("cgl_drive_output", out), total)
+        found.append(Stretch(about, periods, counts % COUNTS, step, words, total))
         counts += periods * step
     return found
 

@@ -51,13 +51,14 @@ def self_test_words(
     subject: Subject, recording: Recording, memory: Reals, stretches: Sequence[Stretch]
 ) -> dict[str, str]:
     """Texts that fill the placeholders in the templates self_test.c and self_test_data.h."""
-    measured = subject.layout.leaves("cgl_measurement")
-    asked = subject.layout.leaves("cgl_reference")
-    given = subject.layout.leaves("cgl_drive_output")
+    layout = subject.layout
+    measured, asked = layout.leaves("cgl_measurement"), layout.leaves("cgl_reference")
+    given = layout.leaves("cgl_drive_output")
     names = [f"now.{leaf.path}" for leaf in measured] + [f"reference.{leaf.path}" for leaf in asked]
     pairs = zip(recording.measurements, recording.references, strict=True)
-    taken = _Columns("in", names, [words(measured, m) + words(asked, r) for m, r in pairs])
-    outputs = [words(given, out) for out in recording.outputs]
+    inputs = [layout.bits("cgl_measurement", m) + layout.bits("cgl_reference", r) for m, r in pairs]
+    taken = _Columns("in", names, inputs)
+    outputs = [layout.bits("cgl_drive_output", out) for out in recording.outputs]
     wanted = _Columns("wanted", [leaf.path for leaf in given], outputs)
     reads = [
         f"{name} = {_read(leaf, word)};"
@@ -99,7 +100,7 @@ class _Columns:
     Columns that don't change are left out of the table. `words`: a C expression for each column.
     """
 
-    def __init__(self, array: str, names: list[str], rows: list[list[int]]) -> None:
+    def __init__(self, array: str, names: list[str], rows: list[tuple[int, ...]]) -> None:
         self._names, self._rows = names, rows
         first = rows[0] if rows else [0] * len(names)
         changing = [n for n in range(len(names)) if any(row[n] != first[n] for row in rows)]
@@ -120,11 +121,6 @@ class _Columns:
 
 def _hex(word: int) -> str:
     return f"{word:#x}" if word > 9 else str(word)
-
-
-def words(leaves: list[Leaf], data: bytes) -> list[int]:
-    """The bit pattern of each number of a struct."""
-    return [leaf.bits(data) for leaf in leaves]
 
 
 def memory_sum(memory: Reals) -> int:
