@@ -78,6 +78,13 @@ def test_ripple_counts_by_its_square_and_its_share_of_the_angle(monkeypatch: pyt
     assert _Motion(((silent, 1.0),), duration=2.0).ratio == 1.0
 
 
+def at_once(**parts: Any) -> Any:
+    """A study of these parts that keeps nothing."""
+    study = SimpleNamespace(**parts)
+    study.once = lambda make, of: make(study, of)
+    return study
+
+
 def test_a_scenario_s_slowest_and_fastest_loop_are_shown_without_acceleration(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -90,7 +97,7 @@ def test_a_scenario_s_slowest_and_fastest_loop_are_shown_without_acceleration(
     def shown(*speeds: float) -> list[One]:
         points = tuple((at(One(speed, 0.5)), 0.1) for speed in speeds)
         monkeypatch.setattr(module, "_motion", lambda *_: _Motion(points))
-        return judged(None, "s", "x")
+        return judged(at_once(), "s", "x")
 
     assert shown(3.0, 1.0, 2.0, 4.0) == [One(1.0, 0.0), One(4.0, 0.0)]
     assert shown(2.0, 2.0) == [One(2.0, 0.0)] and shown() == []
@@ -109,7 +116,7 @@ def told(
     """The verdict on these motions. Learning leaves all of the ripple, or the `ratio` that a loop has."""
     left = iter(means)
     of_part: dict[str, Any] = {
-        "_motion": lambda study, key, name: motions[int(key)],
+        "_motion": lambda study, of: motions[int(of[0])],
         "doubts": lambda loops: doubts,
         "spoken_unit": lambda *_: "rpm",
         "ripple": lambda loop, duration: Ripple(1.0, getattr(loop, "ratio", 1.0)),
@@ -119,7 +126,7 @@ def told(
     }
     for name, part in of_part.items():
         monkeypatch.setattr(module, name, part)
-    study: Any = SimpleNamespace(
+    study = at_once(
         controller={"x": law or PiIlc.model_construct()},
         scenarios_of=lambda name: [str(n) for n in range(len(motions))],
     )
@@ -222,7 +229,7 @@ def moved(
     monkeypatch.setattr(module, "loop_type", lambda law: Tried)
     monkeypatch.setattr(module, "_torques", lambda *_: [0.9, 1.0])
     study: Any = SimpleNamespace(controller={"x": law}, scenario={"s": None}, above=above, fine=fine)
-    return _motion(study, "s", "x")
+    return _motion(study, ("s", "x"))
 
 
 def speeds(found: _Motion) -> list[float]:

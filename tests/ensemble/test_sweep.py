@@ -16,6 +16,7 @@ import ensembles
 import numpy as np
 import pytest
 from commands import cogless, forked
+from killed import kills
 
 import studies
 from cogless.ensemble import executors, journal, table
@@ -247,14 +248,6 @@ def test_every_worker_of_a_cluster_has_this_version(there: dict[str, Any], said:
         executors._check_versions("tcp://a:1", Client(there))
     assert str(told.value) == f"--dask: {said}"
     executors._check_versions("tcp://a:1", Client({"tcp://b:1": HERE}))
-
-
-def kills(marker: str) -> int:
-    """A task that kills its process the first time."""
-    if not os.path.exists(marker):
-        Path(marker).touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return 7
 
 
 def test_a_killed_process_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

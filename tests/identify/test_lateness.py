@@ -12,7 +12,7 @@ from identify.commissioned import METRIC, MOTORS, PI
 
 from cogless.identify import lateness as room
 from cogless.identify.config import LogRule
-from cogless.identify.lateness import NOTHING, Profile, _filters, _moves, _part, _profile, lateness
+from cogless.identify.lateness import NOTHING, Profile, _changes, _filters, _motion, _part, _profile, lateness
 from cogless.identify.log import Log
 from cogless.identify.result import Value
 from cogless.results.trace import Trace
@@ -221,7 +221,7 @@ def test_which_rows_of_a_log_are_the_law_s_samples(monkeypatch):
 def test_a_filter_is_of_the_speed_s_changes_before_a_row_and_of_the_speed():
     rng = np.random.default_rng(1)
     theta = np.cumsum(rng.normal(size=40))
-    columns, changes = _moves(theta, np.arange(40.0) ** 2, 0.5)
+    columns, changes = _motion(theta, 0.5), _changes(np.arange(40.0) ** 2)
     speed = np.diff(theta) / 0.5
     assert columns.shape == (34, 6)  # of 38 changes the first four are before a whole filter
     for tap in range(5):

@@ -42,13 +42,24 @@ def test_inertia_is_the_identified_one() -> None:
     assert study.mechanics.inertia / study.motor.star().K_t == pytest.approx(np.median(windows), rel=0.02)
 
 
-def test_learning_leaves_less_ripple_than_the_feedback_and_the_table_at_every_speed() -> None:
-    study, compared = load("uomodri"), [f"*/{name}" for name in ("pi", "table", "robust-ilc")]
-    ripple = {
-        (run.scenario, run.controller): float(run.metrics["speed_ripple_rad_s"])
-        for run in run_study(study, compared, jobs=2).runs
-    }
-    for scenario in study.scenario:
+@pytest.fixture(scope="module")
+def ripple() -> dict[tuple[str, str], float]:
+    """Speed ripple, rad/s, of a scenario and a controller."""
+    compared = [*(f"*/{name}" for name in ("pi", "table", "robust-ilc")), "fast/pi-ilc"]
+    runs = run_study(load("uomodri"), compared, jobs=2).runs
+    return {(run.scenario, run.controller): float(run.metrics["speed_ripple_rad_s"]) for run in runs}
+
+
+def ripple_at_speed(controller: str, lead: str) -> float:
+    """Speed ripple, rad/s, in the fast scenario with another lead."""
+    (run,) = run_study(load("uomodri", {f"controller.{controller}.lead": lead}), [f"fast/{controller}"]).runs
+    return float(run.metrics["speed_ripple_rad_s"])
+
+
+def test_learning_leaves_less_ripple_than_the_feedback_and_the_table_at_every_speed(
+    ripple: dict[tuple[str, str], float],
+) -> None:
+    for scenario in load("uomodri").scenario:
         pi = ripple[scenario, "pi"]
         assert ripple[scenario, "table"] < 0.5 * pi
         assert ripple[scenario, "robust-ilc"] < 0.1 * pi
@@ -70,22 +81,12 @@ def test_an_encoder_off_the_middle_costs_nothing_once_its_error_is_learned() -> 
     assert calibrated < 1.3 * perfect
 
 
-def test_without_its_lead_learning_is_of_no_use_at_high_speed() -> None:
+def test_without_its_lead_learning_is_of_no_use_at_high_speed(ripple: dict[tuple[str, str], float]) -> None:
     """At 4 rev/s the cogging of order 72 lies at 288 Hz, beyond the speed loop's crossover."""
-    with_lead = run_study(load("uomodri"), ["fast/pi-ilc", "fast/pi"]).runs
-    without = run_study(load("uomodri", {"controller.pi-ilc.lead": "0 s"}), ["fast/pi-ilc"]).runs
-    ripple = {run.controller: float(run.metrics["speed_ripple_rad_s"]) for run in with_lead}
-    assert ripple["pi-ilc"] < 0.1 * ripple["pi"]
-    assert float(without[0].metrics["speed_ripple_rad_s"]) > 3.0 * ripple["pi-ilc"]
+    assert ripple["fast", "pi-ilc"] < 0.1 * ripple["fast", "pi"]
+    assert ripple_at_speed("pi-ilc", "0 s") > 3.0 * ripple["fast", "pi-ilc"]
 
 
-def test_the_tables_lead_makes_up_for_the_current_loop() -> None:
-    ripple = [
-        float(
-            run_study(load("uomodri", {"controller.table.lead": lead}), ["fast/table"])
-            .runs[0]
-            .metrics["speed_ripple_rad_s"]
-        )
-        for lead in ("0 s", "0.6 ms")
-    ]
-    assert ripple[1] < ripple[0]
+def test_the_tables_lead_makes_up_for_the_current_loop(ripple: dict[tuple[str, str], float]) -> None:
+    assert load("uomodri").controller["table"].lead == pytest.approx(0.6e-3)
+    assert ripple["fast", "table"] < ripple_at_speed("table", "0 s")

@@ -10,7 +10,7 @@ import synthetic
 from browser import MISSING, browser
 from test_report import data_of
 
-from cogless.report import render, write
+from cogless.report import write
 from cogless.report.markup import asset
 from cogless.results import Results
 
@@ -70,8 +70,8 @@ def test_every_table_of_figures_scrolls_by_keys_under_its_name(pages, kind):
         assert re.search(r'<div class="scroll" tabindex="0" role="region" aria-label="[^"]+">$', before)
 
 
-def test_each_scenario_is_a_part_of_its_own_with_its_verdict_and_colours(five):
-    page = render(five)
+def test_each_scenario_is_a_part_of_its_own_with_its_verdict_and_colours(pages, five):
+    page = pages["speed"].read_text(encoding="utf-8")
     parts = re.findall(
         r'<article class="scenario" data-scenario="(\d)"( hidden)?>(.*?)</article>', page, re.S
     )
@@ -84,9 +84,9 @@ def test_each_scenario_is_a_part_of_its_own_with_its_verdict_and_colours(five):
     assert "7.52 times less" in parts[0][2] and "7.52 times less" not in parts[1][2]
 
 
-def test_the_reference_is_drawn_last(five):
+def test_the_reference_is_drawn_last(pages):
     """What is drawn later lies on top."""
-    for scenario in data_of(render(five))["scenarios"]:
+    for scenario in data_of(pages["speed"].read_text(encoding="utf-8"))["scenarios"]:
         series = scenario["waveforms"]["panels"][0]["series"]
         assert [s.get("dash", False) for s in series] == [False] * 5 + [True]
         assert "dash" in scenario["events"][0]["panels"][0]["series"][-1] if scenario["events"] else True

@@ -204,7 +204,8 @@ def test_every_plot_over_time_has_its_axis_named():
 
 
 def test_the_page_has_the_angle_and_the_criterion(made):
-    (drawn,) = data_of(render(made))["scenarios"]
+    page = render(made)
+    (drawn,) = data_of(page)["scenarios"]
     named = {panel["title"]: panel["quantity"] for panel in drawn["waveforms"]["panels"]}
     assert any(title.startswith("Time of the last period") for title in named)
     assert {"q current", "d current"} <= set(named)
@@ -229,7 +230,7 @@ def test_the_page_has_the_angle_and_the_criterion(made):
     highest = [max(v for v in s["values"] if v is not None) for s in drawn["criterion"][0]["series"]]
     assert max(highest[:2]) == pytest.approx(1.71, abs=0.01) and max(highest[2:]) < 1
     assert len(drawn["maps"][0]["series"]) == 1  # neither of the PI nor of the delay line
-    assert "Does learning settle?" in render(made)
+    assert "Does learning settle?" in page
 
 
 def test_speeds_and_angles_in_the_units_of_the_study(made):
@@ -256,9 +257,8 @@ def test_speeds_and_angles_in_the_units_of_the_study(made):
     (found,) = verdicts(results)
     words = found.headline + " ".join(found.details)
     assert "rad" not in words and "at 2.45 rpm" in words
-    assert "2.45 rpm" in " ".join(warnings(study, "printed")) and "rad/s" not in " ".join(
-        warnings(study, "printed")
-    )
+    warned = " ".join(warnings(study, "printed"))
+    assert "2.45 rpm" in warned and "rad/s" not in warned
 
 
 RATE = 400  # rows a second

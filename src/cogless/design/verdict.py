@@ -246,7 +246,7 @@ def _verdict(study: Study, name: str) -> Verdict | None:
     keys = study.scenarios_of(name)
     if loop_type(law) is None or not keys:
         return None
-    motions = [_motion(study, key, name) for key in keys]
+    motions = [study.once(_motion, (key, name)) for key in keys]
     resting = sorted(each for motion in motions for each in motion.frozen)
     frozen = tuple(dict.fromkeys(reason for _, reason in resting))
     found = [at for motion in motions for at, _ in motion.judged]
@@ -320,14 +320,15 @@ def warnings(study: Study, name: str) -> list[str]:
 
 def judged(study: Study, scenario: str, name: str) -> list[LearningLoop]:
     """A controller's learning loops at the slowest and at the fastest judged speed of a scenario."""
-    loops = [at.loop for at, _ in _motion(study, scenario, name).judged]
+    loops = [at.loop for at, _ in study.once(_motion, (scenario, name)).judged]
     loops.sort(key=lambda loop: loop.omega_m)
     ends = {loop.omega_m: replace(loop, alpha_m=0.0) for loop in (*loops[:1], *loops[-1:])}
     return list(ends.values())
 
 
-def _motion(study: Study, scenario: str, name: str) -> _Motion:
-    """The points of a scenario to judge; none if its reference is too slow to learn."""
+def _motion(study: Study, of: tuple[str, str]) -> _Motion:
+    """The points to judge of a scenario and a controller; none if its reference is too slow to learn."""
+    scenario, name = of
     law = study.controller[name]
     kind = loop_type(law)
     assert kind is not None and isinstance(law, Learning | PiAfc | SpaceLearning)

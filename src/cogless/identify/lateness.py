@@ -131,8 +131,8 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
     """The profile of a log; what neither delay nor dead time explains counts as noise."""
     step = max(1, round(every * log.dt / trace.period))
     thinned = [slice(rows.start, rows.stop, every) for rows in log.stretches]
-    real = [_moves(log["theta"][rows], log["i_q"][rows], every * log.dt) for rows in thinned]
-    x, y = (np.concatenate(parts) for parts in zip(*real, strict=True))
+    x = np.concatenate([_motion(log["theta"][rows], every * log.dt) for rows in thinned])
+    y = np.concatenate([_changes(log["i_q"][rows]) for rows in thinned])
     taps, *_ = np.linalg.lstsq(x, y, rcond=1e-9)
     noise = float(np.mean((y - x @ taps) ** 2))
     filters = _filters(trace, step)
@@ -164,22 +164,27 @@ def _profile(log: Log, every: int, trace: Trace, with_dead_time: Trace | None) -
 
 def _filters(trace: Trace, step: int) -> Array:
     """The filter, a row for each tap, of every step-th row of a trace, by how late its current is logged."""
-    theta, current = np.unwrap(trace["theta_measured"])[::step], trace["i_q"]
+    columns = _motion(np.unwrap(trace["theta_measured"])[::step], step * trace.period)
+    current = trace["i_q"]
     late = np.arange(LATEST * step + 1)
     sides = []
     for rows in late:
         moved = np.concatenate((current[:1].repeat(rows), current[: len(current) - rows]))[::step]
-        columns, changes = _moves(theta, moved, step * trace.period)
-        sides.append(columns.T @ changes)
+        sides.append(columns.T @ _changes(moved))
     filters, *_ = np.linalg.lstsq(columns.T @ columns, np.transpose(sides), rcond=1e-12)
     fine = np.arange((len(late) - 1) * FINE + 1) / FINE
     return np.array([np.interp(fine, late, tap) for tap in filters])
 
 
-def _moves(theta: Array, current: Array, dt: float) -> tuple[Array, Array]:
-    """Changes of the speed in the rows before each, and that speed; and the change of the current."""
+def _motion(theta: Array, dt: float) -> Array:
+    """Changes of the speed in the rows before each, and that speed."""
     omega = np.diff(theta) / dt
     changes = np.diff(omega)
     rows = np.arange(TAPS - 1, len(changes))
     columns = [changes[rows - tap] for tap in range(TAPS)]
-    return np.column_stack((*columns, omega[rows - 1])), np.diff(current)[1:][rows]
+    return np.column_stack((*columns, omega[rows - 1]))
+
+
+def _changes(current: Array) -> Array:
+    """The change of the current in each row of `_motion`."""
+    return np.diff(current[TAPS:])
