@@ -90,7 +90,7 @@ class Layout:
         except (struct.error, OverflowError, TypeError):
             raise self._misfit(name, numbers) from None
 
-    def bits(self, name: str, data: bytes) -> tuple[int, ...]:
+    def bits(self, name: str, data: bytes | bytearray) -> tuple[int, ...]:
         """The bit pattern of every number of a struct, in memory order, without pointers."""
         if name not in self._bits:
             self._bits[name] = self._whole(name, SAME_BITS)

@@ -127,6 +127,12 @@ class AngleFunctions:
         """beta = D / K at the mechanical angle theta, A*s/rad."""
         return np.asarray(self.D / self.K.at(theta))
 
+    def waves(self, omega_m: float) -> Real:
+        """Amplitude of each whole order of that current, from order 0, which has twice its mean, A."""
+        points = 4 * max([*self.orders, 16])
+        current = self.current(np.arange(points) / points * TURN, omega_m)
+        return np.asarray(2 * np.abs(np.fft.rfft(current)) / points, dtype=float)
+
     @property
     def orders(self) -> set[int]:
         """The mechanical orders of K and of the torque; an angle table counts as order 1."""

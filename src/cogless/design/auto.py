@@ -30,10 +30,11 @@ import numpy as np
 from cogless.design.adrc import bandwidths
 from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import oscillation
+from cogless.design.commissioning import position_gain
 from cogless.design.current_loop import tuned
 from cogless.design.learning import LONGEST_LEAD, PeriodicLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop
-from cogless.design.margins import Complex, Real, margins_of
+from cogless.design.margins import Complex, Real
 from cogless.design.order_learning import OrderLoop
 from cogless.design.pi import gains, phase_margin_pi, speed_loop
 from cogless.design.ripple import ripple
@@ -61,7 +62,6 @@ LEARNED = 10  # periods after which the ripple that is left counts
 FREQUENCIES = 1000
 IN_PHASE = 0.02  # least cos arg X that counts as learning in the right direction
 MARGIN = 2.0  # of the gain on single orders, and of one in 1 / |omega| over a reference that stops
-SLOWER = 4.0  # the commissioning run's position loop / the speed loop's crossover, inverse
 
 Values = dict[str, Any]
 
@@ -182,12 +182,11 @@ def _anti_cogging(study: Study, name: str, law: AntiCogging) -> Values:
     loop = replace(speed_loop(study).rigid, window=0, bandwidth=0.0, delay=0.0, low_pass=0.0)
     w = np.array([1e-3 * math.pi / loop.period])
     lead = max(0.0, -float(np.angle(1j * loop.plant(w)[0][0])) / float(w[0]))
-    margins = margins_of(lambda w: speed_loop(study).rigid.response(w, *pi), loop.period, 2)
-    position_gain = margins.crossover / SLOWER
+    follows = position_gain(speed_loop(study).rigid, pi)
     highest = max([*known_orders(study, name), 1])
-    speed = position_gain / highest
+    speed = follows / highest
     turns = 1 + SETTLING
-    run = {"speed": speed, "revolutions": 1, "position_gain": position_gain}
+    run = {"speed": speed, "revolutions": 1, "position_gain": follows}
     cells = min(_cells(study, name), int(2 * math.pi * turns / speed / loop.period))
     return {"cells": cells, "lead": lead, "calibration": run}
 
@@ -359,10 +358,7 @@ def known_orders(study: Study, name: str) -> list[int]:
     """
     current: dict[int, float] = {}
     for key in _scenarios(study, name):
-        functions, speed = functions_in(study, key), study.scenario[key].top_reference
-        points = 4 * max([*functions.orders, 16])
-        needed = functions.current(np.arange(points) / points * math.tau, speed)
-        for n, wave in enumerate(np.abs(np.fft.rfft(needed)) / points):
+        for n, wave in enumerate(functions_in(study, key).waves(study.scenario[key].top_reference)):
             current[n] = max(current.get(n, 0.0), float(wave))
     largest = max((wave for n, wave in current.items() if n), default=0.0)
     found = [n for n, wave in current.items() if n and wave > 1e-3 * largest and largest > 0]

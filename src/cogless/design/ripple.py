@@ -129,13 +129,10 @@ def _sensor(loop: LearningLoop) -> Sampled | None:
 def _orders(loop: LearningLoop) -> tuple[Real, Real]:
     """Frequencies, Hz, of the orders of motor and load, and their amplitudes as currents, A."""
     assert loop.scenario is not None
-    functions = functions_in(loop.study, loop.scenario)
-    points = 4 * max([*functions.orders, 16])
-    current = functions.current(np.arange(points) / points * math.tau, loop.omega_m)
-    wave = 2 * np.abs(np.fft.rfft(current)) / points
+    wave = functions_in(loop.study, loop.scenario).waves(loop.omega_m)
     orders = np.flatnonzero(wave > 1e-9 * (1 + wave[0]))
     orders = orders[orders > 0]
-    return np.asarray(orders * abs(loop.omega_m) / math.tau), np.asarray(wave[orders], dtype=float)
+    return np.asarray(orders * abs(loop.omega_m) / math.tau), wave[orders]
 
 
 def _responses(loop: LearningLoop, feedback: Linear, f: Real) -> tuple[Complex, Complex]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 
 from cogless.design import verdict as learning
+from cogless.design.commissioning import commissioning_warning
 from cogless.design.feedback import unstable_feedback
 from cogless.design.harmonic import learner
 from cogless.design.map_size import map_warning
@@ -38,7 +39,7 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
 
 def notes(study: Study, name: str) -> list[str]:
     """Warnings of what a law, its map and its sensor cost or leave, one line each, key first."""
-    all_of = (map_warning, slow_warning, _less_margin, _not_learned, relay_warning)
+    all_of = (map_warning, slow_warning, _less_margin, _not_learned, relay_warning, commissioning_warning)
     found = (of(study, name) for of in all_of)
     return [f"controller.{name}: {line}" for line in found if line is not None]
 

@@ -1,0 +1,85 @@
+"""Whether the slow run that fills an anti-cogging table records the cogging: docs/laws/anti-cogging.md.
+
+In the run k_theta = position_gain stands before the law's PI, so that its open loop L is that of position.py.
+Against a current of order n the loop gives -T of it, with
+
+    T = L / (1 + L) at w = n omega_cal
+
+Backwards T leads by as much as it lags forwards. The table has the mean of both, -Re T, and leaves 1 - Re T.
+
+The run begins to record after 1/8 of a revolution, at t = (pi / 4) / omega_cal. Its reference has jumped by
+2 omega_cal when it turned back. Before the angle had caught up by the slowest pole, a = k_theta or k_i / k_p,
+it was 2 omega_cal / w_c behind. So the current that accelerates the rotor is 2 omega_cal a^2 / (w_c b) e^-at,
+and this is recorded, too.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cogless.design.angle_functions import functions_in
+from cogless.design.closed_loop import Linear, oscillation, poles
+from cogless.design.pi import SpeedLoop, gains, speed_loop
+from cogless.design.position import open_loop, position_margins
+from cogless.study import Study
+from cogless.study.controller import SETTLING, AntiCogging
+from cogless.study.spoken import speed_text
+
+SLOWER = 4.0  # the speed loop's crossover / that of the run's position loop
+HALF = 0.5  # share of the cogging current that a table leaves; more is hardly worth a table
+
+
+def position_gain(loop: SpeedLoop, pi: tuple[float, float]) -> float:
+    """A position loop that a speed loop with the gains kp and ki follows, 1/s."""
+    return position_margins(loop, Linear(1, pi[0], k_i=pi[1])).crossover / SLOWER
+
+
+def left(loop: SpeedLoop, feedback: Linear, w: float) -> float:
+    """Share that the table leaves of an order which the run meets at w in rad/s."""
+    L = open_loop(loop, feedback, np.array([w]))[0]
+    return abs(1 - float((L / (1 + L)).real))
+
+
+def unsettled(loop: SpeedLoop, feedback: Linear, speed: float) -> float:
+    """The current, A, that still accelerates the rotor where a run at `speed`, rad/s, begins to record."""
+    found = np.abs(poles(loop, feedback))
+    a = -math.log(float(np.max(found[found < 1 - 1e-9]))) / loop.period
+    w_c = position_margins(loop, Linear(1, feedback.k, k_i=feedback.k_i)).crossover
+    return 2 * speed * a**2 / (w_c * loop.b) * math.exp(-a * SETTLING * math.tau / speed)
+
+
+def commissioning_warning(study: Study, name: str) -> str | None:
+    """Warning of a run whose loop is unstable, or that is too fast to record the cogging; None if it does."""
+    law = study.controller[name]
+    if not isinstance(law, AntiCogging) or law.calibration is None:
+        return None
+    run, pi = law.calibration, gains(study, name)
+    for key in study.scenarios_of(name):
+        loop = speed_loop(study, key)
+        if oscillation(loop, Linear(1, pi[0], k_i=pi[1])):
+            continue  # with the run and without, which is told elsewhere
+        feedback, follows = Linear(1, pi[0], run.position_gain, pi[1]), position_gain(loop.rigid, pi)
+        swings = oscillation(loop, feedback)
+        its = f"its calibration run in {key}"
+        if swings:
+            way = f"position_gain = {follows:.3g} 1/s is a quarter of the crossover"
+            return f"{its} is unstable, at {swings.frequency:.3g} Hz; {way}"
+        wave = functions_in(study, key).waves(run.speed)[1:]
+        if not np.any(wave):
+            continue
+        orders = np.flatnonzero(wave > 1e-3 * np.max(wave)) + 1
+        needed = wave[orders - 1]
+        kept = needed * [left(loop, feedback, n * run.speed) for n in orders]
+        added = unsettled(loop, feedback, run.speed)
+        share = math.hypot(*kept, added) / math.hypot(*needed)
+        if share <= HALF:
+            continue
+        most = int(orders[np.argmax(kept)])
+        why = f"meets order {most} at {most * run.speed / math.tau:.3g} Hz"
+        if added > np.max(kept):
+            why = f"records {1e3 * SETTLING * math.tau / run.speed:.3g} ms after it turned, not settled yet"
+        slow = speed_text(study, follows / int(orders[-1]), 2)
+        return f"{its} {why}: the table leaves {share:.2g} of the ripple; a run at {slow} would do"
+    return None
