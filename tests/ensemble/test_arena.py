@@ -189,6 +189,14 @@ def test_a_plant_is_met_as_told_with_a_step_and_a_fault_and_three_times_otherwis
     ]
 
 
+def test_a_plants_own_reference_is_met_from_its_speed(tmp_path: Path) -> None:
+    base = load("uomodri")
+    assert isinstance(base, Study)
+    slow = arena(tmp_path, plant={"drone": {**PLANT, "reference": "61.3 rpm"}}).plant["drone"]
+    for scenario in arena_cases.scenarios(base, slow).values():
+        assert (scenario["reference"], scenario["initial_speed"]) == ("61.3 rpm", "61.3 rpm")
+
+
 def test_what_is_measured_of_a_plant_and_when(tmp_path: Path) -> None:
     study, _ = prepared(arena(tmp_path), "drone", ["bar"])
     spans = {metric.name: metric.window or metric.event for metric in study.metric}

@@ -71,9 +71,12 @@ def test_every_flipped_bit_is_refused() -> None:
 
 
 def test_every_cut_is_refused() -> None:
-    image = bytes(EXAMPLE)
+    image, header = bytes(EXAMPLE), stored_map.HEADER
     for length in range(len(image)):
-        with pytest.raises(MapError, match="no map" if length < 4 else "cut short"):
+        cut = f"cut short: expected {header} bytes of header, got {length}$"
+        if length >= header:
+            cut = f"cut short: expected {len(image)} bytes, got {length}$"
+        with pytest.raises(MapError, match="no map" if length < 4 else cut):
             decode(image[:length])
 
 

@@ -1144,6 +1144,10 @@ def test_plots(made, tmp_path, monkeypatch):
     }
     assert (tmp_path / "step-on-map.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(tmp_path.iterdir()) == sorted(written)
+    rows = {"waveforms": 4 * 1.7, "spectra": 2 * 2.6, "map": 2.6}  # in; spectra of speed and current
+    for kind, height in rows.items():
+        figure = next(figure for name, figure in figures.items() if f"low-speed-{kind}" in name)
+        assert figure.get_size_inches()[1] == pytest.approx(0.9 + height)
     # one legend below, each controller once, in the colour of its lines
     labels = [made.study.label(name) for name in made.study.controllers_in("low-speed")]
     figure = next(figure for name, figure in figures.items() if "low-speed-waveforms" in name)

@@ -57,6 +57,28 @@ def test_below_the_bus_no_current_flows_and_the_rotor_coasts(change: dict[str, A
         np.testing.assert_allclose(coast["omega_m"], coast["omega_m"][0] * decay, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("share", "flows"), [(0.98, False), (1.02, True)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_current_flows_as_soon_as_two_terminals_differ_by_more_than_the_bus(
+    share: float, flows: bool, sign: int
+) -> None:
+    """At any angle: sqrt(3) omega_e psi_f is the largest difference."""
+    speed = sign * share * 100.0 / (np.sqrt(3) * 4 * 0.05)
+    x = coasting(
+        {"initial_speed": speed, "reference": {"speed": speed}, "mechanics": {"inertia": 1.0},
+         "drive": {"integration_steps": 4}},
+        0.1,
+    )  # fmt: skip
+    coast = after(x, 5e-3)
+    assert coast["omega_m"][[0, -1]] == pytest.approx([speed, speed], rel=2e-3)
+    assert (amplitude(coast).max() > 1e-3) == flows
+    if flows:  # by each phase alike
+        theta_e = 4 * coast["theta_m"] - np.array([[0.0], [2.0], [-2.0]]) * np.pi / 3
+        phases = coast["i_d"] * np.cos(theta_e) - coast["i_q"] * np.sin(theta_e)
+        rms = np.sqrt(np.mean(phases**2, axis=1))
+        assert rms == pytest.approx(np.full(3, rms.mean()), rel=0.1)
+
+
 def test_a_current_dies_out_against_the_bus() -> None:
     """At rest the d axis' current falls by 2/3 of the bus over L_d."""
     i_d, bus = 12.0, 100.0
