@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,7 @@ import studies
 from cogless import load
 from cogless.design import ripple as module
 from cogless.design import space_learning
+from cogless.design.angle_functions import AngleFunctions
 from cogless.design.closed_loop import Linear, Oscillation
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import LearningLoop, _with_near, opened, sensitivity
@@ -341,7 +343,8 @@ def test_orders_of_motor_and_load_are_currents_at_a_speed(
     def current(theta: Real, omega_m: float) -> Real:
         return 5.0 + 0.3 * omega_m * np.sin(order * theta) + 1e-10 * np.cos(2 * theta)
 
-    functions = SimpleNamespace(orders={order}, current=current)
+    functions: Any = SimpleNamespace(orders={order}, current=current)
+    functions.waves = partial(AngleFunctions.waves, functions)
     monkeypatch.setattr(module, "functions_in", lambda study, scenario: functions)
     here: Any = SimpleNamespace(scenario="s", study=None, omega_m=-2.0)
     f, d = _orders(here)
