@@ -10,7 +10,7 @@ from browser import MISSING
 from node import NO_ENGINE, NO_NODE, module_file, run_node
 from test_live_engine import RUN, each_met, native
 from test_live_keys import same_bytes
-from test_live_page import same, sets_of, settle, text, type_into
+from test_live_page import same, sets_of, settle, show, text, type_into
 
 from cogless.design.from_study import design_study
 from cogless.errors import StudyError
@@ -161,9 +161,7 @@ def test_a_study_that_has_nothing_else_is_refused(tmp_path):
 
 @pytest.fixture
 def page(window, path):
-    window.devtools("Page.navigate", url="about:blank")
-    window.open(path, 1300)
-    settle(window, LONG)
+    show(window, path, LONG)
     yield window
     assert [entry["message"] for entry in window._post("/se/log", {"type": "browser"})] == []
 
