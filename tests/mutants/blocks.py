@@ -10,6 +10,8 @@ from typing import NamedTuple
 from mutants import c_code
 from mutants.switched import SWITCH
 
+HAVE_BLOCKS = (ast.stmt, ast.excepthandler, ast.match_case)  # in Python; no expression has any
+
 
 class Block(NamedTuple):
     """Block that runs if it is entered. A line of Python belongs to the last block that has it."""
@@ -43,7 +45,8 @@ def _of_python(node: ast.AST, inside: bool, lines: list[str]) -> Iterator[Block]
                 if not lines[begin.lineno - 1][: begin.col_offset].strip(" @"):
                     yield Block(first, field[-1].end_lineno or 0, begin.lineno)
     for child in ast.iter_child_nodes(node):
-        yield from _of_python(child, inside, lines)
+        if isinstance(child, HAVE_BLOCKS):
+            yield from _of_python(child, inside, lines)
 
 
 def _is_elif(orelse: list[ast.stmt], lines: list[str]) -> bool:
