@@ -10,10 +10,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from kept import kept, version
 
 ROOT = Path(__file__).parents[2]
 CONTROL = ROOT / "control"
 ARM, QEMU = shutil.which("arm-none-eabi-gcc"), shutil.which("qemu-system-arm")
+SHIPPED = sorted(p for p in CONTROL.rglob("*") if p.is_file() and "build" not in p.relative_to(CONTROL).parts)
+PATHS = [path.relative_to(CONTROL) for path in SHIPPED]  # a file that is moved is another package
 
 
 def run(*command: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -40,7 +43,13 @@ def install(cmake: str, build: Path, prefix: Path) -> None:
 def prefix(cmake: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The library as `cmake --install` puts it."""
     folder = tmp_path_factory.mktemp("installed")
-    install(cmake, folder / "build", folder / "prefix")
+
+    def packed(made: Path) -> None:
+        install(cmake, folder / "build", folder / "made")
+        shutil.make_archive(str(made.with_suffix("")), "zip", folder / "made")
+
+    archive = kept("installed.zip", [version(cmake), version("cc"), *PATHS], SHIPPED, packed)
+    shutil.unpack_archive(archive, folder / "prefix")
     return folder / "prefix"
 
 
@@ -164,8 +173,12 @@ def test_the_simplefoc_sketch_compiles(double: list[str], tmp_path: Path) -> Non
 
 
 def test_the_zephyr_module_builds(cmake: str, tmp_path: Path) -> None:
-    run(cmake, "-S", CONTROL / "tests" / "stand-ins" / "zephyr", "-B", tmp_path)
-    run(cmake, "--build", tmp_path, "-j2")
+    def built(made: Path) -> None:
+        run(cmake, "-S", CONTROL / "tests" / "stand-ins" / "zephyr", "-B", tmp_path)
+        run(cmake, "--build", tmp_path, "-j2")
+        shutil.copy(tmp_path / "module" / "libcogless.a", made)
+
+    kept("zephyr.a", [version(cmake), version("cc"), *PATHS], SHIPPED, built)
 
 
 @pytest.mark.skipif(ARM is None, reason="no arm-none-eabi-gcc")
@@ -185,7 +198,12 @@ def test_the_readme_has_the_states_sizes(tmp_path: Path) -> None:
 def test_the_bare_metal_example_learns_on_a_cortex_m4f(tmp_path: Path) -> None:
     shutil.copytree(CONTROL, tmp_path / "control", ignore=shutil.ignore_patterns("build"))
     folder = tmp_path / "control" / "examples" / "bare-metal"
-    run("make", cwd=folder)
+
+    def linked(made: Path) -> None:
+        run("make", cwd=folder)
+        shutil.copy(folder / "learn.elf", made)
+
+    shutil.copy(kept("learn.elf", [version(str(ARM)), *PATHS], SHIPPED, linked), folder / "learn.elf")
     if QEMU is None:
         pytest.skip("compiled; not run: no qemu-system-arm")
     ripple = turns(run("make", "-s", "run", cwd=folder).stdout)
