@@ -60,7 +60,8 @@ def test_a_table_leaves_in_simulation_what_is_predicted(tmp_path: Path, speed: f
     study = table(tmp_path, speed)
     loop, feedback = speed_loop(study, "low"), Linear(1, PI["kp"], K_THETA, PI["ki"])
     cogging = 4e-3 / (1.5 * 4 * 20e-3)  # A
-    predicted = math.hypot(left(loop, feedback, 24 * speed), unsettled(loop, feedback, speed) / cogging)
+    (share,) = left(loop, feedback, np.array([24 * speed]))
+    predicted = math.hypot(share, unsettled(loop, feedback, speed) / cogging)
     assert ripple(study, "t") / alone(tmp_path) == pytest.approx(predicted, rel=within)
 
 

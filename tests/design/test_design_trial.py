@@ -14,6 +14,7 @@ import trial_studies
 from design_plants import (
     START,
     Q,
+    Unseen,
     drive_train,
     mandra,
     mandra_settings,
@@ -540,21 +541,6 @@ def test_a_static_gain_points_where_the_loop_does(
     assert str(error.value) == told
 
 
-LOOPS: Any = []
-
-
-class Bundle:
-    """The responses of loops, where nothing looks at them."""
-
-    grid = np.zeros(1)
-
-    def __init__(self, *of: Any) -> None:
-        pass
-
-    def __call__(self, w: Any) -> None:
-        pass
-
-
 @pytest.mark.parametrize(
     ("works", "said"),
     [
@@ -569,7 +555,7 @@ def test_a_filter_that_would_do_is_told(
 ) -> None:
     monkeypatch.setattr(trial, "workable_cutoff", lambda loops, shift, *_: works.get(shift))
     plant, settings = SimpleNamespace(period=1e-3), SimpleNamespace(filter_order=2, samples=100)
-    assert trial._low_pass(LOOPS, plant, settings, 2) == said
+    assert trial._low_pass([], plant, settings, 2) == said
 
 
 FASTEST = "K_3 by frequency, for the smallest factor a trial"
@@ -603,12 +589,12 @@ def test_a_gain_by_frequency_says_how_fast_it_is(
     better: Any,
     note: str | None,
 ) -> None:
-    monkeypatch.setattr(trial, "Bundle", Bundle)
+    monkeypatch.setattr(trial, "Bundle", Unseen)
     monkeypatch.setattr(trial, "best_gain", lambda *of: (0.7 + len(of), worst))
     monkeypatch.setattr(trial, "butterworth", lambda *_: Filter(np.ones(1), np.ones(1)))
     monkeypatch.setattr(trial, "better_shift", lambda loops, r, q, shift, samples: better)
     plant: Any = SimpleNamespace(period=1e-3, relative_degree=2)
     settings: Any = SimpleNamespace(cutoff=cutoff, filtered=filtered, filter_order=2, samples=100)
-    found = trial._by_frequency(LOOPS, plant, settings, 3)
+    found = trial._by_frequency([], plant, settings, 3)
     with_filter = 2.7 if cutoff and filtered == "signal" else 1.7
     assert found == (None if note is None else (with_filter, note))

@@ -7,23 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from design_plants import Unseen
 
 from cogless.design import q_filter
 from cogless.design.q_filter import better_shift, workable_cutoff
-
-LOOPS: Any = []
-
-
-class Bundle:
-    """The responses of loops, where nothing looks at them."""
-
-    grid = np.zeros(1)
-
-    def __init__(self, *of: Any) -> None:
-        pass
-
-    def __call__(self, w: Any) -> None:
-        pass
 
 
 @pytest.mark.parametrize(
@@ -58,7 +45,7 @@ def test_another_shift_is_proposed_if_it_is_clearly_faster(
 
     monkeypatch.setattr(q_filter, "growth", growth)
     q: Any = SimpleNamespace(gain=lambda w: w)
-    assert better_shift(LOOPS, 1, q, 2, samples) == found
+    assert better_shift([], 1, q, 2, samples) == found
 
 
 @pytest.mark.parametrize(
@@ -77,7 +64,7 @@ def test_a_workable_cutoff_leaves_at_most_95_percent_at_the_ends_of_a_trial_too(
     monkeypatch: pytest.MonkeyPatch, worst: float, grows_above: float, cutoff: float | None, K_3: float | None
 ) -> None:
     """The factor is here the cutoff over `worst` Hz. Cutoffs of 0.001 to 0.49 of the rate are tried."""
-    monkeypatch.setattr(q_filter, "Bundle", Bundle)
+    monkeypatch.setattr(q_filter, "Bundle", Unseen)
     monkeypatch.setattr(
         q_filter, "butterworth", lambda cutoff, *_: SimpleNamespace(cutoff=cutoff, gain=lambda w: cutoff)
     )
@@ -89,5 +76,5 @@ def test_a_workable_cutoff_leaves_at_most_95_percent_at_the_ends_of_a_trial_too(
         return np.array([0.5, 0.96 if q.cutoff > grows_above else 0.95])
 
     monkeypatch.setattr(q_filter, "growth", growth)
-    found = workable_cutoff(LOOPS, 2, 2, 1e-3, 300, K_3)
+    found = workable_cutoff([], 2, 2, 1e-3, 300, K_3)
     assert found is None if cutoff is None else found == pytest.approx(cutoff, rel=7e-3)

@@ -21,10 +21,11 @@ import numpy as np
 
 from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import Linear, oscillation, poles
+from cogless.design.margins import Real
 from cogless.design.pi import SpeedLoop, gains, speed_loop
 from cogless.design.position import open_loop, position_margins
 from cogless.study import Study
-from cogless.study.controller import SETTLING, AntiCogging
+from cogless.study.controller import SETTLING, AntiCogging, Commissioning
 from cogless.study.spoken import speed_text
 
 SLOWER = 4.0  # the speed loop's crossover / that of the run's position loop
@@ -36,10 +37,10 @@ def position_gain(loop: SpeedLoop, pi: tuple[float, float]) -> float:
     return position_margins(loop, Linear(1, pi[0], k_i=pi[1])).crossover / SLOWER
 
 
-def left(loop: SpeedLoop, feedback: Linear, w: float) -> float:
-    """Share that the table leaves of an order which the run meets at w in rad/s."""
-    L = open_loop(loop, feedback, np.array([w]))[0]
-    return abs(1 - float((L / (1 + L)).real))
+def left(loop: SpeedLoop, feedback: Linear, w: Real) -> Real:
+    """Shares that the table leaves of orders which the run meets at w in rad/s."""
+    L = open_loop(loop, feedback, w)
+    return np.asarray(np.abs(1 - (L / (1 + L)).real))
 
 
 def unsettled(loop: SpeedLoop, feedback: Linear, speed: float) -> float:
@@ -55,31 +56,36 @@ def commissioning_warning(study: Study, name: str) -> str | None:
     law = study.controller[name]
     if not isinstance(law, AntiCogging) or law.calibration is None:
         return None
-    run, pi = law.calibration, gains(study, name)
-    for key in study.scenarios_of(name):
-        loop = speed_loop(study, key)
-        if oscillation(loop, Linear(1, pi[0], k_i=pi[1])):
-            continue  # with the run and without, which is told elsewhere
-        feedback, follows = Linear(1, pi[0], run.position_gain, pi[1]), position_gain(loop.rigid, pi)
-        swings = oscillation(loop, feedback)
-        its = f"its calibration run in {key}"
-        if swings:
-            way = f"position_gain = {follows:.3g} 1/s is a quarter of the crossover"
-            return f"{its} is unstable, at {swings.frequency:.3g} Hz; {way}"
-        wave = functions_in(study, key).waves(run.speed)[1:]
-        if not np.any(wave):
-            continue
-        orders = np.flatnonzero(wave > 1e-3 * np.max(wave)) + 1
-        needed = wave[orders - 1]
-        kept = needed * [left(loop, feedback, n * run.speed) for n in orders]
-        added = unsettled(loop, feedback, run.speed)
-        share = math.hypot(*kept, added) / math.hypot(*needed)
-        if share <= HALF:
-            continue
-        most = int(orders[np.argmax(kept)])
-        why = f"meets order {most} at {most * run.speed / math.tau:.3g} Hz"
-        if added > np.max(kept):
-            why = f"records {1e3 * SETTLING * math.tau / run.speed:.3g} ms after it turned, not settled yet"
-        slow = speed_text(study, follows / int(orders[-1]), 2)
-        return f"{its} {why}: the table leaves {share:.2g} of the ripple; a run at {slow} would do"
-    return None
+    found = (_warning(study, name, law.calibration, key) for key in study.scenarios_of(name))
+    return next((line for line in found if line is not None), None)
+
+
+def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> str | None:
+    loop, (kp, ki), its = (
+        speed_loop(study, scenario),
+        gains(study, name),
+        f"its calibration run in {scenario}",
+    )
+    if oscillation(loop, Linear(1, kp, k_i=ki)):
+        return None  # with the run and without, which is told elsewhere
+    feedback, follows = Linear(1, kp, run.position_gain, ki), position_gain(loop.rigid, (kp, ki))
+    swings = oscillation(loop, feedback)
+    if swings:
+        way = f"position_gain = {follows:.3g} 1/s is a quarter of the crossover"
+        return f"{its} is unstable, at {swings.frequency:.3g} Hz; {way}"
+    wave = functions_in(study, scenario).waves(run.speed)[1:]
+    orders = np.flatnonzero(wave > 1e-3 * np.max(wave)) + 1
+    if not len(orders):
+        return None
+    needed = wave[orders - 1]
+    kept = needed * left(loop, feedback, np.asarray(run.speed * orders, dtype=float))
+    added = unsettled(loop, feedback, run.speed)
+    share = math.hypot(*kept, added) / math.hypot(*needed)
+    if share <= HALF:
+        return None
+    most = int(orders[np.argmax(kept)])
+    why = f"meets order {most} at {most * run.speed / math.tau:.3g} Hz"
+    if added > np.max(kept):
+        why = f"records {1e3 * SETTLING * math.tau / run.speed:.3g} ms after it turned, not settled yet"
+    slow = speed_text(study, follows / int(orders[-1]), 2)
+    return f"{its} {why}: the table leaves {share:.2g} of the ripple; a run at {slow} would do"

@@ -40,9 +40,11 @@ def switching(study: Study, scenario: str, name: str) -> Switching | None:
 
     None if it has no relay, if the feedback is unstable, or if nothing makes the relay turn back.
     """
-    law, loop = study.controller[name], speed_loop(study, scenario)
-    feedback = feedback_of(study, name)
-    if not isinstance(law, RobustIlc) or not law.g or feedback is None or oscillation(loop, feedback):
+    law = study.controller[name]
+    if not isinstance(law, RobustIlc) or not law.g:
+        return None
+    loop, feedback = speed_loop(study, scenario), feedback_of(study, name)
+    if feedback is None or oscillation(loop, feedback):
         return None
     w = np.geomspace(1e-4, 1, POINTS) * math.pi / loop.period
     P, _ = loop.plant(w)
@@ -63,14 +65,11 @@ def switching(study: Study, scenario: str, name: str) -> Switching | None:
 
 def relay_warning(study: Study, name: str) -> str | None:
     """Warning of a relay that makes more ripple than the feedback beside it leaves; None if it makes less."""
-    law = study.controller[name]
-    if not isinstance(law, RobustIlc) or not law.g:
-        return None
     for key in study.scenarios_of(name):
-        made, loops = switching(study, key, name), judged(study, key, name)
-        if made is None or not loops:
+        made = switching(study, key, name)
+        if made is None:
             continue
-        left = max(ripple(loop, 0.0).without for loop in loops)
+        left = max((ripple(loop, 0.0).without for loop in judged(study, key, name)), default=math.inf)
         if made.ripple > left:
             alone, beside = (f"{speed_text(study, omega, 2)} rms" for omega in (made.ripple, left))
             switches = f"in {key} its relay switches at {made.frequency:.3g} Hz and makes {alone} of ripple"
