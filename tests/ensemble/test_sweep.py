@@ -523,10 +523,9 @@ def test_killed_and_started_again(tmp_path: Path, expected: bytes) -> None:
 @contextmanager
 def cluster(workers: int) -> Iterator[Any]:
     distributed = pytest.importorskip("distributed", reason="needs the extra cogless[dask]")
-    dask = pytest.importorskip("dask")
     options = {"n_workers": workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    forks = {"distributed.worker.multiprocessing-method": "fork"}  # else each worker imports all anew
-    with dask.config.set(forks), distributed.LocalCluster(**options) as found:
+    # as Dask starts them: a fork would keep what this process's other threads had locked, and may hang
+    with distributed.LocalCluster(**options) as found:
         yield found
 
 
