@@ -1,4 +1,4 @@
-"""Filters of our own against scipy.signal's, bit for bit."""
+"""Filters of our own against scipy.signal's, within rounding: its own bits change from release to release."""
 
 import numpy as np
 import pytest
@@ -10,19 +10,19 @@ from cogless.design.q_filter import butterworth
 
 @pytest.mark.parametrize("order", range(1, 9))
 @pytest.mark.parametrize("cutoff", [1e-3, 0.05, 0.3, 0.9])
-def test_butterworth_has_scipys_bits(order: int, cutoff: float) -> None:
+def test_butterworth_is_that_of_scipy(order: int, cutoff: float) -> None:
     for ours, theirs in zip(butterworth_polynomials(order, cutoff), butter(order, cutoff), strict=True):
-        assert np.array_equal(ours, theirs)
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12)
 
 
 @pytest.mark.parametrize("order", [1, 2, 5])
-def test_signals_come_out_with_scipys_bits(order: int) -> None:
+def test_signals_come_out_as_of_scipy(order: int) -> None:
     b, a = butter(order, 0.2)
     x = np.random.default_rng(order).normal(size=(3, 200))
-    assert np.array_equal(forward_and_backward(b, a, x), filtfilt(b, a, x))
+    np.testing.assert_allclose(forward_and_backward(b, a, x), filtfilt(b, a, x), rtol=0, atol=1e-11)
     other, slow = butter(order, 0.05)
     alone = [lfilter(b, a, x[0]), lfilter(other, slow, x[1])]
-    assert np.array_equal(forward(np.array([b, other]), np.array([a, slow]), x[:2]), alone)
+    np.testing.assert_allclose(forward(np.array([b, other]), np.array([a, slow]), x[:2]), alone, rtol=0, atol=1e-11)
 
 
 def test_a_constant_passes_both_ways_unchanged_from_its_first_sample() -> None:

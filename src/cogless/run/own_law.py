@@ -119,8 +119,10 @@ def describe(error: BaseException, path: Path | None) -> str:
     message = " ".join(str(error).split())
     if message in (NOT_A_NUMBER, RETURNS):
         return f"{path.name}: {RETURNS}" if path else RETURNS
+    if isinstance(error, AttributeError) and type(error.obj).__name__ == "LawInput":
+        message = _unknown_field(message, type(error.obj))
     kind = "" if isinstance(error, RuntimeError) and message else f"{type(error).__name__}: "
-    return f"{_line(error, path)}{kind}{message}".rstrip(": ") + _fields(error)
+    return f"{_line(error, path)}{kind}{message}".rstrip(": ")
 
 
 def _line(error: BaseException, path: Path | None) -> str:
@@ -130,12 +132,11 @@ def _line(error: BaseException, path: Path | None) -> str:
     return f"{path.name} line {lines[-1]}: " if path and lines else ""
 
 
-def _fields(error: BaseException) -> str:
-    """List of the valid fields, if the exception is about an unknown field of a law's inputs; else empty."""
-    inputs = error.obj if isinstance(error, AttributeError) else None
-    if type(inputs).__name__ != "LawInput":
-        return ""
-    return f": expected one of {', '.join(name for name in vars(type(inputs)) if not name.startswith('_'))}"
+def _unknown_field(message: str, inputs: type) -> str:
+    """The message about an unknown field of a law's inputs, with its valid ones; the class by its name alone
+    (Python 3.13 says its module too)."""
+    fields = ", ".join(name for name in vars(inputs) if not name.startswith("_"))
+    return f"{message.replace(f'{inputs.__module__}.', '')}: expected one of {fields}"
 
 
 def _find(study: AnyStudy, key: str, file: str, shown: str | None = None) -> Path:
