@@ -195,6 +195,21 @@ def test_fast_rotors_equal_the_reference(seed, cells, share, fastest, lead, way)
         assert abs(memory.map() - [cell[0] for cell in reference.map]).max() < 1e-11
 
 
+def test_where_a_lead_stands_still_the_correction_before_goes_on_from_there():
+    """A rotor that speeds up as a place three samples ago does: two units a step, then three of them."""
+    reference = AngleMemory(cells=50, lead=3, limit=[9.0])
+    memory = CMemory(control_library("double"), reference)
+    unit, place = WHOLE // 500, WHOLE // 5
+    for correction, units in [(0.0, 0), (0.0, 2), (1.0, 2), (5.0, 3), (2.0, 3), (2.0, 3)]:
+        place += units * unit
+        theta = (place + 0.5) / WHOLE * 2 * math.pi
+        got, _ = memory.step(theta, 0.0, True, [correction])
+        expected, _ = reference.step(theta, 0.0, True, [correction])
+        assert got == pytest.approx(expected, abs=1e-11)
+        assert memory.map() == pytest.approx([cell[0] for cell in reference.map], abs=1e-9)
+    assert 1.0 < max(abs(memory.map())) <= 2.0  # the 5 of the place that stood still is never written
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_single_stays_within_rounding(seed):
     """A place is the same integer in both. What is recalled is a sum of 2 m + 1 entries, gathered anew after

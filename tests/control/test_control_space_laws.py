@@ -325,6 +325,18 @@ def test_the_hand_over_is_smooth(kind):
     assert steps[2999:].max() < 3 * max(1.5 / 500, steps[2000:2990].max())
 
 
+@pytest.mark.parametrize("ramp", [0.0, 0.5])
+def test_nothing_is_handed_over_before_the_first_sample_that_learns(ramp):
+    """Even where learning begins at once: until then the integral alone holds the load."""
+    memory = AngleMemory(cells=64, q_half_width=1, limit=[5.0], ratio=RATIO)
+    c = CLaw(control_library("double"), position_law(memory, hand_over=True, ramp=ramp, k_i=20.0))
+    for n in range(100):
+        c.step(PositionInput(2.0 * TS * n, 2.0, 0.0, 2.0 * TS * n - 0.01, 2.0, False))
+    # the error of RATIO times 0.01 rad, times k_theta and k_i, for 100 samples
+    assert c.state.terms.integral == pytest.approx(20.0 * 5.0 * RATIO * 0.01 * 100 * TS, rel=1e-6)
+    assert c.state.terms.alpha == 0.0
+
+
 # ---- what the laws do
 
 
