@@ -61,11 +61,8 @@ def commissioning_warning(study: Study, name: str) -> str | None:
 
 
 def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> str | None:
-    loop, (kp, ki), its = (
-        speed_loop(study, scenario),
-        gains(study, name),
-        f"its calibration run in {scenario}",
-    )
+    loop, (kp, ki) = speed_loop(study, scenario), gains(study, name)
+    its = f"its calibration run in {scenario}"
     if oscillation(loop, Linear(1, kp, k_i=ki)):
         return None  # with the run and without, which is told elsewhere
     feedback, follows = Linear(1, kp, run.position_gain, ki), position_gain(loop.rigid, (kp, ki))
