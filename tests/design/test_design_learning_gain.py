@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 from design_plants import START, Q, R, drive_train, mandra, speed
@@ -19,6 +21,7 @@ from cogless.design.state_feedback import guaranteed_cost
 
 K_S = np.array([-99.4484, -0.9270, 1.3916])
 G = 0.1
+Corner = tuple[float, float]
 
 
 def loops_of(plant: UncertainPlant, K_s: Real, models: list[Model] | None = None) -> list[Loop]:
@@ -175,6 +178,30 @@ def test_relative_degree_one() -> None:
     assert found.affine
     assert found.check.passed
     assert factor(Bundle(loops, 1)(grid()), found.K_3).max() < 1
+
+
+@pytest.mark.parametrize(
+    ("mass", "damping", "change"),
+    [
+        ((2.0, 3.5), (4.0, 6.0), [0.01, 0.0, 0.0]),  # the solver stalls in the first coordinates
+        ((0.2, 0.24), (0.3, 0.45), [0.0, 0.5, 0.01]),
+        ((0.02, 0.033), (0.05, 0.08), [0.5, 0.5, 0.0]),
+    ],
+)
+def test_a_gain_is_found_for_axes_of_other_sizes(mass: Corner, damping: Corner, change: list[float]) -> None:
+    """Learning is slow, a certificate's Lyapunov matrices are far from those that the scaling expects."""
+
+    def axis(p: Mapping[str, float]) -> tuple[list[list[float]], list[list[float]]]:
+        return [[0, 1], [0, -p["damping"] / p["mass"]]], [[0], [0.5 * mass[0] / p["mass"]]]
+
+    plant = from_parameters(axis, {"mass": mass, "damping": damping}, [1, 0], 8e-3, "euler")
+    size = 1e4 / 8e-3**2
+    K_s = guaranteed_cost(plant, np.diag([size, size * 4e-5, size * 6e-5]), 1.0, START, True).K_s
+    *loops, nominal = loops_of(plant, K_s)
+    found = learning_gain(loops, nominal, 2, np.array(change), G)
+    assert found.check.passed
+    everywhere = Bundle(loops_of(plant, K_s, plant.random[0]), 2)(grid())
+    assert factor(everywhere, found.K_3).max() < 1
 
 
 def test_one_state_in_closed_form() -> None:

@@ -7,7 +7,8 @@ the first trial with e_0 = g adds at most beta_2. So one of each adds at most be
 Scaling. The block e_{k+1} of (28) with U is a bounded-real condition with the supply p |e_k|^2 - (1 + p)
 |e_{k+1}|^2. It needs max |F|^2 <= p / (1 + p). So a frequency sweep finds the K_3 with the smallest max |F|,
 which gives the size of p. The bounded-real Riccati equation of the nominal loop then gives the size of P_1.
-The sweep also shows when there is no solution.
+Where that scales badly, the solver's last iterate scales the next attempt. The sweep also shows when there is
+no solution.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from cogless.design.model import Model, Real
 from cogless.design.response import Bundle, Complex, Loop, best_gain, direction
 
 MIXTURES = 100
+RESCALED = 4  # attempts, each in coordinates from the attempt before
 FEWEST, MOST = 1024, 8192  # limits of the number of frequencies in `cost`
 
 
@@ -108,16 +110,18 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
     if worst >= 1 - 1e-9:
         raise DesignError(_impossible(direction(G) * G, bundle.grid, nominal))
     vertices, affine, note = mapped(loops, r)
-    T = _scaling(nominal, r, start, worst)
-    tries = (_solve(vertices, spread * T, f, g, 1 / start) for spread in (1.0, 0.3, 3.0))
-    found = next((solution for solution in tries if solution is not None), None)
-    if found is None:
-        raise DesignError(
-            f"K_3: no certificate by (35), although with a gain of {start:.4g} no vertex and frequency keeps "
-            f"more than {worst:.4g} of its error; expected a smaller range, or K_3 as a number"
-        )
-    K_3, bounds, result, status = found
-    return LearningGain(K_3, bounds, result, status, affine, note)
+    scaling: tuple[Real, float] | None = (_scaling(nominal, r, start, worst), 1.0)
+    for _ in range(RESCALED):
+        if scaling is None:
+            break
+        found, scaling = _solve(vertices, *scaling, f, g, 1 / start)
+        if found is not None:
+            K_3, bounds, result, status = found
+            return LearningGain(K_3, bounds, result, status, affine, note)
+    raise DesignError(
+        f"K_3: no certificate by (35), although with a gain of {start:.4g} no vertex and frequency keeps "
+        f"more than {worst:.4g} of its error; expected a smaller range, or K_3 as a number"
+    )
 
 
 def check(
@@ -216,10 +220,15 @@ def _scaling(nominal: Loop, r: int, K: float, worst: float) -> Real:
     return np.asarray(unit[:, None] * T)
 
 
+_Found = tuple[float, tuple[float, float], Check, str]
+
+
 def _solve(
-    vertices: Sequence[Vertex], T: Real, f: Real, g: float, unit: float
-) -> tuple[float, tuple[float, float], Check, str] | None:
-    """Solves (32) to (35) in the coordinates eta = T eta~, with v scaled by `unit`; None if `check` fails."""
+    vertices: Sequence[Vertex], T: Real, s: float, f: Real, g: float, unit: float
+) -> tuple[_Found | None, tuple[Real, float] | None]:
+    """Solves (32) to (35) in the coordinates eta = T eta~, e = s e~, with v scaled by `unit`; None if `check`
+    fails. Also returns the T and s for which this solution's P_j are about the identity, for another attempt.
+    """
     n = len(f)
     inverse = np.linalg.inv(T)
     start = (inverse @ f) / g
@@ -237,15 +246,15 @@ def _solve(
         G_1, G_2, W, Y = sorted_out(x)
         Y_1, Y_2 = Y[k]
         moved = (inverse @ vertex.A @ T) @ G_1
-        driven = (inverse @ vertex.B / unit) @ W
-        seen = -(vertex.Gamma @ T) @ G_1
-        left = G_2 - vertex.Upsilon / unit * W
+        driven = (inverse @ vertex.B / unit * s) @ W
+        seen = -(vertex.Gamma @ T) @ G_1  # in e, as `left` is; the fourth row is in e~
+        left = (G_2 - vertex.Upsilon / unit * W) * s
         return np.block(
             [
-                [G_1 + G_1.T - Y_1, column, moved.T, seen.T, seen.T],
-                [row, 2 * G_2 - Y_2, driven.T, left, left],
+                [G_1 + G_1.T - Y_1, column, moved.T, seen.T / s, seen.T],
+                [row, 2 * G_2 - Y_2, driven.T, left / s, left],
                 [moved, driven, Y_1, column, column],
-                [seen, left, row, Y_2, zero],
+                [seen / s, left / s, row, Y_2, zero],
                 [seen, left, row, zero, one],
             ]
         )
@@ -254,23 +263,24 @@ def _solve(
         return np.block([[x[0], start[None, :]], [start[:, None], sorted_out(x)[3][k][0]]])
 
     def second_cost(k: int, *x: Real) -> Real:
-        return np.block([[x[1], one], [one, sorted_out(x)[3][k][1]]])
+        return np.block([[x[1], one / s], [one / s, sorted_out(x)[3][k][1]]])
 
     blocks: list[Callable[..., Real]] = []
     for k, vertex in enumerate(vertices):
         blocks += [partial(of_vertex, vertex, k), partial(first_cost, k), partial(second_cost, k)]
     status, x = minimise(unknowns, blocks)
     if x is None:
-        return None
+        return None, None
     _, G_2, W, Y = sorted_out(x)
-    K_3 = float(W[0, 0] / G_2[0, 0] / unit)
     try:
-        P = [np.linalg.inv(np.block([[Y_1, column], [row, Y_2]])) for Y_1, Y_2 in Y]
+        mean_1, mean_2 = (np.mean(each, axis=0) for each in zip(*Y, strict=True))
+        scaling = T @ np.linalg.cholesky(mean_1), s * float(np.linalg.cholesky(mean_2)[0, 0])
+        P = [np.linalg.inv(np.block([[Y_1, column], [row, Y_2 * s**2]])) for Y_1, Y_2 in Y]
+        K_3 = float(W[0, 0] / G_2[0, 0] / unit)
         first = g * g * max(float(start @ p[:n, :n] @ start) for p in P)
         second = g * g * max(float(p[n, n]) for p in P)
         result = check(vertices, K_3, P, T, f, g, (first + second) * (1 + 1e-9))
     except np.linalg.LinAlgError:
-        return None
-    if not np.isfinite(K_3) or not result.passed:
-        return None
-    return K_3, (first, second), result, status
+        return None, None
+    found = (K_3, (first, second), result, status) if np.isfinite(K_3) and result.passed else None
+    return found, scaling

@@ -21,6 +21,8 @@ STATUS = {  # Clarabel's, of those that come with a solution
     "Solved": "optimal",
     "AlmostSolved": "optimal_inaccurate",
     "MaxIterations": "user_limit",
+    "InsufficientProgress": "stalled",
+    "NumericalError": "stalled",
 }
 
 
@@ -60,7 +62,8 @@ def minimise(
     """Minimises the weighted sum such that all blocks are positive semidefinite.
 
     A block is an affine function of the unknowns, its value a symmetric matrix. Returns the status, such as
-    "optimal" or "optimal_inaccurate", and the unknowns' values, or "failed" and None.
+    "optimal" or "stalled", and the unknowns' values, or "failed" and None. Values of any status may be wrong:
+    check them.
     """
     import clarabel
     from scipy.sparse import csc_matrix
