@@ -1,8 +1,8 @@
 """Poles of a sampled position or speed loop: whether it is stable, and how fast an oscillation grows if not.
 
 The state is the plant's x of pi.py, x' = A x + B i_ref from one sample of the law to the next, with the
-angles that the sensor remembers, the integral, a filter's states, and a delay's past speeds and angles. The
-feedback is
+integral, the angles that the sensor remembers or its observer's state, a filter's states, and a delay's past
+speeds and angles. The feedback is
 
     i_ref = -(C + sum R) omega_t - k_v ratio theta,    omega_t = ratio (omega + k_theta theta)
     C = k + k_i T z / (z - 1) + k_r T / (z - 1) (1 + c T z / (z - 1))
@@ -21,6 +21,7 @@ from functools import lru_cache
 import numpy as np
 
 from cogless.design.margins import Complex, Real
+from cogless.design.observer import observer_step
 from cogless.design.pi import SpeedLoop, pi_response
 
 ALMOST = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
@@ -86,21 +87,23 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     """Closed-loop poles in z at the law's sample rate, with those of integrators outside any feedback."""
     whole, states, (speed, angle) = loop.step_of(loop.steps), loop.states, loop.sensed
     samples = -(-loop.window // loop.steps)  # over which the sensor looks back
-    first = states + 1 + samples
+    first = states + 1 + (3 if loop.bandwidth else samples)
     filtered = first + 2 * len(resonators)
     delayed, late = filtered + 2 * bool(loop.low_pass), loop.delay / loop.period
     back = int(late + ROUNDING)  # whole samples
     held = back + 1 if loop.delay else 0
     summed = delayed + 2 * held
-    # x, the integral, past angles, resonators' states in a fixed frame, the filter, past speeds and angles,
-    # the integral in S and the sum of S
+    # x, the integral, past angles or the observer's state, resonators' states in a fixed frame, the filter,
+    # past speeds and angles, the integral in S and the sum of S
     size = summed + 2 * bool(feedback.k_r)
 
     def unit(n: int) -> Real:
         return np.asarray(np.eye(size)[n])
 
     omega = unit(speed)
-    if samples:
+    if loop.bandwidth:
+        omega = unit(states + 2) / loop.current.period
+    elif samples:
         omega = (unit(angle) - unit(first - 1)) / (loop.window * loop.current.period)
     step = np.zeros((size, size))
     if loop.low_pass:
@@ -139,7 +142,16 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     step[:states, :states] = whole[:states, :states]
     step[:states] += np.outer(whole[:states, states], wanted)
     step[states] = integral
-    if samples:
+    if loop.bandwidth:
+        M, gains = observer_step(loop.bandwidth, loop.current.period)
+        seen = np.eye(size)[states + 1 : first]
+        for n in range(1, loop.steps + 1):
+            then = loop.step_of(n)[angle]
+            theta_n = then[states] * wanted
+            theta_n[:states] += then[:states]
+            seen = M @ seen + np.outer(gains, theta_n)
+        step[states + 1 : first] = seen
+    elif samples:
         then = loop.step_of(samples * loop.steps - loop.window)[angle]
         step[states + 1, :states] = then[:states]
         step[states + 1] += then[states] * wanted
