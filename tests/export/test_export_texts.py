@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
 from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from string import Template
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +20,7 @@ from cogless.export.c.extras import extras, parts
 from cogless.export.c.subject import Subject
 from cogless.export.c.texts import (
     _figures,
+    _left_out_check,
     _matrix,
     _precision_check,
     _reset_comment,
@@ -250,6 +255,19 @@ def test_the_precision_is_checked_by_the_compiler() -> None:
     single, double = error.format("single", "without"), error.format("double", "with")
     assert _precision_check(False) == f'#ifdef COGLESS_DOUBLE\n#error "{single}'
     assert _precision_check(True) == f'#ifndef COGLESS_DOUBLE\n#error "{double}'
+
+
+def test_a_macro_that_is_missing_is_told_by_the_compiler(tmp_path: Path) -> None:
+    """Before an include of a file that is left out can fail."""
+    macro = "COGLESS_NO_DELAY_LINE"
+    header = Template(files("cogless.export").joinpath("assets", "c", "controller.h").read_text())
+    (tmp_path / "it.h").write_text(header.safe_substitute(macro_checks=_left_out_check(macro)))
+    run = ["cc", "-fsyntax-only", "-x", "c", "it.h"]
+    said = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True).stderr
+    wanted = f'#error "files of the library are left out here: compile every file with {macro}"'
+    assert wanted in said and said.index(wanted) < said.index("drive.h")
+    given = subprocess.run([*run, f"-D{macro}"], cwd=tmp_path, capture_output=True, text=True).stderr
+    assert "#error" not in given
 
 
 @pytest.mark.parametrize(

@@ -52,15 +52,22 @@ class Subject:
     @property
     def defines(self) -> list[str]:
         """Macros with which every file is compiled: of the precision, and of parts that aren't used."""
-        own = {"COGLESS_DOUBLE": self.precision == "d", "COGLESS_NO_GUARD": self.drive_config["unguarded"]}
-        own["COGLESS_NO_DELAY_LINE"] = self._kind == "CGL_MEMORY_ANGLE"
-        return [name for name, wanted in own.items() if wanted]
+        return ["COGLESS_DOUBLE"] * (self.precision == "d") + list(self.left_out)
+
+    @property
+    def left_out(self) -> dict[str, set[str]]:
+        """Macros that leave out parts of the control library, each with the files that aren't needed then."""
+        parts: dict[str, set[str]] = {}
+        if self.drive_config["unguarded"]:
+            parts["COGLESS_NO_GUARD"] = {"guard.c"}
+        if self._kind == "CGL_MEMORY_ANGLE":
+            parts["COGLESS_NO_DELAY_LINE"] = {"delay_line.c", "delay_line.h"}
+        return parts
 
     @property
     def unused(self) -> set[str]:
         """Files of the control library that these macros leave out."""
-        parts = {"COGLESS_NO_GUARD": {"guard.c"}, "COGLESS_NO_DELAY_LINE": {"delay_line.c", "delay_line.h"}}
-        return set().union(*(parts.get(name, set()) for name in self.defines))
+        return set().union(*self.left_out.values())
 
     @property
     def _kind(self) -> str | None:

@@ -74,7 +74,7 @@ def _words(subject: Subject) -> dict[str, str]:
         "command": s.command,
         "law": str(getattr(s.study.controller[s.controller], "law", s.law.name)),
         "precision": "double: define COGLESS_DOUBLE for every file" if double else "single",
-        "precision_check": _precision_check(double),
+        "macro_checks": "\n".join([_precision_check(double), *map(_left_out_check, s.left_out)]),
         "defines": "".join(f", `-D{name}`" for name in s.defines),
         "flags": " ".join([FLAGS, *(f"-D{name}" for name in s.defines)]),
         "rate": rate,
@@ -123,6 +123,13 @@ def _precision_check(double: bool) -> str:
     return (
         f'{condition} COGLESS_DOUBLE\n#error "the study computes in {kind} precision: compile every file '
         f'{expected} COGLESS_DOUBLE"\n#endif'
+    )
+
+
+def _left_out_check(macro: str) -> str:
+    return (
+        f"#ifndef {macro}\n"
+        f'#error "files of the library are left out here: compile every file with {macro}"\n#endif'
     )
 
 
