@@ -165,7 +165,7 @@ class Certificate:
         """The certificate in one line."""
         base, rpm = self.learner.base, 30 / math.pi
         if not self.speeds:
-            return "no reference moves fast enough for it to learn"
+            return f"not judged: no reference turns order {base} by {FROM:g} rad a sample"
         bound = "any rate" if self.rate_most is None else f"rates to {self.rate_most:.3g} 1/s"
         orders = f"orders {base} k to {base * self.learner.orders} settle at {bound}"
         found = [
