@@ -200,7 +200,7 @@ private:
     // And after it.
     void actuate(DriveState& state) const;
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
-    // Resets everything but the law and the noise to the phase's initial state.
+    // Resets everything but the law and the noise to the initial state of this phase of the run.
     void restart(DriveState& state, const Phase& phase) const;
     void advance_trials(DriveState& state, Recorder& recorder, std::int64_t end, Controller* other) const;
     void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,

@@ -30,7 +30,7 @@ public:
     virtual std::uint32_t step(double h) = 0;
 };
 
-// A set of the processor's instructions, and how many lanes are computed with it.
+// An instruction set of the processor, such as AVX2, and how many lanes it computes at once.
 struct LaneKernel {
     std::string name;
     std::size_t lanes;

@@ -149,7 +149,7 @@ private:
 struct CallbackLaw {
     struct State {};
     std::function<Command(const LawInput&)> function;
-    // empty if there is none, as are the next ones
+    // This and the next functions are empty if the law has none.
     std::function<void(const std::vector<cgl_real>&)> begin_function = {};  // of a trial
     std::function<void()> end_function = {};
     std::function<double()> learned_function = {};

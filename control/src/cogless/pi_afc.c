@@ -4,7 +4,7 @@
 #include "range.h"
 #include "sine.h"
 
-#define LEAK CGL_R(12.5) /* 2.5 times the gain per kp where all but a fifth is forgotten */
+#define LEAK CGL_R(12.5) /* 2.5 / (1 - 0.8): 2.5 gain / kp where the guard's step leaves 0.8 of what is learned */
 
 static bool is_rising(const cgl_pi_afc_config *config)
 {

@@ -117,7 +117,7 @@ cgl_real cgl_clamped(cgl_real x, cgl_real limit);
 }
 #endif
 
-/* The same: a call only for an x that is not within. */
+/* cgl_clamped(), called only for an x that is not within. */
 static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
 {
     return CGL_OFTEN(cgl_is_within(x, limit)) ? x : cgl_clamped(x, limit);

@@ -50,8 +50,8 @@ typedef struct {
     cgl_real last_omega_ref;    /* [rad/s] */
     bool started;               /* last_omega_ref is valid */
     bool saturated;             /* the last output was at its limit */
-    uint32_t gentle;            /* how gently it learns, as the guard says */
-    cgl_real q, beta_1;         /* and what that leaves of those */
+    uint32_t gentle;            /* the guard's step */
+    cgl_real q, beta_1;         /* as that step reduces them */
     cgl_robust_ilc_terms terms; /* of the last step */
 } cgl_robust_ilc;
 

@@ -82,7 +82,7 @@ def run(
                 failures.append(error)
     if results.runs:
         print_tables(results)
-        if not isinstance(loaded, TrialStudy):  # trial studies have certificates in the report
+        if not isinstance(loaded, TrialStudy):  # of trials the report has certificates
             print_warnings(loaded, [(run.scenario, run.controller) for run in results.runs])
         if not any(not isinstance(failure, RunError) for failure in failures):
             print(f"Report: {folder / 'report.html'}")

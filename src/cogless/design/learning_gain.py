@@ -4,9 +4,10 @@ docs/theory/trial-design.md#learning-as-a-repetitive-process has the inequalitie
 squares of all later errors. Each trial that starts with eta(0) = f adds at most beta_1 to it. Each sample of
 the first trial with e_0 = g adds at most beta_2. So one of each adds at most beta_1 + beta_2.
 
-Scaling. The block e_{k+1} of (28) with U is a bounded-real condition with the supply p |e_k|^2 - (1 + p)
-|e_{k+1}|^2. It needs max |F|^2 <= p / (1 + p). So a frequency sweep finds the K_3 with the smallest max |F|,
-which gives the size of p. The bounded-real Riccati equation of the nominal loop then gives the size of P_1.
+Scaling. For f = 0, (28) says that the loop stores less than it is supplied with, p |e_k|^2 - (1 + p)
+|e_{k+1}|^2 a sample, where p is P_2. It needs max |F|^2 <= p / (1 + p). So a frequency sweep finds the K_3
+with the smallest max |F|, which gives the size of p. The bounded-real Riccati equation of the nominal loop
+then gives the size of P_1, the matrix of what is stored.
 Where that scales badly, the solver's last iterate scales the next attempt. The sweep also shows when there is
 no solution.
 """

@@ -31,7 +31,7 @@ def observed(w: Real, bandwidth: float, period: float) -> Complex:
 
 
 def counting_window(bandwidth: float, period: float) -> float:
-    """Window, s, whose counts have as much noise of the speed as the observer, from the same steps."""
+    """Length, s, of a counting window whose speed is as noisy as the observer's, from the same steps."""
     circle = np.linspace(0, math.pi / period, 4097)
     return math.sqrt(
         2 / float(np.trapezoid(np.abs(observed(circle, bandwidth, period)) ** 2, circle) / circle[-1])

@@ -50,7 +50,7 @@ def switching(study: Study, scenario: str, name: str) -> Switching | None:
     P, _ = loop.plant(w)
     closed = 1 / (1 + feedback.response(w, loop.period) * P)
     W = pi_response(w, loop.period, 1.0, law.c) * P * closed
-    turned = np.append((W.imag[:-1] < 0) != (W.imag[1:] < 0), True)  # W is real at half the sampling rate
+    turned = np.append((W.imag[:-1] < 0) != (W.imag[1:] < 0), True)  # the last: W is real there anyway
     turned = np.flatnonzero(turned & (W.real < 0))
     if not len(turned):
         return None

@@ -119,7 +119,7 @@ def factor(G: Complex, K: float, H: Real | float = 1.0, filtered: Filtered = "er
 
 
 def direction(G: Complex) -> float:
-    """The sign that K needs: the sign of G at zero frequency, or 1 if G is zero there.
+    """The sign of K that makes the feedback negative: that of G at zero frequency, or 1 if G is zero there.
 
     G is (models, frequencies), and its first frequency is zero.
     """

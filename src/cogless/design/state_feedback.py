@@ -231,7 +231,7 @@ def _hopeless_pair(models: Sequence[Model], T: Real) -> tuple[int, int] | None:
 
 
 def _feasible_share(plant: UncertainPlant, T: Real, integral: bool) -> float:
-    """The largest share of the polytope, shrunk about the nominal plant, that one gain stabilises.
+    """The largest share of the polytope, about the nominal plant, all of which one gain can stabilise.
 
     It is rounded down, by about two percent at most.
     """

@@ -44,7 +44,7 @@ class Ensemble:
         return found
 
     def si(self, key: str) -> list[Any]:
-        """The values of a varied key in SI, or as they are if they are no quantities."""
+        """The values of a varied key in SI; those that are no quantities unchanged."""
         axis = next((axis for axis in self.axes if axis.key == key), None)
         return self.drawn[key] if axis is None else [axis.si(value) for value in self.drawn[key]]
 

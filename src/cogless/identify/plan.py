@@ -20,8 +20,8 @@ from cogless.study.error_messages import toml
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Hall
 
-RATE = 1000.0  # rows of a log a second, where no rotor sticks
-TURNING = 0.8  # s, from one speed to its opposite, where no rotor sticks
+RATE = 1000.0  # rows of a log a second; fewer for a rotor that sticks
+TURNING = 0.8  # s, from one speed to its opposite; longer for a rotor that sticks
 AT_LIMIT = 0.999  # of what the voltage reaches: a top speed above is one that was lowered to it
 RPM = 30 / math.pi
 KINDS = {

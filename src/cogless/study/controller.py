@@ -155,7 +155,7 @@ class Feedback(Base):
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
         gains = (self.kp is not None, self.ki is not None)
-        # by hand beside the rule auto, too, which then computes the other numbers
+        # kp and ki may stand beside the rule auto, too, which then finds the other numbers
         allowed = self.tuning is None or self.tuning.is_auto if all(gains) else self.tuning is not None
         if gains not in ((True, True), (False, False)) or not allowed:
             margin = '{ rule = "phase-margin", phase_margin = "60 deg" }'
