@@ -103,6 +103,9 @@ int main(void)
     } else {
         printf("${name}: init or the learned memory differs\n");
     }
+    if (failed != 0) {
+        printf("Compiled with -ffp-contract=off, and without -ffast-math?\n");
+    }
     return failed != 0;
 }
 #endif
