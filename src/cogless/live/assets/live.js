@@ -266,7 +266,11 @@
     $("command").textContent = [page.command, ...sets, ...only].join(" ");
     $("download").download = `${page.name}-changed.toml`;
     for (const button of $("scenarios").children) button.setAttribute("aria-pressed", String(button.dataset.name === state.scenario));
-    for (const button of $("controllers").children) button.setAttribute("aria-pressed", String(state.shown.includes(button.dataset.name)));
+    for (const button of $("controllers").children) {
+      const runs = state.shown.includes(button.dataset.name);
+      button.setAttribute("aria-pressed", String(runs));
+      button.title = runs ? "Runs. Click to leave it out." : "Does not run, which saves time. Click to run it, too.";
+    }
   }
 
   // Parts of a dotted key, as the study's reader splits it.
