@@ -1,6 +1,7 @@
 """A mistake in a study is one line that names the file, the key, the value and what was expected."""
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any, get_args
 
@@ -9,7 +10,7 @@ import pytest
 import studies
 from cogless.errors import StudyError
 from cogless.study import load
-from cogless.study.error_messages import shown
+from cogless.study.error_messages import look_up, shown, toml
 from cogless.study.laws import AnyController
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change
@@ -667,11 +668,52 @@ def test_several_mistakes_are_all_told_in_the_order_of_the_file(tmp_path: Path) 
         "motor.pole_pairs: 4.5: expected a whole number",
         "motor.teeths: 1: expected one of " + ", ".join(Motor.model_fields),
         'motor.r_s: "1 H": expected a known key, perhaps "R_s"',
-        "motor.cogging.0.order: missing: expected a value",
+        "motor.cogging.0.order: missing: expected a whole number",
         'mechanics.inertia: "1 s": expected an inertia, such as "1 kg*m^2"',
         'controller.pi.kp: false: expected a gain of the speed loop of zero or more, such as "1 A/rpm"',
         'metric.1.order.0: "x": expected a number',
         'metric.2.event: 1: expected a text with a unit, such as "1 s"',
+    ]
+
+
+@pytest.mark.parametrize(
+    ("missing", "told"),
+    [
+        ("drive.rates", '{ current_loop = "10 kHz", speed_loop = "1 kHz" }'),
+        ("drive.current_loop", '{ bandwidth = "1 kHz", current_limit = "4 A" }'),
+        ("scenario.low.reference", '"60 rpm"'),
+    ],
+)
+def test_a_missing_table_is_told_with_one_to_write(tmp_path: Path, missing: str, told: str) -> None:
+    """A study that has it is read."""
+    tables = tomllib.loads(studies.BASE)
+    *above, last = missing.split(".")
+    del look_up(tables, tuple(above))[last]
+    text = f"title = {toml(tables.pop('title'))}\n"
+    text += "".join(f"{key} = {toml(value)}\n" for key, value in tables.items())
+    assert line_of(tmp_path, None, text) == f"study.toml: {missing}: missing: expected one, such as {told}"
+    studies.study(tmp_path, dict([parse_change(f"{missing}={told}")]), text)
+
+
+def test_what_is_missing_is_told_by_its_type(tmp_path: Path) -> None:
+    text = "title = 'x'\nvary = { together = [{}] }\ntune = {}\nmetric = [{}]\n"
+    text += "drive = { position_sensor = { kind = 'encoder' } }\n"
+    found = lines_of(tmp_path, None, text)
+    kinds = found.pop(5)
+    assert kinds.startswith('metric.0.kind: missing: expected one of "peak-to-peak", "rms", ')
+    assert found == [
+        "vary.together.0.keys: missing: expected an array",
+        "vary.together.0.correlation: missing: expected a number",
+        "tune.keys: missing: expected a table",
+        "tune.minimise: missing: expected a text",
+        "metric.0.name: missing: expected a text",
+        "drive.position_sensor.lines: missing: expected a whole number",
+        'drive.rates: missing: expected one, such as { current_loop = "10 kHz", speed_loop = "1 kHz" }',
+        'drive.current_loop: missing: expected one, such as { bandwidth = "1 kHz", current_limit = "4 A" }',
+        "scenario: missing: expected a table [scenario.NAME]",
+        "controller: missing: expected a table [controller.NAME]",
+        "motor: missing: expected a table of pole_pairs, ...",
+        "mechanics: missing: expected a table of inertia, ...",
     ]
 
 

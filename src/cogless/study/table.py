@@ -8,7 +8,8 @@ import unicodedata
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Self, TypeVar
+from types import UnionType
+from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -22,6 +23,7 @@ from pydantic import (
     WrapValidator,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError, core_schema
 
 from cogless import units
@@ -108,10 +110,33 @@ def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetai
     ]
     for key, field in table.model_fields.items():
         if field.is_required() and key not in data and key not in near.values():
-            quantity = next((entry for entry in field.metadata if isinstance(entry, Quantity)), None)
-            expected = quantity.expectation if quantity else "expected a value"
-            found.append(invalid(expected, key, value="missing"))
+            found.append(invalid(f"expected {_wanted(key, field)}", key, value="missing"))
     return [InitErrorDetails(type=error, input=data) for error in found]
+
+
+def _wanted(key: str, field: FieldInfo) -> str:
+    """What is expected at a key that is missing: the field's example, or what its type says."""
+    quantity = next((entry for entry in field.metadata if isinstance(entry, Quantity)), None)
+    if quantity:
+        return quantity.expectation.removeprefix("expected ")
+    return f"one, such as {field.examples[0]}" if field.examples else _sort(key, field.annotation)
+
+
+def _sort(key: str, of: Any) -> str:
+    """What a type takes, in words; of several types the first."""
+    origin, inner = get_origin(of), get_args(of)
+    if origin in (Annotated, Union, UnionType):
+        return _sort(key, inner[0])
+    if origin is Literal:
+        return one_of(inner).removeprefix("expected ")
+    if origin is dict:
+        return f"a table [{key}.NAME]" if _sort(key, inner[1]).startswith("a table") else "a table"
+    if origin is tuple:
+        return "an array"
+    if isinstance(of, type) and issubclass(of, Table):
+        needed = [name for name in of.model_fields if name in _required(of)]
+        return f"a table of {', '.join(needed)}, ..."
+    return {int: "a whole number", float: "a number", str: "a text"}.get(of, "a value")
 
 
 def _again(details: ErrorDetails) -> InitErrorDetails:
