@@ -52,6 +52,7 @@ DEFINITIONS = """
 """
 
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+COMMA = re.compile(r",\d")  # behind the whole part of a number
 UNIT = re.compile(r"(?:1\s*/)?[A-Za-zµμΩΩ°·*/^()\s]*(?:(?:\^|\*\*)-?\d[A-Za-zµμΩΩ°·*/^()\s]*)*")
 
 
@@ -121,6 +122,8 @@ def parse(text: str, dimension: Dimension) -> float:
     if not found:
         raise UnitError(f"expected a number and a unit, such as {dimension.shown(1)}")
     number, unit = found.groups()
+    if COMMA.match(unit):
+        raise UnitError(f"expected a decimal point in place of the comma, such as {dimension.shown('1.5')}")
     if not unit:
         raise UnitError(f"expected a unit too, such as {dimension.shown(number if len(number) < 20 else 1)}")
     value = float(number) * factor(unit, dimension)

@@ -23,6 +23,7 @@ SPREAD = {key: {"uniform": "20 %"} for key in ("motor.R_s", "motor.L_d", "motor.
 TABLE = {**PI, "law": "anti-cogging", "calibration": {"speed": "2 rpm", "position_gain": "20 1/s"}}
 METRIC = {"name": "m", "kind": "rms", "signal": "i_q"}
 TARGET = {"scenario": "low", "controller": "pi", "metric": "speed_ripple", "value": "5 rpm"}
+STEPS = "drive.rates.integration_steps: 1, the default: expected"
 SIDE = {"inertia": "1e-4 kg*m^2", "stiffness": "30 N*m/rad"}
 PARAMETER = {"key": "motor.cogging.0.torque"}
 
@@ -148,10 +149,10 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("mechanics.load_side", {**SIDE, "ratio": 0},
             "mechanics.load_side.ratio: 0: expected a number above 0"),
         ("mechanics.load_side", {**SIDE, "stiffness": "1e9 N*m/rad"},
-            "drive.rates.integration_steps: 1: expected 499 or more, since the twist of the shaft "
+            f"{STEPS} 499 or more, since the twist of the shaft "
             "(mechanics.load_side: stiffness, damping, both inertias) changes within 0.267 us"),
         ("mechanics.load_side", {**SIDE, "damping": "1 N*m*s/rad"},
-            "drive.rates.integration_steps: 1: expected 2 or more, since the twist of the shaft "
+            f"{STEPS} 2 or more, since the twist of the shaft "
             "(mechanics.load_side: stiffness, damping, both inertias) changes within 71.6 us"),
         ("mechanics.load_side",
             {**SIDE, "gear_errors": [{"side": "input", "order": 100, "angle": "10 mrad"}]},
@@ -229,6 +230,15 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller.fair.tuning.phase_margin", 100,
             'controller.fair.tuning.phase_margin: "100 deg": '
             'expected a phase margin from "20 deg" to "80 deg"'),
+        ("controller.fair.tuning", {"rule": "phase-margin", "phase_margin": 60},
+            "controller.fair.tuning.phase_margin: 60: "
+            'expected a phase margin from "20 deg" to "80 deg"; a plain number is in rad, perhaps "60 deg"'),
+        ("controller.fair.tuning.phase_margin", 5,
+            'controller.fair.tuning.phase_margin: "5 deg": '
+            'expected a phase margin from "20 deg" to "80 deg"'),
+        ("controller.fair.tuning", {"rule": "auto", "phase_margin": 5},
+            "controller.fair.tuning.phase_margin: 5: "
+            'expected a phase margin from "20 deg" to "80 deg"; a plain number is in rad'),
         ("controller.fair.tuning", {"rule": "phase-margin"},
             'controller.fair.tuning.phase_margin: missing: expected one, such as "60 deg"'),
         ("controller.t", {**PI, "law": "anti-cogging", "start": {}},
@@ -307,16 +317,17 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
     ("changes", "line"),
     [
         ({"motor.L_d": "1 mH"},
-            "drive.rates.integration_steps: 1: expected 3 or more, since the current (R_s / L) changes "
+            f"{STEPS} 3 or more, since the current (R_s / L) changes "
             "within 64.9 us"),
         ({"scenario.step.reference": "9000 rpm"},  # the fastest scenario counts
-            "drive.rates.integration_steps: 1: expected 3 or more, since the highest order at top speed "
-            "changes within 52.8 us; its voltage turns the motor at 6284 rpm without load, not at 9000"),
+            f"{STEPS} 3 or more, since the highest order at the "
+            "9000 rpm of scenario.step.reference changes within 52.8 us; its voltage turns the motor at "
+            "6284 rpm without load, not at 9000"),
         ({"scenario.low.initial_speed": "-9000 rpm"},  # something else turns it that fast
-            "drive.rates.integration_steps: 1: expected 4 or more, since the highest order at top speed "
-            "changes within 44.2 us"),
+            f"{STEPS} 4 or more, since the highest order at the "
+            "9000 rpm of scenario.low.initial_speed changes within 44.2 us"),
         ({"mechanics.inertia": "1e-12 kg*m^2"},
-            "drive.rates.integration_steps: 1: expected 257 or more, since the speed with the current "
+            f"{STEPS} 257 or more, since the speed with the current "
             "(K_t, inertia, L) changes within 0.52 us"),
         ({"drive.inverter.dead_time": "1 s"},
             'drive.inverter.dead_time: "1 s": expected less than half a period of the current loop, '
@@ -460,10 +471,10 @@ def test_what_the_simulation_can_just_do(
         ({"mechanics.inertia": "9" * 5000},
             f'mechanics.inertia: "{"9" * 56}...: expected a unit too, such as "1 kg*m^2"'),
         ({"motor.psi_f": "1e-300 Wb", "motor.kv": "1e-300 rpm/V"},
-            "drive.rates.integration_steps: 1: expected inf or more, since the speed with the current (K_t, "
+            f"{STEPS} inf or more, since the speed with the current (K_t, "
             "inertia, L) changes within 0 us"),
         ({"mechanics.inertia": "1e-300 kg*m^2"},
-            "drive.rates.integration_steps: 1: expected 2.56e+146 or more, since the speed with the current "
+            f"{STEPS} 2.56e+146 or more, since the speed with the current "
             "(K_t, inertia, L) changes within 5.2e-145 us"),
         ({"motor": "x", "motor.K_t": 1}, "motor.K_t: 1: expected a table at motor"),
         ({"motor.datasheet": "x" * 5000}, f'motor.datasheet: "{"x" * 56}...: no such datasheet: '),
