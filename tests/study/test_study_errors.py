@@ -44,6 +44,14 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("mechanics.inertai", "1 kg*m^2",
             'mechanics.inertai: "1 kg*m^2": expected a known key, perhaps "inertia"'),
         ("motor.r_s", "1 ohm", 'motor.r_s: "1 ohm": expected a known key, perhaps "R_s"'),
+        ("motor.L", "1 mH", 'motor.L: "1 mH": expected a known key, perhaps "L_d"'),
+        ("motor.R", "1 ohm", 'motor.R: "1 ohm": expected a known key, perhaps "R_s"'),
+        ("motor.kt", "1 N*m/A", 'motor.kt: "1 N*m/A": expected a known key, perhaps "K_t"'),
+        ("motor.K_e", "1 V/rpm",
+            'motor.K_e: "1 V/rpm": expected a known key, perhaps "K_e_line_to_line_peak"'),
+        ("motor.torque_constant", "1 N*m/A",
+            'motor.torque_constant: "1 N*m/A": expected K_t in its place'),
+        ("motor.J", "1 kg*m^2", 'motor.J: "1 kg*m^2": expected mechanics.inertia in its place'),
         ("trace.zzz", 1, "trace.zzz: 1: expected one of rate, file_rate, energy"),
         ("controller.pi.gain", 1,
             "controller.pi.gain: 1: expected one of label, baseline, kp, ki, tuning, law"),
@@ -217,7 +225,11 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         # controllers
         ("controller.pi.law", "pid",
             'controller.pi.law: "pid": expected one of '
-            + ", ".join(f'"{name}"' for name in LAWS)),
+            + ", ".join(f'"{name}"' for name in LAWS) + ', perhaps "pi"'),
+        ("controller.pi.law", "harmonics",
+            'controller.pi.law: "harmonics": expected one of '
+            + ", ".join(f'"{name}"' for name in LAWS) + ', perhaps "harmonic"'),
+        ("motor.winding", "Star", 'motor.winding: "Star": expected "star" or "delta", perhaps "star"'),
         *(("controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": orders},
             f"controller.afc.orders: {orders}: expected 1 to 16 orders that rise, from 1 to 65535")
           for orders in ([], [0], [6, 6], [12, 6], [70000], [*range(1, 18)])),
@@ -489,8 +501,7 @@ def test_what_the_simulation_can_just_do(
         ({'scenario.""': {"duration": "1 s", "reference": "1 rpm"}},
             'scenario."": expected a name of letters, digits, _, - and .'),
         ({"scenario.low.override": {"motor.cogging.7.torque": "1 N*m"}},
-            'scenario.low.override: motor.cogging.7.torque: "1 N*m": expected a key of the study, '
-            "or an index of its array"),
+            'scenario.low.override: motor.cogging.7.torque: "1 N*m": expected an index of motor.cogging, 0'),
         ({"controller.n": {"law": "library", "library": "x.so", "params": ["a"]}},
             'controller.n.params.0: "a": expected a number'),
         ({"scenario.low.controllers": []}, 'scenario.low.controllers: []: expected one of "pi"'),
@@ -852,14 +863,18 @@ def test_no_such_study(tmp_path: Path) -> None:
     ("key", "value", "line"),
     [
         ("motor.cogging.5.torque", 1,
-            "motor.cogging.5.torque: 1: expected a key of the study, or an index of its array"),
+            "study.toml: motor.cogging.5.torque: 1: expected an index of motor.cogging, 0"),
+        ("motor.cogging.x", 1, "study.toml: motor.cogging.x: 1: expected an index of motor.cogging, 0"),
+        ("metric.3", 1, "study.toml: metric.3: 1: expected an index of metric, 0 to 2"),
+        ("title.x", 1, "study.toml: title.x: 1: expected a table at title"),
+        ("seed.x.y", 1, "study.toml: seed.x.y: 1: expected a key of the study"),
         ("scenario.low.reference.speed", 1,
-            "scenario.low.reference.speed: 1: expected a table at scenario.low.reference"),
+            "study.toml: scenario.low.reference.speed: 1: expected a table at scenario.low.reference"),
         ("", 1, '"": expected a dotted key, such as controller.pi.kp'),
     ],
 )  # fmt: skip
 def test_a_change_that_has_no_place(tmp_path: Path, key: str, value: object, line: str) -> None:
-    assert line_of(tmp_path, {key: value}) == line
+    assert line_of(tmp_path, {key: value}, f"seed = 1\n{studies.BASE}") == line
 
 
 @pytest.mark.parametrize(

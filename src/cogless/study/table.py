@@ -197,8 +197,14 @@ def dotted_keys(
 
 def nearest(key: str, known: Sequence[str]) -> str | None:
     """The known key that an unknown one was probably meant to be; None if none is similar."""
-    near = difflib.get_close_matches(key, known, n=1)
-    return next(iter(near), None) or next((name for name in known if name.lower() == key.lower()), None)
+
+    def plain(name: str) -> str:
+        return name.lower().replace("_", "")
+
+    near = [name for name in known if name.startswith(f"{key}_")]  # such as L of L_d
+    near += difflib.get_close_matches(key, known, n=1)
+    near += [name for name in known if plain(name) == plain(key)]
+    return near[0] if near else None
 
 
 def _suggestion(near: str | None, known: Sequence[str]) -> str:
