@@ -140,7 +140,9 @@ def theorem(study: Study, name: str) -> Theorem | None:
     feedback = feedback_at(study, name, motion.top_speed)
     conditions = position_conditions(found, motion, feedback) if found else ()
     has = feedback.ratio * feedback.k
-    return Theorem("law (6) of Verrelli 2016, section 4", "k_omega + v", has, found, conditions, tuple(obstacles))
+    return Theorem(
+        "law (6) of Verrelli 2016, section 4", "k_omega + v", has, found, conditions, tuple(obstacles)
+    )
 
 
 def speed_conditions(
