@@ -103,13 +103,14 @@ def _required(table: type[Table]) -> frozenset[str]:
 def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetails]:
     """Errors for unknown keys, and for missing keys unless an unknown key looks like their misspelling."""
     known = list(table.model_fields)
-    near = {key: nearest(key, known) for key in data if key not in known}
+    near = {key: _meant(key, known) for key in data if key not in known}
     found = [
         invalid(table.other_word(key, data[key]) or _suggestion(meant, known), key, value="unknown key")
         for key, meant in near.items()
     ]
+    meant_by_any = {name for meant in near.values() for name in meant}
     for key, field in table.model_fields.items():
-        if field.is_required() and key not in data and key not in near.values():
+        if field.is_required() and key not in data and key not in meant_by_any:
             found.append(invalid(f"expected {_wanted(key, field)}", key, value="missing"))
     return [InitErrorDetails(type=error, input=data) for error in found]
 
@@ -201,14 +202,21 @@ def nearest(key: str, known: Sequence[str]) -> str | None:
     def plain(name: str) -> str:
         return name.lower().replace("_", "")
 
-    near = [name for name in known if name.startswith(f"{key}_")]  # such as L of L_d
-    near += difflib.get_close_matches(key, known, n=1)
-    near += [name for name in known if plain(name) == plain(key)]
-    return near[0] if near else None
+    near = difflib.get_close_matches(key, known, n=1)
+    return next(iter(near), None) or next((name for name in known if plain(name) == plain(key)), None)
 
 
-def _suggestion(near: str | None, known: Sequence[str]) -> str:
-    return f'expected a known key, perhaps "{near}"' if near else f"expected one of {', '.join(known)}"
+def _meant(key: str, known: Sequence[str]) -> list[str]:
+    """The known keys that an unknown one may be meant to be: those that it begins, as L does L_d and L_q, or
+    the nearest."""
+    begun = [name for name in known if name.startswith(f"{key}_")]
+    near = nearest(key, known)
+    return begun or ([near] if near else [])
+
+
+def _suggestion(near: Sequence[str], known: Sequence[str]) -> str:
+    perhaps = " or ".join(f'"{name}"' for name in near)
+    return f"expected a known key, perhaps {perhaps}" if near else f"expected one of {', '.join(known)}"
 
 
 @dataclass(frozen=True)
