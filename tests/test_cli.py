@@ -15,6 +15,7 @@ from typing import Any, get_args, get_type_hints
 
 import pytest
 import synthetic
+import trial_studies
 from commands import cogless, forked
 
 import studies
@@ -22,7 +23,7 @@ from cogless.__main__ import _flushed
 from cogless.catalogue import catalogue, show
 from cogless.cli import app, logs, tables, terminal
 from cogless.results import Results
-from cogless.study import Study
+from cogless.study import Study, load
 from cogless.study.laws import AnyController
 from cogless.study.trial_controller import AnyTrialController
 
@@ -70,12 +71,25 @@ def test_run_prints_a_table_and_writes_everything(tmp_path: Path, capsys: pytest
 def test_a_scenario_without_a_metric_has_no_empty_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    study = studies.write(tmp_path)
-    code, out, _ = cogless(
-        capsys, "run", study, "--only", "low/*", "--set", "metric=[]", "-o", tmp_path / "out"
-    )
+    only = ("--only", "low/*", "--set", "metric.0.scenarios=['step']", "--set", "metric.1.scenarios=['step']")
+    code, out, _ = cogless(capsys, "run", studies.write(tmp_path), *only, "-o", tmp_path / "out")
     assert code == 0
     assert [line.strip() for line in out.splitlines() if line][:-1] == ["low: no metric"]
+
+
+@pytest.mark.parametrize("text", [studies.BASE, trial_studies.LINEAR])
+def test_a_study_without_metrics_is_told_one_to_paste(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    path = studies.write(tmp_path, text[: text.index("[[metric]]")])
+    (first, *_), (name, *_) = load(path).scenario, load(path).controller
+    only = ("--only", f"{first}/{name}", "-o", tmp_path / "out")
+    code, out, _ = cogless(capsys, "run", path, *only)
+    pasted = out[out.index("[[metric]]") : out.index("Report: ")]
+    assert code == 0 and f"such as this one in {path}:\n\n[[metric]]" in out
+    path.write_text(f"{path.read_text()}\n{pasted}")
+    code, out, _ = cogless(capsys, "run", path, *only)
+    assert code == 0 and load(path).metric[0].name in out and "no metric" not in out
 
 
 def test_run_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

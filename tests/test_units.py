@@ -63,6 +63,24 @@ def test_texts_become_si(text: str, dimension: units.Dimension, si: float) -> No
             units.ANGULAR_SPEED,
             'expected an angular speed, such as "1 rpm"; the unit "rpn" is not known',
         ),
+        (
+            "0,35 ohm",
+            units.RESISTANCE,
+            'expected a decimal point in place of the comma, such as "1.5 ohm"',
+        ),
+        *(
+            (
+                f"1 {wrong}",
+                units.RESISTANCE,
+                f'expected a resistance, such as "1 ohm"; the unit "{wrong}" is not known{perhaps}',
+            )
+            for wrong, perhaps in (
+                ("Ohm", ', perhaps "ohm"'),
+                ("MOhm", ', perhaps "Mohm"'),
+                ("mOHM", ', perhaps "mohm"'),
+                ("QOhm", ""),
+            )
+        ),
         ("nan A", units.CURRENT, 'expected a number and a unit, such as "1 A"'),
         ("inf A", units.CURRENT, 'expected a number and a unit, such as "1 A"'),
         ("1e999 A", units.CURRENT, 'expected a finite number with a unit, such as "1 A"'),

@@ -52,6 +52,8 @@ DEFINITIONS = """
 """
 
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+CAPITALS = re.compile("ohm|rpm|rad|deg|rev", re.IGNORECASE)  # a prefix means something else as a capital
+COMMA = re.compile(r",\d")  # behind the whole part of a number
 UNIT = re.compile(r"(?:1\s*/)?[A-Za-zµμΩΩ°·*/^()\s]*(?:(?:\^|\*\*)-?\d[A-Za-zµμΩΩ°·*/^()\s]*)*")
 
 
@@ -121,6 +123,8 @@ def parse(text: str, dimension: Dimension) -> float:
     if not found:
         raise UnitError(f"expected a number and a unit, such as {dimension.shown(1)}")
     number, unit = found.groups()
+    if COMMA.match(unit):
+        raise UnitError(f"expected a decimal point in place of the comma, such as {dimension.shown('1.5')}")
     if not unit:
         raise UnitError(f"expected a unit too, such as {dimension.shown(number if len(number) < 20 else 1)}")
     value = float(number) * factor(unit, dimension)
@@ -204,7 +208,9 @@ def _factor(unit: str, dimension: Dimension) -> float:
     quantity = _quantity(unit)
     if quantity is None:
         expected = f"expected {dimension.name}, such as {dimension.shown(1)}"
-        raise UnitError(f'{expected}; the unit "{unit}" is not known')
+        small = CAPITALS.sub(lambda word: word[0].lower(), unit)
+        perhaps = "" if small == unit or _quantity(small) is None else f', perhaps "{small}"'
+        raise UnitError(f'{expected}; the unit "{unit}" is not known{perhaps}')
     for si in (dimension.unit, *dimension.also):
         if quantity.is_compatible_with(si):
             return float(quantity.to(si).magnitude)

@@ -369,8 +369,8 @@ def test_no_speed_loop_is_tuned_around_a_weak_current_loop(
     with pytest.raises(StudyError) as error:
         gains(study, "fair")
     assert str(error.value).endswith(
-        "study.toml: drive.current_loop: expected 30 deg of phase margin or more to tune controller.fair"
-        f" around it; its q axis {found}"
+        f'study.toml: drive.current_loop.bandwidth: "{bandwidth}": expected 30 deg of phase margin or more '
+        f"to tune controller.fair around it; its q axis {found}"
     )
     assert gains(study, "pi")  # given gains are taken
 

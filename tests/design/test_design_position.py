@@ -141,7 +141,9 @@ def test_a_margin_that_this_loop_cannot_have_is_refused() -> None:
 def test_a_study_names_the_current_loop_that_is_in_the_way() -> None:
     study = load("verrelli2016", {"drive.current_loop.kp": "20 V/A", "drive.inverter.computation_delay": 1})
     assert isinstance(study.drive.current_loop, CurrentLoop)
-    with pytest.raises(StudyError, match=r"drive\.current_loop: expected 30 deg .* controller\.fair"):
+    with pytest.raises(
+        StudyError, match=r'kp: "20 V/A" and \S+ki: "500 V/A/s": expected 30 deg .* controller\.fair'
+    ):
         position_gains(study, "fair")
 
 

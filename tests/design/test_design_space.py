@@ -379,8 +379,8 @@ def test_a_study_is_told_what_the_proofs_ask() -> None:
     text, plain = printed(study), to_dict(study)["controllers"]["learning"]["theorem"]
     assert "Known bounds, mechanical: h 0.217 to 0.345 A*s^2/rad, k_h 5.4" in text
     assert (
-        "law (4), section 3: k = 20 is 0.033 of the printed bound (613), 0.029 of the corrected one (681)"
-        in text
+        "law (4) of Verrelli 2016, section 3: k = 20 is 0.033 of the printed bound (613), 0.029 of the "
+        "corrected one (681)" in text
     )
     assert not plain["holds"]
     assert plain["asks"]["the corrected one"] == pytest.approx(681, rel=1e-3)
@@ -399,8 +399,8 @@ def test_gains_that_meet_everything_are_covered() -> None:
     assert position.holds
     assert position.conditions[0].asks == math.inf  # footnote 6 itself wants k_v
     assert position.verdict() == (
-        "law (6), section 4: k_omega + v = 40 is 1.2 of what the proof needs (34.3), no k_omega + v is "
-        "enough for what footnote 6 asks, which wants k_v: the proof holds"
+        "law (6) of Verrelli 2016, section 4: k_omega + v = 40 is 1.2 of what the proof needs (34.3), "
+        "no k_omega + v is enough for what footnote 6 asks, which wants k_v: the proof holds"
     )
 
 
@@ -485,8 +485,9 @@ def test_several_conditions_that_no_gain_meets_are_a_list() -> None:
     found = theorem(load("verrelli2016-speed", {"controller.learning.eta_bar": "2 rad/s"}), "learning")
     assert found is not None
     assert found.verdict().startswith(
-        "law (4), section 3: k = 20 is 1.2 of g_d (eta_bar + omega+) / 2 (16.4), no k is enough for the "
-        "printed bound, the corrected one or that with its own limits: not covered by the proof; "
+        "law (4) of Verrelli 2016, section 3: k = 20 is 1.2 of g_d (eta_bar + omega+) / 2 (16.4), no k is "
+        "enough for the printed bound, the corrected one or that with its own limits: not covered "
+        "by the proof; "
     )
 
 
@@ -495,7 +496,9 @@ def test_flux_that_takes_all_torque_is_in_the_way_of_every_proof() -> None:
     found = theorem(load("verrelli2016-speed", {"motor.L_m": ["5 mH", "3 mH"]}), "learning")
     assert found is not None and found.bounds is None
     reasons = f"the torque per current comes down to zero; {FORGETS}"
-    assert found.verdict() == f"law (4), section 3: k = 20: not covered by the proof; {reasons}"
+    assert (
+        found.verdict() == f"law (4) of Verrelli 2016, section 3: k = 20: not covered by the proof; {reasons}"
+    )
 
 
 def test_a_load_counts_with_its_least_and_its_largest_torque() -> None:

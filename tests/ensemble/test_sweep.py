@@ -480,7 +480,8 @@ def test_mistakes_of_the_command(
 
 
 @pytest.mark.parametrize(
-    ("missing", "command"), [("pyarrow", "sweep"), ("SALib", "sweep"), ("optuna", "tune")]
+    ("missing", "command"),
+    [("pyarrow", "sweep"), ("SALib", "sweep"), ("SALib", "tune"), ("optuna", "tune")],
 )
 def test_a_missing_extra_is_one_line(
     tmp_path: Path,

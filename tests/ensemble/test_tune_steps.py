@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -69,6 +70,18 @@ def test_a_range_may_begin_or_end_at_the_study_s_own_value(tmp_path: Path) -> No
         exact = tuning._values(subject, {knob.key: knob.start_share})
         assert exact == {knob.key: "0.015 A/rpm"} and knob.start_text == "0.015 A/rpm"
         assert tuning._values(subject, {knob.key: 0.5})[knob.key] == knob.text(0.5)
+
+
+def test_a_plain_number_of_a_controller_is_si_in_the_unit_of_its_range(tmp_path: Path) -> None:
+    """Such as those that the rule auto gives, which are in no file."""
+    kp = 0.015 * 30 / math.pi
+    text = ensembles.TEXT.replace('kp = "0.015 A/rpm"', f"kp = {kp!r}", 1) + KEYS
+    (subject,) = tuning.subjects(studies.study(tmp_path, None, text + KP))
+    (knob,) = subject.knobs
+    assert (knob.start, knob.unit) == (pytest.approx(0.015), "A/rpm")
+    with pytest.raises(StudyError, match='A": expected a gain of the speed loop') as error:
+        tuning.subjects(studies.study(tmp_path, None, text + KP.replace("A/rpm", "A")))
+    assert str(error.value).startswith(f"{tmp_path}/study.toml: tune: controller.pi.kp: ")
 
 
 def test_what_is_tuned_has_to_be_measured_where_it_runs(tmp_path: Path) -> None:

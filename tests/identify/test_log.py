@@ -19,6 +19,7 @@ from cogless.identify import plan, regression, steady, weak_form
 from cogless.identify.config import Identification, LogRule, load
 from cogless.identify.log import Log
 from cogless.identify.regression import Block
+from cogless.study.position_sensor import Absolute
 
 TURN = 2 * np.pi
 T = np.arange(2000) * 1e-3
@@ -68,6 +69,17 @@ def test_a_speed_that_is_no_change_of_the_angle_is_told_what_it_looks_like(
     )
 
 
+def test_counts_of_other_bits_are_told(known: Identification) -> None:
+    """Of 14 bits, taken for 12, here beside 4 pole pairs."""
+    sensor = Absolute(kind="absolute", bits=12)
+    twelve: Any = SimpleNamespace(
+        step=1e-3, columns=known.columns, motor=known.motor, drive=SimpleNamespace(position_sensor=sensor)
+    )
+    for factor, bits in ((0.125, 15), (0.25, 14), (2.0, 11)):
+        with pytest.raises(StudyError, match=rf"the counts look like those of \S+\.bits = {bits}$"):
+            logging._units_agree("a", T, {"omega": factor * OMEGA, "theta": THETA}, twelve)
+
+
 def test_a_speed_may_lag_lose_counts_and_stop_for_a_gap(known: Identification) -> None:
     def agree(t: np.ndarray, omega: np.ndarray, theta: np.ndarray = THETA) -> None:
         logging._units_agree("a", t, {"omega": omega, "theta": theta}, known)
@@ -86,7 +98,7 @@ def test_a_rotor_that_turns_by_less_than_twenty_counts_tells_no_unit(
 ) -> None:
     """Rms, about its mean."""
     step = counts * float(np.std(THETA[1:])) / 20
-    coarse: Any = SimpleNamespace(step=step, columns=known.columns, motor=known.motor)
+    coarse: Any = SimpleNamespace(step=step, columns=known.columns, motor=known.motor, drive=known.drive)
     with pytest.raises(StudyError) if told else nullcontext():
         logging._units_agree("a", T, {"omega": 100 * OMEGA, "theta": THETA}, coarse)
 

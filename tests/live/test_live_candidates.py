@@ -377,11 +377,3 @@ def test_a_number_that_is_no_product_is_refused(formula, kind):
     by_key, _, described = own_motor([formula], kind)
     with pytest.raises(StudyError, match=r"^live: n0: "):
         motor.products(described([]), described, by_key)
-
-
-def test_all_keys_of_ones_own_motor_are_expected():
-    by_key, _, described = own_motor([lambda *_: 1.0], "d")
-    with pytest.raises(
-        StudyError, match=r"^live: motor.kv: missing: expected for the fields of one's own motor$"
-    ):
-        motor.products(described([]), described, [key for key in by_key if key.key != "motor.kv"])

@@ -254,7 +254,9 @@ def test_a_number_that_is_no_product_is_refused(own):
 
 
 def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
-    with pytest.raises(StudyError, match=r"live: motor\.inductance_line_to_line: missing: expected for"):
+    with pytest.raises(
+        StudyError, match=r": motor\.resistance_line_to_line, .*motor\.kv: missing: expected with"
+    ):
         adjustable(small_study, told=True)
 
 

@@ -134,6 +134,11 @@ def test_only_chooses_runs(tmp_path: Path) -> None:
         runs_of(study, ["low/robust"])
     expected = "expected SCENARIO/CONTROLLER of low/pi, low/fair, step/pi, step/fair"
     assert line(error, tmp_path) == f'study.toml: --only: "low/robust": {expected}'
+    for half, whole in (("step", "step/*"), ("fair", "*/fair")):
+        with pytest.raises(StudyError) as error:
+            runs_of(study, [half])
+        told = f'"{half}": expected SCENARIO/CONTROLLER, perhaps "{whole}"'
+        assert line(error, tmp_path) == f"study.toml: --only: {told}"
 
 
 def test_unknown_names(tmp_path: Path) -> None:

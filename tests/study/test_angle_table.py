@@ -109,6 +109,13 @@ SINE = [round(math.sin(math.radians(a)), 6) for a in WHOLE]
         ("angle [deg],error [deg]\n0,1\n1,nan\n", 'line 3: "nan": expected a finite error'),
         ("angle [deg],error [deg]\n0,1\n1,x\n", 'line 3: "x": expected a number'),
         ("angle [deg],error [deg]\n0,1\n1\n", 'line 3: "1": expected 2 columns'),
+        *((f"angle [deg]{between}error [deg]\n",
+            f'line 1: "angle [deg]{between}error [deg]": expected commas between columns, '
+            "and decimal points in numbers")
+          for between in (";", "\t")),
+        ("angle [deg],error [deg]\n0,00,0,0000\n",
+            'line 2: "0,00,0,0000": expected 2 columns, and decimal points in numbers'),
+        ('angle [deg],error [deg]\n0,"0,01"\n', 'line 2: "0,01": expected a number with a decimal point'),
         ("angle [deg],error [deg]\n5,1\n\n5,1\n", 'line 4: "5": expected an angle above the one before'),
         (lines_of([0.0, *WHOLE], [0.0, *SINE]),
             'line 3: "0.0": expected an angle above the one before'),

@@ -180,7 +180,7 @@ NOISE = np.random.default_rng(1).normal(size=POINTS)
             "peak and peak to peak differ by 2"),
         ("cogging_table", cogging, {"sign": "on-rotor", "current_peak": "1 A"},
             'current_peak: "1 A": expected peak, since the table has a torque'),
-        ("cogging_table", cogging, {}, "sign: missing: expected a value"),
+        ("cogging_table", cogging, {}, 'sign: missing: expected one of "on-rotor", "holding"'),
         ("cogging_table", cogging, {"sign": "on-rotor", "orders": [400]},
             "orders: [400]: expected orders up to 359, half the points of the table"),
         ("cogging_table", lambda theta: cogging(theta) + 4e-3, {"sign": "on-rotor"},

@@ -153,9 +153,9 @@ def test_half_a_time_constant_is_the_longest_step() -> None:
 )  # fmt: skip
 def test_a_step_that_is_too_long_tells_how_many_are_needed(needed: float, steps: int, told: str) -> None:
     """A step of half a time constant is short enough; more than a million steps have three digits."""
-    check_step(LARGEST_STEP, steps, [(0.1, "the other"), (1.0, "the speed")])
+    check_step(LARGEST_STEP, steps, [(0.1, "the other"), (1.0, "the speed")], "")
     with pytest.raises(ValueError, match=f"expected {re.escape(told)} or more, since the speed changes"):
-        check_step(LARGEST_STEP * needed / steps, steps, [(1.0, "the speed"), (0.1, "the other")])
+        check_step(LARGEST_STEP * needed / steps, steps, [(1.0, "the speed"), (0.1, "the other")], "")
 
 
 @pytest.mark.parametrize(("part", "key"), [("inverter", "dead_time"), ("dead_time_compensation", "time")])

@@ -234,7 +234,8 @@ def test_a_name_is_no_unit(tmp_path: Path) -> None:
     [
         ("time,speed\n0,1\n0,2\n", 'line 3: "0": expected a time after the line before'),
         ("time,speed\n0,1\n1,fast\n",
-            'line 3: "1,fast": expected time in s and speed in rad/s, with a comma between'),
+            'line 3: "1,fast": expected time in s and speed in rad/s, with a comma between, '
+            "and decimal points in numbers"),
         ("0,1\n1,nan\n", 'line 2: "nan": expected a finite speed'),
         ("0,1\ninf,2\n", 'line 2: "inf": expected a finite time'),
         ("time;speed\n0;1\n",

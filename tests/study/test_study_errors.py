@@ -1,6 +1,7 @@
 """A mistake in a study is one line that names the file, the key, the value and what was expected."""
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any, get_args
 
@@ -9,7 +10,7 @@ import pytest
 import studies
 from cogless.errors import StudyError
 from cogless.study import load
-from cogless.study.error_messages import shown
+from cogless.study.error_messages import look_up, shown, toml
 from cogless.study.laws import AnyController
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change
@@ -22,6 +23,7 @@ SPREAD = {key: {"uniform": "20 %"} for key in ("motor.R_s", "motor.L_d", "motor.
 TABLE = {**PI, "law": "anti-cogging", "calibration": {"speed": "2 rpm", "position_gain": "20 1/s"}}
 METRIC = {"name": "m", "kind": "rms", "signal": "i_q"}
 TARGET = {"scenario": "low", "controller": "pi", "metric": "speed_ripple", "value": "5 rpm"}
+STEPS = "drive.rates.integration_steps: 1, the default: expected"
 SIDE = {"inertia": "1e-4 kg*m^2", "stiffness": "30 N*m/rad"}
 PARAMETER = {"key": "motor.cogging.0.torque"}
 
@@ -42,6 +44,15 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("mechanics.inertai", "1 kg*m^2",
             'mechanics.inertai: "1 kg*m^2": expected a known key, perhaps "inertia"'),
         ("motor.r_s", "1 ohm", 'motor.r_s: "1 ohm": expected a known key, perhaps "R_s"'),
+        ("motor.L", "1 mH", 'motor.L: "1 mH": expected a known key, perhaps "L_d" or "L_q"'),
+        ("motor.R", "1 ohm", 'motor.R: "1 ohm": expected a known key, perhaps "R_s"'),
+        ("motor.kt", "1 N*m/A", 'motor.kt: "1 N*m/A": expected a known key, perhaps "K_t"'),
+        ("motor.K_e", "1 V/rpm",
+            'motor.K_e: "1 V/rpm": expected a known key, perhaps "K_e_line_to_line_peak" or '
+            '"K_e_line_to_line_rms" or "K_e_phase_peak" or "K_e_phase_rms"'),
+        ("motor.torque_constant", "1 N*m/A",
+            'motor.torque_constant: "1 N*m/A": expected K_t in its place'),
+        ("motor.J", "1 kg*m^2", 'motor.J: "1 kg*m^2": expected mechanics.inertia in its place'),
         ("trace.zzz", 1, "trace.zzz: 1: expected one of rate, file_rate, energy"),
         ("controller.pi.gain", 1,
             "controller.pi.gain: 1: expected one of label, baseline, kp, ki, tuning, law"),
@@ -147,10 +158,10 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("mechanics.load_side", {**SIDE, "ratio": 0},
             "mechanics.load_side.ratio: 0: expected a number above 0"),
         ("mechanics.load_side", {**SIDE, "stiffness": "1e9 N*m/rad"},
-            "drive.rates.integration_steps: 1: expected 499 or more, since the twist of the shaft "
+            f"{STEPS} 499 or more, since the twist of the shaft "
             "(mechanics.load_side: stiffness, damping, both inertias) changes within 0.267 us"),
         ("mechanics.load_side", {**SIDE, "damping": "1 N*m*s/rad"},
-            "drive.rates.integration_steps: 1: expected 2 or more, since the twist of the shaft "
+            f"{STEPS} 2 or more, since the twist of the shaft "
             "(mechanics.load_side: stiffness, damping, both inertias) changes within 71.6 us"),
         ("mechanics.load_side",
             {**SIDE, "gear_errors": [{"side": "input", "order": 100, "angle": "10 mrad"}]},
@@ -215,7 +226,11 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         # controllers
         ("controller.pi.law", "pid",
             'controller.pi.law: "pid": expected one of '
-            + ", ".join(f'"{name}"' for name in LAWS)),
+            + ", ".join(f'"{name}"' for name in LAWS) + ', perhaps "pi"'),
+        ("controller.pi.law", "harmonics",
+            'controller.pi.law: "harmonics": expected one of '
+            + ", ".join(f'"{name}"' for name in LAWS) + ', perhaps "harmonic"'),
+        ("motor.winding", "Star", 'motor.winding: "Star": expected "star" or "delta", perhaps "star"'),
         *(("controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": orders},
             f"controller.afc.orders: {orders}: expected 1 to 16 orders that rise, from 1 to 65535")
           for orders in ([], [0], [6, 6], [12, 6], [70000], [*range(1, 18)])),
@@ -228,6 +243,15 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
         ("controller.fair.tuning.phase_margin", 100,
             'controller.fair.tuning.phase_margin: "100 deg": '
             'expected a phase margin from "20 deg" to "80 deg"'),
+        ("controller.fair.tuning", {"rule": "phase-margin", "phase_margin": 60},
+            "controller.fair.tuning.phase_margin: 60: "
+            'expected a phase margin from "20 deg" to "80 deg"; a plain number is in rad, perhaps "60 deg"'),
+        ("controller.fair.tuning.phase_margin", 5,
+            'controller.fair.tuning.phase_margin: "5 deg": '
+            'expected a phase margin from "20 deg" to "80 deg"'),
+        ("controller.fair.tuning", {"rule": "auto", "phase_margin": 5},
+            "controller.fair.tuning.phase_margin: 5: "
+            'expected a phase margin from "20 deg" to "80 deg"; a plain number is in rad'),
         ("controller.fair.tuning", {"rule": "phase-margin"},
             'controller.fair.tuning.phase_margin: missing: expected one, such as "60 deg"'),
         ("controller.t", {**PI, "law": "anti-cogging", "start": {}},
@@ -306,16 +330,17 @@ def test_a_wrong_value(tmp_path: Path, key: str, value: object, line: str) -> No
     ("changes", "line"),
     [
         ({"motor.L_d": "1 mH"},
-            "drive.rates.integration_steps: 1: expected 3 or more, since the current (R_s / L) changes "
+            f"{STEPS} 3 or more, since the current (R_s / L) changes "
             "within 64.9 us"),
         ({"scenario.step.reference": "9000 rpm"},  # the fastest scenario counts
-            "drive.rates.integration_steps: 1: expected 3 or more, since the highest order at top speed "
-            "changes within 52.8 us; its voltage turns the motor at 6284 rpm without load, not at 9000"),
+            f"{STEPS} 3 or more, since the highest order at the "
+            "9000 rpm of scenario.step.reference changes within 52.8 us; its voltage turns the motor at "
+            "6284 rpm without load, not at 9000"),
         ({"scenario.low.initial_speed": "-9000 rpm"},  # something else turns it that fast
-            "drive.rates.integration_steps: 1: expected 4 or more, since the highest order at top speed "
-            "changes within 44.2 us"),
+            f"{STEPS} 4 or more, since the highest order at the "
+            "9000 rpm of scenario.low.initial_speed changes within 44.2 us"),
         ({"mechanics.inertia": "1e-12 kg*m^2"},
-            "drive.rates.integration_steps: 1: expected 257 or more, since the speed with the current "
+            f"{STEPS} 257 or more, since the speed with the current "
             "(K_t, inertia, L) changes within 0.52 us"),
         ({"drive.inverter.dead_time": "1 s"},
             'drive.inverter.dead_time: "1 s": expected less than half a period of the current loop, '
@@ -459,10 +484,10 @@ def test_what_the_simulation_can_just_do(
         ({"mechanics.inertia": "9" * 5000},
             f'mechanics.inertia: "{"9" * 56}...: expected a unit too, such as "1 kg*m^2"'),
         ({"motor.psi_f": "1e-300 Wb", "motor.kv": "1e-300 rpm/V"},
-            "drive.rates.integration_steps: 1: expected inf or more, since the speed with the current (K_t, "
+            f"{STEPS} inf or more, since the speed with the current (K_t, "
             "inertia, L) changes within 0 us"),
         ({"mechanics.inertia": "1e-300 kg*m^2"},
-            "drive.rates.integration_steps: 1: expected 2.56e+146 or more, since the speed with the current "
+            f"{STEPS} 2.56e+146 or more, since the speed with the current "
             "(K_t, inertia, L) changes within 5.2e-145 us"),
         ({"motor": "x", "motor.K_t": 1}, "motor.K_t: 1: expected a table at motor"),
         ({"motor.datasheet": "x" * 5000}, f'motor.datasheet: "{"x" * 56}...: no such datasheet: '),
@@ -477,8 +502,7 @@ def test_what_the_simulation_can_just_do(
         ({'scenario.""': {"duration": "1 s", "reference": "1 rpm"}},
             'scenario."": expected a name of letters, digits, _, - and .'),
         ({"scenario.low.override": {"motor.cogging.7.torque": "1 N*m"}},
-            'scenario.low.override: motor.cogging.7.torque: "1 N*m": expected a key of the study, '
-            "or an index of its array"),
+            'scenario.low.override: motor.cogging.7.torque: "1 N*m": expected an index of motor.cogging, 0'),
         ({"controller.n": {"law": "library", "library": "x.so", "params": ["a"]}},
             'controller.n.params.0: "a": expected a number'),
         ({"scenario.low.controllers": []}, 'scenario.low.controllers: []: expected one of "pi"'),
@@ -667,11 +691,52 @@ def test_several_mistakes_are_all_told_in_the_order_of_the_file(tmp_path: Path) 
         "motor.pole_pairs: 4.5: expected a whole number",
         "motor.teeths: 1: expected one of " + ", ".join(Motor.model_fields),
         'motor.r_s: "1 H": expected a known key, perhaps "R_s"',
-        "motor.cogging.0.order: missing: expected a value",
+        "motor.cogging.0.order: missing: expected a whole number",
         'mechanics.inertia: "1 s": expected an inertia, such as "1 kg*m^2"',
         'controller.pi.kp: false: expected a gain of the speed loop of zero or more, such as "1 A/rpm"',
         'metric.1.order.0: "x": expected a number',
         'metric.2.event: 1: expected a text with a unit, such as "1 s"',
+    ]
+
+
+@pytest.mark.parametrize(
+    ("missing", "told"),
+    [
+        ("drive.rates", '{ current_loop = "10 kHz", speed_loop = "1 kHz" }'),
+        ("drive.current_loop", '{ bandwidth = "1 kHz", current_limit = "4 A" }'),
+        ("scenario.low.reference", '"60 rpm"'),
+    ],
+)
+def test_a_missing_table_is_told_with_one_to_write(tmp_path: Path, missing: str, told: str) -> None:
+    """A study that has it is read."""
+    tables = tomllib.loads(studies.BASE)
+    *above, last = missing.split(".")
+    del look_up(tables, tuple(above))[last]
+    text = f"title = {toml(tables.pop('title'))}\n"
+    text += "".join(f"{key} = {toml(value)}\n" for key, value in tables.items())
+    assert line_of(tmp_path, None, text) == f"study.toml: {missing}: missing: expected one, such as {told}"
+    studies.study(tmp_path, dict([parse_change(f"{missing}={told}")]), text)
+
+
+def test_what_is_missing_is_told_by_its_type(tmp_path: Path) -> None:
+    text = "title = 'x'\nvary = { together = [{}] }\ntune = {}\nmetric = [{}]\n"
+    text += "drive = { position_sensor = { kind = 'encoder' } }\n"
+    found = lines_of(tmp_path, None, text)
+    kinds = found.pop(5)
+    assert kinds.startswith('metric.0.kind: missing: expected one of "peak-to-peak", "rms", ')
+    assert found == [
+        "vary.together.0.keys: missing: expected an array",
+        "vary.together.0.correlation: missing: expected a number",
+        "tune.keys: missing: expected a table",
+        "tune.minimise: missing: expected a text",
+        "metric.0.name: missing: expected a text",
+        "drive.position_sensor.lines: missing: expected a whole number",
+        'drive.rates: missing: expected one, such as { current_loop = "10 kHz", speed_loop = "1 kHz" }',
+        'drive.current_loop: missing: expected one, such as { bandwidth = "1 kHz", current_limit = "4 A" }',
+        "scenario: missing: expected a table [scenario.NAME]",
+        "controller: missing: expected a table [controller.NAME]",
+        "motor: missing: expected a table of pole_pairs, ...",
+        "mechanics: missing: expected a table of inertia, ...",
     ]
 
 
@@ -799,14 +864,18 @@ def test_no_such_study(tmp_path: Path) -> None:
     ("key", "value", "line"),
     [
         ("motor.cogging.5.torque", 1,
-            "motor.cogging.5.torque: 1: expected a key of the study, or an index of its array"),
+            "study.toml: motor.cogging.5.torque: 1: expected an index of motor.cogging, 0"),
+        ("motor.cogging.x", 1, "study.toml: motor.cogging.x: 1: expected an index of motor.cogging, 0"),
+        ("metric.3", 1, "study.toml: metric.3: 1: expected an index of metric, 0 to 2"),
+        ("title.x", 1, "study.toml: title.x: 1: expected a table at title"),
+        ("seed.x.y", 1, "study.toml: seed.x.y: 1: expected a key of the study"),
         ("scenario.low.reference.speed", 1,
-            "scenario.low.reference.speed: 1: expected a table at scenario.low.reference"),
+            "study.toml: scenario.low.reference.speed: 1: expected a table at scenario.low.reference"),
         ("", 1, '"": expected a dotted key, such as controller.pi.kp'),
     ],
 )  # fmt: skip
 def test_a_change_that_has_no_place(tmp_path: Path, key: str, value: object, line: str) -> None:
-    assert line_of(tmp_path, {key: value}) == line
+    assert line_of(tmp_path, {key: value}, f"seed = 1\n{studies.BASE}") == line
 
 
 @pytest.mark.parametrize(

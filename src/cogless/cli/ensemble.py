@@ -56,7 +56,7 @@ def sweep(
     from cogless.report import sweep as report
     from cogless.results.folder import held, new_set
 
-    table.require()
+    table.require("sweep")
     part = _shard(shard)
     loaded = to_run(study, changes, no_code)
     folder = output or Path("results") / loaded.name
@@ -101,7 +101,7 @@ def tune(
     from cogless.study import TrialStudy
     from cogless.study.reading import changes_from
 
-    table.require()
+    table.require("tune")
     search.require()
     loaded = to_run(study, changes, no_code)
     tuning.subjects(loaded)  # a mistake is told before anything runs

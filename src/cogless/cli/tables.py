@@ -47,6 +47,20 @@ def print_tables(results: AnyResults) -> None:
     if len(shown) > 1:  # with one controller there are no marks to explain
         ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in shown else ""
         console.print(f"* best{ratio}", highlight=False, markup=False)
+    if not study.metric:
+        example = "".join(f'\n{key} = "{word}"' for key, word in _metric(study).items())
+        text = f"Metrics are what compares controllers, such as this one in {study.source.path}:"
+        console.print(f"{text}\n\n[[metric]]{example}\n", highlight=False, markup=False, soft_wrap=True)
+
+
+def _metric(study: AnyStudy) -> dict[str, str]:
+    """A metric that suits any study of this kind."""
+    from cogless.study import TrialStudy
+
+    if isinstance(study, TrialStudy):
+        signal = "theta_error" if study.plant is None else "y_error"
+        return {"name": "error", "kind": "final-rms", "signal": signal}
+    return {"name": "ripple", "kind": "ripple-rms", "signal": "omega_m"}
 
 
 def print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:

@@ -21,6 +21,7 @@ from cogless.design.margins import Complex, Margins, Real, margins_of
 from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.drive import IdealCurrentLoop
+from cogless.study.error_messages import shown
 
 NO_MARGIN = "expected a faster and better damped current loop for this margin"
 LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
@@ -97,9 +98,12 @@ def tuned(study: Study, name: str) -> Iterator[None]:
     for axis, loop in current_loops(study).items():
         wrong = weakness(loop.margins())
         if wrong:
+            given = study.source.tables["drive"]["current_loop"]
+            at = {key: given[key] for key in ("kp", "ki", "bandwidth") if key in given}
+            keys = " and ".join(f"drive.current_loop.{key}: {shown(value)}" for key, value in at.items())
             expected = f"expected {math.degrees(LEAST):.0f} deg of phase margin or more"
             found = f"to tune controller.{name} around it; its {axis} axis {wrong}"
-            raise StudyError(f"{study.source.path}: drive.current_loop: {expected} {found}")
+            raise StudyError(f"{study.source.path}: {keys}: {expected} {found}")
     try:
         yield
     except ValueError as error:

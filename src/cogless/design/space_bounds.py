@@ -136,11 +136,13 @@ def theorem(study: Study, name: str) -> Theorem | None:
     if isinstance(law, SpaceSpeed):
         limits = learned_limits(study, law, study.scenario.values())
         conditions = speed_conditions(found, motion, law, limits) if found else ()
-        return Theorem("law (4), section 3", "k", law.k, found, conditions, tuple(obstacles))
+        return Theorem("law (4) of Verrelli 2016, section 3", "k", law.k, found, conditions, tuple(obstacles))
     feedback = feedback_at(study, name, motion.top_speed)
     conditions = position_conditions(found, motion, feedback) if found else ()
     has = feedback.ratio * feedback.k
-    return Theorem("law (6), section 4", "k_omega + v", has, found, conditions, tuple(obstacles))
+    return Theorem(
+        "law (6) of Verrelli 2016, section 4", "k_omega + v", has, found, conditions, tuple(obstacles)
+    )
 
 
 def speed_conditions(

@@ -145,6 +145,11 @@ class Reader:
             raise self.wrong("expected two limits, since the study has no value at this key")
         if isinstance(self.nominal, bool) or not isinstance(self.nominal, str | int | float):
             raise self.wrong("expected the key of a number, or a list of values")
+        if self.unit and not isinstance(self.nominal, str):
+            # in a controller's table a plain number is SI, as are those that the rule auto gives
+            number = self.nominal / units.si_factor(self.unit)
+            tried(self.study, str(self.where[0]), {self.key: f"{number!r} {self.unit}"})
+            return number
         return self._plain(self.nominal)
 
     def _number(self, value: Any, around: float | None = None) -> float:

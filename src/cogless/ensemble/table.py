@@ -54,10 +54,11 @@ def gathered(
     return Sweep(study, ensemble, pairs, found, values, errors)
 
 
-def require() -> None:
-    """StudyError unless what a sweep needs is installed."""
+def require(command: str) -> None:
+    """StudyError unless what a sweep needs is installed. `command`: that needs it, by which its extra is
+    named."""
     if find_spec("pyarrow") is None or find_spec("SALib") is None:
-        raise StudyError("sweep: expected the extra: pip install 'cogless[sweep]'")
+        raise StudyError(f"{command}: expected the extra: pip install 'cogless[{command}]'")
 
 
 def write(sweep: Sweep, path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cogless.errors import StudyError
-from cogless.identify.config import Identification, LogRule
+from cogless.identify.config import COUNT, Identification, LogRule
 from cogless.identify.files import Array, Columns, read
 
 TURN = 2 * np.pi
@@ -243,12 +243,25 @@ def _units_agree(where: str, t: Array, found: Columns, known: Identification) ->
             1 / known.motor.pole_pairs,
             "the angle looks electrical, and a mechanical one is needed",
         )
-        mistaken = (*MISTAKEN, electrical)
-        cure = next((f"; {said}" for factor, said in mistaken if 0.95 < ratio / factor < 1.05), "")
+        mistaken = (*MISTAKEN, electrical, *_of_bits(known))
+        cures = [said for factor, said in mistaken if 0.95 < ratio / factor < 1.05]
+        cure = f"; {', or '.join(cures)}" if cures else ""
         raise StudyError(
             f"{where}: {names[0]} is {ratio:.4g} times the change of {names[1]} over {names[2]}: "
             f"expected units that agree{cure}"
         )
+
+
+def _of_bits(known: Identification) -> list[tuple[float, str]]:
+    """Ratios by which counts are off where the sensor has other bits, and what is said of them."""
+    bits = getattr(known.drive.position_sensor, "bits", None)
+    if known.columns["theta"].unit != COUNT or bits is None:
+        return []
+    return [
+        (2.0 ** (bits - other), f"the counts look like those of drive.position_sensor.bits = {other}")
+        for other in range(1, 33)
+        if other != bits
+    ]
 
 
 def _period(t: Array, dt: float) -> float:

@@ -12,18 +12,19 @@ the same number, the first one stays.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from cogless.errors import StudyError
 from cogless.live.blobs import Pair, blobs, held
-from cogless.live.candidates import YOURS, Candidate, candidates
+from cogless.live.candidates import MOTOR, YOURS, Candidate, candidates
 from cogless.live.motor import TOGETHER, Product, products
 from cogless.live.packed import Number, Packed
 from cogless.live.trial_candidates import trial_candidates
 from cogless.study import AnyStudy, TrialStudy
+from cogless.study.datasheet_words import replaced_by_any
 from cogless.study.reading import changed
 
 STOPS = 21
@@ -69,6 +70,7 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
     listed = [_bounded(study, candidate) for candidate in _candidates(study, told)]
     together = [candidate for candidate in listed if told and candidate.key in TOGETHER]
     if told:
+        _check_words(study, {candidate.key for candidate in together})
         found.products = products(base, lambda values: _changed(study, values), together)
         taken |= {(place, one.number.offset) for place, all_of in found.products.items() for one in all_of}
         found.keys += [Key(candidate, {}) for candidate in together]
@@ -139,6 +141,16 @@ def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
             middle = (end + candidate.start) / 2
             end = float(round(middle)) if candidate.whole else float(f"{middle:.4g}")
     return candidate.start
+
+
+def _check_words(study: AnyStudy, there: Set[str]) -> None:
+    """StudyError unless the study has all keys that set numbers together."""
+    if missing := [key for key in MOTOR if key in TOGETHER - there]:
+        motor = study.source.tables.get("motor", {})
+        others = replaced_by_any(key.removeprefix("motor.") for key in missing)
+        in_place = ", ".join(key for key in motor if key in others)
+        expected = f"expected with --own-motor{f', in place of {in_place}' if in_place else ''}"
+        raise StudyError(f"{study.source.path}: {', '.join(missing)}: missing: {expected}")
 
 
 def _tried(study: AnyStudy, base: All, candidate: Candidate) -> tuple[Key | None, str]:

@@ -46,8 +46,6 @@ class Product:
 def products(base: All, changed: Changed, keys: Sequence[Candidate]) -> dict[Place, list[Product]]:
     """The numbers that these keys, those of TOGETHER, set. StudyError: one of them is no such product."""
     by_key = {key.key: key for key in keys}
-    if missing := sorted(TOGETHER - by_key.keys()):
-        raise StudyError(f"live: {missing[0]}: missing: expected for the fields of one's own motor")
     over, under, pairs = by_key[RESISTANCE], by_key[INDUCTANCE], by_key[POLE_PAIRS]
     doubled = {key.key: changed([(key, 2 * key.start)]) for key in keys if key is not pairs}
     turned = [changed([(pairs, float(n))]) for n in range(1, round(pairs.high) + 1)]

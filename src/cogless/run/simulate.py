@@ -216,12 +216,15 @@ def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[st
     runs = [(scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario)]
     if not only:
         return runs
+
+    def matched(pattern: str) -> list[tuple[str, str]]:
+        return [run for run in runs if fnmatchcase("/".join(run), pattern)]
+
     for pattern in only:
-        if not any(fnmatchcase("/".join(run), pattern) for run in runs):
-            known = ", ".join("/".join(run) for run in runs)
-            raise StudyError(
-                f'{study.source.path}: --only: "{pattern}": expected SCENARIO/CONTROLLER of {known}'
-            )
+        if not matched(pattern):
+            near = [each for each in (f"{pattern}/*", f"*/{pattern}") if matched(each)]
+            of = f', perhaps "{near[0]}"' if near else f" of {', '.join(map('/'.join, runs))}"
+            raise StudyError(f'{study.source.path}: --only: "{pattern}": expected SCENARIO/CONTROLLER{of}')
     return [run for run in runs if any(fnmatchcase("/".join(run), pattern) for pattern in only)]
 
 

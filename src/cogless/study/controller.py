@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidatorFunctionWrapHandler, field_validator, model_validator
 
 from cogless import units
 from cogless.study.start import Start
@@ -46,12 +46,21 @@ class Tuning(Table):
         """Whether the rule computes all of the law's numbers."""
         return self.rule == "auto"
 
+    @field_validator("phase_margin", mode="wrap")
+    @classmethod
+    def _range(cls, given: Any, read: ValidatorFunctionWrapHandler) -> float:
+        margin: float = read(given)
+        low, high = 0.3, 1.45
+        if not low < margin < high:
+            bare = "" if isinstance(given, str) else "; a plain number is in rad"
+            near = f', perhaps "{given:g} deg"' if bare and low < math.radians(given) < high else ""
+            raise invalid(f'expected a phase margin from "20 deg" to "80 deg"{bare}{near}')
+        return margin
+
     @model_validator(mode="after")
-    def _range(self) -> Self:
+    def _given(self) -> Self:
         if not self.is_auto and "phase_margin" not in self.model_fields_set:
             raise invalid('expected one, such as "60 deg"', "phase_margin", value="missing")
-        if not 0.3 < self.phase_margin < 1.45:
-            raise invalid('expected a phase margin from "20 deg" to "80 deg"', "phase_margin")
         return self
 
 

@@ -12,6 +12,8 @@ from cogless import units
 from cogless.study.table import invalid
 from cogless.units import Dimension
 
+POINTS = ", and decimal points in numbers"
+DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
 HUGE = 1e9  # in the column's unit: beyond any drive
 NAME = re.compile(r"\s*([^\W\d_]+)")  # in "error [deg]" and "error_deg"
 BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # speed [rpm]
@@ -74,6 +76,8 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
     Other columns are left alone. The errors' key is "file".
     """
     heading, *rows = lines(path) or [[]]
+    if len(heading) == 1 and any(other in heading[0] for other in ";\t"):
+        raise invalid(f"line 1: {shown(*heading)}: expected commas between columns{POINTS}", "file")
     names = [word[1].lower() if (word := NAME.match(cell)) else "" for cell in heading]
     axis, dimension = along
     name = _only(heading, names, columns)
@@ -89,7 +93,8 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
         if not any(cell.strip() for cell in row):
             continue
         if len(row) != len(heading):
-            raise invalid(f"line {number}: {shown(*row)}: expected {len(heading)} columns", "file")
+            points = POINTS if len(row) > len(heading) else ""
+            raise invalid(f"line {number}: {shown(*row)}: expected {len(heading)} columns{points}", "file")
         here, there = (
             _number(row[place], column, number) * factor for column, (place, factor) in places.items()
         )
@@ -127,5 +132,6 @@ def _number(text: str, name: str, line: int) -> float:
     try:
         number = float(text)
     except ValueError:
-        raise invalid(f"{where}{shown(text)}: expected a number", "file") from None
+        how = " with a decimal point" if DECIMAL_COMMA.fullmatch(text) else ""
+        raise invalid(f"{where}{shown(text)}: expected a number{how}", "file") from None
     return finite(text, number, name, where)

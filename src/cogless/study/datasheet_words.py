@@ -32,6 +32,9 @@ MAGNET = ("psi_f", "K_t", "K_t_rms", *SPEED, *BACK_EMF)  # the first that is giv
 RESISTANCE = ("R_s", "resistance_line_to_line")
 INDUCTANCE = ("L_d", "L_q", "inductance_line_to_line")
 
+# of datasheets, for what has another key
+OTHER_WORDS = {"torque_constant": "K_t", "J": "mechanics.inertia", "inertia": "mechanics.inertia"}
+
 RMS, LINES = "rms and peak", "phase and line to line"
 MIXED_UP = (
     (math.sqrt(2), "sqrt(2)", RMS),

@@ -237,8 +237,8 @@ class Drive(Table):
 
     precision: Literal["single", "double"] = "single"
     belief: Belief = Belief()
-    rates: Rates
-    current_loop: AnyCurrentLoop
+    rates: Rates = Field(examples=['{ current_loop = "10 kHz", speed_loop = "1 kHz" }'])
+    current_loop: AnyCurrentLoop = Field(examples=['{ bandwidth = "1 kHz", current_limit = "4 A" }'])
     inverter: Inverter | None = None  # not with an ideal current loop
     dead_time_compensation: DeadTimeCompensation | None = None  # likewise
     position_sensor: PositionSensor = IdealSensor()

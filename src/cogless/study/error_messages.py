@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from cogless.errors import StudyError
-from cogless.study.table import Key
+from cogless.study.table import Key, nearest
 
 MISSING = object()
 MOST_TOLD = 20  # mistakes in one message, at most
@@ -38,6 +39,7 @@ EXPECTED = {
     "union_tag_not_found": "expected one that says which kind it is",
     "literal_error": "expected {expected}",
 }
+OF_WORDS, WORDS = ("union_tag_invalid", "literal_error"), re.compile(r'"([^"]+)"')
 PATTERNS = {
     r"^.+\.py:\w+$": 'expected a file and a class, such as "my_law.py:MyLaw"',
     r"^[A-Za-z][A-Za-z0-9_]*$": "expected a name of letters, digits and _",
@@ -135,7 +137,10 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     value = look_up(tables, key)
     absent = "missing" if kind.startswith("union_tag") else str(context.get("value") or "")
     told = value is not MISSING and not (kind == "study" and isinstance(value, dict))
-    return Problem(key, shown(value) if told else absent, _expected(kind, context, details["msg"]))
+    expected = _expected(kind, context, details["msg"])
+    near = nearest(value, WORDS.findall(expected)) if kind in OF_WORDS and isinstance(value, str) else None
+    perhaps = f', perhaps "{near}"' if near else ""
+    return Problem(key, shown(value) if told else absent, expected + perhaps)
 
 
 def _expected(kind: str, context: dict[str, Any], message: str) -> str:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from cogless.study.datasheet_words import MAGNET, OF_A_PHASE, check_agreement, torque_constant
+from cogless.study.datasheet_words import MAGNET, OF_A_PHASE, OTHER_WORDS, check_agreement, torque_constant
 from cogless.study.motor_tables import BackEmfTable, CoggingTable
 from cogless.study.saturation import Saturation
 from cogless.study.table import (
@@ -204,6 +204,8 @@ class Motor(Table):
 
     @classmethod
     def other_word(cls, key: str, value: Any) -> str | None:
+        if key in OTHER_WORDS:
+            return f"expected {OTHER_WORDS[key]} in its place"
         if key != "poles":
             return None
         even = isinstance(value, int) and value > 0 and value % 2 == 0

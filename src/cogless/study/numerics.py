@@ -21,21 +21,28 @@ LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per
 FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
 FASTEST_OBSERVER = 2.0  # bandwidth of a law's observer, per sample (control/src/cogless/adrc.c)
 OVERMODULATED = 1.2  # above 2 sqrt(3) / pi = 1.10, what square voltages have more than sinusoidal ones
+TOP = "at top speed"  # in the cause of a natural rate that it decides
+RPM = 30 / math.pi
 MOST_ROWS = 20_000_000  # of one run's trace: 4 GB with some 25 signals of 8 bytes each
 
 
 def integration(study: Study) -> None:
     """Check that the integration step is short compared with the fastest time constant of the plant."""
     rates, motor = study.drive.rates, study.motor.star()
-    wanted = max(scenario.top_reference for scenario in study.scenario.values())
-    begun = max(abs(scenario.initial_speed) for scenario in study.scenario.values())
+    wanted, asked = max((of.top_reference, f"{name}.reference") for name, of in study.scenario.items())
+    begun, at = max((abs(of.initial_speed), f"{name}.initial_speed") for name, of in study.scenario.items())
     most, why = voltage_reach(study), ""
     if wanted > most:
-        rpm = 30 / math.pi
-        why = f"; its voltage turns the motor at {most * rpm:.4g} rpm without load, not at {wanted * rpm:.4g}"
-    top = max(min(wanted, OVERMODULATED * most), begun)
+        why = f"; its voltage turns the motor at {most * RPM:.4g} rpm without load, not at {wanted * RPM:.4g}"
+    reached = min(wanted, OVERMODULATED * most)
+    top, of = (begun, top_speed(begun, at)) if begun > reached else (reached, top_speed(wanted, asked))
     found = natural_rates(motor, study.mechanics, top, electrical=not study.drive.ideal)
-    check_step(1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, found, why)
+    check_step(1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, found, of, why)
+
+
+def top_speed(omega_m: float, key: str) -> str:
+    """What the top speed, rad/s, is, in a message. `key`: that has it, in the table of scenarios."""
+    return f"the {omega_m * RPM:.4g} rpm of scenario.{key}"
 
 
 def no_load_speed(bus_voltage: float, motor: StarMotor, psi_f: float) -> float:
@@ -52,17 +59,18 @@ def voltage_reach(study: Study) -> float:
     return no_load_speed(inverter.bus_voltage, motor, motor.psi_f)
 
 
-def check_step(step: float, steps: int, found: Sequence[tuple[float, str]], why: str = "") -> None:
+def check_step(step: float, steps: int, found: Sequence[tuple[float, str]], top: str, why: str = "") -> None:
     """Refuse an RK4 step (s) that is too long for these natural rates. `steps`: per current-loop period.
 
-    `why`: what else is told.
+    `top`: what the top speed is, where it decides. `why`: what else is told.
     """
     fastest, what = max(found)
     if fastest * step > LARGEST_STEP:
         needed = fastest * step * steps / LARGEST_STEP
         whole = f"{needed:.3g}" if needed > 1e6 else math.ceil(needed)
+        what = what.replace(TOP, f"at {top}")
         expected = f"expected {whole} or more, since {what} changes within {1e6 / fastest:.3g} us{why}"
-        raise invalid(expected, "drive", "rates", "integration_steps", value=steps)
+        raise invalid(expected, "drive", "rates", "integration_steps", value=f"{steps}, the default")
 
 
 def steps_needed(motor: StarMotor, mechanics: Mechanics, top: float, rate: float) -> int:
@@ -91,7 +99,7 @@ def natural_rates(
         *(of_current if electrical else ()),
         (mechanics.viscous_friction / inertia, "the speed (viscous_friction / inertia)"),
         (math.sqrt(cogging / inertia), "the speed in the cogging torque"),
-        (top * max(orders), "the highest order at top speed"),
+        (top * max(orders), f"the highest order {TOP}"),
         *_of_friction(mechanics, top, "mechanics"),
         *(() if side is None else (_of_shaft(mechanics, side), *_of_load_side(side, top))),
     ]
@@ -99,7 +107,7 @@ def natural_rates(
 
 def _of_friction(mass: Mass, top: float, key: str) -> list[tuple[float, str]]:
     """Rates of friction that depends on speed and position."""
-    found = [(top * h.order, f"{key}.friction_harmonics at top speed") for h in mass.friction_harmonics]
+    found = [(top * h.order, f"{key}.friction_harmonics {TOP}") for h in mass.friction_harmonics]
     if mass.stribeck_speed:
         # the steepest slope of exp(-x^2) is sqrt(2 / e)
         slope = (mass.breakaway - mass.coulomb_friction) / mass.stribeck_speed * math.sqrt(2 / math.e)
@@ -119,7 +127,10 @@ def _of_load_side(side: LoadSide, top: float) -> list[tuple[float, str]]:
     speed = top / side.ratio
     return [
         (side.viscous_friction / side.inertia, "the load's speed (viscous_friction / inertia)"),
-        *((e.order * (top if e.side == "input" else speed), "the gear's error") for e in side.gear_errors),
+        *(
+            (e.order * (top if e.side == "input" else speed), f"the gear's error {TOP}")
+            for e in side.gear_errors
+        ),
         *_of_friction(side, speed, "mechanics.load_side"),
     ]
 

@@ -56,10 +56,10 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
         raise StudyError(f"{path}: an arena: expected a study; cogless run takes both")
     changes = dict(changes or {})
     if "motor.datasheet" in changes:
-        put(tables, "motor.datasheet", changes.pop("motor.datasheet"))
+        _apply(f"{path}: ", tables, {"motor.datasheet": changes.pop("motor.datasheet")})
     source = with_datasheet(path, tables)
     _check_names(path, source.tables, changes)
-    _apply(source.tables, changes)
+    _apply(f"{path}: ", source.tables, changes)
     return checked(source)
 
 
@@ -182,6 +182,8 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
         elif isinstance(found, str):
             # A short form such as reference = "60 rpm" is a text, which has no keys.
             raise StudyError(f"{key}: {shown(value)}: expected a table at {dotted(path[: depth + 1])}")
+        elif isinstance(inner, list) and found is MISSING:
+            raise StudyError(f"{key}: {shown(value)}: {_within(inner, path[:depth])}")
         inner = found
     last = path[-1]
     old = look_up(inner, (last,))
@@ -189,8 +191,16 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
         inner[str(last)] = with_unit(value, old)
     elif old is not MISSING:
         inner[last] = with_unit(value, old)
+    elif isinstance(inner, list):
+        raise StudyError(f"{key}: {shown(value)}: {_within(inner, path[:-1])}")
     else:
-        raise StudyError(f"{key}: {shown(value)}: expected a key of the study, or an index of its array")
+        raise StudyError(f"{key}: {shown(value)}: expected a key of the study")
+
+
+def _within(array: list[Any], key: Key) -> str:
+    """The indices that an array has, for a message about another."""
+    last = f" to {len(array) - 1}" if len(array) > 1 else ""
+    return f"expected an index of {dotted(key)}, 0{last}" if array else f"{dotted(key)} is empty"
 
 
 @lru_cache(maxsize=1024)
@@ -218,7 +228,8 @@ def with_unit(value: Any, old: Any) -> Any:
     return f"{value!r} {unit}" if bare and unit else value
 
 
-def _apply(tables: dict[str, Any], changes: Changes) -> None:
+def _apply(where: str, tables: dict[str, Any], changes: Changes) -> None:
+    """Change values. `where`: the file and the place that an error names."""
     for key, value in changes.items():
         parts = split(key)
         _own(tables, parts[:-1])
@@ -226,7 +237,10 @@ def _apply(tables: dict[str, Any], changes: Changes) -> None:
         if len(parts) == 2 and parts[0] == "motor" and isinstance(motor, dict):
             for other in replaced_by(str(parts[1])):
                 motor.pop(other, None)
-        put(tables, key, value)
+        try:
+            put(tables, key, value)
+        except StudyError as error:
+            raise StudyError(f"{where}{error}") from None
 
 
 def _own(tables: dict[str, Any], path: Key) -> None:
@@ -244,12 +258,7 @@ def _own(tables: dict[str, Any], path: Key) -> None:
 def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str, Any]:
     """A copy of a study's tables with other values. `prefix`: their place in the file, for messages."""
     tables = dict(source.tables)
-    try:
-        _apply(tables, changes)
-    except StudyError as error:
-        if not prefix:
-            raise
-        raise StudyError(f"{source.path}: {prefix}{error}") from None
+    _apply(f"{source.path}: {prefix}", tables, changes)
     return tables
 
 

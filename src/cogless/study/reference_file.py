@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cogless import units
-from cogless.study.csv_file import finite, lines, scale, shown
+from cogless.study.csv_file import POINTS, finite, lines, scale, shown
 from cogless.study.table import invalid
 
 COLUMNS = (("time", units.TIME), ("speed", units.ANGULAR_SPEED))
@@ -15,7 +15,7 @@ Points = tuple[tuple[float, float], ...]
 def points(path: Path) -> Points:
     """Time (s) and speed (rad/s) of each line; raises an error that names the line and quotes it."""
     found: list[tuple[float, float]] = []
-    scales, expected = (1.0, 1.0), "expected time in s and speed in rad/s, with a comma between"
+    scales, expected = (1.0, 1.0), f"expected time in s and speed in rad/s, with a comma between{POINTS}"
     for number, row in enumerate(lines(path), start=1):
         where = f"line {number}: "
         if not any(cell.strip() for cell in row):

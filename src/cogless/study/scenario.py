@@ -101,7 +101,7 @@ class Experiment(Table):
 class Scenario(Experiment):
     """An experiment of a speed study."""
 
-    reference: Reference
+    reference: Reference = Field(examples=['"60 rpm"'])
     initial_speed: AngularSpeed = 0.0  # rad/s, mechanical
     initial_angle: Angle = 0.0  # rad, mechanical
     load: Load | None = None  # replaces mechanics.load

@@ -8,7 +8,8 @@ import unicodedata
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Self, TypeVar
+from types import UnionType
+from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -22,6 +23,7 @@ from pydantic import (
     WrapValidator,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError, core_schema
 
 from cogless import units
@@ -101,17 +103,41 @@ def _required(table: type[Table]) -> frozenset[str]:
 def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetails]:
     """Errors for unknown keys, and for missing keys unless an unknown key looks like their misspelling."""
     known = list(table.model_fields)
-    near = {key: nearest(key, known) for key in data if key not in known}
+    near = {key: _meant(key, known) for key in data if key not in known}
     found = [
         invalid(table.other_word(key, data[key]) or _suggestion(meant, known), key, value="unknown key")
         for key, meant in near.items()
     ]
+    meant_by_any = {name for meant in near.values() for name in meant}
     for key, field in table.model_fields.items():
-        if field.is_required() and key not in data and key not in near.values():
-            quantity = next((entry for entry in field.metadata if isinstance(entry, Quantity)), None)
-            expected = quantity.expectation if quantity else "expected a value"
-            found.append(invalid(expected, key, value="missing"))
+        if field.is_required() and key not in data and key not in meant_by_any:
+            found.append(invalid(f"expected {_wanted(key, field)}", key, value="missing"))
     return [InitErrorDetails(type=error, input=data) for error in found]
+
+
+def _wanted(key: str, field: FieldInfo) -> str:
+    """What is expected at a key that is missing: the field's example, or what its type says."""
+    quantity = next((entry for entry in field.metadata if isinstance(entry, Quantity)), None)
+    if quantity:
+        return quantity.expectation.removeprefix("expected ")
+    return f"one, such as {field.examples[0]}" if field.examples else _sort(key, field.annotation)
+
+
+def _sort(key: str, of: Any) -> str:
+    """What a type takes, in words; of several types the first."""
+    origin, inner = get_origin(of), get_args(of)
+    if origin in (Annotated, Union, UnionType):
+        return _sort(key, inner[0])
+    if origin is Literal:
+        return one_of(inner).removeprefix("expected ")
+    if origin is dict:
+        return f"a table [{key}.NAME]" if _sort(key, inner[1]).startswith("a table") else "a table"
+    if origin is tuple:
+        return "an array"
+    if isinstance(of, type) and issubclass(of, Table):
+        needed = [name for name in of.model_fields if name in _required(of)]
+        return f"a table of {', '.join(needed)}, ..."
+    return {int: "a whole number", float: "a number", str: "a text"}.get(of, "a value")
 
 
 def _again(details: ErrorDetails) -> InitErrorDetails:
@@ -172,12 +198,25 @@ def dotted_keys(
 
 def nearest(key: str, known: Sequence[str]) -> str | None:
     """The known key that an unknown one was probably meant to be; None if none is similar."""
+
+    def plain(name: str) -> str:
+        return name.lower().replace("_", "")
+
     near = difflib.get_close_matches(key, known, n=1)
-    return next(iter(near), None) or next((name for name in known if name.lower() == key.lower()), None)
+    return next(iter(near), None) or next((name for name in known if plain(name) == plain(key)), None)
 
 
-def _suggestion(near: str | None, known: Sequence[str]) -> str:
-    return f'expected a known key, perhaps "{near}"' if near else f"expected one of {', '.join(known)}"
+def _meant(key: str, known: Sequence[str]) -> list[str]:
+    """The known keys that an unknown one may be meant to be: those that it begins, as L does L_d and L_q, or
+    the nearest."""
+    begun = [name for name in known if name.startswith(f"{key}_")]
+    near = nearest(key, known)
+    return begun or ([near] if near else [])
+
+
+def _suggestion(near: Sequence[str], known: Sequence[str]) -> str:
+    perhaps = " or ".join(f'"{name}"' for name in near)
+    return f"expected a known key, perhaps {perhaps}" if near else f"expected one of {', '.join(known)}"
 
 
 @dataclass(frozen=True)

@@ -196,9 +196,10 @@ def integration(study: TrialStudy) -> None:
     if study.drive is None or study.motor is None or study.mechanics is None:
         return
     rates = study.drive.rates
-    top = max(study.top_speed(name) for name in study.scenario)
+    top, name = max((study.top_speed(name), name) for name in study.scenario)
     found = numerics.natural_rates(study.motor.star(), study.mechanics, top, electrical=not study.drive.ideal)
-    numerics.check_step(1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, found)
+    step = 1 / (rates.current_loop * rates.integration_steps)
+    numerics.check_step(step, rates.integration_steps, found, numerics.top_speed(top, name))
     numerics.check_dead_time(study.drive)
 
 
