@@ -20,10 +20,10 @@ from cogless.design.harmonic import (
     _bends,
     _halls,
     _least_rate,
-    _main_order,
     _speeds,
     _step,
     delay_of,
+    main_order,
 )
 from cogless.design.harmonic_transfer import (
     _bands,
@@ -275,14 +275,14 @@ def test_only_a_timed_angle_has_steps_that_the_law_knows() -> None:
         assert _step(turning([], position_sensor=sensor, speed_filter=filtered)) == pytest.approx(step)
 
 
-def test_cogging_s_main_order_is_that_of_poles_and_slots() -> None:
+def test_cogging_smain_order_is_that_of_poles_and_slots() -> None:
     """A step motor's phase has two places for each of a rotor's teeth, in two phases."""
     for motor, order in (
         (SimpleNamespace(pole_pairs=4, slots=9), 72),
         (SimpleNamespace(pole_pairs=4, slots=None), 6),
         (StepMotor.model_construct(teeth=50), 200),
     ):
-        assert _main_order(turning([], motor=motor), 6) == order
+        assert main_order(turning([], motor=motor), 6) == order
 
 
 def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -366,7 +366,7 @@ def test_a_certificate_is_of_the_speeds_at_which_orders_act(monkeypatch: pytest.
         "_speeds": lambda study, name, sampled: speeds if sampled == 2e-3 else [],
         "_at": lambda study, loop, told, pi, acting, omega: (omega, acting.tolist()),
         "_rate_bound": lambda study, loop, told, pi, omega: bounds[omega],
-        "_main_order": lambda study, base: 50,
+        "main_order": lambda study, base: 50,
     }
     for name, part in of_part.items():
         monkeypatch.setattr(harmonic, name, part)
