@@ -10,7 +10,10 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from cogless.report.packing import number
+from cogless.report.paths import varies
 from cogless.report.speed_tracking import missed, rows_of, span_of
 from cogless.report.status_lanes import MOMENT, spans
 from cogless.report.unlearned import unlearned
@@ -23,6 +26,8 @@ from cogless.study.spoken import spoken_unit
 from cogless.units import ANGULAR_SPEED, factor
 
 SAME = 0.05  # relative difference below which two values count as equal
+SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
+RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"  # unjudged
 NEVER = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
 COUNTS = ("trials-to-floor",)
 QUANTITIES = {
@@ -55,6 +60,7 @@ class Line:
     `unlearned`: the controllers whose law learned nothing in the scenario, and why.
     `guarded`: the controllers whose learning the guard held back in that window, and when.
     `span`: the metric's time window, s; None if no run has a trace.
+    `unjudged`: why no controller is better in it than another; "" if one may be.
     """
 
     name: str
@@ -69,6 +75,7 @@ class Line:
     unlearned: Mapping[str, str] = field(default_factory=dict)
     guarded: Mapping[str, str] = field(default_factory=dict)
     span: tuple[float, float] | None = None
+    unjudged: str = ""
 
     @property
     def title(self) -> str:
@@ -107,7 +114,7 @@ class Line:
         out = {*self.missed, *self.unlearned}
         ranks = {name: self._rank(value) for name, value in self.values.items() if name not in out}
         top = min(ranks.values(), default=math.inf)
-        if self.better not in ("lower", "higher") or top == math.inf:
+        if self.better not in ("lower", "higher") or self.unjudged or top == math.inf:
             return set()
         best = {name for name, rank in ranks.items() if math.isclose(rank, top, rel_tol=1e-9)}
         return best if len(best) < len(self.values) else set()
@@ -121,7 +128,7 @@ class Line:
     def ratio(self, controller: str, baseline: str) -> float | None:
         """A controller's value divided by the baseline's; None if that ratio has no meaning."""
         value, base = self.values.get(controller), self.values.get(baseline)
-        if controller in self.missed or baseline in self.missed:
+        if self.unjudged or controller in self.missed or baseline in self.missed:
             return None
         if value is None or base is None or base == 0 or self.better == "none" or value / base < 0:
             return None
@@ -161,8 +168,28 @@ def compare(results: Results, scenario: str) -> list[Line]:
             held = {run.controller: guarded(results, run, rows_of(results, metric, run)) for run in taken}
             back = {controller: when for controller, when in held.items() if when}
             own = lines_of(results.study, metric, taken, named)
-            lines += [replace(line, missed=not_held, unlearned=idle, guarded=back, span=span) for line in own]
+            why = unjudged(metric, taken[0], rows_of(results, metric, taken[0]))
+            lines += [
+                replace(line, missed=not_held, unlearned=idle, guarded=back, span=span, unjudged=why)
+                for line in own
+            ]
     return lines
+
+
+def unjudged(metric: Metric, run: Run, rows: slice) -> str:
+    """Why a metric of the speed says nothing of a controller in these rows; "" if it may.
+
+    The spread of a speed whose reference varies is that of the reference; at rest there is no ripple.
+    """
+    of_speed = metric.signal in ("omega_m", "omega_measured")
+    if not (of_speed or (metric.signal or "").startswith("omega_error")):
+        return ""
+    reference = run.trace.part("omega_ref", rows)
+    if not len(reference):
+        return ""
+    if not np.any(reference) and metric.kind in (*SPREADS, "order"):
+        return RESTS
+    return VARIES if of_speed and metric.kind in SPREADS and varies(reference) else ""
 
 
 def guarded(results: Results, run: Run, rows: slice) -> str:
@@ -182,6 +209,20 @@ def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
         *(f"{study.label(c)} did not hold the speed in {how}" for c, how in misses(lines).items()),
         *(f"{study.label(c)} learned nothing: {why}" for c, why in idle.items()),
         *held_back(study, lines),
+        *not_judged(lines),
+    ]
+
+
+def not_judged(lines: Sequence[Line]) -> list[str]:
+    """Remarks on lines that aren't judged, one for each reason."""
+    found: dict[str, list[str]] = {}
+    for line in lines:
+        if line.unjudged and line.better != "none":
+            found.setdefault(line.unjudged, []).append(line.quantity)
+    return [
+        f"{quantities[0]}{f' and {len(quantities) - 1} more' if len(quantities) > 1 else ''}: "
+        f"not judged, since {why}{'; what is left is in omega_error' if why == VARIES else ''}"
+        for why, quantities in found.items()
     ]
 
 
