@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cogless.design.table import design_table
-from cogless.design.warnings import beyond_drive, coarse_table, notes, shaft_notes
+from cogless.design.warnings import beyond_drive, coarse_table, likely_harm, notes, shaft_notes
 from cogless.errors import StudyError
 from cogless.run.plan import plan
 from cogless.study import load
@@ -72,6 +72,14 @@ def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():
     assert notes(changed(other, {"controller.harmonic.base": 21}), "harmonic") == []
     assert notes(changed(other, {"motor.cogging.1.torque": "0 N*m"}), "harmonic") == []
     assert notes(load(EXAMPLE), "harmonic") == []
+
+
+def test_orders_that_are_not_learned_may_be_why_learning_does_harm():
+    other = my_motor(**{"controller.harmonic.base": 5})
+    assert likely_harm(other, "harmonic").startswith(
+        "it learns orders 5 k to 500, but the cogging has orders"
+    )
+    assert likely_harm(other, "pi") is None
 
 
 def test_orders_beyond_the_memory_have_no_base():

@@ -81,6 +81,7 @@ def test_lines_are_in_display_units_with_the_best_marked(made):
     lines = compare(made, "low-speed")
     sixth = lines[2]
     assert sixth.title == "speed orders: order 6 (electrical)"
+    assert replace(sixth, name="speed_order").title == "speed: order 6 (electrical)"
     assert sixth.text("pi") == "4.80 rpm" and sixth.best == {"pi-ilc"}
     assert sixth.ratio("fair-pi", "pi") == pytest.approx(1.9 / 4.8, rel=1e-3)
     assert {line.unit for line in lines} == {"rpm", "mN·m", "W", "mA"}

@@ -52,6 +52,11 @@ def notes(study: Study, name: str) -> list[str]:
     return [f"controller.{name}: {line}" for line in found if line is not None]
 
 
+def likely_harm(study: Study, name: str) -> str | None:
+    """What the design says of why a controller's learning may do harm; None if nothing."""
+    return next(iter(_feedback_and_learning(study, name)), None) or _not_learned(study, name)
+
+
 def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
     """Warnings of scenarios in which a controller will learn nothing; `runs` are (scenario, controller)."""
     if isinstance(study, TrialStudy):

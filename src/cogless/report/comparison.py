@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cogless.design.ripple import WORSE
+from cogless.design.warnings import likely_harm
 from cogless.report.packing import number
 from cogless.report.paths import varies
 from cogless.report.speed_tracking import missed, rows_of, span_of
@@ -20,12 +22,14 @@ from cogless.report.unlearned import unlearned
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
+from cogless.study import Study
 from cogless.study.base import StudyBase
 from cogless.study.metric import Metric
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGULAR_SPEED, factor
 
 SAME = 0.05  # relative difference below which two values count as equal
+SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
 RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"  # unjudged
 NEVER = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
@@ -80,7 +84,9 @@ class Line:
     @property
     def title(self) -> str:
         """The line's title, such as "speed ripple" or "speed orders: order 6 (electrical)"."""
-        return self.quantity if self.order is None else f"{self._words}: order {self.order:g} ({self.frame})"
+        if self.order is None:
+            return self.quantity
+        return f"{self._words.removesuffix(' order')}: order {self.order:g} ({self.frame})"
 
     @property
     def quantity(self) -> str:
@@ -228,16 +234,32 @@ def not_judged(lines: Sequence[Line]) -> list[str]:
 
 def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
     """Remarks on controllers whose learning the guard held back in the window of a metric, one for each."""
-    found: dict[str, tuple[str, list[str]]] = {}
+    found: dict[str, tuple[str, list[Line]]] = {}
     for line in lines:
         for controller, when in line.guarded.items():
-            found.setdefault(controller, (when, []))[1].append(line.quantity)
+            found.setdefault(controller, (when, []))[1].append(line)
     return [
-        f"the guard held the learning of {study.label(c)} back, {when}, in the window of {quantities[0]}"
-        f"{f' and {len(quantities) - 1} more' if len(quantities) > 1 else ''}: "
-        "what is left there is more than it settles at"
-        for c, (when, quantities) in found.items()
+        f"the guard held the learning of {study.label(c)} back, {when}, in the window of {within[0].quantity}"
+        f"{f' and {len(within) - 1} more' if len(within) > 1 else ''}: "
+        + (_harm(study, c, within) or "what is left there is more than it settles at")
+        for c, (when, within) in found.items()
     ]
+
+
+def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
+    """How much worse than a baseline that doesn't learn it is there, and why, by design; "" if it isn't."""
+    base = study.baseline
+    if study.controller[base].learns:
+        return ""
+    # who lost the speed by it counts, too
+    able = [replace(line, missed={}) for line in lines if base not in line.missed and line.kind in SPREADS]
+    ratios = {line.quantity: line.ratio(controller, base) or 0.0 for line in able if line.signal in SPEEDS}
+    worst = max(ratios, key=lambda quantity: ratios[quantity], default="")
+    if not worst or ratios[worst] <= WORSE:
+        return ""
+    why = likely_harm(study, controller) if isinstance(study, Study) else None
+    harm = f"learning does harm here, {number(ratios[worst])} times the {worst} of {study.label(base)}"
+    return f"{harm} ({why})" if why else harm
 
 
 def misses(lines: Sequence[Line]) -> dict[str, str]:

@@ -9,6 +9,7 @@ from functools import cached_property
 
 from cogless.report.comparison import (
     SAME,
+    SPEEDS,
     VARIES,
     Line,
     compare,
@@ -32,7 +33,6 @@ COST = 0.01  # relative; a metric that gets worse by less isn't reported as a co
 MOST = 3  # largest number of metrics in a sentence about another controller
 
 TOTALS = ("ripple-rms", "peak-to-peak")
-SPEEDS = ("omega_m", "omega_measured", "omega_error")
 
 
 @dataclass(frozen=True)
@@ -241,10 +241,10 @@ def _is_part(case: _Case, line: Line) -> bool:
 
 
 def _is_slight(case: _Case, line: Line, controller: str) -> bool:
-    """Whether an order of the speed is below `COST` of the baseline's total."""
+    """Whether an order of the speed is below `SAME` of the baseline's total, which counts as equal."""
     order, total = line.values[controller] or 0.0, case.line.values[case.baseline] or 0.0
     size = order * factor(line.unit, ANGULAR_SPEED)
-    return size < COST * total * factor(case.line.unit, ANGULAR_SPEED)
+    return size < SAME * total * factor(case.line.unit, ANGULAR_SPEED)
 
 
 def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
