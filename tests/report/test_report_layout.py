@@ -154,7 +154,7 @@ def test_texts_on_plots_are_whole_and_apart(chromium, pages, kind, width):
 def test_an_axis_has_two_numbers_at_least(chromium, tmp_path):
     """Steps of 0.5 A, the next after 0.25 A, leave only the 0 of a current up to 0.4 A."""
     made = synthetic.results(synthetic.study(tmp_path), rate=RATE)
-    moved = with_signals(made, "low-speed", i_q_ref=lambda run: 0.38 * np.sin(run.trace.time) - 0.04)
+    moved = with_signals(made, "low-speed", i_q_ref=lambda run: 0.4 * np.sin(20 * run.trace.time))
     write(moved, tmp_path / "report.html")
     chromium.open(tmp_path / "report.html", 1300)
     drawn = chromium.run(TEXTS)
