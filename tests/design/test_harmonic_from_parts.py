@@ -23,6 +23,7 @@ from cogless.design.harmonic import (
     _speeds,
     _step,
     delay_of,
+    least_base,
     main_order,
 )
 from cogless.design.harmonic_transfer import (
@@ -40,6 +41,7 @@ from cogless.design.harmonic_transfer import (
 )
 from cogless.design.pi import SpeedLoop
 from cogless.design.soft_shaft import SoftShaft
+from cogless.study.angle_table import OverAngle
 from cogless.study.harmonic import FASTEST, Harmonic, Learner
 from cogless.study.position_sensor import Encoder, Hall, IdealSensor
 from cogless.study.step_motor import StepMotor
@@ -267,6 +269,18 @@ def test_a_sensor_s_error_is_learned_where_the_base_leaves_its_orders_free() -> 
         (HALLS, [], 5, 0),
     ):
         assert _bends(turning(orders, position_sensor=sensor), base) == bends, (sensor, orders, base)
+
+
+def test_a_table_of_the_sensor_s_error_tells_of_it_as_its_eccentricity_does() -> None:
+    angle = np.arange(8) * math.pi / 4
+    fine = Encoder.model_construct(kind="encoder", lines=4000, eccentricity=1e-4)
+    fine._errors = OverAngle("error", tuple(angle), tuple(3e-3 * np.sin(2 * angle)))
+    assert [fine.amplitude(n) for n in (1, 2)] == pytest.approx([1e-4, 3e-3])
+    assert least_base(turning([], position_sensor=fine)) == 5
+    fine._errors = OverAngle("error", tuple(angle), tuple(6e-4 * np.sin(angle)))
+    assert least_base(turning([], position_sensor=fine)) == 3
+    fine._errors = None
+    assert [least_base(turning([], position_sensor=each)) for each in (fine, HALLS)] == [1, 1]
 
 
 def test_only_a_timed_angle_has_steps_that_the_law_knows() -> None:
