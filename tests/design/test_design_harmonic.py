@@ -81,6 +81,27 @@ def test_the_main_order_is_learned_whatever_the_slots(pole_pairs, slots, cogging
         assert told.base * told.orders >= max([math.lcm(2 * pole_pairs, slots), *cogging])
 
 
+@pytest.mark.parametrize(
+    ("pole_pairs", "slots", "cogging", "sensor", "base"),
+    [
+        (7, 12, (12, 84), {"eccentricity": "0.3 deg"}, 6),  # 14, which the study doesn't tell, is left out
+        (7, 12, (14, 84), {"eccentricity": "0.3 deg"}, 14),
+        (7, 12, (12, 14, 84), {"eccentricity": "0.3 deg"}, 2),  # nothing else divides both
+        (7, 12, (12, 84), {"eccentricity": "0.02 deg"}, 2),  # below 0.5 mrad
+        (7, 12, (12, 84), {"error": [{"order": 3, "amplitude": "0.3 deg"}]}, 2),  # not learned anyway
+        (4, 9, (), {"eccentricity": "0.3 deg"}, 3),  # 24 and 72
+        (4, 9, (), {"error": [{"order": 2, "amplitude": "0.3 deg"}]}, 6),
+        (4, 6, (), {"eccentricity": "0.3 deg", "bits": 12}, 2),  # too coarse to learn its error
+    ],
+)
+def test_what_the_study_tells_of_a_sensor_s_error_gets_room(pole_pairs, slots, cogging, sensor, base):
+    waves = [{"order": n, "torque": "1 mN*m"} for n in cogging]
+    motor = {"motor.pole_pairs": pole_pairs, "motor.slots": slots, "motor.cogging": waves}
+    motor["drive.position_sensor"] = {"kind": "absolute", "bits": 14} | sensor
+    told = learner(study(**motor), "harmonic")
+    assert told.base == base and bool(told.bends) == (base > 2)
+
+
 def test_gamma_is_one_where_the_model_is_right():
     here = study()
     loop, told, pi = speed_loop(here), learner(here, "harmonic"), harmonic_gains(here, "harmonic")

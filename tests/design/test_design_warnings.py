@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cogless.design.table import design_table
-from cogless.design.warnings import beyond_drive, notes, shaft_notes
+from cogless.design.warnings import beyond_drive, coarse_table, likely_harm, notes, shaft_notes
 from cogless.errors import StudyError
 from cogless.run.plan import plan
 from cogless.study import load
@@ -74,12 +74,53 @@ def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():
     assert notes(load(EXAMPLE), "harmonic") == []
 
 
+def test_orders_that_are_not_learned_may_be_why_learning_does_harm():
+    other = my_motor(**{"controller.harmonic.base": 5})
+    assert likely_harm(other, "harmonic").startswith(
+        "it learns orders 5 k to 500, but the cogging has orders"
+    )
+    assert likely_harm(other, "pi") is None
+
+
 def test_orders_beyond_the_memory_have_no_base():
     far = my_motor(**{"motor.cogging.1.order": 521})
     assert notes(far, "harmonic") == [
         "controller.harmonic: it learns orders 2 k to 256, but the cogging has order 521; "
         "no base learns all of it with 128 orders"
     ]
+
+
+def test_a_base_without_room_for_a_sensor_s_error_is_said_with_one_that_has_it():
+    off = {"drive.position_sensor.eccentricity": "0.3 deg"}
+    assert notes(my_motor(**off), "harmonic") == []  # 6, of itself
+    told = (
+        "controller.harmonic: base 2 leaves no room to learn what the sensor's angle is off once a turn; "
+        "controller.harmonic.base = 6 does"
+    )
+    small = my_motor(**off, **{"controller.harmonic.base": 2})
+    assert notes(small, "harmonic") == [told] and notes(small, "pi") == []
+    assert f"{told}." in [str(text) for text in design_table(small).renderables]
+    both = off | {"motor.cogging": [{"order": n, "torque": "1 mN*m"} for n in (14, 24, 84)]}
+    assert notes(my_motor(**both), "harmonic") == [f"{told}, but not order 14 of the cogging"]
+    there = {"scenario.slow.override": {"drive.position_sensor.error": [{"order": 2, "amplitude": "1 deg"}]}}
+    (of_a_scenario,) = notes(my_motor(**there), "harmonic")
+    assert "off twice a turn; controller.harmonic.base = 6 does" in of_a_scenario
+
+
+def test_a_table_too_coarse_for_the_main_order_is_said(tmp_path):
+    """84 waves over 100 points look like 16."""
+    rows = [f"{3.6 * n:.1f},{math.sin(math.radians(84 * 3.6 * n)):.5f}" for n in range(100)]
+    (tmp_path / "cogging.csv").write_text("\n".join(["angle [deg],torque [mN*m]", *rows]), encoding="utf-8")
+    path = tmp_path / "study.toml"
+    path.write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
+    table = {"file": "cogging.csv", "frame": "mechanical", "sign": "on-rotor"}
+    coarse = load(path, {"motor.cogging_table": table})
+    shows = "the main one is 84, which shows as a lower one"
+    told = f"motor.cogging_table: its 100 points tell orders to 49, {shows}"
+    assert coarse_table(coarse) == [told]
+    assert f"{told}." in [str(text) for text in design_table(coarse).renderables]
+    electrical = load(path, {"motor.cogging_table": table | {"frame": "electrical"}})
+    assert coarse_table(electrical) == [] == coarse_table(my_motor())
 
 
 def test_missing_slots_are_refused_before_anything_runs(tmp_path):

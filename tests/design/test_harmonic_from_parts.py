@@ -20,10 +20,11 @@ from cogless.design.harmonic import (
     _bends,
     _halls,
     _least_rate,
-    _main_order,
     _speeds,
     _step,
     delay_of,
+    least_base,
+    main_order,
 )
 from cogless.design.harmonic_transfer import (
     _bands,
@@ -40,6 +41,7 @@ from cogless.design.harmonic_transfer import (
 )
 from cogless.design.pi import SpeedLoop
 from cogless.design.soft_shaft import SoftShaft
+from cogless.study.angle_table import OverAngle
 from cogless.study.harmonic import FASTEST, Harmonic, Learner
 from cogless.study.position_sensor import Encoder, Hall, IdealSensor
 from cogless.study.step_motor import StepMotor
@@ -269,20 +271,32 @@ def test_a_sensor_s_error_is_learned_where_the_base_leaves_its_orders_free() -> 
         assert _bends(turning(orders, position_sensor=sensor), base) == bends, (sensor, orders, base)
 
 
+def test_a_table_of_the_sensor_s_error_tells_of_it_as_its_eccentricity_does() -> None:
+    angle = np.arange(8) * math.pi / 4
+    fine = Encoder.model_construct(kind="encoder", lines=4000, eccentricity=1e-4)
+    fine._errors = OverAngle("error", tuple(angle), tuple(3e-3 * np.sin(2 * angle)))
+    assert [fine.amplitude(n) for n in (1, 2)] == pytest.approx([1e-4, 3e-3])
+    assert least_base(turning([], position_sensor=fine)) == 5
+    fine._errors = OverAngle("error", tuple(angle), tuple(6e-4 * np.sin(angle)))
+    assert least_base(turning([], position_sensor=fine)) == 3
+    fine._errors = None
+    assert [least_base(turning([], position_sensor=each)) for each in (fine, HALLS)] == [1, 1]
+
+
 def test_only_a_timed_angle_has_steps_that_the_law_knows() -> None:
     for method, filtered, step in (("MT", None, math.tau / 4000), ("M", None, 0.0), ("MT", 300.0, 0.0)):
         sensor = Encoder.model_construct(kind="encoder", lines=1000, speed_method=method)
         assert _step(turning([], position_sensor=sensor, speed_filter=filtered)) == pytest.approx(step)
 
 
-def test_cogging_s_main_order_is_that_of_poles_and_slots() -> None:
+def test_cogging_smain_order_is_that_of_poles_and_slots() -> None:
     """A step motor's phase has two places for each of a rotor's teeth, in two phases."""
     for motor, order in (
         (SimpleNamespace(pole_pairs=4, slots=9), 72),
         (SimpleNamespace(pole_pairs=4, slots=None), 6),
         (StepMotor.model_construct(teeth=50), 200),
     ):
-        assert _main_order(turning([], motor=motor), 6) == order
+        assert main_order(turning([], motor=motor), 6) == order
 
 
 def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -366,7 +380,7 @@ def test_a_certificate_is_of_the_speeds_at_which_orders_act(monkeypatch: pytest.
         "_speeds": lambda study, name, sampled: speeds if sampled == 2e-3 else [],
         "_at": lambda study, loop, told, pi, acting, omega: (omega, acting.tolist()),
         "_rate_bound": lambda study, loop, told, pi, omega: bounds[omega],
-        "_main_order": lambda study, base: 50,
+        "main_order": lambda study, base: 50,
     }
     for name, part in of_part.items():
         monkeypatch.setattr(harmonic, name, part)

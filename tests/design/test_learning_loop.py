@@ -262,13 +262,16 @@ def test_how_a_sensor_measures_speed(
 def test_less_than_a_count_in_a_sample_is_a_doubt(counts: float, told: bool) -> None:
     """Between pulses the measured speed says nothing; the slowest speed decides."""
     study = load("uomodri", {"drive.position_sensor.speed_method": "M"})
-    key = next(iter(study.scenario))
+    key, other = list(study.scenario)[:2]
     source = sampled(study, key)
     assert source is not None
-    speeds = [each * source.count / source.window for each in (counts, 5.0)]
-    found = doubts([PeriodicLoop(study, "pi-ilc", speed, scenario=key) for speed in speeds])
-    lines = [line for line in found if line.endswith(f" {counts:.2g} counts come in a speed sample")]
-    assert len(lines) == told
+    slow, fast = (each * source.count / source.window for each in (counts, 5.0))
+    few, cure = f" {counts:.2g} counts come in a speed sample", ", and 1.1 times as many would do"
+    for scenario, inside in ((key, ""), (other, f" in scenario {key}")):
+        at = ((slow, key), (fast, scenario))
+        found = doubts([PeriodicLoop(study, "pi-ilc", speed, scenario=name) for speed, name in at])
+        lines = [line for line in found if line.endswith(f"{inside}{few}{cure}")]
+        assert len(lines) == told
 
 
 def noisy(lead: int) -> Any:

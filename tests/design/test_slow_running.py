@@ -89,5 +89,25 @@ def test_a_counted_speed_of_less_than_half_a_count_reads_zero(
 def test_the_slowest_speed_is_held_for_a_twentieth_of_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     study: Any = SimpleNamespace(scenario={"s": None})
     ways = [np.array([0.0, *-np.arange(1.0, 102.0)]), np.zeros(5)]
-    monkeypatch.setattr(slow_running, "course", lambda scenario: SimpleNamespace(omega=ways.pop(0)))
+    monkeypatch.setattr(slow_running, "sampled", lambda *_: None)
+    monkeypatch.setattr(slow_running, "course", lambda scenario: SimpleNamespace(omega=ways.pop(0), step=0.1))
     assert [slow_running.held(study, "s"), slow_running.held(study, "s")] == [pytest.approx(6.0), 0.0]
+
+
+@pytest.mark.parametrize(
+    ("omega", "slowest"),
+    [
+        ([0, 1, 9, 9, 1, 0, 0, 1, 9, 1, 0], 9),  # on the way to and from a rest
+        ([1, 9, 9, 1], 1),  # it never rests
+        ([-9, -1, 1, 9], 9),  # it turns back
+        ([0, 1, 1, 1, 1, 0], 1),  # slow, but for longer than a count
+    ],
+)
+def test_within_a_count_of_a_rest_there_is_no_motion_to_see(
+    monkeypatch: pytest.MonkeyPatch, omega: list[int], slowest: int
+) -> None:
+    study: Any = SimpleNamespace(scenario={"s": None})
+    sampling = SimpleNamespace(omega=np.array(omega, float), step=COUNT / 2)
+    monkeypatch.setattr(slow_running, "sampled", lambda *_: Sampled(COUNT, 1e-3, False))
+    monkeypatch.setattr(slow_running, "course", lambda scenario: sampling)
+    assert slow_running.held(study, "s") == pytest.approx(slowest)

@@ -81,6 +81,7 @@ def test_lines_are_in_display_units_with_the_best_marked(made):
     lines = compare(made, "low-speed")
     sixth = lines[2]
     assert sixth.title == "speed orders: order 6 (electrical)"
+    assert replace(sixth, name="speed_order").title == "speed: order 6 (electrical)"
     assert sixth.text("pi") == "4.80 rpm" and sixth.best == {"pi-ilc"}
     assert sixth.ratio("fair-pi", "pi") == pytest.approx(1.9 / 4.8, rel=1e-3)
     assert {line.unit for line in lines} == {"rpm", "mN·m", "W", "mA"}
@@ -393,9 +394,9 @@ def test_metrics_in_which_the_winner_is_behind_are_named_the_worst_first(made):
     assert found == [("5.00", "copper loss"), ("3.00", "chattering"), ("2.00", "torque ripple")]
 
 
-@pytest.mark.parametrize(("second", "told"), [(0.009, False), (0.011, True)])
+@pytest.mark.parametrize(("second", "told"), [(0.049, False), (0.051, True)])
 def test_an_order_that_is_nothing_beside_the_ripple_is_no_cost(made, second, told):
-    """30 times as much of an order is no cost if it is below 0.01 of the baseline's ripple."""
+    """30 times as much of an order is no cost if it is below 0.05 of the baseline's ripple."""
     without = {"speed_ripple_rad_s": 1.0, "speed_orders_rad_s": [1.3, second / 30, 0.1]}
     learned = {"speed_ripple_rad_s": 0.1, "speed_orders_rad_s": [0.1, second, 0.05]}
     details = " ".join(verdicts(with_metrics(made, pi=without, pi_ilc=learned))[0].details)

@@ -9,6 +9,7 @@ import pytest
 import synthetic
 from browser import MISSING, browser
 from test_report import data_of
+from test_report_orders import RATE, with_signals
 
 from cogless.report import write
 from cogless.report.markup import asset
@@ -147,6 +148,19 @@ def test_texts_on_plots_are_whole_and_apart(chromium, pages, kind, width):
         assert overlapping(texts) == []
         for text, left, top, right, bottom in texts:
             assert left >= -1 and top >= -1 and right <= wide + 1 and bottom <= high + 1, text
+
+
+@needs_browser
+def test_an_axis_has_two_numbers_at_least(chromium, tmp_path):
+    """Steps of 0.5 A, the next after 0.25 A, leave only the 0 of a current up to 0.4 A."""
+    made = synthetic.results(synthetic.study(tmp_path), rate=RATE)
+    moved = with_signals(made, "low-speed", i_q_ref=lambda run: 0.4 * np.sin(20 * run.trace.time))
+    write(moved, tmp_path / "report.html")
+    chromium.open(tmp_path / "report.html", 1300)
+    drawn = chromium.run(TEXTS)
+    (current,) = (texts for _, _, texts in drawn if any(text.startswith("i_q_ref") for text, *_ in texts))
+    beside = [text for text, _, _, right, _ in current if right < 76 and re.fullmatch(r"-?[\d.]+", text)]
+    assert len(beside) > 1
 
 
 @needs_browser

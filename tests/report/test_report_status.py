@@ -8,7 +8,8 @@ import pytest
 import synthetic
 from test_report_orders import RATE, with_signals
 
-from cogless.report.comparison import compare, remarks, runs_in
+from cogless.report import comparison
+from cogless.report.comparison import compare, held_back, remarks, runs_in
 from cogless.report.speed_verdict import verdict
 from cogless.report.status_lanes import active, spans, strip
 from cogless.report.tables import _meters
@@ -78,6 +79,25 @@ def test_the_guard_in_the_window_of_a_metric_is_told_in_table_and_verdict(made):
     assert told[0].endswith(": what is left there is more than it settles at")
     found = verdict(held, runs_in(held, WHERE))
     assert any(line.startswith("The guard held the learning of") for line in found.details)
+
+
+def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_reason(made, monkeypatch):
+    held = with_status(made, Status.GUARDED)
+    name = next(c for c in held.study.controller if held.study.controller[c].learns)
+    base = held.study.label(held.study.baseline)
+    (plain,) = (line for line in compare(held, WHERE) if line.name == "speed_ripple")
+    monkeypatch.setattr(comparison, "likely_harm", lambda study, controller: "it learns orders 5 k")
+    for times, said in (
+        (1.24, "what is left there is more than it settles at"),
+        (
+            4.5,
+            f"learning does harm here, 4.50 times the speed ripple of {base}",
+        ),
+    ):
+        line = replace(plain, values={**plain.values, name: times * plain.values[held.study.baseline]})
+        line = replace(line, missed={name: "mean 0 of 60 rpm"})
+        (told,) = (one for one in held_back(held.study, [line]) if held.study.label(name) in one)
+        assert f": {said}" in told and told.endswith(" (it learns orders 5 k)") is (times > 4)
 
 
 def test_a_guard_before_the_window_or_for_a_moment_changes_nothing(made):

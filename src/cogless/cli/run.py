@@ -47,7 +47,7 @@ def run(
 
     Ctrl-C keeps the runs that are finished.
     """
-    from cogless.design.warnings import beyond_drive, too_short
+    from cogless.design.warnings import beyond_drive, coarse_table, too_short
     from cogless.results.folder import held
     from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
@@ -66,7 +66,8 @@ def run(
 
         page = render(loaded, command_line("run", study, changes, []))  # before the runs, which it may refuse
     pairs = runs_of(loaded, only)
-    for line in (*beyond_drive(loaded, (scenario for scenario, _ in pairs)), *too_short(loaded, pairs)):
+    far = beyond_drive(loaded, (scenario for scenario, _ in pairs))
+    for line in (*coarse_table(loaded), *far, *too_short(loaded, pairs)):
         say(f"Warning: {line}.")
     failures: list[StudyError] = []
     with held(folder):

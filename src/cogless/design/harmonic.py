@@ -100,20 +100,36 @@ def _orders(study: Study, law: Harmonic) -> tuple[int, int]:
     sampled = SPLIT / (slowest * speed_loop(study).period) if slowest else math.inf
     highest = int(max(main, min(FULLEST * main, sampled)))
     cogging = [wave.order for wave in study.motor.star().cogging if wave.torque and wave.order <= highest]
-    return law.base or _reaching(base, [main, *cogging], 3 * poles), highest
+    return law.base or _base(base, [main, *cogging], 3 * poles, least_base(study)), highest
 
 
-def _reaching(base: int, cogging: Sequence[int], inverter: int) -> int:
+def _base(base: int, cogging: Sequence[int], inverter: int, least: int) -> int:
     """The base, or its least multiple of which `ORDERS` reach the highest order of the cogging.
 
     It divides all orders of cogging and inverter, but may leave out what an uneven magnet or tooth adds. If
-    there is none, the base remains.
+    there is none, the base remains. One of at least `least` comes first.
     """
-    if base * ORDERS >= max(cogging):
-        return base
     shared = math.gcd(*cogging, inverter)
-    multiples = (n for n in range(base, shared + 1, base) if shared % n == 0 and n * ORDERS >= max(cogging))
-    return next(multiples, base)
+    multiples = (n for n in range(base, shared + 1, base) if shared % n == 0)
+    reaching = [n for n in dict.fromkeys([base, *multiples]) if n * ORDERS >= max(cogging)]
+    return next((n for n in reaching if n >= least), next(iter(reaching), base))
+
+
+def least_base(study: Study) -> int:
+    """The least base with which the error that the study tells of its sensor is learned; 1: any."""
+    sensor = study.drive.position_sensor
+    if not _bends(study, 1 + BENDS_FROM[-1]) or not isinstance(sensor, Counted):
+        return 1
+    told = (free + 1 for n, free in enumerate(BENDS_FROM, 1) if sensor.amplitude(n) > SURE)
+    return max(told, default=1)
+
+
+def roomy_base(study: Study) -> int:
+    """A base that leaves room for that error and learns the main order; 1 if there is none."""
+    poles, slots = _poles_and_slots(study)
+    least = least_base(study)
+    found = _base(math.gcd(slots or poles, poles), [math.lcm(slots or poles, poles)], 3 * poles, least)
+    return found if found >= least else 1
 
 
 def delay_of(loop: SpeedLoop) -> float:
@@ -200,7 +216,7 @@ def certificate(study: Study, name: str) -> Certificate:
         if len(acting):
             found.append(_at(study, loop, told, pi, acting, omega))
             most.append(_rate_bound(study, loop, told, pi, omega))
-    straight = SPLIT / (_main_order(study, told.base) * loop.period) if told.bends else None
+    straight = SPLIT / (main_order(study, told.base) * loop.period) if told.bends else None
     bound = min(most)
     return Certificate(
         told,
@@ -277,7 +293,7 @@ def _least_rate(study: Study, told: Learner, fastest: float) -> float:
     return min(told.rate, max([LEAST, *(rate for rate in turning if rate <= told.rate)]))
 
 
-def _main_order(study: Study, base: int) -> int:
+def main_order(study: Study, base: int) -> int:
     """Lowest common multiple of slots and poles, the main order of cogging; `base` if slots aren't told."""
     poles, slots = _poles_and_slots(study)
     return math.lcm(slots, poles) if slots else base

@@ -110,8 +110,11 @@ def doubts(loops: Sequence[LearningLoop]) -> tuple[str, ...]:
     found = [reason for loop in loops if (reason := loop.doubt) is not None][:1]
     slowest = min(loops, key=lambda loop: loop.omega_m)
     source = _sensor(slowest)
-    if source is not None and source.counts(slowest.omega_m) < FEW * (1 - ROUNDING):
-        found.append(f"at {speed_text(slowest.study, slowest.omega_m)} {source.told(slowest.omega_m)}")
+    counts = source.counts(slowest.omega_m) if source else FEW
+    if source is not None and counts < FEW * (1 - ROUNDING):
+        inside = f" in scenario {slowest.scenario}" if len({loop.scenario for loop in loops}) > 1 else ""
+        few = f"at {speed_text(slowest.study, slowest.omega_m)}{inside} {source.told(slowest.omega_m)}"
+        found.append(f"{few}, and {FEW / counts:.2g} times as many would do" if counts else few)
     at_speeds = {(loop.scenario, loop.omega_m): loop for loop in loops}  # no acceleration changes `without`
     swings = [(ripple(loop, 0.0).without / loop.omega_m, loop) for loop in at_speeds.values()]
     swing, where = max(swings, key=lambda pair: pair[0])

@@ -13,11 +13,12 @@ import math
 import numpy as np
 
 from cogless.design.feedback import feedback_of
+from cogless.design.margins import Real
 from cogless.design.pi import speed_loop
 from cogless.design.position import position_margins
 from cogless.design.ripple import sampled
 from cogless.study import Study, for_scenario
-from cogless.study.motion import course
+from cogless.study.motion import Course, course
 from cogless.study.position_sensor import Counted
 from cogless.study.spoken import speed_text
 
@@ -75,10 +76,25 @@ def reads_zero(study: Study, scenario: str) -> str | None:
 
 
 def held(study: Study, scenario: str) -> float:
-    """The slowest speed at which a scenario's reference spends some time, rad/s; 0 if it stands still."""
-    omega = np.abs(course(study.scenario[scenario]).omega)
-    moving = omega[omega > 0]
+    """The slowest speed at which a scenario's reference spends some time, rad/s; 0 if it stands still.
+
+    Within a count of where the reference stops or turns back, the sensor sees no motion: that counts as rest.
+    """
+    sampling, source = course(study.scenario[scenario]), sampled(study, scenario)
+    omega, count = np.abs(sampling.omega), source.count if source else 0.0
+    moving = omega[(omega > 0) & (_from_rest(sampling) >= count)]
     return float(np.quantile(moving, SHARE)) if len(moving) else 0.0
+
+
+def _from_rest(sampling: Course) -> Real:
+    """The way from each sample to the nearest rest of a reference, rad; infinite if it never rests."""
+    direction = np.sign(sampling.omega)
+    way = np.cumsum(np.abs(sampling.omega)) * sampling.step
+    turns = np.concatenate(([False], direction[1:] * direction[:-1] < 0))
+    rests = (direction == 0) | turns
+    before = np.maximum.accumulate(np.where(rests, way, -np.inf))
+    after = np.minimum.accumulate(np.where(rests, way, np.inf)[::-1])[::-1]
+    return np.asarray(np.minimum(way - before, after - way))
 
 
 def _helps(factor: float, w_c: float) -> str:

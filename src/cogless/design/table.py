@@ -10,7 +10,7 @@ from cogless import units
 from cogless.design.angle_functions import Bounds
 from cogless.design.margins import Margins
 from cogless.design.summary import Design, Gain, current_loop_summary, summary
-from cogless.design.warnings import beyond_drive, loop_warnings, notes, shaft_notes, told_apart
+from cogless.design.warnings import beyond_drive, coarse_table, loop_warnings, notes, shaft_notes, told_apart
 from cogless.study import Study
 
 if TYPE_CHECKING:
@@ -49,7 +49,9 @@ def design_table(study: Study) -> Group:
         table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, design.words())
     own = [line for name in designs for line in notes(study, name)]
     far = beyond_drive(study, study.scenario)
-    known = [f"{line}." for line in (*far, *shaft_notes(study), *loop_warnings(loops), *own)]
+    known = [
+        f"{line}." for line in (*coarse_table(study), *far, *shaft_notes(study), *loop_warnings(loops), *own)
+    ]
     return Group(table, *(Text(line) for line in (*known, *_theorems(study, designs))))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from cogless.design import verdict as learning
 from cogless.design.commissioning import commissioning_warning
 from cogless.design.feedback import unstable_feedback
-from cogless.design.harmonic import learner
+from cogless.design.harmonic import BENDS_FROM, learner, least_base, main_order, roomy_base
 from cogless.design.map_size import map_warning
 from cogless.design.pi import speed_loop
 from cogless.design.relay import relay_warning
@@ -39,9 +39,22 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
 
 def notes(study: Study, name: str) -> list[str]:
     """Warnings of what a law, its map and its sensor cost or leave, one line each, key first."""
-    all_of = (map_warning, slow_warning, _less_margin, _not_learned, relay_warning, commissioning_warning)
+    all_of = (
+        map_warning,
+        slow_warning,
+        _less_margin,
+        _not_learned,
+        _no_room,
+        relay_warning,
+        commissioning_warning,
+    )
     found = (of(study, name) for of in all_of)
     return [f"controller.{name}: {line}" for line in found if line is not None]
+
+
+def likely_harm(study: Study, name: str) -> str | None:
+    """What the design says of why a controller's learning may do harm; None if nothing."""
+    return next(iter(_feedback_and_learning(study, name)), None) or _not_learned(study, name)
 
 
 def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
@@ -93,6 +106,37 @@ def _not_learned(study: Study, name: str) -> str | None:
     if highest > needed * ORDERS:
         way = f"no base learns all of it with {ORDERS} orders"
     return f"it learns orders {told.base} k to {told.base * told.orders}, but the cogging has {orders}; {way}"
+
+
+def _no_room(study: Study, name: str) -> str | None:
+    """A warning of a base that leaves no room to learn an eccentric sensor's error."""
+    law = study.controller[name]
+    if not isinstance(law, Harmonic):
+        return None
+    here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
+    least = least_base(here)
+    base, roomy = learner(study, name).base, roomy_base(here)
+    if base >= least:
+        return None
+    often = "twice" if least > 1 + BENDS_FROM[0] else "once"
+    told = f"base {base} leaves no room to learn what the sensor's angle is off {often} a turn"
+    if roomy < least:
+        return f"{told}: that takes a base of {least} or more"
+    cogging = sorted({wave.order for wave in here.motor.star().cogging if wave.torque and wave.order % roomy})
+    but = f", but not order{'s' * (len(cogging) > 1)} {', '.join(map(str, cogging))} of the cogging"
+    return f"{told}; controller.{name}.base = {roomy} does{but if cogging else ''}"
+
+
+def coarse_table(study: AnyStudy) -> list[str]:
+    """A warning of a table of the cogging with too few points for the main order of slots and poles."""
+    table = getattr(study.motor, "cogging_table", None)
+    if not isinstance(study, Study) or table is None:
+        return []
+    main, highest = main_order(study, 0), table.highest(study.motor.pole_pairs)
+    if main <= highest:
+        return []
+    tells = f"its {table.points} points tell orders to {highest}, the main one is {main}"
+    return [f"motor.cogging_table: {tells}, which shows as a lower one"]
 
 
 def shaft_notes(study: Study) -> list[str]:

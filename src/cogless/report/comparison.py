@@ -10,19 +10,28 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from cogless.design.ripple import WORSE
+from cogless.design.warnings import likely_harm
 from cogless.report.packing import number
+from cogless.report.paths import varies
 from cogless.report.speed_tracking import missed, rows_of, span_of
 from cogless.report.status_lanes import MOMENT, spans
 from cogless.report.unlearned import unlearned
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
+from cogless.study import Study
 from cogless.study.base import StudyBase
 from cogless.study.metric import Metric
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGULAR_SPEED, factor
 
 SAME = 0.05  # relative difference below which two values count as equal
+SPEEDS = ("omega_m", "omega_measured", "omega_error")
+SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
+RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"  # unjudged
 NEVER = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
 COUNTS = ("trials-to-floor",)
 QUANTITIES = {
@@ -55,6 +64,7 @@ class Line:
     `unlearned`: the controllers whose law learned nothing in the scenario, and why.
     `guarded`: the controllers whose learning the guard held back in that window, and when.
     `span`: the metric's time window, s; None if no run has a trace.
+    `unjudged`: why no controller is better in it than another; "" if one may be.
     """
 
     name: str
@@ -69,11 +79,14 @@ class Line:
     unlearned: Mapping[str, str] = field(default_factory=dict)
     guarded: Mapping[str, str] = field(default_factory=dict)
     span: tuple[float, float] | None = None
+    unjudged: str = ""
 
     @property
     def title(self) -> str:
         """The line's title, such as "speed ripple" or "speed orders: order 6 (electrical)"."""
-        return self.quantity if self.order is None else f"{self._words}: order {self.order:g} ({self.frame})"
+        if self.order is None:
+            return self.quantity
+        return f"{self._words.removesuffix(' order')}: order {self.order:g} ({self.frame})"
 
     @property
     def quantity(self) -> str:
@@ -107,7 +120,7 @@ class Line:
         out = {*self.missed, *self.unlearned}
         ranks = {name: self._rank(value) for name, value in self.values.items() if name not in out}
         top = min(ranks.values(), default=math.inf)
-        if self.better not in ("lower", "higher") or top == math.inf:
+        if self.better not in ("lower", "higher") or self.unjudged or top == math.inf:
             return set()
         best = {name for name, rank in ranks.items() if math.isclose(rank, top, rel_tol=1e-9)}
         return best if len(best) < len(self.values) else set()
@@ -121,7 +134,7 @@ class Line:
     def ratio(self, controller: str, baseline: str) -> float | None:
         """A controller's value divided by the baseline's; None if that ratio has no meaning."""
         value, base = self.values.get(controller), self.values.get(baseline)
-        if controller in self.missed or baseline in self.missed:
+        if self.unjudged or controller in self.missed or baseline in self.missed:
             return None
         if value is None or base is None or base == 0 or self.better == "none" or value / base < 0:
             return None
@@ -161,8 +174,28 @@ def compare(results: Results, scenario: str) -> list[Line]:
             held = {run.controller: guarded(results, run, rows_of(results, metric, run)) for run in taken}
             back = {controller: when for controller, when in held.items() if when}
             own = lines_of(results.study, metric, taken, named)
-            lines += [replace(line, missed=not_held, unlearned=idle, guarded=back, span=span) for line in own]
+            why = unjudged(metric, taken[0], rows_of(results, metric, taken[0]))
+            lines += [
+                replace(line, missed=not_held, unlearned=idle, guarded=back, span=span, unjudged=why)
+                for line in own
+            ]
     return lines
+
+
+def unjudged(metric: Metric, run: Run, rows: slice) -> str:
+    """Why a metric of the speed says nothing of a controller in these rows; "" if it may.
+
+    The spread of a speed whose reference varies is that of the reference; at rest there is no ripple.
+    """
+    of_speed = metric.signal in ("omega_m", "omega_measured")
+    if not (of_speed or (metric.signal or "").startswith("omega_error")):
+        return ""
+    reference = run.trace.part("omega_ref", rows)
+    if not len(reference):
+        return ""
+    if not np.any(reference) and metric.kind in (*SPREADS, "order"):
+        return RESTS
+    return VARIES if of_speed and metric.kind in SPREADS and varies(reference) else ""
 
 
 def guarded(results: Results, run: Run, rows: slice) -> str:
@@ -182,21 +215,51 @@ def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
         *(f"{study.label(c)} did not hold the speed in {how}" for c, how in misses(lines).items()),
         *(f"{study.label(c)} learned nothing: {why}" for c, why in idle.items()),
         *held_back(study, lines),
+        *not_judged(lines),
+    ]
+
+
+def not_judged(lines: Sequence[Line]) -> list[str]:
+    """Remarks on lines that aren't judged, one for each reason."""
+    found: dict[str, list[str]] = {}
+    for line in lines:
+        if line.unjudged and line.better != "none":
+            found.setdefault(line.unjudged, []).append(line.quantity)
+    return [
+        f"{quantities[0]}{f' and {len(quantities) - 1} more' if len(quantities) > 1 else ''}: "
+        f"not judged, since {why}{'; what is left is in omega_error' if why == VARIES else ''}"
+        for why, quantities in found.items()
     ]
 
 
 def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
     """Remarks on controllers whose learning the guard held back in the window of a metric, one for each."""
-    found: dict[str, tuple[str, list[str]]] = {}
+    found: dict[str, tuple[str, list[Line]]] = {}
     for line in lines:
         for controller, when in line.guarded.items():
-            found.setdefault(controller, (when, []))[1].append(line.quantity)
+            found.setdefault(controller, (when, []))[1].append(line)
     return [
-        f"the guard held the learning of {study.label(c)} back, {when}, in the window of {quantities[0]}"
-        f"{f' and {len(quantities) - 1} more' if len(quantities) > 1 else ''}: "
-        "what is left there is more than it settles at"
-        for c, (when, quantities) in found.items()
+        f"the guard held the learning of {study.label(c)} back, {when}, in the window of {within[0].quantity}"
+        f"{f' and {len(within) - 1} more' if len(within) > 1 else ''}: "
+        + (_harm(study, c, within) or "what is left there is more than it settles at")
+        for c, (when, within) in found.items()
     ]
+
+
+def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
+    """How much worse than a baseline that doesn't learn it is there, and why, by design; "" if it isn't."""
+    base = study.baseline
+    if study.controller[base].learns:
+        return ""
+    # who lost the speed by it counts, too
+    able = [replace(line, missed={}) for line in lines if base not in line.missed and line.kind in SPREADS]
+    ratios = {line.quantity: line.ratio(controller, base) or 0.0 for line in able if line.signal in SPEEDS}
+    worst = max(ratios, key=lambda quantity: ratios[quantity], default="")
+    if not worst or ratios[worst] <= WORSE:
+        return ""
+    why = likely_harm(study, controller) if isinstance(study, Study) else None
+    harm = f"learning does harm here, {number(ratios[worst])} times the {worst} of {study.label(base)}"
+    return f"{harm} ({why})" if why else harm
 
 
 def misses(lines: Sequence[Line]) -> dict[str, str]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import isfinite
 
 import numpy as np
 
-from cogless.report.comparison import Line, compare, pretty, speed_unit
+from cogless.report.comparison import Line, compare, pretty, speed_unit, unjudged
 from cogless.report.markup import note
 from cogless.report.speed_tracking import late
 from cogless.report.tables import line_table
@@ -50,7 +51,8 @@ def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
             metric = Metric.model_construct(name=name, kind=kind, signal=signal, window=(begin, end))
             found = evaluate(metric, run.trace, conditions)
             values[run.controller] = found / scale if isinstance(found, float) and isfinite(found) else None
-        yield Line(name, kind, signal, None, "mechanical", "lower", pretty(unit), values, missed, idle)
+        line = Line(name, kind, signal, None, "mechanical", "lower", pretty(unit), values, missed, idle)
+        yield replace(line, unjudged=unjudged(metric, run, late(results, run)))
 
 
 def _rows(results: Results, runs: Sequence[Run]) -> Iterator[tuple[str, str, str, str]]:

@@ -7,7 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from cogless.report.comparison import SAME, Line, compare, held_back, misses, pretty, speed_unit
+from cogless.report.comparison import (
+    SAME,
+    SPEEDS,
+    VARIES,
+    Line,
+    compare,
+    held_back,
+    misses,
+    pretty,
+    remarks,
+    speed_unit,
+)
 from cogless.report.faults import account
 from cogless.report.growth import sentences as growing
 from cogless.report.growth import worsened
@@ -22,7 +33,6 @@ COST = 0.01  # relative; a metric that gets worse by less isn't reported as a co
 MOST = 3  # largest number of metrics in a sentence about another controller
 
 TOTALS = ("ripple-rms", "peak-to-peak")
-SPEEDS = ("omega_m", "omega_measured", "omega_error")
 
 
 @dataclass(frozen=True)
@@ -82,16 +92,19 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     """The verdict by comparing the controllers' metrics; None if no metric is better when lower."""
     scenario, baseline = runs[0].scenario, results.study.baseline
-    lines = [line for line in compare(results, scenario) if line.better == "lower"]
+    known = [line for line in compare(results, scenario) if line.better == "lower"]
+    lines = [line for line in known if not line.unjudged]
     trace = runs[0].trace
     moves = len(trace) > 0 and varies_in(trace, "omega_ref", len(trace) // 4)  # a start-up aside
     last = trace.part("omega_ref", slice(-1, None))
     line = _latest(results, scenario, _decisive(lines, baseline, moves), lines)
+    at = f"In {scenario}" if moves or not len(trace) else _speed(results, float(last[0]))
+    if len(lines) < len(known) and (line is None or not (line.signal or "").startswith(("omega", "theta"))):
+        return _nothing_judged(results, scenario, at, known)
     if line is None:
         return None
     worse = {} if baseline in line.missed else worsened(results, runs)
-    where = f"In {scenario}" if moves or not len(trace) else _speed(results, float(last[0]))
-    case = _Case(results.study, where, lines, line, worse)
+    case = _Case(results.study, at, lines, line, worse)
     case, own = _by_what_is_seen(case, sensor(results, scenario, line))
     tone, headline = _headline(case)
     unlearned = [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
@@ -104,6 +117,15 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
             details += [_without_learning(case), _against_the_next(case), _costs(case)]
         details += [_rest(case), *_failures(case)]
     return ScenarioVerdict(scenario, tone, headline, [sentence for sentence in details if sentence])
+
+
+def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Line]) -> ScenarioVerdict:
+    """What is said where only metrics are left that tell nothing of a controller."""
+    why = next(line.unjudged for line in lines if line.unjudged)
+    wants = '; add a metric of kind = "rms" and signal = "omega_error"' if why == VARIES else ""
+    found = remarks(results.study, [replace(line, unjudged="") for line in lines])
+    details = [f"{remark[0].upper()}{remark[1:]}." for remark in found]
+    return ScenarioVerdict(scenario, "even", f"{at}, no speed is judged: {why}{wants}.", details)
 
 
 def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
@@ -219,10 +241,10 @@ def _is_part(case: _Case, line: Line) -> bool:
 
 
 def _is_slight(case: _Case, line: Line, controller: str) -> bool:
-    """Whether an order of the speed is below `COST` of the baseline's total."""
+    """Whether an order of the speed is below `SAME` of the baseline's total, which counts as equal."""
     order, total = line.values[controller] or 0.0, case.line.values[case.baseline] or 0.0
     size = order * factor(line.unit, ANGULAR_SPEED)
-    return size < COST * total * factor(case.line.unit, ANGULAR_SPEED)
+    return size < SAME * total * factor(case.line.unit, ANGULAR_SPEED)
 
 
 def _orders(lines: Sequence[Line], controller: str) -> list[Line]:

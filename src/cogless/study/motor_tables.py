@@ -122,6 +122,15 @@ class CoggingTable(AngleFile):
         self._waves()
         return self
 
+    @property
+    def points(self) -> int:
+        """Points of the table."""
+        return len(self._table.angle)
+
+    def highest(self, pole_pairs: int) -> int:
+        """The highest mechanical order that its points tell."""
+        return (self.points - 1) // 2 * (pole_pairs if self.frame == "electrical" else 1)
+
     def harmonics(self, K_t: float, pole_pairs: int) -> list[tuple[int, float, float]]:
         """Mechanical order, torque (N*m) and phase (rad) of each harmonic; `K_t` in N*m/A."""
         turns = pole_pairs if self.frame == "electrical" else 1

@@ -109,6 +109,11 @@ class Counted(Mounted):
         first = {"order": 1, "amplitude": self.eccentricity, "phase": self.eccentricity_phase}
         return [first] * bool(self.eccentricity) + [order.model_dump() for order in self.error]
 
+    def amplitude(self, order: int) -> float:
+        """Amplitude of an order of the error, rad; that of the table is added, whatever its phase."""
+        own = float(sum(abs(part["amplitude"]) for part in self.orders if part["order"] == order))
+        return own + (self._errors.harmonics(order)[order][0] if self._errors else 0.0)
+
     def periods(self, divider: int) -> int:
         """Current-loop periods over which the speed is averaged; 0 with an observer.
 

@@ -54,6 +54,8 @@
       const between = low + (high - low) / Math.E; // not round: it has every digit that a number may need
       return 16 + WIDE * Math.max(...[low, between, high].map((x) => tick(x, apart).length));
     } }),
+    // Above each other, at least two: neighbouring steps differ by a factor of two or more.
+    ...(side === 3 && { space: (u, i, low, high, length) => Math.min(30, length / 4) }),
     labelGap: 0, stroke: style("--soft"), values: ticks,
     grid: { stroke: style("--grid"), width: 1 }, ticks: { stroke: style("--grid"), width: 1, size: 4 },
   });
