@@ -25,6 +25,7 @@ MOST_ORDERS = 40
 BESIDE = 2  # orders on each side of one that an error of the encoder spreads it over
 LONGEST_DELAY, EARLIEST = 5e-3, -2e-3  # s; i_q before the angle: that of a filtered angle
 ROUNDS = 5  # delay and the sensor's error are taken out, and found again
+SEARCHES = 5  # at most
 Progress = Callable[[str, float], None]
 State = tuple[list[Rows], Fit, Model]
 
@@ -45,7 +46,7 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
         causes = [line for line in said if line.startswith(out)]  # before what follows from them
         others = [line for line in said if line not in causes]
         raise StudyError("\n".join((*causes, str(error), *others))) from None
-    state = _significant(known, used, *_searched(known, used, model, progress))
+    state = _standing_out(known, used, model, progress)
     rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
     progress("errors", 0.0)
     remarks += voltage.check(known, used)
@@ -101,6 +102,21 @@ def _scanned(known: Identification, logs: Sequence[Log], model: Model) -> Model:
     start = _taken_out(replace(alone, cogging=poles, delay=float(delay)), best)
     start, _ = settled(known, [log], replace(start, encoder=(1,), columns=alone.columns | {"delay"}))
     return replace(start, columns=model.columns, encoder=model.encoder)
+
+
+def _standing_out(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
+    """Search from the orders that stand out of the search before, until these are the same again.
+
+    A false order that is found early may hide a true one, or take its place.
+    """
+    before: list[tuple[int, ...]] = []
+    while True:
+        state = _significant(known, logs, *_searched(known, logs, model, progress))
+        kept = state[2].cogging
+        if not kept or kept in before or len(before) == SEARCHES - 1:
+            return state
+        before.append(kept)
+        model = replace(model, cogging=kept)
 
 
 def _searched(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:

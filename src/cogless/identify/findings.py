@@ -11,7 +11,7 @@ from cogless.errors import StudyError
 from cogless.identify.config import Identification
 from cogless.identify.files import Array
 from cogless.identify.log import Log
-from cogless.identify.regression import Fit, fit
+from cogless.identify.regression import Fit, fit, jackknife
 from cogless.identify.result import Estimate, Wave
 from cogless.identify.weak_form import VISIBLE, WIDTH, Model, Rows, width_of
 
@@ -23,6 +23,8 @@ SLIPS, SMOOTH = 3, 4  # motions after which a rotor sticks; rows of their speed
 SLOW_SAMPLING = 250.0  # Hz; a faster log is never refused
 FRICTION = 0.2  # relative difference between logs that is told
 TURNED = 0.35  # rad of the strongest order's phase between logs, likewise
+PARTS = 12  # of a log, for the error of what it shows by itself
+WORST = 1e8  # condition of equations that are still solved
 STANDS_OUT = 5.0  # standard errors
 LIKELY_RIPPLE = 0.1  # of K_t, at most
 SIDEBAND = 0.5  # of the order between them, at most
@@ -223,13 +225,14 @@ def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[
     strongest = max(model.cogging, key=lambda n: np.hypot(found["cogging", n, "c"], found["cogging", n, "s"]))
     names = (("cogging", strongest, "c"), ("cogging", strongest, "s"))
     waves = {name: _own(own, found, names) for name, own in by_log.items()}
-    clear = {name: w for name, (w, error) in waves.items() if error > 0 and abs(w) > 10 * error}
+    clear = {name: w for name, (w, error) in waves.items() if 0 < error < TURNED * abs(w)}
     if len(clear) < 2:
         return []
-    first = max(clear, key=lambda name: abs(clear[name]) / waves[name][1])
+    open_by = {name: waves[name][1] / abs(wave) for name, wave in clear.items()}  # rad
+    first = min(open_by, key=open_by.__getitem__)
     for name, wave in clear.items():
         turn = float(np.angle(wave / clear[first]))
-        if abs(turn) > TURNED:
+        if abs(turn) > TURNED + np.hypot(open_by[name], open_by[first]):
             left.append("Cogging is left out, since its place differs between the logs.")
             return [
                 f"{name}: order {strongest} is turned by {np.degrees(turn):.0f} deg against {first}, "
@@ -240,16 +243,26 @@ def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[
 
 
 def _own(rows: Sequence[Rows], found: Fit, names: Sequence[tuple[str | int, ...]]) -> tuple[complex, float]:
-    """One or two coefficients as these rows alone would have them (the second imaginary), and their error."""
+    """One or two coefficients as these rows alone would have them (the second imaginary), and their error.
+
+    It is three standard errors by a jackknife: what rows show in one place alone, such as a fast log that
+    shows an order only where it turns around, is unsure by all that the fit leaves there.
+    """
     a = np.concatenate([each.columns[:, [each.names.index(name) for name in names]] for each in rows])
     r = np.concatenate([each.y - found.prediction(each) for each in rows])
-    matrix = a.T @ a
-    if np.linalg.cond(matrix) > 1e8:
+    matrix, vector = a.T @ a, a.T @ r
+    if np.linalg.cond(matrix) > WORST:
         return 0j, 0.0
     moved = np.linalg.solve(matrix, a.T @ r)
     own = [found[name] + by for name, by in zip(names, moved, strict=True)]
-    error = float(np.std(r - a @ moved) * np.sqrt(np.max(np.diag(np.linalg.inv(matrix)))) * 3)
-    return complex(own[0], own[1] if len(own) > 1 else 0.0), error
+    wave = complex(own[0], own[1] if len(own) > 1 else 0.0)
+    without = []
+    for part in np.array_split(np.arange(len(r)), PARTS):
+        rest = matrix - a[part].T @ a[part]
+        if np.linalg.cond(rest) > WORST:
+            return wave, np.inf
+        without.append(np.linalg.solve(rest, vector - a[part].T @ r[part]))
+    return wave, 3 * float(np.max(jackknife(np.array(without))))
 
 
 def _without_sidebands(made: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple[Wave, ...], list[str]]:
