@@ -418,7 +418,7 @@ def test_a_search_begins_again_with_what_stands_out_until_that_stays(monkeypatch
         return estimate._standing_out(NONE, [], model, lambda *of: None)[2].cogging
 
     monkeypatch.setattr(estimate, "_searched", searched)
-    assert ends((28,), (28, 56), (28, 56)) == (28, 56)
+    assert ends((28,), (28, 56), (28, 56)) == (28, 56)  # as it was found first
     assert begun == [model, replace(model, cogging=(28,)), replace(model, cogging=(28, 56))]
     assert ends((24,), (24,)) == (24,) and ends(()) == ()
     assert ends((1,), (2,), (1,)) == (1,)

@@ -40,11 +40,14 @@ def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[
         shown = ", ".join(f"{1e3 * offset:.3g}" for offset in offsets)
         said.append(f"With the bridge off the phase currents show {shown} mA; this is taken out of i_q.")
     for log in logs:
+        if log.kind == "bridge-off":
+            said += _said_of_bridge_off(known, log)
+            continue
         without = _unusable(known, log)
         if without:
             said.append(without)
             continue
-        used.append(_prepared(known, log, offsets))
+        used.append(prepared(known, log, offsets))
         law = feedback(log)
         if law is not None:
             lag, correlation, gain = law
@@ -62,6 +65,21 @@ def heading(known: Identification, signal: str) -> str:
     return f' (no column "{known.columns[signal].name}")' if signal in known.columns else ""
 
 
+def _said_of_bridge_off(known: Identification, log: Log) -> list[str]:
+    """What a log with the bridge off does not tell: what turns its rotor is not known."""
+    if not {"i_a", "i_b"} <= log.signals.keys():
+        return [
+            f"{log.name}: the bridge is off, and no phase currents{heading(known, 'i_a')}: it tells nothing; "
+            "record i_a and i_b."
+        ]
+    if "theta" in log and np.ptp(log["theta"]) > 2 * np.pi:
+        return [
+            f"{log.name}: only the currents' offsets are from this log: with the bridge off it is not known "
+            "what turns the rotor; if nothing does, it is a coast-down: say so as its kind."
+        ]
+    return []
+
+
 def _unusable(known: Identification, log: Log) -> str | None:
     """Why a log can't be used, with the cure; None if it can."""
     if "theta" not in log:
@@ -69,10 +87,10 @@ def _unusable(known: Identification, log: Log) -> str | None:
         return (
             f"{log.name}: no angle{missing}: cogging cannot be placed; record the encoder's angle as theta."
         )
-    if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
+    if "i_q" not in log and log.kind != "coast-down":
         return (
             f"{log.name}: no current{heading(known, 'i_q')}: torque is not known; record i_q, or say that "
-            "the log is a coast-down or that the bridge was off."
+            "the log is a coast-down."
         )
     if not log.dt:
         return None
@@ -96,7 +114,7 @@ def _sticks(known: Identification, log: Log) -> str | None:
     rows = max(1, round(STILL_FOR / log.dt))
     still = np.abs(log["theta"][rows:] - log["theta"][:-rows]) <= known.step
     share = float(np.mean(still))
-    if share <= STILL or log.kind == "bridge-off":
+    if share <= STILL:
         return None
     said = f"{log.name}: the rotor stands still {100 * share:.0f} % of the time, where friction is not known"
     if np.count_nonzero(np.diff(still.astype(np.int8)) < 0) < SLIPS:
@@ -120,7 +138,7 @@ def offsets_of(logs: Sequence[Log]) -> tuple[float, float, float] | None:
     return a, b, float(np.mean(np.concatenate(with_c))) if with_c else -a - b
 
 
-def _prepared(known: Identification, log: Log, offsets: tuple[float, float, float] | None) -> Log:
+def prepared(known: Identification, log: Log, offsets: tuple[float, float, float] | None) -> Log:
     """The log with torque in A, without the currents' offsets, and no current where the bridge is off."""
     signals = dict(log.signals)
     if offsets is not None and "i_q" in signals:
@@ -138,7 +156,7 @@ def check_sign(known: Identification, logs: Sequence[Log], rows: Sequence[Rows])
     """Refuse currents of the wrong sign: they brake a motor that turns against friction."""
     for log in logs:
         own = [each for each in rows if each.log is log and len(each.y) > 30]
-        if not log.dt or not own or log.kind in ("load", "coast-down", "bridge-off"):
+        if not log.dt or not own or log.kind in ("load", "coast-down"):
             continue
         found = fit(own)
         wrong = found["c",] < -STANDS_OUT * found.error(("c",)) and found["j",] <= 0
@@ -253,7 +271,7 @@ def _own(rows: Sequence[Rows], found: Fit, names: Sequence[tuple[str | int, ...]
     matrix, vector = a.T @ a, a.T @ r
     if np.linalg.cond(matrix) > WORST:
         return 0j, 0.0
-    moved = np.linalg.solve(matrix, a.T @ r)
+    moved = np.linalg.solve(matrix, vector)
     own = [found[name] + by for name, by in zip(names, moved, strict=True)]
     wave = complex(own[0], own[1] if len(own) > 1 else 0.0)
     without = []
@@ -320,7 +338,7 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
         for key in ("j", "b", "c", "delay"):
             values.pop(key, None)
         cogging, encoder = tuple(wave for wave in cogging if wave.order <= highest), ()
-    if any(wave.order == poles for wave in cogging) and offsets_of(made.logs) is None:
+    if any(wave.order == poles for wave in cogging) and made.offsets is None:
         left.append(
             f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
             "record currents with the bridge off."
