@@ -363,8 +363,8 @@ def test_a_log_with_the_bridge_off_tells_offsets_alone(known: Identification) ->
     currents = {"i_a": 0.0, "i_b": 0.0}
     taken = "With the bridge off the phase currents show 0, 0, -0 mA; this is taken out of i_q."
     turned = (
-        "off.csv: only the currents' offsets are from this log: with the bridge off it is not known what "
-        "turns the rotor; if nothing does, it is a coast-down: say so as its kind."
+        "off.csv: no value but the currents' offsets is from this log: with the bridge off it is not known "
+        "what turns the rotor; if nothing does, it is a coast-down: say so as its kind."
     )
     for turns, said in ((0.0, [taken]), (0.99, [taken]), (1.01, [taken, turned])):
         off = log("off.csv", "bridge-off", theta=turns * TURN * np.linspace(0, 1, 2000), **currents)

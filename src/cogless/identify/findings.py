@@ -74,8 +74,8 @@ def _said_of_bridge_off(known: Identification, log: Log) -> list[str]:
         ]
     if "theta" in log and np.ptp(log["theta"]) > 2 * np.pi:
         return [
-            f"{log.name}: only the currents' offsets are from this log: with the bridge off it is not known "
-            "what turns the rotor; if nothing does, it is a coast-down: say so as its kind."
+            f"{log.name}: no value but the currents' offsets is from this log: with the bridge off it is not "
+            "known what turns the rotor; if nothing does, it is a coast-down: say so as its kind."
         ]
     return []
 
