@@ -37,7 +37,8 @@ MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that i
 LONGEST_DEAD_TIME = 0.1  # periods of the current loop: a longer one is no drive's
 UNCORRECTED = (
     "what the closed loop does to the values (i_q is held, the law answers steps of the angle) is corrected "
-    "in none of them, and their errors are wider by what half a period of the law in the delay does."
+    "in none of them; their errors are wider by what half a period of the law in the delay does, but inertia "
+    "may be off by more."
 )
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
