@@ -51,4 +51,6 @@ def of_motor(fit: Fit | None = None, **more: Any) -> Any:
     known = SimpleNamespace(
         motor=Motor.model_validate(study["motor"]), drive=Drive.model_validate(study["drive"])
     )
-    return SimpleNamespace(known=known, fit=fit, **{"model": MODEL, "logs": (), "left_out": (), **more})
+    return SimpleNamespace(
+        known=known, fit=fit, **{"model": MODEL, "logs": (), "left_out": (), "offsets": None, **more}
+    )

@@ -22,7 +22,6 @@ from cogless.identify.causes import (
     UNEXPLAINED,
     Cause,
 )
-from cogless.identify.config import LogRule
 from cogless.identify.estimate import CURES
 from cogless.identify.weak_form import Model
 
@@ -136,25 +135,21 @@ def test_dead_time_is_of_order_6p_and_an_offset_of_the_pole_pairs(monkeypatch: p
     assert DEAD_TIME in shares(monkeypatch, 24, 0.3 + 0j, known, follows=True)
     assert DEAD_TIME not in shares(monkeypatch, 24, 0.3 + 0j, known)
     assert DEAD_TIME not in shares(monkeypatch, 12, 0.3 + 0j, known, follows=True)
-    rule = LogRule(file="*", kind="bridge-off")
-    offsets = {name: np.full(4000, x) for name, x in (("i_a", 0.03), ("i_b", -0.06), ("i_c", 0.03))}
-    off = replace(turning(30.0, **offsets), rule=rule)
+    off = (0.03, -0.06, 0.03)
     wave = -2j / 3 * (0.03 - 0.06 * np.exp(-2j * math.pi / 3) + 0.03 * np.exp(-4j * math.pi / 3))
-    told = shares(monkeypatch, 4, 0.3 + 0j, known, logs=(off,))
+    told = shares(monkeypatch, 4, 0.3 + 0j, known, offsets=off)
     assert told[OFFSET][0] == pytest.approx(float((wave / (0.3 + wave)).real))
     assert OFFSET not in shares(monkeypatch, 4, 0.3 + 0j, known)
-    assert OFFSET not in shares(monkeypatch, 8, 0.3 + 0j, known, logs=(off,))
+    assert OFFSET not in shares(monkeypatch, 8, 0.3 + 0j, known, offsets=off)
     for left, guessed in ((0.05 + 0.9 * abs(wave), False), (0.05 + 1.2 * abs(wave), True)):
-        told = shares(monkeypatch, 4, left * wave / abs(wave), {}, logs=(off,))
+        told = shares(monkeypatch, 4, left * wave / abs(wave), {}, offsets=off)
         assert (OFFSET not in told) == guessed
 
 
 def test_a_torque_may_be_of_what_no_log_tells_apart() -> None:
-    rule = LogRule(file="*", kind="bridge-off")
-    off = replace(turning(30.0, i_a=np.zeros(4000), i_b=np.zeros(4000)), rule=rule)
     for order, more, name in (
         (4, {}, "cogging or current offset"),
-        (4, {"logs": (off,)}, COGGING),
+        (4, {"offsets": (0.0, 0.0, 0.0)}, COGGING),
         (24, {}, COGGING),
         (24, {"left_out": (CURES["ripple"].format(24),)}, "cogging or K_t ripple or dead time"),
         (2, {}, MECHANICS),

@@ -397,3 +397,29 @@ def test_what_cannot_be_told_apart_is_left_out_the_least_important_first(
     held = replace(MODEL, columns=frozenset({"offset"}), ripple=())
     left, model = told(wide(1, 1, 200, 1, 1, 1, 1), model=held)  # held angles: no friction beside it
     assert left == [] and model.columns == frozenset()
+
+
+def test_a_search_begins_again_with_what_stands_out_until_that_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A false order may hide a true one. With nothing left to begin with, or in a circle, it ends."""
+    model, begun = replace(MODEL, delay=0.0), list[Any]()
+
+    def searched(known: Any, logs: Any, model: Model, progress: Any) -> Any:
+        begun.append(model)
+        return [], fit_of({}), model
+
+    def ends(*kept: tuple[int, ...]) -> tuple[int, ...]:
+        begun.clear()
+        rest = iter(kept)
+
+        def significant(known: Any, logs: Any, rows: Any, found: Fit, model: Model) -> Any:
+            return rows, found, replace(model, cogging=next(rest), delay=1e-3)
+
+        monkeypatch.setattr(estimate, "_significant", significant)
+        return estimate._standing_out(NONE, [], model, lambda *of: None)[2].cogging
+
+    monkeypatch.setattr(estimate, "_searched", searched)
+    assert ends((28,), (28, 56), (28, 56)) == (28, 56)  # as it was found first
+    assert begun == [model, replace(model, cogging=(28,)), replace(model, cogging=(28, 56))]
+    assert ends((24,), (24,)) == (24,) and ends(()) == ()
+    assert ends((1,), (2,), (1,)) == (1,)
+    assert ends(*((n,) for n in range(1, 9))) == (5,)

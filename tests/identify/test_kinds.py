@@ -72,6 +72,8 @@ def test_a_bridge_that_is_off_lets_the_order_of_the_pole_pairs_be_told(tmp_path)
     made = told(tmp_path, text, {**wrong, "off": off})
     assert any("With the bridge off the phase currents show 30, -20, 0 mA" in line for line in made.remarks)
     assert 4 not in {wave.order for wave in made.cogging}
+    assert made.values["b"].times(K_T).value == pytest.approx(VISCOUS, rel=0.05)  # though a hand turned it
+    assert not any("Sessions differ" in line for line in made.remarks)
 
 
 def test_a_clock_that_is_off_shows_as_a_delay(tmp_path):

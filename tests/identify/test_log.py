@@ -503,7 +503,7 @@ def test_a_signal_is_moved_by_parts_of_a_row() -> None:
 def test_leaving_one_out_gives_the_error_of_a_mean() -> None:
     x = np.random.default_rng(0).normal(size=12)
     without = (x.sum() - x) / 11
-    error = regression._jackknife(without[:, None])
+    error = regression.jackknife(without[:, None])
     assert error == pytest.approx(np.std(x, ddof=1) / math.sqrt(12))
 
 

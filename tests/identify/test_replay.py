@@ -185,7 +185,12 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     monkeypatch.setattr(replay, "played", played)
     monkeypatch.setattr(replay, "lateness", lambda *of: seen["told"].pop(0))
     monkeypatch.setattr(replay, "_corrected", corrected)
+    monkeypatch.setattr(replay, "_uncorrected", lambda first, said: with_remark(first, said))
     return seen
+
+
+def with_remark(first: Estimate, said: str) -> Estimate:
+    return replace(first, remarks=(*first.remarks, said))
 
 
 def test_an_estimate_is_simulated_twice_the_second_time_with_the_dead_time_that_is_told(steps):
@@ -216,14 +221,49 @@ def test_an_estimate_that_cannot_be_simulated_stays_and_says_why(steps):
     assert (traces, found.values) == ({"a": "trace"}, made.values)
     assert found.remarks == (
         "First.",
-        "No simulation of b: without its reference and controller in the file of columns, errors of the "
-        "closed loop (delay, steps of the angle) are not corrected.",
+        "No simulation of b: it needs reference and controller in the file of columns, rows at a part of the "
+        "current loop's rate, and no table; add what is missing, or leave the log out: else "
+        f"{replay.UNCORRECTED}",
     )
     steps["traces"] = StudyError("why")
     found, traces = replay.refined(made, lambda *of: None)
     assert (found.remarks[1], traces) == (
-        "The logs could not be simulated (why); errors of the closed loop are not corrected.", {}
+        f"The logs could not be simulated (why): {replay.UNCORRECTED}", {}
     )  # fmt: skip
+
+
+def test_a_coast_down_has_no_loop_to_correct(steps):
+    """It is not simulated, and keeps no other log from being corrected."""
+    down = replace(turning(1.0), name="down", rule=LogRule(file="*", kind="coast-down"))
+    steps |= {"told": [Lateness(None), Lateness(None)], "inertia": 2e-3}
+    found, _ = replay.refined(first_estimate(turning(1.0), down), lambda *of: None)
+    assert (found.values["j"].value, found.remarks) == (2e-3, ())
+    alone = first_estimate(down)
+    assert replay.refined(alone, lambda *of: None) == (alone, {})
+
+
+def test_what_is_not_corrected_has_errors_of_half_a_period_of_the_law(monkeypatch):
+    """By which the current may be logged later: what that moves a value by is in its error."""
+    six = Wave(6, Value(0.5, 0.03), Value(0.1, 0.06))
+    values = {"j": Value(1e-3, 3e-5), "c": Value(0.1, 0.01), "delay": Value(1e-3, 1e-4)}
+    more = {"values": values, "cogging": (six,), "loads": {"x": Value(0.2, 0.0)}, "remarks": ("First.",)}
+    first, later, asked = first_estimate(turning(1.0), **more), fit_of({}), []
+    before = {("j",): 1.0, ("delay",): 2.0, ("load", "x"): 3.0, ("cogging", 6, "s"): 4.0}
+    after = {("j",): 1.0 + 4e-5, ("load", "x"): 3.5, ("cogging", 6, "s"): 3.96}
+    monkeypatch.setattr(
+        replay, "at_delay", lambda made, delay: asked.append(delay) or replace(made, fit=later)
+    )
+    monkeypatch.setattr(replay, "whole", lambda model, fit: after if fit is later else before)
+    made = replay._uncorrected(first, "Why.")
+    held = 0.5 / first.known.drive.rates.speed_loop
+    assert asked == [pytest.approx(first.model.delay + held)] and made.remarks == ("First.", "Why.")
+    errors = {key: value.error for key, value in made.values.items()}
+    assert errors == pytest.approx({"j": 5e-5, "c": 0.01, "delay": np.hypot(1e-4, held)})
+    assert {key: value.value for key, value in made.values.items()} == {"j": 1e-3, "c": 0.1, "delay": 1e-3}
+    assert made.loads["x"].error == pytest.approx(0.5)
+    (wave,) = made.cogging
+    assert (wave.size.value, wave.size.error) == pytest.approx((0.5, 0.05))
+    assert (wave.phase.value, wave.phase.error) == pytest.approx((0.1, 0.1))
 
 
 @pytest.mark.parametrize("inertia", [0.0, -1e-3])

@@ -200,10 +200,9 @@ def test_a_negative_friction_is_left_out_and_told_where_it_stands_out(
 
 def test_an_order_of_the_pole_pairs_waits_for_the_bridge_to_be_off(known: Identification) -> None:
     both = (wave(4, 0.1), wave(24, 0.2))
-    off = log(kind="bridge-off", i_a=0.0, i_b=0.0, theta=0.5 * DT * np.arange(2000))
-    for logs, orders in (((turning(0.5),), [24]), ((turning(0.5), off), [4, 24])):
+    for offsets, orders in ((None, [24]), ((0.0, 0.0, 0.0), [4, 24])):
         left: list[str] = []
-        made = findings.without_nonsense(estimate(known, cogging=both, logs=logs), left)
+        made = findings.without_nonsense(estimate(known, cogging=both, offsets=offsets), left)
         assert [one.order for one in made.cogging] == orders
         told = (
             "Order 4 is the pole pairs: cogging and a current offset cannot be told apart; record currents "
@@ -331,7 +330,6 @@ def test_a_rotor_that_sticks_should_turn_as_fast_as_it_slips() -> None:
     for rows, sticks in ((310, True), (210, False)):
         said = findings._sticks(known, log(theta=slips[:rows], rows=rows))
         assert said is not None and ("it sticks" in said) == sticks
-    assert findings._sticks(known, log(theta=slips, kind="bridge-off")) is None
     counts = 2.0**-10 * (np.arange(2000) // 20)
     assert findings._sticks(known, log(theta=counts)) == (
         f"{still} 100 % {rest}; turn faster, or with more feedback."
@@ -340,24 +338,41 @@ def test_a_rotor_that_sticks_should_turn_as_fast_as_it_slips() -> None:
 
 
 def test_signals_of_a_log_become_torques_of_the_motor(known: Identification) -> None:
-    """A torque is over K_t, of 0.3 N m/A; no current flows where the bridge is off."""
+    """A torque is over K_t, of 0.3 N m/A; no current flows where the rotor coasts."""
     torque = turning(0.5, torque=0.6)
     (made,), said = findings.usable(known, [torque])
     assert (made["torque"][0], made["i_q"][0], said) == (pytest.approx(2.0), 0.1, [])
-    for kind in ("coast-down", "bridge-off"):
-        (made,), _ = findings.usable(known, [replace(torque, rule=LogRule(file="*", kind=kind))])
-        assert np.array_equal(made["i_q"], np.zeros(2000))
+    coasting = replace(torque, rule=LogRule(file="*", kind="coast-down"))
+    (made,), _ = findings.usable(known, [coasting])
+    assert np.array_equal(made["i_q"], np.zeros(2000))
 
 
 def test_offsets_of_the_phases_are_taken_out_of_i_q(known: Identification) -> None:
     """A third of them in each phase is a wave of the electrical angle in i_q."""
     theta = 0.5 * DT * np.arange(2000)
-    off = log(theta=theta, kind="bridge-off", i_a=0.03, i_b=-0.01, i_c=0.004)
-    (_, made), said = findings.usable(known, [off, log(theta=theta, i_q=0.1)])
+    off = log(kind="bridge-off", i_a=0.03, i_b=-0.01, i_c=0.004)  # of which no angle is needed
+    (made,), said = findings.usable(known, [off, log(theta=theta, i_q=0.1)])
     assert said == ["With the bridge off the phase currents show 30, -10, 4 mA; this is taken out of i_q."]
     offsets = zip((0.03, -0.01, 0.004), (0.0, TURN / 3, 2 * TURN / 3), strict=True)
     wave = sum(offset * np.sin(4 * theta - phase) for offset, phase in offsets)
     assert made["i_q"] == pytest.approx(0.1 + 2 / 3 * wave)
+
+
+def test_a_log_with_the_bridge_off_tells_offsets_alone(known: Identification) -> None:
+    """What turns its rotor is not known, be it a hand; one that stands still needs no sentence."""
+    currents = {"i_a": 0.0, "i_b": 0.0}
+    taken = "With the bridge off the phase currents show 0, 0, -0 mA; this is taken out of i_q."
+    turned = (
+        "off.csv: no value but the currents' offsets is from this log: with the bridge off it is not known "
+        "what turns the rotor; if nothing does, it is a coast-down: say so as its kind."
+    )
+    for turns, said in ((0.0, [taken]), (0.99, [taken]), (1.01, [taken, turned])):
+        off = log("off.csv", "bridge-off", theta=turns * TURN * np.linspace(0, 1, 2000), **currents)
+        assert findings.usable(known, [off]) == ([], said)
+    assert findings.usable(known, [log("off.csv", "bridge-off", theta=0.0)]) == (
+        [],
+        ["off.csv: the bridge is off, and no phase currents: it tells nothing; record i_a and i_b."],
+    )
 
 
 def test_why_a_log_cannot_be_used(known: Identification) -> None:
@@ -374,8 +389,7 @@ def test_why_a_log_cannot_be_used(known: Identification) -> None:
     bare = turning(0.5)
     del bare.signals["i_q"]
     assert findings.usable(plain, [bare])[1] == [
-        "one.csv: no current: torque is not known; record i_q, or say that the log is a coast-down or that "
-        "the bridge was off."
+        "one.csv: no current: torque is not known; record i_q, or say that the log is a coast-down."
     ]
     for rate, turns, much in ((200.0, 1.01, True), (200.0, 0.99, False), (250.0, 3.0, False)):
         speed = turns * TURN * 200 / 8 / 24
@@ -434,7 +448,7 @@ def test_a_current_that_brakes_what_turns_has_the_wrong_sign(
     check(c=-0.49)  # within five standard errors
     check(rows=30)
     check(dt=0.0)
-    for kind in ("load", "coast-down", "bridge-off"):
+    for kind in ("load", "coast-down"):
         check(kind=kind)
     if not alpha.any():
         check(j=1e-3)
@@ -603,10 +617,13 @@ def test_both_directions_of_a_log_are_one_by_their_squares() -> None:
 
 
 def test_an_estimate_tells_the_torques_of_logs_that_turn_if_it_has_an_inertia(known: Identification) -> None:
+    """Those of a rotor that turns with the bridge off, too, though no value is from its log."""
     logs = (turning(1.0), log("held", dt=0.0, theta=0.0))
-    assert list(diagnosis._explained(estimate(known, logs=logs, fit=fit_of({("j",): 1.0})))) == ["one.csv"]
+    off = [log("off", "bridge-off", theta=1.0), log("blind", "bridge-off"), turning(1.0)]
+    explained = diagnosis._explained(estimate(known, logs=logs, fit=fit_of({("j",): 1.0})), off)
+    assert list(explained) == ["one.csv", "off"] and not explained["off"]["i_q"].any()
     for made in (None, estimate(known, logs=logs), estimate(known, logs=logs, fit=fit_of({("c",): 1.0}))):
-        assert diagnosis._explained(made) == {}
+        assert diagnosis._explained(made, off) == {}
 
 
 def test_what_logs_without_angle_or_current_can_tell() -> None:
@@ -637,6 +654,7 @@ def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
         log("whole", **steady, i_q=0.1),
         log("held", dt=0.0, theta=0.0),
         log("off", "bridge-off", **steady),
+        log("blind-off", "bridge-off", i_a=0.1, i_b=0.1),
         log("torqueless", **steady),
         log("blind", omega=TURN, i_q=0.1),
         log("short", "load", **steady, i_q=0.1),
@@ -649,7 +667,7 @@ def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
         asked.append([one.name for one in logs])
         if told is None:
             raise StudyError("No.\nNever.")
-        return SimpleNamespace(**vars(told), logs=logs)
+        return SimpleNamespace(**vars(told), known=known, logs=[log for log in logs if "i_q" in log])
 
     monkeypatch.setattr(diagnosis.config, "load", lambda path: known)
     monkeypatch.setattr(diagnosis, "load_logs", lambda paths, known: logs)
@@ -663,8 +681,8 @@ def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
 
     told: Any = model
     made = diagnosed()
-    assert asked == [["whole", "held", "off", "short"]]
-    assert list(made.whole) == ["whole", "off", "torqueless", "blind"] and len(made.found) == 1
+    assert asked == [["whole", "held", "off", "blind-off", "short"]]
+    assert set(made.whole) == {"whole", "off", "torqueless", "blind"} and len(made.found) == 1
     assert made.said[:2] == ("Left.", "Remark.") and made.title == known.title
     reference = [line for line in made.said if line.startswith("Dead time disturbs the current at order 24")]
     assert len(reference) == 1

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.identify.estimate import CURES
-from cogless.identify.findings import offsets_of
 from cogless.identify.result import Estimate
 from cogless.identify.steady import Steady
 from cogless.identify.weak_form import shifted
@@ -92,7 +91,7 @@ def _attributed(
     told = bool(known)
     if id(part) in responses and order == 6 * made.known.motor.pole_pairs:
         _dead_time(made, part, order, responses[id(part)], known)
-    offsets = offsets_of(made.logs)
+    offsets = made.offsets
     if order == made.known.motor.pole_pairs and offsets is not None:  # out of i_q already, as is dead time
         turned = [o * np.exp(-2j * np.pi / 3 * third) for third, o in enumerate(offsets)]
         known[OFFSET] = complex(-1j * 2 / 3 * sum(turned)), 0.0
@@ -179,7 +178,7 @@ def disturbances(made: Estimate, part: Steady, order: int) -> Phasors:
 def _cogging(made: Estimate, order: int) -> str:
     """What a torque of this order that depends on neither speed nor load may come from."""
     poles = made.known.motor.pole_pairs
-    if order == poles and offsets_of(made.logs) is None:
+    if order == poles and made.offsets is None:
         return COGGING + OR + OFFSET
     if CURES["ripple"].format(order) in made.left_out:
         return candidates(order, poles)

@@ -15,6 +15,7 @@ from cogless.errors import StudyError
 from cogless.identify import config, speed_alone
 from cogless.identify.causes import COGGING, OFFSET, OR, RIPPLE, Cause, Found, attributed
 from cogless.identify.estimate import Progress, estimate
+from cogless.identify.findings import prepared
 from cogless.identify.log import Log, load_logs
 from cogless.identify.result import Estimate
 from cogless.identify.steady import Steady, steady, with_angle
@@ -64,7 +65,7 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
     progress("reading", 0.0)
     loaded = load_logs(list(logs), known)
     whole = [
-        log for log in loaded if "theta" in log and ("i_q" in log or not log.dt or log.kind == "bridge-off")
+        log for log in loaded if log.kind == "bridge-off" or ("theta" in log and ("i_q" in log or not log.dt))
     ]
     said: list[str] = []
     made = None
@@ -74,15 +75,14 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
             said += [*made.left_out, *made.remarks]
         except StudyError as error:
             said += str(error).splitlines()
-    explained = _explained(made)
+    explained = _explained(made, loaded)
     parts = [part for log in explained.values() for part in steady(log)]
     found = attributed(made, parts) if made is not None and parts else []
     others = [
         part
-        for log in loaded
-        if log.dt and log.name not in explained
-        for part in steady(with_angle(log))
-        if "theta" in with_angle(log)
+        for log in map(with_angle, loaded)
+        if log.dt and log.name not in explained and "theta" in log
+        for part in steady(log)
     ]
     alone = speed_alone.by_order(others, known.motor.pole_pairs)
     said += _without(loaded) + speed_alone.sentences(alone)
@@ -102,11 +102,12 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
     return Diagnosis(known.title, merged, _whole(every), tuple(dict.fromkeys(said)))
 
 
-def _explained(made: Estimate | None) -> dict[str, Log]:
-    """The logs whose torques the estimate tells, by name."""
+def _explained(made: Estimate | None, loaded: Sequence[Log]) -> dict[str, Log]:
+    """Logs whose torques the estimate tells, by name; with the bridge off, all but what turns the rotor."""
     if made is None or made.fit is None or ("j",) not in made.fit:
         return {}
-    return {log.name: log for log in made.logs if log.dt}
+    off = [prepared(made.known, log, None) for log in loaded if log.kind == "bridge-off" and "theta" in log]
+    return {log.name: log for log in (*made.logs, *off) if log.dt}
 
 
 def _without(logs: Sequence[Log]) -> list[str]:

@@ -25,6 +25,8 @@ MOST_ORDERS = 40
 BESIDE = 2  # orders on each side of one that an error of the encoder spreads it over
 LONGEST_DELAY, EARLIEST = 5e-3, -2e-3  # s; i_q before the angle: that of a filtered angle
 ROUNDS = 5  # delay and the sensor's error are taken out, and found again
+SEARCHES = 5  # at most
+NO_LOG = "no log is left: expected logs with theta and i_q"
 Progress = Callable[[str, float], None]
 State = tuple[list[Rows], Fit, Model]
 
@@ -35,7 +37,8 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     used, said = findings.usable(known, logs)
     remarks += said
     if not used:
-        raise StudyError("\n".join(said) or "no log is left: expected logs with theta and i_q")
+        none = [] if any(log.kind != "bridge-off" for log in logs) else [NO_LOG]
+        raise StudyError("\n".join([*said, *none]))
     findings.check_sign(known, used, _rows(known, used, Model()))
     left: list[str] = []
     try:
@@ -45,12 +48,12 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
         causes = [line for line in said if line.startswith(out)]  # before what follows from them
         others = [line for line in said if line not in causes]
         raise StudyError("\n".join((*causes, str(error), *others))) from None
-    state = _significant(known, used, *_searched(known, used, model, progress))
+    state = _standing_out(known, used, model, progress)
     rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
     progress("errors", 0.0)
     remarks += voltage.check(known, used)
     remarks += findings.between_logs(rows, found, model, left)
-    return _told(known, used, model, rows, found, remarks, left)
+    return _told(known, used, model, rows, found, remarks, left, findings.offsets_of(logs))
 
 
 def _rows(known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0) -> list[Rows]:
@@ -101,6 +104,21 @@ def _scanned(known: Identification, logs: Sequence[Log], model: Model) -> Model:
     start = _taken_out(replace(alone, cogging=poles, delay=float(delay)), best)
     start, _ = settled(known, [log], replace(start, encoder=(1,), columns=alone.columns | {"delay"}))
     return replace(start, columns=model.columns, encoder=model.encoder)
+
+
+def _standing_out(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
+    """Search from the orders that stand out of the search before, until these are the same again.
+
+    A false order that is found early may hide a true one, or take its place.
+    """
+    states: dict[tuple[int, ...], State] = {}
+    while True:
+        state = _significant(known, logs, *_searched(known, logs, model, progress))
+        kept = state[2].cogging
+        if not kept or kept in states or len(states) == SEARCHES - 1:
+            return states.get(kept, state)
+        states[kept] = state
+        model = replace(model, cogging=kept)
 
 
 def _searched(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
@@ -336,10 +354,13 @@ def _told(
     found: Fit,
     remarks: Sequence[str],
     left: list[str],
+    offsets: tuple[float, float, float] | None = None,
 ) -> Estimate:
     here = whole(model, found)
     others = [coefficients(known, logs, model, factor) for factor in OTHERS]
-    empty = Estimate(known, tuple(logs), {}, (), (), (), {}, tuple(remarks), (), model, tuple(rows), found)
+    empty = Estimate(
+        known, tuple(logs), {}, (), (), (), {}, tuple(remarks), (), model, tuple(rows), found, offsets
+    )
     return findings.without_nonsense(with_values(empty, here, others), left)
 
 

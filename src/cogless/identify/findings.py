@@ -11,7 +11,7 @@ from cogless.errors import StudyError
 from cogless.identify.config import Identification
 from cogless.identify.files import Array
 from cogless.identify.log import Log
-from cogless.identify.regression import Fit, fit
+from cogless.identify.regression import Fit, fit, jackknife
 from cogless.identify.result import Estimate, Wave
 from cogless.identify.weak_form import VISIBLE, WIDTH, Model, Rows, width_of
 
@@ -23,6 +23,8 @@ SLIPS, SMOOTH = 3, 4  # motions after which a rotor sticks; rows of their speed
 SLOW_SAMPLING = 250.0  # Hz; a faster log is never refused
 FRICTION = 0.2  # relative difference between logs that is told
 TURNED = 0.35  # rad of the strongest order's phase between logs, likewise
+PARTS = 12  # of a log, for the error of what it shows by itself
+WORST = 1e8  # condition of equations that are still solved
 STANDS_OUT = 5.0  # standard errors
 LIKELY_RIPPLE = 0.1  # of K_t, at most
 SIDEBAND = 0.5  # of the order between them, at most
@@ -38,11 +40,14 @@ def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[
         shown = ", ".join(f"{1e3 * offset:.3g}" for offset in offsets)
         said.append(f"With the bridge off the phase currents show {shown} mA; this is taken out of i_q.")
     for log in logs:
+        if log.kind == "bridge-off":
+            said += _said_of_bridge_off(known, log)
+            continue
         without = _unusable(known, log)
         if without:
             said.append(without)
             continue
-        used.append(_prepared(known, log, offsets))
+        used.append(prepared(known, log, offsets))
         law = feedback(log)
         if law is not None:
             lag, correlation, gain = law
@@ -60,6 +65,21 @@ def heading(known: Identification, signal: str) -> str:
     return f' (no column "{known.columns[signal].name}")' if signal in known.columns else ""
 
 
+def _said_of_bridge_off(known: Identification, log: Log) -> list[str]:
+    """What a log with the bridge off does not tell: what turns its rotor is not known."""
+    if not {"i_a", "i_b"} <= log.signals.keys():
+        return [
+            f"{log.name}: the bridge is off, and no phase currents{heading(known, 'i_a')}: it tells nothing; "
+            "record i_a and i_b."
+        ]
+    if "theta" in log and np.ptp(log["theta"]) > 2 * np.pi:
+        return [
+            f"{log.name}: no value but the currents' offsets is from this log: with the bridge off it is not "
+            "known what turns the rotor; if nothing does, it is a coast-down: say so as its kind."
+        ]
+    return []
+
+
 def _unusable(known: Identification, log: Log) -> str | None:
     """Why a log can't be used, with the cure; None if it can."""
     if "theta" not in log:
@@ -67,10 +87,10 @@ def _unusable(known: Identification, log: Log) -> str | None:
         return (
             f"{log.name}: no angle{missing}: cogging cannot be placed; record the encoder's angle as theta."
         )
-    if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
+    if "i_q" not in log and log.kind != "coast-down":
         return (
             f"{log.name}: no current{heading(known, 'i_q')}: torque is not known; record i_q, or say that "
-            "the log is a coast-down or that the bridge was off."
+            "the log is a coast-down."
         )
     if not log.dt:
         return None
@@ -94,7 +114,7 @@ def _sticks(known: Identification, log: Log) -> str | None:
     rows = max(1, round(STILL_FOR / log.dt))
     still = np.abs(log["theta"][rows:] - log["theta"][:-rows]) <= known.step
     share = float(np.mean(still))
-    if share <= STILL or log.kind == "bridge-off":
+    if share <= STILL:
         return None
     said = f"{log.name}: the rotor stands still {100 * share:.0f} % of the time, where friction is not known"
     if np.count_nonzero(np.diff(still.astype(np.int8)) < 0) < SLIPS:
@@ -118,7 +138,7 @@ def offsets_of(logs: Sequence[Log]) -> tuple[float, float, float] | None:
     return a, b, float(np.mean(np.concatenate(with_c))) if with_c else -a - b
 
 
-def _prepared(known: Identification, log: Log, offsets: tuple[float, float, float] | None) -> Log:
+def prepared(known: Identification, log: Log, offsets: tuple[float, float, float] | None) -> Log:
     """The log with torque in A, without the currents' offsets, and no current where the bridge is off."""
     signals = dict(log.signals)
     if offsets is not None and "i_q" in signals:
@@ -136,7 +156,7 @@ def check_sign(known: Identification, logs: Sequence[Log], rows: Sequence[Rows])
     """Refuse currents of the wrong sign: they brake a motor that turns against friction."""
     for log in logs:
         own = [each for each in rows if each.log is log and len(each.y) > 30]
-        if not log.dt or not own or log.kind in ("load", "coast-down", "bridge-off"):
+        if not log.dt or not own or log.kind in ("load", "coast-down"):
             continue
         found = fit(own)
         wrong = found["c",] < -STANDS_OUT * found.error(("c",)) and found["j",] <= 0
@@ -223,13 +243,14 @@ def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[
     strongest = max(model.cogging, key=lambda n: np.hypot(found["cogging", n, "c"], found["cogging", n, "s"]))
     names = (("cogging", strongest, "c"), ("cogging", strongest, "s"))
     waves = {name: _own(own, found, names) for name, own in by_log.items()}
-    clear = {name: w for name, (w, error) in waves.items() if error > 0 and abs(w) > 10 * error}
+    clear = {name: w for name, (w, error) in waves.items() if 0 < error < TURNED * abs(w)}
     if len(clear) < 2:
         return []
-    first = max(clear, key=lambda name: abs(clear[name]) / waves[name][1])
+    open_by = {name: waves[name][1] / abs(wave) for name, wave in clear.items()}  # rad
+    first = min(open_by, key=open_by.__getitem__)
     for name, wave in clear.items():
         turn = float(np.angle(wave / clear[first]))
-        if abs(turn) > TURNED:
+        if abs(turn) > TURNED + np.hypot(open_by[name], open_by[first]):
             left.append("Cogging is left out, since its place differs between the logs.")
             return [
                 f"{name}: order {strongest} is turned by {np.degrees(turn):.0f} deg against {first}, "
@@ -240,16 +261,26 @@ def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[
 
 
 def _own(rows: Sequence[Rows], found: Fit, names: Sequence[tuple[str | int, ...]]) -> tuple[complex, float]:
-    """One or two coefficients as these rows alone would have them (the second imaginary), and their error."""
+    """One or two coefficients as these rows alone would have them (the second imaginary), and their error.
+
+    It is three standard errors by a jackknife: what rows show in one place alone, such as a fast log that
+    shows an order only where it turns around, is unsure by all that the fit leaves there.
+    """
     a = np.concatenate([each.columns[:, [each.names.index(name) for name in names]] for each in rows])
     r = np.concatenate([each.y - found.prediction(each) for each in rows])
-    matrix = a.T @ a
-    if np.linalg.cond(matrix) > 1e8:
+    matrix, vector = a.T @ a, a.T @ r
+    if np.linalg.cond(matrix) > WORST:
         return 0j, 0.0
-    moved = np.linalg.solve(matrix, a.T @ r)
+    moved = np.linalg.solve(matrix, vector)
     own = [found[name] + by for name, by in zip(names, moved, strict=True)]
-    error = float(np.std(r - a @ moved) * np.sqrt(np.max(np.diag(np.linalg.inv(matrix)))) * 3)
-    return complex(own[0], own[1] if len(own) > 1 else 0.0), error
+    wave = complex(own[0], own[1] if len(own) > 1 else 0.0)
+    without = []
+    for part in np.array_split(np.arange(len(r)), PARTS):
+        rest = matrix - a[part].T @ a[part]
+        if np.linalg.cond(rest) > WORST:
+            return wave, np.inf
+        without.append(np.linalg.solve(rest, vector - a[part].T @ r[part]))
+    return wave, 3 * float(np.max(jackknife(np.array(without))))
 
 
 def _without_sidebands(made: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple[Wave, ...], list[str]]:
@@ -307,7 +338,7 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
         for key in ("j", "b", "c", "delay"):
             values.pop(key, None)
         cogging, encoder = tuple(wave for wave in cogging if wave.order <= highest), ()
-    if any(wave.order == poles for wave in cogging) and offsets_of(made.logs) is None:
+    if any(wave.order == poles for wave in cogging) and made.offsets is None:
         left.append(
             f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
             "record currents with the bridge off."

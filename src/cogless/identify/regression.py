@@ -69,7 +69,7 @@ class Fit:
             other = simulated.parts[:, simulated.names.index(name)]
         if len(own) != len(other):  # cut in other places
             return float(np.sqrt(2)) * self.error(name)
-        return float(_jackknife(own - other))
+        return float(jackknife(own - other))
 
     def between_logs(self, name: Name, simulated: Fit | None = None) -> float:
         """Standard error by a jackknife over logs, where three or more can be left out; else 0.
@@ -87,7 +87,7 @@ class Fit:
         count = len(told)
         if count < 3:
             return 0.0
-        return float(student.ppf(0.975, count - 1)) / 2 * float(_jackknife(told))
+        return float(student.ppf(0.975, count - 1)) / 2 * float(jackknife(told))
 
     def prediction(self, rows: Rows, without: str | None = None) -> Array:
         """i_q that the coefficients give for these rows, A. `without`: a log that they are not from."""
@@ -113,10 +113,10 @@ def fit(rows: Sequence[Rows]) -> Fit:
         noise = {log: _noise([block for block in plain if block.log == log], values) for log in logs}
     parts = np.array([solved([b for b in blocks if b is not out], len(names)) for out in blocks])
     without = _without(blocks, len(names))
-    return Fit(names, values, _jackknife(parts), inflation(blocks), tuple(blocks), noise, without, parts)
+    return Fit(names, values, jackknife(parts), inflation(blocks), tuple(blocks), noise, without, parts)
 
 
-def _jackknife(parts: Array) -> Array:
+def jackknife(parts: Array) -> Array:
     """Standard errors of values of which each row leaves a part of the data out."""
     count = len(parts)
     return np.asarray(np.sqrt((count - 1) / count * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0)))

@@ -6,6 +6,7 @@ samples. Simulated logs have the same bias, and their truth is known. So the dif
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -20,7 +21,7 @@ from cogless.identify.config import Identification
 from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, settled, whole, with_values
 from cogless.identify.lateness import NOTHING, Lateness, lateness
 from cogless.identify.log import Log
-from cogless.identify.result import Estimate, Value
+from cogless.identify.result import Estimate, Value, Wave
 from cogless.identify.weak_form import Model, Name
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
@@ -34,6 +35,11 @@ FINE = 10  # rows of a trace for each of its log, at most: the delay lies betwee
 SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")  # of a trace that are kept
 MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that its effect is in proportion
 LONGEST_DEAD_TIME = 0.1  # periods of the current loop: a longer one is no drive's
+UNCORRECTED = (
+    "what the closed loop does to the values (i_q is held, the law answers steps of the angle) is corrected "
+    "in none of them; their errors are wider by what half a period of the law in the delay does, but inertia "
+    "may be off by more."
+)
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
 
@@ -149,11 +155,11 @@ def simulated_log(made: Estimate, log: Log, trace: Trace, late: float = 0.0) -> 
 def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Trace]]:
     """The estimate without the bias that its own simulation shows, and the simulated traces.
 
-    It stays as it is where a log of a turning motor can't be played.
+    It stays as it is where a log of a controlled motor can't be played. A coast-down has no loop to correct.
     """
-    moving = [log.name for log in made.logs if log.dt]
+    controlled = {log.name for log in made.logs if log.dt and log.kind != "coast-down"}
     first = made
-    if "j" not in made.values or made.fit is None:
+    if "j" not in made.values or made.fit is None or not controlled:
         return made, {}
     traces: dict[str, Trace] = {}
     with_dead_time: dict[str, Trace] = {}
@@ -166,15 +172,15 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
                 said = f"simulation {n + 1} of {ROUNDS} with more dead time"
                 with_dead_time = played(made, partial(progress, said), own + _more(drive))
         except StudyError as error:
-            said = f"The logs could not be simulated ({error}); errors of the closed loop are not corrected."
-            return replace(first, remarks=(*first.remarks, said)), {}
-        if set(traces) != set(moving):
-            without = ", ".join(sorted(set(moving) - set(traces)))
+            return _uncorrected(first, f"The logs could not be simulated ({error}): {UNCORRECTED}"), {}
+        if not controlled <= traces.keys():
+            without = ", ".join(sorted(controlled - traces.keys()))
             said = (
-                f"No simulation of {without}: without its reference and controller in the file of columns, "
-                "errors of the closed loop (delay, steps of the angle) are not corrected."
+                f"No simulation of {without}: it needs reference and controller in the file of columns, rows "
+                "at a part of the current loop's rate, and no table; add what is missing, or leave the log "
+                f"out: else {UNCORRECTED}"
             )
-            return replace(first, remarks=(*first.remarks, said)), traces
+            return _uncorrected(first, said), traces
         late = lateness(
             [log for log in made.logs if log.dt],
             traces,
@@ -189,6 +195,44 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         dead_time = replace(more, value=own + more.value)
     said = late.said or _said_of_dead_time(dead_time)
     return replace(made, remarks=(*made.remarks, *([said] if said else []))), traces
+
+
+def _uncorrected(first: Estimate, said: str) -> Estimate:
+    """The estimate with errors for a current that may be logged anywhere between two steps of the law."""
+    held = _held(first)
+    later = at_delay(first, first.model.delay + held)
+    assert first.fit is not None and later.fit is not None
+    before, after = whole(first.model, first.fit), whole(later.model, later.fit)
+    moved = {name: after[name] - value for name, value in before.items() if name in after}
+    moved["delay",] = held
+
+    def wider(value: Value, *by: float) -> Value:
+        return replace(value, error=math.hypot(value.error, *by))
+
+    def waves(kind: str, found: Sequence[Wave]) -> tuple[Wave, ...]:
+        made = []
+        for wave in found:
+            by = [moved.get((kind, wave.order, part), 0.0) for part in "cs"]
+            size = max(wave.size.value, 1e-300)
+            phase = wider(wave.phase, *(each / size for each in by))
+            made.append(replace(wave, size=wider(wave.size, *by), phase=phase))
+        return tuple(made)
+
+    return replace(
+        first,
+        values={key: wider(value, moved.get((key,), 0.0)) for key, value in first.values.items()},
+        loads={key: wider(value, moved.get(("load", key), 0.0)) for key, value in first.loads.items()},
+        cogging=waves("cogging", first.cogging),
+        ripple=waves("ripple", first.ripple),
+        encoder=waves("encoder", first.encoder),
+        remarks=(*first.remarks, said),
+    )
+
+
+def _held(made: Estimate) -> float:
+    """Half of the time for which the law holds its current, s."""
+    rates = made.known.drive.rates
+    return 0.5 / (rates.speed_loop or rates.current_loop)
 
 
 def _without_inertia(first: Estimate) -> Estimate:
@@ -214,13 +258,13 @@ def _corrected(
     may have it anywhere between two steps of the law. The bias is that of a drive with its dead time.
     """
     known, truth, late = first.known, _truth(made), told.delay
-    held = 0.5 / (known.drive.rates.speed_loop or known.drive.rates.current_loop)
+    held = _held(first)
     if late is not None:
         first = at_delay(first, late.value)
 
     def logs(more: float, of: Mapping[str, Trace] = traces) -> list[Log]:
         by = (0.0 if late is None else late.value) + more
-        return [simulated_log(made, log, of[log.name], by) if log.dt else log for log in first.logs]
+        return [simulated_log(made, log, of[log.name], by) if log.name in of else log for log in first.logs]
 
     simulated, real = logs(0.0), first.model
     unsettled = replace(real, error={}, delay=0.0 if late is None else late.value)

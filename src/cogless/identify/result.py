@@ -36,7 +36,8 @@ class Wave:
 class Estimate:
     """What the logs tell. Torques are over K_t, in A; `ripple` is a share of K_t.
 
-    A value that can't be told is not in `values`; `left_out` has a sentence on each.
+    A value that can't be told is not in `values`; `left_out` has a sentence on each. `offsets`: of the phase
+    currents, A, as they were taken out of i_q; None: no log tells them.
     """
 
     known: Identification
@@ -51,6 +52,7 @@ class Estimate:
     model: Model = field(repr=False, default=Model())
     rows: tuple[Rows, ...] = field(repr=False, default=())
     fit: Fit | None = field(repr=False, default=None)
+    offsets: tuple[float, float, float] | None = None
 
     @property
     def K_t(self) -> float:
