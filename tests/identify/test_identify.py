@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from identify.commissioned import MOTORS, commissioned, write
 
 from cogless.errors import StudyError
-from cogless.identify import command, described, replay
-from cogless.identify.result import Estimate, Wave
+from cogless.identify import command, described, rehearsal, replay
+from cogless.identify.result import Estimate, Value, Wave
 from cogless.identify.write import compensation
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
@@ -90,6 +91,48 @@ def test_eccentricity_is_the_encoders(found):
     assert sensor["eccentricity"] == f"{np.degrees(once.size.value):.5g} deg"
     assert sensor["eccentricity_phase"] == f"{np.degrees(once.phase.value):.5g} deg"
     assert set(by_order(made.encoder)) == {1}
+
+
+@pytest.fixture
+def doubtful(found) -> Estimate:
+    """Five standard errors are 2.5 of those told, at 95 %: order 6 has them."""
+    _, made = found
+    six, twelve, eighteen = (
+        Wave(order, Value(size, 1.0), Value(0.0, 0.0)) for order, size in ((6, 2.6), (12, 1.5), (18, 2.4))
+    )
+    return replace(made, cogging=(six, twelve, eighteen), ripple=(six,), encoder=(), left_out=("Before.",))
+
+
+def test_an_order_that_does_not_stand_out_of_its_error_is_left_out(doubtful):
+    """One that may be larger than one that stays is named."""
+    kept = command.standing_out(doubtful)
+    six = doubtful.cogging[:1]
+    assert (kept.cogging, kept.ripple, kept.encoder) == (six, six, ())
+    assert kept.left_out == (
+        "Before.",
+        "Cogging of order 18 does not stand out of its error and is left out: it is at most "
+        f"{3.4e3 * doubtful.K_t:.2g} mN*m; longer logs tell more.",
+    )
+    none = command.standing_out(replace(doubtful, cogging=doubtful.cogging[1:]))
+    assert none.cogging == () and "Cogging of order 12, 18 does" in none.left_out[1]
+
+
+def test_orders_stand_out_of_their_errors_after_the_simulation_and_in_a_rehearsal(
+    doubtful, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(command, "estimate", lambda *of: None)
+    monkeypatch.setattr(command, "refined", lambda *of: (doubtful, {}))
+    monkeypatch.setattr(command, "load_logs", lambda *of: [])
+    (tmp_path / "id.toml").write_text(commissioned("servo", late=1)[0])
+    made = command.identified([], tmp_path / "id.toml", lambda *of: None).estimate
+    assert [wave.order for wave in made.cogging] == [6]
+    monkeypatch.setattr(rehearsal, "estimate", lambda *of: doubtful)
+    monkeypatch.setattr(rehearsal, "load_logs", lambda *of: [])
+    monkeypatch.setattr(rehearsal, "load", lambda path: None)
+    monkeypatch.setattr(rehearsal, "write_netcdf", lambda *of: None)
+    monkeypatch.setattr(rehearsal, "rollout", lambda studies: [SimpleNamespace(runs=[])])
+    said = rehearsal.expected(tmp_path, lambda *of: None)
+    assert [line for line in said if line.startswith("cogging")] == [command.lines(made)[-2]]
 
 
 def test_cogging_of_the_order_of_the_pole_pairs_is_left_out_with_a_cure(found):

@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from cogless.identify import config
-from cogless.identify.command import lines
+from cogless.identify.command import lines, standing_out
 from cogless.identify.estimate import Progress, estimate
 from cogless.identify.log import load_logs
 from cogless.results.trace import write_netcdf
@@ -22,5 +22,5 @@ def expected(folder: Path, progress: Progress) -> list[str]:
         logs = Path(place) / "traces.nc"
         write_netcdf(logs, results.runs)
         known = config.load(folder / "id.toml")
-        made = estimate(known, load_logs([logs], known), progress)
+        made = standing_out(estimate(known, load_logs([logs], known), progress))
     return [*lines(made), *(f"! {line}" for line in made.left_out)]
