@@ -7,8 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from identify.commissioned import MOTORS, commissioned, write
+from identify.commissioned import MOTORS, commissioned, study_text, write
 
+from cogless import load
 from cogless.errors import StudyError
 from cogless.identify import command, described, rehearsal, replay
 from cogless.identify.result import Estimate, Value, Wave
@@ -110,8 +111,8 @@ def test_an_order_that_does_not_stand_out_of_its_error_is_left_out(doubtful):
     assert (kept.cogging, kept.ripple, kept.encoder) == (six, six, ())
     assert kept.left_out == (
         "Before.",
-        "Cogging of order 18 does not stand out of its error and is left out: it is at most "
-        f"{3.4e3 * doubtful.K_t:.2g} mN*m; longer logs tell more.",
+        "Cogging of order 18 does not stand out of its error and is left out: up to "
+        f"{3.4e3 * doubtful.K_t:.2g} mN*m with it; longer logs may tell it.",
     )
     none = command.standing_out(replace(doubtful, cogging=doubtful.cogging[1:]))
     assert none.cogging == () and "Cogging of order 12, 18 does" in none.left_out[1]
@@ -128,11 +129,37 @@ def test_orders_stand_out_of_their_errors_after_the_simulation_and_in_a_rehearsa
     assert [wave.order for wave in made.cogging] == [6]
     monkeypatch.setattr(rehearsal, "estimate", lambda *of: doubtful)
     monkeypatch.setattr(rehearsal, "load_logs", lambda *of: [])
-    monkeypatch.setattr(rehearsal, "load", lambda path: None)
+    monkeypatch.setattr(rehearsal, "load", lambda path: load(servo))
     monkeypatch.setattr(rehearsal, "write_netcdf", lambda *of: None)
     monkeypatch.setattr(rehearsal, "rollout", lambda studies: [SimpleNamespace(runs=[])])
+    servo = tmp_path / "servo.toml"
+    servo.write_text(study_text("servo"))
     said = rehearsal.expected(tmp_path, lambda *of: None)
     assert [line for line in said if line.startswith("cogging")] == [command.lines(made)[-2]]
+
+
+@pytest.mark.parametrize(
+    ("share", "turn", "said"),
+    [
+        (1.0, 0.0, []),
+        (1.0, np.radians(59), []),
+        (1.0, np.radians(61), ["72 (4 mN*m) comes out worse than not at all. Turn faster"]),
+        (2.1, 0.0, ["72 (4 mN*m) comes out worse than not at all. Turn faster"]),
+        (None, 0.0, ["would not show the study's cogging of order 72 (4 mN*m)."]),
+    ],
+)
+def test_a_plan_whose_logs_mislead_says_so(tmp_path, share, turn, said):
+    """Of two waves of one size, 60 deg apart, the difference has this size, too."""
+    (tmp_path / "servo.toml").write_text(study_text("servo"))
+    study = load(tmp_path / "servo.toml")
+    cogging = tuple(
+        Wave(one.order, Value(part * one.torque / 0.3, 0.0), Value(one.phase + by, 0.0))
+        for one, part, by in zip(study.motor.star().cogging, (1.0, share), (0.0, turn), strict=True)
+        if part is not None
+    )
+    made = SimpleNamespace(K_t=0.3, cogging=(*cogging, Wave(9, Value(1.0, 0.0), Value(0.0, 0.0))))
+    found = rehearsal.missed(study, made)
+    assert len(found) == len(said) and all(part in line for part, line in zip(said, found, strict=True))
 
 
 def test_cogging_of_the_order_of_the_pole_pairs_is_left_out_with_a_cure(found):
