@@ -184,6 +184,18 @@ def test_an_error_table_s_part_of_what_is_found_is_in_it_already(
     kept = 0.3 * np.sinc(2 / 72) ** 2  # of a table that is straight between its points
     expected = 0.2 * np.exp(-1j * np.pi / 6) - kept * np.exp(1j * np.pi / 3)
     assert size * np.exp(1j * np.radians(phase)) == pytest.approx(expected, abs=1e-5)
+    assert other.tells_error(1) and other.tells_error(2)
+
+
+def test_orders_of_a_sensor_s_error_that_the_file_tells(known: Identification) -> None:
+    told = {"eccentricity": "0.1 deg", "error": [{"order": 3, "amplitude": "1 deg"}]}
+    for sensor in (
+        {"kind": "resolver"},
+        {"kind": "resolver", **told},
+        {"kind": "hall"},
+    ):
+        tells = [n for n in (1, 2, 3) if with_sensor(known, sensor).tells_error(n)]
+        assert tells == ([1, 3] if "error" in sensor else [])
 
 
 def test_a_sensor_that_can_have_no_error_in_a_study_keeps_its_table(known: Identification) -> None:

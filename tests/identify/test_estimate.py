@@ -171,7 +171,7 @@ def test_orders_that_do_not_stand_out_five_times_are_left_out(monkeypatch: pytes
         cogging=(6, 12, 24, 30), ripple=(8, 24), encoder=(1, 2), error={1: (0.0, 0.9), 2: (0.0, 0.1)}
     )
 
-    def kept(twelve: float = 0.0, noise: float = 0.0, tied: float = 101.0) -> Model:
+    def kept(twelve: float = 0.0, noise: float = 0.0, tied: float = 101.0, told: int = 0) -> Model:
         orders = (("cogging", model.cogging), ("ripple", model.ripple), ("encoder", model.encoder))
         sizes = {(kind, order): 0.0 for kind, of in orders for order in of}
         sizes |= {("cogging", 6): 1.0, ("cogging", 12): twelve, ("cogging", 30): 1.0}
@@ -181,11 +181,13 @@ def test_orders_that_do_not_stand_out_five_times_are_left_out(monkeypatch: pytes
         }
         inflation = np.array([tied if name == ("ripple", 24, "c") else 1.0 for name in values])
         found = fit_of(values, noise, inflation=inflation)
-        return estimate._significant(NONE, [], [], found, model)[2]
+        known: Any = SimpleNamespace(tells_error=lambda order: order == told)
+        return estimate._significant(known, [], [], found, model)[2]
 
     error = 0.1 / math.sqrt(2) / 5
     assert kept(noise=1.01 * error).encoder == (1,) and kept(noise=0.99 * error).encoder == (1, 2)
     assert kept(noise=1.01 * error).error == {1: (0.0, 0.9)}
+    assert kept(noise=1.01 * error, told=2).encoder == (1, 2)  # of which the file says another
     assert kept(1.1e-3).cogging == (6, 12, 24, 30) and kept(0.9e-3).cogging == (6, 24, 30)
     assert kept(0.9e-3).ripple == (24,) and kept(0.9e-3, tied=100.0).ripple == ()
     assert kept(0.9e-3, tied=100.0).cogging == (6, 30)

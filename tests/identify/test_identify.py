@@ -118,6 +118,13 @@ def test_an_order_that_does_not_stand_out_of_its_error_is_left_out(doubtful):
     assert none.cogging == () and "Cogging of order 12, 18 does" in none.left_out[1]
 
 
+def test_an_error_of_the_encoder_that_the_file_tells_is_always_told(found):
+    name, made = found
+    errors = tuple(Wave(order, Value(0.1, 1.0), Value(0.0, 0.0)) for order in (1, 2))
+    kept = command.standing_out(replace(made, encoder=errors)).encoder
+    assert kept == (errors[:1] if name == "servo" else ())
+
+
 def test_orders_stand_out_of_their_errors_after_the_simulation_and_in_a_rehearsal(
     doubtful, monkeypatch, tmp_path
 ):

@@ -69,11 +69,17 @@ def standing_out(made: Estimate) -> Estimate:
     """The estimate without the orders that do not stand out of the errors that are told.
 
     What found them was the fit's own error: kernels of other widths and the simulation add to it. A sentence
-    names those that may be larger than one that stays.
+    names those that may be larger than one that stays. An error of the encoder stays where the file of
+    columns tells another.
     """
     kept, said = [], []
     for kind, waves, factor, unit in _kinds(made):
-        stays = tuple(wave for wave in waves if wave.size.value > SURE / 2 * wave.size.error)
+        stays = tuple(
+            wave
+            for wave in waves
+            if wave.size.value > SURE / 2 * wave.size.error
+            or (waves is made.encoder and made.known.tells_error(wave.order))
+        )
         kept.append(stays)
         least = min((wave.size.value for wave in stays), default=0.0)
         bounds = {wave.order: wave.size.value + wave.size.error for wave in waves if wave not in stays}

@@ -226,7 +226,10 @@ def whole(model: Model, found: Fit) -> dict[Name, float]:
 def _significant(
     known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model
 ) -> State:
-    """Keep the orders that stand out of their errors, and ripple that is tied to cogging."""
+    """Keep the orders that stand out of their errors, and ripple that is tied to cogging.
+
+    A sensor's error that the file tells is kept, too: else logs without it would be simulated with it.
+    """
     largest = max((_size(found, "cogging", n) for n in model.cogging), default=0.0)
     kept = {n for n in model.cogging if _stands_out(found, "cogging", n)}
     kept = {n for n in kept if _size(found, "cogging", n) > SMALLEST * largest}
@@ -234,7 +237,7 @@ def _significant(
         n for n in model.ripple if found.inflation[found.names.index(("ripple", n, "c"))] > LARGEST_INFLATION
     }
     ripple = tuple(n for n in model.ripple if n in tied or _stands_out(found, "ripple", n))
-    encoder = tuple(n for n in model.encoder if _errs(found, model, n))
+    encoder = tuple(n for n in model.encoder if known.tells_error(n) or _errs(found, model, n))
     error = {n: pair for n, pair in model.error.items() if n in encoder}
     pruned = replace(
         model, cogging=tuple(sorted(kept | set(ripple))), ripple=ripple, encoder=encoder, error=error
