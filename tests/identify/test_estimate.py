@@ -326,11 +326,12 @@ def test_orders_are_added_until_no_more_are_found_or_there_are_forty(monkeypatch
 
 def test_orders_beside_larger_ones_are_the_encoder_s_if_it_errs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Below half of the larger; what the error does not explain comes back."""
-    settled, errs, back = list[tuple[int, ...]](), [True], [list[int]()]
+    settled, errs, back, delays = list[tuple[int, ...]](), [True], [list[int]()], list[float]()
 
     def settle(known: Any, logs: Any, model: Model) -> Any:
         settled.append(model.cogging)
-        return [], fit_of({}), model
+        delay = delays.pop(0) if delays else 0.0
+        return [], fit_of({("delay",): delay}), replace(model, j=model.j + 1)
 
     monkeypatch.setattr(estimate, "_settled", settle)
     monkeypatch.setattr(estimate, "_errs", lambda found, model, order: errs[0] and order == 2)
@@ -347,7 +348,14 @@ def test_orders_beside_larger_ones_are_the_encoder_s_if_it_errs(monkeypatch: pyt
     assert kept() == fewer and settled == [fewer]
     back[0] = [23]
     assert kept() == (6, 8, 23, 24, 25, 30) and settled == [fewer, (6, 8, 23, 24, 25, 30)]
-    errs[0] = False
+    back[0], delays[:] = (
+        [],
+        [-3e-3],
+    )  # of all others, which no log has: the error is found with the large ones
+    assert kept() == fewer and settled == [fewer, (6, 24, 25), fewer]
+    delays[:] = [6e-3]
+    assert estimate._without_sidebands(NONE, [], model, found)[2].j == 2  # and is where the others begin
+    back[0], errs[0] = [23], False
     assert kept() == model.cogging and settled == [fewer, model.cogging]
     model = replace(model, encoder=())
     assert kept() == model.cogging and settled == [model.cogging]

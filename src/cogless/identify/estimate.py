@@ -130,6 +130,7 @@ def _without_sidebands(known: Identification, logs: Sequence[Log], model: Model,
 
     An error of order k turns cogging of order n into n - k and n + k, too. One error says more with less than
     orders beside all others; those that it doesn't explain come back. `found`: a fit with all orders.
+    Small ones may lead the fit astray before the error is known: then it is sought with the large ones first.
     """
     sizes = {n: _size(found, "cogging", n) for n in model.cogging if ("cogging", n, "c") in found}
     beside = {
@@ -140,8 +141,13 @@ def _without_sidebands(known: Identification, logs: Sequence[Log], model: Model,
     }
     if not beside:
         return _settled(known, logs, model)
-    alone = replace(model, cogging=tuple(n for n in model.cogging if n not in beside))
-    rows, fewer, alone = _settled(known, logs, alone)
+    others = tuple(n for n in model.cogging if n not in beside)
+    rows, fewer, alone = _settled(known, logs, replace(model, cogging=others))
+    if _runs_away(fewer, alone):
+        largest = max(sizes[n] for n in beside)
+        large = tuple(n for n in others if sizes.get(n, 0.0) >= largest)
+        _, _, alone = _settled(known, logs, replace(model, cogging=large))
+        rows, fewer, alone = _settled(known, logs, replace(alone, cogging=others))
     if not any(_errs(fewer, alone, k) for k in alone.encoder):
         return _settled(known, logs, model)
     back = found_orders(rows, fewer, alone.width, alone.cogging)
@@ -171,13 +177,18 @@ def _settled(known: Identification, logs: Sequence[Log], model: Model) -> State:
         left = [name for name in found.names if name[0] in ("delay", "encoder")]
         if all(abs(found[name]) < SETTLED * found.error(name) for name in left):
             break
-        if not EARLIEST < model.delay + found.get("delay") < LONGEST_DELAY:  # it would run away
+        if _runs_away(found, model):
             break
         model = _taken_out(model, found)
     else:
         rows = _rows(known, logs, model)
         found = fit(rows)
     return rows, found, model
+
+
+def _runs_away(found: Fit, model: Model) -> bool:
+    """Whether the delay is one that no log has."""
+    return not EARLIEST < model.delay + found.get("delay") < LONGEST_DELAY
 
 
 def _taken_out(model: Model, found: Fit) -> Model:
