@@ -33,7 +33,7 @@ def expected(folder: Path, progress: Progress) -> list[str]:
 
 
 def missed(study: Study, made: Estimate) -> list[str]:
-    """Sentences on the study's cogging that its own logs do not show, or tell worse than not at all."""
+    """Sentences on the study's cogging that its own logs do not tell, or tell worse than not at all."""
     found = {wave.order: made.K_t * cmath.rect(wave.size.value, wave.phase.value) for wave in made.cogging}
     waves = study.motor.star().cogging
     true = {one.order: cmath.rect(one.torque, one.phase) for one in waves if one.torque}
@@ -50,5 +50,5 @@ def missed(study: Study, made: Estimate) -> list[str]:
             "than not at all. Turn faster in the study's first scenario, or give the law a higher crossover."
         )
     if without:
-        said.append(f"The plan's logs would not show the study's cogging of order {named(without)}.")
+        said.append(f"The plan's logs would not tell the study's cogging of order {named(without)}.")
     return said
