@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,19 @@ from identify.commissioned import MOTORS, PI
 
 from cogless.identify import config, plan
 from cogless.identify.config import Identification, LogRule
-from cogless.identify.described import drive, metrics, replayable, scenario, scenario_name, steady_for, study
+from cogless.identify.described import (
+    drive,
+    metrics,
+    replayable,
+    scenario,
+    scenario_name,
+    sensed,
+    steady_for,
+    study,
+)
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value, Wave
+from cogless.study.drive import Drive
 from cogless.study.mechanics import Mechanics
 from cogless.study.numerics import steps_needed
 
@@ -115,17 +126,82 @@ def test_a_scenario_begins_where_its_log_does(known: Identification) -> None:
     assert scenario(estimate(known, rare), rare)["initial_speed"] == "1.002 rad/s"
 
 
-def test_an_encoder_s_eccentricity_is_the_drive_s(known: Identification) -> None:
-    """Other orders of its error have no key, and other sensors no eccentricity."""
-    once, twice = (Wave(n, Value(math.radians(0.1), 0.0), Value(math.radians(-30), 0.0)) for n in (1, 2))
-    table = known.tables["drive"]
-    sensor = {**table["position_sensor"], "eccentricity": "0.1 deg", "eccentricity_phase": "-30 deg"}
-    assert drive(estimate(known, encoder=(twice, once))) == {**table, "position_sensor": sensor}
-    assert drive(estimate(known, encoder=(twice,))) == table
-    for kind in ({"kind": "resolver"}, "ideal"):
-        other = known.model_copy()
-        other._tables = {**known.tables, "drive": {**table, "position_sensor": kind}}
-        assert drive(estimate(other, encoder=(once,)))["position_sensor"] == kind
+ONCE, TWICE = (
+    Wave(n, Value(math.radians(size), 0.0), Value(math.radians(-30), 0.0)) for n, size in ((1, 0.1), (2, 0.2))
+)
+
+
+def with_sensor(known: Identification, sensor: Any, folder: Path | None = None) -> Identification:
+    """The file of columns with another position sensor."""
+    table = {**known.tables["drive"], "position_sensor": sensor}
+    context = {"folder": folder, "checks": ()} if folder else None
+    other = known.model_copy(update={"drive": Drive.model_validate(table, context=context)})
+    other._tables = {**known.tables, "drive": table}
+    return other
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        {"kind": "encoder", "lines": 2500},
+        {"kind": "absolute", "bits": 14, "eccentricity": "0.45 deg"},
+        {
+            "kind": "resolver",
+            "error": [{"order": 2, "amplitude": "1 deg"}, {"order": 1, "amplitude": "1 deg"}],
+        },
+    ],
+)
+def test_a_sensor_s_error_is_the_drive_s_in_the_place_of_the_one_told(
+    known: Identification, sensor: dict[str, Any]
+) -> None:
+    """Of every sensor with counts; what was told of orders that were not found stays."""
+    other = with_sensor(known, sensor)
+    made = drive(estimate(other, encoder=(ONCE, TWICE)))
+    assert {**made, "position_sensor": 0} == {**known.tables["drive"], "position_sensor": 0}
+    assert made["position_sensor"] == {
+        **sensor,
+        "eccentricity": "0.1 deg",
+        "eccentricity_phase": "-30 deg",
+        "error": [{"order": 2, "amplitude": "0.2 deg", "phase": "-30 deg"}],
+    }
+    assert drive(estimate(other)) == other.tables["drive"]
+    third = [{"order": 3, "amplitude": "1 deg"}]
+    other = with_sensor(known, {**sensor, "error": third})
+    assert drive(estimate(other, encoder=(ONCE,)))["position_sensor"]["error"] == third
+
+
+def test_an_error_table_s_part_of_what_is_found_is_in_it_already(
+    known: Identification, tmp_path: Path
+) -> None:
+    angles = range(0, 360, 5)
+    rows = (f"{angle},{0.3 * math.sin(math.radians(2 * angle + 60))}" for angle in angles)
+    (tmp_path / "error.csv").write_text("\n".join(["angle_deg,error_deg", *rows]))
+    sensor = {"kind": "absolute", "bits": 14, "error_table": "error.csv"}
+    other = with_sensor(known, sensor, tmp_path)
+    found = drive(estimate(other, encoder=(TWICE,)))["position_sensor"]
+    (left,) = found["error"]
+    size, phase = (float(left[key].split()[0]) for key in ("amplitude", "phase"))
+    kept = 0.3 * np.sinc(2 / 72) ** 2  # of a table that is straight between its points
+    expected = 0.2 * np.exp(-1j * np.pi / 6) - kept * np.exp(1j * np.pi / 3)
+    assert size * np.exp(1j * np.radians(phase)) == pytest.approx(expected, abs=1e-5)
+    assert other.tells_error(1) and other.tells_error(2)
+
+
+def test_orders_of_a_sensor_s_error_that_the_file_tells(known: Identification) -> None:
+    told = {"eccentricity": "0.1 deg", "error": [{"order": 3, "amplitude": "1 deg"}]}
+    for sensor in (
+        {"kind": "resolver"},
+        {"kind": "resolver", **told},
+        {"kind": "hall"},
+    ):
+        tells = [n for n in (1, 2, 3) if with_sensor(known, sensor).tells_error(n)]
+        assert tells == ([1, 3] if "error" in sensor else [])
+
+
+def test_a_sensor_that_can_have_no_error_in_a_study_keeps_its_table(known: Identification) -> None:
+    for kind in ({"kind": "hall"}, {"kind": "ideal"}):
+        made = estimate(with_sensor(known, kind), encoder=(ONCE,))
+        assert drive(made)["position_sensor"] == kind and sensed(made) == ()
 
 
 def test_logs_of_a_known_law_and_reference_are_replayed(known: Identification) -> None:

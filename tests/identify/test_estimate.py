@@ -171,7 +171,7 @@ def test_orders_that_do_not_stand_out_five_times_are_left_out(monkeypatch: pytes
         cogging=(6, 12, 24, 30), ripple=(8, 24), encoder=(1, 2), error={1: (0.0, 0.9), 2: (0.0, 0.1)}
     )
 
-    def kept(twelve: float = 0.0, noise: float = 0.0, tied: float = 101.0) -> Model:
+    def kept(twelve: float = 0.0, noise: float = 0.0, tied: float = 101.0, told: int = 0) -> Model:
         orders = (("cogging", model.cogging), ("ripple", model.ripple), ("encoder", model.encoder))
         sizes = {(kind, order): 0.0 for kind, of in orders for order in of}
         sizes |= {("cogging", 6): 1.0, ("cogging", 12): twelve, ("cogging", 30): 1.0}
@@ -181,11 +181,13 @@ def test_orders_that_do_not_stand_out_five_times_are_left_out(monkeypatch: pytes
         }
         inflation = np.array([tied if name == ("ripple", 24, "c") else 1.0 for name in values])
         found = fit_of(values, noise, inflation=inflation)
-        return estimate._significant(NONE, [], [], found, model)[2]
+        known: Any = SimpleNamespace(tells_error=lambda order: order == told)
+        return estimate._significant(known, [], [], found, model)[2]
 
     error = 0.1 / math.sqrt(2) / 5
     assert kept(noise=1.01 * error).encoder == (1,) and kept(noise=0.99 * error).encoder == (1, 2)
     assert kept(noise=1.01 * error).error == {1: (0.0, 0.9)}
+    assert kept(noise=1.01 * error, told=2).encoder == (1, 2)  # of which the file says another
     assert kept(1.1e-3).cogging == (6, 12, 24, 30) and kept(0.9e-3).cogging == (6, 24, 30)
     assert kept(0.9e-3).ripple == (24,) and kept(0.9e-3, tied=100.0).ripple == ()
     assert kept(0.9e-3, tied=100.0).cogging == (6, 30)
@@ -324,11 +326,12 @@ def test_orders_are_added_until_no_more_are_found_or_there_are_forty(monkeypatch
 
 def test_orders_beside_larger_ones_are_the_encoder_s_if_it_errs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Below half of the larger; what the error does not explain comes back."""
-    settled, errs, back = list[tuple[int, ...]](), [True], [list[int]()]
+    settled, errs, back, delays = list[tuple[int, ...]](), [True], [list[int]()], list[float]()
 
     def settle(known: Any, logs: Any, model: Model) -> Any:
         settled.append(model.cogging)
-        return [], fit_of({}), model
+        delay = delays.pop(0) if delays else 0.0
+        return [], fit_of({("delay",): delay}), replace(model, j=model.j + 1)
 
     monkeypatch.setattr(estimate, "_settled", settle)
     monkeypatch.setattr(estimate, "_errs", lambda found, model, order: errs[0] and order == 2)
@@ -345,7 +348,14 @@ def test_orders_beside_larger_ones_are_the_encoder_s_if_it_errs(monkeypatch: pyt
     assert kept() == fewer and settled == [fewer]
     back[0] = [23]
     assert kept() == (6, 8, 23, 24, 25, 30) and settled == [fewer, (6, 8, 23, 24, 25, 30)]
-    errs[0] = False
+    back[0], delays[:] = (
+        [],
+        [-3e-3],
+    )  # of all others, which no log has: the error is found with the large ones
+    assert kept() == fewer and settled == [fewer, (6, 24, 25), fewer]
+    delays[:] = [6e-3]
+    assert estimate._without_sidebands(NONE, [], model, found)[2].j == 2  # and is where the others begin
+    back[0], errs[0] = [23], False
     assert kept() == model.cogging and settled == [fewer, model.cogging]
     model = replace(model, encoder=())
     assert kept() == model.cogging and settled == [model.cogging]

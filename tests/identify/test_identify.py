@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from identify.commissioned import MOTORS, commissioned, write
+from identify.commissioned import MOTORS, commissioned, study_text, write
 
+from cogless import load
 from cogless.errors import StudyError
-from cogless.identify import command, described, replay
-from cogless.identify.result import Estimate, Wave
+from cogless.identify import command, described, rehearsal, replay
+from cogless.identify.result import Estimate, Value, Wave
 from cogless.identify.write import compensation
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
@@ -90,6 +92,81 @@ def test_eccentricity_is_the_encoders(found):
     assert sensor["eccentricity"] == f"{np.degrees(once.size.value):.5g} deg"
     assert sensor["eccentricity_phase"] == f"{np.degrees(once.phase.value):.5g} deg"
     assert set(by_order(made.encoder)) == {1}
+
+
+@pytest.fixture
+def doubtful(found) -> Estimate:
+    """Five standard errors are 2.5 of those told, at 95 %: order 6 has them."""
+    _, made = found
+    six, twelve, eighteen = (
+        Wave(order, Value(size, 1.0), Value(0.0, 0.0)) for order, size in ((6, 2.6), (12, 1.5), (18, 2.4))
+    )
+    return replace(made, cogging=(six, twelve, eighteen), ripple=(six,), encoder=(), left_out=("Before.",))
+
+
+def test_an_order_that_does_not_stand_out_of_its_error_is_left_out(doubtful):
+    """One that may be larger than one that stays is named."""
+    kept = command.standing_out(doubtful)
+    six = doubtful.cogging[:1]
+    assert (kept.cogging, kept.ripple, kept.encoder) == (six, six, ())
+    assert kept.left_out == (
+        "Before.",
+        "Cogging of order 18 does not stand out of its error and is left out: up to "
+        f"{3.4e3 * doubtful.K_t:.2g} mN*m with it; longer logs may tell it.",
+    )
+    none = command.standing_out(replace(doubtful, cogging=doubtful.cogging[1:]))
+    assert none.cogging == () and "Cogging of order 12, 18 does" in none.left_out[1]
+
+
+def test_an_error_of_the_encoder_that_the_file_tells_is_always_told(found):
+    name, made = found
+    errors = tuple(Wave(order, Value(0.1, 1.0), Value(0.0, 0.0)) for order in (1, 2))
+    kept = command.standing_out(replace(made, encoder=errors)).encoder
+    assert kept == (errors[:1] if name == "servo" else ())
+
+
+def test_orders_stand_out_of_their_errors_after_the_simulation_and_in_a_rehearsal(
+    doubtful, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(command, "estimate", lambda *of: None)
+    monkeypatch.setattr(command, "refined", lambda *of: (doubtful, {}))
+    monkeypatch.setattr(command, "load_logs", lambda *of: [])
+    (tmp_path / "id.toml").write_text(commissioned("servo", late=1)[0])
+    made = command.identified([], tmp_path / "id.toml", lambda *of: None).estimate
+    assert [wave.order for wave in made.cogging] == [6]
+    monkeypatch.setattr(rehearsal, "estimate", lambda *of: doubtful)
+    monkeypatch.setattr(rehearsal, "load_logs", lambda *of: [])
+    monkeypatch.setattr(rehearsal, "load", lambda path: load(servo))
+    monkeypatch.setattr(rehearsal, "write_netcdf", lambda *of: None)
+    monkeypatch.setattr(rehearsal, "rollout", lambda studies: [SimpleNamespace(runs=[])])
+    servo = tmp_path / "servo.toml"
+    servo.write_text(study_text("servo"))
+    said = rehearsal.expected(tmp_path, lambda *of: None)
+    assert [line for line in said if line.startswith("cogging")] == [command.lines(made)[-2]]
+
+
+@pytest.mark.parametrize(
+    ("share", "turn", "said"),
+    [
+        (1.0, 0.0, []),
+        (1.0, np.radians(59), []),
+        (1.0, np.radians(61), ["72 (4 mN*m) comes out worse than not at all. Turn faster"]),
+        (2.1, 0.0, ["72 (4 mN*m) comes out worse than not at all. Turn faster"]),
+        (None, 0.0, ["would not tell the study's cogging of order 72 (4 mN*m)."]),
+    ],
+)
+def test_a_plan_whose_logs_mislead_says_so(tmp_path, share, turn, said):
+    """Of two waves of one size, 60 deg apart, the difference has this size, too."""
+    (tmp_path / "servo.toml").write_text(study_text("servo"))
+    study = load(tmp_path / "servo.toml")
+    cogging = tuple(
+        Wave(one.order, Value(part * one.torque / 0.3, 0.0), Value(one.phase + by, 0.0))
+        for one, part, by in zip(study.motor.star().cogging, (1.0, share), (0.0, turn), strict=True)
+        if part is not None
+    )
+    made = SimpleNamespace(K_t=0.3, cogging=(*cogging, Wave(9, Value(1.0, 0.0), Value(0.0, 0.0))))
+    found = rehearsal.missed(study, made)
+    assert len(found) == len(said) and all(part in line for part, line in zip(said, found, strict=True))
 
 
 def test_cogging_of_the_order_of_the_pole_pairs_is_left_out_with_a_cure(found):

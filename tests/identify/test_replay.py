@@ -295,9 +295,12 @@ def test_a_simulation_s_truth_is_what_it_is_made_of():
         ("cogging", 24): large,
         ("ripple", 24): large,
         ("encoder", 1): small,
+        ("encoder", 2): {"c": 0.0, "s": 0.0},
     }
     expected |= {(*name, part): value for name, of in sizes.items() for part, value in of.items()}
     assert replay._truth(made) == expected
+    made.known.drive = Drive.model_validate({**drive_tables(), "position_sensor": {"kind": "ideal"}})
+    assert replay._truth(made) == expected | {("encoder", 1, part): 0.0 for part in "cs"}
 
 
 def test_a_log_is_played_by_its_own_law_with_rows_that_divide_the_loop_s(monkeypatch):

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from cogless.errors import StudyError
 from cogless.identify import config, write
-from cogless.identify.estimate import Progress, estimate
+from cogless.identify.estimate import SURE, Progress, estimate
 from cogless.identify.log import load_logs
 from cogless.identify.replay import refined
-from cogless.identify.result import Estimate
+from cogless.identify.result import Estimate, Wave
 from cogless.identify.sessions import sentences, sessions
 from cogless.results.trace import Trace
 
@@ -35,6 +35,7 @@ def identified(logs: Sequence[Path], columns: Path, progress: Progress) -> Ident
     progress("reading", 0.0)
     made = estimate(known, load_logs(list(logs), known), progress)
     made, traces = refined(made, progress)
+    made = standing_out(made)
     said = sentences(sessions(made))
     return Identified(replace(made, remarks=(*made.remarks, *said)), traces)
 
@@ -47,13 +48,47 @@ def lines(made: Estimate) -> list[str]:
             value = made.values[key]
             more = f"  {name.replace('_', ' ')} {write.shown(value.times(made.K_t), torque)}" if name else ""
             found.append(f"{about:<30} {write.shown(value, unit)}{more}")
-    for kind, waves, factor, unit in (
-        ("cogging", made.cogging, 1e3 * made.K_t, "mN*m"),
-        ("K_t ripple", made.ripple, 100.0, "%"),
-        ("encoder's error", made.encoder, DEGREES, "deg"),
-    ):
+    for kind, waves, factor, unit in _kinds(made):
         for wave in waves:
             size, phase = wave.size.times(factor), wave.phase.times(DEGREES)
             said = f"{write.shown(size, unit)}, phase {write.shown(phase, 'deg')}"
             found.append(f"{f'{kind}, order {wave.order}':<30} {said}")
     return found
+
+
+def _kinds(made: Estimate) -> tuple[tuple[str, tuple[Wave, ...], float, str], ...]:
+    """What has orders: its name, waves, and the factor to a unit."""
+    return (
+        ("cogging", made.cogging, 1e3 * made.K_t, "mN*m"),
+        ("K_t ripple", made.ripple, 100.0, "%"),
+        ("encoder's error", made.encoder, DEGREES, "deg"),
+    )
+
+
+def standing_out(made: Estimate) -> Estimate:
+    """The estimate without the orders that do not stand out of the errors that are told.
+
+    What found them was the fit's own error: kernels of other widths and the simulation add to it. A sentence
+    names those that may be larger than one that stays. An error of the encoder stays where the file of
+    columns tells another.
+    """
+    kept, said = [], []
+    for kind, waves, factor, unit in _kinds(made):
+        stays = tuple(
+            wave
+            for wave in waves
+            if wave.size.value > SURE / 2 * wave.size.error
+            or (waves is made.encoder and made.known.tells_error(wave.order))
+        )
+        kept.append(stays)
+        least = min((wave.size.value for wave in stays), default=0.0)
+        bounds = {wave.order: wave.size.value + wave.size.error for wave in waves if wave not in stays}
+        large = [order for order, bound in bounds.items() if bound > least]
+        if large:
+            orders = ", ".join(map(str, large))
+            said.append(
+                f"{kind[0].upper()}{kind[1:]} of order {orders} does not stand out of its error and is left "
+                f"out: up to {max(bounds.values()) * factor:.2g} {unit} with it; longer logs may tell it."
+            )
+    cogging, ripple, encoder = kept
+    return replace(made, cogging=cogging, ripple=ripple, encoder=encoder, left_out=(*made.left_out, *said))

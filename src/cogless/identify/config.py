@@ -132,6 +132,13 @@ class Identification(Table):
         """Smallest step of the measured angle, rad; 0: none is known."""
         return SIGNALS_TURN / self.counts if self.counts else 0.0
 
+    def tells_error(self, order: int) -> bool:
+        """Whether the file says that the position sensor has an error of this order."""
+        sensor = self.drive.position_sensor
+        return isinstance(sensor, Counted) and (
+            sensor.error_table is not None or any(part["order"] == order for part in sensor.orders)
+        )
+
     @property
     def path(self) -> Path:
         """The file it was read from."""

@@ -11,16 +11,18 @@ import numpy as np
 
 from cogless import units
 from cogless.identify.log import Log
-from cogless.identify.result import Estimate, Value
+from cogless.identify.result import Estimate, Value, Wave
 from cogless.study import numerics
 from cogless.study.drive import Drive
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor, StarMotor
+from cogless.study.position_sensor import Counted
 from cogless.study.reference import Reference
 
 SHORTEST = 1.0  # s at a steady speed that have a ripple
 SETTLED = 0.75  # of a steady speed, its last part: before, the controller settles
 TURNED = 1.1 * 2 * np.pi  # rad in the last part, for its orders
+FINE = 3600  # angles of a revolution at which a table of the sensor's error is taken
 PI = {"pi": {"law": "pi", "baseline": True, "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}}
 
 
@@ -60,17 +62,38 @@ def mechanics(made: Estimate) -> dict[str, Any]:
     return found
 
 
+def sensed(made: Estimate) -> tuple[Wave, ...]:
+    """What was found of the encoder's error, where the drive's sensor can have one in a study."""
+    return made.encoder if isinstance(made.known.drive.position_sensor, Counted) else ()
+
+
 def drive(made: Estimate) -> dict[str, Any]:
-    """The drive's table, with the eccentricity of its encoder where that was found."""
-    table = dict(made.known.tables["drive"])
-    once = next((wave for wave in made.encoder if wave.order == 1), None)
-    if once is not None and isinstance(table.get("position_sensor"), dict):
-        sensor = dict(table["position_sensor"])
-        if sensor.get("kind") == "encoder":
-            sensor["eccentricity"] = f"{np.degrees(once.size.value):.5g} deg"
-            sensor["eccentricity_phase"] = f"{np.degrees(once.phase.value):.5g} deg"
-            table["position_sensor"] = sensor
+    """The drive's table; what was found of its sensor's error takes the place of what the file said."""
+    table, known = dict(made.known.tables["drive"]), made.known.drive.position_sensor
+    found = {wave.order: wave for wave in sensed(made)}
+    if found and isinstance(known, Counted):
+        told = table["position_sensor"]
+        sensor = {key: value for key, value in told.items() if key != "error"}
+        parts = [part for part in told.get("error", ()) if part["order"] not in found]
+        for order, wave in found.items():
+            more = wave.size.value * np.exp(1j * wave.phase.value) - _in_table(known, order)
+            amplitude, phase = (f"{np.degrees(x):.5g} deg" for x in (abs(more), np.angle(more)))
+            if order == 1:
+                sensor |= {"eccentricity": amplitude, "eccentricity_phase": phase}
+            else:
+                parts.append({"order": order, "amplitude": amplitude, "phase": phase})
+        table["position_sensor"] = {**sensor, "error": parts} if parts else sensor
     return table
+
+
+def _in_table(sensor: Counted, order: int) -> complex:
+    """What a sensor's error_table has of an order, amplitude e^(j phase), rad: a part of what is found."""
+    table = sensor.fields()["error_table"]
+    if table is None:
+        return 0j
+    angle = 2 * np.pi / FINE * np.arange(FINE)
+    error = np.interp(angle, table["angle"], table["error"], period=2 * np.pi)
+    return complex(2j * np.mean(error * np.exp(-1j * order * angle)))
 
 
 def with_steps(

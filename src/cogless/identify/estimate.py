@@ -148,6 +148,7 @@ def _without_sidebands(known: Identification, logs: Sequence[Log], model: Model,
 
     An error of order k turns cogging of order n into n - k and n + k, too. One error says more with less than
     orders beside all others; those that it doesn't explain come back. `found`: a fit with all orders.
+    Small ones may lead the fit astray before the error is known: then it is sought with the large ones first.
     """
     sizes = {n: _size(found, "cogging", n) for n in model.cogging if ("cogging", n, "c") in found}
     beside = {
@@ -158,8 +159,13 @@ def _without_sidebands(known: Identification, logs: Sequence[Log], model: Model,
     }
     if not beside:
         return _settled(known, logs, model)
-    alone = replace(model, cogging=tuple(n for n in model.cogging if n not in beside))
-    rows, fewer, alone = _settled(known, logs, alone)
+    others = tuple(n for n in model.cogging if n not in beside)
+    rows, fewer, alone = _settled(known, logs, replace(model, cogging=others))
+    if _runs_away(fewer, alone):
+        largest = max(sizes[n] for n in beside)
+        large = tuple(n for n in others if sizes.get(n, 0.0) >= largest)
+        _, _, alone = _settled(known, logs, replace(model, cogging=large))
+        rows, fewer, alone = _settled(known, logs, replace(alone, cogging=others))
     if not any(_errs(fewer, alone, k) for k in alone.encoder):
         return _settled(known, logs, model)
     back = found_orders(rows, fewer, alone.width, alone.cogging)
@@ -189,13 +195,18 @@ def _settled(known: Identification, logs: Sequence[Log], model: Model) -> State:
         left = [name for name in found.names if name[0] in ("delay", "encoder")]
         if all(abs(found[name]) < SETTLED * found.error(name) for name in left):
             break
-        if not EARLIEST < model.delay + found.get("delay") < LONGEST_DELAY:  # it would run away
+        if _runs_away(found, model):
             break
         model = _taken_out(model, found)
     else:
         rows = _rows(known, logs, model)
         found = fit(rows)
     return rows, found, model
+
+
+def _runs_away(found: Fit, model: Model) -> bool:
+    """Whether the delay is one that no log has."""
+    return not EARLIEST < model.delay + found.get("delay") < LONGEST_DELAY
 
 
 def _taken_out(model: Model, found: Fit) -> Model:
@@ -244,7 +255,10 @@ def whole(model: Model, found: Fit) -> dict[Name, float]:
 def _significant(
     known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model
 ) -> State:
-    """Keep the orders that stand out of their errors, and ripple that is tied to cogging."""
+    """Keep the orders that stand out of their errors, and ripple that is tied to cogging.
+
+    A sensor's error that the file tells is kept, too: else logs without it would be simulated with it.
+    """
     largest = max((_size(found, "cogging", n) for n in model.cogging), default=0.0)
     kept = {n for n in model.cogging if _stands_out(found, "cogging", n)}
     kept = {n for n in kept if _size(found, "cogging", n) > SMALLEST * largest}
@@ -252,7 +266,7 @@ def _significant(
         n for n in model.ripple if found.inflation[found.names.index(("ripple", n, "c"))] > LARGEST_INFLATION
     }
     ripple = tuple(n for n in model.ripple if n in tied or _stands_out(found, "ripple", n))
-    encoder = tuple(n for n in model.encoder if _errs(found, model, n))
+    encoder = tuple(n for n in model.encoder if known.tells_error(n) or _errs(found, model, n))
     error = {n: pair for n, pair in model.error.items() if n in encoder}
     pruned = replace(
         model, cogging=tuple(sorted(kept | set(ripple))), ripple=ripple, encoder=encoder, error=error

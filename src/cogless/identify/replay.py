@@ -321,14 +321,20 @@ def _moved(
 def _truth(made: Estimate) -> dict[Name, float]:
     """Coefficients that the simulation has; it logs without delay, and has no offset of i_q.
 
-    Those of what is left out of the motor are 0.
+    Those of what is left out of the motor are 0, and so is an error that its sensor can't have.
     """
     truth: dict[Name, float] = {(key,): 0.0 for key in ("b", "c", "delay", "offset")}
     truth |= {(key,): made.values[key].value for key in ("j", "b", "c") if key in made.values}
     truth |= {("load", name): value.value for name, value in made.loads.items()}
-    for kind, orders in (("cogging", made.model.cogging), ("ripple", made.model.ripple)):
+    searched = (
+        ("cogging", made.model.cogging),
+        ("ripple", made.model.ripple),
+        ("encoder", made.model.encoder),
+    )
+    for kind, orders in searched:
         truth |= {(kind, order, part): 0.0 for order in orders for part in "cs"}
-    for kind, waves in (("cogging", made.cogging), ("ripple", made.ripple), ("encoder", made.encoder)):
+    sensed = described.sensed(made)
+    for kind, waves in (("cogging", made.cogging), ("ripple", made.ripple), ("encoder", sensed)):
         for wave in waves:
             truth[kind, wave.order, "c"] = wave.size.value * float(np.sin(wave.phase.value))
             truth[kind, wave.order, "s"] = wave.size.value * float(np.cos(wave.phase.value))
