@@ -151,6 +151,8 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
         (["export", "STUDY", "--controller", "pi"], "Missing option '--to'. See cogless export --help."),
         (["export", "STUDY", "--controller", "pi", "--to", "x", "-o", "y"], '--to: "x": expected c or fmu'),
         (["run", ""], '"": is a directory: expected a study file'),
+        (["run", "STUDY", "-o", ""], "Invalid value for '--output' / '-o': \"\": expected a path. See "),
+        (["map", "m", "--csv="], "Invalid value for '--csv': \"\": expected a path. See cogless map --help."),
         (["run", "x" * 5000], f'"{"x" * 56}...: no such study: '),
         (["run", "STUDY", "--set", "title=\udcff"], '--set: "title=\\udcff": expected UTF-8'),
         (["run", "STUDY", "--set", "seed=1\nseed=2"], r'STUDY: seed: "1\nseed=2": expected a whole number'),
