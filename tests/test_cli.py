@@ -309,6 +309,13 @@ def test_ctrl_c_keeps_finished_runs(tmp_path: Path, how: str, presses: int) -> N
     assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
 
 
+def test_ctrl_c_after_the_end_changes_nothing() -> None:
+    """Python's own end may take a second."""
+    pressed = "import atexit, os, signal; atexit.register(os.kill, os.getpid(), signal.SIGINT); "
+    ended = subprocess.run([*COMMAND[:2], pressed + COMMAND[2], "list"], capture_output=True)
+    assert (ended.returncode, ended.stderr) == (0, b"") and ended.stdout
+
+
 # where there is no room
 
 
