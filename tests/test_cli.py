@@ -165,6 +165,8 @@ def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.Capture
         (["export", "STUDY", "--controller", "pi"], "Missing option '--to'. See cogless export --help."),
         (["export", "STUDY", "--controller", "pi", "--to", "x", "-o", "y"], '--to: "x": expected c or fmu'),
         (["run", ""], '"": is a directory: expected a study file'),
+        (["run", "STUDY", "-o", ""], "Invalid value for '--output' / '-o': \"\": expected a path. See "),
+        (["map", "m", "--csv="], "Invalid value for '--csv': \"\": expected a path. See cogless map --help."),
         (["run", "x" * 5000], f'"{"x" * 56}...: no such study: '),
         (["run", "STUDY", "--set", "title=\udcff"], '--set: "title=\\udcff": expected UTF-8'),
         (["run", "STUDY", "--set", "seed=1\nseed=2"], r'STUDY: seed: "1\nseed=2": expected a whole number'),
@@ -319,6 +321,13 @@ def test_ctrl_c_keeps_finished_runs(tmp_path: Path, how: str, presses: int) -> N
     results = json.loads((folder / "results.json").read_text())
     assert results["interrupted"] is True
     assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
+
+
+def test_ctrl_c_after_the_end_changes_nothing() -> None:
+    """Python's own end may take a second."""
+    pressed = "import atexit, os, signal; atexit.register(os.kill, os.getpid(), signal.SIGINT); "
+    ended = subprocess.run([*COMMAND[:2], pressed + COMMAND[2], "list"], capture_output=True)
+    assert (ended.returncode, ended.stderr) == (0, b"") and ended.stdout
 
 
 # where there is no room

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import signal
 import sys
 
 from cogless.errors import INTERRUPTED, WRONG, StudyError, say
@@ -16,6 +18,7 @@ def main() -> None:
 
     if left_behind():
         os._exit(code)  # sys.exit would stop threads within the engine, and crash
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # all is done; Python's end takes a while
     sys.exit(code)
 
 

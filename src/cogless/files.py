@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import tempfile
@@ -37,21 +38,34 @@ def reason(error: OSError) -> str:
     return error.strerror.lower() if error.strerror else str(error)
 
 
+def no_device(path: Path) -> None:
+    """Raise OSError if a path is a device or a pipe: to read one may take for ever."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; move it there on success, remove it on any error or interrupt.
 
+    A symbolic link stays, and the file that it leads to is replaced. What is no regular file, such as a
+    device or a pipe, would be gone if a file were moved there: its own path is yielded.
+
     StudyError: the file can't be written, for example on a full disk.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    direct = os.path.exists(path) and not os.path.isfile(path)
+    target = Path(os.path.realpath(path))
+    temporary = path if direct else target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
         yield temporary
-        os.replace(temporary, path)
+        if not direct:
+            os.replace(temporary, target)
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from error
     finally:
-        with suppress(OSError):
-            temporary.unlink()
+        if not direct:
+            with suppress(OSError):
+                temporary.unlink()
 
 
 @contextmanager

@@ -1,11 +1,16 @@
 """Variants are spread as [vary] says, and the same everywhere."""
 
+import os
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import ensembles
 import numpy as np
 import pytest
-from scipy.stats import spearmanr
+from scipy.stats import qmc, spearmanr
 
 from cogless.ensemble.axes import axes, together
 from cogless.ensemble.sample import draw, seeds
@@ -43,6 +48,31 @@ def test_log(tmp_path: Path, form: str, low: float, high: float) -> None:
     found = np.sort(np.log(drawn(tmp_path, f"mechanics.inertia = {{ {form} }}")["mechanics.inertia"]))
     even = np.log(low) + np.log(high / low) * (np.arange(COUNT) + 0.5) / COUNT
     assert np.max(np.abs(found - even)) < 1.01 * np.log(high / low) / COUNT
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
+def test_ctrl_c_while_variants_are_drawn_ends_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The compiled code of SciPy drops it, and draws wrong numbers from then on."""
+
+    class Pressed(qmc.Sobol):
+        def __init__(self, *of: Any, **how: Any) -> None:
+            with suppress(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGINT)
+                super().__init__(*of, **how)
+
+    monkeypatch.setattr(qmc, "Sobol", Pressed)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            drawn(tmp_path, 'mechanics.inertia = { uniform = "20 %" }', 2)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    monkeypatch.undo()
+    with ThreadPoolExecutor(1) as other:  # signals are the main thread's
+        assert other.submit(drawn, tmp_path, 'mechanics.inertia = { uniform = "20 %" }', 2).result()
 
 
 @pytest.mark.parametrize("form", ['normal = "10 %"', 'normal = ["2.5e-4 kg*m^2", "0.25 kg*cm^2"]'])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -96,11 +97,25 @@ def test_a_caller_s_executor_has_as_many_workers_as_it_says(monkeypatch: pytest.
     assert given(silent).count() == 1
 
 
-def test_a_worker_leaves_ctrl_c_to_the_process_that_started_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[Any] = []
-    monkeypatch.setattr(signal, "signal", lambda *of: told.append(of))
-    executors._deaf()
-    assert told == [(signal.SIGINT, signal.SIG_IGN)]
+def test_a_worker_leaves_ctrl_c_to_the_process_that_started_it_and_ends_with_it() -> None:
+    """Even if that one is killed, which can tell nobody."""
+    ours, theirs = os.pipe()
+    leader = os.fork()
+    if not leader:
+        try:
+            os.close(ours)
+            with executors.processes(2) as workers:
+                ignored = workers.executor.submit(signal.getsignal, signal.SIGINT).result() is signal.SIG_IGN
+                os.write(theirs, b"ignored" if ignored else b"heard")
+                signal.pause()
+        finally:
+            os._exit(70)
+    os.close(theirs)
+    assert os.read(ours, 9) == b"ignored"
+    os.kill(leader, signal.SIGKILL)
+    os.waitpid(leader, 0)
+    assert select.select([ours], [], [], 10)[0] and os.read(ours, 9) == b""  # no worker holds it open
+    os.close(ours)
 
 
 def test_a_sweep_that_is_interrupted_kills_its_workers(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,7 +131,7 @@ def test_a_sweep_that_is_interrupted_kills_its_workers(monkeypatch: pytest.Monke
             told.append((wait, cancel_futures))
 
     monkeypatch.setattr(executors, "ProcessPoolExecutor", Pool)
-    start = (3, executors._deaf)
+    start = (3, executors._led)
     with executors.processes(3) as workers:
         assert workers.count() == 3 and workers.executor
     assert told == [start, (True, False)]

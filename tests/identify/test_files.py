@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import sys
 from types import SimpleNamespace
 
@@ -220,7 +221,9 @@ def test_text_before_a_heading_is_told_within_fifty_lines(tmp_path):
             {"x": np.array([None])},
             "no NPZ file, or one with objects in it: expected arrays of numbers",
         ),
+        ("a.npz", {"x": np.array([1j])}, "x: expected numbers"),
         ("a.mat", {"x": np.array(["a", "b"])}, "x: expected numbers"),
+        ("a.mat", {"x": np.array([1j])}, "x: expected numbers"),
     ],
 )
 def test_columns_that_are_no_log_are_refused(tmp_path, name, columns, said):
@@ -259,6 +262,16 @@ def test_a_file_that_is_not_what_its_name_says_is_refused_in_a_line(tmp_path, na
         list(read(path, ["x"]))
     line = str(caught.value)
     assert line.startswith(f"{path}: ") and line.endswith(said) and "\n" not in line
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.csv.gz", "a.npz", "a.parquet", "a.mat", "a.mf4", "a.nc"])
+def test_a_pipe_is_not_waited_for(tmp_path, name):
+    path = tmp_path / name
+    os.mkfifo(path)
+    with pytest.raises(StudyError) as caught:
+        list(read(path, ["x"]))
+    kind = path.suffix if path.suffix != ".gz" else ".csv"
+    assert str(caught.value) == f"{path}: not a regular file: expected a readable {kind} file"
 
 
 class Channels:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from identify.fits import fit_of
 
+from cogless.errors import StudyError
 from cogless.identify.regression import _blocks, _noise, fit, inflation, solved
 from cogless.identify.weak_form import Name, Rows
 
@@ -76,6 +77,11 @@ def test_logs_are_cut_into_blocks_and_weigh_by_what_is_left_of_each(rows: Rows) 
     assert len(fit([replace(rows, **long)]).blocks) == 24
     few = {key: value[:19] for key, value in long.items()}
     assert len(fit([replace(rows, **few)]).blocks) == 1
+
+
+def test_no_rows_are_refused_in_a_line() -> None:
+    with pytest.raises(StudyError, match=r"^in no log the motor turns [^\n]*: expected longer logs$"):
+        fit([])
 
 
 def test_a_prediction_is_without_the_columns_that_were_not_fitted(rows: Rows) -> None:

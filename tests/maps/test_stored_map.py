@@ -1,5 +1,6 @@
 """Stored maps in Python: the bytes, what is refused and why, the command line, maps of runs."""
 
+import os
 import struct
 from dataclasses import replace
 from math import radians
@@ -212,7 +213,10 @@ def test_map_refuses_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[s
     cut.write_bytes(bytes(EXAMPLE)[:70])
     other.write_text("no map at all")
     good.write_bytes(bytes(EXAMPLE))
+    os.mkfifo(tmp_path / "pipe")
     for arguments, line in (
+        ([tmp_path / "pipe"], f"{tmp_path / 'pipe'}: not a regular file: expected a stored map"),
+        ([good, "-o", "."], ".: is a directory: expected a file that can be written"),
         ([cut], f"{cut}: at byte 0: cut short: expected 96 bytes, got 70"),
         ([other], f'{other}: no map: expected "CGLM" where a slot begins'),
         ([tmp_path / "none"], f"{tmp_path / 'none'}: no such file or directory: expected a stored map"),

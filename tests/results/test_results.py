@@ -3,8 +3,10 @@
 import importlib.metadata
 import json
 import math
+import os
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from synthetic import STUDY, results, study
@@ -177,6 +179,32 @@ def test_whole_or_absent(tmp_path):
     with replacing(path) as temporary:
         temporary.write_text("whole")
     assert path.read_text() == "whole" and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_link_stays_and_what_it_leads_to_is_replaced(tmp_path):
+    """Also where that isn't there yet."""
+    (tmp_path / "there").mkdir()
+    link, target = tmp_path / "link", tmp_path / "there" / "target"
+    link.symlink_to(target)
+    for text in ("new", "again"):
+        with replacing(link) as temporary:
+            temporary.write_text(text)
+        assert link.is_symlink() and target.read_text() == text
+    assert list(target.parent.iterdir()) == [target]
+
+
+def test_what_is_no_file_is_written_to_and_stays(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    with replacing(pipe) as path:
+        path.write_text("all")
+    assert os.read(reader, 9) == b"all" and pipe.is_fifo() and list(tmp_path.iterdir()) == [pipe]
+    os.close(reader)
+    for folder in (tmp_path, Path(".")):
+        with pytest.raises(StudyError) as caught, replacing(folder) as path:
+            path.write_text("")
+        assert str(caught.value) == f"{folder}: is a directory: expected a file that can be written"
 
 
 def test_writable_directory_is_made_and_goes_again_if_nothing_is_written(tmp_path):

@@ -1,6 +1,7 @@
 """A table over one revolution: what is read, its harmonics, and one line for each kind of mistake."""
 
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -150,6 +151,8 @@ def test_a_cell_is_quoted_in_forty_characters() -> None:
     assert shown(40 * "x") == f'"{40 * "x"}"' and shown(41 * "x") == f'"{37 * "x"}..."'
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
-    with pytest.raises(PydanticCustomError, match="expected a readable file at"):
-        read(tmp_path / "none.csv", ERROR)
+def test_a_file_that_is_missing_or_none_is_told(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    for name in ("none.csv", "pipe.csv"):  # the pipe is not waited for
+        with pytest.raises(PydanticCustomError, match=f"expected a readable file at .*{name}"):
+            read(tmp_path / name, ERROR)

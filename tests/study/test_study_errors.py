@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -9,7 +10,7 @@ import pytest
 
 import studies
 from cogless.errors import StudyError
-from cogless.study import load
+from cogless.study import changed, load
 from cogless.study.error_messages import look_up, shown, toml
 from cogless.study.laws import AnyController
 from cogless.study.motor import Motor
@@ -810,6 +811,16 @@ def test_a_mistake_in_the_datasheet_names_the_datasheet(tmp_path: Path) -> None:
     (tmp_path / "m.toml").write_text('pole_pairs = 4\nR_s = "1 A"\n', encoding="utf-8")
     text = studies.BASE.replace('R_s = "15.42 ohm"\n', 'datasheet = "m.toml"\n')
     assert line_of(tmp_path, None, text) == 'm.toml: R_s: "1 A": expected a resistance, such as "1 ohm"'
+
+
+def test_a_change_of_a_datasheet_s_value_names_the_study(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text('R_s = "15.42 ohm"\n', encoding="utf-8")
+    text = studies.BASE.replace('R_s = "15.42 ohm"\n', 'datasheet = "m.toml"\n')
+    study = studies.study(tmp_path, {}, text)
+    for read in (partial(studies.study, tmp_path, text=text), partial(changed, study)):
+        for new, line in (({"motor.R_s": "x"}, 'R_s: "x"'), ({"motor": {}}, "pole_pairs: missing")):
+            with pytest.raises(StudyError, match=rf"^\S*study\.toml: motor\.{line}: expected"):
+                read(new)
 
 
 def test_what_datasheet_and_study_lack_together_is_told_of_the_study(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from cogless.cli.options import ControllerOption, ScenarioOption, SetOption, StudyArgument
+from cogless.cli.options import ControllerOption, ScenarioOption, SetOption, StudyArgument, place
 from cogless.cli.study import command_line, load
 from cogless.cli.tables import print_warnings
 from cogless.cli.terminal import new_console, share_progress
@@ -26,7 +26,11 @@ def export(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", metavar="DIR", help="For c a new or empty folder, or an earlier export."
+            "--output",
+            "-o",
+            parser=place,
+            metavar="DIR",
+            help="For c a new or empty folder, or an earlier export.",
         ),
     ],
     scenario: ScenarioOption = None,

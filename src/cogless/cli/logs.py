@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from cogless.cli.options import place
 from cogless.cli.study import load
 from cogless.cli.terminal import new_console
 from cogless.errors import StudyError
@@ -32,6 +33,7 @@ def identify(
         typer.Option(
             "--output",
             "-o",
+            parser=place,
             metavar="DIR",
             help="Where results go: results/identified, of a plan results/plan.",
         ),
@@ -112,7 +114,13 @@ def diagnose(
     ],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Write diagnosis.json and report.html there."),
+        typer.Option(
+            "--output",
+            "-o",
+            parser=place,
+            metavar="DIR",
+            help="Write diagnosis.json and report.html there.",
+        ),
     ] = None,
 ) -> None:
     """Say where the ripple in a drive's logs comes from.

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from cogless.cli.options import place
 from cogless.errors import StudyError
 
 
@@ -17,10 +18,16 @@ def map_(
     ],
     csv: Annotated[
         Path | None,
-        typer.Option("--csv", metavar="FILE", help="Write the newest map's entries, a row each; - prints."),
+        typer.Option(
+            "--csv",
+            parser=place,
+            metavar="FILE",
+            help="Write the newest map's entries, a row each; - prints.",
+        ),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write the newest map, alone.")
+        Path | None,
+        typer.Option("--output", "-o", parser=place, metavar="FILE", help="Write the newest map, alone."),
     ] = None,
     motor: Annotated[
         str | None,

@@ -10,6 +10,14 @@ import typer
 
 CORES = os.cpu_count() or 1
 
+
+def place(text: str) -> Path:
+    """The path of an output. An empty one, as of an unset shell variable, would be the current folder."""
+    if not text:
+        raise typer.BadParameter('"": expected a path')
+    return Path(text)
+
+
 StudyArgument = Annotated[
     str, typer.Argument(metavar="STUDY", help="A study file, or the name of a shipped study.")
 ]
@@ -48,7 +56,14 @@ OnlyOption = Annotated[
 
 OutputOption = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="DIR", help="Where results go.", show_default="results/STUDY"),
+    typer.Option(
+        "--output",
+        "-o",
+        parser=place,
+        metavar="DIR",
+        help="Where results go.",
+        show_default="results/STUDY",
+    ),
 ]
 
 DaskOption = Annotated[

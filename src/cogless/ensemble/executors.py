@@ -11,6 +11,8 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
+from multiprocessing import parent_process
+from threading import Thread
 from typing import Any, TypeVar
 
 from cogless.errors import StudyError
@@ -55,7 +57,7 @@ def processes(count: int) -> Iterator[Workers]:
 
     def pool() -> Executor:
         context = multiprocessing.get_context("spawn")
-        pools.append(ProcessPoolExecutor(count, context, initializer=_deaf))
+        pools.append(ProcessPoolExecutor(count, context, initializer=_led))
         return pools[-1]
 
     try:
@@ -71,9 +73,15 @@ def processes(count: int) -> Iterator[Workers]:
         made.shutdown()
 
 
-def _deaf() -> None:
-    """Leave Ctrl-C to the process that started this one."""
+def _led() -> None:
+    """Leave Ctrl-C to the process that started this one, and end when it has ended, even if it was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_end_after, args=(parent_process(),), daemon=True).start()
+
+
+def _end_after(leader: Any) -> None:
+    leader.join()
+    os._exit(1)
 
 
 @contextmanager

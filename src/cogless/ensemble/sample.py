@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import signal
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from threading import current_thread, main_thread
 from typing import Any
 
 import numpy as np
@@ -67,13 +70,30 @@ def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
     drawn: dict[str, list[Any]] = {}
     if found:
         generator = np.random.default_rng([study.seed, fresh])
-        sequence = qmc.Sobol(len(found), scramble=True, rng=generator)
-        shares = sequence.random_base2(max(0, count - 1).bit_length())[:count]
+        with _uninterrupted():
+            sequence = qmc.Sobol(len(found), scramble=True, rng=generator)
+            shares = sequence.random_base2(max(0, count - 1).bit_length())[:count]
         columns = together(shares, found, study).T
         drawn = {axis.key: axis.values(column) for axis, column in zip(found, columns, strict=True)}
     if study.vary.seeds:
         drawn[SEED] = seeds(study, count, fresh)
     return Ensemble(tuple(found), drawn, count, _places(study, drawn))
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C wait: SciPy's compiled code drops its exception, and draws equal variants then."""
+    before, told = signal.getsignal(signal.SIGINT), list[Any]()
+    if not callable(before) or current_thread() is not main_thread():  # there it doesn't raise
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda *of: told.append(of))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if told:
+        before(*told[0])
 
 
 def _places(study: AnyStudy, keys: Iterable[str]) -> dict[str, dict[str, str]]:

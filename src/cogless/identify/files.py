@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
-from cogless.files import reason
+from cogless.files import no_device, reason
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
@@ -35,6 +35,7 @@ def read(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
     if reader is None:
         raise StudyError(f"{path}: unknown kind of file: expected one of {', '.join(READERS)}, .csv.gz")
     try:
+        no_device(path)
         for part, columns in reader(path, wanted):
             _check(path, columns)
             yield part or path.name, columns
@@ -242,6 +243,8 @@ def _trace(path: Path, wanted: list[str]) -> Iterator[tuple[str, Columns]]:
 
 def _numbers(path: Path, name: str, values: NDArray[np.generic]) -> Array:
     try:
+        if np.iscomplexobj(values):  # of which NumPy would take the real part
+            raise TypeError
         return np.asarray(values, dtype=np.float64).ravel()
     except (TypeError, ValueError):
         raise StudyError(f"{path}: {name}: expected numbers") from None

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
+from cogless.errors import StudyError
 from cogless.identify.files import Array
 from cogless.identify.weak_form import Name, Rows, all_names
 
@@ -101,7 +102,12 @@ class Fit:
 
 
 def fit(rows: Sequence[Rows]) -> Fit:
-    """Solve; each log weighs by the variance of its residual, found by solving three times."""
+    """Solve; each log weighs by the variance of its residual, found by solving three times.
+
+    StudyError: no rows, such as of logs shorter than the kernel.
+    """
+    if not rows:
+        raise StudyError("in no log the motor turns in one direction for long enough: expected longer logs")
     names = all_names(rows)
     logs = {each.log.name for each in rows}
     of_a_log = max(OF_A_LOG, -(-BLOCKS // len(logs)))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cogless.c_laws import C_LAWS
 from cogless.errors import StudyError
-from cogless.files import reason, replacing
+from cogless.files import no_device, reason, replacing
 
 MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
 FLOAT32 = 1  # the only number type
@@ -231,6 +231,7 @@ def newest(found: list[Found]) -> Valid | None:
 def read(path: Path) -> list[Found]:
     """Find every map in a file. MapError: nothing in it begins like a map; StudyError: it can't be read."""
     try:
+        no_device(Path(path))
         data = Path(path).read_bytes()
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a stored map") from error

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cogless import units
+from cogless.files import no_device
 from cogless.study.table import invalid
 from cogless.units import Dimension
 
@@ -22,6 +23,7 @@ BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # speed [rpm]
 def lines(path: Path) -> list[list[str]]:
     """The cells of each line of the file; an error if it can't be read."""
     try:
+        no_device(path)
         return list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, ValueError, csv.Error):
         raise invalid(f"expected a readable file at {path}", "file") from None

@@ -60,7 +60,7 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
     source = with_datasheet(path, tables)
     _check_names(path, source.tables, changes)
     _apply(f"{path}: ", source.tables, changes)
-    return checked(source)
+    return checked(_replaced(source, source.tables, changes))
 
 
 def changed(study: AStudy, changes: Changes) -> AStudy:
@@ -69,7 +69,7 @@ def changed(study: AStudy, changes: Changes) -> AStudy:
     Only what they touch is validated again.
     """
     tables = _overridden(study.source, changes)
-    of_its_kind = checked(_replaced(study.source, tables), study)
+    of_its_kind = checked(_replaced(study.source, tables, changes), study)
     assert isinstance(of_its_kind, type(study))
     return of_its_kind
 
@@ -297,8 +297,11 @@ def _beside(sheet: Path, study: Path, value: Any) -> Any:
     return value
 
 
-def _replaced(source: Source, tables: dict[str, Any]) -> Source:
-    return Source(source.path, tables, source.datasheet, source.own_motor_keys)
+def _replaced(source: Source, tables: dict[str, Any], changes: Iterable[str] = ()) -> Source:
+    """The source with other tables. What `changes` set in the motor is no longer the datasheet's."""
+    in_motor = [tuple(map(str, key[1:2])) for key in map(split, changes) if key[0] == "motor"]
+    datasheet = None if () in in_motor else source.datasheet
+    return Source(source.path, tables, datasheet, source.own_motor_keys.union(*in_motor))
 
 
 def checked(source: Source, like: StudyBase | None = None) -> AnyStudy:
