@@ -1,7 +1,6 @@
 """A changed study is what it would be if it were read so, with the same mistakes told."""
 
 import random
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +77,9 @@ def told(make: Any) -> Any:
 
 def as_read(study: Study, changes: dict[str, Any]) -> Any:
     """The changed study, validated as a whole."""
-    return checked(replace(study.source, tables=changed_tables(study, changes)))
+    from cogless.study.reading import _replaced
+
+    return checked(_replaced(study.source, changed_tables(study, changes), changes))
 
 
 def changed_tables(study: Study, changes: dict[str, Any]) -> dict[str, Any]:
