@@ -37,8 +37,8 @@ def texts(
 
 
 def controller_texts(subject: Subject) -> dict[str, str]:
-    """Texts of the controller's header and source alone, by file name."""
-    words = _words(subject)
+    """Texts of the controller's header and source alone, by file name, to compile with the whole library."""
+    words = _words(subject) | {"macro_checks": _precision_check(subject.precision == "d")}
     return {f"{stem(subject.name)}{end}": _filled(f"controller{end}", words) for end in (".h", ".c")}
 
 

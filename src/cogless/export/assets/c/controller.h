@@ -13,9 +13,10 @@ ${verdict_comment} * study            ${study}, sha256 of its tables:
 #ifndef ${NAME}_CONTROLLER_H
 #define ${NAME}_CONTROLLER_H
 
+${part_includes}#include "cogless/drive.h"
+
 ${macro_checks}
 
-${part_includes}#include "cogless/drive.h"
 #include "cogless/${law_header}"
 
 #ifdef __cplusplus
