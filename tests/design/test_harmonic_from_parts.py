@@ -275,9 +275,12 @@ def test_a_table_of_the_sensor_s_error_tells_of_it_as_its_eccentricity_does() ->
     angle = np.arange(8) * math.pi / 4
     fine = Encoder.model_construct(kind="encoder", lines=4000, eccentricity=1e-4)
     fine._errors = OverAngle("error", tuple(angle), tuple(3e-3 * np.sin(2 * angle)))
-    assert [fine.amplitude(n) for n in (1, 2)] == pytest.approx([1e-4, 3e-3])
+    straight = np.sinc(2 / 8) ** 2  # what lines between eight points leave of order 2
+    assert [abs(fine.wave(n)) for n in (1, 2)] == pytest.approx([1e-4, 3e-3 * straight], rel=1e-5)
     assert least_base(turning([], position_sensor=fine)) == 5
     fine._errors = OverAngle("error", tuple(angle), tuple(6e-4 * np.sin(angle)))
+    assert least_base(turning([], position_sensor=fine)) == 3
+    fine._errors = OverAngle("error", (0.0, 2.0, 4.0), (0.0, 1e-3, -1e-3))  # points enough for any order
     assert least_base(turning([], position_sensor=fine)) == 3
     fine._errors = None
     assert [least_base(turning([], position_sensor=each)) for each in (fine, HALLS)] == [1, 1]

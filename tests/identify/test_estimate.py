@@ -425,7 +425,7 @@ def test_a_search_begins_again_with_what_stands_out_until_that_stays(monkeypatch
             return rows, found, replace(model, cogging=next(rest), delay=1e-3)
 
         monkeypatch.setattr(estimate, "_significant", significant)
-        return estimate._standing_out(NONE, [], model, lambda *of: None)[2].cogging
+        return estimate._searched_again(NONE, [], model, lambda *of: None)[2].cogging
 
     monkeypatch.setattr(estimate, "_searched", searched)
     assert ends((28,), (28, 56), (28, 56)) == (28, 56)  # as it was found first

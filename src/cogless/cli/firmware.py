@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from cogless.cli.options import ControllerOption, ScenarioOption, SetOption, StudyArgument, place
+from cogless.cli.options import ControllerOption, ScenarioOption, SetOption, StudyArgument, output_option
 from cogless.cli.study import command_line, load
 from cogless.cli.tables import print_warnings
 from cogless.cli.terminal import new_console, share_progress
@@ -25,13 +25,7 @@ def export(
     to: Annotated[str, typer.Option("--to", metavar="c|fmu", help="What to write.", show_default=False)],
     output: Annotated[
         Path,
-        typer.Option(
-            "--output",
-            "-o",
-            parser=place,
-            metavar="DIR",
-            help="For c a new or empty folder, or an earlier export.",
-        ),
+        output_option("For c a new or empty folder, or an earlier export."),
     ],
     scenario: ScenarioOption = None,
     changes: SetOption = None,

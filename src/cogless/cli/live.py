@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cogless.cli.options import SetOption, StudyArgument, place
+from cogless.cli.options import SetOption, StudyArgument, output_option
 from cogless.cli.study import command_line, load
 from cogless.cli.terminal import new_console
 from cogless.errors import say
@@ -17,14 +17,7 @@ def live(
     study: StudyArgument,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            parser=place,
-            metavar="FILE",
-            help="The page.",
-            show_default="STUDY-live.html",
-        ),
+        output_option("The page.", "FILE", show_default="STUDY-live.html"),
     ] = None,
     own_motor: Annotated[
         bool,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cogless.cli.options import place
+from cogless.cli.options import output_option
 from cogless.cli.study import load
 from cogless.cli.terminal import new_console
 from cogless.errors import StudyError
@@ -30,13 +30,7 @@ def identify(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            parser=place,
-            metavar="DIR",
-            help="Where results go: results/identified, of a plan results/plan.",
-        ),
+        output_option("Where results go: results/identified, of a plan results/plan."),
     ] = None,
     plan: Annotated[
         str | None,
@@ -114,13 +108,7 @@ def diagnose(
     ],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            parser=place,
-            metavar="DIR",
-            help="Write diagnosis.json and report.html there.",
-        ),
+        output_option("Write diagnosis.json and report.html there."),
     ] = None,
 ) -> None:
     """Say where the ripple in a drive's logs comes from.

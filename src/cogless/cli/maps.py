@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cogless.cli.options import place
+from cogless.cli.options import output_option, place
 from cogless.errors import StudyError
 
 
@@ -27,7 +27,7 @@ def map_(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", parser=place, metavar="FILE", help="Write the newest map, alone."),
+        output_option("Write the newest map, alone.", "FILE"),
     ] = None,
     motor: Annotated[
         str | None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,6 +16,11 @@ def place(text: str) -> Path:
     if not text:
         raise typer.BadParameter('"": expected a path')
     return Path(text)
+
+
+def output_option(help: str, metavar: str = "DIR", show_default: bool | str = True) -> Any:
+    """The option -o of a command."""
+    return typer.Option("--output", "-o", parser=place, metavar=metavar, help=help, show_default=show_default)
 
 
 StudyArgument = Annotated[
@@ -56,14 +61,7 @@ OnlyOption = Annotated[
 
 OutputOption = Annotated[
     Path | None,
-    typer.Option(
-        "--output",
-        "-o",
-        parser=place,
-        metavar="DIR",
-        help="Where results go.",
-        show_default="results/STUDY",
-    ),
+    output_option("Where results go.", show_default="results/STUDY"),
 ]
 
 DaskOption = Annotated[

@@ -120,7 +120,7 @@ def least_base(study: Study) -> int:
     sensor = study.drive.position_sensor
     if not _bends(study, 1 + BENDS_FROM[-1]) or not isinstance(sensor, Counted):
         return 1
-    told = (free + 1 for n, free in enumerate(BENDS_FROM, 1) if sensor.amplitude(n) > SURE)
+    told = (free + 1 for n, free in enumerate(BENDS_FROM, 1) if abs(sensor.wave(n)) > SURE)
     return max(told, default=1)
 
 

@@ -23,12 +23,11 @@ import numpy as np
 from cogless.design.error import DesignError
 from cogless.design.feedforward import zeros
 from cogless.design.hull import enclose
-from cogless.design.lmi import TOLERANCE, Check, Unknown, minimise
+from cogless.design.lmi import RESCALED, TOLERANCE, Check, Unknown, minimise
 from cogless.design.model import Model, Real
 from cogless.design.response import Bundle, Complex, Loop, best_gain, direction
 
 MIXTURES = 100
-RESCALED = 4  # attempts, each in coordinates from the attempt before
 FEWEST, MOST = 1024, 8192  # limits of the number of frequencies in `cost`
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cogless.design.model import Real
 
 TOLERANCE = 1e-7  # an eigenvalue above minus this share of the block's largest counts as positive
+RESCALED = 4  # attempts to minimise a cost, each in coordinates from the attempt before
 STATUS = {  # Clarabel's, of those that come with a solution
     "Solved": "optimal",
     "AlmostSolved": "optimal_inaccurate",

@@ -18,12 +18,11 @@ from functools import partial
 import numpy as np
 
 from cogless.design.error import DesignError
-from cogless.design.lmi import TOLERANCE, Check, Unknown, minimise, smallest_share
+from cogless.design.lmi import RESCALED, TOLERANCE, Check, Unknown, minimise, smallest_share
 from cogless.design.model import Model, Real, uncontrollable_mode
 from cogless.design.polytope import UncertainPlant
 from cogless.design.stabilise import Common, stabilise
 
-RESCALED = 4  # attempts to minimise the cost, each in coordinates from the attempt before
 PAIRS = 5  # of vertices tried for an error message
 HALVINGS = 6  # of the ranges for an error message
 

@@ -22,7 +22,6 @@ from cogless.study.reference import Reference
 SHORTEST = 1.0  # s at a steady speed that have a ripple
 SETTLED = 0.75  # of a steady speed, its last part: before, the controller settles
 TURNED = 1.1 * 2 * np.pi  # rad in the last part, for its orders
-FINE = 3600  # angles of a revolution at which a table of the sensor's error is taken
 PI = {"pi": {"law": "pi", "baseline": True, "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}}
 
 
@@ -76,7 +75,7 @@ def drive(made: Estimate) -> dict[str, Any]:
         sensor = {key: value for key, value in told.items() if key != "error"}
         parts = [part for part in told.get("error", ()) if part["order"] not in found]
         for order, wave in found.items():
-            more = wave.size.value * np.exp(1j * wave.phase.value) - _in_table(known, order)
+            more = wave.size.value * np.exp(1j * wave.phase.value) - known.wave_of_table(order)
             amplitude, phase = (f"{np.degrees(x):.5g} deg" for x in (abs(more), np.angle(more)))
             if order == 1:
                 sensor |= {"eccentricity": amplitude, "eccentricity_phase": phase}
@@ -84,16 +83,6 @@ def drive(made: Estimate) -> dict[str, Any]:
                 parts.append({"order": order, "amplitude": amplitude, "phase": phase})
         table["position_sensor"] = {**sensor, "error": parts} if parts else sensor
     return table
-
-
-def _in_table(sensor: Counted, order: int) -> complex:
-    """What a sensor's error_table has of an order, amplitude e^(j phase), rad: a part of what is found."""
-    table = sensor.fields()["error_table"]
-    if table is None:
-        return 0j
-    angle = 2 * np.pi / FINE * np.arange(FINE)
-    error = np.interp(angle, table["angle"], table["error"], period=2 * np.pi)
-    return complex(2j * np.mean(error * np.exp(-1j * order * angle)))
 
 
 def with_steps(

@@ -48,7 +48,7 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
         causes = [line for line in said if line.startswith(out)]  # before what follows from them
         others = [line for line in said if line not in causes]
         raise StudyError("\n".join((*causes, str(error), *others))) from None
-    state = _standing_out(known, used, model, progress)
+    state = _searched_again(known, used, model, progress)
     rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
     progress("errors", 0.0)
     remarks += voltage.check(known, used)
@@ -106,19 +106,20 @@ def _scanned(known: Identification, logs: Sequence[Log], model: Model) -> Model:
     return replace(start, columns=model.columns, encoder=model.encoder)
 
 
-def _standing_out(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
+def _searched_again(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
     """Search from the orders that stand out of the search before, until these are the same again.
 
     A false order that is found early may hide a true one, or take its place.
     """
     states: dict[tuple[int, ...], State] = {}
-    while True:
+    for _ in range(SEARCHES):
         state = _significant(known, logs, *_searched(known, logs, model, progress))
         kept = state[2].cogging
-        if not kept or kept in states or len(states) == SEARCHES - 1:
+        if not kept or kept in states:
             return states.get(kept, state)
         states[kept] = state
         model = replace(model, cogging=kept)
+    return state
 
 
 def _searched(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -13,6 +14,7 @@ from cogless.study.table import Angle, Frequency, Many, Table, Time, invalid
 from cogless.units import ANGLE
 
 ORDER_MAX = 1000  # of a sensor's error
+FINE = 3600  # angles of a revolution at which a table of it is taken
 
 
 class Mounted(Table):
@@ -109,10 +111,20 @@ class Counted(Mounted):
         first = {"order": 1, "amplitude": self.eccentricity, "phase": self.eccentricity_phase}
         return [first] * bool(self.eccentricity) + [order.model_dump() for order in self.error]
 
-    def amplitude(self, order: int) -> float:
-        """Amplitude of an order of the error, rad; that of the table is added, whatever its phase."""
-        own = float(sum(abs(part["amplitude"]) for part in self.orders if part["order"] == order))
-        return own + (self._errors.harmonics(order)[order][0] if self._errors else 0.0)
+    def wave(self, order: int) -> complex:
+        """An order of the whole error, amplitude e^(j phase), rad."""
+        own = (cmath.rect(part["amplitude"], part["phase"]) for part in self.orders if part["order"] == order)
+        return sum(own, self.wave_of_table(order))
+
+    def wave_of_table(self, order: int) -> complex:
+        """What the table has of it; between its points the error is a straight line."""
+        if self._errors is None:
+            return 0j
+        import numpy as np
+
+        angle = math.tau / FINE * np.arange(FINE)
+        error = np.interp(angle, self._errors.angle, self._errors.value, period=math.tau)
+        return complex(2j * np.mean(error * np.exp(-1j * order * angle)))
 
     def periods(self, divider: int) -> int:
         """Current-loop periods over which the speed is averaged; 0 with an observer.
