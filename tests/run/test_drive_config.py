@@ -13,6 +13,7 @@ from cogless.run.drive_config import engine_config
 # all that a drive may have, and a belief that is neither the motor nor the scenario's motor
 RICH: dict[str, Any] = {
     "drive.precision": "double",
+    "drive.position_sensor": {"kind": "encoder", "lines": 2500, "speed_method": "MT"},
     "drive.encoder_table": {"orders": [8, 16], "omega_min": "10 rad/s", "time_constant": "0.25 s"},
     "drive.speed_filter": "200 Hz",
     "drive.bus": {"delay_measured": "1 ms", "jitter": "0.1 ms"},
@@ -61,7 +62,7 @@ def test_the_monitor_is_told_the_speed_and_the_currents_of_the_belief(tmp_path: 
     monitor = drive(tmp_path, {})["control"]["monitor"]
     assert monitor["omega_max"] == pytest.approx(1.5 * 310 / sqrt(3) / (4 * 60e-3))  # of the no-load speed
     assert (monitor["current_max"], monitor["current_sum"], monitor["phases"]) == (6.0, 1.5, 3)
-    assert monitor["speed_window"] == pytest.approx(10 / (tau * 200))  # ten time constants of the filter
+    assert monitor["speed_window"] == pytest.approx(2e-3 + 10 / (tau * 200))  # ten time constants of the filter
 
 
 ENCODER = {"kind": "encoder", "lines": 2500}
@@ -85,7 +86,9 @@ def test_the_monitor_waits_for_what_the_sensor_needs_to_forget_a_jump(
     changes = {"drive.position_sensor": sensor, "drive.encoder_table": None}
     for more, filtered in ((None, 0.0), ("200 Hz", 10 / (tau * 200))):
         monitor = drive(tmp_path, {**changes, "drive.speed_filter": more})["control"]["monitor"]
-        assert (monitor["angle_step"], monitor["stuck_angle"]) == pytest.approx((step, 0.5 + 2 * step))
+        assert (monitor["angle_step"], monitor["stuck_angle"]) == pytest.approx(
+            (step, max(0.5 + 2 * step, 4 * step))
+        )
         assert monitor["speed_window"] == pytest.approx(window + filtered)
 
 
