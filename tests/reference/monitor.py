@@ -149,7 +149,7 @@ class Monitor:
                 self.attempt, self.pushing = self.standing, 0
         if not self.attempt:
             return False
-        again = abs(self.still) >= 11 * self.stuck_angle and self.standing >= 11 * self.attempt
+        again = abs(self.still) >= 11 * self.stuck_angle and self.standing >= 11 * (self.attempt - 1)
         if again:
             self.holding = 0
         if again or not abs(omega_ref) > 0:

@@ -246,7 +246,7 @@ CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega
     if (!is_given_up(monitor, far, full)) {
         return false;
     }
-    const bool again = cgl_abs(monitor->still) >= most && monitor->standing / TRY_AGAIN >= monitor->attempt;
+    const bool again = cgl_abs(monitor->still) >= most && monitor->standing / TRY_AGAIN >= monitor->attempt - 1U;
     if (!again && (omega_ref > CGL_R(0.0) || omega_ref < CGL_R(0.0))) {
         return true;
     }

@@ -83,7 +83,7 @@ typedef struct {
     uint32_t dark;       /* periods for which it has not been believed */
     uint32_t standing;   /* periods in which the angle stood still and was doubted */
     uint32_t pushing;    /* of them, with full current the way of the reference; one less with each that has less */
-    uint32_t attempt;    /* of them, when it was said to be stuck; 0: it is not */
+    uint32_t attempt;    /* of them, up to the one in which it was said to be stuck; 0: it is not */
     uint32_t holding;    /* periods for which the output still is safe */
     uint32_t jumps;      /* since init or reset, there, back and for one period only; stays at its largest value */
     unsigned status;     /* CGL_STATUS_ bits of the last step */
