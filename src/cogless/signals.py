@@ -16,6 +16,7 @@ from cogless.units import Dimension
 
 ROW = re.compile(r'^CGL_SIGNAL\("(\w+)", "(.*?)", "(.*?)", ([\w ]+), .*\)$', re.MULTILINE)
 
+
 @dataclass(frozen=True)
 class Recorded:
     """A signal that the engine records.

@@ -234,12 +234,11 @@ class Estimator:
         )
         lib.cgl_encoder_table_step(self.table, now, 0.0, False)
         if self.method == "observer":
-            lib.cgl_angle_observer_step(self.speed, lib.cgl_encoder_table_turns(self.table, self.encoder.turns))
+            lib.cgl_angle_observer_step(
+                self.speed, lib.cgl_encoder_table_turns(self.table, self.encoder.turns)
+            )
             self.omega = self.speed.omega
-        elif self.method == "average":
-            raw = lib.cgl_speed_count_step(self.speed, self.encoder.count)
-            self.omega = lib.cgl_encoder_table_speed(self.table, raw, self.speed.time)
-        elif n % DIVIDER == 0 and self.method == "M":
+        elif self.method == "average" or (n % DIVIDER == 0 and self.method == "M"):
             raw = lib.cgl_speed_count_step(self.speed, self.encoder.count)
             self.omega = lib.cgl_encoder_table_speed(self.table, raw, self.speed.time)
         if self.method in ("T", "MT"):

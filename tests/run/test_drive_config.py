@@ -62,7 +62,7 @@ def test_the_monitor_is_told_the_speed_and_the_currents_of_the_belief(tmp_path: 
     monitor = drive(tmp_path, {})["control"]["monitor"]
     assert monitor["omega_max"] == pytest.approx(1.5 * 310 / sqrt(3) / (4 * 60e-3))  # of the no-load speed
     assert (monitor["current_max"], monitor["current_sum"], monitor["phases"]) == (6.0, 1.5, 3)
-    assert monitor["speed_window"] == pytest.approx(2e-3 + 10 / (tau * 200))  # ten time constants of the filter
+    assert monitor["speed_window"] == pytest.approx(2e-3 + 10 / (tau * 200))  # ten of the filter's times
 
 
 ENCODER = {"kind": "encoder", "lines": 2500}

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 import studies
-
 from cogless import load
 from cogless.c_laws import C_LAWS
 from cogless.files import control_sources
@@ -86,7 +85,7 @@ unit = "{unit}"
 def test_a_row_with_another_unit_is_a_signal_for_every_command(
     tmp_path: Path,
 ) -> None:
-    """A copy of the sources with rows as contributing.md describes them; each command in a process of its own."""
+    """A copy of the sources with rows as contributing.md describes them; each command in its own process."""
     table = control_sources().parents[1] / "simulator" / "signals.def"
     copy = tmp_path / "sources"
     (copy / "simulator").mkdir(parents=True)
@@ -117,5 +116,5 @@ def test_a_row_with_another_unit_is_a_signal_for_every_command(
 def test_a_row_s_unit_is_one_that_studies_know() -> None:
     assert dimension_of("rad/s") is ANGULAR_SPEED and dimension_of("W").name == "a power"
     assert dimension_of("rad/s^3").shown(1) == '"1 rad/s^3"'
-    with pytest.raises(UnitError, match="expected a known unit, not \"furlong\""):
+    with pytest.raises(UnitError, match='expected a known unit, not "furlong"'):
         dimension_of("furlong")

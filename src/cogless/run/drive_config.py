@@ -116,8 +116,8 @@ def drive_config(
     """The engine's description of a drive.
 
     `motor`: the study's motor, from which parameters that a belief leaves out are taken. `driven`: the motor
-    in this run, with overrides. `mechanics`: as the controller assumes them. `learns`: the law learns while it
-    runs, so that it needs a guard.
+    in this run, with overrides. `mechanics`: as the controller assumes them. `learns`: the law learns while
+    it runs, so that it needs a guard.
     """
     values = control_config(drive, motor, driven, mechanics, learns)
     config = {

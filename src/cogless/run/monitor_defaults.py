@@ -19,10 +19,12 @@ SPEED_MARGIN = 1.5  # of the no-load speed
 CURRENT_MARGIN = 2.0  # of the current limit
 SUM_SHARE = 0.5  # of the current limit
 STUCK_ANGLE = 0.5  # rad
-DOUBT_STEPS = 4.0  # the reference may turn by one step of the sensor before the angle is doubted, a quarter of stuck_angle
+STUCK_STEPS = 4.0  # of the sensor: a quarter of it, at which the angle is doubted, is a step
 STUCK_TIME = 0.1  # s
 STUCK_TORQUE = 0.1  # of the largest torque: a load that leaves less to turn the rotor counts as blocking it
-OBSERVER_PEAK = 0.80  # rad/s that a step of 1 rad shows at most, per rad/s of bandwidth: the largest (3x - x^2) e^-x
+OBSERVER_PEAK = (
+    0.80  # of bandwidth times a step of the angle, which shows as a speed: largest (3x - x^2) e^-x
+)
 BRIDGE = 5e-3  # s
 SETTLED = 10.0  # time constants after which an observer has forgotten a jump to a part in a thousand
 HOLD = 10e-3  # s
@@ -62,7 +64,7 @@ def monitor_config(
         "omega_max": 0.0,
         "angle_step": step,
         "speed_window": window,
-        "stuck_angle": max(STUCK_ANGLE + 2 * step, DOUBT_STEPS * step),
+        "stuck_angle": max(STUCK_ANGLE + 2 * step, STUCK_STEPS * step),
         "stuck_time": max(STUCK_TIME, _step_time(drive, motor, belief, mechanics, step)),
         "current_max": 0.0,
         "current_sum": 0.0,
@@ -83,8 +85,8 @@ def monitor_config(
 def _step_time(
     drive: Drive, motor: StarMotor, belief: StarBelief, mechanics: Mechanics, step: float
 ) -> float:
-    """Time, s, in which full current turns a rotor by a step of the sensor, rad, from rest, against a load that
-    leaves it `STUCK_TORQUE` of its torque; 0 if the motor has none by its magnets."""
+    """Time, s, in which full current turns a rotor by a step of the sensor, rad, from rest, against a load
+    that leaves it `STUCK_TORQUE` of its torque; 0 if the motor has none by its magnets."""
     torque = motor.power_factor * motor.pole_pairs * belief.psi_f * drive.current_loop.current_limit
     if torque <= 0:
         return 0.0
