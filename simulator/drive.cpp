@@ -7,6 +7,8 @@
 #include <string>
 
 #include "angle_patch.hpp"
+#include "cogless/angle.h"
+#include "cogless/transform.h"
 #include "open_bridge.hpp"
 
 namespace cogless {
@@ -421,9 +423,17 @@ template <std::size_t legs>
     }
 }
 
+cgl_real Drive::measured_i_q(const DriveState& s) const {
+    cgl_real sine, cosine, i_d, i_q, alpha = s.sampled.i_abc[0], beta = s.sampled.i_abc[1];
+    if (config_.control.foc.phases != 2U) cgl_clarke(s.sampled.i_abc, &alpha, &beta);
+    cgl_sincos(static_cast<cgl_real>(config_.control.pole_pairs) * s.sampled.theta_m, &sine, &cosine);
+    cgl_park(alpha, beta, sine, cosine, &i_d, &i_q);
+    return i_q;
+}
+
 [[gnu::always_inline]] inline AngleCorrection Drive::correction(DriveState& s, const Faults& faults) const {
     if (!config_.encoder_table) return {};
-    return {&s.encoder_table, config_.control.foreign ? s.output.i_q_ref : s.output.i_q, faults.missing};
+    return {&s.encoder_table, config_.control.foreign ? static_cast<cgl_real>(s.plant.i.q) : measured_i_q(s), faults.missing};
 }
 
 Measurement Drive::measure_load(DriveState& s, const Phase& phase, std::int64_t origin, bool law_due, const Faults& faults) const {
