@@ -145,7 +145,7 @@ class Monitor:
         self.standing += 1
         if not self.attempt:
             self.pushing = max(0, self.pushing + (1 if full else -1))
-            if abs(self.still) > self.stuck_angle and self.pushing > self.periods(self.stuck_time):
+            if abs(self.still) > self.stuck_angle and self.pushing >= max(1, self.periods(self.stuck_time)):
                 self.attempt, self.pushing = self.standing, 0
         if not self.attempt:
             return False

@@ -163,7 +163,7 @@ CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *referen
 
 /* Whether the output has pushed at its limit, since the law's last step at the latest, the way that the rotor is asked to turn.
  * The law or the current loop says so; somebody's own law may stop just below the limit and say nothing. */
-static bool is_full(const cgl_drive *drive, cgl_real omega_ref)
+CGL_SELDOM static bool is_full(const cgl_drive *drive, cgl_real omega_ref)
 {
     const cgl_real i_d = drive->currents.i_d_ref, i_q = drive->command.i_q_ref;
     if (!((i_q > CGL_R(0.0) && omega_ref > CGL_R(0.0)) || (i_q < CGL_R(0.0) && omega_ref < CGL_R(0.0)))) {
@@ -184,7 +184,8 @@ bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
 {
     cgl_monitor *const monitor = &drive->monitor;
     const cgl_real omega_ref = is_busy(drive) || reference->torque ? CGL_R(0.0) : reference->omega_ref;
-    cgl_monitor_step(monitor, now, omega_ref, is_full(drive, omega_ref));
+    /* who turns is not pushed in vain: nobody asks in an ordinary period */
+    cgl_monitor_step(monitor, now, omega_ref, monitor->standing > 0U && is_full(drive, omega_ref));
     drive->status = monitor->status;
     if (monitor->safe) {
         drive->off = true;

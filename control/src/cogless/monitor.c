@@ -216,7 +216,7 @@ CGL_SELDOM static bool is_given_up(cgl_monitor *monitor, cgl_real far, bool full
         } else {
             monitor->pushing -= monitor->pushing > 0U ? 1U : 0U;
         }
-        if (far > limits->stuck_square && monitor->pushing > limits->stuck) {
+        if (far > limits->stuck_square && monitor->pushing > 0U && monitor->pushing >= limits->stuck) {
             monitor->attempt = monitor->standing / TRY_AGAIN < UINT32_MAX / TRY_AGAIN ? monitor->standing : UINT32_MAX / TRY_AGAIN;
             monitor->pushing = 0U;
         }

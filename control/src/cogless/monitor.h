@@ -105,7 +105,7 @@ void cgl_monitor_reset(cgl_monitor *monitor);
 
 /* Looks at the measurements of this period; omega_ref [rad/s] is what the rotor is asked for. full: the drive pushes it that
  * way as hard as it can, at the limit of its current or of its voltage. Fills theta_m, omega_m, safe, trusted and status,
- * whatever comes in. */
+ * whatever comes in. Where `standing` is 0, full says nothing yet and may be left false. */
 void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref, bool full);
 
