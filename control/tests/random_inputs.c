@@ -1147,6 +1147,8 @@ static void check_monitor(const cgl_monitor_config *config, const cgl_monitor *m
     CHECK(cgl_is_finite(monitor->still));
     CHECK(monitor->gap <= limits->bridge + 1U && monitor->holding <= limits->hold + 1U);
     CHECK(monitor->blind <= limits->window + 1U && monitor->lost >= monitor->gap);
+    CHECK(monitor->attempt <= monitor->standing && monitor->pushing <= monitor->standing);
+    CHECK((monitor->status & (unsigned)CGL_STATUS_ANGLE_STUCK) == 0U || monitor->attempt > 0U);
     CHECK(monitor->safe == (monitor->holding > 0U));
     CHECK(!(monitor->safe && monitor->trusted));
     CHECK((monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U && monitor->standing == 0U
@@ -1175,9 +1177,10 @@ static void try_monitor(void)
         cgl_measurement now;
         next_measurement(&now, step);
         const cgl_real omega_ref = random_below(8) ? CGL_R(100.0) : random_real(CGL_R(100.0));
+        const bool full = random_below(4) != 0U;
         long_way = monitor;
-        cgl_monitor_step(&monitor, &now, omega_ref);
-        cgl_monitor_look(&long_way, &now, omega_ref);
+        cgl_monitor_step(&monitor, &now, omega_ref, full);
+        cgl_monitor_look(&long_way, &now, omega_ref, full);
         hear(monitor.theta_m);
         hear(monitor.omega_m);
         hear(monitor.shift);
@@ -1445,9 +1448,9 @@ void random_inputs(long configs)
         {"pi_afc", try_pi_afc, 0xea66f9e9U, 0x7c4368a1U},
         {"zero_phase", try_zero_phase, 0x428ca5d0U, 0x74f1ea8fU},
         {"trial", try_trial, 0x2bfe0cefU, 0x5039bc65U},
-        {"monitor", try_monitor, 0xb6462ec9U, 0xb21e67f2U},
+        {"monitor", try_monitor, 0x203e3558U, 0xac5eaeb9U},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
-        {"drive", try_drive, 0xa0e1abb3U, 0xc2752ad5U},
+        {"drive", try_drive, 0x6ac96239U, 0xbac5265dU},
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
         {"harmonic", try_harmonic, 0x20b3777bU, 0x778d49f1U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},

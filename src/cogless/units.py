@@ -115,6 +115,18 @@ ACCELERATION_LEARNING = Dimension("a learning gain on acceleration", "A*s^4/rad^
 RATE = Dimension("a gain per time", "1/s")
 RATE_PER_TIME = Dimension("a gain per time squared", "1/s^2")
 NONE = Dimension("a plain number", "")
+NAMED = tuple(each for each in list(vars().values()) if isinstance(each, Dimension))
+
+
+@cache
+def dimension_of(unit: str) -> Dimension:
+    """The first dimension above that has this SI unit, or one without a name; UnitError: unknown unit."""
+    named = next((dimension for dimension in NAMED if dimension.unit == unit), None)
+    if named is not None:
+        return named
+    if not is_known(unit):
+        raise UnitError(f'expected a known unit, not "{unit}"')
+    return Dimension(f"a quantity in {unit}", unit)
 
 
 def parse(text: str, dimension: Dimension) -> float:

@@ -417,7 +417,8 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         ({"drive.position_sensor": {**WORD, "speed_method": "observer"}},
             "drive.position_sensor.observer_bandwidth", "4774 Hz", "4775 Hz"),
         ({}, "drive.speed_filter", "4774 Hz", "4775 Hz"),
-        *(({"drive.encoder_table": {"orders": [1], "omega_min": "1 rpm", "limit": "1 mrad"}},
+        *(({"drive.position_sensor": WORD,
+            "drive.encoder_table": {"orders": [1], "omega_min": "1 rpm", "limit": "1 mrad"}},
             "drive.encoder_table.orders", most, beyond)
           for most, beyond in (
               ([1000], [1001]), ([1, 2, 3, 4], [1, 2, 3, 4, 5]), ([1, 3], [3, 3]), ([1], [0]),
@@ -462,7 +463,7 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
             [{**STUCK, "kind": "current-zero", "phase": "c"}]),
         ({}, "scenario.low.faults",
             [{**STUCK, "kind": "current-missing", "phase": "c"}], [{**STUCK, "time": "1 s"}]),
-        ({"drive.encoder_table": {"orders": [5, 10], "omega_min": "60 rpm"}},
+        ({"drive.position_sensor": WORD, "drive.encoder_table": {"orders": [5, 10], "omega_min": "60 rpm"}},
             "drive.encoder_table.limit", "0.1 rad", "0.1001 rad"),
         ({}, "controller.fair.tuning.phase_margin", "0.301 rad", "0.3 rad"),
         ({}, "controller.fair.tuning.phase_margin", "1.449 rad", "1.45 rad"),
