@@ -141,7 +141,22 @@ def _searched(known: Identification, logs: Sequence[Log], model: Model, progress
     if "j" in model.columns:  # the currents that accelerate are loads of both signs
         ripple = (2 * poles, 6 * poles)
         model = replace(model, ripple=ripple, cogging=tuple(sorted({*model.cogging, *ripple})))
+        electrical = _electrical_errors(known, logs, model)
+        if electrical:
+            model = replace(model, encoder=tuple(sorted({*model.encoder, *electrical})))
     return _without_sidebands(known, logs, model, found)
+
+
+def _electrical_errors(known: Identification, logs: Sequence[Log], model: Model) -> list[int]:
+    """Orders p and 2 p in which the angle has an error, as that of a resolver or of a magnet near the motor.
+
+    They stand out of a fit that has the torques of these orders, too. Only then they have a column.
+    """
+    orders = [n for n in (known.motor.pole_pairs, 2 * known.motor.pole_pairs) if n not in model.encoder]
+    torques = tuple(sorted({*model.cogging, *orders}))
+    sought = replace(model, cogging=torques, encoder=tuple(orders), columns=model.columns - {"delay"})
+    found = fit(_rows(known, logs, sought))
+    return [n for n in orders if found.get("j") > 0 and _stands_out(found, "encoder", n)]
 
 
 def _without_sidebands(known: Identification, logs: Sequence[Log], model: Model, found: Fit) -> State:

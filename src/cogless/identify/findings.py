@@ -249,9 +249,16 @@ def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[
     open_by = {name: waves[name][1] / abs(wave) for name, wave in clear.items()}  # rad
     first = min(open_by, key=open_by.__getitem__)
     for name, wave in clear.items():
-        turn = float(np.angle(wave / clear[first]))
-        if abs(turn) > TURNED + np.hypot(open_by[name], open_by[first]):
+        turn, size = float(np.angle(wave / clear[first])), abs(wave / clear[first])
+        unsure = TURNED + np.hypot(open_by[name], open_by[first])
+        if abs(turn) > unsure:
             left.append("Cogging is left out, since its place differs between the logs.")
+            if abs(np.log(size)) > unsure:  # an index that slips turns a wave, and leaves its size
+                return [
+                    f"{name}: order {strongest} is {size:.2g} times that of {first}, and turned by "
+                    f"{np.degrees(turn):.0f} deg: it is not cogging alone, which is the same in all logs; an "
+                    "error of the angle grows so with the speed, and load and temperature may change others."
+                ]
             return [
                 f"{name}: order {strongest} is turned by {np.degrees(turn):.0f} deg against {first}, "
                 f"{np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: the index has slipped, "

@@ -6,10 +6,9 @@ import math
 from collections import defaultdict
 from collections.abc import Sequence
 
-from cogless.identify.causes import MECHANICS, Found, found_in, guess
+from cogless.identify.causes import FASTER, MECHANICS, Found, found_in, guess
 from cogless.identify.steady import Steady
 
-FASTER = 1.5  # ratio of two speeds that says how an order changes between them
 STEEP = 0.5  # exponent of the speed, in magnitude, from which on it is a change
 ALIKE = 0.03  # of a frequency
 LARGE = 0.05  # of a ripple's square: smaller orders are in no sentence
@@ -17,7 +16,7 @@ LARGE = 0.05  # of a ripple's square: smaller orders are in no sentence
 
 def by_order(parts: Sequence[Steady], poles: int) -> list[Found]:
     """The orders of the speed in these parts, with what may make them."""
-    return [found_in(part, order, guess(order, poles)) for part in parts for order in part.orders()]
+    return [found_in(part, order, guess(part, order, poles)) for part in parts for order in part.waves.orders]
 
 
 def sentences(found: Sequence[Found]) -> list[str]:

@@ -1,0 +1,233 @@
+"""Waves of a rotor's motion over its angle, by joint least squares, and how far they can be seen.
+
+The speed is the angle's difference between two rows. A wave of order n of the angle is in it as the difference
+of exp(j n theta) between them, so that nothing is lost between the rows. The steps of the angle leave noise in
+it, whose spectrum follows from the motion that was found: it counts as measurement.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.signal import welch
+from scipy.stats import chi2
+from scipy.stats import f as fisher
+from scipy.stats import t as student
+
+from cogless.identify.files import Array
+from cogless.identify.orders import FALSE_ALARM
+
+ORDERS_MOST = 1000  # highest order that is looked for
+WAVES_MOST = 60  # orders of one part
+ANGLE_CELLS = 8192  # of a turn, in which the residual is summed: an order has eight of them
+NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their power over the strongest's, which leaks by less
+NEIGHBOURS = 41  # orders whose median is the floor of one
+STEPS_RATIO = 4.0  # power over that which the steps of the angle have near an order, from which on it is one
+BLOCKS = 24  # parts of the rows, each left out for the errors
+SLOW_SHARE, SLOW_MOST = 0.8, 20  # slow changes of the speed, for each turn, and at most
+SEGMENT_ROWS, SEGMENTS_LEAST = 1024, 4  # of a spectrum
+SEEN_SHARE = 0.01  # share of the ripple's square that an order has which can be seen
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Waves:
+    """Orders of a motion at a steady speed.
+
+    `amplitude`: of the angle, rad, theta = ... + Re(A exp(j n theta)); `error`: at 95 %, rad. `vibration`: of no
+    order, beyond what the steps and the noise of the angle make, rms, rad/s. `half_rate`: order at half the
+    rate of the rows. `seen`: highest order at which a wave with a hundredth of the ripple's square stands out.
+    """
+
+    speed: float  # rad/s
+    amplitude: dict[int, complex]
+    error: dict[int, float]
+    vibration: float
+    half_rate: float
+    seen: int
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Orders that stand out, the largest wave of the speed first."""
+        return tuple(sorted(self.amplitude, key=lambda n: -abs(self.of_speed(n))))
+
+    def of_speed(self, order: int) -> complex:
+        """Complex wave of the speed, rad/s."""
+        return 1j * order * self.speed * self.amplitude[order]
+
+    @property
+    def ripple(self) -> float:
+        """The motion without noise of the angle, rms, rad/s."""
+        waves = sum(abs(self.of_speed(n)) ** 2 / 2 for n in self.amplitude)
+        return math.sqrt(waves + self.vibration**2)
+
+
+def folded(order: int, rows: float) -> float:
+    """The order as which rows, so many a turn, show an order."""
+    return abs(order - rows * round(order / rows))
+
+
+def slow_columns(count: int, turns: float) -> Array:
+    """Columns for changes of the speed over more than a turn."""
+    x = (np.arange(count) + 0.5) / count
+    most = min(SLOW_MOST, int(SLOW_SHARE * abs(turns)))
+    return np.cos(np.pi * np.outer(x, np.arange(most + 1)))
+
+
+def wave_of_signal(x: Array, theta: Array, orders: Sequence[int], order: int) -> complex:
+    """Complex wave of an order in a signal, beside waves of other orders and slow changes."""
+    turns = (theta[-1] - theta[0]) / (2 * np.pi)
+    phases = np.exp(1j * np.outer(theta, [order, *(n for n in orders if n != order)]))
+    columns = np.hstack([phases.real, -phases.imag, slow_columns(len(x), turns)])
+    values = np.linalg.lstsq(columns, x, rcond=None)[0]
+    return complex(values[0], values[phases.shape[1]])
+
+
+class _Motion:
+    """The speed between rows, and normal equations of waves in it, by blocks."""
+
+    def __init__(self, theta: Array, dt: float) -> None:
+        self.theta, self.dt = theta, dt
+        self.y = np.diff(theta) / dt
+        self.middle = 0.5 * (theta[1:] + theta[:-1])
+        self.slow = slow_columns(len(self.y), (theta[-1] - theta[0]) / (2 * np.pi))
+        edges = np.linspace(0, len(self.y), min(BLOCKS, len(self.y) // 5) + 1).astype(int)
+        self.blocks = [slice(int(a), int(b)) for a, b in zip(edges, edges[1:], strict=False)]
+
+    def columns(self, rows: slice, orders: Sequence[int]) -> Array:
+        waves = np.exp(1j * np.outer(self.theta[rows.start : rows.stop + 1], orders))
+        between = np.diff(waves, axis=0) / self.dt
+        return np.hstack([between.real, -between.imag, self.slow[rows]])
+
+    def equations(self, orders: Sequence[int]) -> tuple[Array, Array]:
+        """Normal matrix and vector of each block."""
+        matrices, vectors = [], []
+        for rows in self.blocks:
+            columns = self.columns(rows, orders)
+            matrices.append(columns.T @ columns)
+            vectors.append(columns.T @ self.y[rows])
+        return np.array(matrices), np.array(vectors)
+
+    def residual(self, orders: Sequence[int], values: Array) -> Array:
+        return np.concatenate([self.y[rows] - self.columns(rows, orders) @ values for rows in self.blocks])
+
+    def power(self, x: Array, orders: NDArray[np.intp]) -> Array:
+        """|sum x exp(-j n theta)|^2 of each order."""
+        cell = (np.floor(self.middle / (2 * np.pi) * ANGLE_CELLS) % ANGLE_CELLS).astype(int)
+        wave = np.fft.fft(np.bincount(cell, x, ANGLE_CELLS))
+        return np.asarray(np.abs(wave[orders]) ** 2)
+
+
+def _solved(matrix: Array, vector: Array) -> Array:
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.asarray(np.linalg.lstsq(matrix / np.outer(scale, scale), vector / scale, rcond=1e-10)[0] / scale)
+
+
+def standing_waves(theta: Array, dt: float, step: float, own: Sequence[int] = ()) -> Waves:
+    """The waves that stand out of an angle's motion; none by chance at a rate of 1 %.
+
+    `step`: of the angle, rad. `own`: orders of the motor, which are looked for beyond half the rows' rate, too,
+    where the rows do not show them as another order.
+    """
+    turns = abs(theta[-1] - theta[0]) / (2 * np.pi)
+    speed = (theta[-1] - theta[0]) / (dt * (len(theta) - 1))
+    a_turn = 2 * np.pi / (abs(speed) * dt)  # rows
+    top = int(min(ORDERS_MOST, math.ceil(a_turn / 2) - 1))
+    beyond = list(_told_by_their_folds([n for n in own if top < n], a_turn, turns))
+    candidates = np.array([*range(1, top + 1), *beyond], dtype=np.intp)
+    if top < 3:
+        return Waves(speed, {}, {}, float(np.std(np.diff(theta) / dt)), a_turn / 2, 0)
+    motion, level = _Motion(theta, dt), -math.log(FALSE_ALARM / len(candidates))
+    orders: list[int] = []
+    while True:
+        matrices, vectors = motion.equations(orders)
+        values = _solved(matrices.sum(axis=0), vectors.sum(axis=0))
+        rest = motion.residual(orders, values)
+        steps = _steps(motion, rest, step)
+        power = motion.power(rest, candidates)
+        floor = np.empty_like(power)
+        floor[:top] = median_filter(power[:top], min(NEIGHBOURS, top), mode="mirror") / math.log(2)
+        floor[top:] = np.median(power[:top]) / math.log(2)
+        least = np.maximum(level * floor, STEPS_RATIO * maximum_filter1d(motion.power(steps, candidates), 5))
+        strongest = [k for k in np.argsort(-power) if power[k] > least[k] and candidates[k] not in orders]
+        new = [int(candidates[k]) for k in strongest if power[k] > NEW_SHARE * power[strongest[0]]][:NEW_MOST]
+        if not new or len(orders) + len(new) > WAVES_MOST:
+            break
+        orders += new
+    kept, amplitude, error = _significant(motion, orders, len(candidates))
+    matrices, vectors = motion.equations(kept)
+    rest = motion.residual(kept, _solved(matrices.sum(axis=0), vectors.sum(axis=0)))
+    found = Waves(speed, amplitude, error, _vibration(rest, _steps(motion, rest, step), dt), a_turn / 2, top)
+    hidden = level * floor[:top] * 2 / len(rest) ** 2 > SEEN_SHARE * max(found.ripple, 1e-300) ** 2
+    first = int(np.argmax(hidden)) if hidden.any() else top
+    return Waves(speed, amplitude, error, found.vibration, a_turn / 2, first)
+
+
+def _told_by_their_folds(orders: Sequence[int], rows: float, turns: float) -> Iterator[int]:
+    """Of these orders those that rows, so many a turn, show apart from each other and from whole orders."""
+    shown = [folded(n, rows) for n in orders]
+    for k, n in enumerate(orders):
+        others = [fold for other, fold in enumerate(shown) if other != k]
+        apart = min((abs(shown[k] - fold) for fold in (round(shown[k]), *others)), default=1.0)
+        if apart * turns > 1 and n <= ORDERS_MOST:
+            yield n
+
+
+def _steps(motion: _Motion, rest: Array, step: float) -> Array:
+    """The speed that steps of the angle make, rad/s, where the rotor moves as it was found to."""
+    if not step:
+        return np.zeros_like(rest)
+    smooth = motion.theta - motion.dt * np.concatenate(([0.0], np.cumsum(rest)))
+    return np.asarray(np.diff(np.floor(smooth / step) * step - smooth) / motion.dt)
+
+
+def _significant(
+    motion: _Motion, orders: Sequence[int], searched: int
+) -> tuple[list[int], dict[int, complex], dict[int, float]]:
+    """The orders that stand out of their errors, with these: a jackknife over blocks of the rows.
+
+    Each is a Wald test of two values, whose covariance has as many degrees of freedom as blocks but one.
+    """
+    kept = sorted(orders)
+    while True:
+        matrices, vectors = motion.equations(kept)
+        matrix, vector, count = matrices.sum(axis=0), vectors.sum(axis=0), len(motion.blocks)
+        values = _solved(matrix, vector)
+        parts = np.array([_solved(matrix - a, vector - b) for a, b in zip(matrices, vectors, strict=True)])
+        away = parts - parts.mean(axis=0)
+        limit = float(fisher.isf(FALSE_ALARM / searched, 2, count - 2))
+        amplitude, error, ratio = {}, {}, {}
+        for k, n in enumerate(kept):
+            pair = [k, len(kept) + k]
+            covariance = (count - 1) / count * away[:, pair].T @ away[:, pair]
+            statistic = values[pair] @ np.linalg.pinv(covariance) @ values[pair] / 2 * (count - 2) / (count - 1)
+            amplitude[n] = complex(*values[pair])
+            error[n] = float(student.ppf(0.975, count - 1) * math.sqrt(np.trace(covariance) / 2))
+            ratio[n] = statistic / limit
+        weakest = min(kept, key=lambda n: ratio[n], default=0)
+        if not kept or ratio[weakest] > 1:
+            return kept, amplitude, error
+        kept = [n for n in kept if ratio[n] > 1 or ratio[n] > 2 * ratio[weakest]]
+
+
+def _vibration(rest: Array, steps: Array, dt: float) -> float:
+    """What stands out of the noise of the angle in the rest of the speed, rms, rad/s.
+
+    The noise is that of the angle's steps, or as much of the angle at all frequencies as in the upper half of
+    the spectrum, whichever is more.
+    """
+    length = min(SEGMENT_ROWS, len(rest) // SEGMENTS_LEAST)
+    if length < 16:
+        return float(np.std(rest))
+    frequency, density = welch(rest, 1 / dt, nperseg=length)
+    density, gain = density[1:], (2 * np.sin(np.pi * frequency[1:] * dt) / dt) ** 2
+    white = float(np.median((density / gain)[len(gain) // 2 :]))
+    noise = np.maximum(welch(steps, 1 / dt, nperseg=length)[1][1:], white * gain)
+    freedom = 2 * (2 * len(rest) // length - 1) * 9 / 11 / 1  # of overlapping windows, about
+    loud = density > noise * chi2.isf(FALSE_ALARM / len(density), freedom) / freedom
+    return math.sqrt(float(np.sum((density - noise)[loud])) * frequency[1])
