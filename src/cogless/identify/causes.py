@@ -1,13 +1,19 @@
 """What makes the waves of the speed: cogging, K_t ripple, dead time, currents' errors, encoder, mechanics.
 
-Every torque of an order n meets the same rotor and the same controller. So its share of the motion's wave is
+Every torque of an order n meets the same rotor and the same controller. So its share of the wave of the speed is
 its share of the disturbance D, in A:
 
     D = j (jnw) W + b W - I = cogging + i ripple(n) - j (nw)^2 encoder(n) ...
 
-W is the complex wave of the speed by the measured angle, I that of i_q. An encoder's error counts as the torque
+W is the complex wave of the speed by the measured angle, I that of i_q. An encoder's error E counts as the torque
 that would move the rotor as the error seems to. It is the same at every speed, so this torque grows with the
 speed squared, and others do not: two speeds tell them apart, one does not.
+
+The rotor itself moves by V = W - jnw E, as the controller answers the torques d with I = -C W:
+
+    (j jnw + b + C) V = d - C jnw E
+
+So E has the share I jnw E in the motion beside d W of a torque. Its own wave, jnw E, is measurement.
 """
 
 from __future__ import annotations
@@ -22,7 +28,6 @@ from cogless.identify.estimate import CURES
 from cogless.identify.result import Estimate
 from cogless.identify.steady import Steady
 from cogless.identify.waves import folded
-from cogless.identify.weak_form import shifted
 
 COGGING, RIPPLE, DEAD_TIME = "cogging", "K_t ripple", "dead time"
 OFFSET, GAIN, ENCODER = "current offset", "current gain", "encoder"
@@ -52,7 +57,7 @@ class Found:
     """An order of the speed in a log, and its causes, the largest first.
 
     `speed`: rad/s, without sign. `load`: mean i_q, A. `ripple`: of the motion by the angle, rms, rad/s; `share`:
-    of the whole ripple's square.
+    of the whole ripple's square. `measured`: share of the order's square that is the sensor's error, no motion.
     """
 
     log: str
@@ -62,6 +67,7 @@ class Found:
     ripple: float
     share: float
     causes: tuple[Cause, ...]
+    measured: float = 0.0
 
     @property
     def confidence(self) -> str:
@@ -83,7 +89,7 @@ Phasors = dict[str, tuple[complex, float]]  # by cause: the disturbance, A, and 
 def attributed(made: Estimate, parts: Sequence[Steady]) -> list[Found]:
     """The waves of the speed in these parts, each with the shares of its causes."""
     responses = tracking(made, parts)
-    pairs = [(part, order) for part in parts for order in part.waves.orders]
+    pairs = [(part, order) for part in parts for order in part.orders]
     apart = _by_speeds(made, pairs)
     return [_attributed(made, part, order, responses, apart.get(order)) for part, order in pairs]
 
@@ -95,7 +101,8 @@ def _by_speeds(made: Estimate, pairs: Sequence[tuple[Steady, int]]) -> dict[int,
     """
     by_order: dict[int, list[Steady]] = {}
     for part, order in pairs:
-        if not disturbances(made, part, order):
+        several = candidates(order, made.known.motor.pole_pairs) != COGGING + OR + ENCODER
+        if not disturbances(made, part, order) and (order <= SLOW_ORDERS or not several):
             by_order.setdefault(order, []).append(part)
     causes = {}
     for order, parts in by_order.items():
@@ -135,6 +142,14 @@ def _attributed(
         turned = [o * np.exp(-2j * np.pi / 3 * third) for third, o in enumerate(offsets)]
         known[OFFSET] = complex(-1j * 2 / 3 * sum(turned)), 0.0
     known[UNEXPLAINED] = left, 0.0
+    misread = part.misread(order)
+    if misread and ENCODER in known:  # of the rotor's own motion
+        shown = part.motion(order) + misread
+        current = part.current_wave(order, made.model.delay / part.log.dt)
+        known = {name: (phasor * shown, error * abs(shown)) for name, (phasor, error) in known.items()}
+        relative = known[ENCODER][1] / (abs(known[ENCODER][0]) or 1.0)
+        known[ENCODER] = current * misread, relative * abs(current * misread)
+        left, blurred = left * shown, blurred * abs(shown)
     whole = sum(phasor for phasor, _ in known.values())
     if not whole or (not told and abs(left) > LIKELY * abs(whole)):  # left out of the fit, or never found
         return found_in(part, order, [by_speeds] if by_speeds else guess(part, order, made.known.motor.pole_pairs))
@@ -176,10 +191,18 @@ def guess(part: Steady, order: int, poles: int) -> list[Cause]:
 
 def found_in(part: Steady, order: int, causes: Sequence[Cause]) -> Found:
     """An order of a part's speed, and its causes."""
-    size = abs(part.waves.of_speed(order)) / math.sqrt(2)
+    motion, misread = abs(part.motion(order)) ** 2 / 2, abs(part.misread(order)) ** 2 / 2
+    whole = motion + misread
+    measured = misread / whole
+    if measured:
+        moved = 1 - measured
+        causes = [Cause(each.name, moved * each.share, moved * each.error) for each in causes]
+        own = next((each for each in causes if each.name == ENCODER), Cause(ENCODER, 0.0, 0.0))
+        causes = [each for each in causes if each is not own]
+        causes.append(Cause(ENCODER, own.share + measured, own.error))
     ordered = tuple(sorted(causes, key=lambda cause: -cause.share))
-    share = (size / part.waves.ripple) ** 2
-    return Found(part.log.name, abs(part.speed), part.load, order, size, share, ordered)
+    share = whole / part.ripple**2
+    return Found(part.log.name, abs(part.speed), part.load, order, math.sqrt(whole), share, ordered, measured)
 
 
 def _measured(made: Estimate, part: Steady, order: int) -> tuple[complex, float]:
@@ -188,14 +211,13 @@ def _measured(made: Estimate, part: Steady, order: int) -> tuple[complex, float]
     It is off by the angle's noise, and because a current that is held between the law's steps looks half a row
     early or late.
     """
-    omega = part.waves.of_speed(order)
+    omega = part.motion(order) + part.misread(order)
     assert made.fit is not None
     j, b = made.fit.get("j"), made.fit.get("b")
-    late = shifted(part.log["i_q"], made.model.delay / part.log.dt)
-    current = part.wave(late[part.rows], order)
+    current = part.current_wave(order, made.model.delay / part.log.dt)
     blurred = abs(current) * order * abs(part.speed) * part.log.dt / 2
     by_speed = 1j * order * part.speed * j + b
-    noise = abs(by_speed * order * part.speed) * part.waves.error[order]
+    noise = abs(by_speed * order * part.speed) * part.waves.error.get(order, 0.0)
     return by_speed * omega - current, math.hypot(blurred, noise)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,6 +20,7 @@ from cogless.identify.findings import prepared
 from cogless.identify.log import Log, load_logs
 from cogless.identify.result import Estimate
 from cogless.identify.steady import Steady, steady, with_angle
+from cogless.identify.weak_form import corrected
 
 NO_ORDER = "no order"  # of the rotor's motion: vibration, or slow changes of the speed
 SHOWN = 0.01  # share of an order that has a line
@@ -33,7 +34,7 @@ ROWS_A_WAVE = 2.5  # rows that show an order, with some to spare
 class Diagnosis:
     """The orders of each log's motion with their causes.
 
-    `whole`: each log's ripple by its angle, rms, rad/s. `logged`: that of its logged speed, where it has one.
+    `whole`: each log's ripple by its angle, with the sensor's error, rms, rad/s. `logged`: that of its logged speed, where it has one.
     `uses`: what each log without a steady part is used for, or why it is not.
     """
 
@@ -44,8 +45,13 @@ class Diagnosis:
     logged: Mapping[str, float] = field(default_factory=dict)
     uses: Mapping[str, str] = field(default_factory=dict)
 
-    def measurement(self, log: str) -> float:
-        """Share of the logged speed's square that is beyond the angle's motion: steps and noise."""
+    def motion(self, log: str) -> float:
+        """Ripple of the rotor's own speed, rms, rad/s."""
+        measured = sum(each.share * each.measured for each in self.of(log))
+        return self.whole[log] * math.sqrt(max(0.0, 1 - measured))
+
+    def noise(self, log: str) -> float:
+        """Share of the logged speed's square that is beyond the angle's waves: its steps and noise."""
         logged = self.logged.get(log, 0.0)
         return max(0.0, 1 - (self.whole[log] / logged) ** 2) if logged else 0.0
 
@@ -87,7 +93,8 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
             said += str(error).splitlines()
     explained, own = _explained(made, loaded), own_orders(known.motor.pole_pairs, known.motor.slots)
     angles = {log.name for log in loaded if "theta" in log}
-    parts = [part for log in explained.values() for part in steady(log, known.step, own)]
+    error = _error(made)
+    parts = [part for log in explained.values() for part in steady(log, known.step, own, error)]
     found = attributed(made, parts) if made is not None and parts else []
     others = [
         part
@@ -110,9 +117,9 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
                 recording(signal="i_q_ref"),
             )
         )
-    merged = tuple(_merged([*found, *alone]))
+    ripples = _rms_by_log(every, lambda part: part.ripple)
+    merged = tuple(_merged([*found, *alone], ripples, Counter(part.log.name for part in every)))
     said += _of_one_speed(merged, every) + _opposed(merged) + _out_of_sight(every)
-    ripples = _rms_by_log(every, lambda part: part.waves.ripple)
     measured = [part for part in every if part.log.name in angles and "omega" in part.log]
     logged = _rms_by_log(measured, lambda part: part.logged_ripple)
     return Diagnosis(known.title, merged, ripples, tuple(dict.fromkeys(said)), logged, uses)
@@ -129,7 +136,17 @@ def _explained(made: Estimate | None, loaded: Sequence[Log]) -> dict[str, Log]:
     if made is None or made.fit is None or "j" not in made.values:
         return {}
     off = [prepared(made.known, log, None) for log in loaded if log.kind == "bridge-off" and "theta" in log]
-    return {log.name: log for log in (*made.logs, *off) if log.dt}
+    return {log.name: _without_error(log, made) for log in (*made.logs, *off) if log.dt}
+
+
+def _without_error(log: Log, made: Estimate) -> Log:
+    """The log with the rotor's angle: without the sensor's error that was found."""
+    return replace(log, signals={**log.signals, "theta": corrected(log["theta"], made.model)})
+
+
+def _error(made: Estimate | None) -> dict[int, complex]:
+    """The sensor's error that was found, rad, by order: Re(E exp(j n theta))."""
+    return {} if made is None else {n: complex(c, -s) for n, (c, s) in made.model.error.items()}
 
 
 def _without(logs: Sequence[Log]) -> list[str]:
@@ -235,8 +252,8 @@ def _rms_by_log(parts: Sequence[Steady], ripple: Callable[[Steady], float]) -> d
     return {name: float(np.sqrt(np.mean(own))) for name, own in squares.items()}
 
 
-def _merged(found: Sequence[Found]) -> list[Found]:
-    """Both directions of a log as one."""
+def _merged(found: Sequence[Found], ripples: Mapping[str, float], parts: Mapping[str, int]) -> list[Found]:
+    """Both directions of a log as one. `ripples`: of all its parts, rms, rad/s; `parts`: how many it has."""
     groups: dict[tuple[str, int], list[Found]] = defaultdict(list)
     for each in found:
         groups[each.log, each.order].append(each)
@@ -253,12 +270,15 @@ def _merged(found: Sequence[Found]) -> list[Found]:
             has = [next((c for c in each.causes if c.name == name), Cause(name, 0.0, 0.0)) for each in own]
             causes.append(Cause(name, mean([c.share for c in has]), mean([c.error for c in has])))
         causes.sort(key=lambda cause: -cause.share)
+        log = own[0].log
+        ripple = math.sqrt(float(np.sum(weights)) / parts[log])
         merged.append(
             replace(
                 own[0],
-                ripple=float(np.sqrt(np.mean(weights))),
-                share=float(np.mean([each.share for each in own])),
+                ripple=ripple,
+                share=(ripple / ripples[log]) ** 2,
                 causes=tuple(causes),
+                measured=mean([each.measured for each in own]),
             )
         )
     return sorted(merged, key=lambda each: (each.log, -each.share))
@@ -296,9 +316,7 @@ def lines(made: Diagnosis) -> list[str]:
         )
         at = f"{own[0].speed / TURN:.3g} rev/s" if own else "steady"
         load = f", {own[0].load:.3g} A" if own and not math.isnan(own[0].load) else ""
-        noise = made.measurement(log)
-        logged = f" (logged {made.logged[log]:.3g}, {100 * noise:.0f} % of its square is measurement)" if noise else ""
-        text.append(f"{log} ({at}{load}): {made.whole[log]:.3g} rad/s rms{logged}: {shares}")
+        text.append(f"{log} ({at}{load}): {_sizes(made, log)}: {shares}")
     text += [f"{log}: {use}" for log, use in made.uses.items()]
     text += [
         "",
@@ -315,6 +333,17 @@ def lines(made: Diagnosis) -> list[str]:
     return text
 
 
+def _sizes(made: Diagnosis, log: str) -> str:
+    """The ripple of a log, and how much of what it shows is measurement and no motion."""
+    size, motion, noise = made.whole[log], made.motion(log), made.noise(log)
+    says = [f"{size:.3g} rad/s rms"]
+    if motion < (1 - SHOWN) * size:
+        says.append(f"the rotor's own {motion:.3g}, the rest is the encoder's error")
+    if noise > SHOWN:
+        says.append(f"{100 * noise:.0f} % of the square of the logged speed's {made.logged[log]:.3g} is its steps and noise")
+    return ", ".join(says)
+
+
 def shown(cause: Cause) -> str:
     """A cause with its share and error at 95 %."""
     error = f" +- {100 * cause.error:.0f}" if cause.error else ""
@@ -328,7 +357,8 @@ def to_dict(made: Diagnosis) -> dict[str, Any]:
         "logs": {
             log: {
                 "ripple_rad_per_s": whole,
-                "measurement_share_of_logged_speed": made.measurement(log) if log in made.logged else None,
+                "motion_rad_per_s": made.motion(log),
+                "noise_share_of_logged_speed": made.noise(log) if log in made.logged else None,
                 "shares": made.causes(log),
             }
             for log, whole in made.whole.items()

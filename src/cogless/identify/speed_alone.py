@@ -16,7 +16,7 @@ LARGE = 0.05  # of a ripple's square: smaller orders are in no sentence
 
 def by_order(parts: Sequence[Steady], poles: int) -> list[Found]:
     """The orders of the speed in these parts, with what may make them."""
-    return [found_in(part, order, guess(part, order, poles)) for part in parts for order in part.waves.orders]
+    return [found_in(part, order, guess(part, order, poles)) for part in parts for order in part.orders]
 
 
 def sentences(found: Sequence[Found]) -> list[str]:

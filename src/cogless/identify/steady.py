@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,8 @@ from scipy.ndimage import uniform_filter1d
 
 from cogless.identify.files import Array
 from cogless.identify.log import Log
-from cogless.identify.waves import Waves, standing_waves, wave_of_signal
+from cogless.identify.waves import Waves, standing_waves, waves_of_signal
+from cogless.identify.weak_form import shifted
 
 ALIKE = 0.1  # of the speed: what is within it is steady
 SMOOTHED = 0.2  # s
@@ -27,7 +29,8 @@ ROWS_LEAST = 20
 class Steady:
     """A part of a log that turns in one direction at one speed.
 
-    `rows`: of the log. `theta`: rad. `speed`: mean, signed, rad/s. `load`: mean i_q, A, positive where it
+    `rows`: of the log. `theta`: rad, without the sensor's error as far as it is known: that is `error`, rad,
+    by order, Re(E exp(j n theta)) beyond the rotor's angle. `speed`: mean, signed, rad/s. `load`: mean i_q, A, positive where it
     drives; NaN without current. `step`: of the angle, rad. `own_orders`: of the motor, which may be beyond what
     the rows show.
     """
@@ -39,6 +42,7 @@ class Steady:
     load: float
     step: float = 0.0
     own_orders: tuple[int, ...] = ()
+    error: Mapping[int, complex] = field(default_factory=dict)
 
     @property
     def current(self) -> float:
@@ -48,7 +52,26 @@ class Steady:
     @cached_property
     def waves(self) -> Waves:
         """Orders of the rotor's motion as its angle shows it."""
-        return standing_waves(self.theta, self.log.dt, self.step, self.own_orders)
+        shown = self.theta + sum((wave * np.exp(1j * n * self.theta)).real for n, wave in self.error.items())
+        return standing_waves(self.theta, self.log.dt, self.step, self.own_orders, shown)
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Orders of the motion, or of the sensor's error."""
+        return (*self.waves.orders, *(n for n in self.error if n not in self.waves.amplitude))
+
+    def motion(self, order: int) -> complex:
+        """Complex wave of the rotor's speed, rad/s."""
+        return self.waves.of_speed(order) if order in self.waves.amplitude else 0j
+
+    def misread(self, order: int) -> complex:
+        """Complex wave of the speed that the sensor's error makes, rad/s; no motion."""
+        return 1j * order * self.speed * self.error.get(order, 0j)
+
+    @property
+    def ripple(self) -> float:
+        """Of the motion and of the sensor's error, rms, rad/s."""
+        return math.hypot(self.waves.ripple, *(abs(self.misread(n)) / math.sqrt(2) for n in self.error))
 
     @property
     def rows_a_turn(self) -> float:
@@ -63,9 +86,16 @@ class Steady:
         """Ripple of the speed as logged, rms, rad/s; NaN where it is not."""
         return float(np.std(self.log["omega"][self.rows])) if "omega" in self.log else math.nan
 
-    def wave(self, x: Array, order: int) -> complex:
-        """Complex amplitude X of an order in a signal of these rows: x = Re(X exp(j order theta))."""
-        return wave_of_signal(x, self.theta, self.waves.orders, order)
+    def current_wave(self, order: int, late: float) -> complex:
+        """Complex wave of an order in i_q, A, which is logged so many rows late."""
+        if late not in self._currents:
+            current = shifted(self.log["i_q"], late)[self.rows]
+            self._currents[late] = waves_of_signal(current, self.theta, self.orders)
+        return self._currents[late][order]
+
+    @cached_property
+    def _currents(self) -> dict[float, dict[int, complex]]:
+        return {}
 
     def visible(self, order: int) -> bool:
         """Whether the rows are more than two for each wave of this order."""
@@ -79,10 +109,15 @@ def with_angle(log: Log) -> Log:
     return replace(log, signals={**log.signals, "theta": np.cumsum(log["omega"]) * log.dt})
 
 
-def steady(log: Log, step: float = 0.0, own_orders: Sequence[int] = ()) -> Iterator[Steady]:
+def steady(
+    log: Log,
+    step: float = 0.0,
+    own_orders: Sequence[int] = (),
+    error: Mapping[int, complex] = MappingProxyType({}),
+) -> Iterator[Steady]:
     """Steady parts of a log, one for each direction and stretch.
 
-    `step`: of the angle, rad. The sensor's own error and cogging change the speed within a turn. So a speed is
+    `step`: of the angle, rad. `error`: of the sensor, which is out of the log's angle. The sensor's own error and cogging change the speed within a turn. So a speed is
     steady, too, where the rotor passes each angle a turn later as fast as before.
     """
     for stretch in log.stretches:
@@ -100,9 +135,9 @@ def steady(log: Log, step: float = 0.0, own_orders: Sequence[int] = ()) -> Itera
                 if sign * (theta[way.stop - 1] - theta[way.start]) > 0
             ]
             rows = max(runs, key=len)
-            part = _part(log, stretch.start + rows, step, tuple(own_orders))
+            part = _part(log, stretch.start + rows)
             if part is not None:
-                yield part
+                yield replace(part, step=step, own_orders=tuple(own_orders), error=error)
 
 
 def _slow_changes(smooth: Array, sign: int) -> NDArray[np.intp]:
@@ -156,7 +191,7 @@ def _longest(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.arange(starts[best], ends[best])
 
 
-def _part(log: Log, rows: NDArray[np.intp], step: float, own_orders: tuple[int, ...]) -> Steady | None:
+def _part(log: Log, rows: NDArray[np.intp]) -> Steady | None:
     if len(rows) < ROWS_LEAST:
         return None
     theta = log["theta"][rows]
@@ -165,4 +200,4 @@ def _part(log: Log, rows: NDArray[np.intp], step: float, own_orders: tuple[int, 
         return None
     speed = turned / (log.dt * (len(rows) - 1))
     load = math.copysign(1, speed) * float(np.mean(log["i_q"][rows])) if "i_q" in log else math.nan
-    return Steady(log, rows, theta, speed, load, step, own_orders)
+    return Steady(log, rows, theta, speed, load)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, median_filter
 from scipy.signal import welch
 from scipy.stats import chi2
 from scipy.stats import f as fisher
@@ -30,6 +30,8 @@ NEIGHBOURS = 41  # orders whose median is the floor of one
 STEPS_RATIO = 4.0  # power over that which the steps of the angle have near an order, from which on it is one
 BLOCKS = 24  # parts of the rows, each left out for the errors
 SLOW_SHARE, SLOW_MOST = 0.8, 20  # slow changes of the speed, for each turn, and at most
+PIECE_ROWS = 1 << 15  # rows whose waves are in memory together
+SMOOTH_ROWS = 5  # width of the filter that shows the motion between the steps of the angle
 SEGMENT_ROWS, SEGMENTS_LEAST = 1024, 4  # of a spectrum
 SEEN_SHARE = 0.01  # share of the ripple's square that an order has which can be seen
 Complex = NDArray[np.complex128]
@@ -79,24 +81,31 @@ def slow_columns(count: int, turns: float) -> Array:
     return np.cos(np.pi * np.outer(x, np.arange(most + 1)))
 
 
-def wave_of_signal(x: Array, theta: Array, orders: Sequence[int], order: int) -> complex:
-    """Complex wave of an order in a signal, beside waves of other orders and slow changes."""
-    turns = (theta[-1] - theta[0]) / (2 * np.pi)
-    phases = np.exp(1j * np.outer(theta, [order, *(n for n in orders if n != order)]))
-    columns = np.hstack([phases.real, -phases.imag, slow_columns(len(x), turns)])
-    values = np.linalg.lstsq(columns, x, rcond=None)[0]
-    return complex(values[0], values[phases.shape[1]])
+def waves_of_signal(x: Array, theta: Array, orders: Sequence[int]) -> dict[int, complex]:
+    """Complex waves X of all these orders in a signal, x = Re(X exp(j n theta)), beside slow changes."""
+    slow = slow_columns(len(x), (theta[-1] - theta[0]) / (2 * np.pi))
+    size = 2 * len(orders) + slow.shape[1]
+    matrix, vector = np.zeros((size, size)), np.zeros(size)
+    for first in range(0, len(x), PIECE_ROWS):
+        rows = slice(first, first + PIECE_ROWS)
+        phases = np.exp(1j * np.outer(theta[rows], orders))
+        columns = np.hstack([phases.real, -phases.imag, slow[rows]])
+        matrix += columns.T @ columns
+        vector += columns.T @ x[rows]
+    values = _solved(matrix, vector)
+    return {n: complex(values[k], values[len(orders) + k]) for k, n in enumerate(orders)}
 
 
 class _Motion:
     """The speed between rows, and normal equations of waves in it, by blocks."""
 
-    def __init__(self, theta: Array, dt: float) -> None:
-        self.theta, self.dt = theta, dt
+    def __init__(self, theta: Array, dt: float, shown: Array) -> None:
+        self.theta, self.dt, self.shown = theta, dt, shown
         self.y = np.diff(theta) / dt
         self.middle = 0.5 * (theta[1:] + theta[:-1])
         self.slow = slow_columns(len(self.y), (theta[-1] - theta[0]) / (2 * np.pi))
-        edges = np.linspace(0, len(self.y), min(BLOCKS, len(self.y) // 5) + 1).astype(int)
+        blocks = max(BLOCKS, len(self.y) // PIECE_ROWS) if len(self.y) >= 5 * BLOCKS else len(self.y) // 5
+        edges = np.linspace(0, len(self.y), blocks + 1).astype(int)
         self.blocks = [slice(int(a), int(b)) for a, b in zip(edges, edges[1:], strict=False)]
 
     def columns(self, rows: slice, orders: Sequence[int]) -> Array:
@@ -128,10 +137,12 @@ def _solved(matrix: Array, vector: Array) -> Array:
     return np.asarray(np.linalg.lstsq(matrix / np.outer(scale, scale), vector / scale, rcond=1e-10)[0] / scale)
 
 
-def standing_waves(theta: Array, dt: float, step: float, own: Sequence[int] = ()) -> Waves:
+def standing_waves(
+    theta: Array, dt: float, step: float, own: Sequence[int] = (), shown: Array | None = None
+) -> Waves:
     """The waves that stand out of an angle's motion; none by chance at a rate of 1 %.
 
-    `step`: of the angle, rad. `own`: orders of the motor, which are looked for beyond half the rows' rate, too,
+    `step`: of the measured angle, rad, which is `shown`: `theta` with the sensor's error, if it has one. `own`: orders of the motor, which are looked for beyond half the rows' rate, too,
     where the rows do not show them as another order.
     """
     turns = abs(theta[-1] - theta[0]) / (2 * np.pi)
@@ -142,7 +153,7 @@ def standing_waves(theta: Array, dt: float, step: float, own: Sequence[int] = ()
     candidates = np.array([*range(1, top + 1), *beyond], dtype=np.intp)
     if top < 3:
         return Waves(speed, {}, {}, float(np.std(np.diff(theta) / dt)), a_turn / 2, 0)
-    motion, level = _Motion(theta, dt), -math.log(FALSE_ALARM / len(candidates))
+    motion, level = _Motion(theta, dt, theta if shown is None else shown), -math.log(FALSE_ALARM / len(candidates))
     orders: list[int] = []
     while True:
         matrices, vectors = motion.equations(orders)
@@ -179,10 +190,11 @@ def _told_by_their_folds(orders: Sequence[int], rows: float, turns: float) -> It
 
 
 def _steps(motion: _Motion, rest: Array, step: float) -> Array:
-    """The speed that steps of the angle make, rad/s, where the rotor moves as it was found to."""
+    """The speed that steps of the angle make, rad/s, where it moves as it does but for them."""
     if not step:
         return np.zeros_like(rest)
-    smooth = motion.theta - motion.dt * np.concatenate(([0.0], np.cumsum(rest)))
+    beside = motion.dt * np.concatenate(([0.0], np.cumsum(rest)))
+    smooth = motion.shown - beside + gaussian_filter1d(beside, SMOOTH_ROWS, mode="nearest")
     return np.asarray(np.diff(np.floor(smooth / step) * step - smooth) / motion.dt)
 
 
@@ -228,6 +240,6 @@ def _vibration(rest: Array, steps: Array, dt: float) -> float:
     density, gain = density[1:], (2 * np.sin(np.pi * frequency[1:] * dt) / dt) ** 2
     white = float(np.median((density / gain)[len(gain) // 2 :]))
     noise = np.maximum(welch(steps, 1 / dt, nperseg=length)[1][1:], white * gain)
-    freedom = 2 * (2 * len(rest) // length - 1) * 9 / 11 / 1  # of overlapping windows, about
+    freedom = 2 * len(rest) / length  # of windows that do not overlap; those between them add some
     loud = density > noise * chi2.isf(FALSE_ALARM / len(density), freedom) / freedom
     return math.sqrt(float(np.sum((density - noise)[loud])) * frequency[1])
