@@ -19,6 +19,7 @@ from cogless.identify.estimate import Progress, estimate
 from cogless.identify.findings import prepared
 from cogless.identify.log import Log, load_logs
 from cogless.identify.result import Estimate
+from cogless.identify.voltage import Agreement
 from cogless.identify.steady import Steady, steady, with_angle
 from cogless.identify.weak_form import corrected
 
@@ -204,25 +205,27 @@ def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
     """Up to which order each log can show one, and which of the motor's own are beyond."""
     said: list[str] = []
     for name in dict.fromkeys(part.log.name for part in parts):
-        part = min((part for part in parts if part.log.name == name), key=lambda part: part.waves.seen)
+        part = min((part for part in parts if part.log.name == name), key=lambda part: part.waves.half_rate)
         waves, speed = part.waves, abs(part.speed) / TURN
         by_rows = [n for n in part.own_orders if n > waves.half_rate]
-        by_noise = [n for n in part.own_orders if waves.seen < n < waves.half_rate and n not in waves.amplitude]
-        sight = f"{name}: orders up to {min(waves.seen, int(waves.half_rate))} can be seen at {speed:.3g} rev/s"
+        by_noise = [n for n in part.own_orders if n in waves.hidden and n not in waves.amplitude]
+        sight = f"{name}: its rows show orders up to {math.floor(waves.half_rate)} at {speed:.3g} rev/s"
         if by_rows:
             rate = ROWS_A_WAVE * max(by_rows) * speed
             said.append(
                 Advice(
                     f"{sight}. {_named(by_rows)} of this motor cannot be seen: its wave is shorter than two rows, "
-                    f"and may look like another order; record {rate:.3g} rows a second, or turn more slowly.",
+                    f"which may show it as another order; record {rate:.3g} rows a second, or turn more slowly.",
                     recording(rate=rate),
                     recording(speed=abs(part.speed) / (part.log.dt * rate)),
                 )
             )
-        elif by_noise:
+        else:
+            said.append(Agreement(f"{sight}."))
+        if by_noise:
             said.append(
-                f"{sight}. {_named(by_noise)} of this motor cannot be seen: the noise of the angle hides a wave "
-                "of a tenth of the ripple."
+                f"{name}: {_named(by_noise)} of this motor cannot be seen where it is a tenth of the ripple or less: "
+                "noise and steps of the angle hide it."
             )
     return said
 
@@ -285,13 +288,14 @@ def _merged(found: Sequence[Found], ripples: Mapping[str, float], parts: Mapping
 
 
 def answer(made: Diagnosis) -> str:
-    """One sentence: the main cause, and its share in the logs."""
+    """One sentence: the main cause by the ripple's square in all logs, and its share in each."""
     logs = list(made.whole)
-    totals: dict[str, list[float]] = defaultdict(list)
+    totals: dict[str, dict[str, float]] = defaultdict(dict)
     for log in logs:
         for name, share in made.causes(log).items():
-            totals[name].append(share)
-    name, shares = max(totals.items(), key=lambda item: sum(item[1]))
+            totals[name][log] = share
+    name, by_log = max(totals.items(), key=lambda item: sum(x * made.whole[log] ** 2 for log, x in item[1].items()))
+    shares = list(by_log.values())
     if name == NO_ORDER:
         return (
             f"Most of the ripple is of {NO_ORDER} of the rotor that these logs can show: vibration, or slow "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,13 @@ WAVES_MOST = 60  # orders of one part
 ANGLE_CELLS = 8192  # of a turn, in which the residual is summed: an order has eight of them
 NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their power over the strongest's, which leaks by less
 NEIGHBOURS = 41  # orders whose median is the floor of one
-STEPS_RATIO = 4.0  # power over that which the steps of the angle have near an order, from which on it is one
+NEAR_ORDERS = 5  # orders in which the steps of the angle are as strong as at one, since their speed is not known
+STEPS_RATIO = 4.0  # power over that which they have, from which on it is an order
+STEP_WAVES, SAWTOOTH_MARGIN = 10, 1.2  # waves of a sawtooth, and their size for noise beside them
 BLOCKS = 24  # parts of the rows, each left out for the errors
 SLOW_SHARE, SLOW_MOST = 0.8, 20  # slow changes of the speed, for each turn, and at most
 PIECE_ROWS = 1 << 15  # rows whose waves are in memory together
-SMOOTH_ROWS = 5  # width of the filter that shows the motion between the steps of the angle
+SMOOTH_ROWS = (5, 20)  # widths of filters that show the motion between the steps of the angle
 SEGMENT_ROWS, SEGMENTS_LEAST = 1024, 4  # of a spectrum
 SEEN_SHARE = 0.01  # share of the ripple's square that an order has which can be seen
 Complex = NDArray[np.complex128]
@@ -43,7 +45,8 @@ class Waves:
 
     `amplitude`: of the angle, rad, theta = ... + Re(A exp(j n theta)); `error`: at 95 %, rad. `vibration`: of no
     order, beyond what the steps and the noise of the angle make, rms, rad/s. `half_rate`: order at half the
-    rate of the rows. `seen`: highest order at which a wave with a hundredth of the ripple's square stands out.
+    rate of the rows. `hidden`: orders below it at which a wave with a hundredth of the ripple's square would not
+    stand out.
     """
 
     speed: float  # rad/s
@@ -51,7 +54,7 @@ class Waves:
     error: dict[int, float]
     vibration: float
     half_rate: float
-    seen: int
+    hidden: frozenset[int]
 
     @property
     def orders(self) -> tuple[int, ...]:
@@ -69,7 +72,7 @@ class Waves:
         return math.sqrt(waves + self.vibration**2)
 
 
-def folded(order: int, rows: float) -> float:
+def folded(order: float, rows: float) -> float:
     """The order as which rows, so many a turn, show an order."""
     return abs(order - rows * round(order / rows))
 
@@ -152,19 +155,21 @@ def standing_waves(
     beyond = list(_told_by_their_folds([n for n in own if top < n], a_turn, turns))
     candidates = np.array([*range(1, top + 1), *beyond], dtype=np.intp)
     if top < 3:
-        return Waves(speed, {}, {}, float(np.std(np.diff(theta) / dt)), a_turn / 2, 0)
+        return Waves(speed, {}, {}, float(np.std(np.diff(theta) / dt)), a_turn / 2, frozenset())
     motion, level = _Motion(theta, dt, theta if shown is None else shown), -math.log(FALSE_ALARM / len(candidates))
+    sawtooth = _sawtooth(candidates, a_turn, turns, step) * (len(motion.y) * speed / 2) ** 2
     orders: list[int] = []
     while True:
         matrices, vectors = motion.equations(orders)
         values = _solved(matrices.sum(axis=0), vectors.sum(axis=0))
         rest = motion.residual(orders, values)
-        steps = _steps(motion, rest, step)
         power = motion.power(rest, candidates)
+        steps = np.max([motion.power(_steps(motion, rest, step, width), candidates) for width in SMOOTH_ROWS], axis=0)
         floor = np.empty_like(power)
         floor[:top] = median_filter(power[:top], min(NEIGHBOURS, top), mode="mirror") / math.log(2)
         floor[top:] = np.median(power[:top]) / math.log(2)
-        least = np.maximum(level * floor, STEPS_RATIO * maximum_filter1d(motion.power(steps, candidates), 5))
+        near = maximum_filter1d(steps, NEAR_ORDERS)
+        least = np.maximum(level * floor, np.maximum(STEPS_RATIO * near, sawtooth))
         strongest = [k for k in np.argsort(-power) if power[k] > least[k] and candidates[k] not in orders]
         new = [int(candidates[k]) for k in strongest if power[k] > NEW_SHARE * power[strongest[0]]][:NEW_MOST]
         if not new or len(orders) + len(new) > WAVES_MOST:
@@ -173,10 +178,11 @@ def standing_waves(
     kept, amplitude, error = _significant(motion, orders, len(candidates))
     matrices, vectors = motion.equations(kept)
     rest = motion.residual(kept, _solved(matrices.sum(axis=0), vectors.sum(axis=0)))
-    found = Waves(speed, amplitude, error, _vibration(rest, _steps(motion, rest, step), dt), a_turn / 2, top)
-    hidden = level * floor[:top] * 2 / len(rest) ** 2 > SEEN_SHARE * max(found.ripple, 1e-300) ** 2
-    first = int(np.argmax(hidden)) if hidden.any() else top
-    return Waves(speed, amplitude, error, found.vibration, a_turn / 2, first)
+    vibration = _vibration(rest, _steps(motion, rest, step), dt)
+    whole = Waves(speed, amplitude, error, vibration, a_turn / 2, frozenset())
+    least = np.maximum(level * floor, sawtooth)[:top] * 2 / len(rest) ** 2  # of a wave's square mean
+    hidden = np.flatnonzero(least > SEEN_SHARE * whole.ripple**2) + 1
+    return replace(whole, hidden=frozenset(hidden.tolist()))
 
 
 def _told_by_their_folds(orders: Sequence[int], rows: float, turns: float) -> Iterator[int]:
@@ -189,12 +195,25 @@ def _told_by_their_folds(orders: Sequence[int], rows: float, turns: float) -> It
             yield n
 
 
-def _steps(motion: _Motion, rest: Array, step: float) -> Array:
+def _sawtooth(orders: NDArray[np.intp], rows: float, turns: float, step: float) -> Array:
+    """Square of n times the largest wave, rad, that steps of the angle make at each order n.
+
+    A steady rotor passes the steps in a sawtooth. Its waves have the orders k 2 pi / step, and sizes step / (pi k).
+    Rows, so many a turn, show them as other orders.
+    """
+    waves = np.zeros(len(orders))
+    for k in range(1, STEP_WAVES + 1) if step else ():
+        near = np.abs(orders - folded(k * 2 * np.pi / step, rows)) < 1 + 1 / turns
+        waves[near] = np.maximum(waves[near], SAWTOOTH_MARGIN * step / (np.pi * k))
+    return (orders * waves) ** 2
+
+
+def _steps(motion: _Motion, rest: Array, step: float, width: int = SMOOTH_ROWS[0]) -> Array:
     """The speed that steps of the angle make, rad/s, where it moves as it does but for them."""
     if not step:
         return np.zeros_like(rest)
     beside = motion.dt * np.concatenate(([0.0], np.cumsum(rest)))
-    smooth = motion.shown - beside + gaussian_filter1d(beside, SMOOTH_ROWS, mode="nearest")
+    smooth = motion.shown - beside + gaussian_filter1d(beside, width, mode="nearest")
     return np.asarray(np.diff(np.floor(smooth / step) * step - smooth) / motion.dt)
 
 
