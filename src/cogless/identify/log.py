@@ -221,7 +221,7 @@ def _amplitudes_agree(where: str, found: Columns, known: Identification) -> None
     if alike > IN_PROPORTION and abs(np.sqrt(2) * ratio - 1) < 1 - IN_PROPORTION:
         raise StudyError(
             f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: expected "
-            "peak amperes; multiply it by sqrt(2)"
+            f"peak amperes: {known.columns['i_q'].name} with scale = 1.41421 in the file of columns"
         )
 
 

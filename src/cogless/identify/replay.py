@@ -97,13 +97,15 @@ def _likely(told: Value, drive: Drive) -> float:
     return told.value if 0 <= whole < LONGEST_DEAD_TIME / drive.rates.current_loop else 0.0
 
 
-def _said_of_dead_time(more: Value) -> str:
+def _said_of_dead_time(more: Value, drive: Drive) -> str:
     """What the law's answers tell of a dead time, s, that is not in the file of columns; "" if nothing."""
-    if not more.value > 2 * more.error > 0:
+    if drive.inverter is None or not more.value > 2 * more.error > 0:
         return ""
+    lost = more.value * drive.rates.current_loop * drive.inverter.bus_voltage
     return (
-        f"The currents follow as with about {1e9 * more.value:.0f} ns more dead time than the file of "
-        "columns says; this is taken into account; write it to drive.inverter."
+        f"The currents follow as if the bridge had {1e9 * more.value:.0f} +- {1e9 * more.error:.0f} ns more dead time "
+        f"than the file of columns says, {lost:.2g} V lost against the current; this is taken into account. A drop of "
+        "transistors and diodes loses it as well, and another R_s, L_q or bandwidth of the current loop looks alike."
     )
 
 
@@ -193,7 +195,7 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
             return _without_inertia(first), traces
         more = late.part.times(_more(drive))
         dead_time = replace(more, value=own + more.value)
-    said = late.said or _said_of_dead_time(dead_time)
+    said = late.said or _said_of_dead_time(dead_time, drive)
     return replace(made, remarks=(*made.remarks, *([said] if said else []))), traces
 
 
