@@ -81,7 +81,9 @@ def waves(terms: Sequence[Sequence[tuple[int, float, float]]]) -> tuple[np.ndarr
 def simulated(pairs: Sequence[tuple[Drive, Run]]) -> list[dict[str, np.ndarray]]:
     """The log of each drive in its run, with a row for each step of the speed loop."""
     drives, runs = [drive for drive, _ in pairs], [run for _, run in pairs]
-    cogging, flux, encoder = (waves([getattr(d, name) for d in drives]) for name in ("cogging", "flux", "encoder"))
+    cogging, flux, encoder = (
+        waves([getattr(d, name) for d in drives]) for name in ("cogging", "flux", "encoder")
+    )
     offsets, gains = (np.array([getattr(d, name) for d in drives]).T for name in ("offsets", "gains"))
     dead = np.array([d.dead_voltage for d in drives])
     load = np.array([run.load for run in runs])
@@ -108,10 +110,21 @@ def simulated(pairs: Sequence[tuple[Drive, Run]]) -> list[dict[str, np.ndarray]]
         lost = -2 / 3 * dead * np.sum(np.clip(-i * park / SWITCHED, -1, 1) * park, axis=0)
         error = i_ref - 2 / 3 * np.sum(((1 + gains) * i * park - offsets) * park, axis=0)
         magnet = 1 + sines(flux, theta)
-        torque = K_T * magnet * i + sines(cogging, theta) - load - VISCOUS * omega - COULOMB * np.tanh(omega / 0.02)
+        torque = (
+            K_T * magnet * i
+            + sines(cogging, theta)
+            - load
+            - VISCOUS * omega
+            - COULOMB * np.tanh(omega / 0.02)
+        )
         voltage = kp * error + z
         return np.array(
-            [omega, torque / INERTIA, (voltage - R_S * i - lost - K_T / 1.5 * magnet * omega) / L_S, ki * error]
+            [
+                omega,
+                torque / INERTIA,
+                (voltage - R_S * i - lost - K_T / 1.5 * magnet * omega) / L_S,
+                ki * error,
+            ]
         )
 
     times = [np.array([t for t, _ in run.points], dtype=float) for run in runs]
@@ -178,7 +191,9 @@ def logs() -> dict[str, dict[str, dict[str, np.ndarray]]]:
 def columns(**more: Any) -> dict[str, Any]:
     """Tables of the file of columns: what a user of these drives knows."""
     return {
-        "columns": {name: name for name in ("t", "theta", "omega", "i_q", "i_q_ref", "u_q", "i_a", "i_b", "i_c")},
+        "columns": {
+            name: name for name in ("t", "theta", "omega", "i_q", "i_q_ref", "u_q", "i_a", "i_b", "i_c")
+        },
         "motor": {
             "pole_pairs": POLES,
             "slots": SLOTS,

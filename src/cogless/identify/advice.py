@@ -16,8 +16,8 @@ RECORD = "record"  # begins the keys of what a log should have: record.kind, rec
 class Advice(str):
     """A sentence, and the changes that it advises; each of them helps without the others.
 
-    A change has values by dotted key: of the file of columns, such as motor.K_t, or of a log to record, such as
-    record.kind. Whoever doubts the sentence applies one and identifies again, as the tests do.
+    A change has values by dotted key: of the file of columns, such as motor.K_t, or of a log to record, such
+    as record.kind. Whoever doubts the sentence applies one and identifies again, as the tests do.
     """
 
     cures: tuple[Cure, ...]

@@ -1,13 +1,13 @@
 """What makes the waves of the speed: cogging, K_t ripple, dead time, currents' errors, encoder, mechanics.
 
-Every torque of an order n meets the same rotor and the same controller. So its share of the wave of the speed is
-its share of the disturbance D, in A:
+Every torque of an order n meets the same rotor and the same controller. So its share of the wave of the
+speed is its share of the disturbance D, in A:
 
     D = j (jnw) W + b W - I = cogging + i ripple(n) - j (nw)^2 encoder(n) ...
 
-W is the complex wave of the speed by the measured angle, I that of i_q. An encoder's error E counts as the torque
-that would move the rotor as the error seems to. It is the same at every speed, so this torque grows with the
-speed squared, and others do not: two speeds tell them apart, one does not.
+W is the complex wave of the speed by the measured angle, I that of i_q. An encoder's error E counts as the
+torque that would move the rotor as the error seems to. It is the same at every speed, so this torque grows
+with the speed squared, and others do not: two speeds tell them apart, one does not.
 
 The rotor itself moves by V = W - jnw E, as the controller answers the torques d with I = -C W:
 
@@ -56,8 +56,9 @@ class Cause:
 class Found:
     """An order of the speed in a log, and its causes, the largest first.
 
-    `speed`: rad/s, without sign. `load`: mean i_q, A. `ripple`: of the motion by the angle, rms, rad/s; `share`:
-    of the whole ripple's square. `measured`: share of the order's square that is the sensor's error, no motion.
+    `speed`: rad/s, without sign. `load`: mean i_q, A. `ripple`: of the motion by the angle, rms, rad/s;
+    `share`: of the whole ripple's square. `measured`: share of the order's square that is the sensor's
+    error, no motion.
     """
 
     log: str
@@ -152,7 +153,9 @@ def _attributed(
         left, blurred = left * shown, blurred * abs(shown)
     whole = sum(phasor for phasor, _ in known.values())
     if not whole or (not told and abs(left) > LIKELY * abs(whole)):  # left out of the fit, or never found
-        return found_in(part, order, [by_speeds] if by_speeds else guess(part, order, made.known.motor.pole_pairs))
+        return found_in(
+            part, order, [by_speeds] if by_speeds else guess(part, order, made.known.motor.pole_pairs)
+        )
     causes = [
         Cause(name, float((phasor / whole).real), float(np.hypot(error, blurred) / abs(whole)))
         for name, (phasor, error) in known.items()
@@ -208,8 +211,8 @@ def found_in(part: Steady, order: int, causes: Sequence[Cause]) -> Found:
 def _measured(made: Estimate, part: Steady, order: int) -> tuple[complex, float]:
     """The disturbance of this order that angle and current show, A, and how far it may be off.
 
-    It is off by the angle's noise, and because a current that is held between the law's steps looks half a row
-    early or late.
+    It is off by the angle's noise, and because a current that is held between the law's steps looks half a
+    row early or late.
     """
     omega = part.motion(order) + part.misread(order)
     assert made.fit is not None

@@ -53,7 +53,8 @@ SIGNALS: dict[str, Dimension] = {
 
 
 class Column(Table):
-    """A column of the logs: heading, unit (default: SI), -1 as `sign` where it counts backwards, and a factor."""
+    """A column of the logs: heading, unit (default: SI), -1 as `sign` where it counts backwards, and a "
+    "factor."""
 
     name: str
     unit: str = ""

@@ -19,8 +19,8 @@ from cogless.identify.estimate import Progress, estimate
 from cogless.identify.findings import prepared
 from cogless.identify.log import Log, load_logs
 from cogless.identify.result import Estimate
-from cogless.identify.voltage import Agreement
 from cogless.identify.steady import Steady, steady, with_angle
+from cogless.identify.voltage import Agreement
 from cogless.identify.weak_form import corrected
 
 NO_ORDER = "no order"  # of the rotor's motion: vibration, or slow changes of the speed
@@ -35,7 +35,8 @@ ROWS_A_WAVE = 2.5  # rows that show an order, with some to spare
 class Diagnosis:
     """The orders of each log's motion with their causes.
 
-    `whole`: each log's ripple by its angle, with the sensor's error, rms, rad/s. `logged`: that of its logged speed, where it has one.
+    `whole`: each log's ripple by its angle, with the sensor's error, rms, rad/s. `logged`: that of its
+    logged speed, where it has one.
     `uses`: what each log without a steady part is used for, or why it is not.
     """
 
@@ -94,8 +95,8 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
             said += str(error).splitlines()
     explained, own = _explained(made, loaded), own_orders(known.motor.pole_pairs, known.motor.slots)
     angles = {log.name for log in loaded if "theta" in log}
-    error = _error(made)
-    parts = [part for log in explained.values() for part in steady(log, known.step, own, error)]
+    misread = _error(made)
+    parts = [part for log in explained.values() for part in steady(log, known.step, own, misread)]
     found = attributed(made, parts) if made is not None and parts else []
     others = [
         part
@@ -127,7 +128,8 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
 
 
 def own_orders(poles: int, slots: int | None) -> tuple[int, ...]:
-    """Orders that a motor has by itself: of its poles, its slots, both together, and six times its pole pairs."""
+    """Orders that a motor has by itself: of its poles, its slots, both together, and six times its pole "
+    "pairs."""
     by_slots = () if slots is None else (slots, math.lcm(slots, 2 * poles))
     return tuple(sorted({2 * poles, 6 * poles, 12 * poles, *by_slots}))
 
@@ -152,17 +154,24 @@ def _error(made: Estimate | None) -> dict[int, complex]:
 
 def _without(logs: Sequence[Log]) -> list[str]:
     """What logs without angle or current can tell."""
-    said = []
+    said: list[str] = []
     for log in logs:
         if "theta" not in log and "omega" in log:
             said.append(
-                f"{log.name}: no angle: orders are from the integral of the speed, and have no place on the "
-                "rotor; record the encoder's angle as theta."
+                Advice(
+                    f"{log.name}: no angle: orders are from the integral of the speed, and have no place on "
+                    "the "
+                    "rotor; record the encoder's angle as theta.",
+                    recording(signal="theta", log=log.name),
+                )
             )
         if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
             said.append(
-                f"{log.name}: no current: causes of one order cannot be told apart, only how it "
-                "changes with speed; record i_q."
+                Advice(
+                    f"{log.name}: no current: causes of one order cannot be told apart, only how it "
+                    "changes with speed; record i_q.",
+                    recording(signal="i_q", log=log.name),
+                )
             )
     return said
 
@@ -178,7 +187,9 @@ def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> di
         elif not log.dt:
             uses[log.name] = "holds the rotor: cogging is from it"
         elif log.name in explained:
-            uses[log.name] = "no turn at a steady speed: inertia, friction and orders are from it, and no shares"
+            uses[log.name] = (
+                "no turn at a steady speed: inertia, friction and orders are from it, and no shares"
+            )
         else:
             uses[log.name] = "no turn at a steady speed, and no torques: it is not used"
     return uses
@@ -193,8 +204,10 @@ def _of_one_speed(orders: Sequence[Found], parts: Sequence[Steady]) -> list[str]
         return []
     return [
         Advice(
-            f"{_named(either)}: one speed cannot tell an error of the angle from a torque. The error is the same "
-            "at every speed; the motion that a torque makes falls with the speed squared. Record a second speed, "
+            f"{_named(either)}: one speed cannot tell an error of the angle from a torque. The error is the "
+            "same "
+            "at every speed; the motion that a torque makes falls with the speed squared. Record a second "
+            "speed, "
             "and an acceleration log.",
             logs_of_kind("constant-speed", "acceleration"),
         )
@@ -214,8 +227,10 @@ def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
             rate = ROWS_A_WAVE * max(by_rows) * speed
             said.append(
                 Advice(
-                    f"{sight}. {_named(by_rows)} of this motor cannot be seen: its wave is shorter than two rows, "
-                    f"which may show it as another order; record {rate:.3g} rows a second, or turn more slowly.",
+                    f"{sight}. {_named(by_rows)} of this motor cannot be seen: its wave is shorter than two "
+                    "rows, "
+                    f"which may show it as another order; record {rate:.3g} rows a second, or turn more "
+                    "slowly.",
                     recording(rate=rate),
                     recording(speed=abs(part.speed) / (part.log.dt * rate)),
                 )
@@ -224,7 +239,8 @@ def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
             said.append(Agreement(f"{sight}."))
         if by_noise:
             said.append(
-                f"{name}: {_named(by_noise)} of this motor cannot be seen where it is a tenth of the ripple or less: "
+                f"{name}: {_named(by_noise)} of this motor cannot be seen where it is a tenth of the ripple "
+                "or less: "
                 "noise and steps of the angle hide it."
             )
     return said
@@ -294,7 +310,9 @@ def answer(made: Diagnosis) -> str:
     for log in logs:
         for name, share in made.causes(log).items():
             totals[name][log] = share
-    name, by_log = max(totals.items(), key=lambda item: sum(x * made.whole[log] ** 2 for log, x in item[1].items()))
+    name, by_log = max(
+        totals.items(), key=lambda item: sum(x * made.whole[log] ** 2 for log, x in item[1].items())
+    )
     shares = list(by_log.values())
     if name == NO_ORDER:
         return (
@@ -344,7 +362,10 @@ def _sizes(made: Diagnosis, log: str) -> str:
     if motion < (1 - SHOWN) * size:
         says.append(f"the rotor's own {motion:.3g}, the rest is the encoder's error")
     if noise > SHOWN:
-        says.append(f"{100 * noise:.0f} % of the square of the logged speed's {made.logged[log]:.3g} is its steps and noise")
+        says.append(
+            f"{100 * noise:.0f} % of the square of the logged speed's {made.logged[log]:.3g} is its steps "
+            "and noise"
+        )
     return ", ".join(says)
 
 

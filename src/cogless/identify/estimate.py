@@ -10,6 +10,7 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.identify import findings, voltage
+from cogless.identify.advice import Advice, logs_of_kind
 from cogless.identify.config import Identification
 from cogless.identify.log import Log
 from cogless.identify.orders import found_orders
@@ -67,7 +68,11 @@ def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple
     sixth = (6 * known.motor.pole_pairs,)
     if not moving:
         left.append(
-            "No log of a turning motor: inertia and friction cannot be identified; add an acceleration log."
+            Advice(
+                "No log of a turning motor: inertia and friction cannot be identified; add an acceleration "
+                "log.",
+                logs_of_kind("acceleration"),
+            )
         )
     elif findings.one_speed(moving):
         left.append(findings.said_of_one_speed(moving))
@@ -78,8 +83,11 @@ def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple
         if all(findings.feedback(log) is not None for log in moving):
             columns -= {"delay"}
             left.append(
-                "All logs of a turning motor show the feedback law: the delay cannot be identified; "
-                "add an acceleration log."
+                Advice(
+                    "All logs of a turning motor show the feedback law: the delay cannot be identified; "
+                    "add an acceleration log.",
+                    logs_of_kind("acceleration"),
+                )
             )
         model = Model(
             sixth, encoder=(1, 2), columns=frozenset(columns), width=findings.kernel_width(known, logs)
@@ -306,6 +314,12 @@ CURES = {
     "encoder": "Order {0}: the encoder's error and cogging cannot be told apart; add a log at a fast speed.",
     "cogging": "Order {0}: cogging cannot be told apart from the rest; add a slow sweep.",
 }
+CURE_LOGS = {  # kinds of log that tell a column apart
+    **dict.fromkeys(("j", "delay"), ("acceleration",)),
+    **dict.fromkeys(("b", "encoder"), ("constant-speed",)),
+    **dict.fromkeys(("c", "offset", "load", "cogging"), ("slow-sweep",)),
+    "ripple": ("load",),
+}
 WEAKEST = ("delay", "encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold", "j")
 
 
@@ -319,8 +333,11 @@ def _likely_delay(
     if EARLIEST < delay < LONGEST_DELAY and error < LONGEST_DELAY:
         return rows, found, model
     left.append(
-        f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive "
-        "has; it is left out; add an acceleration log that turns around sharply."
+        Advice(
+            f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive "
+            "has; it is left out; add an acceleration log that turns around sharply.",
+            logs_of_kind("acceleration"),
+        )
     )
     return _settled(known, logs, _left(model, "delay", ("delay",)))
 
@@ -332,7 +349,7 @@ def _told_apart(
     current = np.concatenate([each.y for each in rows])
     if model.ripple and np.std(current) < abs(np.mean(current)):  # one load, in one direction
         for order in model.ripple:
-            left.append(CURES["ripple"].format(order))
+            left.append(not_told_apart("ripple", order))
             model = _without(model, ("ripple", order))
         rows = _rows(known, logs, model)
         found = fit(rows)
@@ -343,10 +360,15 @@ def _told_apart(
             return rows, found, model
         worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
         if worst[0] != "offset" or "c" in model.columns:
-            left.append(CURES[str(worst[0])].format(*worst[1:]))
+            left.append(not_told_apart(str(worst[0]), *worst[1:]))
         model = _without(model, worst)
         rows = _rows(known, logs, model)
         found = fit(rows)
+
+
+def not_told_apart(kind: str, *of: str | int) -> Advice:
+    """What to record where a column can't be told apart from others; `of`: its order or log."""
+    return Advice(CURES[kind].format(*of), logs_of_kind(*CURE_LOGS[kind]))
 
 
 def _without(model: Model, name: Name) -> Model:

@@ -30,9 +30,9 @@ class Steady:
     """A part of a log that turns in one direction at one speed.
 
     `rows`: of the log. `theta`: rad, without the sensor's error as far as it is known: that is `error`, rad,
-    by order, Re(E exp(j n theta)) beyond the rotor's angle. `speed`: mean, signed, rad/s. `load`: mean i_q, A, positive where it
-    drives; NaN without current. `step`: of the angle, rad. `own_orders`: of the motor, which may be beyond what
-    the rows show.
+    by order, Re(E exp(j n theta)) beyond the rotor's angle. `speed`: mean, signed, rad/s. `load`: mean i_q,
+    A, positive where it drives; NaN without current. `step`: of the angle, rad. `own_orders`: of the motor,
+    which may be beyond what the rows show.
     """
 
     log: Log
@@ -117,8 +117,9 @@ def steady(
 ) -> Iterator[Steady]:
     """Steady parts of a log, one for each direction and stretch.
 
-    `step`: of the angle, rad. `error`: of the sensor, which is out of the log's angle. The sensor's own error and cogging change the speed within a turn. So a speed is
-    steady, too, where the rotor passes each angle a turn later as fast as before.
+    `step`: of the angle, rad. `error`: of the sensor, which is out of the log's angle. The sensor's own
+    error and cogging change the speed within a turn. So a speed is steady, too, where the rotor passes each
+    angle a turn later as fast as before.
     """
     for stretch in log.stretches:
         theta = log["theta"][stretch]

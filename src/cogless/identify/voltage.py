@@ -1,8 +1,8 @@
-"""K_t and R from the voltage: u_q = R i_q + K_e omega + p omega L_d i_d, and what a bridge loses against the current.
+"""K_t and R from the voltage, u_q = R i_q + K_e omega + p omega L_d i_d, and what a bridge loses.
 
-What is not known enters the errors: below which current the bridge loses less, since the ripple of the current
-reverses it within a period, and whether the logged voltage is the one that the motor has, or that of a command
-which comes later, when the rotor has turned on.
+What is not known enters the errors: below which current the bridge loses less, since the ripple of the
+current reverses it within a period, and whether the logged voltage is the one that the motor has, or that of
+a command which comes later, when the rotor has turned on.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ CONFUSED = 0.1  # relative difference of K_t that warm magnets and the voltage's
 def told(known: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | None:
     """K_t, N*m/A, by the back-EMF of the steady parts of these logs, and R, ohm; None: they don't tell it.
 
-    Errors at 95 % have what the parts leave unexplained, 1 % for the inverter's gain, and how far the values move
-    with what is not known of the bridge and of the voltage's time.
+    Errors at 95 % have what the parts leave unexplained, 1 % for the inverter's gain, and how far the values
+    move with what is not known of the bridge and of the voltage's time.
     """
     whole = [log for log in logs if log.dt and {"u_q", "i_q", "theta"} <= log.signals.keys()]
     parts = [part for log in whole for part in steady(log)]
@@ -81,7 +81,7 @@ def _fitted(speeds: Array, currents: Array, voltages: Array, lost: Array) -> tup
     free = len(speeds) - 3
     square = float(np.sum((voltages - columns @ values) ** 2)) / free
     covariance = square * np.linalg.inv(columns.T @ columns)
-    return values, student.ppf(0.975, free) * np.sqrt(np.diag(covariance))
+    return np.asarray(values), np.asarray(student.ppf(0.975, free) * np.sqrt(np.diag(covariance)))
 
 
 class Agreement(str):
@@ -102,7 +102,8 @@ def _of_k_t(known: Identification, told: Value) -> str:
     says += f"; the file of columns has {given:.4g}"
     if abs(told.value - given) <= CONFUSED * given + told.error:
         return (
-            f"{says}. Magnets that are 50 K warmer, or the gain of the voltage's measurement, make as much, so it "
+            f"{says}. Magnets that are 50 K warmer, or the gain of the voltage's measurement, make as much, "
+            "so it "
             "is open which is right; all torques are in proportion to it."
         )
     if told.value <= 2 * told.error:
@@ -110,7 +111,8 @@ def _of_k_t(known: Identification, told: Value) -> str:
     times = max(given / told.value, told.value / given)
     mixed = mixed_up(times, told.error / told.value)
     return Advice(
-        f"{says}{mixed}: all torques are in proportion to it; correct motor.K_t (per rms ampere it is K_t_rms) or "
+        f"{says}{mixed}: all torques are in proportion to it; correct motor.K_t (per rms ampere it is "
+        "K_t_rms) or "
         "kv.",
         {"motor.K_t": f"{told.value:.6g} N*m/A"},
     )
@@ -123,8 +125,10 @@ def _of_r(known: Identification, told: Value) -> list[str]:
         return []
     return [
         Advice(
-            f"The voltage says R = {told.value:.3g} +- {told.error:.2g} ohm, sqrt(2) times that of the file of "
-        f"columns ({given:.3g}): i_q is in rms amperes, which makes all torques sqrt(2) too small, or the winding "
+            f"The voltage says R = {told.value:.3g} +- {told.error:.2g} ohm, sqrt(2) times that of the file "
+            "of "
+            f"columns ({given:.3g}): i_q is in rms amperes, which makes all torques sqrt(2) too small, or "
+            "the winding "
             f"is {WARMER:.0f} K warmer; record i_a and i_b, which tell it.",
             recording(signal="i_a"),
         )

@@ -1,8 +1,8 @@
 """Waves of a rotor's motion over its angle, by joint least squares, and how far they can be seen.
 
-The speed is the angle's difference between two rows. A wave of order n of the angle is in it as the difference
-of exp(j n theta) between them, so that nothing is lost between the rows. The steps of the angle leave noise in
-it, whose spectrum follows from the motion that was found: it counts as measurement.
+The speed is the angle's difference between two rows. A wave of order n of the angle is in it as the
+difference of exp(j n theta) between them, so that nothing is lost between the rows. The steps of the angle
+leave noise in it, whose spectrum follows from the motion that was found: it counts as measurement.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,9 @@ WAVES_MOST = 60  # orders of one part
 ANGLE_CELLS = 8192  # of a turn, in which the residual is summed: an order has eight of them
 NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their power over the strongest's, which leaks by less
 NEIGHBOURS = 41  # orders whose median is the floor of one
-NEAR_ORDERS = 5  # orders in which the steps of the angle are as strong as at one, since their speed is not known
+NEAR_ORDERS = (
+    5  # orders in which the steps of the angle are as strong as at one, since their speed is not known
+)
 STEPS_RATIO = 4.0  # power over that which they have, from which on it is an order
 STEP_WAVES, SAWTOOTH_MARGIN = 10, 1.2  # waves of a sawtooth, and their size for noise beside them
 BLOCKS = 24  # parts of the rows, each left out for the errors
@@ -36,17 +39,16 @@ PIECE_ROWS = 1 << 15  # rows whose waves are in memory together
 SMOOTH_ROWS = (5, 20)  # widths of filters that show the motion between the steps of the angle
 SEGMENT_ROWS, SEGMENTS_LEAST = 1024, 4  # of a spectrum
 SEEN_SHARE = 0.01  # share of the ripple's square that an order has which can be seen
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
 class Waves:
     """Orders of a motion at a steady speed.
 
-    `amplitude`: of the angle, rad, theta = ... + Re(A exp(j n theta)); `error`: at 95 %, rad. `vibration`: of no
-    order, beyond what the steps and the noise of the angle make, rms, rad/s. `half_rate`: order at half the
-    rate of the rows. `hidden`: orders below it at which a wave with a hundredth of the ripple's square would not
-    stand out.
+    `amplitude`: of the angle, rad, theta = ... + Re(A exp(j n theta)); `error`: at 95 %, rad. `vibration`: of
+    no order, beyond what the steps and the noise of the angle make, rms, rad/s. `half_rate`: order at half
+    the rate of the rows. `hidden`: orders below it at which a wave with a hundredth of the ripple's square
+    would not stand out.
     """
 
     speed: float  # rad/s
@@ -109,7 +111,7 @@ class _Motion:
         self.slow = slow_columns(len(self.y), (theta[-1] - theta[0]) / (2 * np.pi))
         blocks = max(BLOCKS, len(self.y) // PIECE_ROWS) if len(self.y) >= 5 * BLOCKS else len(self.y) // 5
         edges = np.linspace(0, len(self.y), blocks + 1).astype(int)
-        self.blocks = [slice(int(a), int(b)) for a, b in zip(edges, edges[1:], strict=False)]
+        self.blocks = [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
     def columns(self, rows: slice, orders: Sequence[int]) -> Array:
         waves = np.exp(1j * np.outer(self.theta[rows.start : rows.stop + 1], orders))
@@ -137,7 +139,9 @@ class _Motion:
 
 def _solved(matrix: Array, vector: Array) -> Array:
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    return np.asarray(np.linalg.lstsq(matrix / np.outer(scale, scale), vector / scale, rcond=1e-10)[0] / scale)
+    return np.asarray(
+        np.linalg.lstsq(matrix / np.outer(scale, scale), vector / scale, rcond=1e-10)[0] / scale
+    )
 
 
 def standing_waves(
@@ -145,8 +149,9 @@ def standing_waves(
 ) -> Waves:
     """The waves that stand out of an angle's motion; none by chance at a rate of 1 %.
 
-    `step`: of the measured angle, rad, which is `shown`: `theta` with the sensor's error, if it has one. `own`: orders of the motor, which are looked for beyond half the rows' rate, too,
-    where the rows do not show them as another order.
+    `step`: of the measured angle, rad, which is `shown`: `theta` with the sensor's error, if it has one.
+    `own`: orders of the motor, which are looked for beyond half the rows' rate, too, where the rows do not
+    show them as another order.
     """
     turns = abs(theta[-1] - theta[0]) / (2 * np.pi)
     speed = (theta[-1] - theta[0]) / (dt * (len(theta) - 1))
@@ -156,7 +161,10 @@ def standing_waves(
     candidates = np.array([*range(1, top + 1), *beyond], dtype=np.intp)
     if top < 3:
         return Waves(speed, {}, {}, float(np.std(np.diff(theta) / dt)), a_turn / 2, frozenset())
-    motion, level = _Motion(theta, dt, theta if shown is None else shown), -math.log(FALSE_ALARM / len(candidates))
+    motion, level = (
+        _Motion(theta, dt, theta if shown is None else shown),
+        -math.log(FALSE_ALARM / len(candidates)),
+    )
     sawtooth = _sawtooth(candidates, a_turn, turns, step) * (len(motion.y) * speed / 2) ** 2
     orders: list[int] = []
     while True:
@@ -164,7 +172,9 @@ def standing_waves(
         values = _solved(matrices.sum(axis=0), vectors.sum(axis=0))
         rest = motion.residual(orders, values)
         power = motion.power(rest, candidates)
-        steps = np.max([motion.power(_steps(motion, rest, step, width), candidates) for width in SMOOTH_ROWS], axis=0)
+        steps = np.max(
+            [motion.power(_steps(motion, rest, step, width), candidates) for width in SMOOTH_ROWS], axis=0
+        )
         floor = np.empty_like(power)
         floor[:top] = median_filter(power[:top], min(NEIGHBOURS, top), mode="mirror") / math.log(2)
         floor[top:] = np.median(power[:top]) / math.log(2)
@@ -198,8 +208,8 @@ def _told_by_their_folds(orders: Sequence[int], rows: float, turns: float) -> It
 def _sawtooth(orders: NDArray[np.intp], rows: float, turns: float, step: float) -> Array:
     """Square of n times the largest wave, rad, that steps of the angle make at each order n.
 
-    A steady rotor passes the steps in a sawtooth. Its waves have the orders k 2 pi / step, and sizes step / (pi k).
-    Rows, so many a turn, show them as other orders.
+    A steady rotor passes the steps in a sawtooth. Its waves have the orders k 2 pi / step, and sizes step /
+    (pi k). Rows, so many a turn, show them as other orders.
     """
     waves = np.zeros(len(orders))
     for k in range(1, STEP_WAVES + 1) if step else ():
@@ -236,7 +246,9 @@ def _significant(
         for k, n in enumerate(kept):
             pair = [k, len(kept) + k]
             covariance = (count - 1) / count * away[:, pair].T @ away[:, pair]
-            statistic = values[pair] @ np.linalg.pinv(covariance) @ values[pair] / 2 * (count - 2) / (count - 1)
+            statistic = (
+                values[pair] @ np.linalg.pinv(covariance) @ values[pair] / 2 * (count - 2) / (count - 1)
+            )
             amplitude[n] = complex(*values[pair])
             error[n] = float(student.ppf(0.975, count - 1) * math.sqrt(np.trace(covariance) / 2))
             ratio[n] = statistic / limit
