@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d, median_filter
 from scipy.signal import welch
+from scipy.signal.windows import tukey
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 from scipy.stats import t as student
@@ -34,6 +35,7 @@ NEAR_ORDERS = (
 STEPS_RATIO = 4.0  # power over that which they have, from which on it is an order
 STEP_WAVES, SAWTOOTH_MARGIN = 10, 1.2  # waves of a sawtooth, and their size for noise beside them
 BLOCKS = 24  # parts of the rows, each left out for the errors
+TAPERED = 0.25  # share of the rows, at both ends, that count less: a log may begin with a transient
 SLOW_SHARE, SLOW_MOST = 0.8, 20  # slow changes of the speed, for each turn, and at most
 PIECE_ROWS = 1 << 15  # rows whose waves are in memory together
 SMOOTH_ROWS = (5, 20)  # widths of filters that show the motion between the steps of the angle
@@ -107,6 +109,7 @@ class _Motion:
     def __init__(self, theta: Array, dt: float, shown: Array) -> None:
         self.theta, self.dt, self.shown = theta, dt, shown
         self.y = np.diff(theta) / dt
+        self.weight = tukey(len(self.y), TAPERED)
         self.middle = 0.5 * (theta[1:] + theta[:-1])
         self.slow = slow_columns(len(self.y), (theta[-1] - theta[0]) / (2 * np.pi))
         blocks = max(BLOCKS, len(self.y) // PIECE_ROWS) if len(self.y) >= 5 * BLOCKS else len(self.y) // 5
@@ -123,17 +126,18 @@ class _Motion:
         matrices, vectors = [], []
         for rows in self.blocks:
             columns = self.columns(rows, orders)
-            matrices.append(columns.T @ columns)
-            vectors.append(columns.T @ self.y[rows])
+            weighed = columns.T * self.weight[rows]
+            matrices.append(weighed @ columns)
+            vectors.append(weighed @ self.y[rows])
         return np.array(matrices), np.array(vectors)
 
     def residual(self, orders: Sequence[int], values: Array) -> Array:
         return np.concatenate([self.y[rows] - self.columns(rows, orders) @ values for rows in self.blocks])
 
     def power(self, x: Array, orders: NDArray[np.intp]) -> Array:
-        """|sum x exp(-j n theta)|^2 of each order."""
+        """|sum of the weighed x exp(-j n theta)|^2 of each order."""
         cell = (np.floor(self.middle / (2 * np.pi) * ANGLE_CELLS) % ANGLE_CELLS).astype(int)
-        wave = np.fft.fft(np.bincount(cell, x, ANGLE_CELLS))
+        wave = np.fft.fft(np.bincount(cell, self.weight * x, ANGLE_CELLS))
         return np.asarray(np.abs(wave[orders]) ** 2)
 
 
@@ -157,45 +161,107 @@ def standing_waves(
     speed = (theta[-1] - theta[0]) / (dt * (len(theta) - 1))
     a_turn = 2 * np.pi / (abs(speed) * dt)  # rows
     top = int(min(ORDERS_MOST, math.ceil(a_turn / 2) - 1))
-    beyond = list(_told_by_their_folds([n for n in own if top < n], a_turn, turns))
+    beyond = list(_apart_when_folded([n for n in own if top < n], a_turn, turns))
     candidates = np.array([*range(1, top + 1), *beyond], dtype=np.intp)
     if top < 3:
         return Waves(speed, {}, {}, float(np.std(np.diff(theta) / dt)), a_turn / 2, frozenset())
-    motion, level = (
-        _Motion(theta, dt, theta if shown is None else shown),
-        -math.log(FALSE_ALARM / len(candidates)),
-    )
-    sawtooth = _sawtooth(candidates, a_turn, turns, step) * (len(motion.y) * speed / 2) ** 2
-    orders: list[int] = []
-    while True:
-        matrices, vectors = motion.equations(orders)
-        values = _solved(matrices.sum(axis=0), vectors.sum(axis=0))
-        rest = motion.residual(orders, values)
-        power = motion.power(rest, candidates)
-        steps = np.max(
-            [motion.power(_steps(motion, rest, step, width), candidates) for width in SMOOTH_ROWS], axis=0
-        )
-        floor = np.empty_like(power)
-        floor[:top] = median_filter(power[:top], min(NEIGHBOURS, top), mode="mirror") / math.log(2)
-        floor[top:] = np.median(power[:top]) / math.log(2)
-        near = maximum_filter1d(steps, NEAR_ORDERS)
-        least = np.maximum(level * floor, np.maximum(STEPS_RATIO * near, sawtooth))
-        strongest = [k for k in np.argsort(-power) if power[k] > least[k] and candidates[k] not in orders]
-        new = [int(candidates[k]) for k in strongest if power[k] > NEW_SHARE * power[strongest[0]]][:NEW_MOST]
-        if not new or len(orders) + len(new) > WAVES_MOST:
-            break
-        orders += new
-    kept, amplitude, error = _significant(motion, orders, len(candidates))
-    matrices, vectors = motion.equations(kept)
-    rest = motion.residual(kept, _solved(matrices.sum(axis=0), vectors.sum(axis=0)))
-    vibration = _vibration(rest, _steps(motion, rest, step), dt)
-    whole = Waves(speed, amplitude, error, vibration, a_turn / 2, frozenset())
-    least = np.maximum(level * floor, sawtooth)[:top] * 2 / len(rest) ** 2  # of a wave's square mean
-    hidden = np.flatnonzero(least > SEEN_SHARE * whole.ripple**2) + 1
-    return replace(whole, hidden=frozenset(hidden.tolist()))
+    search = _Search(_Motion(theta, dt, theta if shown is None else shown), candidates, top, step)
+    orders = search.significant(search.grown([]))[0]
+    sure = [n for n, wave in search.significant(orders)[1].items() if abs(wave) > step / np.pi]
+    if len(sure) < len(orders):  # what is as small as a step is sought again, beside what is known by now
+        orders = search.grown(sure)
+    orders, amplitude, error = search.significant(orders)
+    rest = search.rest(orders)
+    vibration = _vibration(rest, search.steps(rest), dt)
+    waves = Waves(speed, amplitude, error, vibration, a_turn / 2, frozenset())
+    least = search.least(rest)[:top] * 2 / search.motion.weight.sum() ** 2  # square mean of a wave, (rad/s)^2
+    hidden = np.flatnonzero(least > SEEN_SHARE * waves.ripple**2) + 1
+    return replace(waves, hidden=frozenset(hidden.tolist()))
 
 
-def _told_by_their_folds(orders: Sequence[int], rows: float, turns: float) -> Iterator[int]:
+class _Search:
+    """Orders of a motion, the strongest first, beside those that are in it already."""
+
+    def __init__(self, motion: _Motion, candidates: NDArray[np.intp], top: int, step: float) -> None:
+        self.motion, self.candidates, self.top, self.step = motion, candidates, top, step
+        turned = motion.theta[-1] - motion.theta[0]
+        rows, turns = abs(2 * np.pi * len(motion.y) / turned), abs(turned) / (2 * np.pi)
+        speed = turned / (motion.dt * len(motion.y))
+        self.sawtooth = _sawtooth(candidates, rows, turns, step) * (motion.weight.sum() * speed / 2) ** 2
+
+    def rest(self, orders: Sequence[int]) -> Array:
+        """What these orders leave of the speed, rad/s."""
+        matrices, vectors = self.motion.equations(orders)
+        return self.motion.residual(orders, _solved(matrices.sum(axis=0), vectors.sum(axis=0)))
+
+    def steps(self, rest: Array, width: int = SMOOTH_ROWS[0]) -> Array:
+        """The speed that steps of the angle make, rad/s, where it moves as it does but for them.
+
+        A measured angle is in the middle of its step.
+        """
+        if not self.step:
+            return np.zeros_like(rest)
+        beside = self.motion.dt * np.concatenate(([0.0], np.cumsum(rest)))
+        smooth = self.motion.shown - beside + gaussian_filter1d(beside, width, mode="nearest")
+        away = smooth - self.motion.shown[0]
+        return np.asarray(np.diff(np.round(away / self.step) * self.step - away) / self.motion.dt)
+
+    def least(self, rest: Array) -> Array:
+        """Power from which on an order stands out of the noise of this rest, at 1 % for the whole search."""
+        power = self.motion.power(rest, self.candidates)
+        floor = np.full(len(power), np.median(power[: self.top]))
+        floor[: self.top] = median_filter(power[: self.top], min(NEIGHBOURS, self.top), mode="mirror")
+        level = -math.log(FALSE_ALARM / len(power))
+        return np.asarray(np.maximum(level * floor / math.log(2), self.sawtooth))
+
+    def grown(self, orders: Sequence[int]) -> list[int]:
+        """These orders, and all that stand out of the noise and of the steps of the angle."""
+        orders = list(orders)
+        while True:
+            rest = self.rest(orders)
+            steps = [self.steps(rest, width) for width in SMOOTH_ROWS]
+            power = self.motion.power(rest, self.candidates)
+            without = [self.motion.power(rest - each, self.candidates) for each in steps]
+            near = np.max([self.motion.power(each, self.candidates) for each in steps], axis=0)
+            least = np.maximum(self.least(rest), STEPS_RATIO * maximum_filter1d(near, NEAR_ORDERS))
+            clear = np.min([power, *without], axis=0) > least
+            strongest = [k for k in np.argsort(-power) if clear[k] and self.candidates[k] not in orders]
+            new = [int(self.candidates[k]) for k in strongest if power[k] > NEW_SHARE * power[strongest[0]]]
+            if not new or len(orders) + NEW_MOST > WAVES_MOST:
+                return orders
+            orders += new[:NEW_MOST]
+
+    def significant(self, orders: Sequence[int]) -> tuple[list[int], dict[int, complex], dict[int, float]]:
+        """The orders that stand out of their errors, with waves, rad, and errors at 95 %.
+
+        These are a jackknife over blocks of the rows. Each order has a Wald test of its two values, whose
+        covariance has as many degrees of freedom as blocks but one.
+        """
+        orders = sorted(orders)
+        while True:
+            matrices, vectors = self.motion.equations(orders)
+            matrix, vector, count = matrices.sum(axis=0), vectors.sum(axis=0), len(self.motion.blocks)
+            values = _solved(matrix, vector)
+            parts = np.array(
+                [_solved(matrix - a, vector - b) for a, b in zip(matrices, vectors, strict=True)]
+            )
+            away = parts - parts.mean(axis=0)
+            limit = float(fisher.isf(FALSE_ALARM / len(self.candidates), 2, count - 2))
+            amplitude, error, ratio = {}, {}, {}
+            for k, n in enumerate(orders):
+                pair = [k, len(orders) + k]
+                covariance = (count - 1) / count * away[:, pair].T @ away[:, pair]
+                wald = float(values[pair] @ np.linalg.pinv(covariance) @ values[pair])
+                amplitude[n] = complex(*values[pair])
+                error[n] = float(student.ppf(0.975, count - 1) * math.sqrt(np.trace(covariance) / 2))
+                ratio[n] = wald / 2 * (count - 2) / (count - 1) / limit
+            weakest = min(ratio.values(), default=2.0)
+            if weakest > 1:
+                return orders, amplitude, error
+            orders = [n for n in orders if ratio[n] > min(1.0, 2 * weakest)]
+
+
+def _apart_when_folded(orders: Sequence[int], rows: float, turns: float) -> Iterator[int]:
     """Of these orders those that rows, so many a turn, show apart from each other and from whole orders."""
     shown = [folded(n, rows) for n in orders]
     for k, n in enumerate(orders):
@@ -216,46 +282,6 @@ def _sawtooth(orders: NDArray[np.intp], rows: float, turns: float, step: float) 
         near = np.abs(orders - folded(k * 2 * np.pi / step, rows)) < 1 + 1 / turns
         waves[near] = np.maximum(waves[near], SAWTOOTH_MARGIN * step / (np.pi * k))
     return (orders * waves) ** 2
-
-
-def _steps(motion: _Motion, rest: Array, step: float, width: int = SMOOTH_ROWS[0]) -> Array:
-    """The speed that steps of the angle make, rad/s, where it moves as it does but for them."""
-    if not step:
-        return np.zeros_like(rest)
-    beside = motion.dt * np.concatenate(([0.0], np.cumsum(rest)))
-    smooth = motion.shown - beside + gaussian_filter1d(beside, width, mode="nearest")
-    return np.asarray(np.diff(np.floor(smooth / step) * step - smooth) / motion.dt)
-
-
-def _significant(
-    motion: _Motion, orders: Sequence[int], searched: int
-) -> tuple[list[int], dict[int, complex], dict[int, float]]:
-    """The orders that stand out of their errors, with these: a jackknife over blocks of the rows.
-
-    Each is a Wald test of two values, whose covariance has as many degrees of freedom as blocks but one.
-    """
-    kept = sorted(orders)
-    while True:
-        matrices, vectors = motion.equations(kept)
-        matrix, vector, count = matrices.sum(axis=0), vectors.sum(axis=0), len(motion.blocks)
-        values = _solved(matrix, vector)
-        parts = np.array([_solved(matrix - a, vector - b) for a, b in zip(matrices, vectors, strict=True)])
-        away = parts - parts.mean(axis=0)
-        limit = float(fisher.isf(FALSE_ALARM / searched, 2, count - 2))
-        amplitude, error, ratio = {}, {}, {}
-        for k, n in enumerate(kept):
-            pair = [k, len(kept) + k]
-            covariance = (count - 1) / count * away[:, pair].T @ away[:, pair]
-            statistic = (
-                values[pair] @ np.linalg.pinv(covariance) @ values[pair] / 2 * (count - 2) / (count - 1)
-            )
-            amplitude[n] = complex(*values[pair])
-            error[n] = float(student.ppf(0.975, count - 1) * math.sqrt(np.trace(covariance) / 2))
-            ratio[n] = statistic / limit
-        weakest = min(kept, key=lambda n: ratio[n], default=0)
-        if not kept or ratio[weakest] > 1:
-            return kept, amplitude, error
-        kept = [n for n in kept if ratio[n] > 1 or ratio[n] > 2 * ratio[weakest]]
 
 
 def _vibration(rest: Array, steps: Array, dt: float) -> float:
