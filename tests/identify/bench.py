@@ -38,6 +38,7 @@ class Drive:
     dead_voltage: float = 0.0  # V, that a bridge leg loses against its current
     counts: int = COUNTS
     noise: float = 2e-3  # A, of i_q
+    friction: float = COULOMB  # N m
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ class Run:
 
     points: tuple[tuple[float, float], ...]
     load: float = 0.0
+    driven: bool = True  # else it coasts, without current
 
     @property
     def duration(self) -> float:
@@ -64,6 +66,7 @@ def steady(turns_per_second: float, time: float, load: float = 0.0) -> Run:
 RUNS = {
     "slow": both_ways(0.5, 4.2),
     "fast": steady(4.0, 3.0),
+    "odd": steady(1.27, 4.0),
     "drives": steady(1.0, 4.0, 0.05),
     "brakes": steady(1.0, 4.0, -0.05),
     "sweep": Run(((0, 3), (0.4, 40), (1.2, -40), (2, 40), (2.8, -40), (3.6, 40), (4.4, -40), (4.8, 3))),
@@ -89,6 +92,8 @@ def simulated(pairs: Sequence[tuple[Drive, Run]]) -> list[dict[str, np.ndarray]]
     load = np.array([run.load for run in runs])
     step_angle = TURN / np.array([d.counts for d in drives])
     noise = np.array([d.noise for d in drives])
+    friction = np.array([d.friction for d in drives])
+    driven = np.array([run.driven for run in runs], dtype=float)
     random = np.random.default_rng(1)
     kp, ki = CURRENT_BANDWIDTH * L_S, CURRENT_BANDWIDTH * R_S
     speed_kp = SPEED_BANDWIDTH * INERTIA / K_T
@@ -111,11 +116,11 @@ def simulated(pairs: Sequence[tuple[Drive, Run]]) -> list[dict[str, np.ndarray]]
         error = i_ref - 2 / 3 * np.sum(((1 + gains) * i * park - offsets) * park, axis=0)
         magnet = 1 + sines(flux, theta)
         torque = (
-            K_T * magnet * i
+            K_T * magnet * i * driven
             + sines(cogging, theta)
             - load
             - VISCOUS * omega
-            - COULOMB * np.tanh(omega / 0.02)
+            - friction * np.tanh(omega / 0.02)
         )
         voltage = kp * error + z
         return np.array(
@@ -135,7 +140,7 @@ def simulated(pairs: Sequence[tuple[Drive, Run]]) -> list[dict[str, np.ndarray]]
     state = np.zeros((4, len(pairs)))
     state[1] = reference[0]
     state[0] = 0.3
-    state[2] = (COULOMB * np.sign(state[1]) + VISCOUS * state[1] + load) / K_T
+    state[2] = (friction * np.sign(state[1]) + VISCOUS * state[1] + load) / K_T
     state[3] = R_S * state[2] + K_T / 1.5 * state[1]
     integral = state[2].copy()
 
@@ -143,7 +148,7 @@ def simulated(pairs: Sequence[tuple[Drive, Run]]) -> list[dict[str, np.ndarray]]
         return np.floor((state[0] + sines(encoder, state[0])) / step_angle) * step_angle
 
     before = angle() - STEP * EVERY * state[1]
-    log = np.zeros((rows, 5, len(pairs)))
+    log = np.zeros((rows, 6, len(pairs)))
     for row in range(rows):
         theta = angle()
         omega = (theta - before) / (STEP * EVERY)
@@ -153,14 +158,14 @@ def simulated(pairs: Sequence[tuple[Drive, Run]]) -> list[dict[str, np.ndarray]]
         i_ref = np.clip(speed_kp * error + integral, -CURRENT_LIMIT, CURRENT_LIMIT)
         i_seen = measured_current(state[2], state[0]) + noise * random.standard_normal(len(pairs))
         u = kp * (i_ref - i_seen) + state[3]
-        log[row] = theta, omega, i_seen, i_ref, u
+        log[row] = theta, omega, i_seen, i_ref, u, state[1]
         for _ in range(EVERY):
             a = slope(state, i_ref)
             b = slope(state + 0.5 * STEP * a, i_ref)
             c = slope(state + 0.5 * STEP * b, i_ref)
             d = slope(state + STEP * c, i_ref)
             state = state + STEP / 6 * (a + 2 * b + 2 * c + d)
-    names = ("theta", "omega", "i_q", "i_q_ref", "u_q")
+    names = ("theta", "omega", "i_q", "i_q_ref", "u_q", "true_omega")
     return [
         {"t": t[:count].copy(), **{name: log[:count, n, k].copy() for n, name in enumerate(names)}}
         for k, run in enumerate(runs)
@@ -188,7 +193,7 @@ def logs() -> dict[str, dict[str, dict[str, np.ndarray]]]:
     return {case: {name: next(made) for name in RUNS} for case in CASES}
 
 
-def columns(**more: Any) -> dict[str, Any]:
+def columns(counts: int = COUNTS) -> dict[str, Any]:
     """Tables of the file of columns: what a user of these drives knows."""
     return {
         "columns": {
@@ -206,9 +211,15 @@ def columns(**more: Any) -> dict[str, Any]:
             "rates": {"current_loop": "10 kHz", "speed_loop": "1 kHz"},
             "current_loop": {"bandwidth": "150 Hz", "current_limit": f"{CURRENT_LIMIT} A"},
             "inverter": {"bus_voltage": f"{BUS} V"},
-            "position_sensor": {"kind": "encoder", "lines": COUNTS // 4, "speed_method": "M"},
+            "position_sensor": {"kind": "encoder", "lines": counts // 4, "speed_method": "M"},
         },
         "log": [{"file": f"{name}*", "kind": "load"} for name in ("drives", "brakes")]
         + [{"file": "off*", "kind": "bridge-off"}],
-        **more,
     }
+
+
+def phase_offsets(case: str) -> dict[str, np.ndarray]:
+    """A log of a case's rotor at rest with the bridge off."""
+    t = STEP * EVERY * np.arange(400)
+    offsets = zip(("i_a", "i_b", "i_c"), CASES[case].offsets, strict=True)
+    return {"t": t, "theta": 1e-3 * t, **{name: np.full(len(t), x) for name, x in offsets}}
