@@ -314,7 +314,9 @@ def test_orders_are_added_until_no_more_are_found_or_there_are_forty(monkeypatch
     start = replace(MODEL, cogging=(24,), ripple=())
     made: Any = estimate._searched(FOUR, [], start, lambda *of: told.append(of))
     assert made == replace(start, cogging=(5, 7, 8, 11, 24), ripple=(8, 24))
-    assert [model.cogging for model in fitted.models] == [(24,), (7, 24), (5, 7, 11, 24)]
+    assert [model.cogging for model in fitted.models[:3]] == [(24,), (7, 24), (5, 7, 11, 24)]
+    assert fitted.models[3].cogging == (4, 5, 7, 8, 11, 24) and fitted.models[3].encoder == (4, 8)
+    fitted.models.pop()
     assert all(model.encoder == () and "delay" not in model.columns for model in fitted.models)
     assert told == [(f"orders: {n}", 0.0) for n in (1, 2, 4)]
     count = iter(range(100, 200))

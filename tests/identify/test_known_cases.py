@@ -84,7 +84,8 @@ def test_the_ripple_is_the_rotor_s_own(case: str, log: str) -> None:
     # whole turns: one in each direction of the slow log
     turns = [slice(1000, 3000), slice(5600, 7600)] if log == "slow" else [slice(500, None)]
     true, logged = (
-        math.sqrt(np.mean([np.var(signals[name][rows]) for rows in turns])) for name in ("true_omega", "omega")
+        math.sqrt(np.mean([np.var(signals[name][rows]) for rows in turns]))
+        for name in ("true_omega", "omega")
     )
     if true > 0.02:
         assert made.motion(f"{log}.npz") == pytest.approx(true, rel=0.05)
@@ -156,7 +157,8 @@ def test_an_order_beyond_the_rows_is_not_called_absent(log: str, cause: str) -> 
 
 
 def test_nothing_moves_that_is_only_counted() -> None:
-    """A rotor at a steady speed: counts, folded by the rows, are no orders, at any speed and for any count."""
+    """A rotor at a steady speed: counts, folded by the rows, are no orders, at any speed and for any "
+    "count."""
     for speed in (3.1, 6.2831853, 12.566, 25.13):
         for counts in (4096, 16_384, 1 << 18):
             step = 2 * math.pi / counts

@@ -35,6 +35,7 @@ NEAR_ORDERS = (
 STEPS_RATIO = 4.0  # power over that which they have, from which on it is an order
 STEP_WAVES, SAWTOOTH_MARGIN = 10, 1.2  # waves of a sawtooth, and their size for noise beside them
 BLOCKS = 24  # parts of the rows, each left out for the errors
+RIDGE = 1e-9  # of the diagonal of scaled normal equations
 TAPERED = 0.25  # share of the rows, at both ends, that count less: a log may begin with a transient
 SLOW_SHARE, SLOW_MOST = 0.8, 20  # slow changes of the speed, for each turn, and at most
 PIECE_ROWS = 1 << 15  # rows whose waves are in memory together
@@ -142,10 +143,10 @@ class _Motion:
 
 
 def _solved(matrix: Array, vector: Array) -> Array:
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    return np.asarray(
-        np.linalg.lstsq(matrix / np.outer(scale, scale), vector / scale, rcond=1e-10)[0] / scale
-    )
+    """Solutions of normal equations, one or a stack of them; what they don't tell stays small."""
+    scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
+    scaled = matrix / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(matrix.shape[-1])
+    return np.asarray(np.linalg.solve(scaled, (vector / scale)[..., None])[..., 0] / scale)
 
 
 def standing_waves(
@@ -242,9 +243,7 @@ class _Search:
             matrices, vectors = self.motion.equations(orders)
             matrix, vector, count = matrices.sum(axis=0), vectors.sum(axis=0), len(self.motion.blocks)
             values = _solved(matrix, vector)
-            parts = np.array(
-                [_solved(matrix - a, vector - b) for a, b in zip(matrices, vectors, strict=True)]
-            )
+            parts = _solved(matrix - matrices, vector - vectors)
             away = parts - parts.mean(axis=0)
             limit = float(fisher.isf(FALSE_ALARM / len(self.candidates), 2, count - 2))
             amplitude, error, ratio = {}, {}, {}
@@ -258,7 +257,7 @@ class _Search:
             weakest = min(ratio.values(), default=2.0)
             if weakest > 1:
                 return orders, amplitude, error
-            orders = [n for n in orders if ratio[n] > min(1.0, 2 * weakest)]
+            orders = [n for n in orders if ratio[n] > min(1.0, 4 * weakest)]
 
 
 def _apart_when_folded(orders: Sequence[int], rows: float, turns: float) -> Iterator[int]:
