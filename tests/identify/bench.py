@@ -66,6 +66,7 @@ def steady(turns_per_second: float, time: float, load: float = 0.0) -> Run:
 RUNS = {
     "slow": both_ways(0.5, 4.2),
     "fast": steady(4.0, 3.0),
+    "both": both_ways(4.0, 2.0),
     "odd": steady(1.27, 4.0),
     "drives": steady(1.0, 4.0, 0.05),
     "brakes": steady(1.0, 4.0, -0.05),

@@ -699,7 +699,9 @@ def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
     monkeypatch.setattr(diagnosis.config, "load", lambda path: known)
     monkeypatch.setattr(diagnosis, "load_logs", lambda paths, known: logs)
     monkeypatch.setattr(diagnosis, "estimate", estimated)
-    monkeypatch.setattr(diagnosis, "attributed", lambda made, parts: [order_at(24, 1.0)])
+    monkeypatch.setattr(
+        diagnosis, "attributed", lambda made, parts: [replace(order_at(24, 1.0), log="whole")]
+    )
     monkeypatch.setattr(diagnosis.speed_alone, "by_order", lambda parts, poles: [])
     (tmp_path / "id.toml").touch()
 

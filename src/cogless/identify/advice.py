@@ -29,11 +29,11 @@ class Advice(str):
 
 
 class AdvisedError(StudyError):
-    """A mistake, and the changes that mend it; `cures` as of an `Advice`."""
+    """A mistake, as sentences of which some advise."""
 
-    def __init__(self, text: str, *cures: Cure) -> None:
-        super().__init__(text)
-        self.cures = cures
+    def __init__(self, *lines: str) -> None:
+        super().__init__("\n".join(lines))
+        self.lines = lines
 
 
 def recording(**values: Any) -> Cure:

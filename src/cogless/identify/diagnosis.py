@@ -13,7 +13,7 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.identify import config, speed_alone
-from cogless.identify.advice import Advice, logs_of_kind, recording
+from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
 from cogless.identify.causes import BEYOND, ENCODER, FASTER, OR, Cause, Found, attributed
 from cogless.identify.estimate import Progress, estimate
 from cogless.identify.findings import prepared
@@ -92,7 +92,7 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
             made = estimate(known, whole, progress)
             said += [*made.left_out, *made.remarks]
         except StudyError as error:
-            said += str(error).splitlines()
+            said += error.lines if isinstance(error, AdvisedError) else str(error).splitlines()
     explained, own = _explained(made, loaded), own_orders(known.motor.pole_pairs, known.motor.slots)
     angles = {log.name for log in loaded if "theta" in log}
     misread = _error(made)
@@ -109,8 +109,11 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
     every = [*parts, *others]
     uses = _uses(loaded, {part.log.name for part in every}, set(explained))
     if not every:
-        none = "no log turns at a steady speed for a revolution; record one that does"
-        raise StudyError("\n".join([*said, *(f"{name}: {use}" for name, use in uses.items()), none]))
+        none = Advice(
+            "no log turns at a steady speed for a revolution; record one that does",
+            logs_of_kind("constant-speed"),
+        )
+        raise AdvisedError(*said, *(f"{name}: {use}" for name, use in uses.items()), none)
     if parts and not any("i_q_ref" in part.log for part in parts):
         said.append(
             Advice(

@@ -8,9 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cogless.errors import StudyError
 from cogless.identify import findings, voltage
-from cogless.identify.advice import Advice, logs_of_kind
+from cogless.identify.advice import Advice, AdvisedError, logs_of_kind
 from cogless.identify.config import Identification
 from cogless.identify.log import Log
 from cogless.identify.orders import found_orders
@@ -39,16 +38,16 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     remarks += said
     if not used:
         none = [] if any(log.kind != "bridge-off" for log in logs) else [NO_LOG]
-        raise StudyError("\n".join([*said, *none]))
+        raise AdvisedError(*said, *none)
     findings.check_sign(known, used, _rows(known, used, Model()))
     left: list[str] = []
     try:
         used, model = _start(known, used, left)
-    except StudyError as error:
+    except AdvisedError as error:
         out = tuple(f"{log.name}: " for log in logs if log.name not in {one.name for one in used})
         causes = [line for line in said if line.startswith(out)]  # before what follows from them
         others = [line for line in said if line not in causes]
-        raise StudyError("\n".join((*causes, str(error), *others))) from None
+        raise AdvisedError(*causes, *error.lines, *others) from None
     state = _searched_again(known, used, model, progress)
     rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
     progress("errors", 0.0)
@@ -77,7 +76,7 @@ def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple
     elif findings.one_speed(moving):
         left.append(findings.said_of_one_speed(moving))
         if not held:
-            raise StudyError(left[-1])
+            raise AdvisedError(left[-1])
     else:
         columns = {"j", "b", "c", "offset", "delay"}
         if all(findings.feedback(log) is not None for log in moving):
@@ -305,20 +304,23 @@ def _size(found: Fit, kind: str, order: int, taken: tuple[float, float] = (0.0, 
 
 CURES = {
     "j": "Inertia cannot be told apart from cogging or friction; add an acceleration log.",
-    "b": "Viscous and Coulomb friction cannot be told apart; add a log at a second, fast speed.",
+    "b": "Viscous and Coulomb friction cannot be told apart; add a log at a second, fast speed, in both "
+    "directions.",
     "c": "Friction and a load cannot be told apart; record each log in both directions.",
     "offset": "A current offset and friction cannot be told apart; record each log in both directions.",
     "delay": "The delay of the log cannot be told apart from inertia; add an acceleration log.",
-    "load": "The load of {0} cannot be told apart from friction; record it in both directions.",
-    "ripple": "Order {0}: K_t ripple and cogging cannot be told apart; record logs with loads of both signs.",
-    "encoder": "Order {0}: the encoder's error and cogging cannot be told apart; add a log at a fast speed.",
+    "ripple": "Order {0}: K_t ripple and cogging cannot be told apart; record logs with loads of both "
+    "signs, and an acceleration log.",
+    "encoder": "Order {0}: the encoder's error and cogging cannot be told apart; add a log at a fast speed, "
+    "in both "
+    "directions.",
     "cogging": "Order {0}: cogging cannot be told apart from the rest; add a slow sweep.",
 }
 CURE_LOGS = {  # kinds of log that tell a column apart
     **dict.fromkeys(("j", "delay"), ("acceleration",)),
     **dict.fromkeys(("b", "encoder"), ("constant-speed",)),
-    **dict.fromkeys(("c", "offset", "load", "cogging"), ("slow-sweep",)),
-    "ripple": ("load",),
+    **dict.fromkeys(("c", "offset", "cogging"), ("slow-sweep",)),
+    "ripple": ("load", "acceleration"),
 }
 WEAKEST = ("delay", "encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold", "j")
 
@@ -355,7 +357,7 @@ def _told_apart(
         found = fit(rows)
     while True:
         wide = [name for name, by in zip(found.names, found.inflation, strict=True) if by > LARGEST_INFLATION]
-        wide = [name for name in wide if str(name[0]) in CURES and name[0] != "load"]
+        wide = [name for name in wide if str(name[0]) in CURES]
         if not wide:
             return rows, found, model
         worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
@@ -394,6 +396,8 @@ def _left(model: Model, kind: str, name: Name) -> Model:
     if kind == "encoder":
         kept = tuple(n for n in model.encoder if n != name[1])
         return replace(model, encoder=kept, error={n: model.error[n] for n in kept if n in model.error})
+    if kind == "j":  # without it the sensor's error has no size
+        model = replace(model, encoder=(), error={})
     delay = 0.0 if kind == "delay" else model.delay
     return replace(model, columns=model.columns - {kind}, delay=delay)
 

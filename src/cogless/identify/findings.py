@@ -193,10 +193,12 @@ def check_sign(known: Identification, logs: Sequence[Log], rows: Sequence[Rows])
         if wrong and power - stored < 0:
             heading = known.columns["i_q"].name
             raise AdvisedError(
-                f"{log.name}: {heading}: the current brakes the motor that it turns (inertia and friction "
-                f'come out negative): expected the other sign: columns.i_q = {{ name = "{heading}", sign = '
-                f"{-known.columns['i_q'].sign} }}",
-                {"columns.i_q.sign": -known.columns["i_q"].sign},
+                Advice(
+                    f"{log.name}: {heading}: the current brakes the motor that it turns (inertia and "
+                    "friction come out negative): expected the other sign: "
+                    f'columns.i_q = {{ name = "{heading}", sign = {-known.columns["i_q"].sign} }}',
+                    {"columns.i_q.sign": -known.columns["i_q"].sign},
+                )
             )
 
 
@@ -373,12 +375,7 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     if "b" in values and values["b"].value < 0:
         small = values["b"].value > -2 * values["b"].error
         if not small:
-            left.append(
-                Advice(
-                    "Viscous friction comes out negative; add a log at a second, fast speed.",
-                    logs_of_kind("constant-speed"),
-                )
-            )
+            left.append("Viscous friction comes out negative and is left out.")
         del values["b"]
     if any("is left out, since its place" in sentence for sentence in left):
         cogging = ()

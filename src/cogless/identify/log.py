@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from cogless.errors import StudyError
-from cogless.identify.advice import AdvisedError, Cure
+from cogless.identify.advice import Advice, AdvisedError, Cure
 from cogless.identify.config import COUNT, Identification, LogRule
 from cogless.identify.files import Array, Columns, read
 
 TURN = 2 * np.pi
 GAP = 2.5  # periods without a row
 FEWEST = 100  # rows
+CURRENTS = ("i_q", "i_d", "i_a", "i_b", "i_c")
 BEYOND = 3.0  # times the current's limit
 TURNED = 0.2  # rad rms
 IN_PROPORTION = 0.98  # cosine between two currents' amplitudes, from which their ratio counts, within 2 %
@@ -198,13 +199,16 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
 def _within_limit(where: str, found: Columns, known: Identification) -> None:
     """A current that no drive of this limit has is one in another unit."""
     limit = known.drive.current_loop.current_limit
-    for signal in ("i_q", "i_d", "i_a", "i_b", "i_c"):
+    for signal in CURRENTS:
         most = float(np.max(np.abs(found.get(signal, 0.0))))
         if most > BEYOND * limit:
-            raise StudyError(
-                f"{where}: {_heading(known, signal)}: row {np.argmax(np.abs(found[signal])) + 1}: "
-                f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
-                'such as unit = "mA"'
+            raise AdvisedError(
+                Advice(
+                    f"{where}: {_heading(known, signal)}: row {np.argmax(np.abs(found[signal])) + 1}: "
+                    f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
+                    'such as unit = "mA"',
+                    {f"columns.{each}.unit": "mA" for each in CURRENTS if each in found},
+                )
             )
 
 
@@ -221,9 +225,12 @@ def _amplitudes_agree(where: str, found: Columns, known: Identification) -> None
     alike = ratio * np.sqrt(square / other) if other else 0.0  # 1: in proportion
     if alike > IN_PROPORTION and abs(np.sqrt(2) * ratio - 1) < 1 - IN_PROPORTION:
         raise AdvisedError(
-            f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: expected "
-            f"peak amperes: {known.columns['i_q'].name} with scale = 1.41421 in the file of columns",
-            {"columns.i_q.scale": 1.41421, **({"columns.i_d.scale": 1.41421} if "i_d" in found else {})},
+            Advice(
+                f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: "
+                "expected "
+                f"peak amperes: {known.columns['i_q'].name} with scale = 1.41421 in the file of columns",
+                {"columns.i_q.scale": 1.41421, **({"columns.i_d.scale": 1.41421} if "i_d" in found else {})},
+            )
         )
 
 
@@ -250,9 +257,11 @@ def _units_agree(where: str, t: Array, found: Columns, known: Identification) ->
         likely = [(says, cure) for factor, says, cure in mistaken if 0.95 < ratio / factor < 1.05]
         cures = f"; {', or '.join(says for says, _ in likely)}" if likely else ""
         raise AdvisedError(
-            f"{where}: {names[0]} is {ratio:.4g} times the change of {names[1]} over {names[2]}: "
-            f"expected units that agree{cures}",
-            *(cure for _, cure in likely),
+            Advice(
+                f"{where}: {names[0]} is {ratio:.4g} times the change of {names[1]} over {names[2]}: "
+                f"expected units that agree{cures}",
+                *(cure for _, cure in likely),
+            )
         )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.identify import described
-from cogless.identify.advice import Advice, logs_of_kind, recording
+from cogless.identify.advice import Advice, recording
 from cogless.identify.config import Identification
 from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, settled, whole, with_values
 from cogless.identify.lateness import NOTHING, Lateness, lateness
@@ -248,10 +248,9 @@ def _held(made: Estimate) -> float:
 
 def _without_inertia(first: Estimate) -> Estimate:
     """The estimate without what rests on an inertia that the simulation refutes."""
-    said = Advice(
+    said = (
         "With what the simulated logs show taken off, the inertia is negative: these logs do not tell it, "
-        "nor friction and delay; add an acceleration log.",
-        logs_of_kind("acceleration"),
+        "nor friction and delay."
     )
     kept = {key: value for key, value in first.values.items() if key not in ("j", "b", "c", "delay")}
     return replace(first, values=kept, encoder=(), left_out=(*first.left_out, said))
