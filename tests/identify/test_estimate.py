@@ -22,7 +22,7 @@ from cogless.identify.weak_form import Model, Name, Sensor
 @pytest.mark.parametrize(
     ("name", "changed", "untold"),
     [
-        (("j",), {"columns": {"b", "c", "offset", "delay"}}, set()),
+        (("j",), {"columns": {"b", "c", "offset", "delay"}, "encoder": (), "error": {}}, set()),
         (("b",), {"columns": {"j", "c", "offset", "delay"}}, {("c", 0)}),
         (("offset",), {"columns": {"j", "b", "c", "delay"}}, {("c", 0)}),
         (("delay",), {"columns": {"j", "b", "c", "offset"}, "delay": 0.0}, {("j", 0)}),
@@ -403,7 +403,7 @@ def test_what_cannot_be_told_apart_is_left_out_the_least_important_first(
     assert model == _without(_without(MODEL, ("delay",)), ("offset",))
     for y, one_load in (((1.0, 3.1), True), ((1.0, -3.1), False), ((0.0, 2.0), False)):
         left, model = told(plain, y=y)
-        alike = "Order 24: K_t ripple and cogging cannot be told apart; record logs with loads of both signs."
+        alike = estimate.CURES["ripple"].format(24)
         assert left == [alike] * one_load
         assert model.ripple == (() if one_load else (24,))
     held = replace(MODEL, columns=frozenset({"offset"}), ripple=())

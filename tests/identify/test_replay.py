@@ -283,7 +283,7 @@ def test_an_inertia_that_its_simulation_refutes_takes_what_rests_on_it_along(ste
     assert found.left_out == (
         "Left.",
         "With what the simulated logs show taken off, the inertia is negative: these logs do not tell it, "
-        "nor friction and delay; add an acceleration log.",
+        "nor friction and delay.",
     )
 
 

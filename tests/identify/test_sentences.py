@@ -194,7 +194,7 @@ def test_a_negative_friction_is_left_out_and_told_where_it_stands_out(
     left: list[str] = []
     made = findings.without_nonsense(estimate(known, values={"b": Value(b, 0.1)}), left)
     assert ("b" in made.values) == kept
-    negative = "Viscous friction comes out negative; add a log at a second, fast speed."
+    negative = "Viscous friction comes out negative and is left out."
     assert left == [negative] * said
 
 
@@ -887,6 +887,11 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
         [fast.log, "1", "2 rev/s", "", "0.5 rad/s", "50 %", "encoder 100 +- 40 %", "likely"],
     ]
     assert "<li>Said.</li>" in page
+    assert f"<li>{slow.log}: 0.559 rad/s rms</li>" in page
+    more = replace(made, logged={slow.log: 1.0}, uses={"a": "holds the rotor"})
+    page = diagnosed.render(more)
+    assert f"<li>{slow.log}: 0.559 rad/s rms, 69 % of the square of the logged speed" in page
+    assert "<li>a: holds the rotor</li>" in page
     assert "Nothing is left out." in diagnosed.render(replace(made, said=()))
 
 

@@ -341,7 +341,7 @@ def lines(made: Diagnosis) -> list[str]:
         )
         at = f"{own[0].speed / TURN:.3g} rev/s" if own else "steady"
         load = f", {own[0].load:.3g} A" if own and not math.isnan(own[0].load) else ""
-        text.append(f"{log} ({at}{load}): {_sizes(made, log)}: {shares}")
+        text.append(f"{log} ({at}{load}): {sizes(made, log)}: {shares}")
     text += [f"{log}: {use}" for log, use in made.uses.items()]
     text += [
         "",
@@ -358,7 +358,7 @@ def lines(made: Diagnosis) -> list[str]:
     return text
 
 
-def _sizes(made: Diagnosis, log: str) -> str:
+def sizes(made: Diagnosis, log: str) -> str:
     """The ripple of a log, and how much of what it shows is measurement and no motion."""
     size, motion, noise = made.whole[log], made.motion(log), made.noise(log)
     says = [f"{size:.3g} rad/s rms"]
