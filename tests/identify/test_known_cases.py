@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import math
+import shutil
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -182,3 +184,51 @@ def test_an_eccentric_log_is_steady_and_every_log_has_its_line() -> None:
     printed = diagnosis.lines(made)
     for name in logs:
         assert any(line.startswith((f"{name}.npz: ", f"{name}.npz (")) for line in printed)
+
+
+DATA = next(
+    (path for path in (up / "shared" / "data" for up in Path(__file__).parents) if path.is_dir()),
+    Path("none"),
+)
+COLUMNS = """
+[columns]
+t = "t_s"
+theta = "theta_rad"
+omega = "omega_rad_s"
+i_q = "iq_A"
+part = "comp_on"
+[motor]
+pole_pairs = 12
+slots = 18
+R_s = "0.53 ohm"
+L_d = "210 uH"
+L_q = "210 uH"
+kv = "300 rpm/V"
+[drive]
+rates = { current_loop = "40 kHz", speed_loop = "1 kHz" }
+current_loop = { bandwidth = "1 kHz", current_limit = "4 A" }
+inverter = { bus_voltage = "24 V" }
+position_sensor = { kind = "encoder", lines = 5000, speed_method = "M" }
+[[log]]
+file = "*#1"
+kind = "table-on"
+"""
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the public logs are not beside this clone")
+def test_a_real_motor_of_18_slots_and_24_poles_has_multiples_of_6_alone() -> None:
+    """Its cogging can have no other: the greatest common divisor of slots and poles. 72 is the largest."""
+    folder = Path(mkdtemp())
+    with gzip.open(DATA / "real_logs" / "laas_acc_current.csv.gz", "rt") as file:
+        table = np.genfromtxt(file, delimiter=",", names=True)
+    names = {"t_s": "Time", "theta_rad": "Position", "omega_rad_s": "Velocity", "iq_A": "Iq"}
+    np.savez(folder / "acceleration.npz", **{to: table[name] for to, name in names.items()})
+    shutil.copy(DATA / "laas_anti_cogging" / "speed_test1_500Hz.csv.gz", folder / "speed.csv.gz")
+    (folder / "id.toml").write_text(COLUMNS)
+    logs = [folder / "acceleration.npz", folder / "speed.csv.gz"]
+    made = diagnosis.diagnosed(logs, folder / "id.toml", lambda what, share: None)
+    for part in ("speed.csv.gz#0", "speed.csv.gz#1"):
+        orders = [each.order for each in made.of(part) if each.share > 0.01]
+        assert orders[0] == 72
+        assert {order % 6 for order in orders} == {0}, (part, orders)
+    assert {each.order for each in made.of("speed.csv.gz#0") if each.share > 0.01} >= {72, 144, 36}
