@@ -237,6 +237,19 @@ def test_a_rotor_that_sticks_turns_at_the_speed_at_which_it_slips() -> None:
     assert main.size.value * bench.K_T == pytest.approx(12e-3, rel=0.05)
 
 
+def test_a_rotor_that_stands_still_turns_faster() -> None:
+    """For two of five seconds it waits, and does not slip."""
+    logs = of_case("cogging", "sweep")
+    t = 1e-3 * np.arange(5000)
+    step = bench.TURN / bench.COUNTS
+    theta = np.floor(3 * np.maximum(0.0, t - 2) / step) * step
+    waits = {"t": t, "theta": theta, "omega": np.gradient(theta, t), "i_q": 0.04 + 0 * t}
+    line = advice(said({**logs, "waits": waits})[0], "turn faster, or with more feedback")
+    assert line.cures == ({"record.kind": "constant-speed", "record.log": "waits.npz"},)
+    after, made = said({**logs, "waits": of_case("cogging", "both")["both"]})
+    assert not any("stands still" in line for line in after) and inertia_off(made) < 0.02
+
+
 def test_orders_beside_a_larger_one_are_the_encoder_s_in_a_faster_log() -> None:
     drive = bench.Drive(cogging=((30, 2e-3, 0.5),), encoder=((1, math.radians(0.3), 0.4),))
     runs = {"slow": bench.both_ways(0.5, 8.0), "quick": bench.both_ways(1.0, 4.0), "both": bench.RUNS["both"]}

@@ -153,6 +153,11 @@ def test_an_order_beyond_the_rows_is_not_called_absent(log: str, cause: str) -> 
     assert not any("cannot be seen: its wave" in line for line in again.said)
     (each,) = [each for each in again.found if each.share > 0.5]
     assert each.order == 90
+    slower = bench.steady(said.cures[1]["record.speed"] / bench.TURN, 6.0)
+    (turned,) = bench.simulated([(bench.CASES["beyond"], slower)])
+    slow = diagnosed({log: {key: x[::every] for key, x in turned.items()}})
+    assert not any("cannot be seen: its wave" in line for line in slow.said)
+    assert max(slow.found, key=lambda found: found.share).order == 90
     assert again.whole[f"{log}.npz"] == pytest.approx(
         np.std(bench.logs()["beyond"][log]["true_omega"][500:]), rel=0.1
     )
