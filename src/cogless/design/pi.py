@@ -257,9 +257,17 @@ def gains(study: Study, name: str) -> tuple[float, float]:
     assert isinstance(controller, Feedback)
     if controller.kp is not None or controller.tuning is None:
         return controller.kp or 0.0, controller.ki or 0.0
-    with tuned(study, name):
-        design = phase_margin_pi(speed_loop(study).rigid, controller.tuning)
+    design = tuned(
+        study, name, lambda study: phase_margin_pi(speed_loop(study).rigid, tuning_of(study, name))
+    )
     return design.kp, design.ki
+
+
+def tuning_of(study: Study, name: str) -> Tuning:
+    """The rule of a controller that has one."""
+    tuning = getattr(study.controller[name], "tuning", None)
+    assert isinstance(tuning, Tuning)
+    return tuning
 
 
 @lru_cache(maxsize=32)

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.closed_loop import Linear
-from cogless.design.cures import either, finer_sensor, helping, slower_feedback, text
+from cogless.design.cures import either, helping, text
 from cogless.design.detent import snaps, swing, turns_from
 from cogless.design.feedback import feedback_of
+from cogless.design.gentler import finer_sensor, slower_feedback
 from cogless.design.margins import Margins, Real
 from cogless.design.pi import SpeedLoop, speed_loop
 from cogless.design.position import position_margins

@@ -32,20 +32,11 @@ from numpy.typing import NDArray
 from cogless import units
 from cogless.design.angle_functions import angle_functions
 from cogless.design.closed_loop import Oscillation, oscillation
-from cogless.design.cures import (
-    HALVINGS,
-    either,
-    finer_sensor,
-    helping,
-    helps,
-    slower_feedback,
-    text,
-    weaker_learning,
-    words,
-)
+from cogless.design.cures import either, helping, helps, text, words
 from cogless.design.current_loop import LEAST
 from cogless.design.detent import snaps, swing
 from cogless.design.feedback import feedback_of
+from cogless.design.gentler import HALVINGS, finer_sensor, slower_feedback, weaker_learning
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Real
