@@ -370,7 +370,7 @@ def test_no_speed_loop_is_tuned_around_a_weak_current_loop(
         gains(study, "fair")
     assert str(error.value).endswith(
         f'study.toml: drive.current_loop.bandwidth: "{bandwidth}": expected 30 deg of phase margin or more '
-        f"to tune controller.fair around it; its q axis {found}"
+        f'to tune controller.fair around it; its q axis {found}; bandwidth = "1 kHz" would do'
     )
     assert gains(study, "pi")  # given gains are taken
 
@@ -397,7 +397,7 @@ def test_the_table_shows_the_current_loop(tmp_path: Path, bandwidth: str, note: 
 
 def test_a_margin_out_of_reach_is_refused() -> None:
     slow = dataclasses.replace(LOOP, current=dataclasses.replace(CURRENT, kp=0.0, ki=0.0))
-    with pytest.raises(ValueError, match="expected a faster and better damped current loop"):
+    with pytest.raises(ValueError, match="expected a loop that some gains give this phase margin"):
         phase_margin_pi(slow, tuning(math.radians(60)))
 
 

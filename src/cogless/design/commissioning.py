@@ -67,14 +67,14 @@ def commissioning_warning(study: Study, name: str) -> Remark | None:
 
 
 def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Remark | None:
-    loop, (kp, ki) = speed_loop(study, scenario), gains(study, name)
+    loop, pi = speed_loop(study, scenario), gains(study, name)
     key = f"{dotted(('controller', name))}.calibration"
-    if oscillation(loop, Linear(1, kp, k_i=ki)):
+    if oscillation(loop, Linear(1, pi[0], k_i=pi[1])):
         return None  # with the run and without, which is told elsewhere
-    feedback, follows = Linear(1, kp, run.position_gain, ki), position_gain(loop.rigid, (kp, ki))
-    wrong = _unrecorded(study, scenario, loop, feedback, run.speed)
+    wrong = _unrecorded(study, name, run, scenario)
     if wrong is None:
         return None
+    follows = position_gain(loop.rigid, pi)
     said = f"its calibration run in {scenario} {wrong}"
     wave = functions_in(study, scenario).waves(run.speed)[1:]
     orders = np.flatnonzero(wave > SHARE * np.max(wave)) + 1
@@ -83,7 +83,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
     def cured(other: Study) -> bool:
         law = other.controller[name]
         assert isinstance(law, AntiCogging) and law.calibration is not None
-        return _warning(other, name, law.calibration, scenario) is None
+        return _unrecorded(other, name, law.calibration, scenario) is None
 
     gain: Changes = {f"{key}.position_gain": text(follows, "1/s")}
     speed: Changes | None = {f"{key}.speed": slow} if slow else None
@@ -92,8 +92,10 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
     return Remark(f"{said}; {either(cures, key)} would do" if cures else said, cures)
 
 
-def _unrecorded(study: Study, scenario: str, loop: SpeedLoop, feedback: Linear, speed: float) -> str | None:
-    """Why a run at a speed, rad/s, doesn't record the cogging, in words; None if it does."""
+def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> str | None:
+    """Why a run doesn't record the cogging, in words; None if it does."""
+    loop, (kp, ki), speed = speed_loop(study, scenario), gains(study, name), run.speed
+    feedback = Linear(1, kp, run.position_gain, ki)
     swings = oscillation(loop, feedback)
     if swings:
         return f"is unstable, at {swings.frequency:.3g} Hz"

@@ -58,7 +58,8 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
         said = f"to turn evenly takes up to {found.most:.3g} A, and current_limit is {limit:.3g} A"
 
     def cured(other: Study) -> bool:
-        return too_much_current(other, scenario) is None
+        there = for_scenario(other, scenario).drive.current_loop.current_limit
+        return needed(other, scenario).most <= there
 
     more: Changes = {"drive.current_loop.current_limit": text(AHEAD * found.most, "A")}
     cures = helping(study, (more,), cured)

@@ -30,6 +30,7 @@ from cogless.study import Study
 from cogless.study.spoken import speed_text
 
 STOPS = 1.0  # ripple / speed, at which the rotor stops
+LARGE = 0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
 FASTER, FASTEST = 1.05, 1e4  # ratio of one tried speed to the one before; the fastest / the slowest
 
 

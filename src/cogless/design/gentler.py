@@ -9,7 +9,6 @@ from cogless.design.cures import text
 from cogless.design.pi import gains
 from cogless.design.position import harmonic_gains, position_gains
 from cogless.study import Study
-from cogless.study.adrc import Adrc
 from cogless.study.controller import Feedback, PiIlc, RobustIlc
 from cogless.study.error_messages import dotted
 from cogless.study.harmonic import Harmonic
@@ -51,8 +50,6 @@ def slower_feedback(study: Study, name: str, factor: float) -> Changes | None:
         slower = {"k_theta": text(k_theta / factor, "1/s"), "k_omega": text(k_omega / factor, "A*s/rad")}
         slower |= {"k_i": text(k_i / factor**2, "A/rad")} if k_i else {}
         return {f"{key}.{each}": value for each, value in slower.items()}
-    if isinstance(law, Adrc):
-        return {f"{key}.{of}": text(getattr(law, of) / factor, "1/s") for of in ("omega_c", "omega_o")}
     if isinstance(law, RobustIlc):
         return {f"{key}.{of}": text(getattr(law, of) / factor, "1/s") for of in ("c", "eta")}
     return {f"{key}.k": text(law.k / factor, "A*s/rad")} if isinstance(law, SpaceSpeed) else None

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cogless.design.current_loop import CurrentLoop
-from cogless.design.detent import snaps, swing
+from cogless.design.detent import LARGE, snaps, swing
 from cogless.design.feedback import feedback_of
 from cogless.design.harmonic_transfer import (
     FROM,
@@ -159,6 +159,7 @@ class Certified:
     late: int  # highest order up to which all converge with a sample that isn't told; 0: none
     held: tuple[int, ...]  # orders that act, but aren't learned
     slow: tuple[int, ...] = ()  # the lowest and the highest order that is too slow to be judged
+    swing: float = 0.0  # speed ripple that the feedback alone leaves, rms / speed
     snaps: str | None = None  # why the rotor snaps there with the feedback alone: then nothing is judged
 
     def words(self) -> str:
@@ -174,7 +175,9 @@ class Certified:
         does = "converge" if self.gamma > 0 else "may not all converge"
         off = f"with b 50 % off (Re Gamma {self.gamma:.2f} or more)"
         late = f"to {self.late} with an untold sample of delay"
-        return f"{at} those to {self.acting} {does} {off}, {late}{_held_words(self.held)}{slow}"
+        found = f"{at} those to {self.acting} {does} {off}, {late}{_held_words(self.held)}{slow}"
+        swings = f", not sure: its feedback lets the speed swing by {100 * self.swing:.0f} % rms"
+        return found + (swings if self.swing > LARGE else "")
 
 
 @dataclass(frozen=True)
@@ -230,10 +233,7 @@ def certificate(study: Study, name: str) -> Certificate:
     for omega in _speeds(study, name, told.base * told.orders * loop.period):
         acting = _acting(told, omega, loop.period)
         if len(acting):
-            each = _at(study, loop, told, pi, acting, omega)
-            found.append(
-                replace(each, slow=_too_slow(told, omega, loop.period), snaps=_snaps(study, name, omega))
-            )
+            found.append(_at(study, name, loop, told, pi, acting, omega))
             most.append(_rate_bound(study, loop, told, pi, omega))
     straight = SPLIT / (main_order(study, told.base) * loop.period) if told.bends else None
     bound = min(most)
@@ -259,18 +259,19 @@ def _too_slow(told: Learner, omega: float, T: float) -> tuple[int, ...]:
     return (told.base, told.base * count) if count else ()
 
 
-def _snaps(study: Study, name: str, omega: float) -> str | None:
-    """Why the rotor snaps with the feedback alone in the scenarios of this speed; None if it turns."""
-    feedback = feedback_of(study, name, omega)
-    keys = study.scenarios_of(name) or list(study.scenario)
-    for key in keys:
+def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
+    """The largest swing of the speed that the feedback alone leaves in the scenarios of this speed, rms over
+    it, and why the rotor snaps in one of them; None if it turns."""
+    feedback, largest = feedback_of(study, name, omega), 0.0
+    for key in study.scenarios_of(name) or list(study.scenario):
         if feedback is None or omega not in (study.scenario[key].slowest, study.scenario[key].top_reference):
             continue
         found = swing(study, key, feedback, omega)
         if found is not None and found.stops:
             crossover = position_margins(speed_loop(study, key), feedback).crossover
-            return snaps(study, found, omega, crossover)
-    return None
+            return found.rms, snaps(study, found, omega, crossover)
+        largest = max(largest, found.rms if found is not None else 0.0)
+    return largest, None
 
 
 def _rate_bound(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, omega: float) -> float:
@@ -338,7 +339,9 @@ def main_order(study: Study, base: int) -> int:
     return math.lcm(slots, poles) if slots else base
 
 
-def _at(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float) -> Certified:
+def _at(
+    study: Study, name: str, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float
+) -> Certified:
     w, sector = orders * omega, _halls(study)
     held = is_held(told, w * loop.period)
 
@@ -350,5 +353,11 @@ def _at(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, o
     good = len(orders) if not len(bad) else int(bad[0])
     late = int(orders[good - 1]) if good else 0
     return Certified(
-        omega, int(orders[-1]), float(np.min(real(0))), late, tuple(int(n) for n in orders[held])
+        omega,
+        int(orders[-1]),
+        float(np.min(real(0))),
+        late,
+        tuple(int(n) for n in orders[held]),
+        _too_slow(told, omega, loop.period),
+        *_swing(study, name, omega),
     )

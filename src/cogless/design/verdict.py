@@ -32,9 +32,9 @@ from numpy.typing import NDArray
 from cogless import units
 from cogless.design.angle_functions import angle_functions
 from cogless.design.closed_loop import Oscillation, oscillation
-from cogless.design.cures import either, helping, helps, text, words
+from cogless.design.cures import either, first, helping, helps, text, words
 from cogless.design.current_loop import LEAST
-from cogless.design.detent import snaps, swing
+from cogless.design.detent import LARGE, snaps, swing
 from cogless.design.feedback import feedback_of
 from cogless.design.gentler import HALVINGS, finer_sensor, slower_feedback, weaker_learning
 from cogless.design.learning import PeriodicLoop
@@ -72,7 +72,6 @@ RIPPLE = 0.01  # relative; a smaller ripple of the torque constant is neglected
 MARGIN = 2  # proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
 TINY = 1e-30  # under a logarithm
 FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
-LARGE = 0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
 ROUNDING = 1e-9
 
 STOPPING = SpaceLearning | PiAfc  # laws with an omega_min, below which they don't learn
@@ -135,12 +134,13 @@ class Repair:
     forgetting: float | None = None
 
     def change(self, key: str) -> Changes | None:
-        """The change, of a controller with this key; None if there is none."""
+        """The change of lead or filter, of a controller with this key; None if neither is enough.
+
+        A smaller learning gain leaves more of what was learned than forgetting does.
+        """
         if self.lead is not None:
             return {f"{key}.lead": f"{1e3 * self.lead:g} ms"}
-        if self.q_half_width is not None:
-            return {f"{key}.q_half_width": self.q_half_width}
-        return None if self.forgetting is None else {f"{key}.forgetting": self.forgetting}
+        return None if self.q_half_width is None else {f"{key}.q_half_width": self.q_half_width}
 
 
 @dataclass(frozen=True)
@@ -181,12 +181,18 @@ class Verdict:
             return found + (", where K_t is largest" if self.kind == "may be unstable" else "")
         if self.kind == "settles" and self.ratio > WORSE:
             return f"settles, but leaves {self.ratio:.2g} times the speed ripple of its feedback{self.where}"
-        if self.worst is None or self.kind in ("settles", "rests", "not judged"):
+        if self.kind == "not judged":
+            return f"not judged: {self._doubts}"
+        if self.worst is None or self.kind in ("settles", "rests"):
             return self.kind
         up_to = "up to " if self.varies else ""
         factor = f"{up_to}{self.worst.factor:.4g}x a period at {self.worst.frequency:.0f} Hz"
         mean = f", {self.mean.words()}" if self.mean else ""
         return f"{self.kind}, {factor}{self.where}{mean}"
+
+    @property
+    def _doubts(self) -> str:
+        return ", ".join(map(str, self.doubts))
 
     def words(self) -> str:
         """The whole verdict in one line."""
@@ -196,9 +202,7 @@ class Verdict:
         """The whole verdict in one line, with what cures it."""
         passing = self.passing.words(self.unit) if self.passing else ""
         frozen = [f"frozen: {reason}" for reason in self.frozen]
-        doubts = ", ".join(map(str, self.doubts))
-        if doubts:
-            doubts = f"because {doubts}" if self.kind == "not judged" else f"not sure: {doubts}"
+        doubts = f"not sure: {self._doubts}" if self.doubts and self.kind != "not judged" else ""
         remedy = [] if self.remedy is None else [self.remedy]
         parts = (self.short(), passing, *map(str, remedy), doubts, *frozen)
         cures = (cure for each in (*remedy, *self.doubts) for cure in each.cures)
@@ -303,32 +307,60 @@ def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
     It is the repair, or omega_min for a law that has one. Where neither helps, the learning gain is halved,
     with the repair that it then needs.
     """
-    key = dotted(("controller", name))
-    low = found.passing.least if found.passing else MARGIN * found.omega_m
-    stops = isinstance(study.controller[name], STOPPING)
-    rests: Changes | None = {f"{key}.omega_min": text(low, ANGULAR_SPEED.unit)} if stops else None
+
+    def cured(other: Study) -> bool:
+        return settles(other, name)
+
+    key, top = (
+        dotted(("controller", name)),
+        max(study.scenario[k].top_reference for k in study.scenarios_of(name)),
+    )
     mild = found.repair.change(key) if found.repair else None
-    cures = helping(study, (mild, rests), lambda other: settles(other, name))
+    cures = helping(study, (mild,), cured)
+    if isinstance(study.controller[name], STOPPING):
+        low = found.passing.least if found.passing else MARGIN * found.omega_m
+        least = (low * MARGIN**n for n in range(HALVINGS))
+        rests: list[Changes] = [{f"{key}.omega_min": text(each, "rad/s")} for each in least if each < top]
+        cures += first(study, rests, cured)
     if cures:
         return Remark(f"{either(cures, key)} repairs it", cures)
+    best = _weaker(study, name)
+    return None if best is None else Remark(f"{words(best, key)} repairs it", (best,))
+
+
+def _weaker(study: Study, name: str) -> Changes | None:
+    """The learning gain halved until learning settles, and on while half of it leaves less ripple.
+
+    The change has the repair that the gain needs then. None if no gain that is tried settles.
+    """
+    best: tuple[float, Changes] | None = None
     for n in range(1, HALVINGS):
         weaker = weaker_learning(study, name, 2.0**n)
-        for change in _with_repair(study, name, weaker) if weaker else ():
-            if helps(study, change, lambda other: settles(other, name)):
-                return Remark(f"{words(change, key)} repairs it", (change,))
+        found = _settled(study, name, weaker) if weaker else None
+        if best is not None and (found is None or found[0] >= best[0]):
+            break
+        best = found or best
+    return None if best is None else best[1]
+
+
+def _settled(study: Study, name: str, weaker: Changes) -> tuple[float, Changes] | None:
+    """The ripple that a smaller gain leaves, over that of the feedback alone, and the change that it takes,
+    with the repair that the gain needs; None if it doesn't settle."""
+    for change in (weaker, _repaired(study, name, weaker)):
+        if change is not None and helps(study, change, lambda other: settles(other, name)):
+            found = judgement(changed(study, change), name)
+            return None if found is None else (found.ratio, change)
     return None
 
 
-def _with_repair(study: Study, name: str, weaker: Changes) -> Iterator[Changes]:
-    """A smaller gain alone, and with the repair that it needs then."""
-    yield weaker
+def _repaired(study: Study, name: str, weaker: Changes) -> Changes | None:
+    """A smaller gain with the repair that it needs; None if that needs none, or has none."""
     try:
         found = judgement(changed(study, weaker), name)
     except StudyError:
-        return
+        return None
     mild = found.repair.change(dotted(("controller", name))) if found is not None and found.repair else None
-    if mild is not None:
-        yield {**weaker, **mild}
+    return None if mild is None else {**weaker, **mild}
 
 
 def settles(study: Study, name: str) -> bool:
