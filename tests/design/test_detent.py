@@ -127,7 +127,7 @@ def test_in_both_limits_it_is_the_detent_against_energy_or_stiffness() -> None:
         (fast, (rate / (200 * 200 * math.pi / 30)) ** 2),
         (slow, 200 * 20e-3 / (0.25 * feedback_of(slow, "pi").k_i)),
     ):
-        assert foreseen(study, "turn") == pytest.approx(expected, rel=0.1)
+        assert foreseen(study, "turn") == pytest.approx(expected, rel=0.15)
 
 
 def test_the_speed_from_which_it_turns_is_where_the_ripple_is_as_large_as_the_speed() -> None:
