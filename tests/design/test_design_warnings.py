@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cogless.design import warnings as module
@@ -10,6 +11,7 @@ from cogless.design.table import design_table
 from cogless.design.warnings import coarse_table, likely_harm, shaft_notes
 from cogless.errors import StudyError
 from cogless.run.plan import plan
+from cogless.run.simulate import simulate
 from cogless.study import load
 from cogless.study.reading import changed
 
@@ -81,6 +83,36 @@ def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():
     assert notes(changed(other, {"controller.harmonic.base": 21}), "harmonic") == []
     assert notes(changed(other, {"motor.cogging.1.torque": "0 N*m"}), "harmonic") == []
     assert notes(load(EXAMPLE), "harmonic") == []
+
+
+def test_a_base_that_the_law_has_already_is_not_advised():
+    """At 240 r/min and 1 kHz it learns to order 126, by its rate and not by its base, which is 6."""
+    fast = {"scenario.slow.reference": "240 rpm", "scenario.slow.initial_speed": "240 rpm"}
+    rates = {"drive.rates": {"current_loop": "20 kHz", "speed_loop": "1 kHz"}}
+    high = {"motor.cogging": [{"order": n, "torque": "1 mN*m"} for n in (6, 84, 150)]}
+    for base in ({}, {"controller.harmonic.base": 6}):
+        study = my_motor(**fast, **rates, **high, **base)
+        (remark,) = (each for each in module.notes(study, "harmonic") if "the cogging has" in str(each))
+        assert str(remark).endswith("but the cogging has order 150") == (not remark.cures)
+        for cured in remark.cured(study):
+            assert not any("the cogging has" in line for line in notes(cured, "harmonic"))
+
+
+def test_edges_are_not_timed_where_they_come_later_than_the_loop_can_wait():
+    """A telescope's drive: 17 counts a second. Timed from edge to edge the speed is worse, and its mean wrong."""
+    stars = {"scenario.slow.reference": "0.1 rpm", "scenario.slow.duration": "20 s"}
+    counted = {"drive.position_sensor": {"kind": "encoder", "lines": 2500}}
+    timed = {"drive.position_sensor.speed_method": "MT"}
+    study = my_motor(**stars, **counted, **{"mechanics.coulomb_friction": "0 N*m"})
+    (remark,) = module.beyond_drive(study, ["slow"])
+    assert str(remark).endswith("most read 0, others 24 rpm") and remark.cures == ()
+    ripple, off = [], []
+    for each in (study, changed(study, timed)):
+        trace = simulate(each, "slow", "pi").trace
+        omega, reference = trace["omega_m"][len(trace) // 2 :], trace["omega_ref"][-1]
+        ripple.append(float(np.std(omega)))
+        off.append(abs(float(np.mean(omega)) / reference - 1))
+    assert ripple[1] > 1.2 * ripple[0] and off[1] > 0.05 > off[0]
 
 
 def test_orders_that_are_not_learned_may_be_why_learning_does_harm():

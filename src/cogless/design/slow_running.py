@@ -178,7 +178,9 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
 
     def cured(other: Study) -> bool:
         after = [(_edges(other, name, scenario), edges) for name, edges in before.items()]
-        return bool(after) and all(new is not None and new.ripple <= LESS * old.ripple for new, old in after)
+        return bool(after) and all(
+            new is not None and new.factor <= 1 and new.ripple <= LESS * old.ripple for new, old in after
+        )
 
     timed = {"drive.position_sensor.speed_method": "MT"} if sensor.kind == "encoder" else None
     cures = helping(study, (timed,), cured)
