@@ -99,7 +99,7 @@ def test_a_base_that_the_law_has_already_is_not_advised():
 
 
 def test_edges_are_not_timed_where_they_come_later_than_the_loop_can_wait():
-    """A telescope's drive: 17 counts a second. Timed from edge to edge the speed is worse, and its mean wrong."""
+    """A telescope's drive: 17 counts a second. Timed, the speed is worse and its mean wrong."""
     stars = {"scenario.slow.reference": "0.1 rpm", "scenario.slow.duration": "20 s"}
     counted = {"drive.position_sensor": {"kind": "encoder", "lines": 2500}}
     timed = {"drive.position_sensor.speed_method": "MT"}
