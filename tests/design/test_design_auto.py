@@ -417,3 +417,17 @@ def test_what_learning_leaves_is_the_mean_over_the_scenarios_that_turn(
     monkeypatch.setattr(auto, "_scenarios", lambda *_: list(speeds))
     monkeypatch.setattr(auto, "ripple", lambda loop, time: SimpleNamespace(ratio=time))
     assert auto._left(study, "x", kind, {}) == pytest.approx(auto.LEARNED * (1 / 2 + 1 / 4) / 2)
+
+
+@pytest.mark.parametrize("law", ["space-position", "space-speed"])
+def test_a_law_whose_learning_is_off_needs_no_gain_that_settles(law: str) -> None:
+    """At rest no gain of learning can be found; its feedback needs none."""
+    own = {"law": law, "tuning": {"rule": "auto"}}
+    still = {"scenario.slow.reference": "0 rpm", "scenario.slow.controllers": ["pi", "off"]}
+    still |= {f"scenario.{name}.controllers": ["pi"] for name in load("uomodri").scenario if name != "slow"}
+    with pytest.raises(StudyError, match="in which the rotor turns"):
+        auto.load("uomodri", {**still, "controller.off": own})
+    study = auto.load("uomodri", {**still, "controller.off": {**own, "learning": False}})
+    assert isinstance(study, Study) and missing(study) == []
+    (run,) = run_study(study, ["slow/off"]).runs
+    assert abs(float(run.trace["omega_m"][-1])) < 0.1

@@ -1,6 +1,7 @@
 """The rule of the law `harmonic`, its certificate, and runs that hold it to both."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -269,3 +270,22 @@ def test_a_position_is_held_with_less_ripple():
     assert np.std(runs[0]) < 0.5 * np.std(runs[1])
     with pytest.raises(StudyError, match="expected none, unless position is true and kp and ki are given"):
         load("verrelli2016", {**own, "controller.harmonic": {**law, "k_theta": "5 1/s"}})
+
+
+@pytest.mark.parametrize(("rate", "speed", "slow"), [("8 kHz", 0.5, 2), ("30 kHz", 0.25, 18)])
+def test_slow_orders_are_named_and_do_not_veto_the_others(rate: str, speed: float, slow: int) -> None:
+    """At these rates and speeds nothing was judged, since order 2 turns by less than 0.001 rad a sample."""
+    turning = {"scenario.slow.reference": f"{speed} rev/s", "scenario.slow.initial_speed": f"{speed} rev/s"}
+    rates = {"drive.rates": {"current_loop": "24 kHz" if rate == "8 kHz" else "30 kHz", "speed_loop": rate}}
+    fine = {"drive.position_sensor": {"kind": "absolute", "bits": 20}}
+    path = Path(__file__).parents[2] / "examples" / "my_motor.toml"
+    study = load(path, {**turning, **rates, **fine})
+    (each,) = certificate(study, "harmonic").speeds
+    assert each.slow == (2, slow) and each.gamma > 0 and each.acting == 256
+    assert "too slow to be judged" in certificate(study, "harmonic").words()
+    ripple = {
+        name: float(np.std(trace["omega_m"][len(trace) // 2 :]))
+        for name in ("pi", "harmonic")
+        for trace in [simulate(study, "slow", name).trace]
+    }
+    assert ripple["harmonic"] < 0.5 * ripple["pi"]

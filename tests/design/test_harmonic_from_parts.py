@@ -309,6 +309,7 @@ def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(harmonic, "plants", lambda loop: list(on_time))
     monkeypatch.setattr(harmonic, "at_speed", lambda plant, sector, edges, omega: (plant, omega))
     monkeypatch.setattr(harmonic, "_halls", lambda study: (0.3, 4))
+    monkeypatch.setattr(harmonic, "_swing", lambda study, name, omega: (0.1, None))
 
     def gamma(at: tuple[str, float], told: Learner, pi: Any, w: Any, later: int) -> Any:
         assert at[1] == 1.5 and w.tolist() == [3.0, 6.0, 9.0, 12.0]
@@ -316,12 +317,12 @@ def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(harmonic, "gamma", gamma)
     told, orders, none = replace(TOLD, held=(8.9e-3, 9.1e-3)), np.array([2.0, 4.0, 6.0, 8.0]), None
-    found = harmonic._at(none, LOOP, told, none, orders, 1.5)
-    assert found == Certified(1.5, 8, 0.3, 6, (6,))
+    found = harmonic._at(none, "x", LOOP, told, none, orders, 1.5)
+    assert found == Certified(1.5, 8, 0.3, 6, (6,), (), 0.1)
     late["one"][3] = 0.1
-    assert harmonic._at(none, LOOP, told, none, orders, 1.5).late == 8
+    assert harmonic._at(none, "x", LOOP, told, none, orders, 1.5).late == 8
     late["other"][0] = -0.1
-    assert harmonic._at(none, LOOP, told, none, orders, 1.5).late == 0
+    assert harmonic._at(none, "x", LOOP, told, none, orders, 1.5).late == 0
 
 
 @pytest.mark.parametrize(
@@ -351,7 +352,7 @@ def test_the_rule_s_numbers_of_a_law(
         "_bends": lambda study, base: base // 2,
         "harmonic_gains": lambda study, name: "pi",
         "_halls": lambda study: (0.3, 4),
-        "_speeds": lambda study, name, sampled: [1.0, 3.0] if sampled == 4e-3 else [],
+        "_speeds": lambda study, name, sampled: [1.0, 3.0] if sampled == 8e-3 else [],
         "_least_rate": lambda study, told, fastest: asked.update(fastest=fastest) or 0.7,
         "held_bands": lambda *of: asked.update(bands=of[2:]) or (0.1, 0.2),
         "_rate_bound": lambda study, loop, told, pi, omega: bounds[omega],
@@ -380,8 +381,8 @@ def test_a_certificate_is_of_the_speeds_at_which_orders_act(monkeypatch: pytest.
         "learner": lambda study, name: TOLD,
         "harmonic_gains": lambda study, name: "pi",
         "speed_loop": lambda study: LOOP,
-        "_speeds": lambda study, name, sampled: speeds if sampled == 2e-3 else [],
-        "_at": lambda study, loop, told, pi, acting, omega: (omega, acting.tolist()),
+        "_speeds": lambda study, name, sampled: speeds if sampled == 6e-3 else [],
+        "_at": lambda study, name, loop, told, pi, acting, omega: (omega, acting.tolist()),
         "_rate_bound": lambda study, loop, told, pi, omega: bounds[omega],
         "main_order": lambda study, base: 50,
     }
@@ -428,7 +429,18 @@ def test_a_certificate_in_one_line() -> None:
         "holds orders from 1.59 to 3.18 and from 15.9 to 100 Hz; learns at up to 300 rpm; "
         "an eccentric sensor's error at up to 50 rpm"
     )
-    assert replace(FINE, speeds=()).words() == "not judged: no reference turns order 2 by 0.001 rad a sample"
+    slow = replace(FINE, speeds=(replace(SLOW, held=(), slow=(2, 4), swing=0.64),))
+    assert slow.words() == (
+        "orders 2 k to 6 settle at any rate; at 10 rpm those to 6 converge with b 50 % off "
+        "(Re Gamma 0.66 or more), to 4 with an untold sample of delay, orders 2 to 4 are too slow to be "
+        "judged, not sure: its feedback lets the speed swing by 64 % rms; learns at up to 300 rpm"
+    )
+    snaps = replace(SLOW, held=(), slow=(2, 2), snaps="at 10 rpm it snaps")
+    assert ", order 2 is too slow to be judged" in replace(snaps, snaps=None).words()
+    assert replace(FINE, speeds=(snaps,)).words() == "not judged: at 10 rpm it snaps"
+    some = replace(FINE, speeds=(snaps, FAST))
+    assert "; not judged at 10 rpm it snaps; at 200 rpm those to 4" in some.words() and not some.fine
+    assert replace(FINE, speeds=()).words() == "not judged: no reference turns order 6 by 0.001 rad a sample"
 
 
 def test_a_certificate_is_fine_if_all_orders_converge_and_settle_together() -> None:

@@ -170,7 +170,7 @@ def test_a_certificate_in_one_line() -> None:
         "b 50 % off (Re Gamma 0.50 or more), to 6 with an untold sample of delay, 2 held, 24 to 30; "
         "learns at up to 3000 rpm"
     )
-    assert certificate(speeds=()).words() == "not judged: no reference turns order 6 by 0.001 rad a sample"
+    assert certificate(speeds=()).words() == "not judged: no reference turns order 48 by 0.001 rad a sample"
     one = (Certified(2 * math.pi, 42, 0.391, 36, (24,)),)
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
     more = certificate(speeds=one, rate_most=None, learner=bands, straight=math.pi)

@@ -36,7 +36,7 @@ from cogless.design.learning import LONGEST_LEAD, PeriodicLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop
 from cogless.design.margins import Complex, Real
 from cogless.design.order_learning import OrderLoop
-from cogless.design.pi import gains, phase_margin_pi, speed_loop
+from cogless.design.pi import gains, phase_margin_pi, speed_loop, tuning_of
 from cogless.design.ripple import ripple
 from cogless.design.space_learning import SpaceLoop
 from cogless.design.verdict import WIDEST
@@ -49,7 +49,7 @@ from cogless.study.error_messages import dotted
 from cogless.study.laws import AnyController
 from cogless.study.pi_afc import ORDERS, PiAfc
 from cogless.study.reading import Changes
-from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
+from cogless.study.space_controller import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed
 
 # As told, and each corner: true K_t / J over that of the study, and samples of delay that the study
 # doesn't tell.
@@ -166,10 +166,12 @@ def _settles(study: Study, name: str, order: int) -> bool:
 
 def _adrc(study: Study, name: str, law: Adrc) -> Values:
     """Loop and observer as fast as the phase margin allows."""
-    assert law.tuning is not None
     b = study.K_t / study.mechanics.stiff.inertia
-    with tuned(study, name):
-        omega_c, omega_o = bandwidths(speed_loop(study).rigid, b, law.tuning.phase_margin)
+
+    def rule(study: Study) -> tuple[float, float]:
+        return bandwidths(speed_loop(study).rigid, b, tuning_of(study, name).phase_margin)
+
+    omega_c, omega_o = tuned(study, name, rule)
     return {"b": b, "omega_c": omega_c, "omega_o": omega_o}
 
 
@@ -221,7 +223,13 @@ def _periodic(study: Study, name: str, law: PiIlc | RobustIlc, keys: Callable[[f
 
 
 def _in_angle(study: Study, name: str) -> Values:
-    """Map, gain, Q filter and omega_min of a law that learns over the angle, and has no lead."""
+    """Map, gain, Q filter and omega_min of a law that learns over the angle, and has no lead.
+
+    If its learning is off, they have no effect, and what stands there stays.
+    """
+    law = study.controller[name]
+    if not law.learns:
+        return {key: value for key, value in law.AUTOMATIC.items() if key in MECHANICAL}
     map_ = {"cells": _cells(study, name)} | _above(study, name)
     unit = list(_loops(SpaceLoop, _with(study, name, map_ | {"mu_alpha": 1.0}), name))
     f = _grid(unit)
@@ -377,9 +385,9 @@ def _cells(study: Study, name: str) -> int:
 
 def _phase_margin_pi(study: Study, name: str, law: RobustIlc | SpaceSpeed) -> tuple[float, float]:
     """kp and ki that a PI in the law's place would have."""
-    assert law.tuning is not None
-    with tuned(study, name):
-        design = phase_margin_pi(speed_loop(study).rigid, law.tuning)
+    design = tuned(
+        study, name, lambda study: phase_margin_pi(speed_loop(study).rigid, tuning_of(study, name))
+    )
     return design.kp, design.ki
 
 

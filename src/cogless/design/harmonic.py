@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cogless.design.current_loop import CurrentLoop
+from cogless.design.detent import LARGE, snaps, swing
+from cogless.design.feedback import feedback_of
 from cogless.design.harmonic_transfer import (
     FROM,
     SPLIT,
@@ -24,7 +26,7 @@ from cogless.design.harmonic_transfer import (
 )
 from cogless.design.margins import Real
 from cogless.design.pi import SpeedLoop, speed_loop
-from cogless.design.position import Gains, harmonic_gains
+from cogless.design.position import Gains, harmonic_gains, position_margins
 from cogless.study import Study
 from cogless.study.harmonic import FASTEST, ORDERS, Harmonic, Learner
 from cogless.study.position_sensor import Counted, Hall
@@ -37,6 +39,7 @@ MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
 SURE = 5e-4  # rad, of the sensor's error: what deviates by more is not learned, as SURE in harmonic.c
 FOLLOWS = 10  # times as fast as a load that turns with the rotor: a tenth of what it changes is left
 MARGIN = 2.4  # between the rate and where all orders together oscillate
+RPM = 30 / math.pi
 BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
 
 
@@ -54,7 +57,7 @@ def _learner(study: Study, name: str) -> Learner:
     step, bends = _step(study), _bends(study, base)
     told = Learner(loop.b, delay_of(loop), step, base, bends, orders, rate, min(rate, LEAST))
     pi = harmonic_gains(study, name)
-    speeds = _speeds(study, name, told.base * loop.period)
+    speeds = _speeds(study, name, told.base * told.orders * loop.period)
     if not speeds:
         return told
     told = replace(told, rate_min=_least_rate(study, told, speeds[-1]))
@@ -66,9 +69,9 @@ def _learner(study: Study, name: str) -> Learner:
 
 
 def _speeds(study: Study, name: str, sampled: float) -> list[float]:
-    """The slowest and the fastest reference of a controller, rad/s, of those that show the lowest order.
+    """The slowest and the fastest reference of a controller, rad/s, of those at which an order can be judged.
 
-    `sampled`: angle of the lowest order in a sample per speed, s.
+    `sampled`: angle of the highest order in a sample per speed, s.
     """
     scenarios = [study.scenario[key] for key in study.scenarios_of(name)] or list(study.scenario.values())
     ends = {speed for s in scenarios for speed in (s.slowest, s.top_reference)}
@@ -155,6 +158,26 @@ class Certified:
     gamma: float  # least Re Gamma of those, b of the plant 0.5 to 1.5 times the model's
     late: int  # highest order up to which all converge with a sample that isn't told; 0: none
     held: tuple[int, ...]  # orders that act, but aren't learned
+    slow: tuple[int, ...] = ()  # the lowest and the highest order that is too slow to be judged
+    swing: float = 0.0  # speed ripple that the feedback alone leaves, rms / speed
+    snaps: str | None = None  # why the rotor snaps there with the feedback alone: then nothing is judged
+
+    def words(self) -> str:
+        """What is certified at this speed."""
+        at = f"at {self.omega_m * RPM:.4g} rpm"
+        slow = ""
+        if self.slow:
+            several = self.slow[0] < self.slow[1]
+            of = f"s {self.slow[0]} to {self.slow[1]} are" if several else f" {self.slow[0]} is"
+            slow = f", order{of} too slow to be judged"
+        if self.snaps is not None:
+            return f"not judged {self.snaps}"
+        does = "converge" if self.gamma > 0 else "may not all converge"
+        off = f"with b 50 % off (Re Gamma {self.gamma:.2f} or more)"
+        late = f"to {self.late} with an untold sample of delay"
+        found = f"{at} those to {self.acting} {does} {off}, {late}{_held_words(self.held)}{slow}"
+        swings = f", not sure: its feedback lets the speed swing by {100 * self.swing:.0f} % rms"
+        return found + (swings if self.swing > LARGE else "")
 
 
 @dataclass(frozen=True)
@@ -173,31 +196,27 @@ class Certificate:
     @property
     def fine(self) -> bool:
         """Whether all acting orders converge at all speeds."""
-        return all(each.gamma > 0 for each in self.speeds) and self.learner.rate < (
-            self.rate_most or math.inf
-        )
+        converges = all(each.gamma > 0 and each.snaps is None for each in self.speeds)
+        return converges and self.learner.rate < (self.rate_most or math.inf)
 
     def words(self) -> str:
         """The certificate in one line."""
-        base, rpm = self.learner.base, 30 / math.pi
+        base = self.learner.base
         if not self.speeds:
-            return f"not judged: no reference turns order {base} by {FROM:g} rad a sample"
+            highest = base * self.learner.orders
+            return f"not judged: no reference turns order {highest} by {FROM:g} rad a sample"
+        if all(each.snaps is not None for each in self.speeds):
+            return f"not judged: {self.speeds[0].snaps}"
         bound = "any rate" if self.rate_most is None else f"rates to {self.rate_most:.3g} 1/s"
         orders = f"orders {base} k to {base * self.learner.orders} settle at {bound}"
-        found = [
-            f"at {each.omega_m * rpm:.4g} rpm those to {each.acting} "
-            f"{'converge' if each.gamma > 0 else 'may not all converge'} with b 50 % off "
-            f"(Re Gamma {each.gamma:.2f} or more), to {each.late} with an untold sample of delay"
-            f"{_held_words(each.held)}"
-            for each in self.speeds
-        ]
-        ends = [f"learns at up to {self.fastest * rpm:.4g} rpm"]
+        found = [each.words() for each in self.speeds]
+        ends = [f"learns at up to {self.fastest * RPM:.4g} rpm"]
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
         if edges:
             bands = [f"{low:.3g} to {high:.3g}" for low, high in zip(edges[::2], edges[1::2], strict=True)]
             ends = [f"holds orders from {' and from '.join(bands)} Hz", *ends]
         if self.straight is not None:
-            ends += [f"an eccentric sensor's error at up to {self.straight * rpm:.4g} rpm"]
+            ends += [f"an eccentric sensor's error at up to {self.straight * RPM:.4g} rpm"]
         return "; ".join([orders, *found, *ends])
 
 
@@ -211,10 +230,10 @@ def certificate(study: Study, name: str) -> Certificate:
     """The certificate of a controller: at the slowest and the fastest reference of its scenarios."""
     told, pi, loop = learner(study, name), harmonic_gains(study, name), speed_loop(study)
     found, most = [], [math.inf]
-    for omega in _speeds(study, name, told.base * loop.period):
+    for omega in _speeds(study, name, told.base * told.orders * loop.period):
         acting = _acting(told, omega, loop.period)
         if len(acting):
-            found.append(_at(study, loop, told, pi, acting, omega))
+            found.append(_at(study, name, loop, told, pi, acting, omega))
             most.append(_rate_bound(study, loop, told, pi, omega))
     straight = SPLIT / (main_order(study, told.base) * loop.period) if told.bends else None
     bound = min(most)
@@ -229,9 +248,30 @@ def certificate(study: Study, name: str) -> Certificate:
 
 
 def _acting(told: Learner, omega: float, T: float) -> Real:
-    """The orders that act at a speed."""
+    """The orders that act at a speed, without those that are too slow to be judged."""
     orders = told.base * np.arange(1.0, told.orders + 1)
-    return np.asarray(orders[orders * omega * T <= FASTEST])
+    return np.asarray(orders[(orders * omega * T > FROM) & (orders * omega * T <= FASTEST)])
+
+
+def _too_slow(told: Learner, omega: float, T: float) -> tuple[int, ...]:
+    """The lowest and the highest order that is too slow to be judged; empty if none is."""
+    count = min(told.orders, int(FROM / (told.base * omega * T)))
+    return (told.base, told.base * count) if count else ()
+
+
+def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
+    """The largest swing of the speed that the feedback alone leaves in the scenarios of this speed, rms over
+    it, and why the rotor snaps in one of them; None if it turns."""
+    feedback, largest = feedback_of(study, name, omega), 0.0
+    for key in study.scenarios_of(name) or list(study.scenario):
+        if feedback is None or omega not in (study.scenario[key].slowest, study.scenario[key].top_reference):
+            continue
+        found = swing(study, key, feedback, omega)
+        if found is not None and found.stops:
+            crossover = position_margins(speed_loop(study, key), feedback).crossover
+            return found.rms, snaps(study, found, omega, crossover)
+        largest = max(largest, found.rms if found is not None else 0.0)
+    return largest, None
 
 
 def _rate_bound(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, omega: float) -> float:
@@ -299,7 +339,9 @@ def main_order(study: Study, base: int) -> int:
     return math.lcm(slots, poles) if slots else base
 
 
-def _at(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float) -> Certified:
+def _at(
+    study: Study, name: str, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float
+) -> Certified:
     w, sector = orders * omega, _halls(study)
     held = is_held(told, w * loop.period)
 
@@ -311,5 +353,11 @@ def _at(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, o
     good = len(orders) if not len(bad) else int(bad[0])
     late = int(orders[good - 1]) if good else 0
     return Certified(
-        omega, int(orders[-1]), float(np.min(real(0))), late, tuple(int(n) for n in orders[held])
+        omega,
+        int(orders[-1]),
+        float(np.min(real(0))),
+        late,
+        tuple(int(n) for n in orders[held]),
+        _too_slow(told, omega, loop.period),
+        *_swing(study, name, omega),
     )

@@ -13,6 +13,7 @@ from cogless.report.comparison import (
     VARIES,
     Line,
     compare,
+    error_metric,
     held_back,
     misses,
     pretty,
@@ -122,7 +123,7 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Line]) -> ScenarioVerdict:
     """What is said where only metrics are left that tell nothing of a controller."""
     why = next(line.unjudged for line in lines if line.unjudged)
-    wants = '; add a metric of kind = "rms" and signal = "omega_error"' if why == VARIES else ""
+    wants = f"; {error_metric(results.study)}" if why == VARIES else ""
     found = remarks(results.study, [replace(line, unjudged="") for line in lines])
     details = [f"{remark[0].upper()}{remark[1:]}." for remark in found]
     return ScenarioVerdict(scenario, "even", f"{at}, no speed is judged: {why}{wants}.", details)
