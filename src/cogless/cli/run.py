@@ -24,7 +24,7 @@ from cogless.cli.terminal import new_bar, new_console, run_progress
 from cogless.errors import INTERRUPTED, StudyError, say
 
 if TYPE_CHECKING:
-    from cogless.results import AnyResults
+    from cogless.results import AnyResults, Results
     from cogless.study.arena import Arena
 
 
@@ -38,6 +38,14 @@ def run(
     with_page: Annotated[
         bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
     ] = False,
+    limits: Annotated[
+        bool | None,
+        typer.Option(
+            "--limits/--no-limits",
+            help="Find what limits each scenario's best run, by a dozen further runs.",
+            show_default="unless its runs are long or run own code",
+        ),
+    ] = None,
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
 ) -> None:
@@ -48,6 +56,7 @@ def run(
     Ctrl-C keeps the runs that are finished.
     """
     from cogless.design.warnings import beyond_drive, coarse_table, too_short
+    from cogless.results import Results
     from cogless.results.folder import held
     from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
@@ -76,6 +85,8 @@ def run(
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=folder)
             except RunError as error:
                 failures, results = [error], error.results
+        if isinstance(results, Results) and limits is not False and not results.interrupted:
+            results = _with_limits(results, limits is True, jobs, folder)
         if results.runs:
             try:
                 _write(results, folder, plots, not no_traces, page)
@@ -98,6 +109,16 @@ def run(
         where = f" ({kept}), written to {folder}" if kept else ", nothing written"
         say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
         sys.exit(INTERRUPTED)
+
+
+def _with_limits(results: Results, long: bool, jobs: int, folder: Path) -> Results:
+    from cogless.report import with_limits
+
+    with new_bar() as bar:
+        task = bar.add_task("", total=None)
+        return with_limits(
+            results, long, jobs, folder, lambda name: bar.update(task, description=f"{name}: what limits it")
+        )
 
 
 def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None) -> None:

@@ -6,6 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+CAUSES = {
+    "sensor-steps": "the position sensor's steps",
+    "sensor-error": "the position sensor's own error",
+    "delay": "delay",
+    "dead-time": "dead time",
+    "switching": "switching",
+    "current-noise": "noise of the current sensors",
+    "current-error": "offset and gain errors of the current sensors",
+    "learning-time": "what is not learned yet",
+    "disturbance": "torque ripple that is not rejected",
+    "friction": "friction",
+    "limit": "a limit of current or voltage",
+    "belief": "wrong motor parameters",
+}
 CLEAR_SHARE = 0.1  # of a result's square: what a cause must have to be named
 HELPS = 0.8  # of the value as it is: what a change must leave at most to be advised
 
@@ -15,7 +29,7 @@ class Cause:
     """A cause that was taken away. `value`: what the run's metric is without it, SI; `share`: its share of
     the metric's square, at most 1, negative if the run is worse without it."""
 
-    name: str  # a key of run.limits.CAUSES
+    name: str  # a key of CAUSES
     value: float
     share: float
 
@@ -42,7 +56,7 @@ class Limits:
 
     scenario: str
     controller: str
-    metric: str  # as in results.json
+    metric: str  # its name in results.json
     order: float | None
     value: float  # SI, of the run as it is
     causes: Sequence[Cause]
@@ -51,8 +65,16 @@ class Limits:
 
     @property
     def named(self) -> list[Cause]:
-        """The causes with a clear share."""
-        return [cause for cause in self.causes if cause.share >= CLEAR_SHARE]
+        """The causes with a clear share, the largest first.
+
+        Torque ripple that the law leaves isn't named beside what isn't learned yet, unless it has more.
+        """
+        clear = {cause.name: cause for cause in self.causes if cause.share >= CLEAR_SHARE}
+        if "learning-time" in clear and "disturbance" in clear:
+            more = clear["disturbance"].share - clear["learning-time"].share
+            if more < CLEAR_SHARE:
+                del clear["disturbance"]
+        return [*clear.values()]
 
     @property
     def setting(self) -> Cure | None:

@@ -12,8 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
+from cogless.design.auto import filled, unfilled
 from cogless.errors import StudyError
 from cogless.results import Run
 from cogless.results.limits import CLEAR_SHARE, Cause, Cure, Limits
@@ -24,21 +27,30 @@ from cogless.run.simulate import RunError, rollout
 from cogless.study import Study, changed
 from cogless.study.metric import Metric
 from cogless.study.reading import Changes, split
+from cogless.units import ANGULAR_SPEED
 
 MEAN_SHARE_MOST = 0.05  # of the top reference: a larger mean of the speed error isn't a speed that is held
 MEAN_ERROR = "limits_mean_error"
+SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less is no limit
 
 
 def limits(
-    study: Study, run: Run, metric: Metric, order: float | None = None, jobs: int | None = None
+    study: Study,
+    run: Run,
+    metric: Metric,
+    order: float | None = None,
+    jobs: int | None = None,
+    traces: Path | None = None,
 ) -> Limits | None:
     """What limits a finished run, by a metric that is better when lower, or by one of its orders.
 
-    `jobs`: runs at a time, default one per core. None: the run has no such value, or it is zero.
+    `jobs`: runs at a time, default one per core. `traces`: a folder with room for traces that are too long
+    for memory. None: the run has no such value, or next to nothing is left. KeyboardInterrupt: Ctrl-C was
+    pressed.
     """
-    tries = _Tries(study, run, metric, order, jobs)
+    tries = _Tries(study, run, metric, order, jobs, traces)
     value = tries.value_of(run.metrics)
-    if value is None or value == 0:
+    if value is None or value <= _negligible(study, run.scenario, metric):
         return None
     found = suspects(study, run, metric)
     together = _merged([each.without for each in found])
@@ -60,12 +72,31 @@ def limits(
     return Limits(run.scenario, run.controller, result_name(metric), order, value, causes, values[-1], cures)
 
 
+def _negligible(study: Study, scenario: str, metric: Metric) -> float:
+    """The value, SI, below which nothing is left to gain."""
+    of_speed = metric.dimension is ANGULAR_SPEED
+    return SPEED_SHARE_LEAST * study.scenario[scenario].top_reference if of_speed else 0.0
+
+
 class _Tries:
     """Runs of one controller in one scenario of a changed study."""
 
-    def __init__(self, study: Study, run: Run, metric: Metric, order: float | None, jobs: int | None) -> None:
-        self._study, self._run, self._metric, self._order, self._jobs = study, run, metric, order, jobs
+    def __init__(
+        self,
+        study: Study,
+        run: Run,
+        metric: Metric,
+        order: float | None,
+        jobs: int | None,
+        traces: Path | None,
+    ) -> None:
+        self._study, self._run, self._metric, self._order = study, run, metric, order
+        self._jobs, self._traces = jobs, traces
         self._values: dict[str, float | None] = {"{}": self.value_of(run.metrics)}
+
+    @cached_property
+    def _unfilled(self) -> Study:
+        return unfilled(self._study, self._run.controller)
 
     def value_of(self, metrics: Mapping[str, Value]) -> float | None:
         """The metric's value, SI; None if there is none, or it isn't finite."""
@@ -81,7 +112,9 @@ class _Tries:
         studies = {key: made for key, changes in new.items() if (made := self._changed(changes)) is not None}
         only = ["/".join((self._run.scenario, self._run.controller))]
         try:
-            rolled = rollout([*studies.values()], only, self._jobs, keep_traces=False)
+            rolled = rollout([*studies.values()], only, self._jobs, keep_traces=False, traces=self._traces)
+            if any(results.interrupted for results in rolled):
+                raise KeyboardInterrupt
         except RunError as error:
             rolled = [*error.all_results]
         except StudyError:  # before the first run
@@ -110,7 +143,8 @@ class _Tries:
         """The changed study, with a metric that tells whether the speed is held; None if it is refused."""
         metric, scenario = self._metric, self._run.scenario
         try:
-            made = changed(self._study, self.placed(changes))
+            made = filled(changed(self._unfilled, self.placed(changes)))
+            assert isinstance(made, Study)
             same = made.metric[self._study.metric.index(metric)]
             held = {"name": MEAN_ERROR, "kind": "mean", "signal": "omega_error", "scenarios": [scenario]}
             if same.window is not None:

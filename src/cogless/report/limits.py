@@ -1,0 +1,64 @@
+"""What limits a scenario's best run, in a sentence or two, and the changes that they advise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from cogless.report.comparison import shown_in
+from cogless.report.packing import number
+from cogless.report.verdict import called, listed
+from cogless.results.limits import CAUSES, Limits
+from cogless.results.metrics import result_name
+from cogless.study import Study
+from cogless.study.error_messages import dotted, look_up, toml
+from cogless.study.reading import Changes, split
+from cogless.study.remark import Remark
+
+OVERLAP = 1.1  # sum of shares beyond which causes act on each other
+
+
+def remark(study: Study, limits: Limits) -> Remark | None:
+    """What limits a run, and the setting and the part that help most, tried; None if nothing stands out."""
+    named = limits.named
+    if not named:
+        return None
+    metric = next(m for m in study.metrics_in(limits.scenario) if result_name(m) == limits.metric)
+    unit, scale = shown_in(study, metric)
+
+    def shown(value: float) -> str:
+        return f"{number(value / scale)} {unit}".rstrip()
+
+    shares = [f"{100 * min(cause.share, 1.0):.0f} % of the square" for cause in named]
+    parts = [
+        f"{CAUSES[cause.name]}, {share} (without it {shown(cause.value)})"
+        for cause, share in zip(named, shares, strict=True)
+    ]
+    both = "; they act on each other" if sum(cause.share for cause in named) > OVERLAP else ""
+    text = f"What limits {called(study, limits.controller)}: {listed(parts)}{both}."
+    cures = [cure for cure in (limits.setting, limits.part) if cure is not None]
+    tried = [f"with {setting(study, cure.changes)} it leaves {shown(cure.value)}" for cure in cures]
+    if tried:
+        tried[0] = tried[0][0].upper() + tried[0][1:]
+        text += f" {'; '.join(tried)}: tried."
+    return Remark(text, tuple(cure.changes for cure in cures))
+
+
+def setting(study: Study, changes: Changes) -> str:
+    """Changes as one would write them in the study; keys of the table of the first without that table."""
+    flat = {key: value for name, value in changes.items() for key, value in _new(study, split(name), value)}
+    texts, table = [], ()
+    for key, value in flat.items():
+        where = dotted(key[len(table) :] if table and key[: len(table)] == table else key)
+        texts.append(f"no {where}" if value is None else f"{where} = {toml(value)}")
+        table = table or key[:-1]
+    return ", ".join(texts)
+
+
+def _new(study: Study, key: tuple[Any, ...], value: Any) -> list[tuple[tuple[Any, ...], Any]]:
+    """The keys of a change that differ from the study's, each with its value; None: it is left out."""
+    old = look_up(study.source.tables, key)
+    if not isinstance(value, Mapping) or not isinstance(old, Mapping):
+        return [] if old == value else [(key, value)]
+    gone = [((*key, name), None) for name in old if name not in value]
+    return [pair for name, inner in value.items() for pair in _new(study, (*key, name), inner)] + gone
