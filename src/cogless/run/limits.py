@@ -24,14 +24,16 @@ from cogless.results.metrics import Value, result_name
 from cogless.run.causes import suspects
 from cogless.run.cures import candidates
 from cogless.run.simulate import RunError, rollout
-from cogless.study import Study, changed
+from cogless.study import Study, changed, for_scenario
 from cogless.study.metric import Metric
+from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes, split
-from cogless.units import ANGULAR_SPEED
+from cogless.units import ANGLE, ANGULAR_SPEED
 
 MEAN_SHARE_MOST = 0.05  # of the top reference: a larger mean of the speed error isn't a speed that is held
 MEAN_ERROR = "limits_mean_error"
-SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less is no limit
+SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less leaves nothing to gain
+STEP_SHARE_LEAST = 0.01  # of the position sensor's step, likewise
 
 
 def limits(
@@ -59,7 +61,8 @@ def limits(
     causes = []
     for each, without, beside in zip(found, values[:-1:2], values[1::2], strict=True):
         if without is not None and beside is not None:
-            causes.append(Cause(each.name, without, (beside**2 - without**2) / value**2))
+            share = (min(beside, value) ** 2 - without**2) / value**2
+            causes.append(Cause(each.name, without, share))
     causes.sort(key=lambda cause: -cause.share)
     clear = [cause.name for cause in causes if cause.share >= CLEAR_SHARE]
     options = [(cause, each) for cause in clear for each in candidates(study, run, metric, cause)]
@@ -74,8 +77,12 @@ def limits(
 
 def _negligible(study: Study, scenario: str, metric: Metric) -> float:
     """The value, SI, below which nothing is left to gain."""
-    of_speed = metric.dimension is ANGULAR_SPEED
-    return SPEED_SHARE_LEAST * study.scenario[scenario].top_reference if of_speed else 0.0
+    if metric.dimension is ANGULAR_SPEED:
+        return SPEED_SHARE_LEAST * study.scenario[scenario].top_reference
+    sensor = for_scenario(study, scenario).drive.position_sensor
+    if metric.dimension is ANGLE and isinstance(sensor, Counted):
+        return STEP_SHARE_LEAST * sensor.step
+    return 0.0
 
 
 class _Tries:
