@@ -7,8 +7,8 @@ from typing import Any
 
 from cogless.report.comparison import shown_in
 from cogless.report.packing import number
-from cogless.report.verdict import called, listed
-from cogless.results.limits import CAUSES, Limits
+from cogless.report.verdict import called, listed, times
+from cogless.results.limits import CAUSES, Cure, Limits
 from cogless.results.metrics import result_name
 from cogless.study import Study
 from cogless.study.error_messages import dotted, look_up, toml
@@ -29,23 +29,26 @@ def remark(study: Study, limits: Limits) -> Remark | None:
     def shown(value: float) -> str:
         return f"{number(value / scale)} {unit}".rstrip()
 
-    shares = [f"{100 * min(cause.share, 1.0):.0f} % of the square" for cause in named]
     parts = [
-        f"{CAUSES[cause.name]}, {share} (without it {shown(cause.value)})"
-        for cause, share in zip(named, shares, strict=True)
+        f"{CAUSES[cause.name]} {100 * cause.share:.0f} % of the square ({shown(cause.value)} without)"
+        for cause in named
     ]
     both = "; they act on each other" if sum(cause.share for cause in named) > OVERLAP else ""
     text = f"What limits {called(study, limits.controller)}: {listed(parts)}{both}."
     cures = [cure for cure in (limits.setting, limits.part) if cure is not None]
-    tried = [f"with {setting(study, cure.changes)} it leaves {shown(cure.value)}" for cure in cures]
+    tried = [
+        f"with {setting(study, cure.changes)} it leaves {shown(cure.value)}{_costs(cure)}" for cure in cures
+    ]
     if tried:
-        tried[0] = tried[0][0].upper() + tried[0][1:]
-        text += f" {'; '.join(tried)}: tried."
+        text += f" Tried: {'; '.join(tried)}."
     return Remark(text, tuple(cure.changes for cure in cures))
 
 
 def setting(study: Study, changes: Changes) -> str:
-    """Changes as one would write them in the study; keys of the table of the first without that table."""
+    """Changes as one would write them in the study; keys of the table of the first without that table.
+
+    A table of another law is written as a whole.
+    """
     flat = {key: value for name, value in changes.items() for key, value in _new(study, split(name), value)}
     texts, table = [], ()
     for key, value in flat.items():
@@ -55,9 +58,19 @@ def setting(study: Study, changes: Changes) -> str:
     return ", ".join(texts)
 
 
+def _costs(cure: Cure) -> str:
+    """The metric that a cure makes worst, such as ", but 2.1 times the dip"; "" if none is clearly worse."""
+    if not cure.costs:
+        return ""
+    name, ratio = max(cure.costs.items(), key=lambda cost: cost[1])
+    return f", but {times(ratio)} the {name}"
+
+
 def _new(study: Study, key: tuple[Any, ...], value: Any) -> list[tuple[tuple[Any, ...], Any]]:
     """The keys of a change that differ from the study's, each with its value; None: it is left out."""
     old = look_up(study.source.tables, key)
+    if isinstance(value, Mapping) and "law" in value:
+        return [(key, value)]
     if not isinstance(value, Mapping) or not isinstance(old, Mapping):
         return [] if old == value else [(key, value)]
     gone = [((*key, name), None) for name in old if name not in value]

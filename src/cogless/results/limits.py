@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 CAUSES = {
@@ -37,12 +37,14 @@ class Cause:
 @dataclass(frozen=True)
 class Cure:
     """A change of the study, values by dotted key, that was tried against a cause. `value`: the metric with
-    it, SI. `setting`: it needs no other part, only another number."""
+    it, SI. `setting`: it needs no other part, only another number. `costs`: other metrics that get clearly
+    worse with it, each with the ratio to its value before."""
 
     cause: str
     changes: Mapping[str, Any]
     value: float
     setting: bool
+    costs: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,8 @@ class Limits:
     """What limits a run, by one of its metrics, or by one order of it.
 
     `causes` are those that the study has, the largest share first. Their shares need not add up to one:
-    `together` is the metric without all of them, SI, None if that run failed. `cures` were tried, the best
-    first.
+    `together` is the metric without all of them, SI, None if that run failed. `untried`: causes without
+    which the run can't be made, so nobody knows their share. `cures` were tried, the best first.
     """
 
     scenario: str
@@ -62,6 +64,7 @@ class Limits:
     causes: Sequence[Cause]
     together: float | None
     cures: Sequence[Cure]
+    untried: Sequence[str] = ()
 
     @property
     def named(self) -> list[Cause]:

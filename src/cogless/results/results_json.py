@@ -80,9 +80,15 @@ def _limits(results: Results) -> dict[str, Any]:
             "causes": [
                 {"cause": cause.name, "without": cause.value, "share": cause.share} for cause in each.causes
             ],
+            "untried": list(each.untried),
             "without_all": each.together,
             "tried": [
-                {"against": cure.cause, "set": as_json(dict(cure.changes)), "value": cure.value}
+                {
+                    "against": cure.cause,
+                    "set": as_json(dict(cure.changes)),
+                    "value": cure.value,
+                    "costs": dict(cure.costs),
+                }
                 for cure in each.cures
             ],
         }

@@ -72,7 +72,9 @@ class _Lane:
                 with failures(*planned.names, lambda: planned.when(state.tick)):
                     if self.error:
                         raise RuntimeError(self.error)
-                return _finished(planned, state, trace_of(planned.drive, self.recorder), lanes)
+                file = self.file
+                trace = trace_of(planned.drive, self.recorder) if file is None else file.trace()
+                return _finished(planned, state, trace, lanes)
         except StudyError as error:
             return error
 

@@ -126,7 +126,7 @@ def _laws(study: Study, controller: str) -> Iterator[Candidate]:
     if isinstance(law, Harmonic) or not isinstance(law, Feedback):
         return
     table = study.source.tables["controller"][controller]
-    same = {key: table[key] for key in ("kp", "ki", "tuning", "label", "baseline") if key in table}
+    same = {key: table[key] for key in ("kp", "ki", "tuning", "baseline") if key in table}
     yield Candidate({f'controller."{controller}"': {"law": "harmonic", **same}})
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -27,12 +28,14 @@ from cogless.run.simulate import RunError, rollout
 from cogless.study import Study, changed, for_scenario
 from cogless.study.metric import Metric
 from cogless.study.position_sensor import Counted
-from cogless.study.reading import Changes, split
+from cogless.study.reading import Changes, checked, split
 from cogless.units import ANGLE, ANGULAR_SPEED
 
 MEAN_SHARE_MOST = 0.05  # of the top reference: a larger mean of the speed error isn't a speed that is held
 MEAN_ERROR = "limits_mean_error"
 SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less leaves nothing to gain
+CLEARLY_WORSE = 1.5  # ratio to a metric's value before
+OF_WHOLE_STUDIES = ("calibration", "vary", "tune")
 STEP_SHARE_LEAST = 0.01  # of the position sensor's step, likewise
 
 
@@ -57,7 +60,7 @@ def limits(
     found = suspects(study, run, metric)
     together = _merged([each.without for each in found])
     pairs = [changes for each in found for changes in ({**each.beside, **each.without}, each.beside)]
-    values = tries.values([*pairs, together])
+    values = [tries.value_of(metrics) for metrics in tries.metrics([*pairs, together])]
     causes = []
     for each, without, beside in zip(found, values[:-1:2], values[1::2], strict=True):
         if without is not None and beside is not None:
@@ -66,13 +69,37 @@ def limits(
     causes.sort(key=lambda cause: -cause.share)
     clear = [cause.name for cause in causes if cause.share >= CLEAR_SHARE]
     options = [(cause, each) for cause in clear for each in candidates(study, run, metric, cause)]
+    tried = tries.metrics([option.changes for _, option in options])
     cures = [
-        Cure(cause, tries.placed(option.changes), left, option.setting)
-        for (cause, option), left in zip(options, tries.values([o.changes for _, o in options]), strict=True)
-        if left is not None
+        Cure(cause, tries.placed(option.changes), left, option.setting, _costs(study, run, metric, metrics))
+        for (cause, option), metrics in zip(options, tried, strict=True)
+        if (left := tries.value_of(metrics)) is not None and tries.fits(option.changes)
     ]
     cures.sort(key=lambda cure: cure.value)
-    return Limits(run.scenario, run.controller, result_name(metric), order, value, causes, values[-1], cures)
+    return Limits(
+        scenario=run.scenario,
+        controller=run.controller,
+        metric=result_name(metric),
+        order=order,
+        value=value,
+        causes=causes,
+        together=values[-1],
+        cures=cures,
+        untried=[each.name for each in found if each.name not in {cause.name for cause in causes}],
+    )
+
+
+def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> dict[str, float]:
+    """Other metrics that are clearly worse than the run's, each with the ratio to its value before."""
+    found = {}
+    for metric in study.metrics_in(run.scenario):
+        name = result_name(metric)
+        before, after = run.metrics.get(name), metrics.get(name)
+        if metric == judged or metric.wanted != "lower" or not before or isinstance(before, list):
+            continue
+        if isinstance(after, float) and after / before >= CLEARLY_WORSE:
+            found[name] = after / before
+    return found
 
 
 def _negligible(study: Study, scenario: str, metric: Metric) -> float:
@@ -99,11 +126,7 @@ class _Tries:
     ) -> None:
         self._study, self._run, self._metric, self._order = study, run, metric, order
         self._jobs, self._traces = jobs, traces
-        self._values: dict[str, float | None] = {"{}": self.value_of(run.metrics)}
-
-    @cached_property
-    def _unfilled(self) -> Study:
-        return unfilled(self._study, self._run.controller)
+        self._tried: dict[str, Mapping[str, Value]] = {"{}": run.metrics}
 
     def value_of(self, metrics: Mapping[str, Value]) -> float | None:
         """The metric's value, SI; None if there is none, or it isn't finite."""
@@ -112,55 +135,91 @@ class _Tries:
             value = value[(self._metric.order or ()).index(self._order)] if self._order is not None else None
         return value if value is not None and math.isfinite(value) else None
 
-    def values(self, of: Sequence[Changes]) -> list[float | None]:
-        """The metric's value after each of these changes; None if a change is refused, if the run fails, or
+    def metrics(self, of: Sequence[Changes]) -> list[Mapping[str, Value]]:
+        """The run's metrics after each of these changes; none if a change is refused, if the run fails, or
         if it doesn't hold the speed. Equal changes are tried once."""
-        new = {repr(changes): changes for changes in of if repr(changes) not in self._values}
+        new = {repr(changes): changes for changes in of if repr(changes) not in self._tried}
         studies = {key: made for key, changes in new.items() if (made := self._changed(changes)) is not None}
+        self._tried |= {key: {} for key in new}
+        for key, run in zip(studies, self._runs([*studies.values()]), strict=True):
+            if run is not None and self._held(run.metrics):
+                self._tried[key] = run.metrics
+        return [self._tried[repr(changes)] for changes in of]
+
+    def _runs(self, studies: Sequence[Study]) -> list[Run | None]:
+        """The run in each of these studies; None if it fails."""
         only = ["/".join((self._run.scenario, self._run.controller))]
         try:
-            rolled = rollout([*studies.values()], only, self._jobs, keep_traces=False, traces=self._traces)
+            rolled = rollout(studies, only, self._jobs, keep_traces=False, traces=self._traces)
             if any(results.interrupted for results in rolled):
                 raise KeyboardInterrupt
         except RunError as error:
-            rolled = [*error.all_results]
-        except StudyError:  # before the first run
-            rolled = []
-        self._values |= dict.fromkeys(new)
-        for key, results in zip(studies, rolled, strict=False):
-            for run in results.runs:
-                self._values[key] = self.value_of(run.metrics) if self._held(run.metrics) else None
-        return [self._values[repr(changes)] for changes in of]
+            rolled = error.all_results
+        except StudyError:  # one of them can't be prepared, and none has run
+            return [run for study in studies for run in self._runs([study])] if len(studies) > 1 else [None]
+        return [next(iter(results.runs), None) for results in rolled]
+
+    def fits(self, changes: Changes) -> bool:
+        """Whether the whole study, with its other scenarios and controllers, can be changed so."""
+        try:
+            changed(self._study, self.placed(changes))
+        except StudyError:
+            return False
+        return True
 
     def placed(self, changes: Changes) -> dict[str, Any]:
-        """The changes in the scenario's override where that has a say, too."""
+        """The changes, in the scenario's override where that has a say, too."""
         override = self._study.scenario[self._run.scenario].override
         over = {tuple(map(str, split(key))) for key in override}
-        found: dict[str, Any] = {}
+        outside: dict[str, Any] = {}
         inside: dict[str, Any] = {}
         for key, value in changes.items():
             path = tuple(map(str, split(key)))
-            inner = any(path[: len(other)] == other[: len(path)] for other in over)
-            (inside if inner else found)[key] = value
+            overridden = any(path[: len(other)] == other[: len(path)] for other in over)
+            (inside if overridden else outside)[key] = value
         if inside:
-            found[f'scenario."{self._run.scenario}".override'] = {**override, **inside}
-        return found
+            outside[f'scenario."{self._run.scenario}".override'] = {**override, **inside}
+        return outside
+
+    @cached_property
+    def _alone(self) -> Study:
+        """The study of this run alone, without numbers of the rule auto.
+
+        Its first metric is the one that the run is judged by, its last tells whether the speed is held.
+        """
+        study, scenario, controller = self._study, self._run.scenario, self._run.controller
+        source = unfilled(study, controller).source
+        tables = {key: source.tables[key] for key in source.tables if key not in OF_WHOLE_STUDIES}
+        own = [m for m in study.metrics_in(scenario) if result_name(m) in self._run.metrics]
+        places = [study.metric.index(m) for m in (self._metric, *(m for m in own if m != self._metric))]
+        metrics = [source.tables["metric"][place] for place in places]
+        over = {key: metrics[0][key] for key in ("window", "last") if key in metrics[0]}
+        held = {"name": MEAN_ERROR, "kind": "mean", "signal": "omega_error", "scenarios": [scenario], **over}
+        tables["metric"] = [*metrics, held]
+        of_law = study.scenarios_of(controller)  # a rule looks at all of them
+        tables["controller"] = {controller: tables["controller"][controller]}
+        tables["scenario"] = {n: {**tables["scenario"][n], "controllers": [controller]} for n in of_law}
+        for n, metric in enumerate(tables["metric"]):
+            where = [name for name in metric.get("scenarios", of_law) if name in of_law]
+            tables["metric"][n] = {**metric, "scenarios": where} if "scenarios" in metric else metric
+        alone = checked(replace(source, tables=tables))
+        assert isinstance(alone, Study)
+        return alone
 
     def _changed(self, changes: Changes) -> Study | None:
-        """The changed study, with a metric that tells whether the speed is held; None if it is refused."""
-        metric, scenario = self._metric, self._run.scenario
+        """The changed study of this run alone; None if it is refused."""
+        place, last = f"metric.{self._study.metric.index(self._metric)}.", len(self._alone.metric) - 1
+        own: dict[str, Any] = {}
+        for key, value in self.placed(changes).items():
+            of_metric = key.startswith(place)
+            keys = [f"metric.{n}.{key.removeprefix(place)}" for n in (0, last)] if of_metric else [key]
+            own |= dict.fromkeys(keys, value)
         try:
-            made = filled(changed(self._unfilled, self.placed(changes)))
-            assert isinstance(made, Study)
-            same = made.metric[self._study.metric.index(metric)]
-            held = {"name": MEAN_ERROR, "kind": "mean", "signal": "omega_error", "scenarios": [scenario]}
-            if same.window is not None:
-                held["window"] = [f"{time!r} s" for time in same.window]
-            elif same.last is not None:
-                held["last"] = f"{same.last!r} s"
-            return changed(made, {"metric": [*made.source.tables["metric"], held]})
+            made = filled(changed(self._alone, own))
         except StudyError:
             return None
+        assert isinstance(made, Study)
+        return made
 
     def _held(self, metrics: Mapping[str, Value]) -> bool:
         mean = next((value for name, value in metrics.items() if name.startswith(MEAN_ERROR)), None)
