@@ -4,7 +4,7 @@ from pathlib import Path
 
 from cogless.files import replacing
 from cogless.report import page, png
-from cogless.report.best_runs import with_limits
+from cogless.report.best_runs import is_quick, with_limits
 from cogless.report.comparison import Line, compare, runs_in
 from cogless.report.limits import remark
 from cogless.report.sections import Sections
@@ -19,6 +19,7 @@ __all__ = [
     "ScenarioVerdict",
     "broken",
     "compare",
+    "is_quick",
     "limit",
     "lines",
     "render",

@@ -15,7 +15,8 @@ from cogless.study.error_messages import dotted, look_up, toml
 from cogless.study.reading import Changes, split
 from cogless.study.remark import Remark
 
-OVERLAP = 1.1  # sum of shares beyond which causes act on each other
+CAUSES_MOST = 3  # in a sentence
+OVERLAP = 1.1  # sum of shares beyond which it is told that they overlap
 
 
 def remark(study: Study, limits: Limits) -> Remark | None:
@@ -31,9 +32,9 @@ def remark(study: Study, limits: Limits) -> Remark | None:
 
     parts = [
         f"{CAUSES[cause.name]} {100 * cause.share:.0f} % of the square ({shown(cause.value)} without)"
-        for cause in named
+        for cause in named[:CAUSES_MOST]
     ]
-    both = "; they act on each other" if sum(cause.share for cause in named) > OVERLAP else ""
+    both = "; the shares overlap" if sum(cause.share for cause in named) > OVERLAP else ""
     text = f"What limits {called(study, limits.controller)}: {listed(parts)}{both}."
     cures = [cure for cure in (limits.setting, limits.part) if cure is not None]
     tried = [

@@ -124,12 +124,12 @@ def longer(study: Study, scenario: str, controller: str, metric: Metric) -> Chan
     if not isinstance(law, LearnsWhileRunning) or not steady or metric.event is not None:
         return {}
     more = (LONGER - 1) * experiment.duration
-    found: dict[str, Any] = {f"scenario.{scenario}.duration": f"{LONGER * experiment.duration!r} s"}
+    found: dict[str, Any] = {f"scenario.{scenario}.duration": f"{LONGER * experiment.duration:.12g} s"}
     place = f"metric.{study.metric.index(metric)}"
     if metric.window is not None:
-        found[f"{place}.window"] = [f"{more + time!r} s" for time in metric.window]
+        found[f"{place}.window"] = [f"{more + time:.12g} s" for time in metric.window]
     elif metric.last is None:
-        found[f"{place}.last"] = f"{experiment.duration!r} s"
+        found[f"{place}.last"] = f"{experiment.duration:.12g} s"
     return found
 
 

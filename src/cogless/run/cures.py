@@ -89,7 +89,7 @@ def _rates(study: Study) -> Iterator[Candidate]:
     rates = study.drive.rates
     for factor in FACTORS:
         if rates.divider % factor == 0:
-            yield Candidate({"drive.rates.speed_loop": f"{rates.outer_loop * factor:g} Hz"})
+            yield Candidate({"drive.rates.speed_loop": f"{rates.outer_loop * factor / 1000:g} kHz"})
 
 
 def _quicker(study: Study) -> Iterator[Candidate]:
@@ -101,7 +101,7 @@ def _quicker(study: Study) -> Iterator[Candidate]:
 def _compensations(study: Study) -> Iterator[Candidate]:
     drive, key = study.drive, "drive.dead_time_compensation"
     for share in BANDS:
-        band = f"{_round(share * drive.current_loop.current_limit):g} A"
+        band = f"{1000 * _round(share * drive.current_loop.current_limit):g} mA"
         yield Candidate({f"{key}.band": band} if drive.dead_time_compensation else {key: {"band": band}})
 
 
@@ -115,7 +115,7 @@ def _calmer(study: Study) -> Iterator[Candidate]:
             slower = {f"{LOOP}.kp": f"{loop.kp / factor:.4g} V/A"}
             yield Candidate({**slower, f"{LOOP}.ki": f"{loop.ki / factor:.4g} V/A/s"})
     if sensors.noise:
-        yield Candidate({f"{CURRENTS}.noise": f"{sensors.noise / 4:.4g} A"}, setting=False)
+        yield Candidate({f"{CURRENTS}.noise": f"{1000 * sensors.noise / 4:.4g} mA"}, setting=False)
     if sensors.bits:
         yield Candidate({f"{CURRENTS}.bits": min(32, sensors.bits + 4)}, setting=False)
 
