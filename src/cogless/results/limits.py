@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+TORQUE_RIPPLE = "disturbance"
 CAUSES = {
     "sensor-steps": "the position sensor's steps",
     "sensor-error": "the position sensor's own error",
@@ -15,11 +16,12 @@ CAUSES = {
     "current-noise": "noise of the current sensors",
     "current-error": "offset and gain errors of the current sensors",
     "learning-time": "what is not learned yet",
-    "disturbance": "torque ripple that is not rejected",
+    TORQUE_RIPPLE: "torque ripple that is not rejected",
     "friction": "friction",
     "limit": "a limit of current or voltage",
     "belief": "wrong motor parameters",
 }
+LETS_THROUGH = ("learning-time", "delay", "limit", "belief")  # they act by torque ripple that is left
 CLEAR_SHARE = 0.1  # of a result's square: what a cause must have to be named
 HELPS = 0.8  # of the value as it is: what a change must leave at most to be advised
 
@@ -70,14 +72,13 @@ class Limits:
     def named(self) -> list[Cause]:
         """The causes with a clear share, the largest first.
 
-        Torque ripple that the law leaves isn't named beside what isn't learned yet, unless it has more.
+        Torque ripple comes last, and only if it has clearly more than any cause that lets it through.
         """
-        clear = {cause.name: cause for cause in self.causes if cause.share >= CLEAR_SHARE}
-        if "learning-time" in clear and "disturbance" in clear:
-            more = clear["disturbance"].share - clear["learning-time"].share
-            if more < CLEAR_SHARE:
-                del clear["disturbance"]
-        return [*clear.values()]
+        clear = [cause for cause in self.causes if cause.share >= CLEAR_SHARE]
+        ripple = [cause for cause in clear if cause.name == TORQUE_RIPPLE]
+        through = max((cause.share for cause in clear if cause.name in LETS_THROUGH), default=0.0)
+        others = [cause for cause in clear if cause.name != TORQUE_RIPPLE]
+        return [*others, *(cause for cause in ripple if cause.share - through >= CLEAR_SHARE)]
 
     @property
     def setting(self) -> Cure | None:
