@@ -122,8 +122,8 @@ def test_the_cause_that_was_put_in_is_found_and_what_is_advised_helps(study, cau
     results = limited(of_cause, controller)
     found = results.limits["turning"]
     of_each = {each.name: each.share for each in found.causes}
-    # A wrong flux linkage makes the current slow, and so it makes learning slow.
-    others = {"learning-time"} if cause == "belief" else set()
+    # Delay acts by the torque ripple that it lets through; a wrong flux linkage makes learning slow.
+    others = {"delay": {"disturbance"}, "belief": {"learning-time"}}.get(cause, set())
     first = next(each.name for each in found.named if each.name not in others)
     assert first == cause and 0.5 < of_each[cause] <= 1 and cause not in found.untried
     applied(of_cause, results)
@@ -138,8 +138,9 @@ def test_a_run_with_nothing_left_to_gain_has_no_limits(study):
 
 
 def test_steps_have_the_share_that_an_own_loop_gives_them(study):
-    """Euler steps of J omega' = K_t i - cogging - load, and a PI on the counts of a millisecond: the mean share
-    over some first angles, since what steps do depends on where they are."""
+    """Euler steps of J omega' = K_t i - cogging - load, and a PI on the counts of a millisecond.
+
+    The mean share over some first angles, since what steps do depends on where they are."""
     angles, counts = np.array([0.0, 1.0, 2.0, 3.0]), 1 << 10
 
     def squares(counts: int | None) -> float:
@@ -248,3 +249,24 @@ def test_the_same_run_has_the_same_limits(study):
     (run,) = run_study(word, ["*/harmonic"]).runs
     first, again = (limits(word, run, word.metric[0], jobs=jobs) for jobs in (1, 2))
     assert first == again
+
+
+def test_causes_of_which_each_covers_the_other_are_found_in_pairs(tmp_path):
+    """Steps and cogging that give the same ripple each: without one of them the other is all that is seen."""
+    masked = f"""title = "Masked"
+{studies.IDEAL}
+position_sensor = {{ kind = "absolute", bits = 10, window = 4 }}
+[scenario.turning]
+duration = "2 s"
+reference = "60 rpm"
+initial_speed = "60 rpm"
+[controller.pi]
+law = "pi"
+kp = "0.01 A/rpm"
+ki = "0.1 A/rpm/s"
+{TEXT[TEXT.index("[[metric]]") :].replace("2 s", "1 s")}"""
+    found = limited(load(studies.write(tmp_path, masked)), "pi").limits["turning"]
+    alone = [cause.share for cause in found.causes if len(cause.names) == 1]
+    assert max(alone) < 0.1 and found.together < 0.01 * found.value
+    (first,) = found.named
+    assert {"sensor-steps", "disturbance"} == {*first.names} and first.share > 0.9

@@ -8,7 +8,7 @@ from typing import Any
 from cogless.report.comparison import shown_in
 from cogless.report.packing import number
 from cogless.report.verdict import called, listed, times
-from cogless.results.limits import CAUSES, Cure, Limits
+from cogless.results.limits import CAUSES, Cause, Cure, Limits
 from cogless.results.metrics import result_name
 from cogless.study import Study
 from cogless.study.error_messages import dotted, look_up, toml
@@ -31,7 +31,7 @@ def remark(study: Study, limits: Limits) -> Remark | None:
         return f"{number(value / scale)} {unit}".rstrip()
 
     parts = [
-        f"{CAUSES[cause.name]} {100 * cause.share:.0f} % of the square ({shown(cause.value)} without)"
+        f"{_words(cause)} {100 * cause.share:.0f} % of the square ({shown(cause.value)} without)"
         for cause in named[:CAUSES_MOST]
     ]
     both = "; the shares overlap" if sum(cause.share for cause in named) > OVERLAP else ""
@@ -57,6 +57,12 @@ def setting(study: Study, changes: Changes) -> str:
         texts.append(f"no {where}" if value is None else f"{where} = {toml(value)}")
         table = table or key[:-1]
     return ", ".join(texts)
+
+
+def _words(cause: Cause) -> str:
+    """The cause in words, or two of them of which neither has much alone."""
+    words = " and ".join(CAUSES[name] for name in cause.names)
+    return words if len(cause.names) == 1 else f"{words}, only together,"
 
 
 def _costs(cure: Cure) -> str:

@@ -30,6 +30,7 @@ from cogless.report.verdict import CLEARLY, Contest, ScenarioVerdict, listed, ov
 from cogless.results import Results, Run
 from cogless.study import Study
 from cogless.study.metric import Metric
+from cogless.study.remark import Remark
 from cogless.units import ANGULAR_SPEED, convert, factor
 
 COST = 0.01  # relative; a metric that gets worse by less isn't reported as a cost
@@ -98,7 +99,7 @@ def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] 
     basis = _basis(results, runs)
     if basis.line is None or basis.unjudged:
         return None
-    case, _ = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, basis.line))
+    case, _ = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, basis.line), None)
     best = next(iter(case.ranked or case.held), None)
     if best is None:
         return None
@@ -149,7 +150,8 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     if basis.line is None:
         return None
     line = basis.line
-    case, own = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, line))
+    limited = remark(results.study, results.limits[scenario]) if scenario in results.limits else None
+    case, own = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, line), limited)
     tone, headline = _headline(case)
     unlearned = [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
     unlearned += [f"{line[0].upper()}{line[1:]}." for line in held_back(results.study, [case.line])]
@@ -160,7 +162,6 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
         if len(case.ranked) > 1:
             details += [_without_learning(case), _against_the_next(case), _costs(case)]
         details += [_rest(case), *_failures(case)]
-    limited = remark(results.study, results.limits[scenario]) if scenario in results.limits else None
     details = [str(limited or ""), *details]
     return ScenarioVerdict(scenario, tone, headline, [sentence for sentence in details if sentence])
 
@@ -174,8 +175,11 @@ def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Li
     return ScenarioVerdict(scenario, "even", f"{at}, no speed is judged: {why}{wants}.", details)
 
 
-def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
-    """The case judged by measured values if the sensor's own error dominates, and a sentence about this."""
+def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None) -> tuple[_Case, str]:
+    """The case judged by measured values if the sensor's own error dominates, and a sentence about this.
+
+    `limited`: what limits the best, with the sensor's share by a run without its error, told before.
+    """
     blurred = [c for c in case.held if part is not None and part.dominates(c)]
     if part is None or not blurred:
         return case, ""
@@ -183,7 +187,8 @@ def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
     whose = "the sensor's own error, which no law can see (its share of the square)"
     own = f"Most of the true {case.line.quantity} is {whose}: {values}."
     if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
-        return case, f"{own} As measured there is left: {case.shown(blurred, part.seen)}."
+        left = f"As measured there is left: {case.shown(blurred, part.seen)}."
+        return case, left if limited else f"{own} {left}"
     lines = [part.seen if line is case.line else line for line in case.lines]
     return replace(case, line=part.seen, lines=lines), own
 

@@ -22,6 +22,7 @@ CAUSES = {
     "belief": "wrong motor parameters",
 }
 LETS_THROUGH = ("learning-time", "delay", "limit", "belief")  # they act by torque ripple that is left
+AND = " + "
 CLEAR_SHARE = 0.1  # of a result's square: what a cause must have to be named
 HELPS = 0.8  # of the value as it is: what a change must leave at most to be advised
 
@@ -31,9 +32,14 @@ class Cause:
     """A cause that was taken away. `value`: what the run's metric is without it, SI; `share`: its share of
     the metric's square, at most 1, negative if the run is worse without it."""
 
-    name: str  # a key of CAUSES
+    name: str  # a key of CAUSES, or two of them with AND between
     value: float
     share: float
+
+    @property
+    def names(self) -> list[str]:
+        """Keys of CAUSES."""
+        return self.name.split(AND)
 
 
 @dataclass(frozen=True)
@@ -72,13 +78,13 @@ class Limits:
     def named(self) -> list[Cause]:
         """The causes with a clear share, the largest first.
 
-        Torque ripple comes last, and only if it has clearly more than any cause that lets it through.
+        Torque ripple is named only if it has clearly more than any cause that lets it through.
         """
         clear = [cause for cause in self.causes if cause.share >= CLEAR_SHARE]
-        ripple = [cause for cause in clear if cause.name == TORQUE_RIPPLE]
+        if any(len(cause.names) > 1 for cause in clear):  # none has most alone
+            return clear[:1]
         through = max((cause.share for cause in clear if cause.name in LETS_THROUGH), default=0.0)
-        others = [cause for cause in clear if cause.name != TORQUE_RIPPLE]
-        return [*others, *(cause for cause in ripple if cause.share - through >= CLEAR_SHARE)]
+        return [c for c in clear if c.name != TORQUE_RIPPLE or c.share - through >= CLEAR_SHARE]
 
     @property
     def setting(self) -> Cure | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from cogless.results import Run
@@ -17,6 +17,7 @@ from cogless.study.position_sensor import Absolute, Counted, Encoder, Resolver
 from cogless.study.reading import Changes
 
 OCTAVES = (4, 8, 16, 32)  # an observer's bandwidth is the law's rate over one of these
+FAST_OCTAVES = (1, 2, 4)  # the same where it shall be quick
 FACTORS = (2, 4)
 MORE_BITS = (2, 4, 6)
 BANDS = (0.003, 0.01, 0.03)  # of the current limit, in which dead time is compensated in part
@@ -36,7 +37,7 @@ def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candi
     rules: dict[str, Callable[[], Iterable[Candidate]]] = {
         "sensor-steps": lambda: [*_observers(here), *_finer(here)],
         "sensor-error": lambda: _encoder_tables(here, run.scenario),
-        "delay": lambda: [*_observers(here), *_rates(here), *_quicker(here)],
+        "delay": lambda: [*_observers(here, FAST_OCTAVES), *_rates(here), *_quicker(here)],
         "dead-time": lambda: _compensations(here),
         "current-noise": lambda: _calmer(here),
         "learning-time": lambda: [Candidate(longer(study, run.scenario, run.controller, metric))],
@@ -46,12 +47,12 @@ def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candi
     return [c for c in (rules[cause]() if cause in rules else ()) if c.changes]
 
 
-def _observers(study: Study) -> Iterator[Candidate]:
+def _observers(study: Study, octaves: Sequence[int] = OCTAVES) -> Iterator[Candidate]:
     """An observer for the speed, or one of another bandwidth."""
     sensor, rates = study.drive.position_sensor, study.drive.rates
     if not isinstance(sensor, Counted):
         return
-    for octave in OCTAVES:
+    for octave in octaves:
         bandwidth = _round(rates.outer_loop / octave)
         if bandwidth > rates.current_loop / math.pi:
             continue
@@ -86,14 +87,20 @@ def _encoder_tables(study: Study, scenario: str) -> Iterator[Candidate]:
 
 
 def _rates(study: Study) -> Iterator[Candidate]:
+    """The law twice as often, and as often as it can run."""
     rates = study.drive.rates
-    for factor in FACTORS:
-        if rates.divider % factor == 0:
+    for factor in dict.fromkeys((2, rates.divider)):
+        if rates.divider % factor == 0 and factor > 1:
             yield Candidate({"drive.rates.speed_loop": f"{rates.outer_loop * factor / 1000:g} kHz"})
 
 
 def _quicker(study: Study) -> Iterator[Candidate]:
-    drive = study.drive
+    """A shorter window for the speed, or a higher filter."""
+    drive, sensor = study.drive, study.drive.position_sensor
+    if isinstance(sensor, Counted) and sensor.speed_method == "average":
+        for factor in FACTORS:
+            if sensor.window >= factor:
+                yield Candidate({f"{SENSOR}.window": sensor.window // factor})
     if drive.speed_filter is not None:
         yield Candidate({"drive.speed_filter": f"{_round(4 * drive.speed_filter):g} Hz"})
 

@@ -5,6 +5,9 @@ share of a result x is 1 - (x_without / x)^2: shares of independent causes add u
 act on each other they don't. The share of delay is taken between two runs whose sensor has neither steps nor
 errors, since a sensor without delay has neither.
 
+Where each of two causes covers the other, neither has a share alone: the largest are then taken away in
+pairs.
+
 A change that may help is tried only against a cause with a clear share. All these runs have the study's seed.
 """
 
@@ -14,15 +17,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 from cogless.design.auto import filled, unfilled
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.limits import CLEAR_SHARE, Cause, Cure, Limits
+from cogless.results.limits import AND, CLEAR_SHARE, Cause, Cure, Limits
 from cogless.results.metrics import Value, result_name
-from cogless.run.causes import suspects
+from cogless.run.causes import Suspect, suspects
 from cogless.run.cures import candidates
 from cogless.run.simulate import RunError, rollout
 from cogless.study import Study, changed, for_scenario
@@ -34,6 +38,8 @@ from cogless.units import ANGLE, ANGULAR_SPEED
 MEAN_SHARE_MOST = 0.05  # of the top reference: a larger mean of the speed error isn't a speed that is held
 MEAN_ERROR = "limits_mean_error"
 SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less leaves nothing to gain
+MOST_SHARE = 0.5  # of the square
+PAIRED_CAUSES = 4  # the largest ones, which are taken away in pairs
 CLEARLY_WORSE = 1.5  # ratio to a metric's value before
 OF_WHOLE_STUDIES = ("calibration", "vary", "tune")
 STEP_SHARE_LEAST = 0.01  # of the position sensor's step, likewise
@@ -67,7 +73,10 @@ def limits(
             share = (min(beside, value) ** 2 - without**2) / value**2
             causes.append(Cause(each.name, without, share))
     causes.sort(key=lambda cause: -cause.share)
-    clear = [cause.name for cause in causes if cause.share >= CLEAR_SHARE]
+    if values[-1] is not None and _hides(causes, 1 - (values[-1] / value) ** 2):
+        causes = sorted([*causes, *_pairs(tries, found, causes, value)], key=lambda cause: -cause.share)
+    untried = [each.name for each in found if all(each.name != cause.name for cause in causes)]
+    clear = dict.fromkeys(n for cause in causes if cause.share >= CLEAR_SHARE for n in cause.names)
     options = [(cause, each) for cause in clear for each in candidates(study, run, metric, cause)]
     tried = tries.metrics([option.changes for _, option in options])
     cures = [
@@ -85,8 +94,27 @@ def limits(
         causes=causes,
         together=values[-1],
         cures=cures,
-        untried=[each.name for each in found if each.name not in {cause.name for cause in causes}],
+        untried=untried,
     )
+
+
+def _hides(causes: Sequence[Cause], together: float) -> bool:
+    """Whether the causes one by one don't account for most of what they have together."""
+    return sum(max(0.0, cause.share) for cause in causes) < MOST_SHARE <= together
+
+
+def _pairs(tries: _Tries, found: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:
+    """Pairs of the largest causes as one, for causes of which each covers the other."""
+    apart = {each.name: each for each in found if not each.beside}
+    largest = [apart[cause.name] for cause in causes if cause.name in apart][:PAIRED_CAUSES]
+    pairs = [*combinations(largest, 2)]
+    left = tries.metrics([_merged([a.without, b.without]) for a, b in pairs])
+    values = [tries.value_of(metrics) for metrics in left]
+    return [
+        Cause(f"{a.name}{AND}{b.name}", without, 1 - (without / value) ** 2)
+        for (a, b), without in zip(pairs, values, strict=True)
+        if without is not None
+    ]
 
 
 def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> dict[str, float]:
