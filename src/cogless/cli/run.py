@@ -12,6 +12,7 @@ import typer
 from cogless.cli.options import (
     CORES,
     JobsOption,
+    LimitsOption,
     NoCodeOption,
     OnlyOption,
     OutputOption,
@@ -38,6 +39,7 @@ def run(
     with_page: Annotated[
         bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
     ] = False,
+    limits: LimitsOption = None,
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
 ) -> None:
@@ -47,7 +49,9 @@ def run(
 
     Ctrl-C keeps the runs that are finished.
     """
+    from cogless.cli.limits import sentences, with_limits
     from cogless.design.warnings import beyond_drive, coarse_table, too_short
+    from cogless.results import Results
     from cogless.results.folder import held
     from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
@@ -60,11 +64,10 @@ def run(
     loaded = to_run(study, changes, no_code)
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
-    page = None
     if with_page:
-        from cogless.live import left_out, render
+        from cogless.live import check, left_out, render
 
-        page = render(loaded, command_line("run", study, changes, []))  # before the runs, which it may refuse
+        check(loaded)  # before the runs
     pairs = runs_of(loaded, only)
     far = beyond_drive(loaded, (scenario for scenario, _ in pairs))
     for line in (*coarse_table(loaded), *far, *too_short(loaded, pairs)):
@@ -76,8 +79,12 @@ def run(
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=folder)
             except RunError as error:
                 failures, results = [error], error.results
+        if isinstance(results, Results):
+            results = with_limits(results, limits, jobs, folder)
         if results.runs:
             try:
+                command = command_line("run", study, changes, [])
+                page = render(loaded, command, limits=sentences(results)) if with_page else None
                 _write(results, folder, plots, not no_traces, page)
             except StudyError as error:  # such as a full disk; the tables are still printed
                 failures.append(error)
@@ -87,7 +94,7 @@ def run(
             print_warnings(loaded, [(run.scenario, run.controller) for run in results.runs])
         if not any(not isinstance(failure, RunError) for failure in failures):
             print(f"Report: {folder / 'report.html'}")
-            if page is not None:
+            if with_page:
                 print(f"Page: {folder / 'live.html'}")
                 for line in left_out(loaded):
                     say(f"Left out of the page: {line}")

@@ -85,6 +85,22 @@ def filled(study: AnyStudy) -> AnyStudy:
     return changed(study, found) if found else study
 
 
+def unfilled(study: Study, name: str) -> Study:
+    """The study without the numbers that the rule auto gave a controller, for `filled` to find others.
+
+    Where one of its numbers is another than the rule gives, all of them stay.
+    """
+    law, source = study.controller[name], study.source
+    controllers = source.tables["controller"]
+    of_rule = law.AUTOMATIC.keys() & controllers[name].keys() if is_auto(law) else set()
+    if not of_rule:
+        return study
+    table = {key: value for key, value in controllers[name].items() if key not in of_rule}
+    bare = changed(study, {"controller": {**controllers, name: table}})
+    values = automatic(bare, name)
+    return bare if all(values[key] == controllers[name][key] for key in of_rule) else study
+
+
 def missing(study: Study) -> list[str]:
     """Names of the controllers whose numbers the rule auto has still to give."""
     tables = study.source.tables["controller"]
