@@ -59,7 +59,7 @@ def run(
     arena = _arena(study, changes)
     if arena is not None:
         name_code(arena.path, "law", arena.law, no_code, arena.found)
-        _run_arena(arena, output or Path("results") / arena.name, only, jobs)
+        _run_arena(arena, output or Path("results") / arena.name, only, jobs, bool(limits))
         return
     loaded = to_run(study, changes, no_code)
     wanted = len(runs_of(loaded, only))
@@ -143,7 +143,7 @@ def _arena(study: str, changes: list[str] | None) -> Arena | None:
     return arena_of(path, tables)
 
 
-def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int) -> None:
+def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, find_limits: bool) -> None:
     from cogless.ensemble import arena_files
     from cogless.ensemble.arena import chosen, run_arena
     from cogless.results.folder import held, new_set
@@ -153,7 +153,11 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int) ->
         with new_bar() as bar:
             task = bar.add_task("", total=plants)
             results = run_arena(
-                arena, only, lambda name, done: bar.update(task, completed=done, description=name), jobs
+                arena,
+                only,
+                lambda name, done: bar.update(task, completed=done, description=name),
+                jobs,
+                find_limits=find_limits,
             )
         with new_set(folder) as stage:
             arena_files.write(results, stage / "results.json")
