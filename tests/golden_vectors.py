@@ -352,11 +352,13 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
         step = single(1e-3)
 
         def at(omega: float, base: int, steps: int) -> list:
-            one = Harmonic(Pi(kp, ki, ts, limit), *numbers, base, 5, *rates, tuple(held), sensor_step=step)
-            config = [kp, ki, limit, 0.0, *numbers, step, base, 2, 5, *rates, *held]
+            one = Harmonic(
+                Pi(kp, ki, ts, limit), *numbers, base, 5, *rates, tuple(held), sensor_step=step, fast=4
+            )
+            config = [kp, ki, limit, 0.0, *numbers, step, base, 2, 5, 4, *rates, *held]
             return law(rng(), one, config, ts, True, steady_inputs(steps, ts, omega))
 
-        return [at(10.0, 6, 1500), at(single(30.0), 12, 400)]  # slow orders; one slow and four quick ones
+        return [at(10.0, 6, 1500), at(single(30.0), 12, 400)]  # slow orders; one slow and three quick ones
 
     return {
         "pi": lambda: [pi(rng())],

@@ -505,4 +505,10 @@ def test_a_metric_that_is_advised_judges() -> None:
     assert "speed error" in after.headline
 
 
-BY_ITSELF = ("cli.tables.a_metric", "design.learning_gain.learning_gain", "report.comparison.error_metric")
+# What limits a run is found by running it with each cure: tests/run/test_limits.py.
+BY_ITSELF = (
+    "cli.tables.a_metric",
+    "design.learning_gain.learning_gain",
+    "report.comparison.error_metric",
+    "report.limits.remark",
+)

@@ -162,7 +162,7 @@ static void learn_orders(void)
 {
     static cgl_real cell[CGL_HARMONIC_LENGTH(4U)];
     const cgl_harmonic_config config = {.pi = {CGL_R(0.06), CGL_R(0.9), CGL_R(3.0)}, .b = CGL_R(800.0), .base = 6U, .bends = 1U,
-                                        .orders = 4U, .rate = CGL_R(8.0), .rate_min = CGL_R(0.5), .limit = CGL_R(1.0)};
+                                        .orders = 4U, .fast = 4U, .rate = CGL_R(8.0), .rate_min = CGL_R(0.5), .limit = CGL_R(1.0)};
     cgl_harmonic law;
     cgl_real rotor[2] = {CGL_R(0.0), CGL_R(20.0)};
     cgl_harmonic_config without_limit = config;

@@ -696,6 +696,7 @@ static cgl_harmonic_config random_harmonic(void)
     config.base = 1U + random_below(random_below(20) ? 40U : CGL_HARMONIC_ORDER_MAX);
     config.bends = random_below(3);
     config.orders = 1U + random_below(random_below(4) ? 8U : CGL_HARMONIC_ORDERS);
+    config.fast = random_below(config.orders + 1U);
     config.rate = random_gain(CGL_R(10.0));
     config.rate_min = random_gain(CGL_R(1.0));
     config.limit = random_gain(CGL_R(2.0));
@@ -753,6 +754,7 @@ static void try_harmonic(void)
             cgl_harmonic_config other = random_harmonic();
             other.base = config.base;
             other.orders = config.orders + (random_below(40) == 0U ? 1U : 0U);
+            other.fast = random_below(config.orders + 1U);
             config = cgl_harmonic_retune(&law, &other) == CGL_OK ? other : config;
         }
     }
@@ -1452,7 +1454,7 @@ void random_inputs(long configs)
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0x6ac96239U, 0xbac5265dU},
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
-        {"harmonic", try_harmonic, 0x20b3777bU, 0x778d49f1U},
+        {"harmonic", try_harmonic, 0x46cbd3d2U, 0xccd28f9eU},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);

@@ -316,6 +316,7 @@ static void harmonic(void)
     config.base = count();
     config.bends = count();
     config.orders = count();
+    config.fast = count();
     config.rate = real();
     config.rate_min = real();
     config.limit = real();

@@ -23,7 +23,7 @@ from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import LearningLoop, _with_near, opened, sensitivity
 from cogless.design.margins import Complex, Real
 from cogless.design.observer import counting_window
-from cogless.design.ripple import Ripple, Sampled, _noise, orders, ripple, sampled
+from cogless.design.ripple import Ripple, Sampled, _noise, orders, ripple, sampled, sensor_waves
 from cogless.design.space_learning import SpaceLoop
 from cogless.design.verdict import doubts
 from cogless.study.space_controller import SpaceSpeed
@@ -167,6 +167,11 @@ def test_what_comes_again_is_learned_and_what_does_not_may_double(lead: int) -> 
         left = (1 - q) / (1 - q * kept) * (1 if lead else kept)
         assert here.left(f) == pytest.approx(left)
         assert here.residual(f) == pytest.approx(abs(left))
+        learned = 0.0  # of a disturbance of one, recalled in the first period
+        for n in range(8):
+            error = (1 - learned) * (1 if lead else kept)
+            assert here.yet(f, n) == pytest.approx(abs(error)), n
+            learned = q * (learned + x(f, lead) * error)
 
 
 def test_the_worst_frequency_is_the_one_that_keeps_most() -> None:
@@ -342,6 +347,8 @@ def test_ripple_is_that_of_orders_and_of_counts(monkeypatch: pytest.MonkeyPatch)
         assert found.learned == pytest.approx((after + 0.25 * more) ** 0.5)
     ripple(here, 0.1)
     assert asked == [12.0, 1.0]  # one period at least
+    here.yet = lambda f, periods: np.array([periods, 0.0])
+    assert ripple(here, 3.0, settled=False).learned == pytest.approx((24.0**2 / 2 + 0.25) ** 0.5)
 
 
 @pytest.mark.parametrize("order", [15, 40])
@@ -356,9 +363,40 @@ def test_orders_of_motor_and_load_are_currents_at_a_speed(
     functions: Any = SimpleNamespace(orders={order}, current=current)
     functions.waves = partial(AngleFunctions.waves, functions)
     monkeypatch.setattr(module, "functions_in", lambda study, scenario: functions)
-    study: Any = None
-    found, d = orders(study, "s", -2.0)
-    assert found.tolist() == [order] and d == pytest.approx([0.6])
+    monkeypatch.setattr(module, "for_scenario", lambda study, scenario: study)
+    of_sensors = {1: 0.0, order: 0.8}
+    asked: list[float] = []
+    monkeypatch.setattr(module, "sensor_waves", lambda study, mean: asked.append(mean) or of_sensors)
+    none: Any = None
+    n, d = orders(none, "s", -2.0)
+    assert n.tolist() == [order] and d == pytest.approx([1.0])
+    assert asked == pytest.approx([5.0])
+    of_sensors[900] = 0.1  # above all that the motor has
+    n, d = orders(none, "s", -2.0)
+    assert n.tolist() == [order, 900] and d == pytest.approx([1.0, 0.1])
+
+
+@pytest.mark.parametrize("phases", [2, 3])
+@pytest.mark.parametrize("sensors", [2, 3])
+def test_sensors_that_err_make_order_one_and_two_of_the_current(phases: int, sensors: int) -> None:
+    """By the transform itself: measured currents of a constant i_q, turned back into the rotor's frame."""
+    offset, gain, mean = (0.03, -0.01, 0.02), (0.05, 0.0, -0.02), 1.5
+    errs = SimpleNamespace(offset=offset, gain_error=gain, sensors=sensors)
+    motor: Any = SimpleNamespace(pole_pairs=4, star=lambda: SimpleNamespace(phases=phases))
+    study: Any = SimpleNamespace(drive=SimpleNamespace(ideal=False, current_sensors=errs), motor=motor)
+    theta = np.arange(360) * np.pi / 180  # electrical
+    places = 2 * np.pi / 3 * np.arange(3) if phases == 3 else np.array([0.0, np.pi / 2])
+    found = sensor_waves(study, mean)
+    for parts, order in (((1, 0), 4), ((0, 1), 8)):
+        true = [-mean * np.sin(theta - place) for place in places]
+        seen = [i * (1 + parts[1] * g) + parts[0] * o for i, g, o in zip(true, gain, offset, strict=False)]
+        if phases == 3 and sensors == 2:
+            seen[2] = -seen[0] - seen[1]
+        i_q = -2 / phases * sum(i * np.sin(theta - place) for i, place in zip(seen, places, strict=True))
+        wave = 2 * abs(np.mean((i_q - mean) * np.exp(-1j * (order // 4) * theta)))
+        assert found[order] == pytest.approx(wave), order
+    study.drive.ideal = True
+    assert not any(sensor_waves(study, mean).values())
 
 
 @pytest.mark.parametrize(

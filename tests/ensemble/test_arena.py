@@ -267,6 +267,19 @@ def test_a_mistake_is_told_in_a_line(tmp_path: Path) -> None:
         load("arena")
 
 
+def test_an_empty_table_of_changes_is_a_value(tmp_path: Path) -> None:
+    """As `drive.bus = {}`: a bus with its defaults. It was left out without a word once."""
+    of_bus = {**PLANT, "changes": {"drive": {"bus": {}}}}
+    study, _ = prepared(arena(tmp_path, plant={"drone": of_bus}), "drone", ["bar"])
+    assert study.drive.bus is not None
+    for table in ({"drive": {"nonsense": {}}}, {"nonsense": {}}):
+        with pytest.raises(StudyError, match="nonsense: unknown key"):
+            prepared(arena(tmp_path, plant={"drone": {**PLANT, "changes": table}}), "drone", ["bar"])
+        trials = {"moves": {"study": "mandra2019", "changes": table}}
+        with pytest.raises(StudyError, match="nonsense: unknown key"):
+            run_arena(arena(tmp_path, trials=trials), ["moves/*"])
+
+
 def content(values: dict[str, list[float | None]], column: str = "time_to_learn_s") -> dict[str, Any]:
     """Results of laws on plants a, b with one seed; each law's values in the order of the plants."""
     runs = [

@@ -27,6 +27,13 @@ law = "python"
 object = "law.py:Zero"
 label = "Mine"
 """
+METRIC = """
+[[metric]]
+name = "ripple"
+kind = "ripple-rms"
+signal = "omega_m"
+last = "1 s"
+"""
 LEFT_OUT = "Left out of the page: Mine: its law is code of its own, which the page doesn't run."
 needs = pytest.mark.skipif(bool(NO_ENGINE), reason=NO_ENGINE)
 
@@ -43,6 +50,18 @@ def test_the_page_is_written_where_it_is_asked_for(capsys, tmp_path):
     code, out, _ = cogless(capsys, "live", study, "-o", tmp_path / "page.html")
     assert (code, out) == (0, f"Page: {tmp_path / 'page.html'}\n")
     assert f"cogless run {study}" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@needs
+@pytest.mark.parametrize(("option", "times"), [((), 1), (("--no-limits",), 0)])
+def test_the_page_has_what_limits_the_best_run_as_it_was_made(capsys, tmp_path, option, times):
+    study = small(tmp_path)
+    study.write_text(study.read_text() + METRIC)
+    sensor = ("--set", 'drive.position_sensor={ kind = "absolute", bits = 8 }')
+    longer = ("--set", "scenario.step.duration=2 s")
+    code, _, _ = cogless(capsys, "live", study, *sensor, *longer, *option, "-o", tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert code == 0 and page.count("What limits pi: ") == times
 
 
 @needs

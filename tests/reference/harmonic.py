@@ -15,6 +15,7 @@ from .pi import Pi
 P = math.exp(-0.5)
 L1, L2, L3 = 1 - P**3, 1.5 * (1 - P) ** 2 * (1 + P), (1 - P) ** 3
 FASTEST, SPLIT, MEAN, QUICK, SETTLE, NEW, FULL = 2.6, 0.5105, 0.25, 1 / 16, 64, 1.25, 6.0
+TOGETHER = 1 / 16
 BENT, SURE, STAYS, DOUBTED = 0.05, 2.5e-7, 1 / 8, 64.0
 TURN_OF_BEND, PARTS, FEW = 8, 2, 8
 
@@ -44,6 +45,7 @@ class Harmonic:
     k_theta: float = 0.0
     bends: int = 2
     sensor_step: float = 0.0
+    fast: int | None = None
     c: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
     learned: float = 0.0
     learning: bool = False
@@ -62,7 +64,7 @@ class Harmonic:
         self.round_step = 0.0
         free = 2 if self.base > 4 else 1 if self.base > 2 else 0
         self.bend = np.zeros(min(self.bends, free), dtype=complex)
-        self.believed = self.bend_rate = self.power = self.doubt = self.moved = self.before = 0.0
+        self.believed = self.bend_rate = self.power = self.rest = self.doubt = self.moved = self.before = 0.0
         self.here = self.slope = 0.0
         self.due = self.acting = self.low = 0
         self.since = 1
@@ -118,22 +120,29 @@ class Harmonic:
             self.slowest = speed if first else min(self.slowest, speed)
             self.fastest = max(self.fastest, speed)
             self.anchor, self.time = speed, 0.0
-        fits = [int(min(self.orders, most / abs(step) if step else math.inf)) for most in (FASTEST, SPLIT)]
-        self.acting, low = fits[0], min(fits)
+        fast = self.orders if self.fast is None else self.fast
+        fits, low = (
+            int(min(count, most / abs(step) if step else math.inf))
+            for count, most in ((fast, FASTEST), (self.orders, SPLIT))
+        )
+        self.acting = max(fits, low)
         between = slice(min(low, self.low), max(low, self.low))
         self.weight[between] = 0.0
         self.low = low
-        begun = self.rate * self.time - FULL
-        rate = max(self.rate / (1 + max(begun, 0.0) / 2), self.rate_min)
+        shared = TOGETHER / (max(self.acting, 1) * self.pi.ts)
+        full = min(self.rate, shared)
+        begun = full * self.time
+        rate = max(full / (1 + max(begun - FULL, 0.0) / 2), min(self.rate_min, shared))
         self.rate_now = min(rate, abs(step) / (math.pi * self.pi.ts))
-        self.judge_bend()
+        self.judge_bend(begun)
         self.round_step, self.due = step, 0
 
-    def judge_bend(self) -> None:
-        """No bend is learned where noise makes too much of it; none acts where noise may make all of it."""
-        size = self.base * self.power
-        self.power, self.bend_rate = 0.0, 0.0
-        if self.rate * self.time <= FULL / 2 or size <= 1e-9 or self.rate_now == 0:
+    def judge_bend(self, begun: float) -> None:
+        """No bend is learned where noise makes too much of it, or most of the ripple is fast; none acts where
+        noise may make all of it."""
+        size, shows = self.base * self.power, self.power > self.rest
+        self.power = self.rest = self.bend_rate = 0.0
+        if begun <= FULL / 2 or size <= 1e-9 or not shows or self.rate_now == 0:
             return
         variance = 2 * self.doubt / (self.rate_now * self.pi.ts * size**2)
         if variance < SURE:
@@ -172,12 +181,14 @@ class Harmonic:
         z = cmath.exp(1j * om)
         turned = cmath.exp(1j * om * (0.5 + self.d))  # what acts is ahead of what is measured
         rate = 0.0 if self.is_held(abs(om)) else self.rate_now
+        power = (k + 1) * abs(self.c[k]) ** 2
         if k < self.low:
-            self.power += 0.0 if self.is_held(abs(om)) else (k + 1) * abs(self.c[k]) ** 2
+            self.power += 0.0 if self.is_held(abs(om)) else power
             g = L3 / 2 * (z + 1) * z / (z - P) ** 3 * cmath.exp(0.5j * om)
             g *= (1 + z**-1) / PARTS
             turned *= 1 - 1j * math.copysign(MEAN, self.omega) / (k + 1)
         else:
+            self.rest += power
             g = (z + 1) * (z - 1) / 2 / (z - P) ** 3 * cmath.exp(0.5j * om)
         self.weight[k] = rate / (self.b * self.pi.ts) / g * turned
         self.due = k + 1

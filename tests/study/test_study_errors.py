@@ -921,3 +921,33 @@ def test_names_and_titles_have_no_control_characters(tmp_path: Path, character: 
         line = line_of(tmp_path, {f'{table}."{name}"': entry})
         assert line == f'study.toml: {table}."{code}": expected a name of letters, digits, _, - and .'
     assert studies.study(tmp_path, {"title": "Größe, 5\u00a0µm"}).title
+
+
+EMPTY = {
+    "scenario.low.override": {"drive": {"nonsense": {}}},
+    "vary": {"drive": {"nonsense": {}}, "motor": {"R_s": {"uniform": "20 %"}}},
+    "tune": {"keys": {"controller": {"nonsense": {}}}, "minimise": "speed_ripple"},
+    "drive.nonsense": {},
+}
+
+
+@pytest.mark.parametrize("key", EMPTY)
+def test_an_empty_table_of_nonsense_is_refused_by_name(tmp_path: Path, key: str) -> None:
+    assert "nonsense" in line_of(tmp_path, {key: EMPTY[key]}).partition(": expected")[0]
+
+
+def test_an_empty_table_of_nonsense_is_refused_in_a_change_of_conditions() -> None:
+    """Of trials, from one of them on."""
+    for override in ({"mechanics": {"nonsense": {}}}, {"nonsense": {}}):
+        with pytest.raises(StudyError, match=r"scenario\.table-1\..*nonsense"):
+            load("mandra2019", {"scenario.table-1.changes.1.override": override})
+
+
+def test_an_empty_table_is_a_value_wherever_values_are_changed(tmp_path: Path) -> None:
+    """It is that table with its defaults, and replaces what stood there."""
+    monitor = studies.study(tmp_path, {"drive.monitor.omega_max": "500 rad/s"})
+    key, value = parse_change("drive.monitor={}")
+    assert changed(monitor, {key: value}).drive.monitor.omega_max is None
+    assert monitor.drive.monitor.omega_max == 500
+    scenario = studies.study(tmp_path, {"scenario.low.override": {"drive": {"bus": {}}}}).scenario["low"]
+    assert scenario.override == {"drive.bus": {}}

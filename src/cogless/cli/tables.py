@@ -43,6 +43,9 @@ def print_tables(results: AnyResults) -> None:
         broken = report.broken(results, scenario)
         if broken is not None:
             console.print(broken, highlight=False, markup=False)
+        limit = report.limit(results, scenario)
+        if limit is not None:
+            console.print(str(limit), highlight=False, markup=False)
         console.print()
     shown = {run.controller for run in results.runs if study.metrics_in(run.scenario)}
     if len(shown) > 1:  # with one controller there are no marks to explain

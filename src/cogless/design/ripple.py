@@ -88,19 +88,23 @@ class Ripple:
         return self.learned / self.without if self.without > 0 else 1.0
 
 
-def ripple(loop: LearningLoop, duration: float) -> Ripple:
-    """The ripple at a loop's speed, after learning for `duration` seconds."""
+def ripple(loop: LearningLoop, duration: float, settled: bool = True) -> Ripple:
+    """The ripple at a loop's speed, after learning for `duration` seconds.
+
+    `settled`: all that can be learned of the orders is; else as much as was in that time.
+    """
     assert loop.scenario is not None
     n, d = orders(loop.study, loop.scenario, loop.omega_m)
     f = np.asarray(n * abs(loop.omega_m) / math.tau)
+    periods = max(1.0, duration * loop.periods_per_second)
     feedbacks = (loop.feedback_before, loop.feedback)  # a law may hand its integral over to learning
     alone, left = (np.abs(responses(loop.plant, feedback, f)[0]) * d for feedback in feedbacks)
     if len(f):
-        left = left * loop.residual(f)
+        left = left * (loop.residual(f) if settled else loop.yet(f, periods))
     before, after = float(np.sum(alone**2)) / 2, float(np.sum(left**2)) / 2
     source = _sensor(loop)
     if source is not None and not source.timed:
-        noise = _noise(loop, source, max(1.0, duration * loop.periods_per_second))
+        noise = _noise(loop, source, periods)
         before, after = before + noise[0], after + noise[1]
     return Ripple(math.sqrt(before), math.sqrt(after))
 
@@ -111,11 +115,37 @@ def _sensor(loop: LearningLoop) -> Sampled | None:
 
 
 def orders(study: Study, scenario: str, omega_m: float) -> tuple[NDArray[np.intp], Real]:
-    """The orders of motor and load at a speed, rad/s, and their amplitudes as currents, A."""
+    """The orders of motor, load and current sensors at a speed, rad/s, and their amplitudes, A."""
     wave = functions_in(study, scenario).waves(omega_m)
+    of_sensors = sensor_waves(for_scenario(study, scenario), wave[0] / 2)
+    wave = np.pad(wave, (0, max(0, 1 + max(of_sensors) - len(wave))))
+    for order, amplitude in of_sensors.items():
+        wave[order] = math.hypot(wave[order], amplitude)
     found = np.flatnonzero(wave > 1e-9 * (1 + wave[0]))
     found = found[found > 0]
     return found, wave[found]
+
+
+def sensor_waves(study: Study, current: float) -> dict[int, float]:
+    """Amplitudes, A, of i_q that the current sensors' errors make at a mean of `current`, A, by order.
+
+    The loop holds the measured current, so the true one has their error. An offset turns once in an
+    electrical revolution; a gain that differs between the phases shows twice in it.
+    """
+    drive, pairs = study.drive, study.motor.pole_pairs
+    if drive.ideal:
+        return {pairs: 0.0}
+    sensors, phases = drive.current_sensors, study.motor.star().phases
+    angles = 2 * math.pi * np.arange(3) / 3 if phases == 3 else np.array([0.0, math.pi / 2])
+    axes = np.array([np.cos(angles), np.sin(angles)])  # to alpha and beta, but for 2 / phases, and back
+    seen = np.eye(phases)
+    if phases == 3 and sensors.sensors == 2:
+        seen[2] = [-1.0, -1.0, 0.0]  # the third is what the other two leave
+    to_axes = 2 / phases * axes @ seen
+    offset = to_axes @ np.array(sensors.offset[:phases])
+    (a, b), (c, d) = to_axes @ np.diag(sensors.gain_error[:phases]) @ axes.T
+    mirrored = math.hypot(a - d, b + c) / 2  # the rest turns with the current
+    return {pairs: float(np.hypot(*offset)), 2 * pairs: mirrored * abs(current)}
 
 
 def responses(plant: SpeedLoop, feedback: Linear, f: Real) -> tuple[Complex, Complex]:
