@@ -15,6 +15,9 @@ class PiIlc:
     learned: float = 0.0
     learning: bool = False
 
+    def __post_init__(self) -> None:
+        self.memory.centred = self.pi.ki > 0
+
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
         e = omega_ref - omega_m
         may = learn and not self.pi.saturated

@@ -29,6 +29,9 @@ class RobustIlc:
     learning: bool = False
     terms: dict[str, float] = field(default_factory=dict)  # of the last step, A
 
+    def __post_init__(self) -> None:
+        self.memory.centred = self.gamma > 0
+
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
         finite = math.isfinite(omega_ref - omega_m)
         e = omega_ref - omega_m if finite else 0.0

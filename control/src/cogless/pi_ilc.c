@@ -1,5 +1,11 @@
 #include "pi_ilc.h"
 
+/* Then the mean is the integral's. */
+static bool has_integral(const cgl_pi_ilc_config *config)
+{
+    return config->pi.ki > CGL_R(0.0);
+}
+
 CGL_SELDOM cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *config, cgl_real ts, cgl_real *cell, uint32_t length)
 {
     if (!(cgl_is_not_negative(config->gain) && config->memory.channels == 1U)) {
@@ -9,7 +15,14 @@ CGL_SELDOM cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *c
     law->gain = law->acting = config->gain;
     law->gentle = 0U;
     law->learned = CGL_R(0.0);
-    return error != CGL_OK ? error : cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
+    if (error != CGL_OK) {
+        return error;
+    }
+    const cgl_error memory_error = cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
+    if (memory_error == CGL_OK) {
+        cgl_memory_centre(&law->memory, has_integral(config));
+    }
+    return memory_error;
 }
 
 CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config *config)
@@ -23,6 +36,7 @@ CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config 
         return CGL_ERROR_CONFIG;
     }
     law->gain = config->gain;
+    cgl_memory_centre(&law->memory, has_integral(config));
     law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     return CGL_OK;
 }

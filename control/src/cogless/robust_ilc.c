@@ -32,6 +32,7 @@ cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *
     law->gentle = 0U;
     const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
     if (error == CGL_OK) {
+        cgl_memory_centre(&law->memory, config->gamma > CGL_R(0.0));
         cgl_robust_ilc_reset(law);
     }
     return error;
@@ -43,6 +44,7 @@ cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
+    cgl_memory_centre(&law->memory, config->gamma > CGL_R(0.0));
     law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     law->adapted = cgl_clamped(law->adapted, config->b * config->limit);
     return CGL_OK;
