@@ -36,17 +36,24 @@ class Memory:
     ratio: int = 1
     real: type = float
     revolution: tuple[int, int] = (0, 0)  # of the turns; the angle in it
-    centred: bool = False  # a sixteenth of the mean over the period is forgotten in each
+    centred: int = 0  # channels, from the first on, whose mean over the period is an integral's
 
     def __post_init__(self) -> None:
         self.value = [0.0] * len(self.limit)  # of the last step
         self.mean = [0.0] * len(self.limit)  # over the period, of the last time that it was gathered
+        self.transfer = [0.0] * len(self.limit)  # of it, what an integral takes over in this step
         self.gathered: list[list[float]] = []  # towards the next
         self.beyond = 0.0  # share of the first of them that counts, of a line
 
     def recalled(self, values: list[float]) -> list[float]:
         """What the law learns on from."""
-        return [self.forgetting * (v - mean / 16) for v, mean in zip(values, self.mean, strict=True)]
+        return [self.forgetting * v - lost for v, lost in zip(values, self.lost, strict=True)]
+
+    @property
+    def lost(self) -> list[float]:
+        """What a period takes away from the mean, beside forgetting: at most 15/16 of it is recalled."""
+        beyond = max(0.0, self.forgetting - 15 / 16)
+        return [beyond * mean * (c < self.centred) for c, mean in enumerate(self.mean)]
 
     def take_mean(self, weights: list[float]) -> None:
         columns = zip(*self.gathered, strict=True)
@@ -187,6 +194,7 @@ class AngleMemory(Memory):
         if self.lead > 0 and moved > 0:
             self.correct(moved, correction)
         if self.centred:
+            self.transfer = [lost * moved / WHOLE for lost in self.lost]
             first = len(self.gathered)
             self.gathered += [list(cell) for cell in self.map[first : first + max(1, self.passed)]]
             if len(self.gathered) == self.cells:
@@ -306,6 +314,7 @@ class DelayLine(Memory):
             (reads and age >= self.fewest) or (len(self.rows) < self.length and not self.tracking)
         )
         values = [0.0] * len(self.limit)
+        self.transfer = list(values)
         if reads:
             part = self.p_t / self.ts - age
             reach = range(age - m, age + m + 2) if learn else (age, age + 1)
@@ -323,5 +332,6 @@ class DelayLine(Memory):
             self.rest.append(self.now[1])
             self.then = max(self.then, len(self.rest) - self.length)
         if learn and self.centred and reads:
+            self.transfer = [lost * self.ts / self.p_t for lost in self.lost]
             self.gather(self.p_t / self.ts)
         return values, learn

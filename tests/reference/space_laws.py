@@ -51,7 +51,8 @@ class SpacePosition:
     terms: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.memory.centred = self.k_i > 0 and not self.hand_over
+        acts = self.k_i > 0 and not self.hand_over
+        self.memory.centred = acts * (2 if self.index == "rotor" else 1)
 
     def step(self, i: PositionInput) -> float:
         n = self.ratio
@@ -79,6 +80,9 @@ class SpacePosition:
         v_omega = self.v_0 + self.v_2 * omega**2
         feedback = -self.k_omega * omega_t - self.k_v * error - v_omega * omega_t
         share_i = 1 - share if self.hand_over else 1.0
+        if self.learning:
+            transfer = sum(v * f_i for v, f_i in zip(self.memory.transfer, f, strict=True))
+            self.integral = clip(self.integral - transfer, self.limit)
         self.integral = self.integral if share_i > 0 else 0.0
         integrated = clip(self.integral + self.ts * self.k_i * omega_t, self.limit)
         wanted = feedback - share_i * integrated + sum(i_hat)

@@ -1,6 +1,7 @@
 #include "map.h"
 
 #define FLOAT_MAX CGL_R(3.402823466e38)
+#define ROUNDING CGL_R(1.0e-6) /* of the limit, that a sum of the entries may have */
 
 CGL_SELDOM bool cgl_map_is_valid(const cgl_map *map)
 {
@@ -21,11 +22,14 @@ CGL_SELDOM bool cgl_map_is_valid(const cgl_map *map)
 
 CGL_SELDOM void cgl_map_centre(const cgl_map *map)
 {
-    for (uint32_t c = 0; map->centred && c < map->channels; ++c) {
+    for (uint32_t c = 0; c < map->centred && c < map->channels; ++c) {
         cgl_real *const entry = map->entry + c * map->stride;
         cgl_real mean = CGL_R(0.0);
         for (uint32_t n = 0; n < map->cells; ++n) {
             mean += entry[n] / (cgl_real)map->cells;
+        }
+        if (cgl_is_within(mean, ROUNDING * map->limit[c])) {
+            continue; /* a map that has been centred stays as it was saved */
         }
         for (uint32_t n = 0; n < map->cells; ++n) {
             entry[n] = cgl_clamp(entry[n] - mean, map->limit[c]);
@@ -47,7 +51,7 @@ CGL_SELDOM static void fill(cgl_map *map, uint32_t law, cgl_real *entry, uint32_
         map->limit[c] = c == 0U ? limit : CGL_R(0.0);
     }
     map->learning = 0;
-    map->centred = false;
+    map->centred = 0U;
 }
 
 static cgl_map_result checked(const cgl_map *map)
@@ -91,7 +95,7 @@ CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
                                        cgl_map *map)
 {
     fill(map, CGL_MAP_LAW_ANTI_COGGING, law->table, law->config.cells, CGL_MAP_UNIT_CURRENT, law->config.pi.limit);
-    map->centred = true; /* as a calibration leaves it */
+    map->centred = 1U; /* as a calibration leaves it */
     return checked(map);
 }
 

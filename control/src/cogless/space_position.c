@@ -24,10 +24,12 @@ CGL_SELDOM static bool is_valid(const cgl_space_position_config *config)
            && (config->index == CGL_SPACE_BY_REFERENCE || config->index == CGL_SPACE_BY_ROTOR);
 }
 
-/* Whether the integral acts on beside what is learned: then the mean is the integral's. */
-static bool keeps_integral(const cgl_space_position_config *config)
+/* Channels whose mean the integral has, where it acts on beside what is learned: alpha. By the angle of the rotor beta too, whose
+ * mean would drift at a constant speed; that of h is what the rotor's inertia needs. */
+static uint32_t centred(const cgl_space_position_config *config)
 {
-    return config->k_i > CGL_R(0.0) && !config->hand_over;
+    const bool acts = config->k_i > CGL_R(0.0) && !config->hand_over;
+    return acts ? (config->index == CGL_SPACE_BY_ROTOR ? 2U : 1U) : 0U;
 }
 
 cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
@@ -41,7 +43,7 @@ cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_posit
     law->gentle = 0U;
     const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, config->ratio, cell, length);
     if (error == CGL_OK) {
-        cgl_memory_centre(&law->memory, keeps_integral(config));
+        cgl_memory_centre(&law->memory, centred(config));
         cgl_space_position_reset(law);
     }
     return error;
@@ -71,7 +73,7 @@ cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_pos
     }
     const bool same_ramp = !(config->ramp < law->config.ramp || config->ramp > law->config.ramp);
     law->config = *config;
-    cgl_memory_centre(&law->memory, keeps_integral(config));
+    cgl_memory_centre(&law->memory, centred(config));
     law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     if (!same_ramp && law->learning_samples > 0U) {
         law->learning_samples = samples_of_share(law, share);
@@ -187,6 +189,11 @@ void cgl_space_position_step(cgl_space_position *law,
     }
     const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
 
+    if (learn) { /* whose sign is that of the error */
+        const cgl_channel *const channel = law->memory.channel;
+        const cgl_real transfer = channel[0].transfer + channel[1].transfer * omega_ref;
+        law->integral = cgl_add(law->integral, -acts * transfer, config->limit, &law->integral_lost);
+    }
     if (!(share_i > CGL_R(0.0))) { /* else it would wind up unheard, and act when what is learned fades */
         law->integral = law->integral_lost = CGL_R(0.0);
     }
