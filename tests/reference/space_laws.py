@@ -51,8 +51,7 @@ class SpacePosition:
     terms: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        acts = self.k_i > 0 and not self.hand_over
-        self.memory.centred = acts * (2 if self.index == "rotor" else 1)
+        self.memory.centred = 2 if self.k_i > 0 and not self.hand_over else 0
 
     def step(self, i: PositionInput) -> float:
         n = self.ratio

@@ -24,12 +24,11 @@ CGL_SELDOM static bool is_valid(const cgl_space_position_config *config)
            && (config->index == CGL_SPACE_BY_REFERENCE || config->index == CGL_SPACE_BY_ROTOR);
 }
 
-/* Channels whose mean the integral has, where it acts on beside what is learned: alpha. By the angle of the rotor beta too, whose
- * mean would drift at a constant speed; that of h is what the rotor's inertia needs. */
+/* Channels whose mean the integral has, where it acts on beside what is learned: alpha and beta, which at a constant speed nothing
+ * tells from it. The mean of h, learned where the speed changes, is what the inertia needs. */
 static uint32_t centred(const cgl_space_position_config *config)
 {
-    const bool acts = config->k_i > CGL_R(0.0) && !config->hand_over;
-    return acts ? (config->index == CGL_SPACE_BY_ROTOR ? 2U : 1U) : 0U;
+    return config->k_i > CGL_R(0.0) && !config->hand_over ? 2U : 0U;
 }
 
 cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
