@@ -1,5 +1,5 @@
-"""Ten hours of every law that learns, on a drive of a few lines of C that knows nothing of the simulator: no mean
-drifts between two memories of it. tests/control/ten_hours.c says what happens to the drive."""
+"""Ten hours of every law that learns, on a drive of a few lines of C that knows nothing of the simulator: no
+mean drifts between two memories of it. tests/control/ten_hours.c says what happens to the drive."""
 
 import subprocess
 from pathlib import Path
@@ -33,7 +33,8 @@ def program() -> Path:
     def compiled(made: Path) -> None:
         subprocess.run(["cc", *FLAGS, "-o", made, PROGRAM, *sources, "-lm"], check=True)
 
-    return kept("ten-hours.run", [version("cc"), *FLAGS], [PROGRAM, *(SOURCE / "cogless").iterdir()], compiled)
+    files = [PROGRAM, *sorted((SOURCE / "cogless").iterdir())]
+    return kept("ten-hours.run", [version("cc"), *FLAGS], files, compiled)
 
 
 def seen(program: Path, law: str) -> dict[str, float]:
@@ -48,9 +49,11 @@ def test_every_law_with_a_memory_is_here() -> None:
 
 @pytest.mark.parametrize("law", OWNED + IN_THE_MAP)
 def test_ten_hours_leave_the_drive_as_it_was_in_its_first_minute(law: str, program: Path) -> None:
-    """After them an angle dropout clears the integral, and a guard may mute what is learned. Neither may throw the
-    rotor further than early on. In torque mode only a mean that no integral has is a current: at the speed at
-    which it was learned the load's, at others no more."""
+    """After them an angle dropout clears the integral, and a guard may mute what is learned: neither may throw
+    the rotor further than early on. In torque mode only a mean that no integral has is a current.
+
+    That is the load's at the speed at which it was learned, and no more at others.
+    """
     drive = seen(program, law)
     load = drive["load_current"]
     assert 0.024 < load < 0.026  # 0.01 N m by 0.4 N m/A
