@@ -49,8 +49,8 @@ def test_every_law_with_a_memory_is_here() -> None:
 
 @pytest.mark.parametrize("law", OWNED + IN_THE_MAP)
 def test_ten_hours_leave_the_drive_as_it_was_in_its_first_minute(law: str, program: Path) -> None:
-    """After them an angle dropout clears the integral, and a guard may mute what is learned: neither may throw
-    the rotor further than early on. In torque mode only a mean that no integral has is a current.
+    """After them an angle dropout clears the integral, and a guard may mute what is learned: neither may
+    throw the rotor further than early on. In torque mode only a mean that no integral has is a current.
 
     That is the load's at the speed at which it was learned, and no more at others.
     """
