@@ -437,12 +437,13 @@ int main(void)
         return 1;
     }
     before = load_map();
+    const cgl_real rest = controller.memory[2]; /* an order, or as much less as the mean that a load leaves out */
     controller.memory[1] = CGL_R(0.03125);
     if (save_map() != CGL_MAP_OK || NAME_init(&controller) != CGL_OK) {
         return 2;
     }
     after = load_map();
-    printf("%d %d %g\\n", before, after, (double)controller.memory[1]);
+    printf("%d %d %g\\n", before, after, (double)(controller.memory[1] - controller.memory[2] + rest));
     return 0;
 }
 """
