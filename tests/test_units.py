@@ -55,9 +55,6 @@ def test_texts_become_si(text: str, dimension: units.Dimension, si: float) -> No
         ("60", units.ANGULAR_SPEED, 'expected a unit too, such as "60 rpm"'),
         (19 * "1", units.ANGULAR_SPEED, f'expected a unit too, such as "{19 * "1"} rpm"'),
         (20 * "1", units.ANGULAR_SPEED, 'expected a unit too, such as "1 rpm"'),
-        ("1 Hz", units.ANGULAR_SPEED, 'expected an angular speed, such as "1 rpm"'),
-        ("1 1/s", units.ANGULAR_SPEED, 'expected an angular speed, such as "1 rpm"'),
-        ("1 rad/s", units.FREQUENCY, 'expected a frequency, such as "1 Hz"'),
         (
             "60 rpn",
             units.ANGULAR_SPEED,
@@ -75,8 +72,8 @@ def test_texts_become_si(text: str, dimension: units.Dimension, si: float) -> No
                 f'expected a resistance, such as "1 ohm"; the unit "{wrong}" is not known{perhaps}',
             )
             for wrong, perhaps in (
-                ("Ohm", ', perhaps "ohm"'),
-                ("MOhm", ', perhaps "Mohm"'),
+                ("OHM", ', perhaps "ohm"'),
+                ("MOHM", ', perhaps "Mohm"'),
                 ("mOHM", ', perhaps "mohm"'),
                 ("QOhm", ""),
             )
@@ -99,6 +96,105 @@ def test_wrong_texts_say_what_was_expected(text: str, dimension: units.Dimension
     with pytest.raises(UnitError) as error:
         parse(text, dimension)
     assert str(error.value) == expected
+
+
+INCH, OUNCE, POUND, WEIGHT = 0.0254, 0.028349523125, 0.45359237, 9.80665  # m, kg, kg, N of a kilogram
+# What datasheets write, by what it is of; SI from the definitions of inch, ounce, pound and gravity.
+OF_DATASHEETS = {
+    units.INERTIA: {
+        1e-7: "gcm2, g*cm2, gcm^2, gcm², g·cm², g.cm2, g-cm^2, g cm^2, g*cm**2",
+        1e-4: "kgcm2, kg*cm2, kgcm^2, kg-cm^2, kg.cm²",
+        1e-9: "gmm2, g*mm2",
+        1.0: "kgm2, kg.m2, kg-m^2, N*m*s^2, Nms2",
+        OUNCE * INCH**2: "oz*in^2, oz-in^2, ozin2, oz in^2",
+        POUND * INCH**2: "lb*in^2, lb-in2, lbs*in^2",
+        OUNCE * WEIGHT * INCH: "oz*in*s^2, oz-in-s^2, oz-in-s2, ozins2, ozf*in*s^2",
+        POUND * WEIGHT * INCH: "lb*in*s^2, in-lb-s2, lbf*in*s^2",
+        WEIGHT * 1e-2: "kgf*cm*s^2, kg*cm*s^2, kgf.cm.s²",
+    },
+    units.TORQUE: {
+        OUNCE * WEIGHT * INCH: "oz*in, ozin, oz-in, in-oz, inoz, ozf*in, oz in, oz·in",
+        POUND * WEIGHT * INCH: "lb*in, in*lb, lb-in, lbin, inlb, lbf*in, in-lbs",
+        POUND * WEIGHT * 12 * INCH: "lb*ft, ft-lb, lbft, lbf-ft",
+        WEIGHT * 1e-2: "kg*cm, kg-cm, kgcm, kgf*cm, kgf.cm, kgfcm",
+        WEIGHT * 1e-5: "g*cm, gcm, gf*cm, gf-cm",
+        1e-3: "mNm, mN*m, mN.m, mN-m, mN·m, Nmm, N*mm",
+        1e-2: "Ncm, N*cm, N-cm, cNm, cN*m",
+        1.0: "Nm, N.m, N-m, N m",
+        1e-7: "dyn*cm",
+    },
+    units.TORQUE_CONSTANT: {
+        OUNCE * WEIGHT * INCH: "oz-in/A, oz*in/A, ozin/A",
+        WEIGHT * 1e-2: "kg-cm/A, kgcm/A",
+        1e-3: "mNm/A, mN.m/A",
+        1e-2: "Ncm/A",
+    },
+    units.VISCOUS_FRICTION: {
+        OUNCE * WEIGHT * INCH / (1000 * math.pi / 30): "oz-in/krpm, oz*in/krpm, ozin/kRPM",
+        1.0: "Nms, Nms/rad, N.m.s/rad, Nm/(rad/s)",
+    },
+    units.BACK_EMF_CONSTANT: {30e-3 / math.pi: "V/krpm, V/kRPM, mV/rpm", 1e-3: "mVs/rad, mV.s/rad, mV-s/rad"},
+    units.SPEED_CONSTANT: {math.pi / 30: "rpm/V, RPM/V, r/min/V"},
+    units.ANGULAR_SPEED: {math.pi / 30: "rpm, RPM, r/min", 2 * math.pi: "rev/s, rps"},
+    units.ANGLE: {math.pi / 180: "deg, °", math.pi / 10800: "arcmin", math.pi / 648000: "arcsec"},
+    units.RESISTANCE: {1e-3: "mOhm, mohm, mΩ", 1.0: "Ohm, ohm, Ω"},
+    units.INDUCTANCE: {1e-6: "uH, µH, μH"},
+    units.TEMPERATURE: {1.0: "°C, degC"},
+    # a frequency in rad/s is 2 pi times that in Hz; a gain per time has no angle
+    units.FREQUENCY: {1 / (2 * math.pi): "rad/s", 1 / 60: "rpm", 1.0: "Hz, rev/s"},
+    units.RATE: {1.0: "rad/s, 1/s, s^-1"},
+}
+
+
+@pytest.mark.parametrize(
+    ("dimension", "si", "unit"),
+    [
+        (dimension, si, unit)
+        for dimension, by_si in OF_DATASHEETS.items()
+        for si, listed in by_si.items()
+        for unit in listed.split(", ")
+    ],
+)
+def test_units_of_datasheets_mean_what_they_mean_there(
+    dimension: units.Dimension, si: float, unit: str
+) -> None:
+    """Ounces, pounds, grams and kilograms are masses in an inertia, and weights in a torque."""
+    assert parse(f"3 {unit}", dimension) == pytest.approx(3 * si, rel=1e-12)
+    assert unit[0].isdigit() or parse(f"3{unit}", dimension) == pytest.approx(3 * si, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("unit", "dimension", "expected", "cures"),
+    [
+        ("1/s", units.FREQUENCY, '; the unit "1/s" may be "Hz" or "rad/s"', ("Hz", "rad/s")),
+        ("1/ms", units.FREQUENCY, '; the unit "1/ms" may be "Hz" or "rad/s"', ("Hz", "rad/s")),
+        ("Hz", units.RATE, '; the unit "Hz" may be "1/s" or 2 pi "rad/s"', ("1/s", "rad/s")),
+        (
+            "Hz",
+            units.ANGULAR_SPEED,
+            '; the unit "Hz" may be "rev/s", or that of the current, pole_pairs times as much',
+            ("rev/s",),
+        ),
+        ("1/s", units.ANGULAR_SPEED, '; the unit "1/s" may be "rad/s" or "rev/s"', ("rad/s", "rev/s")),
+        ("oz*in", units.INERTIA, "", ()),
+        ("oz*in^2", units.TORQUE, "", ()),
+        ("gm", units.TORQUE, '; the unit "gm" is not known', ()),
+        ("mh", units.INDUCTANCE, ', perhaps "mH"', ("mH",)),
+        ("khz", units.FREQUENCY, '; the unit "khz" is not known, perhaps "kHz"', ("kHz",)),
+        ("v", units.VOLTAGE, '; the unit "v" is not known, perhaps "V"', ("V",)),
+        ("rpm/v", units.SPEED_CONSTANT, '; the unit "rpm/v" is not known, perhaps "rpm/V"', ("rpm/V",)),
+        ("KG*cm^2", units.INERTIA, '; the unit "KG*cm^2" is not known, perhaps "kg*cm^2"', ("kg*cm^2",)),
+        ("nm", units.TORQUE, ', perhaps "Nm"', ("Nm",)),
+    ],
+)
+def test_a_unit_with_two_readings_or_other_capitals_is_refused_with_what_is_taken(
+    unit: str, dimension: units.Dimension, expected: str, cures: tuple[str, ...]
+) -> None:
+    with pytest.raises(UnitError) as error:
+        parse(f"3 {unit}", dimension)
+    assert str(error.value) == f"expected {dimension.name}, such as {dimension.shown(1)}{expected}"
+    for cure in cures:
+        assert f'"{cure}"' in str(error.value) and parse(f"3 {cure}", dimension) > 0
 
 
 @settings(max_examples=50)
@@ -151,6 +247,9 @@ def test_a_text_of_any_dimension_is_si() -> None:
     """SI counts in kilograms, so that a gram is a thousandth."""
     assert units.in_si("3 mN*m") == pytest.approx(3e-3) and units.in_si("3 A") == 3.0
     assert units.in_si("2 kg*cm^2") == pytest.approx(2e-4) and units.in_si("5 g/s^2") == pytest.approx(5e-3)
+    assert units.in_si("3 kg*cm") == pytest.approx(
+        3 * 0.0980665
+    )  # a torque: nobody means a mass times a length
     assert units.is_known("rpm") and not units.is_known("rpn")
     for text, told in (("a lot", "a number and a unit"), ("3 rpn", 'a known unit, not "rpn"')):
         with pytest.raises(UnitError, match=f"^expected {told}$"):

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
@@ -37,22 +39,47 @@ DEFINITIONS = """
     radian = [angle] = rad
     degree = 3.141592653589793 / 180 * radian = deg = °
     revolution = 2 * 3.141592653589793 * radian = rev = turn = r
+    arcminute = degree / 60 = arcmin
+    arcsecond = degree / 3600 = arcsec
     minute = 60 * second = min
     hour = 60 * minute = h
-    rpm = revolution / minute
+    rpm = revolution / minute = RPM
+    rps = revolution / second
     hertz = 1 / second = Hz
     newton = kilogram * meter / second ** 2 = N
     newton_meter = newton * meter = Nm
     joule = newton * meter = J
     watt = joule / second = W
     volt = watt / ampere = V
-    ohm = volt / ampere = Ω
+    ohm = volt / ampere = Ω = Ohm
     henry = volt * second / ampere = H
     weber = volt * second = Wb
+    inch = 0.0254 * meter = in
+    foot = 0.3048 * meter = ft
+    ounce = 28.349523125 * gram = oz
+    pound = 453.59237 * gram = lb = lbs
+    dyne = 1e-5 * newton = dyn
+    gram_force = 9.80665e-3 * newton = gf
+    ounce_force = 28.349523125 * gram_force = ozf
+    pound_force = 453.59237 * gram_force = lbf
 """
+# As datasheets write them: words without a sign between them, or with a point or a hyphen, are a product.
+TERM = r"[A-Za-zµμΩ]+(?:\^-?\d)?"
+SIGNS = str.maketrans({"²": "^2", "³": "^3", "⋅": "*", "·": "*"})
+JOINED = re.compile(rf"(?<![A-Za-z]){TERM}(?:[.-]{TERM})+")
+EXPONENT = re.compile(r"(?<=[A-Za-zµμ])(?=[23](?![A-Za-z0-9]))")
+FORCE, LENGTH = r"[mcku]?N|k?gf?|ozf?|lbf?", r"cm|mm|m|in|ft"
+GLUED = re.compile(
+    rf"(?<![A-Za-zµμ])(?:({FORCE})({LENGTH})(s?)|(in|ft)(ozf?|lbf?)()|([mkuµμ]?V)(s)())(\^-?\d)?(?![A-Za-z])"
+)
+GRAM = "gm"  # to some; it may not be read as a gram times a meter
+MASS = re.compile(r"(?<![A-Za-z])([mk]?)(oz|lb|g)s?(?![A-Za-z])")  # or the weight of it, where a force fits
+WORD = re.compile("[A-Za-zµμΩ]+")
+SYMBOLS = re.findall(r"\S+", "m s A g K rad deg rev min h rpm Hz N Nm J W V ohm H Wb oz lb in ft")
+LONGEST_MISSPELT = 4  # words of a unit
+PREFIXES = ("", "m", "k", "u", "M", "c", "n")
 
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
-CAPITALS = re.compile("ohm|rpm|rad|deg|rev", re.IGNORECASE)  # a prefix means something else as a capital
 COMMA = re.compile(r",\d")  # behind the whole part of a number
 UNIT = re.compile(r"(?:1\s*/)?[A-Za-zµμΩΩ°·*/^()\s]*(?:(?:\^|\*\*)-?\d[A-Za-zµμΩΩ°·*/^()\s]*)*")
 
@@ -66,13 +93,15 @@ class Dimension:
     """A kind of quantity.
 
     `unit`: its SI unit. `example`: the unit shown in error messages, default `unit`. `also`: other SI units
-    that are accepted as equal to `unit`.
+    that are accepted as equal to `unit`. `angular`: the SI unit rad/s is accepted, too; it is so many
+    `unit`.
     """
 
     name: str
     unit: str
     example: str = ""
     also: tuple[str, ...] = ()
+    angular: float = 0.0
 
     def shown(self, number: object) -> str:
         """A sample text for error messages: the number with the unit `example`."""
@@ -83,7 +112,7 @@ ANGLE = Dimension("an angle", "rad", "deg")
 ANGULAR_SPEED = Dimension("an angular speed", "rad/s", "rpm")
 ANGULAR_ACCELERATION = Dimension("an angular acceleration", "rad/s^2", "rpm/s")
 TIME = Dimension("a time", "s")
-FREQUENCY = Dimension("a frequency", "Hz")
+FREQUENCY = Dimension("a frequency", "Hz", angular=1 / math.tau)
 CURRENT = Dimension("a current", "A")
 VOLTAGE = Dimension("a voltage", "V")
 ENERGY = Dimension("an energy", "J")
@@ -112,9 +141,16 @@ CUBIC_SPEED_GAIN = Dimension("a gain of the speed loop per speed squared", "A*s^
 CURRENT_PER_ACCELERATION = Dimension("a current per acceleration", "A*s^2/rad")
 SPEED_LEARNING = Dimension("a learning gain on speed", "A*s^2/rad^2")
 ACCELERATION_LEARNING = Dimension("a learning gain on acceleration", "A*s^4/rad^2")
-RATE = Dimension("a gain per time", "1/s")
+RATE = Dimension("a gain per time", "1/s", angular=1.0)
 RATE_PER_TIME = Dimension("a gain per time squared", "1/s^2")
 NONE = Dimension("a plain number", "")
+# Units that have two readings in a dimension, by its SI unit: with the word Hz, and any other of 1/s.
+READINGS = {
+    ("Hz", "1/s"): 'may be "Hz" or "rad/s"',
+    ("1/s", "Hz"): 'may be "1/s" or 2 pi "rad/s"',
+    ("rad/s", "Hz"): 'may be "rev/s", or that of the current, pole_pairs times as much',
+    ("rad/s", "1/s"): 'may be "rad/s" or "rev/s"',
+}
 NAMED = tuple(each for each in list(vars().values()) if isinstance(each, Dimension))
 
 
@@ -204,6 +240,8 @@ def si_factor(unit: str) -> float:
         quantity = _quantity(unit)
         if quantity is None:
             raise UnitError(f'expected a known unit, not "{unit}"')
+        if any(quantity.is_compatible_with(product) for product in ("kg*m", "kg*m*s^2", "kg*m/A")):
+            quantity = _quantity(_with_forces(unit))  # nobody means a mass times a length
         base = quantity.to_root_units()  # in grams, where SI has kilograms
         grams = float(base.dimensionality.get("[mass]", 0))
         return float(base.magnitude) * math.pow(1e-3, grams)
@@ -217,20 +255,90 @@ def factor(unit: str, dimension: Dimension) -> float:
 
 
 def _factor(unit: str, dimension: Dimension) -> float:
+    expected = f"expected {dimension.name}, such as {dimension.shown(1)}"
     quantity = _quantity(unit)
-    if quantity is None:
-        expected = f"expected {dimension.name}, such as {dimension.shown(1)}"
-        small = CAPITALS.sub(lambda word: word[0].lower(), unit)
-        perhaps = "" if small == unit or _quantity(small) is None else f', perhaps "{small}"'
-        raise UnitError(f'{expected}; the unit "{unit}" is not known{perhaps}')
-    for si in (dimension.unit, *dimension.also):
-        if quantity.is_compatible_with(si):
-            return float(quantity.to(si).magnitude)
-    raise UnitError(f"expected {dimension.name}, such as {dimension.shown(1)}")
+    if quantity is not None and (reading := _reading(unit, quantity, dimension)):
+        raise UnitError(f'{expected}; the unit "{unit}" {reading}')
+    factor = _fitting(unit, dimension)
+    if factor is not None:
+        return factor
+    near = _perhaps(unit, dimension)
+    perhaps = f', perhaps "{near}"' if near else ""
+    raise UnitError(
+        f'{expected}; the unit "{unit}" is not known{perhaps}' if quantity is None else expected + perhaps
+    )
+
+
+def _reading(unit: str, quantity: Any, dimension: Dimension) -> str | None:
+    """The two readings of a unit of 1/s in a dimension; None if it has one."""
+    if not quantity.is_compatible_with("1/s"):
+        return None
+    return READINGS.get((dimension.unit, "Hz" if "Hz" in unit else "1/s"))
+
+
+def _fitting(unit: str, dimension: Dimension) -> float | None:
+    """Factor from a unit to the dimension's; None if it fits in no reading.
+
+    Of a product that fits no other way, words of mass are the forces of these masses: "oz*in" is a torque,
+    "oz*in^2" an inertia, and so is "oz*in*s^2".
+    """
+    for quantity in (_quantity(unit), _quantity(_with_forces(unit))):
+        if quantity is None:
+            continue
+        for si in (dimension.unit, *dimension.also):
+            if quantity.is_compatible_with(si):
+                return float(quantity.to(si).magnitude)
+        if dimension.angular and quantity.is_compatible_with("rad/s"):
+            return float(quantity.to("rad/s").magnitude) * dimension.angular
+    return None
+
+
+def _perhaps(unit: str, dimension: Dimension) -> str | None:
+    """The unit in the spelling that fits, of those that differ in capitals alone; None if there is none."""
+    words = WORD.findall(unit)
+    if not 1 <= len(words) <= LONGEST_MISSPELT:
+        return None
+    for spelling in product(*map(_spellings, words)):
+        other = _with_words(unit, spelling)
+        if other != unit and _fitting(other, dimension) is not None:
+            return other
+    return None
+
+
+def _with_words(unit: str, words: Iterable[str]) -> str:
+    """The unit with other words in place of its own."""
+    following = iter(words)
+    return WORD.sub(lambda _: next(following), unit)
+
+
+def _spellings(word: str) -> list[str]:
+    """The word, and known units that differ from it in capitals; those that begin like it first."""
+    known = [prefix + symbol for prefix in PREFIXES for symbol in SYMBOLS]
+    alike = [name for name in known if name.lower() == word.lower() and name != word]
+    return [word, *sorted(alike, key=lambda name: name[0] != word[0])]
+
+
+def _with_forces(unit: str) -> str:
+    return MASS.sub(r"\1\2f", _spelled_out(unit))
+
+
+def _spelled_out(unit: str) -> str:
+    """A unit as datasheets write it, such as "gcm2" or "oz-in/A", with the signs of its products."""
+    unit = EXPONENT.sub("^", unit.replace("°C", "degC").translate(SIGNS))
+    unit = JOINED.sub(lambda group: f"({re.sub('[.-](?=[A-Za-z])', '*', group.group())})", unit)
+    return GLUED.sub(_product_of, unit)
+
+
+def _product_of(group: re.Match[str]) -> str:
+    *words, exponent = group.groups("")
+    if "".join(words) == GRAM:
+        return group.group()
+    return f"({'*'.join(word for word in words if word)}{exponent})"
 
 
 def _quantity(unit: str) -> Any:
     # The only numbers allowed are "1 /" and one-digit exponents: pint shall parse units here, not formulas.
+    unit = _spelled_out(unit)
     if not UNIT.fullmatch(unit):
         return None
     try:

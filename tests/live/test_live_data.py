@@ -18,7 +18,7 @@ from cogless.live.motor import POLE_PAIRS, Product
 from cogless.live.packed import Number, Packed
 
 PLACE = ("low", "pi", "run")
-NAMES = ("a", "b", "c", "d", "e", "f", "g", "h", "k", "few")
+NAMES = ("a", "b", "c", "d", "e", "f", "g", "h", "k", "few", "half")
 NUMBERS = tuple(Number(f"n{n}", 8 * n, "d") for n in range(6))
 
 
@@ -30,10 +30,10 @@ def candidate(name, low=1.0, high=9.0, start=2.0, **more):
 def described(values):
     """The bytes of a run, in which each number depends on the keys in another way."""
     at = dict.fromkeys(NAMES, 2.0) | {one.key: value for one, value in values}
-    if at["e"] != 2 or at["k"] > 9 or (at["few"] not in (1, 2)):
+    if at["e"] != 2 or at["k"] > 9 or at["few"] not in (1, 2) or at["half"] > 5:
         raise StudyError("study.toml: controller.pi: expected less")
     numbers = (
-        at["a"] * at["b"],
+        at["a"] * at["b"] * at["half"] / 2,
         at["c"] ** 2,
         min(at["g"], 10.0),
         at["h"] + (at["h"] > 8),
@@ -49,7 +49,7 @@ def adjusted(monkeypatch):
         monkeypatch.setattr(keys, "held", lambda study: [PLACE[:2]])
         monkeypatch.setattr(keys, "packed", lambda *_: described([]))
         monkeypatch.setattr(keys, "changed", lambda *_: None)
-        monkeypatch.setattr(keys, "_changed", lambda study, values: described(values))
+        monkeypatch.setattr(keys, "_changed", lambda study, values, pairs=None: described(values))
         monkeypatch.setattr(keys, "_candidates", lambda study, told: list(listed))
         return keys.adjustable(SimpleNamespace(drive=None))
 
@@ -58,7 +58,7 @@ def adjusted(monkeypatch):
 
 def test_keys_are_direct_or_have_stops_or_are_left_out(adjusted):
     """A key that turns out to be no multiple only at further values comes last, with stops."""
-    listed = [candidate(name) for name in NAMES]
+    listed = [candidate(name) for name in NAMES if name != "half"]
     found = adjusted(*listed)
     by_name = {key.candidate.key: key for key in found.keys}
     assert list(by_name) == ["a", "c", "g", "k", "h"]
@@ -84,12 +84,20 @@ def test_keys_are_direct_or_have_stops_or_are_left_out(adjusted):
 
 
 def test_a_field_takes_more_than_its_slider_only_if_the_key_stays_right_there(adjusted):
-    """Key g saturates there, k is refused, and c has stops."""
+    """Key g saturates above 10, k is refused above 9, and c has stops."""
     found = adjusted(*(candidate(name) for name in "acgk"))
     fields = {key.candidate.key: (key.candidate.least, key.candidate.most) for key in found.keys}
-    assert fields == {"a": (0.01, 900.0), "c": (1.0, 9.0), "g": (1.0, 9.0), "k": (1.0, 9.0)}
+    assert fields == {"a": (0.01, 900.0), "c": (1.0, 9.0), "g": (0.01, 9.0), "k": (0.01, 9.0)}
     (alone,) = adjusted(candidate("k")).keys
-    assert (alone.candidate.least, alone.candidate.most) == (1.0, 9.0)
+    assert (alone.candidate.least, alone.candidate.most) == (0.01, 9.0)
+    (reaches,) = adjusted(candidate("g", most=11.0)).keys  # halfway from the end to the slider it is right
+    assert (reaches.candidate.least, reaches.candidate.most) == (0.01, 10.0)
+
+
+def test_a_key_that_the_study_refuses_near_one_end_keeps_the_rest_of_its_slider(adjusted):
+    """The first value that is tried, 6 of 1 to 9, is refused; others show how the key sets its number."""
+    (key,) = adjusted(candidate("half")).keys
+    assert key.lands == {PLACE: (Landing(NUMBERS[0], 2.0),)}
 
 
 def test_stops_that_are_given_are_all_that_is_tried(adjusted):

@@ -3,6 +3,7 @@
 import json
 import random
 import tomllib
+from pathlib import Path
 
 import live_studies
 import numpy as np
@@ -82,6 +83,17 @@ def test_changed_values_of_a_shipped_study_give_the_bytes_of_set(tmp_path):
     others = {f"scenario.{name}.controllers": ["pi"] for name in ("as-it-is", "no-dead-time")}
     study = load("uomodri-dead-time", others)
     same_bytes(tmp_path, study, live_studies.found(study), seed=2, count=12)
+
+
+@pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
+def test_a_speed_that_moves_what_is_learned_in_other_scenarios_has_the_bytes_of_set(tmp_path):
+    """The slowest reference decides how many orders a law of 1 kHz learns, in all scenarios of its file."""
+    text = (Path(__file__).parents[2] / "examples" / "my_motor.toml").read_text(encoding="utf-8")
+    (tmp_path / "two.toml").write_text(text + '[scenario.other]\nduration = "6 s"\nreference = "40 rpm"\n')
+    study = load(tmp_path / "two.toml", {"drive.rates.speed_loop": "1 kHz"})
+    found = live_studies.found(study)
+    assert "scenario.slow.reference" in {key.candidate.key for key in found.keys}
+    same_bytes(tmp_path, study, found, seed=3, count=20)
 
 
 def test_gains_motor_load_and_sensors_can_be_changed(small):

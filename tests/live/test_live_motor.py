@@ -31,15 +31,14 @@ const { described } = liveBytes(given.page);
 const hex = (place, values) => Buffer.from(described(place, new Map(values)).data).toString("hex");
 return given.values.map((values) => given.places.map((place) => hex(place, values)));
 """
+MY_MOTOR = Path(__file__).parents[2] / "examples" / "my_motor.toml"
 REAL = {"f": 3e-7, "d": 1e-12}  # relative
 
 
 @pytest.fixture(scope="module")
 def own():
     """The playground's own motor: the study of the tutorial, which learns every order."""
-    study = changed(
-        load(Path(__file__).parents[2] / "examples" / "my_motor.toml"), {"controller.harmonic.base": 1}
-    )
+    study = changed(load(MY_MOTOR), {"controller.harmonic.base": 1})
     return study, live_studies.found(study, told=True)
 
 
@@ -65,7 +64,7 @@ def test_a_motors_numbers_can_be_changed_for_plant_and_controller(own):
     # uomodri's motor, and a servo's inertia a hundred times as large, are within the fields
     assert keys["motor.pole_pairs"].least <= 12 <= keys["motor.pole_pairs"].most
     assert keys["mechanics.inertia"].least <= 6e-6 and keys["mechanics.inertia"].most >= 4e-3
-    paths = {one.number.path for one in found.products["slow", "harmonic", "run"]}
+    paths = {one.number.path for one in found.own_motor.products["slow", "harmonic", "run"]}
     assert {"controller.config.b", "controller.config.pi.kp", "drive.control.foc.kp_q"} <= paths
 
 
@@ -96,35 +95,24 @@ def test_a_product_that_is_not_what_the_design_gives_is_told(own, off):
     """As is a number that moves and has no product."""
     study, found = own
     base = packed(study, held(study))
-    by_key = {key.candidate.key: key.candidate for key in found.keys if key.candidate.key in motor.TOGETHER}
 
     def changes(values):
         return _changed(study, values)
 
     place = ("slow", "pi", "run")
-    kept = found.products[place]
+    kept = found.own_motor.products[place]
     (kp,) = [one for one in kept if one.number.path == "controller.config.kp"]
     others = [one for one in kept if one is not kp]
     for wrong in (others, [*others, replace(kp, start=off * kp.start)]):
-        with pytest.raises(StudyError, match=r"^live: controller\.config\.kp: \S+ as a product, \S+ by the"):
-            motor._check(base, changes, by_key, {**found.products, place: wrong})
+        bent = replace(found.own_motor, products={**found.own_motor.products, place: wrong})
+        with pytest.raises(
+            StudyError, match=r"which controller\.config\.kp does not: \S+ as a product, \S+ by the"
+        ):
+            motor._check(base, changes, bent)
 
 
-@pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
-def test_any_motor_gives_the_numbers_of_set(tmp_path, own):
-    study, found = own
-    rng, sets = random.Random(5), []
-    for _ in range(25):
-        values = {
-            "motor.pole_pairs": float(rng.randint(1, 40)),
-            "motor.kv": float(f"{58 * 10 ** rng.uniform(-1, 1.5):.3g}"),
-            "mechanics.inertia": float(f"{4e-5 * 10 ** rng.uniform(-2, 2):.3g}"),
-            "motor.resistance_line_to_line": float(f"{5.6 * 10 ** rng.uniform(-2, 1):.3g}"),
-            "drive.inverter.bus_voltage": float(rng.randint(10, 60)),
-            "motor.cogging.0.order": float(rng.randint(1, 400)),
-        }
-        slow = 2.3 * values["motor.resistance_line_to_line"] / 5.6 * 10 ** rng.uniform(-0.5, 1.4)
-        sets.append(values | {"motor.inductance_line_to_line": float(f"{slow:.3g}")})
+def same_numbers(folder, study, found, sets):
+    """How many of these values the study takes; the page has the numbers of each, and all else, too."""
     keys = {key.candidate.key: key.candidate for key in found.keys}
     places = list(packed(study, held(study)))
     given = {
@@ -132,7 +120,7 @@ def test_any_motor_gives_the_numbers_of_set(tmp_path, own):
         "places": ["/".join(place) for place in places],
         "values": [list(values.items()) for values in sets],
     }
-    made = run_node(tmp_path, ("bytes.js",), READ, given)
+    made = run_node(folder, ("bytes.js",), READ, given)
     tried = 0
     for values, pages in zip(sets, made, strict=True):
         try:
@@ -150,7 +138,86 @@ def test_any_motor_gives_the_numbers_of_set(tmp_path, own):
                 size = struct.calcsize(number.format)
                 clean[number.offset : number.offset + size] = blob.data[number.offset : number.offset + size]
             assert bytes(clean) == blob.data
-    assert tried > 12
+    return tried
+
+
+@pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
+def test_any_motor_gives_the_numbers_of_set(tmp_path, own):
+    study, found = own
+    rng, sets = random.Random(5), []
+    for _ in range(25):
+        values = {
+            "motor.pole_pairs": float(rng.randint(1, 40)),
+            "motor.kv": float(f"{58 * 10 ** rng.uniform(-1, 1.5):.3g}"),
+            "mechanics.inertia": float(f"{4e-5 * 10 ** rng.uniform(-2, 2):.3g}"),
+            "motor.resistance_line_to_line": float(f"{5.6 * 10 ** rng.uniform(-2, 1):.3g}"),
+            "drive.inverter.bus_voltage": float(rng.randint(10, 60)),
+            "motor.cogging.0.order": float(rng.randint(1, 400)),
+        }
+        slow = 2.3 * values["motor.resistance_line_to_line"] / 5.6 * 10 ** rng.uniform(-0.5, 1.4)
+        sets.append(values | {"motor.inductance_line_to_line": float(f"{slow:.3g}")})
+    assert same_numbers(tmp_path, study, found, sets) > 12
+
+
+TAKEN = {
+    # L / R of 387 us, and a step of 50 us: an inductance of a quarter is too small for it
+    "a step of an eighth of L / R": {"motor.inductance_line_to_line": "2.168 mH"},
+    "a slow current loop": {
+        "drive.rates": {"current_loop": "10 kHz", "speed_loop": "2 kHz"},
+        "drive.current_loop.bandwidth": "500 Hz",
+        "motor.inductance_line_to_line": "4.6 mH",
+    },
+    "orders of the electrical revolution": {  # too fast for the rows from 34 pole pairs on
+        "trace.rate": "5 kHz",
+        "metric.0.kind": "order",
+        "metric.0.order": [150],
+        "metric.0.frame": "electrical",
+    },
+    "a law of 1 kHz": {"drive.rates.speed_loop": "1 kHz"},
+    "a law of 2 kHz": {"drive.rates.speed_loop": "2 kHz"},
+    "a law of 2 kHz that learns every order": {
+        "drive.rates.speed_loop": "2 kHz",
+        "controller.harmonic.base": 1,
+    },
+}
+
+
+@pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
+@pytest.mark.parametrize("name", TAKEN)
+def test_a_study_that_run_takes_has_a_page_for_ones_own_motor(tmp_path, name):
+    """What the page tries and the study refuses narrows what the page takes; the speed can be changed."""
+    study = load(MY_MOTOR, TAKEN[name])
+    found = live_studies.found(study, told=True)
+    keys = {key.candidate.key: key for key in found.keys}
+    speed, rng, sets = keys["scenario.slow.reference"], random.Random(8), []
+    (slow, fast), start = found.own_motor.ends, {key: one.start for key, one in found.own_motor.keys.items()}
+    for _ in range(25):
+        values = {
+            key: float(f"{start[key] * 2 ** rng.uniform(-1, 1):.3g}")
+            for key in ("motor.kv", "mechanics.inertia", motor.RESISTANCE, "drive.inverter.bus_voltage")
+        }
+        share = values[motor.RESISTANCE] / start[motor.RESISTANCE] / rng.uniform(slow, fast)
+        values[motor.INDUCTANCE] = float(f"{start[motor.INDUCTANCE] * share:.3g}")
+        values[motor.POLE_PAIRS] = float(rng.choice(sorted(found.own_motor.turned)))
+        ends = speed.candidate.low, speed.candidate.high
+        to = rng.choice(speed.stops) if speed.stops else float(f"{rng.uniform(*ends):.3g}")
+        sets.append(values | {"scenario.slow.reference": to})
+    assert same_numbers(tmp_path, study, found, sets) > 8
+    assert len(speed.stops) > 10 or speed.candidate.most >= 1.5 * speed.candidate.start
+    assert (fast < 4) == ("step" in name)
+    assert max(found.own_motor.turned) == (33 if "orders" in name else 40)
+
+
+def test_a_load_behind_a_shaft_is_told_how_it_gets_a_page():
+    """The gains depend on both inertias; the page without --own-motor has them."""
+    side = {"inertia": "1e-4 kg*m^2", "stiffness": "20 N*m/rad", "damping": "1 mN*m*s/rad"}
+    study = load(MY_MOTOR, {"mechanics.load_side": side})
+    with pytest.raises(StudyError) as error:
+        adjustable(study, told=True)
+    expected = "--own-motor: expected numbers that follow the motor's keys as products of powers, which"
+    assert str(error.value).startswith(f"{MY_MOTOR}: {expected} controller.config.")
+    assert str(error.value).endswith(" does not; cogless live takes the study without --own-motor")
+    assert "scenario.slow.reference" in {key.candidate.key for key in adjustable(study).keys}
 
 
 @pytest.fixture(scope="module")
@@ -249,8 +316,8 @@ def test_a_number_that_is_no_product_is_refused(own):
         made = changed(study, other | {"mechanics.inertia": f"{inertia!r} kg*m^2"})
         return packed(made, [("slow", "pi")], study)
 
-    with pytest.raises(StudyError, match=r"live: mechanics\.inertia: expected a product of powers"):
-        motor.products(base, bent, keys)
+    with pytest.raises(StudyError, match=r"as products of powers, which mechanics\.inertia does not; "):
+        motor.own_motor(base, bent, keys, lambda key: key)
 
 
 def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
@@ -270,7 +337,7 @@ def test_orders_that_slots_and_poles_tell_follow_the_pole_pairs(own):
         other = changed(study, {key.key: key.text(x) for key, x in values})
         return packed(other, [run], study)
 
-    found = motor.products(packed(study, [run]), made, keys)[*run, "run"]
+    found = motor.own_motor(packed(study, [run]), made, keys, lambda key: key).products[*run, "run"]
     (base,) = [one for one in found if one.number.path.endswith(".base")]
     assert base.start == 1.0 and not base.powers
     common = [(math.gcd(12, 2 * n), math.lcm(12, 2 * n)) for n in range(1, 41)]

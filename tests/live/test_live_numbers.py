@@ -9,10 +9,11 @@ from node import NO_NODE, run_node
 
 from cogless import load
 from cogless.live.page import _metric
-from cogless.report.speed_tracking import DRIFT, FAR, LOST, ONE_WAY, missed
-from cogless.results.metrics import KINDS, Conditions, evaluate, result_name
+from cogless.report.spectra import order_spectrum
+from cogless.report.speed_tracking import DRIFT, FAR, LOST, ONE_WAY, missed, rows_of
+from cogless.results.metrics import KINDS, Conditions, evaluate, result_name, window_of
 from cogless.results.trace import Trace
-from cogless.study.metric import Metric
+from cogless.study.metric import TURN_SHORTFALL_MOST, Metric
 
 pytestmark = pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
 
@@ -108,11 +109,94 @@ def test_each_kind_in_each_window(tmp_path, reverses):
     assert set(made["kinds"]) == KINDS.keys() - of_trials
 
 
+@pytest.mark.parametrize("short", [9e-4, 6e-4, 2e-4, -2e-4, 1.1e-3])
+@pytest.mark.parametrize(("frame", "order"), [("mechanical", 8), ("electrical", 2)])
+def test_a_window_may_be_a_hair_short_of_a_whole_revolution(tmp_path, short, frame, order):
+    """In 20,001 rows a revolution two rows are far less than the thousandth that is forgiven."""
+    theta = (
+        2
+        * np.pi
+        * (1 - short)
+        * np.linspace(0, 1, 20_001)
+        / (ABOUT["pole_pairs"] if frame == "electrical" else 1)
+    )
+    time, omega = np.arange(20_001) * 1e-4, 12 + 1.5 * np.cos(8 * theta)
+    ran = Trace(("time", "theta_m", "omega_m"), ("s", "rad", "rad/s"), np.column_stack([time, theta, omega]))
+    metric = Metric.model_validate(
+        {"name": "o", "kind": "order", "signal": "omega_m", "order": [order], "frame": frame}
+    )
+    given = {
+        "names": list(ran.names),
+        "rows": ran.data.tolist(),
+        "metrics": [_metric(load("uomodri"), "slow", metric)],
+        "about": ABOUT,
+    }
+    (page,) = run_node(tmp_path, ("metrics.js",), COMPUTE, given)["values"]
+    report = evaluate(metric, ran, Conditions(**{**ABOUT, "events": ()}))
+    assert flat(page) == pytest.approx(flat(report), rel=1e-9, nan_ok=True)
+    assert np.isfinite(report[0]) == (short < TURN_SHORTFALL_MOST)
+    if short < TURN_SHORTFALL_MOST:
+        assert report[0] == pytest.approx(1.5, rel=2e-3)
+    spectrum = order_spectrum(theta, omega, 12, ABOUT["pole_pairs"])
+    if short > TURN_SHORTFALL_MOST:  # of a mechanical revolution the electrical ones before are left
+        assert spectrum is None if frame == "electrical" else np.isnan(spectrum[1])
+    else:
+        assert spectrum[8] == pytest.approx(1.5, rel=2e-3) and np.isnan(spectrum[1]) == (
+            frame == "electrical"
+        )
+
+
+JUDGED = """
+const { Trace, judged } = liveMetrics, { names, about, times, metrics } = given;
+const trace = new Trace({ rows: Float64Array.from(times), count: times.length, columns: 1, names });
+return metrics.map((m, n) => judged(m, given.beside[n], trace, about));
+"""
+
+
+@pytest.mark.parametrize("events", [(), (0.8, 1.5), (0.8, 1.99, 1.9902)])
+def test_a_metric_is_judged_over_the_rows_of_the_report(tmp_path, events):
+    """Its window, else from its event to the row before the next, else as far as spectra go."""
+    time = np.arange(2000) * 1e-3
+    ran = Trace(("time",), ("s",), time[:, np.newaxis])
+    rms, order = {"kind": "rms", "signal": "omega_m"}, {"kind": "order", "signal": "omega_m", "order": [8]}
+    dip = {"kind": "dip", "signal": "omega_m"}
+    metrics = [
+        Metric.model_validate({"name": f"m{n}", **table})
+        for n, table in enumerate(
+            [
+                rms,
+                {**rms, "last": "0.5 s"},
+                {**rms, "window": ["0.3 s", "1.2 s"]},
+                order,
+                {**order, "last": "1 s"},
+            ]
+            + [{**dip, "event": f"{event} s"} for event in events]
+        )
+    ]
+    study = load("uomodri")
+    listed = [_metric(study, "slow", metric) for metric in metrics]
+    beside = [listed, *([one] for one in listed[1:])]
+    about = {**ABOUT, "events": list(events)}
+    given = {"names": ["time"], "times": time.tolist(), "about": about, "metrics": listed, "beside": beside}
+    page = run_node(tmp_path, ("metrics.js",), JUDGED, given)
+    for n, (metric, mine) in enumerate(zip(metrics, page, strict=True)):
+        in_study = SimpleNamespace(
+            metrics_in=lambda _, n=n: metrics if n == 0 else [metrics[n]],
+            scenario={"slow": SimpleNamespace(events=[SimpleNamespace(time=event) for event in events])},
+        )
+        run = SimpleNamespace(trace=ran, scenario="slow")
+        rows = rows_of(SimpleNamespace(study=in_study), metric, run)
+        assert mine == [rows.start, rows.stop], metric
+        if metric.event is not None or metric.span(2.0) is not None:
+            assert rows == ran.window(*window_of(metric, ran, events))
+    assert page[0] == page[4]  # the window of the last order metric
+
+
 MISSED = """
 const { Trace, missed } = liveMetrics, { names, about, traces } = given;
 const count = given.traces[0].length, columns = names.length;
 const of = (rows) => new Trace({ rows: Float64Array.from(rows.flat()), count, columns, names });
-return traces.map((rows) => missed({ window: [0, 2] }, of(rows), about));
+return traces.map((rows) => missed([0, count], of(rows), about.tracking));
 """
 
 

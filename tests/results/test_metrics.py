@@ -36,6 +36,8 @@ class Metric:
     def span(self, end: float) -> tuple[float, float] | None:
         return self.window if self.last is None else (end - self.last, end)
 
+    next_event = declared.Metric.next_event
+
 
 CONDITIONS = Conditions(pole_pairs=4, R_s=2.0, power_factor=1.5, speed_period=1e-3, events=(1.0, 3.0))
 

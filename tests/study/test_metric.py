@@ -61,15 +61,16 @@ def test_an_event_s_window_ends_at_the_next_one(tmp_path: Path) -> None:
     """Events at 0.1, 0.2 and 0.26 s of 0.35 s; a time that differs by rounding is the same event."""
     events = [{"time": f"{time} s", "load": "0.2 N*m"} for time in (0.1, 0.2, 0.26)]
     changes = {"scenario.step.duration": "0.35 s", "scenario.step.events": events}
-    step = studies.study(tmp_path, changes).scenario["step"]
+    study = studies.study(tmp_path, changes)
+    step = study.scenario["step"]
     for event, lasts in ((0.1, 0.1), (0.2, 0.06), (0.26, 0.09), (0.1 - 1e-12, 0.1)):
-        key, span = _span(settling(event), step)
+        key, span = _span(study, settling(event), step)
         assert (key, span) == ("event", pytest.approx(lasts))
     near = [off for off in (-1.1e-9, -9e-10, 9e-10, 1.1e-9) if step.has_event(0.1 + off)]
     assert near == [-9e-10, 9e-10]
-    assert _span(metric(), step) == ("window", 0.35)
-    assert _span(metric(last="0.2 s"), step) == ("last", pytest.approx(0.2))
-    assert _span(metric(window=["0.1 s", "0.25 s"]), step) == ("window", pytest.approx(0.15))
+    assert _span(study, metric(), step) == ("window", 0.35)
+    assert _span(study, metric(last="0.2 s"), step) == ("last", pytest.approx(0.2))
+    assert _span(study, metric(window=["0.1 s", "0.25 s"]), step) == ("window", pytest.approx(0.15))
 
 
 def test_parts_of_an_order_need_several_revolutions() -> None:
@@ -79,11 +80,18 @@ def test_parts_of_an_order_need_several_revolutions() -> None:
 
 @pytest.mark.parametrize(("frame", "turns"), [("mechanical", 1), ("electrical", 4)])
 def test_an_order_needs_a_revolution_but_for_two_rows(tmp_path: Path, frame: str, turns: int) -> None:
-    """At 60 r/min, with rows at 15 kHz."""
+    """At 60 r/min; or but for a thousandth of it, which is more than two rows at 15 kHz."""
     whole = {"name": "o", "kind": "order", "signal": "omega_m", "order": 1, "frame": frame}
-    for missing, enough in ((1.9, True), (2.1, False)):
-        length = 1 / turns - missing / 15e3
+    rows, thousandth = 2 / 500, 1e-3 / turns
+    for rate, missing, enough in (
+        ("500 Hz", 0.95 * rows, True),
+        ("500 Hz", 1.05 * rows, False),
+        ("15 kHz", 0.95 * thousandth, True),
+        ("15 kHz", 1.05 * thousandth, False),
+    ):
+        length = 1 / turns - missing
         changes = {"metric": [{**whole, "scenarios": ["low"]}], "scenario.low.duration": f"{length:.9f} s"}
+        changes["trace.rate"] = rate
         if enough:
             studies.study(tmp_path, changes)
         else:

@@ -86,6 +86,12 @@ class Condition:
         """The gain divided by the bound; the condition is met if this is above one."""
         return has / self.asks if self.asks > 0 else math.inf
 
+    def words(self, has: float) -> str:
+        """How a gain compares with the bound, to follow "is"."""
+        if self.asks <= 0:
+            return f"above {self.name}, which is 0"
+        return f"{self.ratio(has):.2g} of {self.name} ({self.asks:.3g})"
+
 
 @dataclass(frozen=True)
 class Theorem:
@@ -108,7 +114,7 @@ class Theorem:
         """The theorem's verdict in words, with the gain as a multiple of each condition."""
         met = [c for c in self.conditions if math.isfinite(c.asks)]
         never = [c.name + (c.wants and f", which wants {c.wants}") for c in self.conditions if c not in met]
-        asked = ", ".join(f"{c.ratio(self.has):.2g} of {c.name} ({c.asks:.3g})" for c in met)
+        asked = ", ".join(condition.words(self.has) for condition in met)
         words = f"{self.section}: {self.gain} = {self.has:.3g}"
         words += (f" is {asked}" if met else "") + ("," if met and never else "")
         words += f" no {self.gain} is enough for {_either(never)}" if never else ""

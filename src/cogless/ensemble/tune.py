@@ -31,6 +31,7 @@ from cogless.study import AnyStudy, TrialStudy, changed
 from cogless.study.error_messages import MISSING, shown
 from cogless.study.metric import result_name
 from cogless.study.reading import split
+from cogless.study.table import perhaps
 from cogless.study.vary import Tune
 
 DECADE = 10.0  # a range at least this wide is searched by ratios
@@ -321,16 +322,15 @@ def subjects(study: AnyStudy) -> list[Subject]:
         return [Subject("all", joint, _pairs(study, wanted, named))]
     for name in knobs:
         if name not in study.controller:
-            raise StudyError(
-                f"{path}: tune.keys: controller.{name}: expected one of {', '.join(study.controller)}"
-            )
+            expected = f"expected one of {', '.join(study.controller)}{perhaps(name, study.controller)}"
+            raise StudyError(f"{path}: tune.keys: controller.{name}: {expected}")
     return [Subject(name, of, _pairs(study, wanted, [name])) for name, of in knobs.items()]
 
 
 def _pairs(study: AnyStudy, wanted: Tune, controllers: Sequence[str]) -> list[Pair]:
     for scenario in wanted.scenarios or ():
         if scenario not in study.scenario:
-            expected = f"expected one of {', '.join(study.scenario)}"
+            expected = f"expected one of {', '.join(study.scenario)}{perhaps(scenario, study.scenario)}"
             raise StudyError(f"{study.source.path}: tune.scenarios: {shown(scenario)}: {expected}")
     chosen = wanted.scenarios or tuple(study.scenario)
     metric = column_of(study, wanted.minimise, "minimise").metric
@@ -358,7 +358,8 @@ def column_of(study: AnyStudy, name: str, where: str) -> Column:
     known = {column.spoken: column for column in columns(study)}
     known |= {column.name: column for column in columns(study)}
     if name not in known:
-        expected = f"expected one of {', '.join(column.spoken for column in columns(study)) or 'none'}"
+        names = [column.spoken for column in columns(study)]
+        expected = f"expected one of {', '.join(names) or 'none'}{perhaps(name, names)}"
         raise StudyError(f"{study.source.path}: tune.{where}: {shown(name)}: {expected}")
     return known[name]
 

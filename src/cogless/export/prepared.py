@@ -14,6 +14,7 @@ from cogless.run.advance import failures
 from cogless.run.plan import Plan, plan
 from cogless.study import AnyStudy, TrialStudy
 from cogless.study.controller import LibraryLaw, PythonLaw
+from cogless.study.table import perhaps
 
 Reals = NDArray[np.floating[Any]]
 
@@ -156,17 +157,18 @@ def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) 
     """The `wanted` scenario, else the first in which the controller runs; StudyError if there is none."""
     path = study.source.path
     if controller not in study.controller:
-        known = ", ".join(study.controller)
-        raise StudyError(f'{path}: controller: "{controller}": expected one of {known}')
+        expected = f"expected one of {', '.join(study.controller)}{perhaps(controller, study.controller)}"
+        raise StudyError(f'{path}: controller: "{controller}": {expected}')
     runs_in = study.scenarios_of(controller)
     if wanted is None:
         if not runs_in:
             raise StudyError(f"{path}: controller.{controller}: runs in no scenario: expected one with it")
         return runs_in[0]
     if wanted not in runs_in:
-        raise StudyError(
-            f'{path}: scenario: "{wanted}": expected one with controller {controller}: {", ".join(runs_in)}'
+        expected = (
+            f"expected one with controller {controller}: {', '.join(runs_in)}{perhaps(wanted, runs_in)}"
         )
+        raise StudyError(f'{path}: scenario: "{wanted}": {expected}')
     return wanted
 
 

@@ -18,7 +18,7 @@ class Candidate:
 
     `key`: as in `--set`; `label`: what the page calls it. `low`, `high`: of its slider, in `unit`.
     `least`, `most`: what its field takes. `start`: the study's value. `factor`: from `unit` to SI.
-    `whole`: only whole numbers.
+    `whole`: only whole numbers. `elsewhere`: it moves numbers of other scenarios' runs, too.
     """
 
     key: str
@@ -35,6 +35,7 @@ class Candidate:
     controller: str | None = None
     whole: bool = False
     stops: tuple[float, ...] = ()  # the only values that it may have
+    elsewhere: bool = False
 
     def text(self, value: float) -> Any:
         """The value as it stands in a study."""
@@ -50,7 +51,7 @@ class Candidate:
         return [
             (scenario, controller)
             for scenario, controller in held(study)
-            if self.scenario in (None, scenario) and self.controller in (None, controller)
+            if (self.elsewhere or self.scenario in (None, scenario)) and self.controller in (None, controller)
         ]
 
 

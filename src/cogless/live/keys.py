@@ -7,20 +7,24 @@ by number.
 A key is direct if every number that it moves is the key's value in SI times a constant, bit for bit, at
 several irregular values. Any other key gets stops: for each of these values, all numbers that it moves are in
 a table. A page sets the numbers in the same way, so it runs what `cogless run --set` runs. Of keys that move
-the same number, the first one stays.
+the same number, the first one stays. But the pole pairs of one's own motor share a number with a key that has
+stops: its table has a row for each stop and a column for each number of pole pairs.
+
+A value that the study refuses narrows the range of its key, and nothing else.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 
 from cogless.errors import StudyError
 from cogless.live.blobs import Pair, blobs, held
 from cogless.live.candidates import MOTOR, YOURS, Candidate, candidates
-from cogless.live.motor import TOGETHER, Product, products
+from cogless.live.motor import TOGETHER, OwnMotor, own_motor
 from cogless.live.packed import Number, Packed
 from cogless.live.trial_candidates import trial_candidates
 from cogless.study import AnyStudy, TrialStudy
@@ -29,6 +33,10 @@ from cogless.study.reading import changed
 
 STOPS = 21
 TRIES = 20
+HALVINGS = 5  # of the way from an end that is refused to the study's value, or to the slider's end
+REPEATS = 9  # of a value beside different pole pairs
+JOINT_TRIES = 6  # of a table with pole pairs, beside other values of the motor's other keys
+SAME_NUMBERS = "it acts on the same numbers as another key"
 OTHER_SHAPE = "the run's description takes another shape with it"
 Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
 Samples = Callable[[Candidate], list[float]]
@@ -37,12 +45,17 @@ All = Mapping[Place, Packed]
 
 @dataclass(frozen=True)
 class Landing:
-    """A number that a key sets: the key's value in SI times `scale`, or for each stop one of `values`."""
+    """A number that a key sets: the key's value in SI times `scale`, or for each stop one of `values`.
+
+    `by_pairs`: in place of `values`, where the pole pairs of one's own motor set the number, too: for each
+    stop its values from the least pole pairs on.
+    """
 
     number: Number
     scale: float = 1.0
     rounded: bool = False
     values: tuple[float, ...] = ()
+    by_pairs: tuple[tuple[float, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -60,7 +73,7 @@ class Found:
 
     keys: list[Key] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
-    products: dict[Place, list[Product]] = field(default_factory=dict)
+    own_motor: OwnMotor | None = None
 
 
 def adjustable(study: AnyStudy, told: bool = False) -> Found:
@@ -71,45 +84,81 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
     together = [candidate for candidate in listed if told and candidate.key in TOGETHER]
     if told:
         _check_words(study, {candidate.key for candidate in together})
-        found.products = products(base, lambda values: _changed(study, values), together)
-        taken |= {(place, one.number.offset) for place, all_of in found.products.items() for one in all_of}
-        found.keys += [Key(candidate, {}) for candidate in together]
+        found.own_motor = _own_motor(study, base, together)
+        found.keys += [Key(candidate, {}) for candidate in found.own_motor.keys.values()]
+    own = found.own_motor
+    of_motor = set() if own is None else own.numbers
+
+    def collides(key: Key) -> bool:
+        return bool(_numbers(key) & taken or _numbers(key, alone=True) & of_motor)
+
     for candidate in listed:
         if candidate in together:
             continue
-        key, why = _tried(study, base, candidate)
+        key, why = _tried(study, base, candidate, own)
         if key is None:
             found.left_out.append((candidate.key, why))
-            continue
-        mine = {(place, one.number.offset) for place, lands in key.lands.items() for one in lands}
-        if mine & taken:
-            found.left_out.append((candidate.key, "it acts on the same numbers as another key"))
-        elif mine:
-            taken |= mine
+        elif collides(key):
+            found.left_out.append((candidate.key, SAME_NUMBERS))
+        elif any(key.lands.values()):
+            taken |= _numbers(key)
             found.keys.append(key)
             if not key.stops:
                 groups.setdefault((candidate.scenario, candidate.controller), []).append(key)
-    wrong = {id(key) for group in groups.values() for key in _disproved(study, base, group, _samples)}
+    wrong = {id(key) for group in groups.values() for key in _disproved(study, base, group, _samples, own)}
     for key in [key for key in found.keys if id(key) in wrong]:
-        tabulated = _tabulated(study, base, key.candidate)
         found.keys.remove(key)
-        if tabulated is None:
-            found.left_out.append((key.candidate.key, OTHER_SHAPE))
+        taken -= _numbers(key)
+        tabulated, why = _with_stops(study, base, key.candidate, own)
+        if tabulated is None or collides(tabulated):
+            found.left_out.append((key.candidate.key, why or SAME_NUMBERS))
         else:
+            taken |= _numbers(tabulated)
             found.keys.append(tabulated)
     narrow = {
         id(key)
         for group in groups.values()
-        for key in _disproved(study, base, [k for k in group if id(k) not in wrong], _wide, alone=True)
+        for key in _disproved(study, base, [k for k in group if id(k) not in wrong], _wide, own, alone=True)
     }
-    found.keys = [_narrowed(key) if id(key) in narrow or key.stops else key for key in found.keys]
+    found.keys = [_of_slider(key) if key.stops else key for key in found.keys]
+    found.keys = [_narrowed(study, base, key, own) if id(key) in narrow else key for key in found.keys]
     return found
 
 
-def _narrowed(key: Key) -> Key:
+def _numbers(key: Key, alone: bool = False) -> set[tuple[Place, int]]:
+    """The numbers that a key sets; `alone`: without the pole pairs."""
+    return {
+        (place, one.number.offset)
+        for place, all_of in key.lands.items()
+        for one in all_of
+        if not (alone and one.by_pairs)
+    }
+
+
+def _of_slider(key: Key) -> Key:
     """The key with a field that takes what its slider takes."""
     candidate = key.candidate
     return replace(key, candidate=replace(candidate, least=candidate.low, most=candidate.high))
+
+
+def _narrowed(study: AnyStudy, base: All, key: Key, own: OwnMotor | None) -> Key:
+    """The key with a field that takes only values with which it sets its numbers right."""
+
+    def is_right(value: float) -> bool:
+        return not _disproved(study, base, [key], lambda _: [value] * repeats, own, alone=True)
+
+    def end(far: float, near: float) -> float:
+        for _ in range(HALVINGS):
+            far = float(f"{far:.4g}")
+            if is_right(far):
+                return far
+            far = (far + near) / 2
+        return near
+
+    candidate, repeats = key.candidate, 2 if own is None else REPEATS  # the first isn't tried
+    least, most = end(candidate.least, candidate.low), end(candidate.most, candidate.high)
+    narrower = replace(key, candidate=replace(candidate, least=least, most=most))
+    return _of_slider(key) if _disproved(study, base, [narrower], _wide, own, alone=True) else narrower
 
 
 def packed(study: AnyStudy, pairs: Sequence[Pair], like: AnyStudy | None = None) -> dict[Place, Packed]:
@@ -121,10 +170,25 @@ def _candidates(study: AnyStudy, told: bool) -> Iterator[Candidate]:
     return trial_candidates(study) if isinstance(study, TrialStudy) else candidates(study, told)
 
 
+def _own_motor(study: AnyStudy, base: All, keys: Sequence[Candidate]) -> OwnMotor:
+    """What these keys set together; StudyError, with the study's file: it is no product of their powers."""
+    try:
+        return own_motor(
+            base, lambda values: _changed(study, values), keys, lambda key: _within_study(study, key)
+        )
+    except StudyError as error:
+        raise StudyError(f"{study.source.path}: {error}") from None
+
+
 def _bounded(study: AnyStudy, candidate: Candidate) -> Candidate:
     """The candidate with a slider whose ends the study accepts."""
     if candidate.stops or (candidate.group == YOURS and candidate.key in TOGETHER):
         return candidate  # of one's own motor, its other keys decide
+    return _within_study(study, candidate)
+
+
+def _within_study(study: AnyStudy, candidate: Candidate) -> Candidate:
+    """The candidate with ends of its slider and of its field that the study accepts."""
     low, high = (_accepted(study, candidate, end) for end in (candidate.low, candidate.high))
     least = low if candidate.least == candidate.low else _accepted(study, candidate, candidate.least)
     most = high if candidate.most == candidate.high else _accepted(study, candidate, candidate.most)
@@ -133,7 +197,7 @@ def _bounded(study: AnyStudy, candidate: Candidate) -> Candidate:
 
 def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
     """The end, or if the study refuses it, a value nearer to the study's own."""
-    for _ in range(5):
+    for _ in range(HALVINGS):
         try:
             changed(study, {candidate.key: candidate.text(end)})
             return end
@@ -153,13 +217,12 @@ def _check_words(study: AnyStudy, there: Set[str]) -> None:
         raise StudyError(f"{study.source.path}: {', '.join(missing)}: missing: {expected}")
 
 
-def _tried(study: AnyStudy, base: All, candidate: Candidate) -> tuple[Key | None, str]:
+def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | None) -> tuple[Key | None, str]:
     """The key as one value shows it, or why there is none; `_disproved` tries more values."""
-    value = _samples(candidate)[0]
-    try:
-        made = {} if candidate.stops else _changed(study, [(candidate, value)])
-    except (StudyError, ValueError) as error:
-        return None, str(error).splitlines()[0].rpartition(": ")[2]
+    candidate = _with_all_runs(study, base, candidate)
+    value, made, why = _first_accepted(study, candidate)
+    if why:
+        return None, why
     if made and _same_shape(base, made):
         lands = {}
         for place, blob in made.items():
@@ -170,58 +233,116 @@ def _tried(study: AnyStudy, base: All, candidate: Candidate) -> tuple[Key | None
                 break
         else:
             return Key(candidate, lands), ""
-    tabulated = _tabulated(study, base, candidate)
-    return tabulated, "" if tabulated else OTHER_SHAPE
+    return _with_stops(study, base, candidate, own)
+
+
+def _with_all_runs(study: AnyStudy, base: All, candidate: Candidate) -> Candidate:
+    """The candidate of a scenario; marked if it moves numbers of other scenarios' runs, too.
+
+    So a reference does of which the law's learned orders depend, if it is the slowest.
+    """
+    if candidate.scenario is None or candidate.stops:
+        return candidate
+    others = [pair for pair in held(study) if pair not in candidate.pairs(study)]
+    ends = (_accepted_values(study, [(candidate, end)], others) for end in (candidate.low, candidate.high))
+    moves = any(blob.data != base[place].data for made in ends for place, blob in (made or {}).items())
+    return replace(candidate, elsewhere=True) if others and moves else candidate
+
+
+def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, str]:
+    """The first sample that the study accepts, what it makes, and else why it refuses the first."""
+    whys = []
+    for value in () if candidate.stops else _samples(candidate):
+        try:
+            return value, _changed(study, [(candidate, value)]), ""
+        except (StudyError, ValueError) as error:
+            whys.append(str(error).splitlines()[0].rpartition(": ")[2])
+    return candidate.start, {}, whys[0] if whys else ""
 
 
 def _disproved(
-    study: AnyStudy, base: All, group: Sequence[Key], samples: Samples, alone: bool = False
+    study: AnyStudy,
+    base: All,
+    group: Sequence[Key],
+    samples: Samples,
+    own: OwnMotor | None,
+    alone: bool = False,
 ) -> list[Key]:
-    """The keys that don't set their numbers as `_tried` found, at several values of the group together.
+    """The keys with which a page would not have the bytes of `--set`, at several values of all together.
 
-    `alone`: also a key that the study refuses with such a value.
+    The pole pairs of one's own motor change with them. `alone`: also a key that the study refuses with such a
+    value.
     """
-    wrong: dict[int, Key] = {}
     for n in range(1, len(samples(group[0].candidate)) if group else 0):
-        values = [(key, samples(key.candidate)[n]) for key in group if id(key) not in wrong]
-        try:
-            made = _changed(study, [(key.candidate, value) for key, value in values])
-        except (StudyError, ValueError):  # such values don't go together
-            if len(group) > 1:
-                half = len(group) // 2
-                parts = (group[:half], group[half:])
-                return [key for part in parts for key in _disproved(study, base, part, samples, alone)]
-            if alone:
-                return list(group)
+        values = [(key.candidate, samples(key.candidate)[n]) for key in group]
+        beside, made = base, None
+        if own is not None:
+            pairs = round(own.pole_pairs.least) + 7 * n % len(own.turned)
+            beside, made = own.turned[pairs], _accepted_values(study, [*values, (own.pole_pairs, pairs)])
+        if made is None:
+            beside, made = base, _accepted_values(study, values)
+        if made is None and len(group) == 1 and not alone:
             continue
-        for key, value in values:
-            si = key.candidate.si(value)
-            right = all(
-                landed(one, si) == one.number.read(made[place].data)
-                for place, lands in key.lands.items()
-                for one in lands
-            )
-            if not (right and _same_shape(base, made)):
-                wrong[id(key)] = key
-    return list(wrong.values())
+        if made is None or not _are_set(beside, made, group, values):
+            if len(group) == 1:
+                return list(group)
+            half = len(group) // 2
+            parts = (group[:half], group[half:])
+            return [key for part in parts for key in _disproved(study, base, part, samples, own, alone)]
+    return []
 
 
-def _changed(study: AnyStudy, values: Sequence[tuple[Candidate, float]]) -> dict[Place, Packed]:
-    """The descriptions of the runs that the keys can change, with these values."""
+def _are_set(beside: All, made: All, group: Sequence[Key], values: Sequence[tuple[Candidate, float]]) -> bool:
+    """Whether these direct keys, set in the descriptions `beside`, give those that were made."""
+    for place, blob in made.items():
+        data = bytearray(beside[place].data)
+        for key, (candidate, value) in zip(group, values, strict=True):
+            for one in key.lands.get(place, ()):
+                one.number.write(data, landed(one, candidate.si(value)))
+        if data != blob.data:
+            return False
+    return True
+
+
+def _accepted_values(
+    study: AnyStudy, values: Sequence[tuple[Candidate, float]], pairs: Sequence[Pair] | None = None
+) -> All | None:
+    """The descriptions with these values, as `_changed`; None if the study refuses them together."""
+    try:
+        return _changed(study, values, pairs)
+    except (StudyError, ValueError):
+        return None
+
+
+def _changed(
+    study: AnyStudy, values: Sequence[tuple[Candidate, float]], pairs: Sequence[Pair] | None = None
+) -> dict[Place, Packed]:
+    """The descriptions with these values, of the runs that the keys can change, or of these `pairs`."""
     other = changed(study, {candidate.key: candidate.text(value) for candidate, value in values})
-    pairs = dict.fromkeys(pair for candidate, _ in values for pair in candidate.pairs(study))
-    return packed(other, list(pairs), study)
+    if pairs is None:
+        pairs = list(dict.fromkeys(pair for candidate, _ in values for pair in candidate.pairs(study)))
+    return packed(other, pairs, study)
+
+
+def _with_stops(
+    study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | None
+) -> tuple[Key | None, str]:
+    """The key with stops, and with pole pairs where these set its numbers, too; or why there is none."""
+    tabulated = _tabulated(study, base, candidate)
+    if tabulated is None:
+        return None, OTHER_SHAPE
+    if own is None or _apart_from_pairs(study, tabulated, own):
+        return tabulated, ""
+    joint = _by_pairs(study, tabulated, own) if candidate.scenario else None
+    return joint, "" if joint else SAME_NUMBERS
 
 
 def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
     """The key with stops; None if the descriptions take another shape with it."""
     tables = {}
     for value in candidate.stops or _grid(candidate):
-        try:
-            made = _changed(study, [(candidate, value)])
-        except (StudyError, ValueError):
-            continue  # such as a margin for which there are no gains
-        if _same_shape(base, made):
+        made = _accepted_values(study, [(candidate, value)])  # None: such as a margin that has no gains
+        if made is not None and _same_shape(base, made):
             tables[value] = made
     if len(tables) < 3 or candidate.start not in tables:
         return None
@@ -232,6 +353,69 @@ def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
             Landing(n, values=tuple(n.read(made[place].data) for made in tables.values())) for n in moved
         )
     return Key(candidate, lands, tuple(tables))
+
+
+def _apart_from_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
+    """Whether a key with stops and the pole pairs set different numbers; tried at the ends of both."""
+    candidate = key.candidate
+    for pole_pairs in (own.pole_pairs.least, own.pole_pairs.most):
+        for stop in (0, -1):
+            values = [(candidate, key.stops[stop]), (own.pole_pairs, pole_pairs)]
+            made = _accepted_values(study, values, candidate.pairs(study)) or {}
+            for place, blob in made.items():
+                data = bytearray(own.turned[round(pole_pairs)][place].data)
+                for one in key.lands[place]:
+                    one.number.write(data, one.values[stop])
+                if data != blob.data:
+                    return False
+    return not _numbers(key) & own.numbers
+
+
+def _by_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> Key | None:
+    """The key with a table over stops and pole pairs; None if its numbers depend on more than these.
+
+    What the study refuses takes the numbers of the nearest pole pairs that it accepts.
+    """
+    candidate, runs = key.candidate, key.candidate.pairs(study)
+    counts = sorted(own.turned)
+    tables: dict[tuple[float, int], All] = {}
+    for stop, n in product(key.stops, counts):
+        made = _accepted_values(study, [(candidate, stop), (own.pole_pairs, n)], runs)
+        if made is not None:
+            tables[stop, n] = made
+
+    def values(number: Number, place: Place, stop: float) -> tuple[float, ...]:
+        nearest = (min((m for m in counts if (stop, m) in tables), key=lambda m: abs(m - n)) for n in counts)
+        return tuple(number.read(tables[stop, m][place].data) for m in nearest)
+
+    lands = {}
+    for place in key.lands:
+        moved = {
+            number
+            for (_, n), made in tables.items()
+            for number in _moved(own.turned[n][place], [made[place]])
+        }
+        if any(one.number in moved and (one.powers or one.curve) for one in own.products[place]):
+            return None
+        lands[place] = tuple(
+            Landing(number, by_pairs=tuple(values(number, place, stop) for stop in key.stops))
+            for number in sorted(moved, key=lambda number: number.offset)
+        )
+    joint = replace(key, lands=lands)
+    return joint if _holds_beside(study, joint, own) else None
+
+
+def _holds_beside(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
+    """Whether a table with pole pairs holds with other values of the motor's other keys."""
+    candidate = key.candidate
+    for n in range(JOINT_TRIES):
+        values, stop = own.together(n, 0.3), 7 * n % len(key.stops)
+        changes = [(candidate, key.stops[stop]), *((own.keys[name], x) for name, x in values.items())]
+        column = round(values[own.pole_pairs.key] - own.pole_pairs.least)
+        for place, blob in (_accepted_values(study, changes, candidate.pairs(study)) or {}).items():
+            if any(one.by_pairs[stop][column] != one.number.read(blob.data) for one in key.lands[place]):
+                return False
+    return True
 
 
 def _same_shape(base: All, made: All) -> bool:

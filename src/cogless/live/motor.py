@@ -4,13 +4,16 @@ The design's rules scale with the motor: a gain of the speed loop is proportiona
 current loop to R_s or L. Beyond that the gains depend on R_s / L alone. So each number is its value in the
 study, times a power of each key, times a factor for the pole pairs, times a curve over R_s / L. All of these
 are found by changing the study as `--set` does, and tested at other values of all keys together.
+
+A change that the study refuses narrows what the page takes, and nothing else: the pole pairs, the ends of
+R_s / L, or the range of the key that was changed.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cogless.errors import StudyError
 from cogless.live.candidates import Candidate
@@ -22,14 +25,19 @@ TOGETHER = frozenset(
     (POLE_PAIRS, RESISTANCE, INDUCTANCE, "motor.kv", "mechanics.inertia", "drive.inverter.bus_voltage")
 )
 NODES = 24  # of the curve, at Chebyshev's places over log(R_s / L)
-SLOW, FAST = 1 / 30, 4.0  # ends of the curve: R_s / L as a share of the study's
+SLOW, FAST = 1 / 30, 4.0  # widest ends of the curve: R_s / L as a share of the study's
+RETREAT = 0.8  # power of a share of R_s / L that the study refuses, for an end nearer to 1
+NO_ROOM = 1e-3  # an end this near to 1 is 1
 CLOSE = {"f": 3e-7, "d": 1e-12}  # relative; other numbers are whole
 INTEGER = 1e-5  # how near a power must be
 TRIES = 12
+HALVINGS = 8  # of the logarithms of refused shares, until _check gives up: 100 has become 1.02
+STEPS = (2.0, 0.5, 1.25, 0.8, 1.02, 0.98)  # shares of a key's value: the first accepted shows its power
 
 Place = tuple[str, str, str]
 All = Mapping[Place, Packed]
 Changed = Callable[[Sequence[tuple[Candidate, float]]], All]
+Narrow = Callable[[Candidate], Candidate]
 
 
 @dataclass(frozen=True)
@@ -39,71 +47,167 @@ class Product:
     number: Number
     start: float
     powers: Mapping[str, int]
-    factors: tuple[float, ...] = ()  # for 1, 2, ... pole pairs, of a whole number its values; none: 1
-    curve: tuple[float, ...] = ()  # at `nodes()`; none: 1
+    factors: tuple[float, ...] = ()  # from the least pole pairs on, of a whole number its values; none: 1
+    curve: tuple[float, ...] = ()  # at `nodes`; none: 1
 
 
-def products(base: All, changed: Changed, keys: Sequence[Candidate]) -> dict[Place, list[Product]]:
-    """The numbers that these keys, those of TOGETHER, set. StudyError: one of them is no such product."""
+@dataclass(frozen=True)
+class OwnMotor:
+    """What a page needs for one's own motor.
+
+    `keys`: those of TOGETHER, with the values that the page takes. `ends`: R_s / L as a share of the study's.
+    `turned`: the study's descriptions by pole pairs, of all that the page takes.
+    """
+
+    products: Mapping[Place, Sequence[Product]]
+    keys: Mapping[str, Candidate]
+    ends: tuple[float, float]
+    turned: Mapping[int, All]
+
+    @property
+    def pole_pairs(self) -> Candidate:
+        return self.keys[POLE_PAIRS]
+
+    @property
+    def numbers(self) -> set[tuple[Place, int]]:
+        """All numbers that these keys set, by place and offset."""
+        return {(place, one.number.offset) for place, all_of in self.products.items() for one in all_of}
+
+    def together(self, n: int, reach: float) -> dict[str, float]:
+        """Irregular values of all keys: shares of the study's from 1/100 to 100, to the power `reach`."""
+        slow, fast = self.ends
+        values = {}
+        for k, (key, about) in enumerate(self.keys.items()):
+            share = 10 ** (reach * (4 * ((0.6180339887498949 * (n + 1) * (k + 1)) % 1.0) - 2))
+            values[key] = min(max(float(f"{about.start * share:.6g}"), about.least), about.most)
+        pairs = self.pole_pairs
+        drawn = pairs.least + 7 * n % round(pairs.most - pairs.least + 1)
+        values[POLE_PAIRS] = float(round(pairs.start + reach * (drawn - pairs.start)))
+        ratio = (slow * (fast / slow) ** ((n + 0.5) / TRIES)) ** reach
+        over, under = self.keys[RESISTANCE], self.keys[INDUCTANCE]
+        values[INDUCTANCE] = float(f"{under.start * values[RESISTANCE] / over.start / ratio:.6g}")
+        return values
+
+
+def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Narrow) -> OwnMotor:
+    """The numbers that these keys, those of TOGETHER, set.
+
+    `changed`: the descriptions with these values; StudyError or ValueError where the study refuses them.
+    `narrow`: a key with the range that the study accepts. StudyError: a number is no such product.
+    """
     by_key = {key.key: key for key in keys}
-    over, under, pairs = by_key[RESISTANCE], by_key[INDUCTANCE], by_key[POLE_PAIRS]
-    doubled = {key.key: changed([(key, 2 * key.start)]) for key in keys if key is not pairs}
-    turned = [changed([(pairs, float(n))]) for n in range(1, round(pairs.high) + 1)]
-    both = changed([(over, 2 * over.start), (under, 2 * under.start)])
-    shares = [float(f"{math.exp(-at):.6g}") for at in nodes()]
-    bent = [changed([(under, share * under.start)]) for share in shares]
+    over, under = by_key[RESISTANCE], by_key[INDUCTANCE]
+    by_key[POLE_PAIRS], turned = _turned(base, changed, by_key[POLE_PAIRS])
+    ends, bent = _bent(changed, under)
+    scaled = {key: _scaled(base, changed, by_key[key]) for key in by_key if key != POLE_PAIRS}
+    for key, (share, _) in scaled.items():
+        if share != STEPS[0] and key not in (RESISTANCE, INDUCTANCE):
+            by_key[key] = narrow(by_key[key])
+    both = _scaled(base, changed, over, under)
 
     def of(number: Number, place: Place) -> Product | None:
+        def power(share: float, made: All) -> float:
+            return _power(number.read(made[place].data), start, share)
+
         start = number.read(base[place].data)
-        powers = {key: _log2(number.read(made[place].data), start) for key, made in doubled.items()}
-        factors = tuple(number.read(made[place].data) for made in turned)
+        powers = {key: power(*one) for key, one in scaled.items()}
+        factors = tuple(number.read(turned[n][place].data) for n in sorted(turned))
         if not any(powers.values()) and set(factors) == {start}:
             return None
         if number.format not in CLOSE and not any(powers.values()):
             return Product(number, 1.0, {}, factors)
         curve: tuple[float, ...] = ()
         if not all(_is_whole(powers[key]) for key in (RESISTANCE, INDUCTANCE)):
-            powers |= {RESISTANCE: 0.0, INDUCTANCE: _log2(number.read(both[place].data), start)}
-            power = round(powers[INDUCTANCE])
-            seen = (number.read(made[place].data) / start for made in bent)
-            curve = tuple(x / share**power for x, share in zip(seen, shares, strict=True))
+            powers |= {RESISTANCE: 0.0, INDUCTANCE: power(*both)}
+            exponent = round(powers[INDUCTANCE])
+            curve = tuple(number.read(made[place].data) / start / share**exponent for share, made in bent)
         if not all(map(_is_whole, powers.values())):
-            raise StudyError(f"live: {number.path}: expected a product of powers of the motor's keys")
-        found = {key: round(power) for key, power in powers.items() if round(power)}
+            raise _no_product(number, "")
+        whole = {key: round(power) for key, power in powers.items() if round(power)}
         return Product(
-            number, start, found, () if set(factors) == {start} else tuple(x / start for x in factors), curve
+            number, start, whole, () if set(factors) == {start} else tuple(x / start for x in factors), curve
         )
 
-    made = {place: [of(number, place) for number in blob.numbers] for place, blob in base.items()}
-    found = {place: [one for one in all_of if one is not None] for place, all_of in made.items()}
-    _check(base, changed, by_key, found)
-    return found
+    every = {place: [of(number, place) for number in blob.numbers] for place, blob in base.items()}
+    products = {place: [one for one in all_of if one is not None] for place, all_of in every.items()}
+    own = OwnMotor(products, by_key, ends, turned)
+    _check(base, changed, own)
+    return own
 
 
-def nodes() -> list[float]:
-    """Chebyshev's places over log(R_s / L), as a share of the study's."""
-    low, high = math.log(SLOW), math.log(FAST)
+def nodes(ends: tuple[float, float]) -> list[float]:
+    """Chebyshev's places over log(R_s / L), as a share of the study's, from the upper end to the lower."""
+    low, high = map(math.log, ends)
     angles = ((2 * j + 1) * math.pi / (2 * NODES) for j in range(NODES))
     return [(low + high) / 2 + (high - low) / 2 * math.cos(angle) for angle in angles]
 
 
-def computed(one: Product, by_key: Mapping[str, Candidate], values: Mapping[str, float]) -> float:
+def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> All | None:
+    """The descriptions with these values; None if the study refuses them."""
+    try:
+        return changed(values)
+    except (StudyError, ValueError):
+        return None
+
+
+def _turned(base: All, changed: Changed, pairs: Candidate) -> tuple[Candidate, dict[int, All]]:
+    """The pole pairs about the study's that it accepts, without a gap, and what each of them makes."""
+    start, turned = round(pairs.start), {round(pairs.start): base}
+    for numbers in (range(start - 1, round(pairs.low) - 1, -1), range(start + 1, round(pairs.high) + 1)):
+        for n in numbers:
+            made = _accepted(changed, [(pairs, float(n))])
+            if made is None:
+                break
+            turned[n] = made
+    low, high = float(min(turned)), float(max(turned))
+    return replace(pairs, low=low, high=high, least=low, most=high), turned
+
+
+def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list[tuple[float, All]]]:
+    """The ends of R_s / L within which the study accepts every node; at each, the share of L and what it
+    makes."""
+    ends = [SLOW, FAST]
+    while True:
+        bent = []
+        for at in nodes((ends[0], ends[1])):
+            share = math.exp(-at)
+            made = _accepted(changed, [(under, share * under.start)])
+            if made is None:
+                end = math.exp(RETREAT * at)
+                ends[at > 0] = end if abs(end - 1) > NO_ROOM else 1.0
+                break
+            bent.append((share, made))
+        else:
+            return (ends[0], ends[1]), bent
+
+
+def _scaled(base: All, changed: Changed, *keys: Candidate) -> tuple[float, All]:
+    """The first of STEPS that the study accepts for these keys together, and what it makes; else 1."""
+    for share in STEPS:
+        made = _accepted(changed, [(key, share * key.start) for key in keys])
+        if made is not None:
+            return share, made
+    return 1.0, base
+
+
+def computed(one: Product, own: OwnMotor, values: Mapping[str, float]) -> float:
     """A product at these values, as a page computes it."""
-    shares = {key: values.get(key, about.start) / about.start for key, about in by_key.items()}
+    shares = {key: values.get(key, about.start) / about.start for key, about in own.keys.items()}
+    pairs = own.pole_pairs
     result = one.start
     for key, power in one.powers.items():
         result *= shares[key] ** power
     if one.factors:
-        result *= one.factors[round(values.get(POLE_PAIRS, by_key[POLE_PAIRS].start)) - 1]
+        result *= one.factors[round(values.get(POLE_PAIRS, pairs.start) - pairs.least)]
     if one.curve:
-        result *= _between(one.curve, math.log(shares[RESISTANCE] / shares[INDUCTANCE]))
+        result *= _between(nodes(own.ends), one.curve, math.log(shares[RESISTANCE] / shares[INDUCTANCE]))
     return result
 
 
-def _between(curve: Sequence[float], at: float) -> float:
+def _between(nodes: Sequence[float], curve: Sequence[float], at: float) -> float:
     """The curve's value, by Lagrange's polynomial through the nodes in its barycentric form."""
     above = below = 0.0
-    for j, (node, value) in enumerate(zip(nodes(), curve, strict=True)):
+    for j, (node, value) in enumerate(zip(nodes, curve, strict=True)):
         if at == node:
             return value
         weight = (-1) ** j * math.sin((2 * j + 1) * math.pi / (2 * NODES)) / (at - node)
@@ -111,35 +215,42 @@ def _between(curve: Sequence[float], at: float) -> float:
     return above / below
 
 
-def _log2(x: float, start: float) -> float:
-    return math.log2(x / start) if x and start else 0.0 if x == start else math.nan
+def _power(x: float, start: float, share: float) -> float:
+    """The power of a share that makes x of the start; 0 if the study accepted no other share than 1."""
+    if x == start or share == 1:
+        return 0.0
+    return math.log(x / start) / math.log(share) if x and start and x / start > 0 else math.nan
 
 
 def _is_whole(x: float) -> bool:
     return abs(x - round(x)) < INTEGER if math.isfinite(x) else False
 
 
-def _check(
-    base: All, changed: Changed, by_key: Mapping[str, Candidate], found: Mapping[Place, list[Product]]
-) -> None:
+def _check(base: All, changed: Changed, own: OwnMotor) -> None:
     """StudyError: a number is not what its product says, or one moves that has none."""
-    shares = {key: _samples(n) for n, key in enumerate(by_key)}
     for n in range(TRIES):
-        values = {key: float(f"{about.start * shares[key][n]:.6g}") for key, about in by_key.items()}
-        values[POLE_PAIRS] = float(1 + 7 * n % round(by_key[POLE_PAIRS].high))
-        values[INDUCTANCE] = by_key[INDUCTANCE].start * values[RESISTANCE] / by_key[RESISTANCE].start
-        values[INDUCTANCE] *= float(f"{SLOW * (FAST / SLOW) ** ((n + 0.5) / TRIES):.4g}") ** -1
-        made = changed([(by_key[key], x) for key, x in values.items()])
-        for place, blob in made.items():
-            wanted = {one.number: computed(one, by_key, values) for one in found[place]}
-            for number in blob.numbers:
-                x = number.read(blob.data)
-                mine = wanted.get(number, number.read(base[place].data))
-                mine = mine if number.format in CLOSE else round(mine)
-                if abs(mine - x) > CLOSE.get(number.format, 0.0) * abs(x):
-                    raise StudyError(f"live: {number.path}: {mine!r} as a product, {x!r} by the design")
+        for halvings in range(HALVINGS):
+            values = own.together(n, 0.5**halvings)
+            made = _accepted(changed, [(own.keys[key], x) for key, x in values.items()])
+            if made is not None:
+                _compare(base, made, own, values)
+                break
 
 
-def _samples(n: int) -> list[float]:
-    """Shares from 1/100 to 100, irregular."""
-    return [10 ** (4 * ((0.6180339887498949 * (k + 1) * (n + 1)) % 1.0) - 2) for k in range(TRIES)]
+def _compare(base: All, made: All, own: OwnMotor, values: Mapping[str, float]) -> None:
+    for place, blob in made.items():
+        products = {one.number: computed(one, own, values) for one in own.products[place]}
+        for number in blob.numbers:
+            x = number.read(blob.data)
+            mine = products.get(number, number.read(base[place].data))
+            mine = mine if number.format in CLOSE else round(mine)
+            if abs(mine - x) > CLOSE.get(number.format, 0.0) * abs(x):
+                raise _no_product(number, f": {mine!r} as a product, {x!r} by the design")
+
+
+def _no_product(number: Number, what: str) -> StudyError:
+    expected = "expected numbers that follow the motor's keys as products of powers"
+    return StudyError(
+        f"--own-motor: {expected}, which {number.path} does not{what}; cogless live takes the study without "
+        "--own-motor"
+    )

@@ -36,6 +36,10 @@ class Number:
     def read(self, data: bytes) -> float:
         return float(struct.unpack_from(f"<{self.format}", data, self.offset)[0])
 
+    def write(self, data: bytearray, value: float) -> None:
+        """Set the number; of a format for whole numbers the value is one."""
+        struct.pack_into(f"<{self.format}", data, self.offset, value if self.format in "df" else round(value))
+
 
 @dataclass(frozen=True)
 class Packed:

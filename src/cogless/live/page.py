@@ -259,13 +259,14 @@ def _place(place: Place) -> str:
 
 def _landing(key: Key, one: Any) -> list[Any]:
     if key.stops:
-        return [one.number.offset, one.number.format, list(one.values)]
+        return [one.number.offset, one.number.format, list(one.by_pairs or one.values)]
     return [one.number.offset, one.number.format, one.scale, one.rounded]
 
 
 def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
     """What a page needs to set the numbers of one's own motor."""
-    if not found.products:
+    own = found.own_motor
+    if own is None:
         return None
     assert isinstance(study, Study)
     plant = study.motor.star()
@@ -273,10 +274,10 @@ def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
         "over": motor.RESISTANCE,
         "under": motor.INDUCTANCE,
         "pole_pairs": motor.POLE_PAIRS,
-        "nodes": motor.nodes(),
-        "ends": [motor.SLOW, motor.FAST],
+        "nodes": motor.nodes(own.ends),
+        "ends": own.ends,
         "time": plant.L_d / plant.R_s,
-        "products": {_place(place): list(map(_product, all_of)) for place, all_of in found.products.items()},
+        "products": {_place(place): list(map(_product, all_of)) for place, all_of in own.products.items()},
     }
 
 

@@ -17,6 +17,7 @@ from cogless.report.speed_tracking import late
 from cogless.results import Results, Run
 from cogless.results.metrics import onward
 from cogless.results.trace import Trace
+from cogless.study.metric import turns_held
 from cogless.units import ANGULAR_SPEED, factor
 
 SHOWN_ORDERS = 24
@@ -171,12 +172,11 @@ def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> A
         return None
     theta_m, x = onward(theta_m, x)
     travelled = np.abs(theta_m - theta_m[0])
-    row = float(travelled[-1]) / max(1, len(x) - 1)
-    turns = (float(travelled[-1]) + 2 * row) / (2 * math.pi)
-    if turns >= 1:
-        span, stride = math.floor(turns) * 2 * math.pi, 1
-    elif turns * pole_pairs >= 1:
-        span, stride = math.floor(turns * pole_pairs) * 2 * math.pi / pole_pairs, pole_pairs
+    turned, rows = float(travelled[-1]) / (2 * math.pi), max(1, len(x) - 1)
+    if (turns := math.floor(turns_held(turned, turned / rows))) >= 1:
+        span, stride = turns * 2 * math.pi, 1
+    elif (turns := math.floor(turns_held(turned * pole_pairs, turned * pole_pairs / rows))) >= 1:
+        span, stride = turns * 2 * math.pi / pole_pairs, pole_pairs
     else:
         return None
     cycles = round(span * stride / (2 * math.pi))

@@ -8,6 +8,7 @@ from cogless.report.packing import Array, number, rms
 from cogless.report.status_lanes import active
 from cogless.report.verdict import listed
 from cogless.results import Results, Run
+from cogless.results.metrics import window_of
 from cogless.results.status import NOTICED, Status
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
@@ -44,13 +45,11 @@ def late(results: Results, run: Run) -> slice:
 
 def rows_of(results: Results, metric: Metric, run: Run) -> slice:
     """Rows over which a metric is taken: its window, else from its event to the next, else the last part."""
-    trace = run.trace
-    end = float(trace.time[-1]) if len(trace) else 0.0
-    span, event = metric.span(end), metric.event
-    if span is None and event is not None:
-        later = [e.time for e in results.study.scenario[run.scenario].events if e.time > event + 1e-9]
-        span = event, min([end, *later])
-    return late(results, run) if span is None else trace.window(*span)
+    end = float(run.trace.time[-1]) if len(run.trace) else 0.0
+    if metric.span(end) is None and metric.event is None:
+        return late(results, run)
+    events = [event.time for event in results.study.scenario[run.scenario].events]
+    return run.trace.window(*window_of(metric, run.trace, events))
 
 
 def span_of(results: Results, metric: Metric, run: Run) -> tuple[float, float] | None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cogless.errors import StudyError
 from cogless.results.trace import Trace
 from cogless.study import AnyStudy, TrialStudy, for_scenario
-from cogless.study.metric import SIGNALS, Metric, whole_revolutions
+from cogless.study.metric import SIGNALS, Metric, turns_held, whole_revolutions
 from cogless.study.metric import result_name as result_name
 from cogless.units import ANGLE, ANGULAR_SPEED
 
@@ -28,7 +28,6 @@ Value = float | None | list[float]
 # Signals with a target. Any other signal should return to its mean from before the event.
 ERRORS = ("omega_error", "omega_error_measured")  # target: zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
-HAIR = 1e-3  # of a revolution, that a window of whole ones may be short
 SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms uses
 
 
@@ -126,7 +125,7 @@ def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
 
     StudyError: a signal that the trace doesn't have, an empty window, rows too sparse for chattering.
     """
-    first, last = _window(metric, trace, conditions)
+    first, last = window_of(metric, trace, conditions.events)
     metric_input = MetricInput(metric, trace, conditions, trace.window(first, last))
     if metric.signal is not None and metric.signal not in trace:
         raise metric_input.error(f"signal {metric.signal}: expected one of {', '.join(trace.names)}")
@@ -137,7 +136,7 @@ def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
     return value if value is None or isinstance(value, list) else np.asarray(value).tolist()
 
 
-def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float, float]:
+def window_of(metric: Metric, trace: Trace, events: Sequence[float]) -> tuple[float, float]:
     """The metric's window, s: as declared, else from its event to the next event, else the whole trace."""
     end = float(trace.time[-1]) if len(trace) else 0.0
     declared = metric.span(end)
@@ -146,8 +145,8 @@ def _window(metric: Metric, trace: Trace, conditions: Conditions) -> tuple[float
     if metric.event is None:
         return 0.0, end
     # The row at the next event already shows its effect, so the window ends one row before.
-    after = metric.event + trace.period / 2
-    return metric.event, min((t - trace.period for t in conditions.events if t > after), default=end)
+    after = metric.next_event(events, trace.period)
+    return metric.event, end if after is None else after - trace.period
 
 
 def peak_to_peak(m: MetricInput) -> Array:
@@ -368,11 +367,8 @@ def order_amplitudes(
     whole = whole_revolutions(orders)
     periods = [math.lcm(whole, pole_pairs), whole] if electrical else [whole]
     turns = abs(float(frame[-1] - frame[0])) / (2 * math.pi)
-    # A window meant to hold exactly n revolutions may be short of the last one by a row, or by a speed that
-    # is a hair too low.
-    short = max(2 * turns / max(1, len(frame) - 1), HAIR)
     for period in periods:
-        count = math.floor((turns + short) / period)
+        count = math.floor(turns_held(turns, turns / max(1, len(frame) - 1)) / period)
         if count:
             break
     else:

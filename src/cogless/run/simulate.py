@@ -24,6 +24,7 @@ from cogless.run.plan import Plan, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study, TrialStudy
 from cogless.study.controller import OwnLaw, Startable
+from cogless.study.table import perhaps
 
 StudyProgress = Callable[[str, str, float], None]
 
@@ -226,7 +227,8 @@ def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[st
     for pattern in only:
         if not matched(pattern):
             near = [each for each in (f"{pattern}/*", f"*/{pattern}") if matched(each)]
-            of = f', perhaps "{near[0]}"' if near else f" of {', '.join(map('/'.join, runs))}"
+            names = list(map("/".join, runs))
+            of = f', perhaps "{near[0]}"' if near else f" of {', '.join(names)}{perhaps(pattern, names)}"
             raise StudyError(f'{study.source.path}: --only: "{pattern}": expected SCENARIO/CONTROLLER{of}')
     return [run for run in runs if any(fnmatchcase("/".join(run), pattern) for pattern in only)]
 
@@ -284,4 +286,5 @@ def _known(study: AnyStudy, scenario: str, controller: str) -> None:
         ("controller", controller, study.controller),
     ):
         if name not in known:
-            raise StudyError(f'{study.source.path}: {table}: "{name}": expected one of {", ".join(known)}')
+            expected = f"expected one of {', '.join(known)}{perhaps(name, known)}"
+            raise StudyError(f'{study.source.path}: {table}: "{name}": {expected}')

@@ -349,6 +349,10 @@ class Commissioning(Table):
         return 2 * (self.revolutions + SETTLING) * 2 * math.pi / self.speed
 
 
+NOT_FILLED = (
+    'expected calibration = { speed = "6 rpm", position_gain = "20 1/s" }, tuning = { rule = "auto" }, which '
+    "gives one, or a start"
+)
 UNUSED = Commissioning(speed=1.0, position_gain=0.0)
 
 
@@ -369,7 +373,7 @@ class AntiCogging(Feedback, Startable):
     @model_validator(mode="after")
     def _filled_once(self) -> Self:
         if (self.calibration is None) == (self.start is None):
-            raise invalid("expected either a calibration, which fills the table, or a start")
+            raise invalid(NOT_FILLED if self.start is None else "expected a calibration or a start, not both")
         return self
 
     @property

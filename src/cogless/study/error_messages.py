@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from cogless.errors import StudyError
-from cogless.study.table import Key, nearest
+from cogless.study.table import Key, perhaps
 
 MISSING = object()
 MOST_TOLD = 20  # mistakes in one message, at most
@@ -40,6 +40,7 @@ EXPECTED = {
     "literal_error": "expected {expected}",
 }
 OF_WORDS, WORDS = ("union_tag_invalid", "literal_error"), re.compile(r'"([^"]+)"')
+ONE_OF = 'expected one of "'
 PATTERNS = {
     r"^.+\.py:\w+$": 'expected a file and a class, such as "my_law.py:MyLaw"',
     r"^[A-Za-z][A-Za-z0-9_]*$": "expected a name of letters, digits and _",
@@ -138,9 +139,10 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     absent = "missing" if kind.startswith("union_tag") else str(context.get("value") or "")
     told = value is not MISSING and not (kind == "study" and isinstance(value, dict))
     expected = _expected(kind, context, details["msg"])
-    near = nearest(value, WORDS.findall(expected)) if kind in OF_WORDS and isinstance(value, str) else None
-    perhaps = f', perhaps "{near}"' if near else ""
-    return Problem(key, shown(value) if told else absent, expected + perhaps)
+    name = value if isinstance(value, str) else absent
+    of_words = kind in OF_WORDS or expected.startswith(ONE_OF)
+    meant = perhaps(name, WORDS.findall(expected)) if of_words and name else ""
+    return Problem(key, shown(value) if told else absent, expected + meant)
 
 
 def _expected(kind: str, context: dict[str, Any], message: str) -> str:

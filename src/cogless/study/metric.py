@@ -33,6 +33,7 @@ OWN_DIMENSIONS = {
     "exceeds": units.TIME,
     "time-to-learn": units.TIME,
 }
+TURN_SHORTFALL_MOST = 1e-3  # of a revolution, that a window of whole ones may be short
 STATE = re.compile(r"x_\d+")
 AT_AN_EVENT = ("dip", "settling", "overshoot")
 WITH_A_BAND = ("settling", "exceeds", "time-to-learn")
@@ -155,6 +156,14 @@ class Metric(Table):
         """The declared window in a run that ends at `end`, s; None if none is declared."""
         return self.window if self.last is None else (max(0.0, end - self.last), end)
 
+    def next_event(self, events: Iterable[float], row: float) -> float | None:
+        """Time of the first of these events behind the metric's own, s; None without either.
+
+        `row`: time between rows, s. What is within half a row of the metric's event is the same event.
+        """
+        event = self.event
+        return None if event is None else min((t for t in events if t > event + row / 2), default=None)
+
     @property
     def wanted(self) -> str:
         """The direction that is better: as `better` says, but a band is by default better left late."""
@@ -199,6 +208,14 @@ def result_name(metric: Named) -> str:
     "torque_N_m")."""
     suffix = "_" + metric.dimension.unit.replace("*", "_").replace("/", "_").replace("^", "")
     return metric.name if suffix == "_" or metric.name.endswith(suffix) else metric.name + suffix
+
+
+def turns_held(turns: float, row: float) -> float:
+    """Revolutions that a window counts as: what it may be short of whole ones is added.
+
+    It may be short by two rows, or by a speed that is a hair too low. `row`: revolutions from row to row.
+    """
+    return turns + max(2 * row, TURN_SHORTFALL_MOST)
 
 
 def whole_revolutions(orders: Iterable[float]) -> int:

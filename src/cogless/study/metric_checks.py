@@ -7,7 +7,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from cogless.study import signals
-from cogless.study.metric import EACH_PHASE, EACH_TRIAL, Metric, result_name, whole_revolutions
+from cogless.study.metric import EACH_PHASE, EACH_TRIAL, Metric, result_name, turns_held, whole_revolutions
 from cogless.study.table import invalid, one_of
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _in_time(study: Study, index: int, metric: Metric) -> None:
             raise invalid(expected, "metric", index, "last")
         if event is not None and not scenario.has_event(event):
             raise invalid(f'expected the time of an event of scenario "{name}"', "metric", index, "event")
-        key, span = _span(metric, scenario)
+        key, span = _span(study, metric, scenario)
         rate, rows = study.trace_rate, "rows of the trace"
         if metric.kind == "chattering":
             rate, rows = study.drive.rates.outer_loop, "samples of the speed loop"
@@ -84,15 +84,15 @@ def _in_time(study: Study, index: int, metric: Metric) -> None:
             raise invalid(expected, "metric", index, key)
 
 
-def _span(metric: Metric, scenario: Scenario) -> tuple[str, float]:
+def _span(study: Study, metric: Metric, scenario: Scenario) -> tuple[str, float]:
     """The key that decides a metric's window in a scenario, and the window's length, s."""
     declared = metric.span(scenario.duration)
     if declared is not None:
         return ("window" if metric.last is None else "last"), declared[1] - declared[0]
     if metric.event is None:
         return "window", scenario.duration
-    later = [e.time for e in scenario.events if e.time > metric.event and not e.is_at(metric.event)]
-    return "event", min(later, default=scenario.duration) - metric.event
+    after = metric.next_event((event.time for event in scenario.events), 1 / study.trace_rate)
+    return "event", (scenario.duration if after is None else after) - metric.event
 
 
 def orders(study: Study) -> None:
@@ -108,9 +108,9 @@ def orders(study: Study) -> None:
                 continue
             poles = study.motor.pole_pairs if metric.frame == "electrical" else 1
             turns = poles * scenario.top_speed / (2 * math.pi)
-            key, span = _span(metric, scenario)
+            key, span = _span(study, metric, scenario)
             fewest = whole_revolutions(metric.order)
-            if turns * (span + 2 / study.trace_rate) < fewest:
+            if turns_held(turns * span, turns / study.trace_rate) < fewest:
                 expected = f"expected {fewest} or more {metric.frame} revolutions at the top speed"
                 made = f'of scenario "{name}", not {turns * span:.3g}'
                 raise invalid(f"{expected} {made}", "metric", index, key)

@@ -17,6 +17,18 @@ ORDER_MAX = 1000  # of a sensor's error
 FINE = 3600  # angles of a revolution at which a table of it is taken
 
 
+# a datasheet's words for the counts of both channels, four for each line, and for the pulses of one
+COUNTS, PULSES = (
+    ("cpr", "counts", "counts_per_revolution", "resolution"),
+    ("ppr", "pulses", "pulses_per_revolution"),
+)
+
+
+def _equals(key: str, value: Any) -> str:
+    """The end of a message: what to write, if the value is a number."""
+    return f": {key} = {value}" if isinstance(value, int) and value > 0 else ""
+
+
 class Mounted(Table):
     """A sensor on the shaft of the motor or of the load."""
 
@@ -79,6 +91,16 @@ class Counted(Mounted):
         if any(f - e <= a - b for (a, e), (b, f) in pairwise(points)):
             raise invalid("expected an error that never falls as fast as the angle rises", "error_table")
         return self
+
+    @classmethod
+    def other_word(cls, key: str, value: Any) -> str | None:
+        word = key.lower()
+        return cls._in_place(word, value) if word in COUNTS + PULSES else None
+
+    @classmethod
+    def _in_place(cls, word: str, value: Any) -> str | None:
+        """What is expected in place of a datasheet's word for counts or pulses a revolution."""
+        return None
 
     @property
     def counts(self) -> int:
@@ -159,6 +181,15 @@ class Encoder(Counted):
     # M: counts per period; average: over a window; T: time per count; MT: both; observer: of the angle
     timer: Frequency = 100e6  # Hz, for T and MT
 
+    @classmethod
+    def _in_place(cls, word: str, value: Any) -> str:
+        if word in PULSES:
+            return f'expected "lines", the pulses of one channel{_equals("lines", value)}'
+        if isinstance(value, int) and value % 4:
+            return f'expected "lines", a quarter of counts or as many as cycles{_equals("lines", value)}'
+        quarter = _equals("lines", value // 4) if isinstance(value, int) else f": lines = {word} / 4"
+        return f'expected "lines", a quarter of the counts{quarter}'
+
     @property
     def counts(self) -> int:
         return 4 * self.lines
@@ -174,6 +205,10 @@ class Absolute(Counted):
     bits: Annotated[int, Field(ge=1, le=31)] | None = None
     positions: Annotated[int, Field(ge=2, le=2**31)] | None = None  # instead of bits
     speed_method: Literal["M", "average", "observer"] = "average"
+
+    @classmethod
+    def _in_place(cls, word: str, value: Any) -> str:
+        return f'expected "positions" in place of bits{_equals("positions", value)}'
 
     @model_validator(mode="after")
     def _bits_or_positions(self) -> Self:

@@ -28,7 +28,7 @@ from cogless.study.error_messages import MISSING, Problem, dotted, look_up, prob
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
 from cogless.study.study import Study
-from cogless.study.table import Key, Table
+from cogless.study.table import Key, Table, perhaps
 from cogless.study.trial_study import Hardware, TrialStudy, is_trial_study
 
 Changes = Mapping[str, Any]
@@ -132,7 +132,15 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
         if path.is_dir():
             raise StudyError(f"{named}is a directory: expected a {what} file")
     expected = f"expected a file, or one of the shipped: {', '.join(known) or 'none'}"
-    raise StudyError(f"{named}no such {what}: {expected}")
+    raise StudyError(f"{named}no such {what}: {expected}{perhaps(path.name, [*known, *_beside_it(path)])}")
+
+
+def _beside_it(path: Path) -> list[str]:
+    """The names of TOML files in a path's folder."""
+    try:
+        return sorted(file.name for file in path.parent.glob("*.toml"))
+    except OSError:
+        return []
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -271,7 +279,7 @@ def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
             if not isinstance(known, dict) or parts[0] != table or len(parts) < 3 or str(parts[1]) in known:
                 continue
             if f"{table}.{parts[1]}.{needed}" not in changes:
-                expected = f"expected a {table} of {', '.join(known)}"
+                expected = f"expected a {table} of {', '.join(known)}{perhaps(str(parts[1]), known)}"
                 raise StudyError(f"{path}: {key}: {shown(value)}: {expected}")
 
 

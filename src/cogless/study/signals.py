@@ -30,7 +30,7 @@ NEEDED = {
     "thermal": "expected another, or a table motor.temperature",
     "energy": "expected another, or trace.energy = true",
     "load_side": "expected another, or a table mechanics.load_side",
-    "path": OF_A_LAW,
+    "path": "expected another, or a controller such as harmonic with position = true",
     "trial_law": OF_A_LAW,
 }
 

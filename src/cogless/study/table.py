@@ -109,6 +109,9 @@ def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetai
         for key, meant in near.items()
     ]
     meant_by_any = {name for meant in near.values() for name in meant}
+    meant_by_any |= {
+        name for key in near for name in known if f'"{name}"' in (table.other_word(key, data[key]) or "")
+    }
     for key, field in table.model_fields.items():
         if field.is_required() and key not in data and key not in meant_by_any:
             found.append(invalid(f"expected {_wanted(key, field)}", key, value="missing"))
@@ -206,6 +209,12 @@ def nearest(key: str, known: Sequence[str]) -> str | None:
 
     near = difflib.get_close_matches(key, known, n=1)
     return next(iter(near), None) or next((name for name in known if plain(name) == plain(key)), None)
+
+
+def perhaps(name: str, known: Iterable[str]) -> str:
+    """The end of a message on a name that there isn't: the known one that was probably meant, or ""."""
+    near = nearest(name, list(known))
+    return f', perhaps "{near}"' if near else ""
 
 
 def _meant(key: str, known: Sequence[str]) -> list[str]:

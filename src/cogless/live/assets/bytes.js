@@ -14,6 +14,7 @@ const liveBytes = (page) => {
   const share = (name, values) => (values.get(name) ?? keys.get(name).start) / keys.get(name).start;
   // R_s / L as a share of the study's; the curve over its logarithm, by Lagrange's polynomial (src/cogless/live/motor.py).
   const ratio = (values) => share(page.motor.over, values) / share(page.motor.under, values);
+  const pairs = (values, key = keys.get(page.motor.pole_pairs)) => (values.get(key.key) ?? key.start) - key.least; // counted from the least
   function between(curve, at) {
     const { nodes } = page.motor, exact = nodes.indexOf(at);
     if (exact >= 0) return curve[exact];
@@ -29,24 +30,26 @@ const liveBytes = (page) => {
   // A run's description with these values, by key, in it. off: learning never starts.
   function described(place, values, off = false) {
     const run = runs.get(place), data = run.data.slice(), view = new DataView(data.buffer);
-    for (const [name, x] of values) {
-      const key = keys.get(name);
-      for (const [offset, format, ...how] of key.lands[place] ?? []) {
-        if (key.stops.length) write(view, offset, format, how[0][key.stops.indexOf(x)]);
-        else {
-          const si = (key.unit ? x * key.factor : x) * how[0];
-          write(view, offset, format, how[1] ? even(si) : si);
-        }
-      }
-    }
     for (const [offset, format, start, powers, factors, curve] of page.motor?.products[place] ?? []) {
       const all = [...Object.keys(powers), ...(factors.length ? [page.motor.pole_pairs] : []), ...(curve.length ? [page.motor.over, page.motor.under] : [])];
       if (!all.some((name) => values.has(name))) continue;
       let x = start;
       for (const [name, power] of Object.entries(powers)) x *= share(name, values) ** power;
-      if (factors.length) x *= factors[(values.get(page.motor.pole_pairs) ?? keys.get(page.motor.pole_pairs).start) - 1];
+      if (factors.length) x *= factors[pairs(values)];
       if (curve.length) x *= between(curve, Math.log(ratio(values)));
       write(view, offset, format, "fd".includes(format) ? x : even(x));
+    }
+    for (const [name, x] of values) {
+      const key = keys.get(name);
+      for (const [offset, format, ...how] of key.lands[place] ?? []) {
+        if (key.stops.length) {
+          const row = how[0][key.stops.indexOf(x)];
+          write(view, offset, format, Array.isArray(row) ? row[pairs(values)] : row);
+        } else {
+          const si = (key.unit ? x * key.factor : x) * how[0];
+          write(view, offset, format, how[1] ? even(si) : si);
+        }
+      }
     }
     if (off) write(view, ...run.off);
     return { data, view, run };

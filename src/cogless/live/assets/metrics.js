@@ -16,6 +16,7 @@ const liveMetrics = (() => {
   const ERRORS = ["omega_error", "omega_error_measured"];
   const REFERENCES = { omega_m: "omega_ref", omega_measured: "omega_ref", i_d: "i_d_ref", i_q: "i_q_ref" };
   const TURNING = ["rad", "rad/s"];
+  const TURN_SHORTFALL_MOST = 1e-3; // of a revolution, that a window of whole ones may be short
 
   // A trace's signals by name, recorded or derived, each made when it is first asked for.
   class Trace {
@@ -169,7 +170,7 @@ const liveMetrics = (() => {
     const n = frame.length, each = orders.map(denominator).reduce(lcm, 1);
     const turns = Math.abs(frame[n - 1] - frame[0]) / TAU, row = turns / Math.max(1, n - 1);
     for (const period of electrical ? [lcm(each, poles), each] : [each]) {
-      const count = Math.floor((turns + 2 * row) / period);
+      const count = Math.floor((turns + Math.max(2 * row, TURN_SHORTFALL_MOST)) / period);
       if (count) return lastPart(frame, way[1], Math.min(turns, count * period) * TAU);
     }
     return null;
@@ -274,10 +275,19 @@ const liveMetrics = (() => {
     const at = input(m, trace, about);
     return at.first === at.last ? NaN : KINDS[m.kind](at);
   }
-  // When a bit of the status was set in the window of a metric: first and last time and how long, s; null: never.
-  function held(bit, m, trace, about) {
+  // Rows over which a metric is judged, as src/cogless/report/speed_tracking.py has them: its window, from its event on, else
+  // those of the last order metric, else the last quarter.
+  function judged(m, metrics, trace, about) {
+    const end = trace.count ? trace.time[trace.count - 1] : 0;
+    if (declared(m, end) || m.event != null) return trace.window(...span(m, trace, about));
+    const order = metrics.findLast((one) => one.kind === "order" && declared(one, end)?.[0] < end);
+    if (order) return trace.window(...declared(order, end));
+    return trace.window(Math.max(0.75 * end, ...about.events.filter((t) => t < end).map((t) => 0.5 * (t + end))), end);
+  }
+  // When a bit of the status was set in these rows: first and last time and how long, s; null: never.
+  function held(bit, [first, last], trace) {
     if (!trace.has("status")) return null;
-    const [first, last] = trace.window(...span(m, trace, about)), status = trace.get("status");
+    const status = trace.get("status");
     let rows = 0, from = 0, to = 0;
     for (let i = first; i < last; i++) {
       if (!(status[i] & bit)) continue;
@@ -286,13 +296,12 @@ const liveMetrics = (() => {
     }
     return rows ? [from, to, rows * trace.period] : null;
   }
-  // How the speed missed its reference in the window of a metric, as src/cogless/report/speed_tracking.py judges it, rad/s:
-  // what it was of what was wanted; null: it was held.
-  function missed(m, trace, about) {
-    const [first, last] = trace.window(...span(m, trace, about));
+  // How the speed missed its reference in these rows, as src/cogless/report/speed_tracking.py judges it, rad/s: what it was
+  // of what was wanted; null: it was held.
+  function missed([first, last], trace, tracking) {
     if (first === last || !trace.has("omega_ref")) return null;
     const part = (name, from) => trace.get(name).subarray(from, last);
-    const found = (from) => off(part("omega_ref", from), part("omega_m", from), about.tracking);
+    const found = (from) => off(part("omega_ref", from), part("omega_m", from), tracking);
     return found(first + ((last - first) >> 1)) && found(first);
   }
   function off(wanted, got, { far, lost, drift, one_way }) {
@@ -324,5 +333,5 @@ const liveMetrics = (() => {
       return own.length ? OF_PHASES[m.kind](m, own) : undefined;
     });
   }
-  return { Trace, evaluate, held, missed, ofPhases, rms, whole, kinds: Object.keys(KINDS), TAU, mean, largest, smallest };
+  return { Trace, evaluate, judged, held, missed, ofPhases, rms, whole, kinds: Object.keys(KINDS), TAU, mean, largest, smallest };
 })();

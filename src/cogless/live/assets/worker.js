@@ -1,7 +1,7 @@
 "use strict";
 // Carries out one run after the other, and hands back what the page shows: numbers, and curves thinned to its width.
 (() => {
-  const { Trace, evaluate, held, missed, ofPhases, rms, whole, TAU, largest, smallest } = liveMetrics;
+  const { Trace, evaluate, judged, held, missed, ofPhases, rms, whole, TAU, largest, smallest } = liveMetrics;
   const POINTS = 600; // of a curve over the whole run: a lowest and a highest value each
   const CELLS = 1024; // of a revolution in the spectrum
   const ORDERS = 160; // of a revolution at most
@@ -56,7 +56,7 @@
     for (let i = 0, k = 0; k < turns * CELLS; k++) {
       const at = angle[0] + (direction * k * TAU) / CELLS;
       while (i < angle.length - 2 && direction * (angle[i + 1] - at) < 0) i++;
-      const share = (at - angle[i]) / (angle[i + 1] - angle[i] || 1);
+      const share = Math.min(1, (at - angle[i]) / (angle[i + 1] - angle[i] || 1)); // the window may be a hair short
       cell[k % CELLS] += (values[i] + share * (values[i + 1] - values[i])) / turns;
     }
     return Array.from({ length: ORDERS }, (_, n) => {
@@ -95,15 +95,15 @@
     if (start) engine.load(start);
     engine.advance(ticks);
     const stored = engine.stored(), trace = new Trace(engine.take()), ran = performance.now();
-    const values = metrics.map((m) => evaluate(m, trace, about));
+    const values = metrics.map((m) => evaluate(m, trace, about)), rows = metrics.map((m) => judged(m, metrics, trace, about));
     const error = path && trace.has("theta_error") ? "theta_error" : "omega_error";
     const first = lastTurn(trace), late = (name) => (trace.has(name) ? Array.from(trace.get(name).subarray(first)) : null);
     const [settledFrom, settledTo] = trace.window(Math.max(0, trace.time[trace.count - 1] - 4), trace.time[trace.count - 1]);
     const map = stored && { cells: stored.cells, channels: stored.channels, values: Array.from(stored.values, (v) => v / about.unit) };
     return {
       values, map, error,
-      guarded: metrics.map((m) => held(about.guarded, m, trace, about)),
-      missed: metrics.map((m) => missed(m, trace, about)),
+      guarded: rows.map((own) => held(about.guarded, own, trace)),
+      missed: rows.map((own) => missed(own, trace, about.tracking)),
       names: trace.names,
       whole: thin(trace.time, trace.get(error)),
       current: thin(trace.time, trace.get("i_q")),
