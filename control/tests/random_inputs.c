@@ -741,7 +741,7 @@ static void try_harmonic(void)
             CHECK((uint32_t)law.cosine[2U * config.orders + k] == config.base * (k + 1U));
         }
         CHECK(within(out.i_q_ref, config.pi.limit));
-        const cgl_real state[] = {law.learned, law.rate, law.time, law.anchor, law.omega, law.load};
+        const cgl_real state[] = {law.learned, law.rate, law.time, law.slowest, law.omega, law.load};
         hear_all(state, sizeof state / sizeof state[0]);
         hear_terms(law.bend.part, sizeof law.bend.part);
         CHECK(within(law.learned, config.limit));

@@ -9,14 +9,15 @@ from typing import Any
 
 import pytest
 
-from cogless import load
+from cogless import load, run_study
+from cogless.design.auto import filled
 from cogless.ensemble import arena_cases, arena_files
 from cogless.ensemble.arena import ArenaResults, prepared, run_arena
 from cogless.ensemble.arena_cases import HOUR, LATE, TOLD, UNTOLD
 from cogless.ensemble.arena_scores import COLUMNS, Scores
 from cogless.errors import StudyError
 from cogless.files import shipped
-from cogless.study import Study
+from cogless.study import Study, changed
 from cogless.study.arena import Arena, arena_of
 from cogless.study.controller import AntiCogging
 from cogless.study.reading import read
@@ -242,6 +243,35 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
     assert study.controller["bar"].kp == 0.05
     with pytest.raises(StudyError, match=r"plant\.drone: expected a law that can run there$"):
         prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", ["robust"])
+
+
+def test_a_law_with_a_margin_of_its_own_stays_away_from_a_feedback_by_hand(tmp_path: Path) -> None:
+    """It would be the same law as without, under another name."""
+    calm = {"law": "pi-ilc", "tuning": {"rule": "auto", "phase_margin": "60 deg"}}
+    plant = {**PLANT, "feedback": {"kp": 0.05, "ki": 2.0}}
+    fight = arena(tmp_path, law={**LAWS, "calm": calm}, plant={"drone": plant})
+    study, absent = prepared(fight, "drone", ["bar", "pi-ilc", "calm"])
+    assert list(study.controller) == ["bar", "pi-ilc"] and list(absent) == ["calm"]
+
+
+def test_what_limits_the_best_law_is_found_by_trying(tmp_path: Path) -> None:
+    """A coarse encoder does, and lines that are finer leave less, as the advice says."""
+    changes = {"drive": {"position_sensor": {"lines": 500, "speed_method": "M"}}}
+    coarse = arena(tmp_path, plant={"drone": {**PLANT, "changes": changes, "learn": "6 s"}})
+    found = run_arena(coarse, ["drone/*"], find_limits=True)
+    limits = found.limits["drone"]
+    best = min((r for r in found.runs if r.case == TOLD), key=lambda r: r.metrics["ripple_rad_s"])
+    assert limits.controller == best.law and limits.named[0].name == "sensor-steps"
+    told = json.loads(json.dumps(arena_files.to_dict(found)))["limits"]
+    assert told[0]["plant"] == "drone" and told[0]["named"][0] == "sensor-steps"
+    study, _ = prepared(coarse, "drone", [limits.controller])
+    alone = arena_cases.learning(study, limits.controller)
+    assert alone.scenario[TOLD].duration == 6.5 and not alone.scenario[TOLD].events
+    helps = told[0]["helps"]["part"]
+    changed_study = changed(alone, helps["set"])
+    (run,) = run_study(filled(changed_study)).runs
+    assert run.metrics["ripple_rad_s"] < 0.8 * limits.value
+    assert run_arena(coarse, ["drone/bar"]).limits == {}
 
 
 def test_the_shipped_arena_can_be_prepared_everywhere() -> None:

@@ -60,7 +60,7 @@ class Harmonic:
         self.loads = [0.0] * PARTS
         self.share = QUICK
         self.omega = self.load = self.mean = 0.0
-        self.time = self.anchor = self.slowest = self.fastest = self.rate_now = 0.0
+        self.time = self.slowest = self.fastest = self.rate_now = 0.0
         self.round_step = 0.0
         free = 2 if self.base > 4 else 1 if self.base > 2 else 0
         self.bend = np.zeros(min(self.bends, free), dtype=complex)
@@ -113,13 +113,9 @@ class Harmonic:
 
     def begin_round(self) -> None:
         speed, step = abs(self.omega), self.base * self.omega
-        if (speed > NEW * self.anchor or NEW * speed < self.anchor) and not (
-            self.slowest <= speed <= self.fastest
-        ):
-            first = self.anchor <= 0
-            self.slowest = speed if first else min(self.slowest, speed)
-            self.fastest = max(self.fastest, speed)
-            self.anchor, self.time = speed, 0.0
+        if speed > NEW * self.fastest or NEW * speed < self.slowest:
+            self.slowest = min(self.slowest, speed) if self.fastest > 0 else speed
+            self.fastest, self.time = max(self.fastest, speed), 0.0
         fast = self.orders if self.fast is None else self.fast
         fits, low = (
             int(min(count, most / abs(step) if step else math.inf))

@@ -124,7 +124,7 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     law->bend.moved = law->bend.before = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
     law->share = QUICK;
     law->current = law->omega = law->load = law->mean = CGL_R(0.0);
-    law->time = law->anchor = law->slowest = law->fastest = law->rate = CGL_R(0.0);
+    law->time = law->slowest = law->fastest = law->rate = CGL_R(0.0);
     law->since_edge = CGL_R(0.0);
     law->shown = law->theta = law->due = law->band = law->acting = law->low = 0U;
     law->since = 1U; /* the first step has enough to do without a gain */
@@ -266,12 +266,9 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle)
     const cgl_harmonic_config *const config = &law->config;
     const cgl_real speed = cgl_abs(law->omega), step = CGL_TWO_PI * (cgl_real)config->base * law->omega;
     const cgl_real size = cgl_abs(step);
-    const bool is_new = speed > NEW * law->anchor || NEW * speed < law->anchor;
-    if (is_new && !(speed >= law->slowest && speed <= law->fastest)) {
-        const bool first = law->anchor <= CGL_R(0.0);
-        law->slowest = first || speed < law->slowest ? speed : law->slowest;
+    if (speed > NEW * law->fastest || NEW * speed < law->slowest) {
+        law->slowest = law->fastest <= CGL_R(0.0) || speed < law->slowest ? speed : law->slowest;
         law->fastest = speed > law->fastest ? speed : law->fastest;
-        law->anchor = speed;
         law->time = CGL_R(0.0);
     }
     const uint32_t low = fitting(SPLIT, size, config->orders), acting = larger(low, fitting(CGL_HARMONIC_FASTEST, size, config->fast));

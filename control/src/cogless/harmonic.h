@@ -94,8 +94,7 @@ typedef struct {
     cgl_real share;          /* of z that the mean takes in a step */
     cgl_real last;           /* z without its mean, of the last step */
     cgl_real time;           /* of learning since the speed was new [s] */
-    cgl_real anchor;         /* that speed, and the span of those since [turns/ts] */
-    cgl_real slowest, fastest;
+    cgl_real slowest, fastest; /* the span of new speeds; one is new that is beyond it by a quarter [turns/ts] */
     cgl_real rate;           /* of learning at present [1/s] */
     cgl_real step;           /* of the base order, when the gains were begun [rad] */
     cgl_real base[2], half[2]; /* phasors of the base order: as far ahead as it acts, by half a period; */
