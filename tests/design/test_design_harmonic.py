@@ -130,6 +130,27 @@ def test_a_scenario_gets_what_it_can_hold_whatever_the_others_are(speed):
     assert left["alone"] == left["beside"] < left["orders"] < 0.15, left
 
 
+@pytest.mark.parametrize(("speed", "time"), [("40 rpm", 1.3), ("60 rpm", 1.3), ("120 rpm", 0.6)])
+def test_a_load_that_steps_while_it_learns_bends_no_angle(speed, time):
+    """A load's step hides what the ripple tells of the angle. A bend learned from it turned order 72 by up to
+    two radians, and left 5 to 19 r/min for good where the feedback alone leaves 5."""
+    of_speed = {"duration": "6 s", "reference": speed, "initial_speed": speed}
+    step = {"events": [{"time": f"{time} s", "load": "20 mN*m"}]}
+    here = changed(alone(speed), {"scenario": {"alone": {**of_speed, **step}}})
+    found = simulate(here, "alone", "harmonic").trace["omega_error"][-5000:] / RPM
+    assert np.sqrt(np.mean(found**2)) < 0.5
+
+
+def test_a_speed_that_swings_is_learned_once():
+    """A new speed opens the rate again; one that swings by more than a quarter opened it again and again,
+    and a load's step then taught too much. At 18 s the load steps by 20 mN m."""
+    here = load("uomodri-varying", {**studies.HARMONIC, **COMPENSATED, "metric": []})
+    step = [{"time": "18 s", "load": "20 mN*m"}]
+    made = {"scenario.varying.events": step, "scenario.varying.duration": "24 s"}
+    found = simulate(changed(here, made), "varying", "harmonic").trace["omega_error"][-5000:] / RPM
+    assert np.sqrt(np.mean(found**2)) < 0.6
+
+
 @pytest.mark.parametrize("name", ["uomodri", "liu2018", "gimbal", "my_motor"])
 def test_the_rate_is_below_where_all_orders_together_oscillate_at_any_speed(name):
     """A firmware turns at speeds that no scenario has."""

@@ -16,7 +16,7 @@ P = math.exp(-0.5)
 L1, L2, L3 = 1 - P**3, 1.5 * (1 - P) ** 2 * (1 + P), (1 - P) ** 3
 FASTEST, SPLIT, MEAN, QUICK, SETTLE, NEW, FULL = 2.6, 0.5105, 0.25, 1 / 16, 64, 1.25, 6.0
 TOGETHER = 1 / 16
-BENT, SURE, STAYS, DOUBTED = 0.05, 2.5e-7, 1 / 8, 64.0
+BENT, SURE, STAYS, DOUBTED, CALM = 0.05, 2.5e-7, 1 / 8, 64.0, 0.02
 TURN_OF_BEND, PARTS, FEW = 8, 2, 8
 
 TURN = 1 << 32  # parts of a turn
@@ -59,7 +59,7 @@ class Harmonic:
         self.since_edge = 0.0
         self.loads = [0.0] * PARTS
         self.share = QUICK
-        self.omega = self.load = self.mean = 0.0
+        self.omega = self.load = self.mean = self.drift = self.calm = 0.0
         self.time = self.slowest = self.fastest = self.rate_now = 0.0
         self.round_step = 0.0
         free = 2 if self.base > 4 else 1 if self.base > 2 else 0
@@ -137,6 +137,7 @@ class Harmonic:
         """No bend is learned where noise makes too much of it, or most of the ripple is fast; none acts where
         noise may make all of it."""
         size, shows = self.base * self.power, self.power > self.rest
+        self.calm = CALM * self.power / max(self.low, 1) * self.gain**2
         self.power = self.rest = self.bend_rate = 0.0
         if begun <= FULL / 2 or size <= 1e-9 or not shows or self.rate_now == 0:
             return
@@ -149,7 +150,7 @@ class Harmonic:
     def turn_bend(self, theta: int) -> None:
         """Every few steps the bend learns from how the phases moved; value and slope are computed anew."""
         turn = cmath.exp(1j * math.tau * theta / TURN)
-        if self.learning:
+        if self.learning and self.drift**2 < self.calm:
             now = STAYS * (self.moved - self.before) ** 2 - TURN_OF_BEND * self.doubt
             self.before = self.moved
             self.doubt += min(self.rate_now * self.pi.ts, 1 / TURN_OF_BEND) * now
@@ -212,13 +213,14 @@ class Harmonic:
             self.seated = False
             return
         if not self.seated:
-            self.theta, self.load, self.mean = theta, 0.0, 0.0
+            self.theta, self.load, self.mean, self.drift = theta, 0.0, 0.0, 0.0
             self.loads = [0.0] * PARTS
             self.omega = clip(finite_or_zero(omega_m) * self.pi.ts, math.pi)
             self.wait, self.seated = SETTLE, True
         e = self.observe(theta)
         self.mean += self.share * (self.load - self.mean)
         self.loads = [self.load - self.mean, *self.loads[:-1]]
+        self.drift += self.share * (self.loads[0] - self.drift)
         pause = 2 if self.acting > FEW else 4
         if self.since % pause == 1:
             self.make_gain(pause)

@@ -21,6 +21,7 @@
 #define NEW CGL_R(1.25)     /* ratio of speeds */
 #define BENT CGL_R(0.05)    /* rad, bound of each part of the bend */
 #define SURE CGL_R(2.5e-7)  /* rad^2: a variance of the bend beyond which it is not learned, (0.5 mrad)^2 */
+#define CALM CGL_R(0.02)    /* times the mean |c|^2: a drift of up to a seventh of |c| turns the orders by a seventh of a radian */
 #define STAYS CGL_R(0.125)  /* half of the share of z's noise, between two turns of the bend, that a mean keeps */
 #define DOUBTED CGL_R(64.0) /* a bend of up to so many variances is taken for none */
 #define PARTS 2U            /* of the slow orders: a step teaches one of them */
@@ -121,9 +122,9 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     clear(law->turned, 2U);
     clear(law->bend.part, 4U);
     law->bend.share = law->bend.rate = law->bend.power = law->bend.rest = law->bend.doubt = CGL_R(0.0);
-    law->bend.moved = law->bend.before = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
+    law->bend.calm = law->bend.moved = law->bend.before = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
     law->share = QUICK;
-    law->current = law->omega = law->load = law->mean = CGL_R(0.0);
+    law->current = law->omega = law->load = law->mean = law->drift = CGL_R(0.0);
     law->time = law->slowest = law->fastest = law->rate = CGL_R(0.0);
     law->since_edge = CGL_R(0.0);
     law->shown = law->theta = law->due = law->band = law->acting = law->low = 0U;
@@ -148,7 +149,7 @@ CGL_SELDOM static void seat(cgl_harmonic *law, uint32_t theta, cgl_real omega)
 {
     law->theta = theta;
     law->omega = cgl_clamp(omega * law->pi.ts * (CGL_R(1.0) / CGL_TWO_PI), HALF);
-    law->load = law->mean = CGL_R(0.0);
+    law->load = law->mean = law->drift = CGL_R(0.0);
     law->last = CGL_R(0.0);
     law->wait = CGL_HARMONIC_SETTLE;
     law->seated = true;
@@ -179,6 +180,7 @@ static cgl_real two_loads(cgl_harmonic *law)
 {
     law->mean += law->share * (law->load - law->mean);
     const cgl_real now = law->load - law->mean, sum = now + law->last;
+    law->drift += law->share * (now - law->drift);
     law->last = now;
     return sum;
 }
@@ -223,6 +225,8 @@ CGL_APART static void judge_bend(cgl_harmonic *law, cgl_real begun)
     const cgl_real *const part = bend->part;
     const cgl_real size = cgl_clamp((cgl_real)law->config.base * bend->power, CGL_R(1.0e9));
     const cgl_real scale = law->rate * law->pi.ts * size * size, variance = CGL_R(2.0) * bend->doubt;
+    const cgl_real mean = bend->power / (cgl_real)larger(law->low, 1U); /* of |c|^2, or less */
+    bend->calm = CALM * cgl_clamp(mean, CGL_R(1.0e9)) * law->gain * law->gain;
     bend->rate = CGL_R(0.0);
     const bool shows = size > CGL_R(1.0e-9) && bend->power > bend->rest;
     if (begun > CGL_R(0.5) * FULL && shows && variance < SURE * scale) {
@@ -243,7 +247,7 @@ CGL_APART static void turn_bend(cgl_harmonic *law, uint32_t theta)
     cgl_sincos_of_turns(theta, &y[0], &x[0]);
     x[1] = x[0] * x[0] - y[0] * y[0];
     y[1] = CGL_R(2.0) * x[0] * y[0];
-    if (law->learning) {
+    if (law->learning && law->drift * law->drift < bend->calm) {
         const cgl_real moved = cgl_clamp(bend->moved, CGL_R(1.0e9)), step = bend->rate * moved;
         const cgl_real rate = law->rate * law->pi.ts, most = CGL_R(1.0) / (cgl_real)TURN; /* beyond it no mean */
         const cgl_real change = moved - bend->before; /* noise, but not what the bend moves: that is nearly the same in both */

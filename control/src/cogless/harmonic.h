@@ -69,6 +69,7 @@ typedef struct {
     cgl_real rate;    /* of learning it [rad/A^2] */
     cgl_real power;   /* sum of k |c_k|^2 of the orders that teach it, the slow ones, in this round [A^2] */
     cgl_real rest;    /* and of the fast ones [A^2] */
+    cgl_real calm;    /* a drift whose square is larger tells nothing of the bend [turns^2/ts^4] */
     cgl_real moved;   /* how much they went on in phase, weighted with |c_k|^2, since it was learned last [A^2] */
     cgl_real before;  /* `moved` at the last turn */
     cgl_real doubt;   /* variance of `moved` per step that noise makes [A^4] */
@@ -90,7 +91,8 @@ typedef struct {
     uint32_t theta;          /* the observer's angle [turns of 2^32], */
     cgl_real omega;          /* speed [turns/ts], */
     cgl_real load;           /* z [turns/ts^2], */
-    cgl_real mean;           /* mean of z [turns/ts^2] */
+    cgl_real mean;           /* mean of z [turns/ts^2], */
+    cgl_real drift;          /* and the mean of what is left of z without it: what no order of the base has [turns/ts^2] */
     cgl_real share;          /* of z that the mean takes in a step */
     cgl_real last;           /* z without its mean, of the last step */
     cgl_real time;           /* of learning since the speed was new [s] */
