@@ -109,6 +109,32 @@ def test_the_compilers_first_error_is_told(monkeypatch, printed, told):
     assert str(error.value) == told
 
 
+def test_a_wheel_takes_the_engine_of_the_same_sources_from_a_cache(tmp_path, monkeypatch):
+    """As `make dist` and `make web` share it; without a cache each wheel compiles its own."""
+    made = []
+
+    def compiled(sources, target, precision):
+        made.append(precision)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(precision.encode())
+
+    monkeypatch.setattr(compile, "compiled", compiled)
+    sources, cache, folder = tmp_path / "sources", tmp_path / "cache", tmp_path / "web"
+    for name in ("control/src/a.c", "simulator/b.cpp"):
+        (sources / name).parent.mkdir(parents=True)
+        (sources / name).write_text("int a;")
+    folder.mkdir()
+    for rest in [cache], [cache], []:
+        compile.main(sources, folder, *rest)
+        assert {path.name: path.read_text() for path in folder.iterdir()} == {
+            name: precision for precision, name in compile.NAMES.items()
+        }
+    assert made == ["single", "double"] * 2
+    (sources / "simulator" / "b.cpp").write_text("int b;")
+    compile.main(sources, folder, cache)
+    assert made == ["single", "double"] * 3 and len(list(cache.iterdir())) == 4
+
+
 def test_the_engine_is_compiled_once_and_kept(tmp_path, monkeypatch, capsys):
     """Where it came with no wheel: as long as sources and options are the same."""
     made = []
@@ -131,7 +157,7 @@ def test_the_engine_is_compiled_once_and_kept(tmp_path, monkeypatch, capsys):
     assert engine.is_there("double") and not engine.is_there("single")
     (kept,) = (tmp_path / "cogless").iterdir()
     assert kept.name.endswith("-engine_double.wasm")
-    monkeypatch.setattr(engine, "FLAGS", ("-O3",))
+    monkeypatch.setattr(compile, "FLAGS", ("-O3",))
     assert not engine.is_there("double")
 
     def fails(*_):
