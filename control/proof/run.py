@@ -228,7 +228,7 @@ def check_view() -> None:
 NAMES = {run.name for run in [*BY_HAND, *RUNS, *MUTANTS]}
 
 
-class Stamps:
+class Proven:
     """The table of those that were green, written after each of them, so that a run that is stopped keeps
     what it proved."""
 
@@ -269,7 +269,7 @@ def main() -> int:
         return 2
     begin = time.monotonic()
     check_view()
-    proven = Stamps()
+    proven = Proven()
     ours = [*([] if arguments.stale else BY_HAND), *RUNS, *MUTANTS]
     chosen = [run for run in ours if not arguments.names or run.harness in arguments.names]
     if arguments.stale:
