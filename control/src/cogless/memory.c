@@ -322,15 +322,17 @@ CGL_SELDOM static void take_mean(cgl_memory *memory, cgl_real entries)
 CGL_APART static void scan(cgl_memory *memory, uint32_t moved)
 {
     const uint32_t cells = memory->config.cells, first = memory->scan_cell, passed = memory->map.passed;
-    const uint32_t end = passed > 1U ? first + passed : first + 1U, after = end < cells ? end : cells;
-    const cgl_real way = memory->gain * (cgl_real)moved * PER_TURN;
-    const cgl_real *entry = memory->cell;
-    for (cgl_channel *channel = memory->channel; channel < memory->channel + memory->centred; ++channel) {
-        channel->transfer = way * channel->drain;
-        for (uint32_t n = first; n < after; ++n) {
-            channel->partial += memory->per_entry * entry[n];
+    const uint32_t reach = first + (passed > 1U ? passed : 1U), after = reach < cells ? reach : cells;
+    const cgl_real way = memory->gain * (cgl_real)moved * PER_TURN, per_entry = memory->per_entry;
+    const cgl_channel *const end = memory->channel + memory->centred;
+    const cgl_real *row = memory->cell;
+    for (cgl_channel *channel = memory->channel; channel < end; ++channel, row += memory->row) {
+        cgl_real partial = channel->partial;
+        for (const cgl_real *entry = row + first; entry < row + after; ++entry) {
+            partial += per_entry * *entry;
         }
-        entry += memory->row;
+        channel->partial = partial;
+        channel->transfer = way * channel->drain;
     }
     memory->scan_cell = after;
     if (after == cells) {
