@@ -23,6 +23,7 @@ import cogless
 from cogless.ensemble.arena_scores import COLUMNS, RPM, Scores
 from cogless.live.toml import text
 from cogless.results.limits import AND, CAUSES
+from cogless.run.causes import LONGER
 
 TRIAL_COLUMNS = {
     "trials_to_floor": "trials to the floor, after each change",
@@ -219,7 +220,7 @@ def limit_table(content: Mapping[str, Any], scores: Scores) -> list[str]:
             "no single one"
         ]
         helps = [
-            f"`{_set(each['set'])}` leaves {number(each['value'] / RPM)}" for each in found["helps"].values()
+            f"{_set(each['set'])} leaves {number(each['value'] / RPM)}" for each in found["helps"].values()
         ]
         left = number(found["value"] / RPM)
         rows.append(
@@ -233,8 +234,10 @@ def _cause(name: str) -> str:
 
 
 def _set(changes: Mapping[str, Any]) -> str:
-    """Changes as `--set` takes them."""
-    return ", ".join(f"{key} = {text(value)}" for key, value in changes.items())
+    """Changes as `--set` takes them; a longer run is a longer time to learn."""
+    if any(key.endswith(".duration") for key in changes):
+        return f"{LONGER} times as long to learn"
+    return f"`{', '.join(f'{key} = {text(value)}' for key, value in changes.items())}`"
 
 
 def _mean(values: Sequence[float | None]) -> float:

@@ -74,7 +74,7 @@ def monitor_config(
     }
     if drive.inverter is not None and not isinstance(loop, IdealCurrentLoop):
         no_load = no_load_speed(drive.inverter.bus_voltage, motor, belief.psi_f)
-        derived["omega_max"] = SPEED_MARGIN * no_load + resolution
+        derived["omega_max"] = max(SPEED_MARGIN * no_load, no_load + resolution)
         derived["current_max"] = CURRENT_MARGIN * loop.current_limit
         if motor.phases == 3 and drive.current_sensors.sensors == 3:
             derived["current_sum"] = SUM_SHARE * loop.current_limit
