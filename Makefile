@@ -28,7 +28,7 @@ $(VENV)/dependencies: $(VENV)/tools
 	  print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["dependencies"], sep="\n")')
 	touch $@
 
-# without optimising across files, which takes a third of the build and gains .4 to 3 %: make dist has it
+# without optimising across files, for which a change of one C file costs half a minute; make dist has it
 $(VENV)/wheel: $(VENV)/tools $(SOURCES)
 	rm -rf $@
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir $@ \
