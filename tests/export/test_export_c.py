@@ -433,7 +433,7 @@ int main(void)
         return 1;
     }
     before = load_map();
-    const cgl_real rest = controller.memory[2]; /* an order, or as much less as the mean that a load leaves out */
+    const cgl_real rest = controller.memory[2]; /* an order; or a load takes a mean off both */
     controller.memory[1] = CGL_R(0.03125);
     if (save_map() != CGL_MAP_OK || NAME_init(&controller) != CGL_OK) {
         return 2;
