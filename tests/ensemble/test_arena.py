@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from cogless import load, run_study
-from cogless.design.auto import filled
 from cogless.ensemble import arena_cases, arena_files
 from cogless.ensemble.arena import ArenaResults, prepared, run_arena
 from cogless.ensemble.arena_cases import HOUR, LATE, TOLD, UNTOLD
@@ -255,23 +254,20 @@ def test_a_law_with_a_margin_of_its_own_stays_away_from_a_feedback_by_hand(tmp_p
 
 
 def test_what_limits_the_best_law_is_found_by_trying(tmp_path: Path) -> None:
-    """A coarse encoder does, and lines that are finer leave less, as the advice says."""
-    changes = {"drive": {"position_sensor": {"lines": 500, "speed_method": "M"}}}
-    coarse = arena(tmp_path, plant={"drone": {**PLANT, "changes": changes, "learn": "6 s"}})
-    found = run_arena(coarse, ["drone/*"], find_limits=True)
-    limits = found.limits["drone"]
-    best = min((r for r in found.runs if r.case == TOLD), key=lambda r: r.metrics["ripple_rad_s"])
-    assert limits.controller == best.law and limits.named[0].name == "sensor-steps"
-    told = json.loads(json.dumps(arena_files.to_dict(found)))["limits"]
-    assert told[0]["plant"] == "drone" and told[0]["named"][0] == "sensor-steps"
-    study, _ = prepared(coarse, "drone", [limits.controller])
-    alone = arena_cases.learning(study, limits.controller)
-    assert alone.scenario[TOLD].duration == 6.5 and not alone.scenario[TOLD].events
-    helps = told[0]["helps"]["part"]
-    changed_study = changed(alone, helps["set"])
-    (run,) = run_study(filled(changed_study)).runs
-    assert run.metrics["ripple_rad_s"] < 0.8 * limits.value
-    assert run_arena(coarse, ["drone/bar"]).limits == {}
+    """Dead time does, and its compensation leaves less, as the arena tells."""
+    laws = {**LAWS, "harmonic": {"law": "harmonic", "tuning": AUTO}}
+    fight = arena(tmp_path, seeds=[0], law=laws)
+    found = run_arena(fight, ["drone/*"], find_limits=True)
+    (told,) = json.loads(json.dumps(arena_files.to_dict(found)))["limits"]
+    assert (told["plant"], told["law"], told["named"][0]) == ("drone", "harmonic", "dead-time")
+    assert found.limits["drone"].controller == "harmonic"
+    study, _ = prepared(fight, "drone", ["harmonic"])
+    alone = arena_cases.learning(study, "harmonic")
+    assert alone.scenario[TOLD].duration == 3.5 and not alone.scenario[TOLD].events
+    helps = told["helps"]["setting"]
+    left = [run_study(changed(alone, each)).runs[0].metrics["ripple_rad_s"] for each in ({}, helps["set"])]
+    assert left == pytest.approx([told["value"], helps["value"]]) and left[1] < 0.8 * left[0]
+    assert run_arena(fight, ["drone/bar"]).limits == {}
 
 
 def test_the_shipped_arena_can_be_prepared_everywhere() -> None:
