@@ -64,7 +64,6 @@ def limits(causes, cures=(), value=10.0):
         order=None,
         value=value * RPM,
         causes=[Cause(name, x * RPM, 1 - (x / value) ** 2) for name, x in causes],
-        together=None,
         cures=[Cure("sensor-steps", changes, x * RPM, own) for changes, x, own in cures],
     )
 
@@ -171,7 +170,6 @@ def test_results_json_has_every_share_and_every_try(results):
             "value": made.value,
             "causes": [{"cause": "sensor-steps", "without": RPM, "share": 0.99}],
             "untried": [],
-            "without_all": None,
             "tried": [
                 {
                     "against": "sensor-steps",
