@@ -49,9 +49,13 @@ def error(scenario: str, duration: int, name: str, **changes: Any):
 
 
 def test_numbers_follow_from_slots_poles_and_drive(tmp_path):
-    told = learner(study(), "harmonic")
+    told = learner(study(**COMPENSATED), "harmonic")
     assert (told.base, told.orders) == (6, 72)  # 18 slots, 24 poles: to 6 lcm = 432
     assert told.base * told.fast == 144  # the highest order of its cogging
+    assert learner(study(), "harmonic").fast == 72  # dead time has all of its multiples
+    assert learner(study(**{"drive.inverter.dead_time": "0 s"}), "harmonic").fast == 24
+    drops = {"drive.inverter.dead_time": "0 s", "drive.inverter.device_drop": "0.5 V"}
+    assert learner(study(**drops), "harmonic").fast == 72
     assert told.b == pytest.approx(study().K_t / 6e-6)
     # a current loop of 1 kHz, whose phase rises a little, less half of its period of 50 us
     assert told.delay == pytest.approx(1 / (2 * math.pi * 1000) - 25e-6, rel=0.15)
@@ -82,7 +86,7 @@ def test_the_main_order_is_learned_whatever_the_slots(pole_pairs, slots, cogging
     waves = [{"order": n, "torque": "1 mN*m"} for n in cogging]
     motor = {"motor.pole_pairs": pole_pairs, "motor.slots": slots, "motor.cogging": waves}
     motor["drive.rates.integration_steps"] = 8
-    told = learner(study(**motor), "harmonic")
+    told = learner(study(**motor, **COMPENSATED), "harmonic")
     assert told.base == base
     if base != 2 or slots == 12:
         assert told.base * told.fast == max([math.lcm(2 * pole_pairs, slots), *cogging])
@@ -98,7 +102,7 @@ def test_the_main_order_is_learned_whatever_the_slots(pole_pairs, slots, cogging
     ],
 )
 def test_what_the_motor_is_told_to_have_is_learned_at_any_speed(tells):
-    bare = {"motor.cogging": []}
+    bare = {"motor.cogging": [], **COMPENSATED}
     assert learner(study(**bare), "harmonic").fast * 6 == 72
     assert learner(study(**bare | tells), "harmonic").fast * 6 == 144
 
@@ -235,7 +239,7 @@ def test_the_certificate_is_shown():
 
 def test_the_rate_is_well_below_where_all_orders_together_oscillate():
     """That is 0.15 / (N T) at low speeds; the rule's 1/16 leaves a gain margin of 2.4, which is 7.6 dB."""
-    slow, fast = certificate(study(), "harmonic").speeds
+    slow, fast = certificate(study(**COMPENSATED), "harmonic").speeds
     assert slow.rate == pytest.approx(1 / (16 * 72 * 0.2e-3)) and slow.most is not None
     assert slow.most / slow.rate == pytest.approx(2.4, rel=0.03)
     assert fast.rate == pytest.approx(1 / (16 * 24 * 0.2e-3)) and (fast.most or math.inf) > 2.4 * fast.rate

@@ -255,7 +255,7 @@ def test_a_law_with_a_margin_of_its_own_stays_away_from_a_feedback_by_hand(tmp_p
 
 def test_what_limits_the_best_law_is_found_by_trying(tmp_path: Path) -> None:
     """Dead time does, and its compensation leaves less, as the arena tells."""
-    laws = {**LAWS, "harmonic": {"law": "harmonic", "tuning": AUTO}}
+    laws = {"bar": LAWS["bar"], "harmonic": {"law": "harmonic", "tuning": AUTO}}
     fight = arena(tmp_path, seeds=[0], law=laws)
     found = run_arena(fight, ["drone/*"], find_limits=True)
     (told,) = json.loads(json.dumps(arena_files.to_dict(found)))["limits"]

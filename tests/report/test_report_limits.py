@@ -64,7 +64,6 @@ def limits(causes, cures=(), value=10.0):
         order=None,
         value=value * RPM,
         causes=[Cause(name, x * RPM, 1 - (x / value) ** 2) for name, x in causes],
-        together=None,
         cures=[Cure("sensor-steps", changes, x * RPM, own) for changes, x, own in cures],
     )
 
@@ -171,7 +170,6 @@ def test_results_json_has_every_share_and_every_try(results):
             "value": made.value,
             "causes": [{"cause": "sensor-steps", "without": RPM, "share": 0.99}],
             "untried": [],
-            "without_all": None,
             "tried": [
                 {
                     "against": "sensor-steps",
@@ -213,3 +211,12 @@ def test_ctrl_c_keeps_what_is_there(results, monkeypatch):
     monkeypatch.setattr(best_runs, "limits", pressed)
     ended = with_limits(results)
     assert ended.limits == {} and ended.runs == results.runs
+
+
+def test_the_sensors_share_is_told_once_where_a_run_has_measured_it(tmp_path):
+    """The verdict's own estimate of it, from the signals alone, gives way."""
+    text = TEXT.replace("bits = 10, window = 4", 'bits = 20, window = 4, eccentricity = "3 deg"')
+    eccentric = run_study(load(studies.write(tmp_path, text)), ["*/pi"])
+    (alone,), (both,) = verdicts(eccentric), verdicts(with_limits(eccentric))
+    said = [any("its share of the square" in sentence for sentence in v.details) for v in (alone, both)]
+    assert said == [True, False] and "the position sensor's own error" in both.details[0]

@@ -232,7 +232,7 @@ def test_a_cure_that_costs_elsewhere_says_so(study):
     results = limited(changed(study, noisy), "pi")
     found = results.limits["turning"]
     costs = {cure.changes.get('controller."pi".kp'): cure.costs for cure in found.cures}
-    worst = costs["0.16 A*s/rad"]["loss_W"]
+    worst = costs["0.08 A*s/rad"]["loss_W"]
     assert worst > 1.5
 
 
@@ -267,6 +267,45 @@ ki = "0.1 A/rpm/s"
 {TEXT[TEXT.index("[[metric]]") :].replace("2 s", "1 s")}"""
     found = limited(load(studies.write(tmp_path, masked)), "pi").limits["turning"]
     alone = [cause.share for cause in found.causes if len(cause.names) == 1]
-    assert max(alone) < 0.1 and found.together < 0.01 * found.value
+    assert max(alone) < 0.1
     (first,) = found.named
     assert {"sensor-steps", "disturbance"} == {*first.names} and first.share > 0.9
+
+
+def test_what_other_scenarios_need_doesnt_hide_a_cause(study):
+    """They reach into a list that a cause empties, and share a window that a longer run leaves."""
+    fixed = changed(study, {"scenario.turning.duration": "1.5 s", "metric.0.last": "0.5 s"})
+    metric = {"name": "ripple", "kind": "ripple-rms", "signal": "omega_m", "window": ["1 s", "1.5 s"]}
+    other = {**fixed.source.tables["scenario"]["turning"], "override": {"motor.cogging.0.torque": "1 mN*m"}}
+    two = changed(fixed, {"metric": [metric], "scenario.other": other})
+    (run,) = run_study(two, ["turning/harmonic"]).runs
+    found = limits(two, run, two.metric[0])
+    assert found.untried == [] and [cause.name for cause in found.named] == ["learning-time"]
+    assert {"learning-time", "disturbance"} <= {cause.name for cause in found.causes}
+    assert found.setting is None or "scenario.turning.duration" not in found.setting.changes  # it doesn't fit
+
+
+def test_hall_sensors_have_shares_of_their_steps_and_of_their_places():
+    hub = changed(load("hub-motor"), {"scenario.walk.duration": "12 s", "metric.0.last": "3 s"})
+    results = limited(changed(hub, {"scenario.ride.duration": "12 s"}), "pi-ilc")
+    found = results.limits["walk"]
+    assert {"sensor-steps", "sensor-error", "disturbance"} <= {cause.name for cause in found.causes}
+
+
+def test_a_stepper_of_fifty_pole_pairs_is_limited_by_its_detent(study):
+    """Its sqrt(200 T / J) of 137 Hz lies above the crossover: without detent next to nothing is left."""
+    motor = {"pole_pairs": 50, "R_s": "1.5 ohm", "L_d": "2.8 mH", "L_q": "2.8 mH", "K_t": "0.26 N*m/A"}
+    detent = {"cogging": [{"order": 200, "torque": "20 mN*m"}]}
+    nema = {
+        "motor": {**motor, **detent, "slots": 48},
+        "mechanics": {"inertia": "54 g*cm^2"},
+        "drive.position_sensor": {"kind": "absolute", "bits": 14},
+        "controller.pi": RULE,
+        "scenario.turning.reference": "30 rpm",
+        "scenario.turning.initial_speed": "30 rpm",
+    }
+    stepper = changed(study, nema)
+    results = limited(stepper, "pi")
+    found = results.limits["turning"]
+    assert found.named[0].name == "disturbance" and found.named[0].share > 0.95
+    applied(stepper, results)

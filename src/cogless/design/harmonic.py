@@ -88,8 +88,9 @@ def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
     """The lowest order, whose multiples are learned, the highest that is sure to be there, and the highest.
 
     Cogging has only multiples of the greatest common divisor of slots and poles, their lowest common multiple
-    foremost. That one is sure, and what the study tells of the motor; with a base by hand, all of its
-    multiples. None depends on a speed: the law acts with those that it can hold at the present one.
+    foremost. That one is sure, and what the study tells of the motor. All are with dead time that is not
+    compensated, which has every multiple of its order, and with a base by hand. None depends on a speed: the
+    law acts with those that it can hold at the present one.
 
     Hall sensors are off their places once per electrical revolution: from there on an order may be theirs.
     What they show below are the load's orders.
@@ -104,9 +105,15 @@ def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
     of_current = [ripple.order for ripple in motor.torque_ripple]
     of_current += [motor.pole_pairs * flux.order for flux in motor.flux_harmonics]
     sure = max([main, *cogging, *(order for order in of_current if order <= highest)])
-    if law.base:
-        return law.base, highest, highest
-    return _base(base, [main, *cogging], 3 * poles, least_base(study)), sure, highest
+    chosen = law.base or _base(base, [main, *cogging], 3 * poles, least_base(study))
+    return chosen, highest if law.base or _loses_voltage(study) else sure, highest
+
+
+def _loses_voltage(study: Study) -> bool:
+    """Whether the inverter has dead time or drops that nothing compensates."""
+    inverter = study.drive.inverter
+    lost = inverter is not None and bool(inverter.dead_time or inverter.device_drop)
+    return lost and study.drive.dead_time_compensation is None
 
 
 def _base(base: int, cogging: Sequence[int], inverter: int, least: int) -> int:

@@ -8,14 +8,13 @@ from typing import Any
 from cogless.report.comparison import shown_in
 from cogless.report.packing import number
 from cogless.report.verdict import called, listed, times
-from cogless.results.limits import CAUSES, Cause, Cure, Limits
+from cogless.results.limits import CAUSES, NAMED_MOST, Cause, Cure, Limits
 from cogless.results.metrics import result_name
 from cogless.study import Study
 from cogless.study.error_messages import dotted, look_up, toml
 from cogless.study.reading import Changes, split
 from cogless.study.remark import Remark
 
-CAUSES_MOST = 3  # in a sentence
 OVERLAP = 1.1  # sum of shares beyond which it is told that they overlap
 
 
@@ -32,7 +31,7 @@ def remark(study: Study, limits: Limits) -> Remark | None:
 
     parts = [
         f"{_words(cause)} {100 * cause.share:.0f} % of the square ({shown(cause.value)} without)"
-        for cause in named[:CAUSES_MOST]
+        for cause in named[:NAMED_MOST]
     ]
     both = "; the shares overlap" if sum(cause.share for cause in named) > OVERLAP else ""
     text = f"What limits {called(study, limits.controller)}: {listed(parts)}{both}."

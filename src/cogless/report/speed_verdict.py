@@ -100,7 +100,7 @@ def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] 
     basis = _basis(results, runs)
     if basis.line is None or basis.unjudged:
         return None
-    case, _ = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, basis.line), None)
+    case, _ = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, basis.line))
     best = next(iter(case.ranked or case.held), None)
     if best is None:
         return None
@@ -176,7 +176,7 @@ def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Li
     return ScenarioVerdict(scenario, "even", f"{at}, no speed is judged: {why}{wants}.", details)
 
 
-def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None) -> tuple[_Case, str]:
+def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = None) -> tuple[_Case, str]:
     """The case judged by measured values if the sensor's own error dominates, and a sentence about this.
 
     `limited`: what limits the best, with the sensor's share by a run without its error, told before.

@@ -24,13 +24,14 @@ CAUSES = {
 LETS_THROUGH = ("learning-time", "delay", "limit", "belief")  # they act by torque ripple that is left
 AND = " + "
 CLEAR_SHARE = 0.1  # of a result's square: what a cause must have to be named
+NAMED_MOST = 3  # causes that are told, and against which changes are tried
 HELPS = 0.8  # of the value as it is: what a change must leave at most to be advised
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A cause that was taken away. `value`: what the run's metric is without it, SI; `share`: its share of
-    the metric's square, at most 1, negative if the run is worse without it."""
+    """A cause that was taken away. `value`: what the run's metric is without it, SI. `share`: its share of
+    the metric's square, at most 1; negative if the run is worse without it."""
 
     name: str  # a key of CAUSES, or two of them with AND between
     value: float
@@ -59,9 +60,9 @@ class Cure:
 class Limits:
     """What limits a run, by one of its metrics, or by one order of it.
 
-    `causes` are those that the study has, the largest share first. Their shares need not add up to one:
-    `together` is the metric without all of them, SI, None if that run failed. `untried`: causes without
-    which the run can't be made, so nobody knows their share. `cures` were tried, the best first.
+    `causes` are those that the study has, the largest share first; their shares need not add up to one.
+    `untried`: causes without which the run can't be made, so nobody knows their share. `cures` were tried,
+    the best first.
     """
 
     scenario: str
@@ -70,9 +71,8 @@ class Limits:
     order: float | None
     value: float  # SI, of the run as it is
     causes: Sequence[Cause]
-    together: float | None
-    cures: Sequence[Cure]
     untried: Sequence[str] = ()
+    cures: Sequence[Cure] = ()
 
     @property
     def named(self) -> list[Cause]:

@@ -81,7 +81,6 @@ def _limits(results: Results) -> dict[str, Any]:
                 {"cause": cause.name, "without": cause.value, "share": cause.share} for cause in each.causes
             ],
             "untried": list(each.untried),
-            "without_all": each.together,
             "tried": [
                 {
                     "against": cure.cause,

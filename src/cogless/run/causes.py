@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from cogless.results import Run
 from cogless.results.status import Status
 from cogless.study import Study, for_scenario
@@ -17,6 +19,8 @@ from cogless.study.reading import Changes
 
 LONGER = 4  # times the scenario's duration, to see what has not been learned yet
 LARGER = 4  # times the limits of current and voltage
+TOLD = ("delay", "belief")  # causes without which a rule gives other gains
+REST_SHARE = 0.05  # of the largest speed; below it the rotor is near standstill
 FINE_LINES, FINE_BITS = 10_000_000, 31  # the most that an encoder has, and a word that shows an angle
 SENSOR, INVERTER, LOOP, CURRENTS = (
     f"drive.{table}" for table in ("position_sensor", "inverter", "current_loop", "current_sensors")
@@ -26,11 +30,12 @@ SENSOR, INVERTER, LOOP, CURRENTS = (
 @dataclass(frozen=True)
 class Suspect:
     """A cause that a study has. `without`: the study's changes that take it away. `beside`: changes that the
-    run has, too, with which the one without the cause is compared."""
+    run has, too, with which the one without the cause is compared. `told`: the controller is told."""
 
     name: str
     without: Changes
     beside: Changes
+    told: bool
 
 
 def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
@@ -48,11 +53,13 @@ def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
         "current-error": (_current_error(here), {}),
         "learning-time": (longer(study, run.scenario, run.controller, metric), {}),
         "disturbance": (_disturbance(study, run.scenario), {}),
-        "friction": (_friction(here), {}),
+        "friction": (_friction(here, run), {}),
         "limit": (_limit(here, run), {}),
         "belief": ({} if here.drive.belief == Belief() else {"drive.belief": {}}, {}),
     }
-    return [Suspect(name, without, beside) for name, (without, beside) in found.items() if without]
+    return [
+        Suspect(name, without, beside, name in TOLD) for name, (without, beside) in found.items() if without
+    ]
 
 
 def _steps(study: Study) -> Changes:
@@ -152,7 +159,14 @@ def _disturbance(study: Study, scenario: str) -> Changes:
     return found
 
 
-def _friction(study: Study) -> Changes:
+def _friction(study: Study, run: Run) -> Changes:
+    """No sliding friction, if it changes: with the angle, with the speed, or where the rotor rests."""
+    body = study.mechanics
+    changes = body.stribeck_speed or body.friction_harmonics or body.friction_table or body.load_side
+    if not changes and len(run.trace):
+        speed = np.abs(run.trace.part("omega_m", slice(len(run.trace) // 4, None)))
+        if speed.min() > REST_SHARE * speed.max():
+            return {}
     found: dict[str, Any] = {}
     for place, mass in (("mechanics", study.mechanics), ("mechanics.load_side", study.mechanics.load_side)):
         if mass is not None and mass.breakaway:

@@ -19,7 +19,7 @@ from cogless.study.reading import Changes
 OCTAVES = (4, 8, 16, 32)  # an observer's bandwidth is the law's rate over one of these
 FAST_OCTAVES = (1, 2, 4)  # the same where it shall be quick
 FACTORS = (2, 4)
-MORE_BITS = (2, 4, 6)
+MORE_BITS = (2, 6)
 BANDS = (0.003, 0.01, 0.03)  # of the current limit, in which dead time is compensated in part
 
 
@@ -141,9 +141,8 @@ def _gains(study: Study, controller: str) -> Iterator[Candidate]:
     law = study.controller[controller]
     key = f'controller."{controller}"'
     if isinstance(law, Feedback) and law.kp is not None and law.ki is not None:
-        for factor in FACTORS:
-            faster = {f"{key}.kp": f"{law.kp * factor:.4g} A*s/rad"}
-            yield Candidate({**faster, f"{key}.ki": f"{law.ki * factor:.4g} A/rad"})
+        faster = {f"{key}.kp": f"{2 * law.kp:.4g} A*s/rad", f"{key}.ki": f"{2 * law.ki:.4g} A/rad"}
+        yield Candidate(faster)
     if isinstance(law, Learning) and law.q_half_width:
         yield Candidate({f"{key}.q_half_width": law.q_half_width // 2})
 

@@ -24,7 +24,7 @@ from typing import Any
 from cogless.design.auto import filled, unfilled
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.limits import AND, CLEAR_SHARE, Cause, Cure, Limits
+from cogless.results.limits import AND, NAMED_MOST, Cause, Cure, Limits
 from cogless.results.metrics import Value, result_name
 from cogless.run.causes import Suspect, suspects
 from cogless.run.cures import candidates
@@ -41,6 +41,7 @@ SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less leaves nothin
 MOST_SHARE = 0.5  # of the square
 PAIRED_CAUSES = 4  # the largest ones, which are taken away in pairs
 CLEARLY_WORSE = 1.5  # ratio to a metric's value before
+PLANT = ("motor", "drive", "mechanics")  # tables that a scenario may override
 OF_WHOLE_STUDIES = ("calibration", "vary", "tune")
 STEP_SHARE_LEAST = 0.01  # of the position sensor's step, likewise
 
@@ -64,57 +65,57 @@ def limits(
     if value is None or value <= _negligible(study, run.scenario, metric):
         return None
     found = suspects(study, run, metric)
-    together = _merged([each.without for each in found])
-    pairs = [changes for each in found for changes in ({**each.beside, **each.without}, each.beside)]
-    values = [tries.value_of(metrics) for metrics in tries.metrics([*pairs, together])]
+    pairs = [change for each in found for change in (tries.without(each), tries.placed(each.beside))]
+    values = [tries.value_of(metrics) for metrics in tries.metrics(pairs)]
     causes = []
-    for each, without, beside in zip(found, values[:-1:2], values[1::2], strict=True):
+    for each, without, beside in zip(found, values[::2], values[1::2], strict=True):
         if without is not None and beside is not None:
             share = (min(beside, value) ** 2 - without**2) / value**2
             causes.append(Cause(each.name, without, share))
     causes.sort(key=lambda cause: -cause.share)
-    if values[-1] is not None and _hides(causes, 1 - (values[-1] / value) ** 2):
+    if sum(max(0.0, cause.share) for cause in causes) < MOST_SHARE:
         causes = sorted([*causes, *_pairs(tries, found, causes, value)], key=lambda cause: -cause.share)
     untried = [each.name for each in found if all(each.name != cause.name for cause in causes)]
-    clear = dict.fromkeys(n for cause in causes if cause.share >= CLEAR_SHARE for n in cause.names)
-    options = [(cause, each) for cause in clear for each in candidates(study, run, metric, cause)]
-    tried = tries.metrics([option.changes for _, option in options])
-    cures = [
-        Cure(cause, tries.placed(option.changes), left, option.setting, _costs(study, run, metric, metrics))
-        for (cause, option), metrics in zip(options, tried, strict=True)
-        if (left := tries.value_of(metrics)) is not None and tries.fits(option.changes)
-    ]
-    cures.sort(key=lambda cure: cure.value)
-    return Limits(
+    limited = Limits(
         scenario=run.scenario,
         controller=run.controller,
         metric=result_name(metric),
         order=order,
         value=value,
         causes=causes,
-        together=values[-1],
-        cures=cures,
         untried=untried,
     )
+    return replace(limited, cures=_cures(tries, study, run, metric, limited))
 
 
-def _hides(causes: Sequence[Cause], together: float) -> bool:
-    """Whether the causes one by one don't account for most of what they have together."""
-    return sum(max(0.0, cause.share) for cause in causes) < MOST_SHARE <= together
+def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limits) -> list[Cure]:
+    """What was tried against the named causes, the best first."""
+    clear = dict.fromkeys(name for cause in limited.named[:NAMED_MOST] for name in cause.names)
+    options = [(cause, each) for cause in clear for each in candidates(study, run, metric, cause)]
+    changes = [tries.placed(option.changes) for _, option in options]
+    cures = [
+        Cure(cause, change, left, option.setting, _costs(study, run, metric, metrics))
+        for (cause, option), change, metrics in zip(options, changes, tries.metrics(changes), strict=True)
+        if (left := tries.value_of(metrics)) is not None and tries.fits(change)
+    ]
+    return sorted(cures, key=lambda cure: cure.value)
 
 
 def _pairs(tries: _Tries, found: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:
-    """Pairs of the largest causes as one, for causes of which each covers the other."""
+    """Pairs of the largest causes that have most of the square together, as each covers the other."""
     apart = {each.name: each for each in found if not each.beside}
     largest = [apart[cause.name] for cause in causes if cause.name in apart][:PAIRED_CAUSES]
-    pairs = [*combinations(largest, 2)]
-    left = tries.metrics([_merged([a.without, b.without]) for a, b in pairs])
-    values = [tries.value_of(metrics) for metrics in left]
-    return [
-        Cause(f"{a.name}{AND}{b.name}", without, 1 - (without / value) ** 2)
-        for (a, b), without in zip(pairs, values, strict=True)
+    both = [
+        Suspect(f"{a.name}{AND}{b.name}", {**a.without, **b.without}, {}, a.told or b.told)
+        for a, b in combinations(largest, 2)
+    ]
+    values = [tries.value_of(metrics) for metrics in tries.metrics([tries.without(pair) for pair in both])]
+    causes_of_two = [
+        Cause(pair.name, without, 1 - (without / value) ** 2)
+        for pair, without in zip(both, values, strict=True)
         if without is not None
     ]
+    return [cause for cause in causes_of_two if cause.share >= MOST_SHARE]
 
 
 def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> dict[str, float]:
@@ -154,7 +155,7 @@ class _Tries:
     ) -> None:
         self._study, self._run, self._metric, self._order = study, run, metric, order
         self._jobs, self._traces = jobs, traces
-        self._tried: dict[str, Mapping[str, Value]] = {"{}": run.metrics}
+        self._tried: dict[str, Mapping[str, Value]] = {repr({}): run.metrics}
 
     def value_of(self, metrics: Mapping[str, Value]) -> float | None:
         """The metric's value, SI; None if there is none, or it isn't finite."""
@@ -190,24 +191,38 @@ class _Tries:
     def fits(self, changes: Changes) -> bool:
         """Whether the whole study, with its other scenarios and controllers, can be changed so."""
         try:
-            changed(self._study, self.placed(changes))
+            changed(self._study, changes)
         except StudyError:
             return False
         return True
 
-    def placed(self, changes: Changes) -> dict[str, Any]:
-        """The changes, in the scenario's override where that has a say, too."""
-        override = self._study.scenario[self._run.scenario].override
+    def without(self, suspect: Suspect) -> dict[str, Any]:
+        """The changes that take a cause away."""
+        return self.placed({**suspect.beside, **suspect.without}, suspect.told)
+
+    def placed(self, changes: Changes, told: bool = True) -> dict[str, Any]:
+        """The changes, in the scenario's override where that has a say, too.
+
+        `told`: whether the controller is told; if not, changes of the drive are in the override alone.
+        """
+        scenario, override = self._run.scenario, self._override
         over = {tuple(map(str, split(key))) for key in override}
-        outside: dict[str, Any] = {}
-        inside: dict[str, Any] = {}
+        placed: dict[str, Any] = {}
         for key, value in changes.items():
             path = tuple(map(str, split(key)))
             overridden = any(path[: len(other)] == other[: len(path)] for other in over)
-            (inside if overridden else outside)[key] = value
-        if inside:
-            outside[f'scenario."{self._run.scenario}".override'] = {**override, **inside}
-        return outside
+            if overridden or (not told and path[0] in PLANT):
+                whole = {name: inner for name, inner in override.items() if not name.startswith(f"{key}.")}
+                override = {**whole, key: value}
+            else:
+                placed[key] = value
+        return (
+            {**placed, f'scenario."{scenario}".override': override} if override != self._override else placed
+        )
+
+    @property
+    def _override(self) -> dict[str, Any]:
+        return self._study.scenario[self._run.scenario].override
 
     @cached_property
     def _alone(self) -> Study:
@@ -221,6 +236,7 @@ class _Tries:
         own = [m for m in study.metrics_in(scenario) if result_name(m) in self._run.metrics]
         places = [study.metric.index(m) for m in (self._metric, *(m for m in own if m != self._metric))]
         metrics = [source.tables["metric"][place] for place in places]
+        metrics[0] = {**metrics[0], "scenarios": [scenario]}
         over = {key: metrics[0][key] for key in ("window", "last") if key in metrics[0]}
         held = {"name": MEAN_ERROR, "kind": "mean", "signal": "omega_error", "scenarios": [scenario], **over}
         tables["metric"] = [*metrics, held]
@@ -238,7 +254,7 @@ class _Tries:
         """The changed study of this run alone; None if it is refused."""
         place, last = f"metric.{self._study.metric.index(self._metric)}.", len(self._alone.metric) - 1
         own: dict[str, Any] = {}
-        for key, value in self.placed(changes).items():
+        for key, value in changes.items():
             of_metric = key.startswith(place)
             keys = [f"metric.{n}.{key.removeprefix(place)}" for n in (0, last)] if of_metric else [key]
             own |= dict.fromkeys(keys, value)
@@ -253,10 +269,3 @@ class _Tries:
         mean = next((value for name, value in metrics.items() if name.startswith(MEAN_ERROR)), None)
         most = MEAN_SHARE_MOST * self._study.scenario[self._run.scenario].top_reference
         return isinstance(mean, float) and abs(mean) <= most if most else True
-
-
-def _merged(changes: Sequence[Changes]) -> dict[str, Any]:
-    """All changes; of a table that one of them replaces, what others change in it is dropped."""
-    found = {key: value for each in changes for key, value in each.items()}
-    whole = {key for key, value in found.items() if isinstance(value, dict) and value}
-    return {k: v for k, v in found.items() if not any(k.startswith(f"{table}.") for table in whole)}
