@@ -389,6 +389,16 @@ def test_a_study_is_told_what_the_proofs_ask() -> None:
     assert to_dict(study)["controllers"]["feedback"]["theorem"] is None
 
 
+def test_a_condition_that_asks_for_nothing_is_not_compared_by_a_ratio() -> None:
+    """A torque per current that is the same at every angle has g_d = 0."""
+    own = {"law": "space-speed", "tuning": {"rule": "auto"}}
+    flat = Path(__file__).parents[2] / "examples" / "my_motor.toml"
+    found = theorem(load(flat, {"controller.space": own}), "space")
+    assert found is not None and found.conditions[-1].asks == 0
+    assert "k = 0.133 is above g_d (eta_bar + omega+) / 2 (0), no k is enough for " in found.verdict()
+    assert "inf" not in found.verdict()
+
+
 def test_gains_that_meet_everything_are_covered() -> None:
     found = theorem(load("verrelli2016-speed"), "proven")
     assert found is not None

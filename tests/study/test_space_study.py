@@ -326,7 +326,8 @@ def test_what_a_law_records_can_be_measured(tmp_path: Path) -> None:
         ({"controller.pi": SPACE, "metric": [metric("P_t")]},
             'metric.0.signal: "P_t": expected a signal that a controller of this study has'),
         ({"metric": [metric("theta_error")]},
-            'metric.0.signal: "theta_error": expected a signal that a controller of this study has'),
+            'metric.0.signal: "theta_error": expected another, or a controller such as harmonic with '
+            "position = true"),
         ({"motor": STEP, "metric": [metric("i_c")]},
             'metric.0.signal: "i_c": expected another, since the motor has two phases'),
         ({**IDEAL, "metric": [metric("i_d")]},
