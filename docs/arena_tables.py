@@ -1,6 +1,6 @@
 """Tables of the arena for docs/studies/arena.md: who wins each column, what it costs, and every plant.
 
-cogless run arena -o results/arena
+cogless run arena --limits -o results/arena
 python docs/arena_tables.py --write results/arena/results.json
 """
 
@@ -20,7 +20,10 @@ from pil_tables import CASES
 from pil_tables import PAGE as COSTS
 
 import cogless
-from cogless.ensemble.arena_scores import COLUMNS, Scores
+from cogless.ensemble.arena_scores import COLUMNS, RPM, Scores
+from cogless.live.toml import text
+from cogless.results.limits import AND, CAUSES
+from cogless.run.causes import LONGER
 
 TRIAL_COLUMNS = {
     "trials_to_floor": "trials to the floor, after each change",
@@ -208,6 +211,35 @@ def trial_tables(content: Mapping[str, Any]) -> list[str]:
     return lines[:-1]
 
 
+def limit_table(content: Mapping[str, Any], scores: Scores) -> list[str]:
+    """The best law of each plant, what limits it, and what helps it most, as found by further runs."""
+    rows = []
+    for found in content["limits"]:
+        shares = {each["cause"]: each["share"] for each in found["causes"]}
+        causes = [f"{_cause(name)} ({100 * shares[name]:.0f} %)" for name in found["named"]] or [
+            "no single one"
+        ]
+        helps = [
+            f"{_set(each['set'])} leaves {number(each['value'] / RPM)}" for each in found["helps"].values()
+        ]
+        left = number(found["value"] / RPM)
+        rows.append(
+            [found["plant"], scores.label(found["law"]), left, "; ".join(causes), "; ".join(helps) or "-"]
+        )
+    return table(["plant", "least ripple", "r/min", "what limits it", "what would help"], rows)
+
+
+def _cause(name: str) -> str:
+    return " and ".join(CAUSES[each] for each in name.split(AND))
+
+
+def _set(changes: Mapping[str, Any]) -> str:
+    """Changes as `--set` takes them; a longer run is a longer time to learn."""
+    if any(key.endswith(".duration") for key in changes):
+        return f"{LONGER} times as long to learn"
+    return f"`{', '.join(f'{key} = {text(value)}' for key, value in changes.items())}`"
+
+
 def _mean(values: Sequence[float | None]) -> float:
     return sum(math.inf if value is None else value for value in values) / len(values)
 
@@ -240,6 +272,7 @@ def blocks(path: Path) -> Blocks:
         "hour": growth(scores),
         "seeds": seeds(scores),
         "plants": plant_tables(scores),
+        "limits": limit_table(content, scores),
         "trials": trial_tables(content),
     }
 

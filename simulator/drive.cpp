@@ -7,6 +7,8 @@
 #include <string>
 
 #include "angle_patch.hpp"
+#include "cogless/angle.h"
+#include "cogless/transform.h"
 #include "open_bridge.hpp"
 
 namespace cogless {
@@ -275,7 +277,7 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, std::int64_t end, 
 cgl_drive_output Drive::step_controller(DriveState& s, const cgl_measurement& now, const cgl_reference& reference) const {
     s.asked = reference;
     s.sampled = now;
-    if (measure(s)) step_law<star_legs>(s);
+    if (cgl_drive_measure(&s.control, &s.sampled, &s.asked)) step_law<star_legs>(s);
     actuate(s);
     return s.output;
 }
@@ -284,7 +286,7 @@ std::pair<bool, Measurement> Drive::measure_controller(DriveState& s, const cgl_
                                                        const cgl_reference& reference) const {
     s.asked = reference;
     s.sampled = now;
-    const bool due = measure(s);
+    const bool due = cgl_drive_measure(&s.control, &s.sampled, &s.asked);
     return {due, believed(s)};
 }
 
@@ -421,10 +423,23 @@ template <std::size_t legs>
     }
 }
 
+cgl_real Drive::measured_i_q(const DriveState& s) const {
+    cgl_real sine, cosine, i_d, i_q, alpha = s.sampled.i_abc[0], beta = s.sampled.i_abc[1];
+    if (config_.control.foc.phases != 2U) cgl_clarke(s.sampled.i_abc, &alpha, &beta);
+    cgl_sincos(static_cast<cgl_real>(config_.control.pole_pairs) * s.sampled.theta_m, &sine, &cosine);
+    cgl_park(alpha, beta, sine, cosine, &i_d, &i_q);
+    return i_q;
+}
+
+[[gnu::always_inline]] inline AngleCorrection Drive::correction(DriveState& s, const Faults& faults) const {
+    if (!config_.encoder_table) return {};
+    return {&s.encoder_table, config_.control.foreign ? static_cast<cgl_real>(s.plant.i.q) : measured_i_q(s), faults.missing};
+}
+
 Measurement Drive::measure_load(DriveState& s, const Phase& phase, std::int64_t origin, bool law_due, const Faults& faults) const {
     if (!faults.stuck) s.seen = s.plant.side.theta + faults.jump;
     const Measurement at = position_sensor_.sample(s.position, time(s.tick - origin), s.seen,
-                                                   faults.stuck ? 0.0 : s.plant.side.omega, law_due);
+                                                   faults.stuck ? 0.0 : s.plant.side.omega, law_due, correction(s, faults));
     constexpr double turn = 2.0 * std::numbers::pi;
     const double ratio = phase.plant.equations().load_side()->ratio(), theta = ratio * at.theta_m;
     return {theta - turn * round_down(theta / turn), ratio * at.omega_m};
@@ -547,14 +562,6 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
     for (const Running& r : all) plants.get(r.n, r.state->plant, here);
 }
 
-[[gnu::always_inline]] inline bool Drive::measure(DriveState& s) const {
-    if (!config_.encoder_table) return cgl_drive_measure(&s.control, &s.sampled, &s.asked);
-    cgl_measurement now = s.sampled;
-    cgl_encoder_table_step(&s.encoder_table, &now, s.control.i_q, true);
-    s.measured = {static_cast<double>(now.theta_m), static_cast<double>(now.omega_m)};
-    return cgl_drive_measure(&s.control, &now, &s.asked);
-}
-
 [[gnu::always_inline]] inline void Drive::actuate(DriveState& s) const {
     cgl_drive_actuate(&s.control, &s.output);
     const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
@@ -573,7 +580,7 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
     } else {
         if (!faults.stuck) s.seen = s.plant.theta_m + faults.jump;
         s.measured = faults.spoilt(position_sensor_.sample(s.position, time(s.tick - origin), s.seen,
-                                                           faults.stuck ? 0.0 : s.plant.omega_m, law_due));
+                                                           faults.stuck ? 0.0 : s.plant.omega_m, law_due, correction(s, faults)));
     }
     if (config_.speed_filter) {
         s.measured.omega_m =
@@ -602,7 +609,7 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
             const Drive& drive;
             DriveState& s;
             std::pair<bool, Measurement> measure(const cgl_measurement&, const cgl_reference&) {
-                const bool due = drive.measure(s);
+                const bool due = cgl_drive_measure(&s.control, &s.sampled, &s.asked);
                 return {due, believed(s)};
             }
             BusCommand law(const Measurement& then) { return drive.far_law<legs>(s, then); }
@@ -614,7 +621,7 @@ void Drive::control(DriveState& s, const Phase& phase, std::int64_t origin, bool
         } own{*this, s};
         over_bus(s, own);
     } else {
-        if (measure(s)) step_law<legs>(s);
+        if (cgl_drive_measure(&s.control, &s.sampled, &s.asked)) step_law<legs>(s);
         if (steps_currents_) step_current<legs>(s);
         actuate(s);
     }

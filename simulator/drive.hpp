@@ -187,7 +187,6 @@ private:
     };
 
     // The controller's part of a tick before the law; whether the law is due.
-    bool measure(DriveState& state) const;
     // A period of a controller whose law has what reached it over the bus, and whose drive has the command that did.
     template <class Parts>
     void over_bus(DriveState& state, Parts& controller) const;
@@ -236,6 +235,9 @@ private:
     // Lets the position sensor see the rotor at theta_m, or the load side, h after the time `from`.
     void watch(DriveState& state, double from, double h, double theta_m, const Faults& faults) const;
     // What the drive makes of a position sensor on the load side. Not inlined into the loop, which hardly ever needs it.
+    // By what was measured in the last tick, whoever controls the drive [A].
+    cgl_real measured_i_q(const DriveState& state) const;
+    AngleCorrection correction(DriveState& state, const Faults& faults) const;
     [[gnu::noinline]] Measurement measure_load(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due,
                                                const Faults& faults) const;
     template <std::size_t legs>

@@ -62,7 +62,7 @@ std::optional<Stored> stored_map(const CState& law) {
     return stored;
 }
 
-// Puts values, channel by channel, in place of what a law has learned. Throws std::invalid_argument if it has no map, or one of
+// Puts values, channel by channel, in place of what a law has learned, as a load from flash does. Throws std::invalid_argument if it has no map, or one of
 // another shape.
 template <auto map_of, class CState>
 void put_map(const CState& law, const std::vector<std::vector<double>>& values) {
@@ -77,6 +77,7 @@ void put_map(const CState& law, const std::vector<std::vector<double>>& values) 
         std::transform(values[c].begin(), values[c].end(), map.entry + std::size_t{c} * map.stride,
                        [](double x) { return static_cast<cgl_real>(x); });
     }
+    cgl_map_centre(&map);
 }
 
 // Throws std::invalid_argument if a law's init returned an error.

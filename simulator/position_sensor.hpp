@@ -20,6 +20,7 @@
 
 #include "cogless/angle_observer.h"
 #include "cogless/encoder.h"
+#include "cogless/encoder_table.h"
 #include "cogless/hall.h"
 #include "cogless/speed_count.h"
 #include "cogless/speed_timed.h"
@@ -57,6 +58,13 @@ struct PositionSensorConfig {
 struct Measurement {
     double theta_m;  // rad, within one revolution of zero upwards
     double omega_m;  // rad/s
+};
+
+// What takes the sensor's own error out of its angle.
+struct AngleCorrection {
+    cgl_encoder_table* table = nullptr;  // null: the sensor is believed; so are an ideal one and Hall sensors
+    cgl_real i_q = 0;                    // A, measured in the last period
+    bool missing = false;                // the sensor gives no angle
 };
 
 class PositionSensor {
@@ -146,14 +154,16 @@ public:
     }
 
     // Measures, once per current-loop period; speed_sample: the speed loop runs in it too.
-    [[gnu::always_inline]] Measurement sample(State& s, double time, double theta_m, double omega_m, bool speed_sample) const {
+    [[gnu::always_inline]] Measurement sample(State& s, double time, double theta_m, double omega_m, bool speed_sample,
+                                              const AngleCorrection& correction) const {
         if (config_.kind == PositionSensorKind::ideal) return {wrapped(theta_m), omega_m};
         if (config_.kind == PositionSensorKind::hall) return sample_hall(s, time);
         if (!s.past.empty()) theta_m = old(s, theta_m, omega_m);
         if (!watches()) s.count = count(seen(theta_m));
+        const double theta = corrected(s, wrapped(static_cast<double>(s.count) * step_), correction);
         const bool observed = config_.speed_method == SpeedMethod::observer;
-        if (observed || speed_sample || averages()) s.omega_m = speed(s, time);
-        return {wrapped(static_cast<double>(s.count) * step_), s.omega_m};
+        if (observed || speed_sample || averages()) s.omega_m = speed(s, time, correction.table);
+        return {theta, s.omega_m};
     }
 
 private:
@@ -162,6 +172,16 @@ private:
     static double wrapped(double theta) { return theta - turn * round_down(theta / turn); }
 
     bool averages() const { return config_.speed_method == SpeedMethod::average; }
+
+    // The sensor's angle without its own error, which is learned from it.
+    static double corrected(const State& s, double theta, const AngleCorrection& correction) {
+        if (correction.table == nullptr) return theta;
+        cgl_measurement now{};
+        now.theta_m = correction.missing ? std::numeric_limits<cgl_real>::quiet_NaN() : static_cast<cgl_real>(theta);
+        now.omega_m = static_cast<cgl_real>(s.omega_m);
+        cgl_encoder_table_step(correction.table, &now, correction.i_q, true);
+        return correction.missing ? theta : static_cast<double>(now.theta_m);
+    }
 
     double seen(double theta_m) const {
         double error = 0.0;
@@ -257,15 +277,18 @@ private:
         require(cgl_angle_observer_init(&s.observer, &observer, static_cast<cgl_real>(current_period)), "speed observer");
     }
 
-    double speed(State& s, double time) const {
-        if (watches()) return static_cast<double>(cgl_speed_timed_step(&s.timed, &s.edges, clocked(time)));
+    // From the corrected angles, if there is a table.
+    double speed(State& s, double time, const cgl_encoder_table* table) const {
         if (config_.speed_method == SpeedMethod::observer) {
             cgl_encoder_step(&s.encoder, low(s.count));
-            cgl_angle_observer_step(&s.observer, s.encoder.turns);
+            cgl_angle_observer_step(&s.observer, table == nullptr ? s.encoder.turns : cgl_encoder_table_turns(table, s.encoder.turns));
             return static_cast<double>(s.observer.omega);
         }
         s.counted.before = s.before.data();
-        return static_cast<double>(cgl_speed_count_step(&s.counted, low(s.count)));
+        const cgl_real omega_m = watches() ? cgl_speed_timed_step(&s.timed, &s.edges, clocked(time))
+                                           : cgl_speed_count_step(&s.counted, low(s.count));
+        if (table == nullptr) return static_cast<double>(omega_m);
+        return static_cast<double>(cgl_encoder_table_speed(table, omega_m, watches() ? s.timed.time : s.counted.time));
     }
 
     PositionSensorConfig config_;

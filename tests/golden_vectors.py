@@ -261,8 +261,9 @@ def monitor(rng: np.random.Generator) -> list:
         theta += omega * ts if not 200 <= n < 250 else 0.0
         measured = math.nan if n in (40, 41) or 150 <= n < 160 else theta + (0.5 if 80 <= n < 110 else 0.0)
         i = [2.0, -1.0, -1.0] if n != 270 else [4.0, -1.0, -1.0]
-        row = single([*i, measured % (2 * math.pi), omega if n != 130 else 900.0, 24.0, omega])
-        said = m.step(row[:3], *row[3:])
+        full = 205 <= n < 240 and n != 212
+        row = single([*i, measured % (2 * math.pi), omega if n != 130 else 900.0, 24.0, omega, full])
+        said = m.step(row[:3], *row[3:7], full)
         status = sum(STATUS[name] for name in said)
         rows.append([*row, m.theta, m.omega, status, m.trusted])
     return case([*values, 3, ts], rows)
@@ -351,11 +352,13 @@ def subjects() -> dict[str, Callable[[], list[list]]]:
         step = single(1e-3)
 
         def at(omega: float, base: int, steps: int) -> list:
-            one = Harmonic(Pi(kp, ki, ts, limit), *numbers, base, 5, *rates, tuple(held), sensor_step=step)
-            config = [kp, ki, limit, 0.0, *numbers, step, base, 2, 5, *rates, *held]
+            one = Harmonic(
+                Pi(kp, ki, ts, limit), *numbers, base, 5, *rates, tuple(held), sensor_step=step, fast=4
+            )
+            config = [kp, ki, limit, 0.0, *numbers, step, base, 2, 5, 4, *rates, *held]
             return law(rng(), one, config, ts, True, steady_inputs(steps, ts, omega))
 
-        return [at(10.0, 6, 1500), at(single(30.0), 12, 400)]  # slow orders; one slow and four quick ones
+        return [at(10.0, 6, 1500), at(single(30.0), 12, 400)]  # slow orders; one slow and three quick ones
 
     return {
         "pi": lambda: [pi(rng())],

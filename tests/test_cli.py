@@ -97,8 +97,8 @@ def test_run_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.C
     study = (studies.write(tmp_path), "--set", "controller.fair.gain=9")
     code, _, err = cogless(capsys, "run", *study, *options, "-o", tmp_path)
     assert code == 0
-    said = "controller.fair: unstable with what learning adds at once, at 500 Hz; lower its learning gains"
-    assert err.splitlines()[-1] == f"Warning: {said}."
+    said = "controller.fair: unstable with what learning adds at once, at 500 Hz; gain = "
+    assert err.splitlines()[-1].startswith(f"Warning: {said}")
     assert err.count("Warning: ") == 3  # and both scenarios are too short to learn in
 
 
@@ -737,7 +737,7 @@ def test_all_commands_with_jobs_run_as_many_as_there_are_cores_by_default() -> N
         for name, each in inspect.signature(command.callback).parameters.items()
         if name == "jobs"
     ]
-    assert defaults == [os.cpu_count()] * 4
+    assert len(defaults) > 3 and set(defaults) == {os.cpu_count()}
 
 
 def test_a_tuning_s_mistake_is_told_before_it_begins(

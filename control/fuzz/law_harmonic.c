@@ -18,6 +18,7 @@ bool law_begin(feed *from)
     config.base = 1U + (feed_bool(from) ? feed_below(from, 40U) : feed_below(from, CGL_HARMONIC_ORDER_MAX));
     config.bends = feed_below(from, 3U);
     config.orders = 1U + feed_below(from, feed_bool(from) ? 8U : CGL_HARMONIC_ORDERS);
+    config.fast = feed_below(from, config.orders + 1U);
     config.rate = feed_gain(from, CGL_R(10.0));
     config.rate_min = feed_gain(from, CGL_R(1.0));
     config.limit = feed_gain(from, CGL_R(2.0));

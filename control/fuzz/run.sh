@@ -16,11 +16,25 @@ if [ -z "$clang" ] || ! echo 'int LLVMFuzzerTestOneInput(const char *d, long n) 
 fi
 mkdir -p "$out"
 
-build() { # name, sources
-  name=$1
-  shift
+compile() { # flags, sources
   "$clang" -g -O2 -std=c99 -ffp-contract=off -fsanitize=fuzzer,address,undefined,float-cast-overflow \
-    -fno-sanitize-recover=all -Wall -Wextra -Wconversion -Icontrol/src "$@" control/src/cogless/*.c -o "$out/$name"
+    -fno-sanitize-recover=all -Wall -Wextra -Wconversion -Icontrol/src "$@"
+}
+
+library() { # name, flags: once for all targets that link its objects
+  objects=$out/$1.objects
+  shift
+  rm -rf "$objects"
+  mkdir "$objects"
+  for source in control/src/cogless/*.c; do
+    compile "$@" -c "$source" -o "$objects/$(basename "$source" .c).o"
+  done
+}
+
+build() { # name, library, flags and sources
+  name=$1 objects=$out/$2.objects
+  shift 2
+  compile "$@" "$objects"/*.o -o "$out/$name"
 }
 
 fuzz() { # name
@@ -42,12 +56,15 @@ if [ "${3:-}" ]; then # one target, for xargs below
 fi
 # Comparisons, when traced, show the fuzzer a map's magic numbers. A controller compares numbers that were scaled: there they show
 # nothing and take half the time. So does -entropic, which weighs inputs by how rare is what they reach.
-build map_store "$here/map_store.c"
-build map_store-double -DCOGLESS_DOUBLE "$here/map_store.c"
+library single
+library double -DCOGLESS_DOUBLE
+library untraced -fno-sanitize-coverage=trace-cmp
+build map_store single "$here/map_store.c"
+build map_store-double double -DCOGLESS_DOUBLE "$here/map_store.c"
 names="map_store map_store-double"
 for law in "$here"/law_*.c; do
   name=$(basename "$law" .c)
-  build "${name#law_}" -fno-sanitize-coverage=trace-cmp "$here/controller.c" "$law"
+  build "${name#law_}" untraced -fno-sanitize-coverage=trace-cmp "$here/controller.c" "$law"
   names="$names ${name#law_}"
 done
 for name in $names; do echo "$name"; done | xargs -P "$jobs" -I{} "$0" "$runs" "$jobs" {}

@@ -8,7 +8,7 @@ static cgl_real cell[CGL_HARMONIC_LENGTH(ORDERS)];
 int main(void)
 {
     const cgl_harmonic_config config = {{any_real(), any_real(), ANY_LIMIT}, any_real(), any_real(), any_real(), any_real(), any_bits(), any_bits(),
-                                        ORDERS,
+                                        ORDERS, any_bits(),
                                         any_real(), any_real(), ANY_LIMIT,
                                         {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(),
                                          any_real()}};

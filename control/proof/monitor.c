@@ -18,7 +18,7 @@ int main(void)
         } else if (any_bool()) {
             cgl_monitor_trust(&monitor);
         } else {
-            cgl_monitor_step(&monitor, &now, any_real());
+            cgl_monitor_step(&monitor, &now, any_real(), any_bool());
         }
         Frama_C_show_each_output(monitor.theta_m);
         PROVE(monitor.theta_m >= CGL_R(0.0) && monitor.theta_m <= CGL_TWO_PI);

@@ -234,6 +234,11 @@ static void try_encoder_table(void)
         }
         hear(now.theta_m);
         hear(now.omega_m);
+        const cgl_real mean = random_real(CGL_R(200.0)), time = random_below(4) ? random_gain(CGL_R(0.01)) : random_real(CGL_R(0.01));
+        const cgl_real speed = cgl_encoder_table_speed(&table, mean, time);
+        CHECK(!cgl_is_finite(mean) || cgl_is_finite(speed));
+        hear(speed);
+        hear_bits(cgl_encoder_table_turns(&table, random_bits()));
         hear_bits(table.learning);
         hear_bits(table.wait);
         CHECK(within(table.observer.omega, table.observer.omega_max));
@@ -323,7 +328,7 @@ void try_parts(long configs)
         {"speed", try_speed, 0x3989de0eU, 0x2510e6bcU},
         {"angle_observer", try_angle_observer, 0xfc9c7959U, 0x7dfbe762U},
         {"encoder", try_encoder, 0x169f7619U, 0x169f7619U},
-        {"encoder_table", try_encoder_table, 0xe996691cU, 0x4e87504eU},
+        {"encoder_table", try_encoder_table, 0x0eb0789dU, 0x409e4b71U},
         {"calibration", try_calibration, 0xe681e117U, 0x5669f70bU},
         {"low_pass", try_low_pass, 0x3fdd7ae4U, 0x576bdf15U},
         {"hall", try_hall, 0xb8415665U, 0x3a0696a6U},

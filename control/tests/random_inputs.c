@@ -696,6 +696,7 @@ static cgl_harmonic_config random_harmonic(void)
     config.base = 1U + random_below(random_below(20) ? 40U : CGL_HARMONIC_ORDER_MAX);
     config.bends = random_below(3);
     config.orders = 1U + random_below(random_below(4) ? 8U : CGL_HARMONIC_ORDERS);
+    config.fast = random_below(config.orders + 1U);
     config.rate = random_gain(CGL_R(10.0));
     config.rate_min = random_gain(CGL_R(1.0));
     config.limit = random_gain(CGL_R(2.0));
@@ -740,7 +741,7 @@ static void try_harmonic(void)
             CHECK((uint32_t)law.cosine[2U * config.orders + k] == config.base * (k + 1U));
         }
         CHECK(within(out.i_q_ref, config.pi.limit));
-        const cgl_real state[] = {law.learned, law.rate, law.time, law.anchor, law.omega, law.load};
+        const cgl_real state[] = {law.learned, law.rate, law.time, law.slowest, law.omega, law.load};
         hear_all(state, sizeof state / sizeof state[0]);
         hear_terms(law.bend.part, sizeof law.bend.part);
         CHECK(within(law.learned, config.limit));
@@ -753,6 +754,7 @@ static void try_harmonic(void)
             cgl_harmonic_config other = random_harmonic();
             other.base = config.base;
             other.orders = config.orders + (random_below(40) == 0U ? 1U : 0U);
+            other.fast = random_below(config.orders + 1U);
             config = cgl_harmonic_retune(&law, &other) == CGL_OK ? other : config;
         }
     }
@@ -1147,6 +1149,8 @@ static void check_monitor(const cgl_monitor_config *config, const cgl_monitor *m
     CHECK(cgl_is_finite(monitor->still));
     CHECK(monitor->gap <= limits->bridge + 1U && monitor->holding <= limits->hold + 1U);
     CHECK(monitor->blind <= limits->window + 1U && monitor->lost >= monitor->gap);
+    CHECK(monitor->attempt <= monitor->standing && monitor->pushing <= monitor->standing);
+    CHECK((monitor->status & (unsigned)CGL_STATUS_ANGLE_STUCK) == 0U || monitor->attempt > 0U);
     CHECK(monitor->safe == (monitor->holding > 0U));
     CHECK(!(monitor->safe && monitor->trusted));
     CHECK((monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U && monitor->standing == 0U
@@ -1175,9 +1179,10 @@ static void try_monitor(void)
         cgl_measurement now;
         next_measurement(&now, step);
         const cgl_real omega_ref = random_below(8) ? CGL_R(100.0) : random_real(CGL_R(100.0));
+        const bool full = random_below(4) != 0U;
         long_way = monitor;
-        cgl_monitor_step(&monitor, &now, omega_ref);
-        cgl_monitor_look(&long_way, &now, omega_ref);
+        cgl_monitor_step(&monitor, &now, omega_ref, full);
+        cgl_monitor_look(&long_way, &now, omega_ref, full);
         hear(monitor.theta_m);
         hear(monitor.omega_m);
         hear(monitor.shift);
@@ -1437,19 +1442,19 @@ void random_inputs(long configs)
         {"foc", try_foc, 0x082c37fdU, 0xf5856175U},
         {"pi", try_pi, 0x9c475f64U, 0xb1f1788bU},
         {"memory", try_memory, 0x2d03223fU, 0xd98b4ef0U},
-        {"pi_ilc", try_pi_ilc, 0x7bbfa195U, 0x9a6c0b7fU},
-        {"robust_ilc", try_robust_ilc, 0x739b6937U, 0xe58800fcU},
-        {"space_position", try_space_position, 0x865890d0U, 0x5ad98322U},
-        {"space_speed", try_space_speed, 0x81ed90c6U, 0xae9312c4U},
+        {"pi_ilc", try_pi_ilc, 0x3f0b4c32U, 0x5212b844U},
+        {"robust_ilc", try_robust_ilc, 0x476ec3d1U, 0xb8e91120U},
+        {"space_position", try_space_position, 0xd243253bU, 0xcac85270U},
+        {"space_speed", try_space_speed, 0x2ff09a6bU, 0x400a3aafU},
         {"anti_cogging", try_anti_cogging, 0x49d06b15U, 0x1eddd603U},
         {"pi_afc", try_pi_afc, 0xea66f9e9U, 0x7c4368a1U},
         {"zero_phase", try_zero_phase, 0x428ca5d0U, 0x74f1ea8fU},
         {"trial", try_trial, 0x2bfe0cefU, 0x5039bc65U},
-        {"monitor", try_monitor, 0xb6462ec9U, 0xb21e67f2U},
+        {"monitor", try_monitor, 0x203e3558U, 0xac5eaeb9U},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
-        {"drive", try_drive, 0xa0e1abb3U, 0xc2752ad5U},
+        {"drive", try_drive, 0x6ac96239U, 0xbac5265dU},
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
-        {"harmonic", try_harmonic, 0x20b3777bU, 0x778d49f1U},
+        {"harmonic", try_harmonic, 0x4dcd1464U, 0x979a43bbU},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);

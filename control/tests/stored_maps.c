@@ -20,7 +20,7 @@ static void make(owner *o, uint32_t channels, uint32_t cells)
 {
     const cgl_map map = {o->memory, cells + 3U, cells, channels, 1U, 3U, 1U, CGL_MAP_LAW_SPACE_SPEED,
                          {CGL_MAP_UNIT_CURRENT, CGL_MAP_UNIT_CURRENT_PER_SPEED, CGL_MAP_UNIT_CURRENT_PER_ACCELERATION},
-                         {CGL_R(1.0), CGL_R(2.0), CGL_R(4.0)}, NULL};
+                         {CGL_R(1.0), CGL_R(2.0), CGL_R(4.0)}, NULL, 0U};
     o->map = map;
     for (uint32_t n = 0; n < ENTRIES + 16U; ++n) {
         o->memory[n] = UNTOUCHED;

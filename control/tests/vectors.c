@@ -316,6 +316,7 @@ static void harmonic(void)
     config.base = count();
     config.bends = count();
     config.orders = count();
+    config.fast = count();
     config.rate = real();
     config.rate_min = real();
     config.limit = real();
@@ -430,7 +431,8 @@ static void monitor(void)
         now.theta_m = real();
         now.omega_m = real();
         now.u_dc = real();
-        cgl_monitor_step(&state, &now, real());
+        const cgl_real omega_ref = real();
+        cgl_monitor_step(&state, &now, omega_ref, flag());
         expect(state.theta_m);
         expect(state.omega_m);
         expect_same(state.status & ~(unsigned)CGL_STATUS_OFF);

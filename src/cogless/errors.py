@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
+from typing import Any, Self
 
 WRONG, INTERRUPTED = 2, 130  # exit codes
 
@@ -11,8 +13,16 @@ WRONG, INTERRUPTED = 2, 130  # exit codes
 class StudyError(Exception):
     """A mistake in a study or on the command line, as `FILE: key: VALUE: expected ...`; one line per mistake.
 
-    The command line prints the text unchanged and exits with code 2.
+    The command line prints the text unchanged and exits with code 2. `cures`: the changes that the text
+    advises, values by dotted key; each of these helps without the others.
     """
+
+    cures: tuple[Mapping[str, Any], ...] = ()
+
+    def advising(self, *cures: Mapping[str, Any]) -> Self:
+        """The same error, with the changes that it advises."""
+        self.cures = cures
+        return self
 
 
 def say(line: str) -> None:

@@ -15,21 +15,6 @@ from cogless.files import control_sources
 from cogless.units import Dimension
 
 ROW = re.compile(r'^CGL_SIGNAL\("(\w+)", "(.*?)", "(.*?)", ([\w ]+), .*\)$', re.MULTILINE)
-DIMENSIONS: dict[str, Dimension] = {
-    dimension.unit: dimension
-    for dimension in (
-        units.TIME,
-        units.ANGLE,
-        units.ANGULAR_SPEED,
-        units.ANGULAR_ACCELERATION,
-        units.CURRENT,
-        units.VOLTAGE,
-        units.TORQUE,
-        units.ENERGY,
-        units.TEMPERATURE,
-        units.NONE,
-    )
-}
 
 
 @dataclass(frozen=True)
@@ -120,4 +105,4 @@ def _dimensions(kinds: frozenset[str], laws: tuple[str, ...]) -> dict[str, Dimen
     found = {name: each.unit for name, each in (RECORDED | DERIVED).items() if exists(name, kinds)}
     del found["time"]
     found |= {term.signal: term.unit for name in laws for term in C_LAWS[name].terms}
-    return {name: DIMENSIONS[unit] for name, unit in found.items()}
+    return {name: units.dimension_of(unit) for name, unit in found.items()}

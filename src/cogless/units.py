@@ -151,6 +151,18 @@ READINGS = {
     ("rad/s", "Hz"): 'may be "rev/s", or that of the current, pole_pairs times as much',
     ("rad/s", "1/s"): 'may be "rad/s" or "rev/s"',
 }
+NAMED = tuple(each for each in list(vars().values()) if isinstance(each, Dimension))
+
+
+@cache
+def dimension_of(unit: str) -> Dimension:
+    """The first dimension above that has this SI unit, or one without a name; UnitError: unknown unit."""
+    named = next((dimension for dimension in NAMED if dimension.unit == unit), None)
+    if named is not None:
+        return named
+    if not is_known(unit):
+        raise UnitError(f'expected a known unit, not "{unit}"')
+    return Dimension(f"a quantity in {unit}", unit)
 
 
 def parse(text: str, dimension: Dimension) -> float:

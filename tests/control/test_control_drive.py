@@ -105,6 +105,7 @@ def test_in_torque_mode_references_follow_the_rotor_and_nothing_is_judged(precis
     controller.ticks(5000, torque=True, i_q_ref=0.4, omega_ref=-300.0)
     assert controller.out.status == 0
     assert states(controller) == before
+    controller.law = -5.0
     controller.ticks(5000, omega_ref=-300.0)
     assert controller.has("ANGLE_STUCK")
 
@@ -148,6 +149,42 @@ def test_a_safe_output_is_no_voltage_and_starts_anew(precision):
     assert controller.out.status == 0
     assert controller.out.i_q_ref == 1
     assert not controller.inputs[-1]["off"]
+
+
+@PRECISIONS
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    "law, changes, status, stuck",
+    [
+        (4.9, {}, 0, True),  # somebody's own law, which says nothing
+        (4.0, {}, 0, False),
+        (4.0, {}, 1, True),  # the law's own limit is lower
+        (-4.9, {}, 1, False),  # full current the other way
+        (7.0, {}, 0, True),  # cut to 5 A
+        (2.0, {"foreign": True, "foc": {}, "monitor": MONITOR | {"phases": 0}}, 0, False),
+        (2.0, {"foreign": True, "foc": {}, "monitor": MONITOR | {"phases": 0}}, 1, True),
+    ],
+)
+def test_a_rotor_at_rest_is_stuck_only_under_full_current_the_way_it_is_asked(
+    precision, law, changes, status, stuck, sign
+):
+    controller = Controller(precision, law=sign * law, **({"foc": NO_INTEGRAL} | changes))
+    controller.omega, controller.busy, safe = 0.0, status, []
+    for _ in range(1000):
+        controller.tick(omega_ref=sign * 50.0)
+        safe.append(controller.has("ANGLE_STUCK", "OFF"))
+    assert any(safe) == stuck
+
+
+@PRECISIONS
+def test_full_voltage_is_all_that_a_drive_can_do(precision):
+    controller = Controller(precision, law=1.0)
+    controller.omega, safe = 0.0, []
+    for _ in range(1000):  # 1 A that does not come: the integral rises to the bus voltage
+        controller.tick(omega_ref=50.0, i_abc=[0.0, 0.0, 0.0])
+        safe.append(controller.has("ANGLE_STUCK", "OFF"))
+    assert any(safe)
+    assert not any(safe[:100])
 
 
 @PRECISIONS
@@ -221,7 +258,7 @@ def test_a_law_at_the_current_limit_is_not_cut(precision):
 @PRECISIONS
 def test_a_busy_law_follows_a_speed_of_its_own(precision):
     """The angle stands still, which says nothing beside a reference that the law ignores."""
-    controller = Controller(precision, foc=NO_INTEGRAL)
+    controller = Controller(precision, law=5.0, foc=NO_INTEGRAL)
     still = {"theta_m": 0.5, "omega_m": 0.0}
     controller.ticks(300, **still)
     assert controller.has("ANGLE_STUCK")

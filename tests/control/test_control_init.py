@@ -61,7 +61,8 @@ BAD_PI_AFC = {
     "limit": POSITIVE,
 }
 HARMONIC = {"k_theta": 0.0, "b": 800.0, "delay": 1e-4, "step": 0.0, "base": 6, "bends": 2, "orders": 3,
-            "rate": 4.0, "rate_min": 1.0, "limit": 1.0, "held": [0.1, 0.2, *[0.0] * 6]}  # fmt: skip
+            "fast": 2, "rate": 4.0, "rate_min": 1.0, "limit": 1.0,
+            "held": [0.1, 0.2, *[0.0] * 6]}  # fmt: skip
 BAD_HARMONIC = {
     "k_theta": NOT_NEGATIVE,
     "held": [[bad, *[0.0] * 7] for bad in NOT_NEGATIVE] + [[0.0] * 7 + [bad] for bad in NOT_NEGATIVE],
@@ -71,6 +72,7 @@ BAD_HARMONIC = {
     "base": [0, 65536, 30000, 0xFFFFFFFF],
     "bends": [3, 0xFFFFFFFF],
     "orders": [0, 129, 0x80000000, 0xFFFFFFFF],
+    "fast": [4, 0x80000000, 0xFFFFFFFF],
     "rate": NOT_NEGATIVE,
     "rate_min": NOT_NEGATIVE,
     "limit": POSITIVE,

@@ -1,5 +1,6 @@
 """Plausibility of measurements in the C library."""
 
+import itertools
 import math
 
 import numpy as np
@@ -24,10 +25,10 @@ class CMonitor:
         self.state, self.now = library.new("cgl_monitor"), library.new("cgl_measurement")
         assert self.lib.cgl_monitor_init(self.state, self.config, TS) == self.lib.CGL_OK
 
-    def step(self, i, theta, omega, u_dc, omega_ref):
+    def step(self, i, theta, omega, u_dc, omega_ref, full):
         now = self.now
         now.i_abc, now.theta_m, now.omega_m, now.u_dc = i, theta, omega, u_dc
-        self.lib.cgl_monitor_step(self.state, now, omega_ref)
+        self.lib.cgl_monitor_step(self.state, now, omega_ref, full)
         return self.state
 
     def said(self) -> set[str]:
@@ -42,7 +43,9 @@ class Rotor:
         self.monitor = CMonitor(control_library(precision), **{**BOUNDS, **changes})
         self.omega, self.theta, self.offset = omega, 1.0, 0.0
 
-    def run(self, periods, *, theta=None, speed=None, i=(0.5, -0.25, -0.25), u_dc=24.0, omega_ref=None):
+    def run(
+        self, periods, *, theta=None, speed=None, i=(0.5, -0.25, -0.25), u_dc=24.0, omega_ref=None, full=True
+    ):
         """Whether it was safe in each period. theta, speed: what the sensor says instead."""
         safe = []
         for _ in range(periods):
@@ -50,7 +53,7 @@ class Rotor:
             seen = in_turn(self.theta + self.offset) if theta is None else theta
             told = self.omega if speed is None else speed
             asked = self.omega if omega_ref is None else omega_ref
-            safe.append(self.monitor.step(list(i), seen, told, u_dc, asked).safe)
+            safe.append(self.monitor.step(list(i), seen, told, u_dc, asked, full).safe)
         return safe
 
     @property
@@ -63,6 +66,8 @@ class Rotor:
 
 
 EVENTS = st.sampled_from(["run", "jump", "back", "nan", "stick", "noise", "fast", "i", "sum", "bus", "rest"])
+# periods of full current, and then of less
+PUSHES = st.sampled_from([(1, 0), (0, 1), (2, 1), (1, 2), (30, 10)])
 
 
 @PRECISIONS
@@ -72,13 +77,15 @@ EVENTS = st.sampled_from(["run", "jump", "back", "nan", "stick", "noise", "fast"
     omega=st.floats(-150, 150),
     seed=st.integers(0, 999),
     phases=st.sampled_from([3, 2, 0]),
+    pushes=PUSHES,
 )
-def test_equals_the_reference(precision, events, omega, seed, phases):
+def test_equals_the_reference(precision, events, omega, seed, phases, pushes):
     """Angles on a grid of the sensor, away from every bound, so that float and double decide alike."""
     library, rng = control_library(precision), np.random.default_rng(seed)
     c = CMonitor(library, **BOUNDS, phases=phases)
     reference = Monitor(**BOUNDS, phases=phases)
     theta, offset = 1.0, 0.0
+    fulls = itertools.cycle([True] * pushes[0] + [False] * pushes[1])
     for event, periods in [("run", 3), *events]:
         offset = {"jump": 1.0, "back": 0.0}.get(event, offset)
         for _ in range(periods):
@@ -89,12 +96,14 @@ def test_equals_the_reference(precision, events, omega, seed, phases):
             speed = 1e3 if event == "fast" else float(library.real(omega))
             i = {"i": [9.0, -9.0, 9.0], "sum": [3.0, 0.0, 0.0]}.get(event, [0.5, -0.5, 0.0])
             u_dc, asked = -1.0 if event == "bus" else 24.0, 0.0 if event == "rest" else 60.0
-            c.step(i, seen, speed, u_dc, asked)
-            said = reference.step(i, seen, speed, u_dc, asked)
+            full = next(fulls)
+            c.step(i, seen, speed, u_dc, asked, full)
+            said = reference.step(i, seen, speed, u_dc, asked, full)
             assert c.said() == said
             assert (c.state.safe, c.state.trusted) == (reference.safe, reference.trusted)
             assert (c.state.gap, c.state.blind) == (reference.gap, reference.blind)
             assert (c.state.dark, c.state.standing) == (reference.dark, reference.standing)
+            assert (c.state.pushing, c.state.attempt) == (reference.pushing, reference.attempt)
             assert abs(between(c.state.theta_m, reference.theta)) < 600 * library.eps
             assert abs(c.state.omega_m - reference.omega) < 300 * library.eps
 
@@ -331,6 +340,41 @@ def test_a_stuck_angle_gives_a_safe_output_until_it_moves(precision):
     assert all(safe[102:])
     assert rotor.monitor.said() >= {"ANGLE_STUCK", "FAULT"}
     assert not rotor.run(300)[-1]
+
+
+@PRECISIONS
+def test_a_rotor_without_full_current_is_never_stuck(precision):
+    """A feedback takes as long as it needs to raise the current: what it has summed up is not thrown away."""
+    rotor = Rotor(precision, omega=0.0)
+    assert not any(rotor.run(20_000, omega_ref=50.0, full=False))
+    assert not any(rotor.run(49, omega_ref=50.0))
+    assert any(rotor.run(4, omega_ref=50.0))  # 5 ms of full current
+
+
+@PRECISIONS
+@pytest.mark.parametrize("pattern, stuck", [((9, 1), True), ((1, 1), False), ((1, 9), False)])
+def test_full_current_may_flicker(precision, pattern, stuck):
+    rotor, safe = Rotor(precision, omega=0.0), []
+    for _ in range(400):
+        for periods, full in zip(pattern, (True, False), strict=True):
+            safe += rotor.run(periods, omega_ref=50.0, full=full)
+    assert any(safe) == stuck
+
+
+@PRECISIONS
+@pytest.mark.parametrize("ramp", [0, 300, 2000])
+def test_a_blocked_rotor_rests_ten_times_as_long_as_it_was_tried(precision, ramp):
+    """The feedback starts anew with each attempt, and takes `ramp` periods to full current."""
+    rotor, safe, since = Rotor(precision, omega=0.0), [], 0
+    for _ in range(60_000):
+        safe += rotor.run(1, omega_ref=50.0, full=since >= ramp)
+        since = 0 if safe[-1] else since + 1
+    changes = np.flatnonzero(np.diff(safe))
+    rests, attempts = np.diff(changes)[::2], np.diff(changes)[1::2]
+    assert len(attempts) >= 2
+    assert np.abs(attempts - max(100, ramp + 51)).max() <= 2
+    tried = attempts[0] - 25  # counted from a quarter of stuck_angle on
+    assert rests == pytest.approx(max(1000, 10 * tried), abs=12)
 
 
 @PRECISIONS

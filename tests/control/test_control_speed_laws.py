@@ -252,6 +252,41 @@ def test_law_29_with_forgetting_converges(precision):
     assert left < 0.5
 
 
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("memory", ["map", "line", "lead"])
+def test_a_mean_goes_over_to_the_integral_unfelt(memory: str, precision: str) -> None:
+    """15/16 of it are left after each period, whatever the gains, and the speed knows nothing of it."""
+    periods, load = 64, 0.5
+    if memory == "line":
+        learned: AngleMemory | DelayLine = DelayLine(kind="time", ts=TS, cells=SAMPLES + 10, limit=[2.0])
+    else:
+        learned = AngleMemory(cells=40, limit=[2.0], lead=2 * (memory == "lead"))
+    for ki in (0.5, 50.0):
+        law = CLaw(control_library(precision), PiIlc(Pi(KP, ki, TS, 9.0), 0.05, learned))
+        law.cell[:] = load
+        law.state.memory.line.known = SAMPLES + 11  # a line that is full of it
+        omega_ref = 2 * math.pi / (SAMPLES * TS)
+        omega, means, deviation = omega_ref, [], 0.0
+        for n in range(periods * SAMPLES):
+            u = law.step(omega_ref, omega, 2 * math.pi * (n % SAMPLES) / SAMPLES)
+            omega += B * (u - load) / 10
+            deviation = max(deviation, abs(omega - omega_ref))
+            if n % SAMPLES == SAMPLES - 1:
+                means.append(load - law.state.pi.integral)
+        rate = (means[-1] / means[15]) ** (1 / (periods - 16))
+        assert rate == pytest.approx(15 / 16, abs=0.01)
+        assert means[-1] < 0.04 * load
+        assert deviation < load / 16 / KP  # what a period takes away, at most
+
+
+def test_without_an_integral_the_map_keeps_its_mean() -> None:
+    memory = AngleMemory(cells=40, limit=[2.0])
+    law = CLaw(control_library("double"), PiIlc(Pi(KP, 0.0, TS, 9.0), 0.05, memory))
+    law.cell[:] = 0.5
+    for n in range(64 * SAMPLES):
+        assert law.step(9.0, 9.0, 2 * math.pi * (n % SAMPLES) / SAMPLES) == pytest.approx(0.5)
+
+
 def test_learning_waits_for_its_permission_and_repeats_when_it_ends():
     library = control_library("double")
     c = CLaw(library, PiIlc(Pi(0.0, 0.0, TS, 10.0), 0.5, AngleMemory(cells=32, limit=[5.0])))

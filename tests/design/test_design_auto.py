@@ -21,8 +21,12 @@ from cogless.design.verdict import verdict
 from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study import load as load_raw
+from cogless.study.base import Source
+from cogless.study.reading import checked
 from cogless.study.space_controller import SpaceSpeed
 
+ARM = {"harmonics": [{"order": 1, "torque": "1 mN*m"}]}
+SIDE = {"inertia": "6e-6 kg*m^2", "stiffness": "100 N*m/rad"}
 LAWS = ("pi-ilc", "robust-ilc", "pi-afc", "anti-cogging", "space-speed", "space-position")
 
 
@@ -203,6 +207,39 @@ def test_a_map_has_ten_cells_or_more_in_a_wave(pole_pairs: int, order: int, cell
     assert auto._cells(study, "mine") == cells
 
 
+@pytest.mark.parametrize(
+    ("changes", "period", "cells"),
+    [
+        ({"motor.cogging": []}, "electrical", 256),  # of 12 pole pairs the drive's own, at most 6
+        ({"motor.cogging": [{"order": 612, "torque": "1 mN*m"}]}, "electrical", 512),  # 51 in a pair
+        ({"motor.cogging": [{"order": 18, "torque": "1 mN*m"}]}, "mechanical", 1024),
+        ({"motor.cogging": [], "mechanics.load": ARM}, "mechanical", 1024),
+        ({"motor.cogging": [], "mechanics.load_side": SIDE}, "mechanical", 1024),
+    ],
+)
+def test_a_map_is_over_the_shorter_period_that_all_known_orders_have(
+    changes: dict[str, Any], period: str, cells: int
+) -> None:
+    study = load_raw("uomodri", {"drive.rates.integration_steps": 20, **changes})
+    assert isinstance(study, Study)
+    assert auto._shared_period(study, "pi") == period
+    assert auto._cells(study, "pi", period) == cells
+
+
+def test_an_order_that_hardly_differs_from_its_image_is_left_out() -> None:
+    """At 900 r/min and 1 kHz order 24 turns by 2.3 rad a sample, order 32 by 3.0."""
+    scenario = {"duration": "1 s", "reference": "900 rpm", "initial_speed": "900 rpm"}
+    alone = {"scenario": {"x": scenario}, "metric": [], "calibration": None}
+    tables = {k: v for k, v in load_raw("liu2018").source.tables.items() if k not in alone}
+    made = {"law": "pi-afc", "tuning": {"rule": "auto"}}
+    source = load_raw("liu2018").source
+    kept = tables | {"scenario": alone["scenario"], "controller": {"mine": made}}
+    study = filled(checked(Source(source.path, kept, source.datasheet, source.own_motor_keys)))
+    assert isinstance(study, Study)
+    assert study.controller["mine"].orders == (4, 8, 16, 24)
+    assert 32 in known_orders(study, "mine")
+
+
 def test_known_orders_go_by_the_current_that_they_need() -> None:
     """0.003 mN m is left out, under a thousandth of the largest; 0.005 isn't. The drive's own come last."""
     sizes = ((30, 1.0), (12, 4.0), (50, 0.003), (60, 0.005))
@@ -265,15 +302,32 @@ def narrow(grows: float, widest: int = 9, oscillates: object = None) -> Any:
     )
 
 
-def test_the_narrowest_filter_lets_every_loop_settle() -> None:
-    assert auto._narrowest([narrow(1.0), narrow(0.9)], {}) == 0
-    assert auto._narrowest([narrow(1.0), narrow(2.5), narrow(1.5)], {}) == 2
-    assert auto._narrowest([narrow(4.0)], {}) == 3
-    assert auto._narrowest([narrow(4.0, widest=2)], {}) is None
-    assert auto._narrowest([narrow(4.0), narrow(1.0, widest=2)], {}) is None
-    assert auto._narrowest([narrow(4.0)], {"q_half_width": 5}) == 5
-    assert auto._narrowest([narrow(4.0)], {"q_half_width": 2}) is None
-    assert auto._narrowest([narrow(1.0), narrow(1.0, oscillates=9.0)], {}) is None
+def test_filters_let_every_loop_settle_the_narrowest_first() -> None:
+    def widths(loops: list[Any], **fixed: int) -> list[int]:
+        return list(auto._widths(loops, fixed))
+
+    assert widths([narrow(1.0, widest=2), narrow(0.9)]) == [0, 1, 2]
+    assert widths([narrow(1.0), narrow(2.5, widest=4), narrow(1.5)]) == [2, 3, 4]
+    assert widths([narrow(4.0)])[0] == 3
+    assert widths([narrow(4.0, widest=2)]) == []
+    assert widths([narrow(4.0), narrow(1.0, widest=2)]) == []
+    assert widths([narrow(4.0)], q_half_width=5) == [5]
+    assert widths([narrow(4.0)], q_half_width=2) == []
+    assert widths([narrow(1.0), narrow(1.0, oscillates=9.0)]) == []
+
+
+def test_a_filter_is_widened_while_that_leaves_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    study: Any = None
+    left = {2: 0.5, 3: 0.4, 4: 0.4, 5: 0.1}
+    monkeypatch.setattr(auto, "_with", lambda *_: None)
+    monkeypatch.setattr(auto, "_loops", lambda *_: [])
+    monkeypatch.setattr(auto, "_left", lambda study, name, kind, values: left[values["q_half_width"]])
+    for widths, best in (((2, 3, 4, 5), (0.4, 3)), ((5,), (0.1, 5)), ((3, 2), (0.4, 3))):
+        monkeypatch.setattr(auto, "_widths", lambda loops, fixed, widths=widths: iter(widths))
+        found = auto._filter(study, "x", LearningLoop, {"mu": 1.0}, {})
+        assert found == (best[0], {"mu": 1.0, "q_half_width": best[1]})
+    monkeypatch.setattr(auto, "_widths", lambda loops, fixed: iter(()))
+    assert auto._filter(study, "x", LearningLoop, {}, {}) is None
 
 
 def test_linear_parts_of_robust_ilc_are_two_real_roots() -> None:
@@ -311,7 +365,7 @@ def test_a_gain_is_halved_while_half_of_it_leaves_less(
         "_by_hand": lambda *_: {},
         "_with": lambda *_: None,
         "_loops": lambda *_: [],
-        "_narrowest": lambda *_: settles.get(asked[-1]),
+        "_widths": lambda *_: [settles[asked[-1]]] if asked[-1] in settles else [],
         "_left": lambda study, name, kind, values: left[values["mu"]],
     }
     for name, of in for_gain.items():
@@ -333,7 +387,7 @@ def test_a_gain_is_halved_nine_times_with_what_is_set_by_hand_and_without(
     asked: list[Any] = []
     for name in ("_with", "_loops"):
         monkeypatch.setattr(auto, name, lambda *_: [])
-    monkeypatch.setattr(auto, "_narrowest", lambda loops, fixed: asked.append((gains[-1], fixed)))
+    monkeypatch.setattr(auto, "_widths", lambda loops, fixed: asked.append((gains[-1], fixed)) or [])
     gains: list[float] = []
     for by_hand in ({}, {"cells": 7}):
         monkeypatch.setattr(auto, "_by_hand", lambda *_, by_hand=by_hand: by_hand)
@@ -349,8 +403,8 @@ def test_a_gain_is_halved_nine_times_with_what_is_set_by_hand_and_without(
 
 
 def test_the_widest_filter_that_is_tried_has_400_neighbours_on_a_side() -> None:
-    assert auto._narrowest([narrow(401.0, widest=1000)], {}) == 400
-    assert auto._narrowest([narrow(401.0 * SETTLED * 1.001, widest=1000)], {}) is None
+    assert list(auto._widths([narrow(401.0, widest=1000)], {})) == [400]
+    assert list(auto._widths([narrow(401.0 * SETTLED * 1.001, widest=1000)], {})) == []
 
 
 @pytest.mark.parametrize(
@@ -411,9 +465,28 @@ def test_what_learning_leaves_is_the_mean_over_the_scenarios_that_turn(
     )
 
     def kind(study: Any, name: str, speed: float, scenario: str) -> Any:
-        return SimpleNamespace(periods_per_second=speed)
+        return None
+
+    def ripple(loop: Any, time: float, settled: bool) -> Any:
+        assert not settled
+        return SimpleNamespace(ratio=time)
 
     monkeypatch.setattr(auto, "_with", lambda study, *_: study)
     monkeypatch.setattr(auto, "_scenarios", lambda *_: list(speeds))
-    monkeypatch.setattr(auto, "ripple", lambda loop, time: SimpleNamespace(ratio=time))
-    assert auto._left(study, "x", kind, {}) == pytest.approx(auto.LEARNED * (1 / 2 + 1 / 4) / 2)
+    monkeypatch.setattr(auto, "ripple", ripple)
+    turn = 2 * np.pi
+    assert auto._left(study, "x", kind, {}) == pytest.approx(10 * turn * (1 / 2 + 1 / 4) / 2)
+
+
+@pytest.mark.parametrize("law", ["space-position", "space-speed"])
+def test_a_law_whose_learning_is_off_needs_no_gain_that_settles(law: str) -> None:
+    """At rest no gain of learning can be found; its feedback needs none."""
+    own = {"law": law, "tuning": {"rule": "auto"}}
+    still = {"scenario.slow.reference": "0 rpm", "scenario.slow.controllers": ["pi", "off"]}
+    still |= {f"scenario.{name}.controllers": ["pi"] for name in load("uomodri").scenario if name != "slow"}
+    with pytest.raises(StudyError, match="in which the rotor turns"):
+        auto.load("uomodri", {**still, "controller.off": own})
+    study = auto.load("uomodri", {**still, "controller.off": {**own, "learning": False}})
+    assert isinstance(study, Study) and missing(study) == []
+    (run,) = run_study(study, ["slow/off"]).runs
+    assert abs(float(run.trace["omega_m"][-1])) < 0.1

@@ -112,6 +112,6 @@ def test_what_the_design_calls_unstable_grows_in_the_simulation(tmp_path: Path) 
         assert isinstance(study, Study)
         scenario = next(iter(study.scenario))
         speed = simulate(study, scenario, "pi").trace.part("omega_load", slice(-4000, None))
-        told = "\n".join(warnings(study, scenario, "pi"))
+        told = "\n".join(map(str, warnings(study, scenario, "pi")))
         assert ("unstable" in told) == (side == "load"), told
         assert (np.std(speed) > 1.0) == (side == "load")

@@ -25,6 +25,7 @@ from cogless.design.harmonic import (
     delay_of,
     least_base,
     main_order,
+    rate_at,
 )
 from cogless.design.harmonic_transfer import (
     _bands,
@@ -47,7 +48,7 @@ from cogless.study.position_sensor import Encoder, Hall, IdealSensor
 from cogless.study.step_motor import StepMotor
 
 RPM = math.pi / 30
-TOLD = Learner(800.0, 0.0, 0.0, 2, 0, 3, 5.0, 0.5)
+TOLD = Learner(800.0, 0.0, 0.0, 2, 0, 3, 3, 5.0, 0.5)
 LOOP = SpeedLoop(800.0, 1, 0, IdealLoop(1e-3))
 HALLS = Hall.model_construct(kind="hall", edges=4)
 
@@ -207,9 +208,20 @@ def test_speeds_that_show_the_lowest_order_are_judged() -> None:
     assert found(["a"], 0.01) == [2.0] and found(["a"], 1e-5) == []
 
 
-def test_orders_act_up_to_the_fastest() -> None:
+def test_orders_that_are_sure_act_up_to_the_fastest_and_the_others_while_they_are_slow() -> None:
     assert _acting(TOLD, 1.0, 0.3).tolist() == [2.0, 4.0, 6.0]
     assert _acting(TOLD, 1.0, FASTEST / 4).tolist() == [2.0, 4.0] and not len(_acting(TOLD, 1.0, 1.4))
+    some = replace(TOLD, fast=1)
+    assert _acting(some, -1.0, 0.3).tolist() == [2.0] and not len(_acting(some, 1.0, 1.4))
+    assert _acting(some, 1.0, 0.51 / 4).tolist() == [2.0, 4.0]
+    assert _acting(some, 1.0, 0.51 / 6).tolist() == [2.0, 4.0, 6.0]
+
+
+def test_the_orders_that_act_share_a_sixteenth_a_sample() -> None:
+    assert rate_at(TOLD, 1.0, 0.01) == pytest.approx(1 / (16 * 3 * 0.01))
+    assert rate_at(replace(TOLD, rate=2.0), 1.0, 0.01) == 2.0
+    assert rate_at(replace(TOLD, fast=1), 30.0, 0.01) == 5.0  # order 2 alone could have 6.25
+    assert rate_at(TOLD, 1e4, 0.02) == pytest.approx(1 / (16 * 0.02))  # none acts
 
 
 def test_an_ideal_current_loop_has_the_delay_that_it_is_given() -> None:
@@ -250,11 +262,12 @@ def turning(orders: list[tuple[float, float]], **drive: Any) -> Any:
 def test_learning_slows_down_to_what_a_turning_load_allows(
     orders: list[tuple[float, float]], rate_min: float
 ) -> None:
-    told = replace(TOLD, base=4, rate=9.0)
-    assert _least_rate(turning(orders), told, 0.3) == pytest.approx(rate_min)
-    assert _least_rate(turning(orders), replace(told, rate=0.4), 0.3) == 0.4
+    told, T = replace(TOLD, base=4, rate=9.0), 1e-3
+    assert _least_rate(turning(orders), told, 0.3, T) == pytest.approx(rate_min)
+    shared = _least_rate(turning(orders), told, 0.3, 1 / (16 * 3 * 5.9))  # 5.9 1/s for each of three orders
+    assert shared == (LEAST if rate_min == LEAST else pytest.approx(3.0))
     own = [SimpleNamespace(order=order, torque=torque) for order, torque in orders]
-    assert _least_rate(turning([], own=own), told, 0.3) == pytest.approx(rate_min)
+    assert _least_rate(turning([], own=own), told, 0.3, T) == pytest.approx(rate_min)
 
 
 def test_a_sensor_s_error_is_learned_where_the_base_leaves_its_orders_free() -> None:
@@ -309,6 +322,9 @@ def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(harmonic, "plants", lambda loop: list(on_time))
     monkeypatch.setattr(harmonic, "at_speed", lambda plant, sector, edges, omega: (plant, omega))
     monkeypatch.setattr(harmonic, "_halls", lambda study: (0.3, 4))
+    monkeypatch.setattr(harmonic, "_swing", lambda study, name, omega: (0.1, None))
+    bounds = [7.0, math.inf, 7.0, 7.0]
+    monkeypatch.setattr(harmonic, "_rate_bound", lambda *of: bounds.pop(0))
 
     def gamma(at: tuple[str, float], told: Learner, pi: Any, w: Any, later: int) -> Any:
         assert at[1] == 1.5 and w.tolist() == [3.0, 6.0, 9.0, 12.0]
@@ -316,12 +332,13 @@ def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(harmonic, "gamma", gamma)
     told, orders, none = replace(TOLD, held=(8.9e-3, 9.1e-3)), np.array([2.0, 4.0, 6.0, 8.0]), None
-    found = harmonic._at(none, LOOP, told, none, orders, 1.5)
-    assert found == Certified(1.5, 8, 0.3, 6, (6,))
+    found = harmonic._at(none, "x", LOOP, told, none, orders, 1.5)
+    assert found == Certified(1.5, 8, 0.3, 6, (6,), 5.0, 7.0, (), 0.1)
     late["one"][3] = 0.1
-    assert harmonic._at(none, LOOP, told, none, orders, 1.5).late == 8
+    further = harmonic._at(none, "x", LOOP, told, none, orders, 1.5)
+    assert (further.late, further.most) == (8, None)
     late["other"][0] = -0.1
-    assert harmonic._at(none, LOOP, told, none, orders, 1.5).late == 0
+    assert harmonic._at(none, "x", LOOP, told, none, orders, 1.5).late == 0
 
 
 @pytest.mark.parametrize(
@@ -345,14 +362,14 @@ def test_the_rule_s_numbers_of_a_law(
     asked: dict[str, Any] = {}
     of_part: dict[str, Any] = {
         "speed_loop": lambda study: loop,
-        "_orders": lambda study, law: (4, 9),
+        "_orders": lambda study, law: (4, 8, 13),
         "delay_of": lambda loop: 2e-4,
         "_step": lambda study: 1e-3,
         "_bends": lambda study, base: base // 2,
         "harmonic_gains": lambda study, name: "pi",
         "_halls": lambda study: (0.3, 4),
-        "_speeds": lambda study, name, sampled: [1.0, 3.0] if sampled == 4e-3 else [],
-        "_least_rate": lambda study, told, fastest: asked.update(fastest=fastest) or 0.7,
+        "_speeds": lambda study, name, sampled: [1.0, 3.0] if sampled == 12e-3 else [],
+        "_least_rate": lambda study, told, fastest, T: asked.update(fastest=(fastest, T)) or 0.7,
         "held_bands": lambda *of: asked.update(bands=of[2:]) or (0.1, 0.2),
         "_rate_bound": lambda study, loop, told, pi, omega: bounds[omega],
     }
@@ -360,29 +377,28 @@ def test_the_rule_s_numbers_of_a_law(
         monkeypatch.setattr(harmonic, name, part)
     study: Any = SimpleNamespace(controller={"x": law})
     found = harmonic._learner(study, "x")
-    assert found == Learner(800.0, 2e-4, 1e-3, 4, 2, 2, rate, rate_min, (0.1, 0.2))
-    assert asked == {"fastest": 3.0, "bands": ("pi", 0.3, 4, (1.0, 3.0))}
+    assert found == Learner(800.0, 2e-4, 1e-3, 4, 2, 3, 2, rate, rate_min, (0.1, 0.2))
+    assert asked == {"fastest": (3.0, 1e-3), "bands": ("pi", 0.3, 4, (1.0, 3.0))}
     monkeypatch.setattr(harmonic, "_speeds", lambda *_: [])
     still = harmonic._learner(study, "x")
     assert (still.rate, still.rate_min, still.held) == (20.0, LEAST, ())
-    monkeypatch.setattr(harmonic, "_orders", lambda *_: (1, 900))
+    monkeypatch.setattr(harmonic, "_orders", lambda *_: (1, 200, 900))
     many = harmonic._learner(study, "x")
-    assert many.orders == 128 and many.rate == pytest.approx(1 / (16 * 128 * 1e-3))
-    assert many.rate_min == many.rate
-    monkeypatch.setattr(harmonic, "_orders", lambda *_: (9, 4))
-    assert harmonic._learner(study, "x").orders == 1
+    assert (many.orders, many.fast, many.rate) == (128, 128, 20.0)
+    monkeypatch.setattr(harmonic, "_orders", lambda *_: (9, 4, 4))
+    few = harmonic._learner(study, "x")
+    assert (few.orders, few.fast) == (1, 1)
 
 
 def test_a_certificate_is_of_the_speeds_at_which_orders_act(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its bound on the rate is the least of theirs; the main order tells that of a sensor's error."""
-    speeds, bounds = [1.0, 2.0, 1e4], {1.0: 7.0, 2.0: 5.0}
+    """The main order tells that of a sensor's error."""
+    speeds = [1.0, 2.0, 1e4]
     of_part: dict[str, Any] = {
         "learner": lambda study, name: TOLD,
         "harmonic_gains": lambda study, name: "pi",
         "speed_loop": lambda study: LOOP,
-        "_speeds": lambda study, name, sampled: speeds if sampled == 2e-3 else [],
-        "_at": lambda study, loop, told, pi, acting, omega: (omega, acting.tolist()),
-        "_rate_bound": lambda study, loop, told, pi, omega: bounds[omega],
+        "_speeds": lambda study, name, sampled: speeds if sampled == 6e-3 else [],
+        "_at": lambda study, name, loop, told, pi, acting, omega: (omega, acting.tolist()),
         "main_order": lambda study, base: 50,
     }
     for name, part in of_part.items():
@@ -390,17 +406,20 @@ def test_a_certificate_is_of_the_speeds_at_which_orders_act(monkeypatch: pytest.
     study: Any = None
     found = harmonic.certificate(study, "x")
     assert found.speeds == ((1.0, [2.0, 4.0, 6.0]), (2.0, [2.0, 4.0, 6.0]))
-    assert (found.learner, found.period, found.rate_most, found.straight) == (TOLD, 1e-3, 5.0, None)
+    assert (found.learner, found.period, found.straight) == (TOLD, 1e-3, None)
     assert found.fastest == pytest.approx(2.6 / 2e-3)
     monkeypatch.setattr(harmonic, "learner", lambda study, name: replace(TOLD, bends=1))
-    bounds[1.0] = bounds[2.0] = math.inf
-    bent = harmonic.certificate(study, "x")
-    assert bent.straight == pytest.approx(0.5105 / 0.05) and bent.rate_most is None
+    assert harmonic.certificate(study, "x").straight == pytest.approx(0.5105 / 0.05)
 
 
 def test_halls_show_orders_below_their_own() -> None:
     drive = SimpleNamespace(position_sensor=HALLS)
-    for pairs, base, orders in ((15, None, (1, 14)), (15, 3, (3, 14)), (1, None, (1, 1)), (4, 5, (5, 5))):
+    for pairs, base, orders in (
+        (15, None, (1, 14, 14)),
+        (15, 3, (3, 14, 14)),
+        (1, None, (1, 1, 1)),
+        (4, 5, (5, 5, 5)),
+    ):
         study: Any = SimpleNamespace(drive=drive, motor=SimpleNamespace(pole_pairs=pairs))
         law: Any = SimpleNamespace(base=base)
         assert harmonic._orders(study, law) == orders
@@ -408,34 +427,46 @@ def test_halls_show_orders_below_their_own() -> None:
 
 # The certificate's words
 
-SLOW = Certified(10 * RPM, 6, 0.656, 4, (4, 6))
-FAST = Certified(200 * RPM, 4, -0.1, 2, (2,))
-FINE = Certificate(TOLD, 1e-3, (SLOW,), 300 * RPM, None, None)
+SLOW = Certified(10 * RPM, 6, 0.656, 4, (4, 6), 5.0, None)
+FAST = Certified(200 * RPM, 4, -0.1, 2, (2,), 5.0, 12.345)
+FINE = Certificate(TOLD, 1e-3, (SLOW,), 300 * RPM, None)
 
 
 def test_a_certificate_in_one_line() -> None:
     assert FINE.words() == (
-        "orders 2 k to 6 settle at any rate; at 10 rpm those to 6 converge with b 50 % off "
-        "(Re Gamma 0.66 or more), to 4 with an untold sample of delay, 2 held, 4 to 6; "
+        "orders 2 k to 6; at 10 rpm those to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
+        "off (Re Gamma 0.66 or more), to 4 with an untold sample of delay, 2 held, 4 to 6; "
         "learns at up to 300 rpm"
     )
-    both = replace(FINE, speeds=(replace(SLOW, held=()), FAST), straight=50 * RPM, rate_most=12.345)
+    both = replace(FINE, speeds=(replace(SLOW, held=()), FAST), straight=50 * RPM)
     held = replace(both, learner=replace(TOLD, held=(0.01, 0.02, 0.1, math.tau / 10)))
     assert held.words() == (
-        "orders 2 k to 6 settle at rates to 12.3 1/s; at 10 rpm those to 6 converge with b 50 % off "
-        "(Re Gamma 0.66 or more), to 4 with an untold sample of delay; at 200 rpm those to 4 may not all "
-        "converge with b 50 % off (Re Gamma -0.10 or more), to 2 with an untold sample of delay, 2 held; "
+        "orders 2 k to 6; at 10 rpm those to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
+        "off (Re Gamma 0.66 or more), to 4 with an untold sample of delay; at 200 rpm those to 4 learn at "
+        "5 1/s, settle at rates to 12.3 1/s and may not all converge with b 50 % off "
+        "(Re Gamma -0.10 or more), to 2 with an untold sample of delay, 2 held; "
         "holds orders from 1.59 to 3.18 and from 15.9 to 100 Hz; learns at up to 300 rpm; "
         "an eccentric sensor's error at up to 50 rpm"
     )
-    assert replace(FINE, speeds=()).words() == "not judged: no reference turns order 2 by 0.001 rad a sample"
+    slow = replace(FINE, speeds=(replace(SLOW, held=(), slow=(2, 4), swing=0.64),))
+    assert slow.words() == (
+        "orders 2 k to 6; at 10 rpm those to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
+        "off (Re Gamma 0.66 or more), to 4 with an untold sample of delay, orders 2 to 4 are too slow to be "
+        "judged, not sure: its feedback lets the speed swing by 64 % rms; learns at up to 300 rpm"
+    )
+    snaps = replace(SLOW, held=(), slow=(2, 2), snaps="at 10 rpm it snaps")
+    assert ", order 2 is too slow to be judged" in replace(snaps, snaps=None).words()
+    assert replace(FINE, speeds=(snaps,)).words() == "not judged: at 10 rpm it snaps"
+    some = replace(FINE, speeds=(snaps, FAST))
+    assert "; not judged at 10 rpm it snaps; at 200 rpm those to 4" in some.words() and not some.fine
+    assert replace(FINE, speeds=()).words() == "not judged: no reference turns order 6 by 0.001 rad a sample"
 
 
 def test_a_certificate_is_fine_if_all_orders_converge_and_settle_together() -> None:
     for changes, fine in (
         ({}, True),
-        ({"rate_most": 5.1}, True),
-        ({"rate_most": 5.0}, False),
+        ({"speeds": (replace(SLOW, most=5.1),)}, True),
+        ({"speeds": (replace(SLOW, most=5.0),)}, False),
         ({"speeds": (SLOW, FAST)}, False),
         ({"speeds": (replace(SLOW, gamma=0.0),)}, False),
     ):

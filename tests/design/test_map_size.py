@@ -21,7 +21,8 @@ COGGING = [{"order": 100, "torque": "4 mN*m"}, {"order": 24, "torque": "1 mN*m"}
 
 def warned(folder: Path, **law: Any) -> str | None:
     changes = {"controller.pi": {**LAW, **law}, "motor.cogging": COGGING}
-    return map_warning(load(studies.write(folder), changes), "pi")
+    found = map_warning(load(studies.write(folder), changes), "pi")
+    return None if found is None else str(found)
 
 
 @pytest.mark.parametrize(
@@ -33,16 +34,16 @@ def warned(folder: Path, **law: Any) -> str | None:
     ],
 )
 def test_it_is_told(cells: int, said: str | None, tmp_path: Path) -> None:
-    assert warned(tmp_path, cells=cells) == (
-        f"cells = {cells} is {said}: cells = 1000 would do" if said else None
-    )
+    """With 1000 cells the order grows with this gain: they are advised only where it grows already."""
+    ways = ": cells = 1000 would do" if cells == 600 else ""
+    assert warned(tmp_path, cells=cells) == (f"cells = {cells} is {said}{ways}" if said else None)
 
 
 def test_a_filter_as_wide_as_the_wave_keeps_nothing_of_it(tmp_path: Path) -> None:
     assert warned(tmp_path, cells=3300, q_half_width=5) is None
     assert warned(tmp_path, cells=1100, q_half_width=5) == (
         "cells = 1100 is 11 in a wave of order 100 (mechanical), of which straight lines between them and "
-        "the Q filter over 11 lose 100 % in each period: cells = 3300 would do, or a smaller q_half_width"
+        "the Q filter over 11 lose 100 % in each period: cells = 3300, or q_half_width = 1 would do"
     )
     weights = np.cos(2 * np.pi * np.arange(-2, 3) / 20)
     assert kept(20, 2) == pytest.approx(np.mean(weights) * np.sinc(1 / 20) ** 2)
@@ -57,7 +58,7 @@ def test_a_shorter_period_needs_fewer(tmp_path: Path) -> None:
 def test_of_older_laws_too(tmp_path: Path) -> None:
     ilc = {"law": "pi-ilc", "kp": 0.1, "ki": 1.0, "gain": 0.1, "cells": 600, "memory": "angle"}
     study = load(studies.write(tmp_path), {"controller.pi": ilc, "motor.cogging": COGGING})
-    assert "cells = 600 is 6 in a wave of order 100" in (map_warning(study, "pi") or "")
+    assert "cells = 600 is 6 in a wave of order 100" in str(map_warning(study, "pi"))
 
 
 def test_where_there_is_no_map(tmp_path: Path) -> None:

@@ -156,34 +156,46 @@ def test_what_the_current_is_late_by() -> None:
 
 
 def certificate(**changes: object) -> Certificate:
-    learner = Learner(b=1e3, delay=1e-4, step=0.0, base=6, bends=0, orders=8, rate=2.0, rate_min=0.5, held=())
-    speeds = (Certified(2 * math.pi, 42, 0.391, 36, ()), Certified(20 * math.pi, 12, 0.5, 6, (24, 30)))
-    plain = Certificate(learner, 1e-3, speeds, 100 * math.pi, None, 5.061)
+    numbers = {"b": 1e3, "delay": 1e-4, "step": 0.0, "rate": 20.0, "rate_min": 0.5}
+    learner = Learner(**numbers, base=6, bends=0, orders=8, fast=2, held=())
+    speeds = (
+        Certified(2 * math.pi, 42, 0.391, 36, (), 2.0, 5.061),
+        Certified(20 * math.pi, 12, 0.5, 6, (24, 30), 7.0, None),
+    )
+    plain = Certificate(learner, 1e-3, speeds, 100 * math.pi, None)
     return replace(plain, **changes)
 
 
 def test_a_certificate_in_one_line() -> None:
     learner = certificate().learner
     assert certificate().words() == (
-        "orders 6 k to 48 settle at rates to 5.06 1/s; at 60 rpm those to 42 converge with b 50 % off "
-        "(Re Gamma 0.39 or more), to 36 with an untold sample of delay; at 600 rpm those to 12 converge with "
-        "b 50 % off (Re Gamma 0.50 or more), to 6 with an untold sample of delay, 2 held, 24 to 30; "
+        "orders 6 k to 48; at 60 rpm those to 42 learn at 2 1/s, settle at rates to 5.06 1/s and converge "
+        "with b 50 % off (Re Gamma 0.39 or more), to 36 with an untold sample of delay; at 600 rpm those to "
+        "12 learn at 7 1/s, settle at any rate and converge with b 50 % off (Re Gamma 0.50 or more), to 6 "
+        "with an untold sample of delay, 2 held, 24 to 30; "
         "learns at up to 3000 rpm"
     )
-    assert certificate(speeds=()).words() == "not judged: no reference turns order 6 by 0.001 rad a sample"
-    one = (Certified(2 * math.pi, 42, 0.391, 36, (24,)),)
+    assert certificate(speeds=()).words() == "not judged: no reference turns order 48 by 0.001 rad a sample"
+    one = (Certified(2 * math.pi, 42, 0.391, 36, (24,), 2.0, None),)
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
-    more = certificate(speeds=one, rate_most=None, learner=bands, straight=math.pi)
+    more = certificate(speeds=one, learner=bands, straight=math.pi)
     assert more.words() == (
-        "orders 6 k to 48 settle at any rate; at 60 rpm those to 42 converge with b 50 % off (Re Gamma 0.39 "
-        "or more), to 36 with an untold sample of delay, 24 held; holds orders from 100 to 200 and from 300 "
+        "orders 6 k to 48; at 60 rpm those to 42 learn at 2 1/s, settle at any rate and converge with b 50 % "
+        "off (Re Gamma 0.39 or more), to 36 with an untold sample of delay, 24 held; holds orders from 100 "
+        "to 200 and from 300 "
         "to 400 Hz; learns at up to 3000 rpm; an eccentric sensor's error at up to 30 rpm"
     )
-    turned = certificate(speeds=(Certified(2 * math.pi, 42, 0.0, 36, ()),)).words()
-    assert "those to 42 may not all converge with b 50 % off (Re Gamma 0.00 or more), to 36" in turned
-    assert certificate().fine and certificate(rate_most=None).fine
-    assert not certificate(rate_most=2.0).fine
-    assert not certificate(speeds=(Certified(1.0, 6, 0.0, 0, ()),)).fine
+    bad = Certified(2 * math.pi, 42, 0.0, 36, (), 2.0, None)
+    turned = certificate(speeds=(bad,)).words()
+    assert "any rate and may not all converge with b 50 % off (Re Gamma 0.00 or more), to 36" in turned
+    good = replace(bad, gamma=0.1)
+    for speeds, fine in (
+        ((good,), True),
+        ((good, bad), False),
+        ((replace(good, most=2.0),), False),
+        ((replace(good, most=2.1), good), True),
+    ):
+        assert certificate(speeds=speeds).fine == fine
 
 
 def test_a_step_motor_is_believed_as_it_is_written() -> None:

@@ -78,11 +78,11 @@ def test_what_has_no_relay_or_is_unstable_has_no_such_oscillation(tmp_path: Path
 
 def test_a_relay_is_told_where_it_makes_more_than_the_feedback_leaves() -> None:
     line = (
-        "in 900-rpm its relay switches at 210 Hz and makes 2.5 rpm rms of ripple; g = 0 leaves 1.5 rpm rms "
+        "in 900-rpm its relay switches at 210 Hz and makes 2.5 rpm rms of ripple; g = 0 leaves 1.9 rpm rms "
         "before learning"
     )
-    assert relay_warning(load("liu2018"), "robust-ilc") == line
-    assert f"controller.robust-ilc: {line}" in warnings(load("liu2018"), "60-rpm", "robust-ilc")
+    assert str(relay_warning(load("liu2018"), "robust-ilc")) == line
+    assert f"controller.robust-ilc: {line}" in map(str, warnings(load("liu2018"), "60-rpm", "robust-ilc"))
     assert relay_warning(load("liu2018", {"controller.robust-ilc.g": "250 rpm/s"}), "robust-ilc") is None
     assert relay_warning(load("liu2018"), "pi-ilc") is None
 
@@ -95,4 +95,4 @@ def test_of_several_scenarios_the_first_in_which_it_does_is_named(tmp_path: Path
         "scenario.step.controllers": ["pi", "fair", "r"],
     }
     said = relay_warning(drive(tmp_path, {}, changes), "r")
-    assert said is not None and said.startswith("in step its relay")
+    assert said is not None and str(said).startswith("in step its relay")

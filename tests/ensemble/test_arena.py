@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from cogless import load
+from cogless import load, run_study
 from cogless.ensemble import arena_cases, arena_files
 from cogless.ensemble.arena import ArenaResults, prepared, run_arena
 from cogless.ensemble.arena_cases import HOUR, LATE, TOLD, UNTOLD
 from cogless.ensemble.arena_scores import COLUMNS, Scores
 from cogless.errors import StudyError
 from cogless.files import shipped
-from cogless.study import Study
+from cogless.study import Study, changed
 from cogless.study.arena import Arena, arena_of
 from cogless.study.controller import AntiCogging
 from cogless.study.reading import read
@@ -244,6 +244,32 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
         prepared(arena(tmp_path, law=laws, plant={"drone": plant}), "drone", ["robust"])
 
 
+def test_a_law_with_a_margin_of_its_own_stays_away_from_a_feedback_by_hand(tmp_path: Path) -> None:
+    """It would be the same law as without, under another name."""
+    calm = {"law": "pi-ilc", "tuning": {"rule": "auto", "phase_margin": "60 deg"}}
+    plant = {**PLANT, "feedback": {"kp": 0.05, "ki": 2.0}}
+    fight = arena(tmp_path, law={**LAWS, "calm": calm}, plant={"drone": plant})
+    study, absent = prepared(fight, "drone", ["bar", "pi-ilc", "calm"])
+    assert list(study.controller) == ["bar", "pi-ilc"] and list(absent) == ["calm"]
+
+
+def test_what_limits_the_best_law_is_found_by_trying(tmp_path: Path) -> None:
+    """Dead time does, and its compensation leaves less, as the arena tells."""
+    laws = {**LAWS, "harmonic": {"law": "harmonic", "tuning": AUTO}}
+    fight = arena(tmp_path, seeds=[0], law=laws)
+    found = run_arena(fight, ["drone/*"], find_limits=True)
+    (told,) = json.loads(json.dumps(arena_files.to_dict(found)))["limits"]
+    assert (told["plant"], told["law"], told["named"][0]) == ("drone", "harmonic", "dead-time")
+    assert found.limits["drone"].controller == "harmonic"
+    study, _ = prepared(fight, "drone", ["harmonic"])
+    alone = arena_cases.learning(study, "harmonic")
+    assert alone.scenario[TOLD].duration == 3.5 and not alone.scenario[TOLD].events
+    helps = told["helps"]["setting"]
+    left = [run_study(changed(alone, each)).runs[0].metrics["ripple_rad_s"] for each in ({}, helps["set"])]
+    assert left == pytest.approx([told["value"], helps["value"]]) and left[1] < 0.8 * left[0]
+    assert run_arena(fight, ["drone/bar"]).limits == {}
+
+
 def test_the_shipped_arena_can_be_prepared_everywhere() -> None:
     path = shipped("studies")["arena"]
     found = arena_of(path, read(path))
@@ -265,6 +291,19 @@ def test_a_mistake_is_told_in_a_line(tmp_path: Path) -> None:
         run_arena(arena(tmp_path), ["sea/*"])
     with pytest.raises(StudyError, match="an arena: expected a study"):
         load("arena")
+
+
+def test_an_empty_table_of_changes_is_a_value(tmp_path: Path) -> None:
+    """As `drive.bus = {}`: a bus with its defaults. It was left out without a word once."""
+    of_bus = {**PLANT, "changes": {"drive": {"bus": {}}}}
+    study, _ = prepared(arena(tmp_path, plant={"drone": of_bus}), "drone", ["bar"])
+    assert study.drive.bus is not None
+    for table in ({"drive": {"nonsense": {}}}, {"nonsense": {}}):
+        with pytest.raises(StudyError, match="nonsense: unknown key"):
+            prepared(arena(tmp_path, plant={"drone": {**PLANT, "changes": table}}), "drone", ["bar"])
+        trials = {"moves": {"study": "mandra2019", "changes": table}}
+        with pytest.raises(StudyError, match="nonsense: unknown key"):
+            run_arena(arena(tmp_path, trials=trials), ["moves/*"])
 
 
 def content(values: dict[str, list[float | None]], column: str = "time_to_learn_s") -> dict[str, Any]:

@@ -27,6 +27,8 @@ FILTERED = {"drive.speed_filter": "200 Hz"}
 SIMULATED = ", by the code that was simulated: `cogless/"
 CALLS = ", `measure_motion` in the example calls it"
 LOW_PASS = ", then through a low-pass of 200 Hz (`cogless/low_pass.h`)"
+TABLE = {"drive.encoder_table": {"orders": [1, 20], "omega_min": "10 rev/s"}}
+CORRECTED = ", of the angle without the sensor's own error (`cogless/encoder_table.h`)"
 # sensor, other changes, what the example has, what the readme says of the speed
 CASES: list[tuple[dict[str, Any], dict[str, Any], list[str], str]] = [
     (
@@ -68,6 +70,43 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], list[str], str]] = [
         ["cgl_angle_observer_step", "cgl_low_pass_step", ".bandwidth = 2513.2742f", ".bandwidth = 1256.637"],
         f"from an absolute encoder of 16384 counts{SIMULATED}angle_observer.h` says what it measures"
         f"{LOW_PASS}{CALLS}",
+    ),
+    (
+        LINES,
+        TABLE,
+        [
+            "cgl_encoder_table_step(&table, now, controller.drive.i_q, true);",
+            "const cgl_real mean = cgl_speed_count_step(&speed, encoder.count);",
+            "omega_m = cgl_encoder_table_speed(&table, mean, speed.time);",
+            "cgl_encoder_table_init(&table, &table_config, 6.666667e-05f)",
+            ".order = {1, 20}",
+        ],
+        f"from an encoder of 2500 lines, 10000 counts{SIMULATED}speed_count.h` says what it measures"
+        f"{CORRECTED}{CALLS}",
+    ),
+    (
+        {**LINES, "speed_method": "MT"},
+        TABLE,
+        [
+            "const cgl_real mean = cgl_speed_timed_step(&speed, &edges, board_timer());",
+            "omega_m = cgl_encoder_table_speed(&table, mean, speed.time);",
+        ],
+        f"from an encoder of 2500 lines, 10000 counts{SIMULATED}speed_timed.h` says what it measures"
+        f"{CORRECTED}{CALLS}",
+    ),
+    (
+        WORD,
+        TABLE,
+        ["static cgl_real omega_m;", "cgl_encoder_table_speed(&table, mean, speed.time);", "0 to 16383"],
+        f"from an absolute encoder of 16384 counts{SIMULATED}speed_count.h` says what it measures"
+        f"{CORRECTED}{CALLS}",
+    ),
+    (
+        {**WORD, **OBSERVER},
+        {**FILTERED, **TABLE},
+        ["cgl_angle_observer_step(&speed, cgl_encoder_table_turns(&table, encoder.turns));"],
+        f"from an absolute encoder of 16384 counts{SIMULATED}angle_observer.h` says what it measures"
+        f"{CORRECTED}{LOW_PASS}{CALLS}",
     ),
     (
         {"kind": "resolver", "bits": 32},

@@ -182,30 +182,21 @@ def test_a_calibration_and_trials_have_functions_of_their_own(subject: Subject) 
 def test_parts_around_the_drive_have_their_texts_where_the_study_has_them(
     subject: Subject, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The angle's table corrects what is measured before the step; dead time is compensated after it."""
+    """Dead time is compensated after the step; the sensor's table belongs to the example, which measures."""
     monkeypatch.setattr(
         "cogless.export.c.extras.initialiser", lambda headers, struct, *of: f"    /* {struct} */"
     )
-    none = {**dict.fromkeys(parts(subject), ""), "measured_now": "now"}
-    assert parts(subject) == none and subject.parts == ["drive.h", "speed_pi.h"]
+    none = dict.fromkeys(parts(subject), "")
+    for plain in (subject, replace(subject, encoder_table_config={"cells": 4})):
+        assert parts(plain) == none and plain.parts == ["drive.h", "speed_pi.h"]
     dead = replace(subject, dead_time_config={"time": 1e-6})
     assert dead.parts == ["drive.h", "speed_pi.h", "dead_time.h"]
     told = parts(dead)
-    assert (told["correct"], told["measured_now"]) == ("", "now")
     assert "cgl_dead_time_step(&controller->dead_time, &drive->currents, out->duty);" in told["compensate"]
-    table = replace(subject, encoder_table_config={"cells": 4})
-    assert table.parts == ["drive.h", "speed_pi.h", "encoder_table.h"]
-    told = parts(table)
-    assert (told["measured_now"], told["compensate"]) == ("&corrected", "")
-    assert (
-        "cgl_encoder_table_step(&controller->encoder_table, &corrected, drive->i_q, true);" in told["correct"]
-    )
-    assert told["part_members"] == "    cgl_encoder_table encoder_table;\n"
-    assert "pi_encoder_table_config = {\n    /* cgl_encoder_table_config */\n};" in told["part_configs"]
-    both = parts(replace(dead, encoder_table_config={"cells": 4}))
-    assert both["part_includes"] == '#include "cogless/dead_time.h"\n#include "cogless/encoder_table.h"\n'
-    resets = [f"    cgl_{part}_reset(&controller->{part});\n" for part in ("dead_time", "encoder_table")]
-    assert both["part_resets"] == "".join(resets)
+    assert told["part_members"] == "    cgl_dead_time dead_time;\n"
+    assert "pi_dead_time_config = {\n    /* cgl_dead_time_config */\n};" in told["part_configs"]
+    assert told["part_includes"] == '#include "cogless/dead_time.h"\n'
+    assert told["part_resets"] == "    cgl_dead_time_reset(&controller->dead_time);\n"
 
 
 @pytest.mark.parametrize(

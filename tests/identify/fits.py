@@ -36,7 +36,7 @@ def fit_of(values: dict[Name, float], errors: float = 0.0, **more: Any) -> Fit:
 
 def part(log: Log, speed: float, load: float = 0.5) -> Steady:
     rows = np.arange(len(log))
-    return Steady(log, rows, log["theta"], np.full(len(log), speed), speed, math.copysign(load, speed), 1.0)
+    return Steady(log, rows, log["theta"], speed, math.copysign(load, speed))
 
 
 def turning(speed: float, rows: int = 4000, **signals: Any) -> Log:

@@ -108,7 +108,8 @@ def shares(
     monkeypatch: pytest.MonkeyPatch, order: int, measured: complex, known: causes.Phasors, **more: Any
 ) -> dict[str, tuple[float, float]]:
     """Each cause's share of an order and its error; the order is `measured` up to 0.05 A."""
-    one = part(turning(30.0), 30.0)
+    turned = 3e-3 * np.arange(4000)
+    one = part(turning(30.0, theta=turned + 1e-3 * np.sin(order * turned)), 30.0)
     monkeypatch.setattr(causes, "_measured", lambda made, part, order: (measured, 0.05))
     monkeypatch.setattr(causes, "disturbances", lambda made, part, order: dict(known))
     responses = {id(one): (0.1 + 0j, 0.03)} if more.pop("follows", False) else {}
@@ -125,7 +126,7 @@ def test_what_is_left_of_an_order_is_not_explained(monkeypatch: pytest.MonkeyPat
         UNEXPLAINED: pytest.approx((0.05 / 0.35, 0.05 / 0.35)),
     }
     assert shares(monkeypatch, 24, 0.34 + 0j, known)[UNEXPLAINED][0] == 0.0
-    guessed = {"cogging or K_t ripple or dead time": (1.0, 0.4)}
+    guessed = {"cogging or K_t ripple or dead time or encoder": (1.0, 0.5)}
     assert shares(monkeypatch, 24, 0.4 + 0j, {}) == shares(monkeypatch, 24, 0j, {}) == guessed
 
 
@@ -160,11 +161,28 @@ def test_a_torque_may_be_of_what_no_log_tells_apart() -> None:
 
 def test_an_order_has_its_share_of_the_ripple() -> None:
     """The share is of the ripple's square, and at most one. A wave's rms is its amplitude over sqrt 2."""
-    log = turning(-30.0, rows=20_000)
-    one = replace(part(log, -30.0), omega=-30 + 0.3 * np.cos(24 * log["theta"]))
+    turned = -3e-3 * np.arange(20_000)
+    waves = [(24, 0.3), (7, 0.1)]
+    theta = turned + sum(size / (n * 30) * np.sin(n * turned) for n, size in waves)
+    one = part(turning(-30.0, theta=theta), -30.0)
     small, large = Cause(ENCODER, 0.2, 0.1), Cause(COGGING, 0.8, 0.1)
-    found = causes.found_in(replace(one, ripple=0.25), 24, [small, large])
+    found = causes.found_in(one, 24, [small, large])
     assert (found.log, found.speed, found.load, found.order) == ("a", 30.0, -0.5, 24)
-    assert (found.ripple, found.share) == pytest.approx((0.3 / math.sqrt(2), 0.045 / 0.0625), rel=1e-3)
-    assert found.causes == (large, small)
-    assert causes.found_in(replace(one, ripple=0.2), 24, []).share == 1.0
+    assert (found.ripple, found.share) == pytest.approx((0.3 / math.sqrt(2), 0.9), rel=5e-3)
+    assert found.causes == (large, small) and found.measured == 0.0
+
+
+def test_an_error_of_the_encoder_is_measurement_and_moves_the_rotor_by_the_controller() -> None:
+    """The rotor goes half of an error of 0.01 rad backwards: a fifth of the squares is motion, by that "
+    "error."""
+    turned = 3e-3 * np.arange(20_000)
+    moved = replace(
+        part(turning(30.0, theta=turned - 5e-3 * np.sin(2 * turned)), 30.0), error={2: complex(0.0, -0.01)}
+    )
+    found = causes.found_in(moved, 2, [Cause(ENCODER, 0.9, 0.1), Cause(COGGING, 0.1, 0.1)])
+    assert found.measured == pytest.approx(0.8, rel=1e-3)
+    assert found.ripple == pytest.approx(60 * math.hypot(0.01, 5e-3) / math.sqrt(2), rel=1e-3)
+    assert [(cause.name, cause.share) for cause in found.causes] == [
+        (ENCODER, pytest.approx(0.98, rel=1e-3)),
+        (COGGING, pytest.approx(0.02, rel=2e-2)),
+    ]

@@ -160,9 +160,10 @@ def test_nothing_else_is_blamed():
 
 
 @pytest.mark.parametrize(("orders", "causes"), [
-    ((1, 2), "encoder or mechanics"), ((3, 4, 6, 8, 12), "cogging"), ((7,), "cogging or current offset"),
-    ((14,), "cogging or current gain"), ((21, 28), "cogging or dead time"),
-    ((42, 84), "cogging or K_t ripple or dead time"),
+    ((1, 2), "encoder or mechanics"), ((3, 4, 6, 8, 12), "cogging or encoder"),
+    ((7,), "cogging or current offset or encoder"), ((14,), "cogging or current gain or encoder"),
+    ((21, 28), "cogging or dead time or encoder"),
+    ((42, 84), "cogging or K_t ripple or dead time or encoder"),
 ])  # fmt: skip
 def test_what_an_order_may_come_from(orders, causes):
     """With 7 pole pairs: once and twice a turn is a bad mounting, which has no more orders."""
@@ -186,7 +187,7 @@ def test_cogging_of_order_6p_is_not_told_from_ripple_of_k_t_without_loads(tmp_pa
     text, logs = played("of 6 p")
     made = diagnose(tmp_path, text, {name: logs[name] for name in ("fast", "drives")})
     name, confidence = cause_of(made, "drives", 42)
-    assert (name, confidence) == ("cogging or K_t ripple or dead time", "cannot be told apart")
+    assert (name, confidence) == ("cogging or K_t ripple or dead time or encoder", "cannot be told apart")
     assert any("add an acceleration log" in line for line in made.said)
 
 
@@ -269,8 +270,8 @@ def test_the_voltage_tells_a_current_in_rms(tmp_path):
     (said,) = [line for line in diagnose(tmp_path, text, rms).said if "rms amperes" in line]
     assert said.startswith("The voltage says R = 7.")
     assert said.endswith(
-        "ohm, sqrt(2) times that of the file of columns (5): i_q looks like rms amperes, unless the winding "
-        "is 105 K warmer; multiply it by sqrt(2), and with it all torques."
+        "ohm, sqrt(2) times that of the file of columns (5): i_q is in rms amperes, which makes all torques "
+        "sqrt(2) too small, or the winding is 105 K warmer; record i_a and i_b, which tell it."
     )
 
 
@@ -305,4 +306,6 @@ def test_a_log_that_only_accelerates_is_said_to_have_no_line(tmp_path):
     text, logs = played("cogging")
     made = diagnose(tmp_path, text, {name: logs[name] for name in ("slow", "sweep")})
     assert "sweep.npz" not in made.whole
-    assert any(line.startswith("sweep.npz: never turns at a steady speed") for line in made.said)
+    assert made.uses == {
+        "sweep.npz": "no turn at a steady speed: inertia, friction and orders are from it, and no shares"
+    }

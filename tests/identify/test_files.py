@@ -154,8 +154,8 @@ def test_a_current_in_rms_beside_peaks_of_the_phases_is_refused(tmp_path, share,
     with pytest.raises(StudyError) as caught:
         load_logs([path], loaded)
     assert str(caught.value) == (
-        f"{path}: current is 0.707 of the amplitude that a and b have, as rms is: expected peak amperes; "
-        "multiply it by sqrt(2)"
+        f"{path}: current is 0.707 of the amplitude that a and b have, as rms is: expected peak amperes: "
+        "current with scale = 1.41421 in the file of columns"
     )
 
 

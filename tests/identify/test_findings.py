@@ -71,6 +71,10 @@ def test_cogging_that_is_turned_between_logs_has_no_place(turn: float, turned: b
         ]
         * turned
     )
+    larger = rows_with("bb", 0.5, 1.2 * complex(math.cos(turn), math.sin(turn)))  # no slip changes a size
+    said, left = told(larger, first)
+    assert left == ["Cogging is left out, since its place differs between the logs."] * turned
+    assert not any("index" in line for line in said) and len(said) == len(left)
     hidden = rows_with("bb", 0.5, 1e-3 * complex(math.cos(turn), math.sin(turn)))  # within its noise
     assert told(hidden, first) == ([], [])
 

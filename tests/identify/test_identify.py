@@ -112,7 +112,7 @@ def test_an_order_that_does_not_stand_out_of_its_error_is_left_out(doubtful):
     assert kept.left_out == (
         "Before.",
         "Cogging of order 18 does not stand out of its error and is left out: up to "
-        f"{3.4e3 * doubtful.K_t:.2g} mN*m with it; longer logs may tell it.",
+        f"{3.4e3 * doubtful.K_t:.2g} mN*m with it.",
     )
     none = command.standing_out(replace(doubtful, cogging=doubtful.cogging[1:]))
     assert none.cogging == () and "Cogging of order 12, 18 does" in none.left_out[1]
@@ -150,8 +150,8 @@ def test_orders_stand_out_of_their_errors_after_the_simulation_and_in_a_rehearsa
     [
         (1.0, 0.0, []),
         (1.0, np.radians(59), []),
-        (1.0, np.radians(61), ["72 (4 mN*m) comes out worse than not at all. Turn faster"]),
-        (2.1, 0.0, ["72 (4 mN*m) comes out worse than not at all. Turn faster"]),
+        (1.0, np.radians(61), ["72 (4 mN*m) comes out worse than not at all, since the law"]),
+        (2.1, 0.0, ["72 (4 mN*m) comes out worse than not at all, since the law"]),
         (None, 0.0, ["would not tell the study's cogging of order 72 (4 mN*m)."]),
     ],
 )

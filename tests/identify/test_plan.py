@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -225,6 +226,9 @@ def test_a_voltage_that_drives_no_current_is_refused(tmp_path):
         f"{0.8 * (2 + 0.1) / (2 / math.sqrt(3)):.3g} times that at rest"
     )
 
+    times = float(re.findall(r"take ([\d.]+) times", str(error.value))[0])
+    assert planned(tmp_path, servo(), 2 * times * 1.01)  # as much as is expected, and a little to turn with
+
 
 def test_a_stepper_whose_voltage_is_too_low_for_its_hills_is_refused(tmp_path):
     with pytest.raises(StudyError) as error:
@@ -235,6 +239,7 @@ def test_a_stepper_whose_voltage_is_too_low_for_its_hills_is_refused(tmp_path):
         f"{tmp_path}/motor.toml: drive.inverter.bus_voltage: 6 V: expected more: cogging stops this rotor "
         f"below {least:.3g} rpm, so the plan needs {3 * least:.3g} rpm, and the voltage reaches {most:.3g}"
     )
+    assert planned(tmp_path, STEPPER, 6 * 3 * least / most * 1.3)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from cogless.identify.log import Log
 from cogless.identify.regression import fit
 from cogless.identify.result import Estimate, Value, Wave, wave_of
 from cogless.identify.sessions import Session, sentences
-from cogless.identify.weak_form import Rows
+from cogless.identify.weak_form import Model, Rows
 from cogless.report import diagnosed, identified
 from cogless.results.trace import Trace
 
@@ -194,7 +194,7 @@ def test_a_negative_friction_is_left_out_and_told_where_it_stands_out(
     left: list[str] = []
     made = findings.without_nonsense(estimate(known, values={"b": Value(b, 0.1)}), left)
     assert ("b" in made.values) == kept
-    negative = "Viscous friction comes out negative; add a log at a second, fast speed, or at a longer rest."
+    negative = "Viscous friction comes out negative and is left out."
     assert left == [negative] * said
 
 
@@ -223,7 +223,7 @@ def test_logs_that_are_too_fast_leave_high_orders_out(known: Identification) -> 
     assert line == (
         "No usable log turns slowly enough to show cogging above order 6, and the poles have 8: higher "
         "orders are left out, and what they disturb, inertia, friction, delay and the encoder's error; "
-        "record a slow log in which the rotor does not stick (with more feedback), or more rows a second."
+        "record a slow log in which the rotor does not stick (with more feedback)."
     )
     held = findings.without_nonsense(
         estimate(known, logs=(turning(80.0), log(dt=0.0, theta=0.0)), **waves), []
@@ -395,7 +395,7 @@ def test_why_a_log_cannot_be_used(known: Identification) -> None:
         speed = turns * TURN * 200 / 8 / 24
         slow = log(theta=speed / rate * np.arange(2000), i_q=0.1, dt=1 / rate)
         above = (
-            "one.csv: order 24 at 1.05 rev/s is above an eighth of the sampling rate, 200 Hz; record 2e+02 "
+            "one.csv: order 24 at 1.05 rev/s is above an eighth of the sampling rate, 200 Hz; record 2.1e+02 "
             "rows a second, or turn more slowly."
         )
         assert said(slow) == [above] * much
@@ -530,9 +530,13 @@ def test_both_directions_of_a_log_are_one() -> None:
     forth = order_at(6, 2.0, Cause("cogging", 1.0, 0.1), ripple=3.0, share=0.8)
     back = order_at(6, 2.0, Cause("encoder", 0.6, 0.0), Cause("cogging", 0.4, 0.2), ripple=4.0, share=0.6)
     other = order_at(3, 2.0, ripple=1.0, share=0.9)
-    first, merged = diagnosis._merged([forth, back, other])
-    assert first == other
-    assert merged.ripple == pytest.approx(math.sqrt((9 + 16) / 2)) and merged.share == pytest.approx(0.7)
+    log = forth.log
+    first, merged = diagnosis._merged([forth, back, other], {log: 5.0}, {log: 2})
+    assert (first.order, first.ripple) == (6, pytest.approx(math.sqrt((9 + 16) / 2)))
+    assert first.share == pytest.approx(0.5)
+    assert (merged.order, merged.ripple) == (3, pytest.approx(math.sqrt(1 / 2)))  # in one of two parts
+    assert merged.share == pytest.approx(0.02)
+    merged = first
     cogging, encoder = merged.causes
     assert (cogging.name, encoder.name) == ("cogging", "encoder")
     assert cogging.share == pytest.approx((9 * 1.0 + 16 * 0.4) / 25)
@@ -544,7 +548,7 @@ def test_a_diagnosis_is_read_from_the_answer_down() -> None:
     slow = order_at(24, TURN, Cause("cogging", 0.9, 0.05), Cause("not explained", 0.1, 0.0), share=0.8)
     small = order_at(7, TURN, share=0.009)
     fast = order_at(1, 2 * TURN, Cause("encoder or mechanics", 1.0, 0.4), share=0.5, load=math.nan)
-    made = Diagnosis("x", (slow, small, fast), {slow.log: 0.559, fast.log: 0.7}, ("Said.",))
+    made = Diagnosis("x", (slow, small, fast), {slow.log: 0.559, fast.log: 0.4}, ("Said.",))
     assert made.causes(slow.log) == pytest.approx(
         {"cogging": 0.729, "no order": 0.191, "not explained": 0.08}
     )
@@ -553,14 +557,20 @@ def test_a_diagnosis_is_read_from_the_answer_down() -> None:
         "Most of the ripple is cogging, 73 % of the square of the speed's ripple in 1 of 2 logs.",
         "",
         f"{slow.log} (1 rev/s, 0.1 A): 0.559 rad/s rms: cogging 73 %, no order 19 %, not explained 8 %",
-        f"{fast.log} (2 rev/s): 0.7 rad/s rms: encoder or mechanics 50 %, no order 50 %",
+        f"{fast.log} (2 rev/s): 0.4 rad/s rms: encoder or mechanics 50 %, no order 50 %",
         "",
         heading,
         f"{slow.log:<20}    24        0.5    80 %  cogging 90 +- 5 %, not explained 10 %: sure",
         f"{fast.log:<20}     1        0.5    50 %  encoder or mechanics 100 +- 40 %: cannot be told apart",
     ]
     plain = diagnosis.to_dict(made)
-    assert plain["logs"][slow.log] == {"ripple_rad_per_s": 0.559, "shares": made.causes(slow.log)}
+    assert plain["logs"][slow.log] == {
+        "ripple_rad_per_s": 0.559,
+        "motion_rad_per_s": 0.559,
+        "noise_share_of_logged_speed": None,
+        "shares": made.causes(slow.log),
+    }
+    assert plain["uses"] == {}
     assert [order["load_A"] for order in plain["orders"]] == [0.1, 0.1, None]
     assert plain["orders"][0]["causes"][0] == {"name": "cogging", "share": 0.9, "error": 0.05}
     assert (plain["orders"][0]["speed_rad_per_s"], plain["orders"][0]["ripple_rad_per_s"]) == (TURN, 0.5)
@@ -580,8 +590,8 @@ def test_the_answer_has_a_span_where_logs_differ() -> None:
     unclear = order_at(1, 1.0, Cause("encoder or mechanics", 1.0, 0.4))
     assert "is encoder or mechanics, which cannot be told apart here, 90 % of" in told(unclear)
     assert told(order_at(6, 1.0, share=0.1)) == (
-        "Most of the ripple is of no order of the rotor: noise, steps of the speed's measurement, or "
-        "vibration."
+        "Most of the ripple is of no order of the rotor that these logs can show: vibration, or slow changes "
+        "of the speed."
     )
 
 
@@ -603,7 +613,7 @@ def test_both_directions_of_a_log_are_one_by_their_squares() -> None:
         order_at(6, 1.0, one, ripple=1.0),
         order_at(6, 1.0, two, Cause("encoder", 0.9, 0.4), ripple=2.0),
     )
-    (merged,) = diagnosis._merged([forth, back])
+    (merged,) = diagnosis._merged([forth, back], {forth.log: 2.0}, {forth.log: 2})
     assert [(cause.name, cause.share, cause.error) for cause in merged.causes] == [
         ("encoder", pytest.approx(0.72), pytest.approx(0.32)),
         ("cogging", pytest.approx(0.2), pytest.approx(0.1)),
@@ -611,7 +621,8 @@ def test_both_directions_of_a_log_are_one_by_their_squares() -> None:
     parts: Any = [
         SimpleNamespace(log=log(name), ripple=x) for name, x in (("a", 1.0), ("a", 7.0), ("b", 2.0))
     ]
-    assert diagnosis._whole(parts) == {"a": pytest.approx(5.0), "b": 2.0}
+    ripples = diagnosis._rms_by_log(parts, lambda part: part.ripple)
+    assert ripples == {"a": pytest.approx(5.0), "b": 2.0}
     none = order_at(6, 1.0, one, Cause("encoder", 0.0, 0.1))
     assert set(Diagnosis("x", (none,), {none.log: 1.0}, ()).causes(none.log)) == {"cogging", "no order"}
 
@@ -620,9 +631,13 @@ def test_an_estimate_tells_the_torques_of_logs_that_turn_if_it_has_an_inertia(kn
     """Those of a rotor that turns with the bridge off, too, though no value is from its log."""
     logs = (turning(1.0), log("held", dt=0.0, theta=0.0))
     off = [log("off", "bridge-off", theta=1.0), log("blind", "bridge-off"), turning(1.0)]
-    explained = diagnosis._explained(estimate(known, logs=logs, fit=fit_of({("j",): 1.0})), off)
+    inertia = {"j": Value(1.0, 0.1)}
+    explained = diagnosis._explained(
+        estimate(known, logs=logs, values=inertia, fit=fit_of({("j",): 1.0})), off
+    )
     assert list(explained) == ["one.csv", "off"] and not explained["off"]["i_q"].any()
-    for made in (None, estimate(known, logs=logs), estimate(known, logs=logs, fit=fit_of({("c",): 1.0}))):
+    untold = estimate(known, logs=logs, fit=fit_of({("j",): 1.0}))  # not larger than its error
+    for made in (None, estimate(known, logs=logs), untold):
         assert diagnosis._explained(made, off) == {}
 
 
@@ -636,20 +651,26 @@ def test_what_logs_without_angle_or_current_can_tell() -> None:
         "one.csv: no current: causes of one order cannot be told apart, only how it changes with speed; "
         "record i_q.",
     ]
-    still = log("still.csv", dt=0.0), log("off.csv", "bridge-off")
-    never = (
-        "one.csv: never turns at a steady speed for a revolution, so it has no line; what it tells of the "
-        "torques is in the others."
-    )
-    assert diagnosis._unsteady([whole, poor, *still], {"other"}) == [never] * 2
-    assert diagnosis._unsteady([whole], {"one.csv"}) == []
+
+
+def test_every_log_without_a_steady_part_says_what_it_is_used_for() -> None:
+    logs = [turning(1.0), log("still.csv", dt=0.0), log("off.csv", "bridge-off"), log("poor.csv", omega=1.0)]
+    assert diagnosis._uses(logs, {"one.csv"}, set()) == {
+        "still.csv": "holds the rotor: cogging is from it",
+        "off.csv": "the bridge is off: offsets of the phase currents are from it",
+        "poor.csv": "no turn at a steady speed, and no torques: it is not used",
+    }
+    assert diagnosis._uses(logs[:1], set(), {"one.csv"}) == {
+        "one.csv": "no turn at a steady speed: inertia, friction and orders are from it, and no shares"
+    }
 
 
 def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
     known: Identification, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """If no estimate can be made, it is of the speeds alone, and says why."""
-    steady = {"omega": TURN, "theta": TURN * DT * np.arange(2000)}
+    turned = TURN * DT * np.arange(2000)
+    steady = {"omega": TURN, "theta": turned + 1e-2 * np.sin(24 * turned)}
     logs = [
         log("whole", **steady, i_q=0.1),
         log("held", dt=0.0, theta=0.0),
@@ -661,7 +682,13 @@ def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
     ]
     logs[-1] = replace(logs[-1], stretches=(slice(0, 15),))
     asked: list[list[str]] = []
-    model = SimpleNamespace(left_out=("Left.",), remarks=("Remark.", "Left."), fit=fit_of({("j",): 1.0}))
+    model = SimpleNamespace(
+        left_out=("Left.",),
+        remarks=("Remark.", "Left."),
+        fit=fit_of({("j",): 1.0}),
+        values={"j": Value(1.0, 0.1)},
+        model=Model(),
+    )
 
     def estimated(known: Identification, logs: list[Log], progress: Any) -> Any:
         asked.append([one.name for one in logs])
@@ -672,7 +699,9 @@ def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
     monkeypatch.setattr(diagnosis.config, "load", lambda path: known)
     monkeypatch.setattr(diagnosis, "load_logs", lambda paths, known: logs)
     monkeypatch.setattr(diagnosis, "estimate", estimated)
-    monkeypatch.setattr(diagnosis, "attributed", lambda made, parts: [order_at(24, 1.0)])
+    monkeypatch.setattr(
+        diagnosis, "attributed", lambda made, parts: [replace(order_at(24, 1.0), log="whole")]
+    )
     monkeypatch.setattr(diagnosis.speed_alone, "by_order", lambda parts, poles: [])
     (tmp_path / "id.toml").touch()
 
@@ -686,10 +715,7 @@ def test_a_diagnosis_is_of_logs_whose_torque_is_known_and_of_speeds_beside_them(
     assert made.said[:2] == ("Left.", "Remark.") and made.title == known.title
     reference = [line for line in made.said if line.startswith("Dead time disturbs the current at order 24")]
     assert len(reference) == 1
-    assert [line for line in made.said if "never turns" in line] == [
-        "short: never turns at a steady speed for a revolution, so it has no line; what it tells of the "
-        "torques is in the others."
-    ]
+    assert {"held", "blind-off", "short"} == set(made.uses)
     logs[0] = log("whole", **steady, i_q=0.1, i_q_ref=0.1)
     assert not any(line.startswith("Dead time disturbs") for line in diagnosed().said)
     told = None
@@ -861,6 +887,11 @@ def test_bars_of_a_diagnosis_are_as_wide_as_the_shares() -> None:
         [fast.log, "1", "2 rev/s", "", "0.5 rad/s", "50 %", "encoder 100 +- 40 %", "likely"],
     ]
     assert "<li>Said.</li>" in page
+    assert f"<li>{slow.log}: 0.559 rad/s rms</li>" in page
+    more = replace(made, logged={slow.log: 1.0}, uses={"a": "holds the rotor"})
+    page = diagnosed.render(more)
+    assert f"<li>{slow.log}: 0.559 rad/s rms, 69 % of the square of the logged speed" in page
+    assert "<li>a: holds the rotor</li>" in page
     assert "Nothing is left out." in diagnosed.render(replace(made, said=()))
 
 

@@ -10,6 +10,7 @@ import pytest
 from identify.fits import of_motor, turning
 
 from cogless.identify import voltage
+from cogless.identify.advice import Advice
 from cogless.identify.result import Value
 
 
@@ -26,10 +27,9 @@ def test_k_t_and_r_come_out_of_the_voltage_of_steady_parts() -> None:
     told = voltage.told(known, logs)
     assert told is not None
     k_t, r = told
-    assert k_t.value == pytest.approx(0.21 * 0.3 / (4 * 0.05)) and k_t.error == pytest.approx(
-        0.01 * k_t.value
-    )
-    assert r.value == pytest.approx(0.9) and r.error == pytest.approx(0.009)
+    assert k_t.value == pytest.approx(0.21 * 0.3 / (4 * 0.05)) and r.value == pytest.approx(0.9)
+    assert 0.01 * k_t.value < k_t.error < 0.02 * k_t.value  # more than the inverter's gain
+    assert 0.01 * r.value < r.error
     assert voltage.told(known, logs[:3]) is None  # too few for three unknowns
     assert voltage.told(known, logs[:4]) is not None
     assert voltage.told(known, [logs[0]] * 2 + [logs[1]] * 2) is None  # at one speed
@@ -59,8 +59,8 @@ def test_what_the_voltage_leaves_unexplained_is_in_the_errors() -> None:
     assert told is not None
     spread = 4.30265 * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)) / 2)
     by_k_t = 0.3 / (4 * 0.05)
-    assert told[0].error == pytest.approx(by_k_t * math.hypot(spread[0], 0.0021), rel=1e-4)
-    assert told[1].error == pytest.approx(math.hypot(spread[1], 0.009), rel=1e-4)
+    assert told[0].error > by_k_t * math.hypot(spread[0], 0.0021)
+    assert told[1].error > math.hypot(spread[1], 0.009)
 
 
 def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
@@ -71,16 +71,30 @@ def test_what_the_voltage_says_of_k_t_and_of_the_unit_of_the_current() -> None:
     assert isinstance(agreed, voltage.Agreement)
     assert agreed == "The voltage says K_t = 0.309 +- 0.01 N*m/A, as the file of columns has it (0.3)."
     ends = ": all torques are in proportion to it; correct motor.K_t (per rms ampere it is K_t_rms) or kv."
-    for value, begins in ((0.315, "K_t = 0.315"), (0.285, "K_t = 0.285"), (-0.3, "K_t = -0.3")):
+    for value, begins in ((0.315, "K_t = 0.315"), (0.285, "K_t = 0.285"), (0.339, "K_t = 0.339")):
+        said = voltage._of_k_t(known, Value(value, 0.01))
+        assert said == (
+            f"The voltage says {begins} +- 0.01 N*m/A; the file of columns has 0.3. Magnets that are 50 K "
+            "warmer, or the gain of the voltage's measurement, make as much, so it is open which is right; "
+            "all "
+            "torques are in proportion to it."
+        )
+        assert not isinstance(said, voltage.Agreement | Advice)
+    for value, begins in ((0.38, "K_t = 0.38"), (0.23, "K_t = 0.23")):
         said = voltage._of_k_t(known, Value(value, 0.01))
         assert said == f"The voltage says {begins} +- 0.01 N*m/A; the file of columns has 0.3{ends}"
-        assert not isinstance(said, voltage.Agreement)
+        assert isinstance(said, Advice) and said.cures == ({"motor.K_t": f"{value} N*m/A"},)
+    backwards = voltage._of_k_t(known, Value(-0.3, 0.01))
+    assert backwards.endswith("has 0.3: the signs of u_q, of i_q and of the angle do not fit each other.")
+    assert not isinstance(backwards, Advice)
     for value in (0.3 * math.sqrt(2), 0.3 / math.sqrt(2)):
         said = voltage._of_k_t(known, Value(value, 0.004))
         assert said.endswith(f"; they differ by sqrt(2), the factor between rms and peak{ends}")
     assert voltage._of_r(known, Value(2.7, 0.13)) == [
-        "The voltage says R = 2.7 +- 0.13 ohm, sqrt(2) times that of the file of columns (2): i_q looks like "
-        "rms amperes, unless the winding is 105 K warmer; multiply it by sqrt(2), and with it all torques."
+        "The voltage says R = 2.7 +- 0.13 ohm, sqrt(2) times that of the file of columns (2): i_q is in "
+        "rms amperes, which makes all torques sqrt(2) too small, or the winding is 105 K warmer; record i_a "
+        "and "
+        "i_b, which tell it."
     ]
     assert voltage._of_r(known, Value(2.7, 0.12)) == []  # 2.83 is not within its error
     assert voltage._of_r(known, Value(2.83, 0.282)) and not voltage._of_r(known, Value(2.83, 0.284))

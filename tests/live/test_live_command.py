@@ -27,6 +27,13 @@ law = "python"
 object = "law.py:Zero"
 label = "Mine"
 """
+METRIC = """
+[[metric]]
+name = "ripple"
+kind = "ripple-rms"
+signal = "omega_m"
+last = "1 s"
+"""
 LEFT_OUT = "Left out of the page: Mine: its law is code of its own, which the page doesn't run."
 needs = pytest.mark.skipif(bool(NO_ENGINE), reason=NO_ENGINE)
 
@@ -43,6 +50,18 @@ def test_the_page_is_written_where_it_is_asked_for(capsys, tmp_path):
     code, out, _ = cogless(capsys, "live", study, "-o", tmp_path / "page.html")
     assert (code, out) == (0, f"Page: {tmp_path / 'page.html'}\n")
     assert f"cogless run {study}" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@needs
+@pytest.mark.parametrize(("option", "times"), [((), 1), (("--no-limits",), 0)])
+def test_the_page_has_what_limits_the_best_run_as_it_was_made(capsys, tmp_path, option, times):
+    study = small(tmp_path)
+    study.write_text(study.read_text() + METRIC)
+    sensor = ("--set", 'drive.position_sensor={ kind = "absolute", bits = 8 }')
+    longer = ("--set", "scenario.step.duration=2 s")
+    code, _, _ = cogless(capsys, "live", study, *sensor, *longer, *option, "-o", tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert code == 0 and page.count("What limits pi: ") == times
 
 
 @needs
@@ -109,6 +128,32 @@ def test_the_compilers_first_error_is_told(monkeypatch, printed, told):
     assert str(error.value) == told
 
 
+def test_a_wheel_takes_the_engine_of_the_same_sources_from_a_cache(tmp_path, monkeypatch):
+    """As `make dist` and `make web` share it; without a cache each wheel compiles its own."""
+    made = []
+
+    def compiled(sources, target, precision):
+        made.append(precision)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(precision.encode())
+
+    monkeypatch.setattr(compile, "compiled", compiled)
+    sources, cache, folder = tmp_path / "sources", tmp_path / "cache", tmp_path / "web"
+    for name in ("control/src/a.c", "simulator/b.cpp"):
+        (sources / name).parent.mkdir(parents=True)
+        (sources / name).write_text("int a;")
+    folder.mkdir()
+    for rest in [cache], [cache], []:
+        compile.main(sources, folder, *rest)
+        assert {path.name: path.read_text() for path in folder.iterdir()} == {
+            name: precision for precision, name in compile.NAMES.items()
+        }
+    assert made == ["single", "double"] * 2
+    (sources / "simulator" / "b.cpp").write_text("int b;")
+    compile.main(sources, folder, cache)
+    assert made == ["single", "double"] * 3 and len(list(cache.iterdir())) == 4
+
+
 def test_the_engine_is_compiled_once_and_kept(tmp_path, monkeypatch, capsys):
     """Where it came with no wheel: as long as sources and options are the same."""
     made = []
@@ -131,7 +176,7 @@ def test_the_engine_is_compiled_once_and_kept(tmp_path, monkeypatch, capsys):
     assert engine.is_there("double") and not engine.is_there("single")
     (kept,) = (tmp_path / "cogless").iterdir()
     assert kept.name.endswith("-engine_double.wasm")
-    monkeypatch.setattr(engine, "FLAGS", ("-O3",))
+    monkeypatch.setattr(compile, "FLAGS", ("-O3",))
     assert not engine.is_there("double")
 
     def fails(*_):

@@ -15,7 +15,7 @@ from browser import MISSING
 from node import NO_ENGINE
 from test_live_engine import job
 
-from cogless.live import engine
+from cogless.live import engine, write
 from cogless.live.page import asset
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
@@ -242,6 +242,23 @@ def test_another_scenario_and_another_controller(page, study):
     assert "<i>PI</i>" not in text(page, "#verdicts")
     assert page.run("return cogless.state.shown") == ["pi-ilc", "table"]
     assert "--only step/pi-ilc --only step/table" in text(page, "#command")
+
+
+def test_what_limits_the_best_run_is_there_until_a_value_is_changed(window, study, tmp_path):
+    """It was found for the study's own values, so it isn't told of others."""
+    told = 'What limits pi-ilc: steps & "so on".'
+    write(study, tmp_path / "live.html", "cogless run study.toml", limits={"low": told})
+    text = "return document.getElementById('limit').textContent"
+    show(window, tmp_path / "live.html")
+    assert window.run(text) == told
+    type_into(window, "controller.pi-ilc.gain", 0.03)
+    assert window.run(text) == ""
+    window.run("document.getElementById('reset').click()")
+    settle(window)
+    assert window.run(text) == told
+    window.run("document.querySelector('#scenarios [data-name=step]').click()")
+    settle(window)
+    assert window.run(text) == ""
 
 
 def test_the_address_brings_all_back(page, study, path):

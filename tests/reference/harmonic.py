@@ -15,7 +15,8 @@ from .pi import Pi
 P = math.exp(-0.5)
 L1, L2, L3 = 1 - P**3, 1.5 * (1 - P) ** 2 * (1 + P), (1 - P) ** 3
 FASTEST, SPLIT, MEAN, QUICK, SETTLE, NEW, FULL = 2.6, 0.5105, 0.25, 1 / 16, 64, 1.25, 6.0
-BENT, SURE, STAYS, DOUBTED = 0.05, 2.5e-7, 1 / 8, 64.0
+TOGETHER = 1 / 16
+BENT, SURE, STAYS, DOUBTED, CALM = 0.05, 2.5e-7, 1 / 8, 64.0, 0.02
 TURN_OF_BEND, PARTS, FEW = 8, 2, 8
 
 TURN = 1 << 32  # parts of a turn
@@ -44,6 +45,7 @@ class Harmonic:
     k_theta: float = 0.0
     bends: int = 2
     sensor_step: float = 0.0
+    fast: int | None = None
     c: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
     learned: float = 0.0
     learning: bool = False
@@ -57,12 +59,12 @@ class Harmonic:
         self.since_edge = 0.0
         self.loads = [0.0] * PARTS
         self.share = QUICK
-        self.omega = self.load = self.mean = 0.0
-        self.time = self.anchor = self.slowest = self.fastest = self.rate_now = 0.0
+        self.omega = self.load = self.mean = self.drift = self.calm = 0.0
+        self.time = self.slowest = self.fastest = self.rate_now = 0.0
         self.round_step = 0.0
         free = 2 if self.base > 4 else 1 if self.base > 2 else 0
         self.bend = np.zeros(min(self.bends, free), dtype=complex)
-        self.believed = self.bend_rate = self.power = self.doubt = self.moved = self.before = 0.0
+        self.believed = self.bend_rate = self.power = self.rest = self.doubt = self.moved = self.before = 0.0
         self.here = self.slope = 0.0
         self.due = self.acting = self.low = 0
         self.since = 1
@@ -111,29 +113,33 @@ class Harmonic:
 
     def begin_round(self) -> None:
         speed, step = abs(self.omega), self.base * self.omega
-        if (speed > NEW * self.anchor or NEW * speed < self.anchor) and not (
-            self.slowest <= speed <= self.fastest
-        ):
-            first = self.anchor <= 0
-            self.slowest = speed if first else min(self.slowest, speed)
-            self.fastest = max(self.fastest, speed)
-            self.anchor, self.time = speed, 0.0
-        fits = [int(min(self.orders, most / abs(step) if step else math.inf)) for most in (FASTEST, SPLIT)]
-        self.acting, low = fits[0], min(fits)
+        if speed > NEW * self.fastest or NEW * speed < self.slowest:
+            self.slowest = min(self.slowest, speed) if self.fastest > 0 else speed
+            self.fastest, self.time = max(self.fastest, speed), 0.0
+        fast = self.orders if self.fast is None else self.fast
+        fits, low = (
+            int(min(count, most / abs(step) if step else math.inf))
+            for count, most in ((fast, FASTEST), (self.orders, SPLIT))
+        )
+        self.acting = max(fits, low)
         between = slice(min(low, self.low), max(low, self.low))
         self.weight[between] = 0.0
         self.low = low
-        begun = self.rate * self.time - FULL
-        rate = max(self.rate / (1 + max(begun, 0.0) / 2), self.rate_min)
+        shared = TOGETHER / (max(self.acting, 1) * self.pi.ts)
+        full = min(self.rate, shared)
+        begun = full * self.time
+        rate = max(full / (1 + max(begun - FULL, 0.0) / 2), min(self.rate_min, shared))
         self.rate_now = min(rate, abs(step) / (math.pi * self.pi.ts))
-        self.judge_bend()
+        self.judge_bend(begun)
         self.round_step, self.due = step, 0
 
-    def judge_bend(self) -> None:
-        """No bend is learned where noise makes too much of it; none acts where noise may make all of it."""
-        size = self.base * self.power
-        self.power, self.bend_rate = 0.0, 0.0
-        if self.rate * self.time <= FULL / 2 or size <= 1e-9 or self.rate_now == 0:
+    def judge_bend(self, begun: float) -> None:
+        """No bend is learned where noise makes too much of it, or most of the ripple is fast; none acts where
+        noise may make all of it."""
+        size, shows = self.base * self.power, self.power > self.rest
+        self.calm = CALM * self.power / max(self.low, 1) * self.gain**2
+        self.power = self.rest = self.bend_rate = 0.0
+        if begun <= FULL / 2 or size <= 1e-9 or not shows or self.rate_now == 0:
             return
         variance = 2 * self.doubt / (self.rate_now * self.pi.ts * size**2)
         if variance < SURE:
@@ -144,7 +150,7 @@ class Harmonic:
     def turn_bend(self, theta: int) -> None:
         """Every few steps the bend learns from how the phases moved; value and slope are computed anew."""
         turn = cmath.exp(1j * math.tau * theta / TURN)
-        if self.learning:
+        if self.learning and self.drift**2 < self.calm:
             now = STAYS * (self.moved - self.before) ** 2 - TURN_OF_BEND * self.doubt
             self.before = self.moved
             self.doubt += min(self.rate_now * self.pi.ts, 1 / TURN_OF_BEND) * now
@@ -172,12 +178,14 @@ class Harmonic:
         z = cmath.exp(1j * om)
         turned = cmath.exp(1j * om * (0.5 + self.d))  # what acts is ahead of what is measured
         rate = 0.0 if self.is_held(abs(om)) else self.rate_now
+        power = (k + 1) * abs(self.c[k]) ** 2
         if k < self.low:
-            self.power += 0.0 if self.is_held(abs(om)) else (k + 1) * abs(self.c[k]) ** 2
+            self.power += 0.0 if self.is_held(abs(om)) else power
             g = L3 / 2 * (z + 1) * z / (z - P) ** 3 * cmath.exp(0.5j * om)
             g *= (1 + z**-1) / PARTS
             turned *= 1 - 1j * math.copysign(MEAN, self.omega) / (k + 1)
         else:
+            self.rest += power
             g = (z + 1) * (z - 1) / 2 / (z - P) ** 3 * cmath.exp(0.5j * om)
         self.weight[k] = rate / (self.b * self.pi.ts) / g * turned
         self.due = k + 1
@@ -205,13 +213,14 @@ class Harmonic:
             self.seated = False
             return
         if not self.seated:
-            self.theta, self.load, self.mean = theta, 0.0, 0.0
+            self.theta, self.load, self.mean, self.drift = theta, 0.0, 0.0, 0.0
             self.loads = [0.0] * PARTS
             self.omega = clip(finite_or_zero(omega_m) * self.pi.ts, math.pi)
             self.wait, self.seated = SETTLE, True
         e = self.observe(theta)
         self.mean += self.share * (self.load - self.mean)
         self.loads = [self.load - self.mean, *self.loads[:-1]]
+        self.drift += self.share * (self.loads[0] - self.drift)
         pause = 2 if self.acting > FEW else 4
         if self.since % pause == 1:
             self.make_gain(pause)

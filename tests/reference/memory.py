@@ -36,9 +36,28 @@ class Memory:
     ratio: int = 1
     real: type = float
     revolution: tuple[int, int] = (0, 0)  # of the turns; the angle in it
+    centred: int = 0  # channels, from the first on, whose mean over the period is an integral's
 
     def __post_init__(self) -> None:
         self.value = [0.0] * len(self.limit)  # of the last step
+        self.mean = [0.0] * len(self.limit)  # over the period, of the last time that it was gathered
+        self.transfer = [0.0] * len(self.limit)  # of it, what an integral takes over in this step
+        self.gathered: list[list[float]] = []  # towards the next
+        self.beyond = 0.0  # share of the first of them that counts, of a line
+
+    def recalled(self, values: list[float]) -> list[float]:
+        """What the law learns on from."""
+        return [self.forgetting * v - lost for v, lost in zip(values, self.lost, strict=True)]
+
+    @property
+    def lost(self) -> list[float]:
+        """What a period takes away from the mean, beside forgetting: at most 15/16 of it is recalled."""
+        beyond = max(0.0, self.forgetting - 15 / 16)
+        return [beyond * mean * (c < self.centred) for c, mean in enumerate(self.mean)]
+
+    def take_mean(self, weights: list[float]) -> None:
+        columns = zip(*self.gathered, strict=True)
+        self.mean = self.clipped([float(np.average(column, weights=weights)) for column in columns])
 
     def place(self, theta: float) -> int:
         """In the period, of which 2^32 are one; of the turn that the rotor is in, found by the shorter way
@@ -163,8 +182,7 @@ class AngleMemory(Memory):
             values = [a + part * (b - a) for a, b in zip(here, there, strict=True)]
             self.value = self.clipped(values)
             return values, False
-        mean = mean_between(self.ago(m), part)
-        values = [self.forgetting * v for v in mean]
+        values = self.recalled(mean_between(self.ago(m), part))
         if self.lead == 0:
             values = [v + c for v, c in zip(values, correction, strict=True)]
         stored = self.clipped(values)
@@ -175,6 +193,13 @@ class AngleMemory(Memory):
         self.value, self.follows = stored, True
         if self.lead > 0 and moved > 0:
             self.correct(moved, correction)
+        if self.centred:
+            self.transfer = [lost * moved / WHOLE for lost in self.lost]
+            first = len(self.gathered)
+            self.gathered += [list(cell) for cell in self.map[first : first + max(1, self.passed)]]
+            if len(self.gathered) == self.cells:
+                self.take_mean([1.0] * self.cells)
+                self.gathered = []
         return values, True
 
 
@@ -262,6 +287,16 @@ class DelayLine(Memory):
             self.find_angle()
         return speed > 0
 
+    def gather(self, period: float) -> None:
+        """The samples of a period, of which the first and the last may count in part."""
+        self.gathered.append(list(self.value))
+        weights = [self.beyond or 1.0, *[1.0] * (len(self.gathered) - 1)]
+        missing = period - sum(weights[:-1]) if len(weights) > 1 else period
+        if missing < 1:
+            weights[-1] = max(missing, 0.0)
+            self.take_mean(weights)
+            self.gathered, self.beyond = [list(self.value)], 1 - weights[-1]
+
     def ago(self, samples: int) -> list[float]:
         known = 1 <= samples <= min(len(self.rows), self.length)
         return self.rows[-samples] if known else [0.0] * len(self.limit)
@@ -279,11 +314,12 @@ class DelayLine(Memory):
             (reads and age >= self.fewest) or (len(self.rows) < self.length and not self.tracking)
         )
         values = [0.0] * len(self.limit)
+        self.transfer = list(values)
         if reads:
             part = self.p_t / self.ts - age
             reach = range(age - m, age + m + 2) if learn else (age, age + 1)
-            factor = self.forgetting if learn else 1.0
-            values = [factor * v for v in mean_between([self.ago(n) for n in reach], part)]
+            values = mean_between([self.ago(n) for n in reach], part)
+            values = self.recalled(values) if learn else values
         if learn and self.lead == 0:
             values = [v + c for v, c in zip(values, correction, strict=True)]
         self.value = self.clipped(values)
@@ -295,4 +331,7 @@ class DelayLine(Memory):
             self.whole.append(self.now[0])
             self.rest.append(self.now[1])
             self.then = max(self.then, len(self.rest) - self.length)
+        if learn and self.centred and reads:
+            self.transfer = [lost * self.ts / self.p_t for lost in self.lost]
+            self.gather(self.p_t / self.ts)
         return values, learn

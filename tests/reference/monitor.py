@@ -37,7 +37,8 @@ class Monitor:
         self.raw: float | None = None  # of the last period, if it was an angle
         self.started = False
         self.was_stuck = self.unsure = False
-        self.gap = self.lost = self.blind = self.dark = self.standing = self.holding = 0
+        self.gap = self.lost = self.blind = self.dark = self.holding = 0
+        self.standing = self.pushing = self.attempt = 0
 
     def periods(self, time: float) -> int:
         return math.ceil(time / self.ts - 1e-3)
@@ -59,9 +60,11 @@ class Monitor:
         too_much = self.phases == 3 and self.current_sum > 0 and abs(sum(i)) > self.current_sum
         return not (too_long or too_much)
 
-    def step(self, i: list[float], theta: float, omega: float, u_dc: float, omega_ref: float) -> set[str]:
-        """Names of the status bits; fills theta, omega, safe, trusted."""
-        said = self._rotor(theta, omega, omega_ref)
+    def step(
+        self, i: list[float], theta: float, omega: float, u_dc: float, omega_ref: float, full: bool
+    ) -> set[str]:
+        """Names of the status bits; fills theta, omega, safe, trusted. `full`: it is pushed at the limit."""
+        said = self._rotor(theta, omega, omega_ref, full)
         if self.phases:
             said |= set() if self.plausible_currents(i) else {"CURRENT"}
             said |= {"BUS"} if not math.isfinite(u_dc) or u_dc <= 0 else set()
@@ -74,7 +77,7 @@ class Monitor:
         self.trusted = not said and at_ease and not self.was_stuck
         return said
 
-    def _rotor(self, measured: float, omega: float, omega_ref: float) -> set[str]:
+    def _rotor(self, measured: float, omega: float, omega_ref: float, full: bool) -> set[str]:
         before, self.raw = self.raw, in_turn(measured) if is_angle(measured) else None
         missing, stuck = self.raw is None, False
         moved = between(self.raw, before) if self.raw is not None and before is not None else math.nan
@@ -91,7 +94,7 @@ class Monitor:
                 self.shift = self._settled(between(self.raw, in_turn(self.theta + moved)))
             self.theta = in_turn(self.raw - self.shift)
             self.blind = max(self.blind - 1, 0)
-            stuck = self._stuck(moved, omega_ref)
+            stuck = self._stuck(moved, omega_ref, full)
             self.was_stuck = stuck or (self.was_stuck and not moved)
         if not self.blind:
             missing = missing or not self.plausible_speed(omega)
@@ -129,21 +132,28 @@ class Monitor:
         """The sensor may have stood, and the rotor turned."""
         return 2 * abs(self.still) if self.stuck_angle and shift * self.still > 0 else 0.0
 
-    def _stuck(self, moved: float, omega_ref: float) -> bool:
+    def _stuck(self, moved: float, omega_ref: float, full: bool) -> bool:
         if not self.stuck_angle:
             return False
         if moved:
             self.still = 0.0
         elif math.isfinite(omega_ref):
             self.still = clip(self.still + omega_ref * self.ts, 11 * self.stuck_angle)
-        self.standing = self.standing + 1 if abs(self.still) > self.stuck_angle / 4 else 0
-        time = self.periods(self.stuck_time)
-        if abs(self.still) <= self.stuck_angle or self.standing <= time:
+        if abs(self.still) <= self.stuck_angle / 4:
+            self.standing = self.pushing = self.attempt = 0
             return False
-        again = abs(self.still) >= 11 * self.stuck_angle and self.standing >= 11 * time
+        self.standing += 1
+        if not self.attempt:
+            self.pushing = max(0, self.pushing + (1 if full else -1))
+            if abs(self.still) > self.stuck_angle and self.pushing >= max(1, self.periods(self.stuck_time)):
+                self.attempt, self.pushing = self.standing, 0
+        if not self.attempt:
+            return False
+        again = abs(self.still) >= 11 * self.stuck_angle and self.standing >= 11 * (self.attempt - 1)
         if again:
             self.holding = 0
         if again or not abs(omega_ref) > 0:
             self.still = 0.0
-            self.standing = 0
-        return self.still != 0 and not math.isnan(omega_ref)
+            self.standing = self.attempt = 0
+            return False
+        return True

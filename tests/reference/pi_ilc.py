@@ -15,11 +15,16 @@ class PiIlc:
     learned: float = 0.0
     learning: bool = False
 
+    def __post_init__(self) -> None:
+        self.memory.centred = int(self.pi.ki > 0)
+
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
         e = omega_ref - omega_m
         may = learn and not self.pi.saturated
         (u,), self.learning = self.memory.step(theta_m, omega_ref, may, [self.gain * e])  # (29)
         self.learned = clip(u, self.memory.limit[0])
+        if self.learning:
+            self.pi.integral = clip(self.pi.integral + self.memory.transfer[0], self.pi.limit)
         return self.pi.step(e, self.learned)
 
     def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:

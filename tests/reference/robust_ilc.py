@@ -29,6 +29,9 @@ class RobustIlc:
     learning: bool = False
     terms: dict[str, float] = field(default_factory=dict)  # of the last step, A
 
+    def __post_init__(self) -> None:
+        self.memory.centred = int(self.gamma > 0)
+
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
         finite = math.isfinite(omega_ref - omega_m)
         e = omega_ref - omega_m if finite else 0.0
@@ -44,6 +47,8 @@ class RobustIlc:
         change = -self.q * (self.beta_1 * sgn(S) + self.beta_2 * S)  # (15)
         (f,), self.learning = self.memory.step(theta_m, omega_ref, may, [change])
         f = clip(f, self.memory.limit[0])
+        if self.learning:
+            self.r = clip(self.r - self.memory.transfer[0], self.b * self.limit)
 
         v = -self.g * sgn(S) - self.eta * S  # (16)
         B = self.viscous * omega + self.coulomb * sgn(omega)

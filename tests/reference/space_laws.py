@@ -50,6 +50,9 @@ class SpacePosition:
     learning: bool = False
     terms: dict[str, float] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        self.memory.centred = 2 if self.k_i > 0 and not self.hand_over else 0
+
     def step(self, i: PositionInput) -> float:
         n = self.ratio
         self.plausible = all(map(math.isfinite, i[:5])) and is_angle(i.theta_ref) and is_angle(i.theta_m)
@@ -76,6 +79,10 @@ class SpacePosition:
         v_omega = self.v_0 + self.v_2 * omega**2
         feedback = -self.k_omega * omega_t - self.k_v * error - v_omega * omega_t
         share_i = 1 - share if self.hand_over else 1.0
+        if self.learning:
+            transfer = sum(v * f_i for v, f_i in zip(self.memory.transfer, f, strict=True))
+            self.integral = clip(self.integral - transfer, self.limit)
+        self.integral = self.integral if share_i > 0 else 0.0
         integrated = clip(self.integral + self.ts * self.k_i * omega_t, self.limit)
         wanted = feedback - share_i * integrated + sum(i_hat)
         self.saturated = abs(wanted) >= self.limit
@@ -129,7 +136,8 @@ class SpaceSpeed:
         mu = (self.mu_alpha, self.mu_beta, self.mu_h)
         may = i.learn and q > 0 and not self.saturated
         speed = omega if moving else 0.0
-        change = [m * eta * f_i * q for m, f_i in zip(mu, f, strict=False)]
+        by = [-1.0, -omega_ref, -alpha_ref]  # else alpha's and beta's means would drift apart
+        change = [m * eta * f_i * q for m, f_i in zip(mu, by[: len(f)], strict=False)]
         delta, self.learning = self.memory.step(i.theta_m, speed, may, change)  # (4)
         learned = [-d * f_i for d, f_i in zip(delta, f, strict=True)]
         wanted = -self.k * eta + sum(learned)

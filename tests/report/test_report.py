@@ -41,6 +41,7 @@ from cogless.results import Results, Run
 from cogless.results.status import Status
 from cogless.results.trace import Trace
 from cogless.run.carry_out import measure
+from cogless.run.simulate import simulate
 from cogless.study import changed, load
 
 
@@ -638,6 +639,42 @@ def test_a_speed_missed_at_the_limit_says_so():
     for first, at_limit in ((725, True), (775, False)):  # 55 and 45 % of the second half
         told = missed_of(np.full(1000, 6.0), np.zeros(1000), np.where(t >= first, Status.SATURATED, 0))
         assert told.endswith("of current or voltage") == at_limit
+
+
+def test_a_speed_missed_because_the_monitor_stopped_the_drive_says_so():
+    """Stuck from .2 s on, tried again for an eleventh of the time; or no angle: the last speed goes on."""
+    t, stuck = np.arange(1000), Status.FAULT | Status.OFF | Status.ANGLE_STUCK
+    status = np.where((t > 200) & (t % 110 > 10), stuck, Status.SATURATED)
+    told = missed_of(np.full(1000, 6.0), np.zeros(1000), status)
+    assert told == (
+        "mean 0 of 6 rad/s (the monitor has the output off 71 % of the time, first at 0.201 s: "
+        "angle stuck, status bit 64)"
+    )
+    both = np.where(t < 300, stuck, np.where(t < 900, Status.OFF | Status.FAULT | Status.CURRENT, 0))
+    assert missed_of(np.full(1000, 6.0), np.zeros(1000), both).endswith(
+        "first at 0 s: angle stuck, status bit 64 and current not plausible, status bit 128)"
+    )
+    lost = np.where(t > 800, Status.ANGLE_LOST, 0)
+    assert missed_of(np.full(1000, 6.0), np.zeros(1000), lost) == (
+        "mean 0 of 6 rad/s (the monitor doesn't believe the measured speed 20 % of the time, "
+        "first at 0.801 s: angle missing, status bit 16)"
+    )
+    assert missed_of(np.full(1000, 6.0), np.zeros(1000), np.where(t > 950, stuck, 0)) == "mean 0 of 6 rad/s"
+
+
+def test_the_verdict_names_the_monitor_where_it_stopped_the_drive():
+    """A hub motor from rest, its wheel blocked: more friction than full current overcomes."""
+    changes = {
+        "scenario.walk.initial_speed": "0 rpm", "scenario.walk.duration": "8 s",
+        "mechanics.coulomb_friction": "30 N*m", "scenario.walk.controllers": ["pi", "pi-ilc"],
+    }  # fmt: skip
+    study = load("hub-motor", changes)
+    runs = [simulate(study, "walk", controller) for controller in ("pi", "pi-ilc")]
+    runs = [replace(run, metrics=measure(study, "walk", run.trace)) for run in runs]
+    found = verdicts(Results(study, runs))[0]
+    assert found.headline.startswith("At 90 rpm, no controller holds the speed from")
+    assert "PI mean 0 of 90 rpm (the monitor has the output off" in found.headline
+    assert "angle stuck, status bit 64)" in found.headline
 
 
 def test_what_a_speed_missed_is_rounded_to_nothing_below_a_thousandth():

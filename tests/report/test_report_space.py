@@ -257,7 +257,7 @@ def test_speeds_and_angles_in_the_units_of_the_study(made):
     (found,) = verdicts(results)
     words = found.headline + " ".join(found.details)
     assert "rad" not in words and "at 2.45 rpm" in words
-    warned = " ".join(warnings(study, "printed"))
+    warned = " ".join(map(str, warnings(study, "printed")))
     assert "2.45 rpm" in warned and "rad/s" not in warned
 
 

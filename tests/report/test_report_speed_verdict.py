@@ -373,17 +373,18 @@ def test_who_missed_the_speed_is_told_unless_the_headline_has_it(study):
 def test_what_a_sensor_adds_of_its_own_is_told_where_it_is_most(study):
     true, seen = line(pi=2, ilc=1, fair=3), line("as seen", pi=1.5, ilc=0.4, fair=3)
     whole = case(study, true, other("loss", pi=1))
-    assert room._by_what_is_seen(whole, None) == (whole, "")
-    assert room._by_what_is_seen(whole, Sensor(seen, dict.fromkeys(true.values, 0.5))) == (whole, "")
+    assert room._by_what_is_seen(whole, None, None) == (whole, "")
+    assert room._by_what_is_seen(whole, Sensor(seen, dict.fromkeys(true.values, 0.5)), None) == (whole, "")
     one = {"pi": 0.5, "pi-ilc": 0.84, "fair-pi": 0.0}
     own = "Most of the true speed ripple is the sensor's own error, which no law can see"
     own += " (its share of the square)"
-    assert room._by_what_is_seen(whole, Sensor(seen, one)) == (
+    assert room._by_what_is_seen(whole, Sensor(seen, one), None) == (
         whole,
         f"{own}: {ILC} 1.00 rpm (84 %). As measured there is left: {ILC} 0.400 rpm.",
     )
-    judged, said = room._by_what_is_seen(whole, Sensor(seen, {"pi": 0.75, "pi-ilc": 0.84, "fair-pi": 0.51}))
+    every = {"pi": 0.75, "pi-ilc": 0.84, "fair-pi": 0.51}
+    judged, said = room._by_what_is_seen(whole, Sensor(seen, every), None)
     assert said == f"{own}: {ILC} 1.00 rpm (84 %), {PI} 2.00 rpm (75 %) and {FAIR} 3.00 rpm (51 %)."
     assert judged.line is seen and judged.lines == [seen, whole.lines[1]]
     alone = case(study, line(pi=2))
-    assert room._by_what_is_seen(alone, Sensor(seen, {"pi": 0.75}))[0] is alone  # nothing to compare
+    assert room._by_what_is_seen(alone, Sensor(seen, {"pi": 0.75}), None)[0] is alone  # nothing to compare

@@ -14,6 +14,7 @@ from cogless.report.speed_verdict import verdict
 from cogless.report.status_lanes import active, spans, strip
 from cogless.report.tables import _meters
 from cogless.results.status import Status
+from cogless.study import changed
 
 WHERE = "low-speed"
 SINCE, UNTIL = 8.5, 9.75  # s, of 10: the metrics' window is the last two
@@ -98,6 +99,18 @@ def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_re
         line = replace(line, missed={name: "mean 0 of 60 rpm"})
         (told,) = (one for one in held_back(held.study, [line]) if held.study.label(name) in one)
         assert f": {said}" in told and told.endswith(" (it learns orders 5 k)") is (times > 4)
+
+
+def test_a_law_whose_own_feedback_did_not_run_is_not_said_to_do_harm(made):
+    """Its PI is not that of the baseline: what learning does is not known."""
+    slower = changed(made.study, {"controller.pi-ilc.kp": 1e-3, "controller.pi-ilc.ki": 1e-2})
+    held = with_status(replace(made, study=slower), Status.GUARDED)
+    (plain,) = (line for line in compare(held, WHERE) if line.name == "speed_ripple")
+    base = plain.values[slower.baseline]
+    line = replace(plain, values={**plain.values, "pi-ilc": 2.12 * base})
+    (told,) = (one for one in held_back(slower, [line]) if slower.label("pi-ilc") in one)
+    beside = f"what is left there is 2.12 times the speed ripple of {slower.label(slower.baseline)}"
+    assert told.endswith(f": {beside}, whose feedback is another") and "harm" not in told
 
 
 def test_a_guard_before_the_window_or_for_a_moment_changes_nothing(made):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import studies
-from cogless import StudyError, run_study
+from cogless import StudyError, rollout, run_study
 from cogless.report import overtime, render
 from cogless.report.packing import thin
 from cogless.report.paths import varies, varies_in
@@ -20,6 +20,7 @@ from cogless.results import Run, trace_files
 from cogless.results.results_json import to_dict
 from cogless.results.trace import BLOCK, Trace, write_netcdf
 from cogless.results.trace_files import TraceFile
+from cogless.study import changed
 
 SIGNALS = [("time", "s"), ("omega_ref", "rad/s"), ("omega_m", "rad/s")]
 
@@ -39,6 +40,18 @@ def test_results_and_report_are_those_of_traces_in_memory(
             assert np.array_equal(a.trace[name], b.trace[name]), name
             assert np.array_equal(a.trace.part(name, slice(20, 90)), b.trace[name][20:90]), name
     assert [path.name for path in tmp_path.iterdir()] == ["study.toml"]
+
+
+def test_traces_of_runs_in_step_may_be_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = studies.study(tmp_path)
+    noisy = [changed(study, {"drive.current_sensors.noise": f"{noise} mA"}) for noise in (1, 2, 3)]
+    in_memory = rollout(noisy, ["low/pi"], 1)
+    monkeypatch.setattr(trace_files, "IN_MEMORY", 0)
+    in_files = rollout(noisy, ["low/pi"], 1, traces=tmp_path)
+    for a, b in zip(in_files, in_memory, strict=True):
+        (a_run,), (b_run,) = a.runs, b.runs
+        assert a_run.lanes > 1 and a_run.trace.mapped is not None
+        assert np.array_equal(a_run.trace.data, b_run.trace.data) and a_run.metrics == b_run.metrics
 
 
 def test_a_trace_in_memory_has_no_file_until_the_room_is_used_up(

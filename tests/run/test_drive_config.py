@@ -9,10 +9,12 @@ import pytest
 import studies
 from cogless.c_layout import control_layout
 from cogless.run.drive_config import engine_config
+from cogless.run.monitor_defaults import OBSERVER_PEAK
 
 # all that a drive may have, and a belief that is neither the motor nor the scenario's motor
 RICH: dict[str, Any] = {
     "drive.precision": "double",
+    "drive.position_sensor": {"kind": "encoder", "lines": 2500, "speed_method": "MT"},
     "drive.encoder_table": {"orders": [8, 16], "omega_min": "10 rad/s", "time_constant": "0.25 s"},
     "drive.speed_filter": "200 Hz",
     "drive.bus": {"delay_measured": "1 ms", "jitter": "0.1 ms"},
@@ -61,7 +63,7 @@ def test_the_monitor_is_told_the_speed_and_the_currents_of_the_belief(tmp_path: 
     monitor = drive(tmp_path, {})["control"]["monitor"]
     assert monitor["omega_max"] == pytest.approx(1.5 * 310 / sqrt(3) / (4 * 60e-3))  # of the no-load speed
     assert (monitor["current_max"], monitor["current_sum"], monitor["phases"]) == (6.0, 1.5, 3)
-    assert monitor["speed_window"] == pytest.approx(10 / (tau * 200))  # ten time constants of the filter
+    assert monitor["speed_window"] == pytest.approx(2e-3 + 10 / (tau * 200))  # ten of the filter's times
 
 
 ENCODER = {"kind": "encoder", "lines": 2500}
@@ -85,7 +87,9 @@ def test_the_monitor_waits_for_what_the_sensor_needs_to_forget_a_jump(
     changes = {"drive.position_sensor": sensor, "drive.encoder_table": None}
     for more, filtered in ((None, 0.0), ("200 Hz", 10 / (tau * 200))):
         monitor = drive(tmp_path, {**changes, "drive.speed_filter": more})["control"]["monitor"]
-        assert (monitor["angle_step"], monitor["stuck_angle"]) == pytest.approx((step, 0.5 + 2 * step))
+        assert (monitor["angle_step"], monitor["stuck_angle"]) == pytest.approx(
+            (step, max(0.5 + 2 * step, 4 * step))
+        )
         assert monitor["speed_window"] == pytest.approx(window + filtered)
 
 
@@ -183,3 +187,65 @@ def test_a_run_has_its_scenario_s_load_and_a_commissioning_has_not(tmp_path: Pat
     assert (run["controller"]["calibrate"], learn["controller"]["calibrate"]) == (False, True)
     low = engine_config(study, "low", "pi")
     assert low["motor"]["psi_f"] == pytest.approx(50e-3) and low["mechanics"]["inertia"] == 5e-4
+
+
+@pytest.mark.parametrize(
+    ("sensor", "resolution"),
+    [
+        ({**ENCODER, "speed_method": "M"}, COUNT * 1e3),  # a count in a period of the law
+        ({**ENCODER, "speed_method": "MT"}, 0.0),
+        ({**ENCODER, "speed_method": "average", "window": 6}, COUNT * 15e3 / 6),
+        (OBSERVER, 0.80 * COUNT * tau * 400),
+    ],
+)
+def test_the_monitor_believes_what_one_step_of_the_sensor_shows(
+    tmp_path: Path, sensor: dict[str, Any], resolution: float
+) -> None:
+    monitor = drive(tmp_path, {"drive.position_sensor": sensor})["control"]["monitor"]
+    no_load = 310 / sqrt(3) / (4 * 60e-3)
+    assert monitor["omega_max"] == pytest.approx(max(1.5 * no_load, no_load + resolution))
+
+
+def test_an_observer_shows_no_more_of_a_step_than_is_said() -> None:
+    """Its third-order answer to a step of the angle: three poles at 100 rad/s, in steps of 10 us."""
+    h, w, most = 1e-5, 100.0, 0.0
+    theta = omega = alpha = 0.0
+    for _ in range(20_000):
+        error = 1.0 - theta
+        theta, omega, alpha = (
+            theta + h * (omega + 3 * w * error),
+            omega + h * (alpha + 3 * w**2 * error),
+            alpha + h * w**3 * error,
+        )
+        most = max(most, omega)
+    assert most / w == pytest.approx(OBSERVER_PEAK, rel=0.01)
+
+
+@pytest.mark.parametrize(("kind", "step"), [("hall", 1.5 * SECTOR), ("encoder", COUNT)])
+def test_a_heavy_rotor_has_the_time_that_full_current_takes_to_turn_it_by_a_step(
+    tmp_path: Path, kind: str, step: float
+) -> None:
+    """A tenth of the torque that the believed flux gives at 3 A accelerates it over a step of the sensor."""
+    inertia = 0.1
+    sensor = {"kind": "hall"} if kind == "hall" else ENCODER
+    changes = {
+        "drive.position_sensor": sensor,
+        "drive.encoder_table": None,
+        "mechanics.inertia": f"{inertia} kg*m^2",
+    }
+    monitor = drive(tmp_path, changes)["control"]["monitor"]
+    acceleration = 0.1 * 1.5 * 4 * 60e-3 * 3.0 / inertia
+    assert monitor["stuck_time"] == pytest.approx(max(0.1, sqrt(2 * step / acceleration)))
+    assert (monitor["stuck_time"] > 0.5) == (kind == "hall")
+
+
+def test_a_sensor_on_the_load_steps_by_the_gear_s_ratio_at_the_motor(tmp_path: Path) -> None:
+    """Its own error is told by its own revolutions: the motor's speed and acceleration are less there."""
+    side = {"inertia": "1e-3 kg*m^2", "stiffness": "50 N*m/rad", "damping": "0.01 N*m*s/rad", "ratio": 10}
+    found = drive(
+        tmp_path, {"mechanics.load_side": side, "drive.position_sensor": {**ENCODER, "side": "load"}}
+    )
+    monitor, table = found["control"]["monitor"], found["encoder_table"]
+    assert monitor["angle_step"] == pytest.approx(10 * COUNT)
+    assert (table["omega_min"], table["bandwidth"]) == pytest.approx((1.0, 2.0))
+    assert table["b"] == pytest.approx(1.5 * 4 * 60e-3 / (2.5e-4 + 1e-3 / 100) / 10)

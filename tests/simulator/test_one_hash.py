@@ -97,17 +97,17 @@ def test_with_and_without_fused_instructions_in_libc(inverter: str) -> None:
 
 def compilers() -> Iterator[Any]:
     """Commands for C and C++, the level of optimisation, and whether their C library is glibc; skipped where
-    one is missing."""
-    glibc = sys.platform == "linux"
-    for level in ("-O2", "-O3"):
-        for c, cpp in (("gcc", "g++"), ("clang", "clang++")):
-            missing = pytest.mark.skipif(shutil.which(cpp) is None, reason=f"no {cpp}")
-            yield pytest.param([c], [cpp], level, glibc, id=c + level, marks=missing)
+    one is missing; the longest first, whose C library is compiled, too."""
     absent = sys.platform != "linux" or importlib.util.find_spec("ziglang") is None
     missing = pytest.mark.skipif(absent, reason="no ziglang, which is in the extra pil, or no Linux")
     zig = [sys.executable, "-m", "ziglang"]
     musl = ["-target", f"{platform.machine()}-linux-musl", "-fno-sanitize=all"]
     yield pytest.param([*zig, "cc", *musl], [*zig, "c++", *musl], "-O2", False, id="musl", marks=missing)
+    glibc = sys.platform == "linux"
+    for level in ("-O2", "-O3"):
+        for c, cpp in (("gcc", "g++"), ("clang", "clang++")):
+            missing = pytest.mark.skipif(shutil.which(cpp) is None, reason=f"no {cpp}")
+            yield pytest.param([c], [cpp], level, glibc, id=c + level, marks=missing)
 
 
 def programs(c: list[str], cpp: list[str], options: list[str], folder: Path) -> Iterator[tuple[str, Path]]:

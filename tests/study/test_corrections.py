@@ -154,8 +154,8 @@ def test_a_torque_constant_of_block_commutation_is_to_be_deleted(
 ) -> None:
     """K_t kv = 1 is of two phases at a time. A sine of the same back-EMF between lines makes sqrt(3)/2 of it.
 
-    Three phases with the peak current I and the peak back-EMF E / sqrt(3) of a phase: power over speed
-    is 3/2 I E / sqrt(3) = sqrt(3)/2 E I.
+    Three phases with the peak current I and the peak back-EMF E / sqrt(3) of a phase in step: power over
+    speed is 3/2 I E / sqrt(3) = sqrt(3)/2 E I.
     """
     magnet = 'psi_f = "68 mWb"'
     both = studies.BASE.replace(magnet, f'K_t = "0.408 N*m/A"\n{word} = "{text}"')

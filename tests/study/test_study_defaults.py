@@ -22,6 +22,7 @@ from cogless.study.trial_controller import QFilter
 from cogless.study.trial_scenario import EitherWay
 
 GIVEN: dict[str, float | bool] = {
+    "identify.config.Column.scale": 1.0,
     "identify.config.Column.sign": 1,
     "study.base.TraceSettings.file_rate": 1000.0,
     "study.calibration.Target.weight": 1.0,
@@ -77,6 +78,7 @@ GIVEN: dict[str, float | bool] = {
 
 
 BOUNDS = {
+    "identify.config.Column.scale": "gt 0",
     "study.arena.Arena.seeds": "ge 0 lt 4294967296",
     "study.base.StudyBase.seed": "ge 0 lt 18446744073709551616",
     "study.calibration.Target.weight": "gt 0",

@@ -418,7 +418,8 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
         ({"drive.position_sensor": {**WORD, "speed_method": "observer"}},
             "drive.position_sensor.observer_bandwidth", "4774 Hz", "4775 Hz"),
         ({}, "drive.speed_filter", "4774 Hz", "4775 Hz"),
-        *(({"drive.encoder_table": {"orders": [1], "omega_min": "1 rpm", "limit": "1 mrad"}},
+        *(({"drive.position_sensor": WORD,
+            "drive.encoder_table": {"orders": [1], "omega_min": "1 rpm", "limit": "1 mrad"}},
             "drive.encoder_table.orders", most, beyond)
           for most, beyond in (
               ([1000], [1001]), ([1, 2, 3, 4], [1, 2, 3, 4, 5]), ([1, 3], [3, 3]), ([1], [0]),
@@ -463,7 +464,7 @@ RESTS = {"scenario.step.reference": "0 rpm", "scenario.step.initial_speed": "0 r
             [{**STUCK, "kind": "current-zero", "phase": "c"}]),
         ({}, "scenario.low.faults",
             [{**STUCK, "kind": "current-missing", "phase": "c"}], [{**STUCK, "time": "1 s"}]),
-        ({"drive.encoder_table": {"orders": [5, 10], "omega_min": "60 rpm"}},
+        ({"drive.position_sensor": WORD, "drive.encoder_table": {"orders": [5, 10], "omega_min": "60 rpm"}},
             "drive.encoder_table.limit", "0.1 rad", "0.1001 rad"),
         ({}, "controller.fair.tuning.phase_margin", "0.301 rad", "0.3 rad"),
         ({}, "controller.fair.tuning.phase_margin", "1.449 rad", "1.45 rad"),
@@ -920,3 +921,33 @@ def test_names_and_titles_have_no_control_characters(tmp_path: Path, character: 
         line = line_of(tmp_path, {f'{table}."{name}"': entry})
         assert line == f'study.toml: {table}."{code}": expected a name of letters, digits, _, - and .'
     assert studies.study(tmp_path, {"title": "Größe, 5\u00a0µm"}).title
+
+
+EMPTY = {
+    "scenario.low.override": {"drive": {"nonsense": {}}},
+    "vary": {"drive": {"nonsense": {}}, "motor": {"R_s": {"uniform": "20 %"}}},
+    "tune": {"keys": {"controller": {"nonsense": {}}}, "minimise": "speed_ripple"},
+    "drive.nonsense": {},
+}
+
+
+@pytest.mark.parametrize("key", EMPTY)
+def test_an_empty_table_of_nonsense_is_refused_by_name(tmp_path: Path, key: str) -> None:
+    assert "nonsense" in line_of(tmp_path, {key: EMPTY[key]}).partition(": expected")[0]
+
+
+def test_an_empty_table_of_nonsense_is_refused_in_a_change_of_conditions() -> None:
+    """Of trials, from one of them on."""
+    for override in ({"mechanics": {"nonsense": {}}}, {"nonsense": {}}):
+        with pytest.raises(StudyError, match=r"scenario\.table-1\..*nonsense"):
+            load("mandra2019", {"scenario.table-1.changes.1.override": override})
+
+
+def test_an_empty_table_is_a_value_wherever_values_are_changed(tmp_path: Path) -> None:
+    """It is that table with its defaults, and replaces what stood there."""
+    monitor = studies.study(tmp_path, {"drive.monitor.omega_max": "500 rad/s"})
+    key, value = parse_change("drive.monitor={}")
+    assert changed(monitor, {key: value}).drive.monitor.omega_max is None
+    assert monitor.drive.monitor.omega_max == 500
+    scenario = studies.study(tmp_path, {"scenario.low.override": {"drive": {"bus": {}}}}).scenario["low"]
+    assert scenario.override == {"drive.bus": {}}

@@ -211,7 +211,8 @@ CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real spee
     for (uint32_t c = 0; c < channels; ++c, row += length) {
         value[c] = CGL_R(0.0);
         if (reads) {
-            value[c] = learn ? memory->gain * mean_of(memory, row, config->q_half_width) : mean_of(memory, row, 0U);
+            value[c] = learn ? memory->gain * mean_of(memory, row, config->q_half_width) - memory->gain * memory->channel[c].drain
+                             : mean_of(memory, row, 0U);
         }
         value[c] += learn && config->lead == 0U ? correction[c] : CGL_R(0.0);
         memory->channel[c].value = row[next] = cgl_clamp(value[c], config->limit[c]);

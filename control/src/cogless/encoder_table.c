@@ -59,6 +59,7 @@ CGL_SELDOM void cgl_encoder_table_reset(cgl_encoder_table *table)
     for (uint32_t k = 0; k < CGL_ENCODER_TABLE_ORDERS; ++k) {
         table->a[k] = table->c[k] = CGL_R(0.0);
     }
+    table->theta = table->error = CGL_R(0.0);
     table->wait = table->settle;
     table->learning = false;
 }
@@ -103,6 +104,18 @@ static cgl_real residual(cgl_encoder_table *table, cgl_real theta, cgl_real omeg
     return left;
 }
 
+typedef struct {
+    cgl_real sine, cosine;
+} wave;
+
+/* An order at an angle. */
+static wave wave_at(cgl_real theta, uint32_t order)
+{
+    wave at;
+    cgl_sincos(cgl_fraction(theta * (CGL_R(1.0) / CGL_TWO_PI)) * CGL_TWO_PI * (cgl_real)order, &at.sine, &at.cosine);
+    return at;
+}
+
 void cgl_encoder_table_step(cgl_encoder_table *table, cgl_measurement *now, cgl_real i_q, bool learn)
 {
     const cgl_encoder_table_config *const config = &table->config;
@@ -112,20 +125,18 @@ void cgl_encoder_table_step(cgl_encoder_table *table, cgl_measurement *now, cgl_
         table->wait = table->settle;
         return;
     }
-    cgl_real sine, cosine, s[CGL_ENCODER_TABLE_ORDERS], c[CGL_ENCODER_TABLE_ORDERS];
-    cgl_real error = CGL_R(0.0), slope = CGL_R(0.0);
+    wave at[CGL_ENCODER_TABLE_ORDERS];
+    cgl_real error = CGL_R(0.0);
     for (uint32_t k = 0; k < config->orders; ++k) {
-        cgl_sincos(cgl_fraction(theta * (CGL_R(1.0) / CGL_TWO_PI)) * CGL_TWO_PI * (cgl_real)config->order[k], &sine, &cosine);
-        error += table->a[k] * cosine + table->c[k] * sine;
-        slope += (cgl_real)config->order[k] * (table->c[k] * cosine - table->a[k] * sine);
-        s[k] = sine;
-        c[k] = cosine;
+        at[k] = wave_at(theta, config->order[k]);
+        error += table->a[k] * at[k].cosine + table->c[k] * at[k].sine;
     }
     const cgl_real corrected = theta - error;
+    table->theta = theta;
+    table->error = error;
     now->theta_m = corrected < CGL_R(0.0) ? corrected + CGL_TWO_PI
                                           : (corrected >= CGL_TWO_PI && theta < CGL_TWO_PI ? corrected - CGL_TWO_PI : corrected);
-    now->omega_m = cgl_clamp(omega - slope * omega, CGL_REAL_MAX);
-    const cgl_real left = residual(table, corrected, now->omega_m, i_q);
+    const cgl_real left = residual(table, corrected, omega, i_q);
     if (table->wait > 0U) {
         --table->wait;
         return;
@@ -136,7 +147,27 @@ void cgl_encoder_table_step(cgl_encoder_table *table, cgl_measurement *now, cgl_
     table->learning = true;
     const cgl_real step = CGL_R(2.0) * config->gain * table->observer.ts * left;
     for (uint32_t k = 0; k < config->orders; ++k) {
-        table->a[k] = cgl_clamp(table->a[k] + step * c[k], config->limit);
-        table->c[k] = cgl_clamp(table->c[k] + step * s[k], config->limit);
+        table->a[k] = cgl_clamp(table->a[k] + step * at[k].cosine, config->limit);
+        table->c[k] = cgl_clamp(table->c[k] + step * at[k].sine, config->limit);
     }
+}
+
+cgl_real cgl_encoder_table_speed(const cgl_encoder_table *table, cgl_real omega_m, cgl_real time)
+{
+    const cgl_real before = table->theta - omega_m * time;
+    if (!(time > CGL_R(0.0) && cgl_is_angle(before))) {
+        return omega_m;
+    }
+    cgl_real error = table->error;
+    for (uint32_t k = 0; k < table->config.orders; ++k) {
+        const wave then = wave_at(before, table->config.order[k]);
+        error -= table->a[k] * then.cosine + table->c[k] * then.sine;
+    }
+    const cgl_real wrong = error / time;
+    return cgl_is_finite(wrong) ? cgl_clamp(omega_m - wrong, CGL_REAL_MAX) : omega_m;
+}
+
+uint32_t cgl_encoder_table_turns(const cgl_encoder_table *table, uint32_t turns)
+{
+    return cgl_turned(turns, -table->error * (CGL_R(1.0) / CGL_TWO_PI));
 }

@@ -1,5 +1,6 @@
 /* The position sensor's own error, such as that of an encoder that does not sit in the middle: learned while the motor turns fast,
- * taken out of angle and speed at any speed, before anything else uses them. So a map learns the motor and not the sensor.
+ * taken out of the angle at any speed, before anything else uses it, and out of the speed that is estimated from the angle. So a map
+ * learns the motor and not the sensor.
  *
  * The error is a sum of few low orders of the angle, cos and sin of each. Its angle does not depend on speed; that of a torque
  * ripple falls with the speed's square, as the inertia holds against it. Above omega_min an observer predicts the angle from the
@@ -7,12 +8,22 @@
  *
  *   e = theta - c(theta) - predicted,   a_n += 2 gain ts cos(n theta) e,   b_n += 2 gain ts sin(n theta) e
  *   c(theta) = sum of a_n cos(n theta) + b_n sin(n theta)
- *   theta_m = theta - c(theta),   omega_m = omega (1 - c'(theta))
+ *   theta_m = theta - c(theta)
  *
  * The current matters, since the loop makes the rotor follow the sensor's error, and nothing of it would be seen.
  *
+ * A speed is the mean over the time that its estimator looks back: its error is that of the angles at both ends, over that time. An
+ * observer takes the corrected angle. So correct the angle first, then estimate the speed:
+ *
+ *   now.theta_m = cgl_radians(encoder.turns);
  *   cgl_encoder_table_step(&table, &now, drive.i_q, learn);
- *   if (cgl_drive_measure(&drive, &now, &reference)) ... */
+ *   mean = cgl_speed_count_step(&speed, encoder.count);
+ *   now.omega_m = cgl_encoder_table_speed(&table, mean, speed.time);
+ *
+ * or, with an observer,
+ *
+ *   cgl_angle_observer_step(&speed, cgl_encoder_table_turns(&table, encoder.turns));
+ *   now.omega_m = speed.omega; */
 #ifndef COGLESS_ENCODER_TABLE_H
 #define COGLESS_ENCODER_TABLE_H
 
@@ -43,6 +54,8 @@ typedef struct {
     cgl_encoder_table_config config;
     cgl_angle_observer observer;
     cgl_real a[CGL_ENCODER_TABLE_ORDERS], c[CGL_ENCODER_TABLE_ORDERS]; /* of cosine and sine [rad]; may be stored and put back */
+    cgl_real theta;  /* the last step's angle as the sensor shows it [rad] */
+    cgl_real error;  /* that was taken out of it [rad] */
     uint32_t settle; /* steps after which the observer has forgotten its start */
     uint32_t wait;   /* of them, still to come */
     bool learning;   /* something was learned in the last step */
@@ -57,9 +70,17 @@ void cgl_encoder_table_reset(cgl_encoder_table *table);
 /* Other constants; the orders must stay. Keeps what was learned, within the new limit. Checked as by init. */
 cgl_error cgl_encoder_table_retune(cgl_encoder_table *table, const cgl_encoder_table_config *config);
 
-/* Corrects theta_m and omega_m of `now`, and learns where `learn` is true and the rotor turns fast enough. i_q: measured current
- * [A]. An angle or a speed that is not finite, or an angle beyond CGL_ANGLE_MAX, stays as it is, and learning waits. */
+/* Corrects theta_m of `now`, and learns where `learn` is true and the rotor turns fast enough. omega_m is read and stays: that of the
+ * last period will do. i_q: measured current [A]. An angle or a speed that is not finite, or an angle beyond CGL_ANGLE_MAX, stays as it
+ * is, and learning waits. */
 void cgl_encoder_table_step(cgl_encoder_table *table, cgl_measurement *now, cgl_real i_q, bool learn);
+
+/* A speed [rad/s] without the error of the angles that it is the mean between: that of the last step, and that before it by
+ * omega_m time. time [s]: of cgl_speed_count or cgl_speed_timed. A time that is not above 0 leaves the speed as it is. */
+cgl_real cgl_encoder_table_speed(const cgl_encoder_table *table, cgl_real omega_m, cgl_real time);
+
+/* The sensor's angle of the last step, in turns, corrected: for an observer. */
+uint32_t cgl_encoder_table_turns(const cgl_encoder_table *table, uint32_t turns);
 
 #ifdef __cplusplus
 }

@@ -15,11 +15,13 @@
 #define LONGEST CGL_R(16.0)
 #define MEAN CGL_R(0.25)    /* of z, in rad of the base order */
 #define QUICK CGL_R(0.0625) /* and a step, while it settles */
+#define TOGETHER CGL_R(0.0625) /* of a step, the most that the rates of all orders add up to: slow ones settle below 0.15 */
 #define FULL CGL_R(6.0)     /* at the full rate, in its own time: exp(-3) of the ripple is left then */
 #define HALF CGL_R(0.5)     /* of a turn */
 #define NEW CGL_R(1.25)     /* ratio of speeds */
 #define BENT CGL_R(0.05)    /* rad, bound of each part of the bend */
 #define SURE CGL_R(2.5e-7)  /* rad^2: a variance of the bend beyond which it is not learned, (0.5 mrad)^2 */
+#define CALM CGL_R(0.02)    /* times the mean |c|^2: a drift of up to a seventh of |c| turns the orders by a seventh of a radian */
 #define STAYS CGL_R(0.125)  /* half of the share of z's noise, between two turns of the bend, that a mean keeps */
 #define DOUBTED CGL_R(64.0) /* a bend of up to so many variances is taken for none */
 #define PARTS 2U            /* of the slow orders: a step teaches one of them */
@@ -43,7 +45,7 @@ CGL_SELDOM static bool is_valid(const cgl_harmonic_config *config, cgl_real ts)
         }
     }
     return CGL_IS_IN_RANGE(config, range) && config->orders <= CGL_HARMONIC_ORDERS && config->bends <= 2U
-           && config->base * config->orders <= CGL_HARMONIC_ORDER_MAX && cgl_is_positive(ts)
+           && config->base * config->orders <= CGL_HARMONIC_ORDER_MAX && config->fast <= config->orders && cgl_is_positive(ts)
            && config->delay <= LONGEST * ts && cgl_is_positive(config->b * ts * ts);
 }
 
@@ -119,11 +121,11 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     clear(law->delayed, 2U);
     clear(law->turned, 2U);
     clear(law->bend.part, 4U);
-    law->bend.share = law->bend.rate = law->bend.power = law->bend.doubt = CGL_R(0.0);
-    law->bend.moved = law->bend.before = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
+    law->bend.share = law->bend.rate = law->bend.power = law->bend.rest = law->bend.doubt = CGL_R(0.0);
+    law->bend.calm = law->bend.moved = law->bend.before = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
     law->share = QUICK;
-    law->current = law->omega = law->load = law->mean = CGL_R(0.0);
-    law->time = law->anchor = law->slowest = law->fastest = law->rate = CGL_R(0.0);
+    law->current = law->omega = law->load = law->mean = law->drift = CGL_R(0.0);
+    law->time = law->slowest = law->fastest = law->rate = CGL_R(0.0);
     law->since_edge = CGL_R(0.0);
     law->shown = law->theta = law->due = law->band = law->acting = law->low = 0U;
     law->since = 1U; /* the first step has enough to do without a gain */
@@ -147,7 +149,7 @@ CGL_SELDOM static void seat(cgl_harmonic *law, uint32_t theta, cgl_real omega)
 {
     law->theta = theta;
     law->omega = cgl_clamp(omega * law->pi.ts * (CGL_R(1.0) / CGL_TWO_PI), HALF);
-    law->load = law->mean = CGL_R(0.0);
+    law->load = law->mean = law->drift = CGL_R(0.0);
     law->last = CGL_R(0.0);
     law->wait = CGL_HARMONIC_SETTLE;
     law->seated = true;
@@ -178,6 +180,7 @@ static cgl_real two_loads(cgl_harmonic *law)
 {
     law->mean += law->share * (law->load - law->mean);
     const cgl_real now = law->load - law->mean, sum = now + law->last;
+    law->drift += law->share * (now - law->drift);
     law->last = now;
     return sum;
 }
@@ -194,6 +197,16 @@ static uint32_t smaller(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
+static uint32_t larger(uint32_t a, uint32_t b)
+{
+    return a > b ? a : b;
+}
+
+static cgl_real lesser(cgl_real a, cgl_real b)
+{
+    return a < b ? a : b;
+}
+
 /* How many multiples of `step` [rad] are within `most` [rad]. */
 static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
 {
@@ -204,21 +217,25 @@ static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
     return smaller((uint32_t)(int32_t)count, orders);
 }
 
-/* How fast the bend is learned in the next round, and how much of it is believed. The orders' noise makes a variance of it. */
-CGL_APART static void judge_bend(cgl_harmonic *law)
+/* How fast the bend is learned in the next round, and how much of it is believed. The orders' noise makes a variance of it. Where
+ * most of the ripple is fast, the slow orders tell too little of the bend. `begun`: of learning, in the orders' own time. */
+CGL_APART static void judge_bend(cgl_harmonic *law, cgl_real begun)
 {
     cgl_harmonic_bend *const bend = &law->bend;
     const cgl_real *const part = bend->part;
     const cgl_real size = cgl_clamp((cgl_real)law->config.base * bend->power, CGL_R(1.0e9));
     const cgl_real scale = law->rate * law->pi.ts * size * size, variance = CGL_R(2.0) * bend->doubt;
+    const cgl_real mean = bend->power / (cgl_real)larger(law->low, 1U); /* of |c|^2, or less */
+    bend->calm = CALM * cgl_clamp(mean, CGL_R(1.0e9)) * law->gain * law->gain;
     bend->rate = CGL_R(0.0);
-    if (law->config.rate * law->time > CGL_R(0.5) * FULL && size > CGL_R(1.0e-9) && variance < SURE * scale) {
+    const bool shows = size > CGL_R(1.0e-9) && bend->power > bend->rest;
+    if (begun > CGL_R(0.5) * FULL && shows && variance < SURE * scale) {
         const cgl_real square = part[0] * part[0] + part[1] * part[1] + part[2] * part[2] + part[3] * part[3];
         const cgl_real noise = DOUBTED * variance, sum = square * scale;
         bend->rate = CGL_R(2.0) / size;
         bend->share = sum > noise ? CGL_R(1.0) - noise / sum : CGL_R(0.0);
     }
-    bend->power = CGL_R(0.0);
+    bend->power = bend->rest = CGL_R(0.0);
 }
 
 /* The bend's turn: it goes where the phases of all orders went together since the last one. At the measured angle [turns]. */
@@ -230,7 +247,7 @@ CGL_APART static void turn_bend(cgl_harmonic *law, uint32_t theta)
     cgl_sincos_of_turns(theta, &y[0], &x[0]);
     x[1] = x[0] * x[0] - y[0] * y[0];
     y[1] = CGL_R(2.0) * x[0] * y[0];
-    if (law->learning) {
+    if (law->learning && law->drift * law->drift < bend->calm) {
         const cgl_real moved = cgl_clamp(bend->moved, CGL_R(1.0e9)), step = bend->rate * moved;
         const cgl_real rate = law->rate * law->pi.ts, most = CGL_R(1.0) / (cgl_real)TURN; /* beyond it no mean */
         const cgl_real change = moved - bend->before; /* noise, but not what the bend moves: that is nearly the same in both */
@@ -253,30 +270,28 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle)
     const cgl_harmonic_config *const config = &law->config;
     const cgl_real speed = cgl_abs(law->omega), step = CGL_TWO_PI * (cgl_real)config->base * law->omega;
     const cgl_real size = cgl_abs(step);
-    const bool is_new = speed > NEW * law->anchor || NEW * speed < law->anchor;
-    if (is_new && !(speed >= law->slowest && speed <= law->fastest)) {
-        const bool first = law->anchor <= CGL_R(0.0);
-        law->slowest = first || speed < law->slowest ? speed : law->slowest;
+    if (speed > NEW * law->fastest || NEW * speed < law->slowest) {
+        law->slowest = law->fastest <= CGL_R(0.0) || speed < law->slowest ? speed : law->slowest;
         law->fastest = speed > law->fastest ? speed : law->fastest;
-        law->anchor = speed;
         law->time = CGL_R(0.0);
     }
-    const uint32_t acting = fitting(CGL_HARMONIC_FASTEST, size, config->orders), low = fitting(SPLIT, size, acting);
+    const uint32_t low = fitting(SPLIT, size, config->orders), acting = larger(low, fitting(CGL_HARMONIC_FASTEST, size, config->fast));
     cgl_real *const weight = law->cosine + 3U * config->orders;
-    for (uint32_t n = 2U * smaller(low, law->low); n < 2U * (low < law->low ? law->low : low); ++n) {
+    for (uint32_t n = 2U * smaller(low, law->low); n < 2U * larger(low, law->low); ++n) {
         weight[n] = CGL_R(0.0); /* they are of another signal */
     }
     law->acting = acting;
     law->low = low;
-    const cgl_real begun = config->rate * law->time - FULL; /* the mean is of what came after */
-    const cgl_real mean = begun > CGL_R(0.0) ? config->rate / (CGL_R(1.0) + CGL_R(0.5) * begun) : config->rate;
-    const cgl_real rate = mean > config->rate_min ? mean : config->rate_min;
+    const cgl_real shared = TOGETHER / ((cgl_real)larger(acting, 1U) * law->pi.ts), full = lesser(config->rate, shared);
+    const cgl_real begun = full * law->time, after = begun - FULL; /* the mean is of what came after */
+    const cgl_real mean = after > CGL_R(0.0) ? full / (CGL_R(1.0) + CGL_R(0.5) * after) : full;
+    const cgl_real rate = mean > config->rate_min ? mean : lesser(config->rate_min, shared);
     const cgl_real most = size / (CGL_PI * law->pi.ts); /* half of what one period of the base order would be learned with */
-    law->rate = cgl_gentle_gain(gentle, config->rate, config->rate) * (rate < most ? rate : most);
+    law->rate = cgl_gentle_gain(gentle, config->rate, config->rate) * lesser(rate, most);
     const cgl_real turn = size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0);
     cgl_sincos_of_angle(CGL_R(0.5) * turn, &law->half[1], &law->half[0]);
     cgl_sincos_of_angle(turn * law->ahead, &law->base[1], &law->base[0]);
-    judge_bend(law);
+    judge_bend(law, begun);
     law->turned[0] = law->half[0];
     law->turned[1] = law->half[1];
     law->delayed[0] = law->base[0];
@@ -310,14 +325,15 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     multiply(w, d);
     multiply(w, law->delayed);
     cgl_real scale = (holds ? CGL_R(0.0) : law->rate) * law->pi.ts / law->gain;
+    const cgl_real a = law->cosine[k], b = law->cosine[orders + k], power = (cgl_real)(k + 1U) * (a * a + b * b);
     if (k < law->low) {
-        const cgl_real a = law->cosine[k], b = law->cosine[orders + k];
-        law->bend.power += holds ? CGL_R(0.0) : (cgl_real)(k + 1U) * (a * a + b * b);
+        law->bend.power += holds ? CGL_R(0.0) : power;
         scale /= GAIN_3 * c * c;
         const cgl_real lost = (law->omega < CGL_R(0.0) ? MEAN : -MEAN) / (cgl_real)(k + 1U); /* what the mean takes away */
         const cgl_real without[2] = {CGL_R(1.0), lost};
         multiply(w, without);
     } else {
+        law->bend.rest += power;
         const cgl_real real = w[0]; /* times -j */
         w[0] = w[1];
         w[1] = -real;

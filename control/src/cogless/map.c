@@ -1,6 +1,7 @@
 #include "map.h"
 
 #define FLOAT_MAX CGL_R(3.402823466e38)
+#define ROUNDING CGL_R(1.0e-6) /* of the limit, that a sum of the entries may have */
 
 CGL_SELDOM bool cgl_map_is_valid(const cgl_map *map)
 {
@@ -19,6 +20,23 @@ CGL_SELDOM bool cgl_map_is_valid(const cgl_map *map)
     return true;
 }
 
+CGL_SELDOM void cgl_map_centre(const cgl_map *map)
+{
+    for (uint32_t c = 0; c < map->centred && c < map->channels; ++c) {
+        cgl_real *const entry = map->entry + c * map->stride;
+        cgl_real mean = CGL_R(0.0);
+        for (uint32_t n = 0; n < map->cells; ++n) {
+            mean += entry[n] / (cgl_real)map->cells;
+        }
+        if (cgl_is_within(mean, ROUNDING * map->limit[c])) {
+            continue; /* a map that has been centred stays as it was saved */
+        }
+        for (uint32_t n = 0; n < map->cells; ++n) {
+            entry[n] = cgl_clamp(entry[n] - mean, map->limit[c]);
+        }
+    }
+}
+
 /* Fills in a map of one channel; others are added by the caller. */
 CGL_SELDOM static void fill(cgl_map *map, uint32_t law, cgl_real *entry, uint32_t cells, uint32_t unit, cgl_real limit)
 {
@@ -33,6 +51,7 @@ CGL_SELDOM static void fill(cgl_map *map, uint32_t law, cgl_real *entry, uint32_
         map->limit[c] = c == 0U ? limit : CGL_R(0.0);
     }
     map->learning = 0;
+    map->centred = 0U;
 }
 
 static cgl_map_result checked(const cgl_map *map)
@@ -58,6 +77,7 @@ CGL_SELDOM static cgl_map_result of_memory(const cgl_memory *memory, uint32_t la
         map->limit[c] = config->limit[c];
     }
     map->learning = &memory->learning;
+    map->centred = memory->centred;
     return config->kind == CGL_MEMORY_ANGLE ? checked(map) : CGL_MAP_BY_TIME;
 }
 
@@ -75,6 +95,7 @@ CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
                                        cgl_map *map)
 {
     fill(map, CGL_MAP_LAW_ANTI_COGGING, law->table, law->config.cells, CGL_MAP_UNIT_CURRENT, law->config.pi.limit);
+    map->centred = 1U; /* as a calibration leaves it */
     return checked(map);
 }
 

@@ -341,6 +341,10 @@ cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map)
     const cgl_map_result result = check(store, slot, true);
     if (result != CGL_MAP_OK && store->position > CGL_MAP_HEADER) {
         forget(map);
+    } else if (result == CGL_MAP_OK) {
+        cgl_map_centre(map);
+    } else {
+        /* nothing was taken */
     }
     return result;
 }

@@ -10,6 +10,7 @@
 #define QUARTER_BACK 0xC0000000U
 #define REACH 16U           /* cells that a rotor may always pass in a step */
 #define PER_TURN CGL_R(2.3283064365386963e-10) /* 2^-32 */
+#define MEAN_MOST CGL_R(0.9375) /* of the mean over the period is recalled where it is an integral's */
 
 CGL_SELDOM static bool is_valid(const cgl_memory_config *config, cgl_real ts)
 {
@@ -62,11 +63,13 @@ CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config
     }
     take(memory, config);
     memory->ts = ts;
+    memory->centred = 0U;
     memory->periods = ratio * config->parts;
     memory->cell = cell;
     memory->map.width = (uint32_t)(0x100000000U / config->cells);
     memory->map.per_cell = CGL_R(4294967296.0) / (cgl_real)config->cells;
     memory->row = CGL_MEMORY_ROW(config->cells, config->q_half_width);
+    memory->per_entry = CGL_R(1.0) / (cgl_real)config->cells;
     cgl_memory_reset(memory);
     return CGL_OK;
 }
@@ -99,6 +102,25 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
     return CGL_OK;
 }
 
+/* Gathers the mean anew, and takes nothing away until it is whole. */
+CGL_SELDOM static void forget_mean(cgl_memory *memory)
+{
+    for (cgl_channel *channel = memory->channel; channel < memory->channel + CGL_CHANNELS; ++channel) {
+        channel->partial = channel->drain = channel->transfer = CGL_R(0.0);
+    }
+    memory->scan_cell = 0U;
+    memory->line.span = CGL_R(0.0);
+}
+
+CGL_SELDOM void cgl_memory_centre(cgl_memory *memory, uint32_t centred)
+{
+    const uint32_t channels = centred < memory->config.channels ? centred : memory->config.channels;
+    if (channels != memory->centred) {
+        memory->centred = channels;
+        forget_mean(memory);
+    }
+}
+
 CGL_SELDOM void cgl_memory_reset(cgl_memory *memory)
 {
     const cgl_memory_config *const config = &memory->config;
@@ -111,6 +133,7 @@ CGL_SELDOM void cgl_memory_reset(cgl_memory *memory)
     for (cgl_channel *channel = memory->channel; channel < memory->channel + CGL_CHANNELS; ++channel) {
         channel->value = channel->sum = channel->anew = channel->correction = CGL_R(0.0);
     }
+    forget_mean(memory);
     memory->learning = false;
     map->backward = false;
     map->angle = map->turn = map->x = map->at = map->passed = map->head = map->half = map->anew_left = map->lag_x = 0U;
@@ -282,6 +305,66 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
 
 /* ---- what is learned there ---- */
 
+/* What was gathered of so many entries is a whole period. */
+CGL_SELDOM static void take_mean(cgl_memory *memory, cgl_real entries)
+{
+    const cgl_real share = (cgl_real)memory->config.cells / entries;
+    const cgl_real forgetting = memory->config.forgetting, beyond = CGL_R(1.0) - MEAN_MOST / forgetting;
+    const cgl_real per_mean = (beyond > CGL_R(0.0) ? beyond : CGL_R(0.0)) * (cgl_real)(2U * memory->config.q_half_width + 1U);
+    for (cgl_channel *channel = memory->channel; channel < memory->channel + memory->centred; ++channel) {
+        channel->drain = per_mean * cgl_clamp(share * channel->partial, channel->limit);
+        channel->partial = CGL_R(0.0);
+    }
+}
+
+/* Reads on through the map, wherever the rotor is, as many cells in a step as it passes: so a whole mean is at most a period
+ * old where it turns, and what a rocking rotor learns is seen beside the rest. */
+CGL_APART static void scan(cgl_memory *memory, uint32_t moved)
+{
+    const uint32_t cells = memory->config.cells, first = memory->scan_cell, passed = memory->map.passed;
+    const uint32_t reach = first + (passed > 1U ? passed : 1U), after = reach < cells ? reach : cells;
+    const cgl_real way = memory->gain * (cgl_real)moved * PER_TURN, per_entry = memory->per_entry;
+    const cgl_channel *const end = memory->channel + memory->centred;
+    const cgl_real *row = memory->cell;
+    for (cgl_channel *channel = memory->channel; channel < end; ++channel, row += memory->row) {
+        cgl_real partial = channel->partial;
+        for (const cgl_real *entry = row + first; entry < row + after; ++entry) {
+            partial += per_entry * *entry;
+        }
+        channel->partial = partial;
+        channel->transfer = way * channel->drain;
+    }
+    memory->scan_cell = after;
+    if (after == cells) {
+        take_mean(memory, (cgl_real)cells);
+        memory->scan_cell = 0U;
+    }
+}
+
+#ifndef COGLESS_NO_DELAY_LINE
+/* The same of a line, whose samples come by. A period ends within a sample: what is beyond is of the next one. */
+CGL_APART static void gather_samples(cgl_memory *memory)
+{
+    cgl_delay_line *const line = &memory->line;
+    const uint32_t newest = line->newest < line->then ? line->newest + memory->row : line->newest;
+    const cgl_real period = (cgl_real)(newest - line->then) + line->part, missing = period - line->span;
+    const cgl_real share = missing < CGL_R(1.0) ? (missing > CGL_R(0.0) ? missing : CGL_R(0.0)) : CGL_R(1.0);
+    for (uint32_t c = 0; c < memory->centred; ++c) {
+        cgl_channel *const channel = memory->channel + c;
+        channel->transfer = memory->gain * channel->drain / period;
+        channel->partial += share * memory->per_entry * channel->value;
+    }
+    line->span += share;
+    if (share < CGL_R(1.0)) {
+        take_mean(memory, line->span);
+        line->span = CGL_R(1.0) - share;
+        for (uint32_t c = 0; c < memory->centred; ++c) {
+            memory->channel[c].partial = line->span * memory->per_entry * memory->channel[c].value;
+        }
+    }
+}
+#endif
+
 /* Adds the corrections where the rotor was `lead` samples ago, had it always moved as it does now. */
 CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_real *correction)
 {
@@ -340,7 +423,7 @@ CGL_APART static void learn_on(cgl_memory *memory, uint32_t moved, const cgl_rea
     cgl_real *entry = memory->cell;
     const cgl_real *change = correction;
     for (cgl_channel *channel = memory->channel; channel < end; ++channel, entry += memory->row) {
-        const cgl_real recalled = gain * (channel->sum + part * (entry[ahead] - entry[oldest]));
+        const cgl_real recalled = gain * (channel->sum + part * (entry[ahead] - entry[oldest])) - gain * channel->drain;
         const cgl_real wanted = acts ? recalled + *change : recalled;
         const cgl_real stored = cgl_clamp_here(wanted, channel->limit);
         *value++ = wanted;
@@ -400,6 +483,9 @@ bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool le
         const uint32_t moved = follow(memory, place);
         if (CGL_OFTEN(learn && memory->map.half == memory->config.q_half_width && moved <= memory->map.most)) {
             learn_on(memory, moved, correction, value);
+            if (memory->centred > 0U) {
+                scan(memory, moved);
+            }
         } else {
             learn = false;
             if (memory->map.half < memory->config.q_half_width) {
@@ -410,6 +496,9 @@ bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool le
     } else {
 #ifndef COGLESS_NO_DELAY_LINE
         learn = cgl_delay_step(memory, place, speed, learn, correction, value);
+        if (learn && memory->centred > 0U && (memory->config.kind == CGL_MEMORY_TIME || memory->line.tracking)) {
+            gather_samples(memory);
+        }
 #endif
     }
     (void)speed;

@@ -68,6 +68,9 @@ typedef struct {
     cgl_real sum;        /* map: of what was one period ago in the cells of the Q filter */
     cgl_real anew;       /* map: the same from its beginning, as changes to the sum round */
     cgl_real correction; /* map: the last one */
+    cgl_real partial;    /* of the mean over the period, so far */
+    cgl_real drain;      /* centred: part of the mean that a period takes away, times the entries of the Q filter */
+    cgl_real transfer;   /* centred: so much of it in the last step that learned, which the integral takes over */
 } cgl_channel;
 
 /* A delay line's state: a ring of samples in which newer ones come later. */
@@ -78,6 +81,7 @@ typedef struct {
     cgl_real p_t;      /* delay: P_t [s]; 0 where it is not known */
     cgl_real distance; /* delay: from the sample `then` to the last one [periods] */
     cgl_real part;     /* of the way from the sample `then` to the one before */
+    cgl_real span;     /* samples of which the mean is gathered */
     uint32_t then;     /* place of the sample of one period ago */
     bool tracking;     /* delay: `then` and `part` are those of P_t */
 } cgl_delay_line;
@@ -93,6 +97,9 @@ typedef struct {
                                      ring; a line's samples. Kind delay: a row of x comes first */
     cgl_channel channel[CGL_CHANNELS];
     bool learning;                /* the last step learned */
+    uint32_t centred;             /* channels, from the first on, whose mean over the period is an integral's */
+    uint32_t scan_cell;           /* next cell of a map that goes into the mean */
+    cgl_real per_entry;           /* share of an entry in the mean */
     cgl_angle_map map;
     cgl_delay_line line;
 } cgl_memory;
@@ -115,6 +122,11 @@ cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config)
 /* Multiplies what is recalled to learn on from by a further factor, 0 to 1; 1 undoes it, 0 clears the cells that it passes
  * while it learns with corrections of 0. */
 void cgl_memory_soften(cgl_memory *memory, cgl_real factor);
+
+/* The mean over the period of the first `centred` channels belongs to an integral beside the memory; 0 after init. Two integrators
+ * of one mean drift apart. So such a channel keeps at most 15/16 of its mean in a period that it learns, and all else. What it
+ * gives away in a step is `transfer`: added to the integral, it leaves what both ask for as it was. */
+void cgl_memory_centre(cgl_memory *memory, uint32_t centred);
 
 /* Forgets everything learned. */
 void cgl_memory_reset(cgl_memory *memory);

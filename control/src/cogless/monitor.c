@@ -3,8 +3,8 @@
 #include "angle.h"
 #include "range.h"
 
-/* A rotor that is stuck gets current again after so many times stuck_angle and stuck_time: often enough for a sensor that
- * is well again, seldom enough for a winding that heats. */
+/* A rotor that is stuck gets current again after so many times the attempt that it did not turn in: often enough for a sensor
+ * that is well again, seldom enough for a winding that heats. */
 #define TRY_AGAIN 11U
 #define PERIODS_MAX CGL_R(1.0e9)
 
@@ -89,8 +89,8 @@ cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *con
 CGL_SELDOM void cgl_monitor_reset(cgl_monitor *monitor)
 {
     monitor->theta_m = monitor->omega_m = monitor->shift = monitor->slip = monitor->raw = monitor->still = CGL_R(0.0);
-    monitor->gap = monitor->lost = monitor->blind = monitor->dark = monitor->standing = 0U;
-    monitor->holding = monitor->jumps = 0U;
+    monitor->gap = monitor->lost = monitor->blind = monitor->dark = 0U;
+    monitor->standing = monitor->pushing = monitor->attempt = monitor->holding = monitor->jumps = 0U;
     monitor->status = 0U;
     monitor->started = monitor->known = monitor->trusted = monitor->was_stuck = monitor->unsure = false;
     monitor->safe = true;
@@ -169,10 +169,10 @@ static inline bool is_ordinary(cgl_monitor *monitor, const cgl_measurement *now,
 }
 
 void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
-                      cgl_real omega_ref)
+                      cgl_real omega_ref, bool full)
 {
     if (!is_ordinary(monitor, now, omega_ref)) {
-        cgl_monitor_look(monitor, now, omega_ref);
+        cgl_monitor_look(monitor, now, omega_ref, full);
     }
 }
 
@@ -197,35 +197,61 @@ CGL_SELDOM static void settle(cgl_monitor *monitor, cgl_real theta, cgl_real d)
     }
 }
 
-/* Counts how far the reference has turned, and for how long, while the angle stood still; true where both are too much.
- * Asking for rest starts the count anew; asking on gives another try. */
-CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega_ref)
+/* Ends an attempt at turning the rotor, and what it has counted. */
+static void try_again(cgl_monitor *monitor)
 {
-    const cgl_monitor_config *const config = &monitor->config;
+    monitor->still = CGL_R(0.0);
+    monitor->standing = monitor->pushing = monitor->attempt = 0U;
+}
+
+/* Counts the periods of an attempt and those of its full current; true where the rotor is stuck, and nothing more is tried. One
+ * period of less current takes one of full current back: what is at its limit may flicker. */
+CGL_SELDOM static bool is_given_up(cgl_monitor *monitor, cgl_real far, bool full)
+{
+    const cgl_monitor_limits *limits = &monitor->limits;
+    monitor->standing += monitor->standing < UINT32_MAX ? 1U : 0U;
+    if (monitor->attempt == 0U) {
+        if (full) {
+            ++monitor->pushing;
+        } else {
+            monitor->pushing -= monitor->pushing > 0U ? 1U : 0U;
+        }
+        if (far > limits->stuck_square && monitor->pushing > 0U && monitor->pushing >= limits->stuck) {
+            monitor->attempt = monitor->standing / TRY_AGAIN < UINT32_MAX / TRY_AGAIN ? monitor->standing : UINT32_MAX / TRY_AGAIN;
+            monitor->pushing = 0U;
+        }
+    }
+    return monitor->attempt > 0U;
+}
+
+/* Whether full current has not turned the rotor while the reference has turned. Asking for rest ends this; asking on gives
+ * another attempt, once the rest has been ten times as long as the one before. */
+CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega_ref, bool full)
+{
     const cgl_monitor_limits *limits = &monitor->limits;
     const cgl_real turned = omega_ref * monitor->ts;
-    const cgl_real most = cgl_clamped((cgl_real)TRY_AGAIN * config->stuck_angle, CGL_REAL_MAX);
+    const cgl_real most = cgl_clamped((cgl_real)TRY_AGAIN * monitor->config.stuck_angle, CGL_REAL_MAX);
     if (d < CGL_R(0.0) || d > CGL_R(0.0)) {
-        monitor->still = CGL_R(0.0);
-    } else if (cgl_is_finite(turned)) {
+        try_again(monitor);
+        return false;
+    }
+    if (cgl_is_finite(turned)) {
         monitor->still = cgl_clamped(monitor->still + turned, most);
     }
     const cgl_real far = monitor->still * monitor->still;
     if (far <= limits->doubt_square) {
-        monitor->standing = 0U;
+        monitor->standing = monitor->pushing = monitor->attempt = 0U;
         return false;
     }
-    monitor->standing += monitor->standing < UINT32_MAX ? 1U : 0U;
-    if (far <= limits->stuck_square || monitor->standing <= limits->stuck) {
+    if (!is_given_up(monitor, far, full)) {
         return false;
     }
-    const bool again = cgl_abs(monitor->still) >= most && monitor->standing / TRY_AGAIN >= limits->stuck;
+    const bool again = cgl_abs(monitor->still) >= most && monitor->standing / TRY_AGAIN >= monitor->attempt - 1U;
     if (!again && (omega_ref > CGL_R(0.0) || omega_ref < CGL_R(0.0))) {
         return true;
     }
-    monitor->holding = again ? 0U : monitor->holding; /* the try must not wait: it is short */
-    monitor->still = CGL_R(0.0);
-    monitor->standing = 0U;
+    monitor->holding = again ? 0U : monitor->holding; /* the attempt must not wait: it is short */
+    try_again(monitor);
     return false;
 }
 
@@ -237,7 +263,7 @@ static bool is_dark(const cgl_monitor *monitor)
 
 /* Looks at angle and speed; returns their status bits. */
 CGL_SELDOM static unsigned look_at_rotor(cgl_monitor *monitor, const cgl_measurement *now,
-                              cgl_real omega_ref)
+                              cgl_real omega_ref, bool full)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
     const bool is_angle = cgl_is_angle(now->theta_m), is_speed = now->omega_m * now->omega_m <= limits->speed_square;
@@ -262,7 +288,7 @@ CGL_SELDOM static unsigned look_at_rotor(cgl_monitor *monitor, const cgl_measure
         }
         monitor->theta_m = in_turn(theta - monitor->shift);
         monitor->blind -= monitor->blind > 0U ? 1U : 0U;
-        stuck = is_stuck(monitor, d, omega_ref);
+        stuck = is_stuck(monitor, d, omega_ref, full);
         monitor->was_stuck = stuck || (monitor->was_stuck && d * d <= CGL_R(0.0));
     }
     if (monitor->blind == 0U) {
@@ -283,11 +309,11 @@ CGL_SELDOM static unsigned look_at_rotor(cgl_monitor *monitor, const cgl_measure
 }
 
 CGL_SELDOM void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
-                      cgl_real omega_ref)
+                      cgl_real omega_ref, bool full)
 {
     const cgl_monitor_config *const config = &monitor->config;
     const cgl_monitor_limits *limits = &monitor->limits;
-    unsigned status = look_at_rotor(monitor, now, omega_ref);
+    unsigned status = look_at_rotor(monitor, now, omega_ref, full);
     bool safe = !monitor->started || monitor->unsure || monitor->gap > limits->bridge || is_dark(monitor)
                 || (status & (unsigned)CGL_STATUS_ANGLE_STUCK) != 0U;
     if (config->phases != 0U) {

@@ -37,6 +37,12 @@ void cgl_pi_reset(cgl_pi *pi);
 /* The same from another integral [output], which is taken within the limit. */
 void cgl_pi_start(cgl_pi *pi, cgl_real integral);
 
+/* The integral takes over what acted beside it [output], finite. */
+static inline void cgl_pi_take_over(cgl_pi *pi, cgl_real output)
+{
+    pi->integral = cgl_add(pi->integral, output, pi->config.limit, &pi->lost);
+}
+
 /* cgl_pi_step where nothing is at its limit and all is finite, in few instructions; else false, and nothing has changed. */
 static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedforward,
                                     cgl_real *output)

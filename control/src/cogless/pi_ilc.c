@@ -1,5 +1,11 @@
 #include "pi_ilc.h"
 
+/* Channels whose mean the integral has. */
+static uint32_t centred(const cgl_pi_ilc_config *config)
+{
+    return config->pi.ki > CGL_R(0.0) ? 1U : 0U;
+}
+
 CGL_SELDOM cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *config, cgl_real ts, cgl_real *cell, uint32_t length)
 {
     if (!(cgl_is_not_negative(config->gain) && config->memory.channels == 1U)) {
@@ -9,7 +15,14 @@ CGL_SELDOM cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *c
     law->gain = law->acting = config->gain;
     law->gentle = 0U;
     law->learned = CGL_R(0.0);
-    return error != CGL_OK ? error : cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
+    if (error != CGL_OK) {
+        return error;
+    }
+    const cgl_error memory_error = cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
+    if (memory_error == CGL_OK) {
+        cgl_memory_centre(&law->memory, centred(config));
+    }
+    return memory_error;
 }
 
 CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config *config)
@@ -23,6 +36,7 @@ CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config 
         return CGL_ERROR_CONFIG;
     }
     law->gain = config->gain;
+    cgl_memory_centre(&law->memory, centred(config));
     law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     return CGL_OK;
 }
@@ -69,7 +83,11 @@ void cgl_pi_ilc_step(cgl_pi_ilc *law, const cgl_law_input *in,
     cgl_real value;
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
                                        ((in->learn && !law->pi.saturated) || in->forget) && !cgl_law_stands_by(in), &correction, &value);
-    law->learned = cgl_law_share(in) * cgl_clamp(value, law->memory.config.limit[0]);
+    const cgl_real share = cgl_law_share(in);
+    law->learned = share * cgl_clamp(value, law->memory.config.limit[0]);
+    if (learn) {
+        cgl_pi_take_over(&law->pi, share * law->memory.channel[0].transfer);
+    }
     if (learn && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;
     } else {

@@ -19,6 +19,12 @@ static bool is_valid(const cgl_robust_ilc_config *config)
            && cgl_is_positive(CGL_R(1.0) / config->b);
 }
 
+/* Channels whose mean r has. */
+static uint32_t centred(const cgl_robust_ilc_config *config)
+{
+    return config->gamma > CGL_R(0.0) ? 1U : 0U;
+}
+
 cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, cgl_real ts, cgl_real *cell,
                               uint32_t length)
 {
@@ -32,6 +38,7 @@ cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *
     law->gentle = 0U;
     const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
     if (error == CGL_OK) {
+        cgl_memory_centre(&law->memory, centred(config));
         cgl_robust_ilc_reset(law);
     }
     return error;
@@ -43,6 +50,7 @@ cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
+    cgl_memory_centre(&law->memory, centred(config));
     law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     law->adapted = cgl_clamped(law->adapted, config->b * config->limit);
     return CGL_OK;
@@ -114,7 +122,11 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     cgl_real value;
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
                                        ((in->learn && !law->saturated) || in->forget) && !cgl_law_stands_by(in) && finite, &correction, &value);
-    const cgl_real f = cgl_law_share(in) * cgl_clamp(value, config->memory.limit[0]);
+    const cgl_real share = cgl_law_share(in);
+    const cgl_real f = share * cgl_clamp(value, config->memory.limit[0]);
+    if (learn) {
+        law->adapted = cgl_add(law->adapted, -share * law->memory.channel[0].transfer, config->b * config->limit, &law->adapted_lost);
+    }
 
     const cgl_real friction = config->viscous * omega + config->coulomb * cgl_sign(omega);
     const cgl_real per_b = CGL_R(1.0) / config->b;

@@ -24,6 +24,13 @@ CGL_SELDOM static bool is_valid(const cgl_space_position_config *config)
            && (config->index == CGL_SPACE_BY_REFERENCE || config->index == CGL_SPACE_BY_ROTOR);
 }
 
+/* Channels whose mean the integral has, where it acts on beside what is learned: alpha and beta, which at a constant speed nothing
+ * tells from it. The mean of h, learned where the speed changes, is what the inertia needs. */
+static uint32_t centred(const cgl_space_position_config *config)
+{
+    return config->k_i > CGL_R(0.0) && !config->hand_over ? 2U : 0U;
+}
+
 cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
                                   uint32_t length)
 {
@@ -35,6 +42,7 @@ cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_posit
     law->gentle = 0U;
     const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, config->ratio, cell, length);
     if (error == CGL_OK) {
+        cgl_memory_centre(&law->memory, centred(config));
         cgl_space_position_reset(law);
     }
     return error;
@@ -64,6 +72,7 @@ cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_pos
     }
     const bool same_ramp = !(config->ramp < law->config.ramp || config->ramp > law->config.ramp);
     law->config = *config;
+    cgl_memory_centre(&law->memory, centred(config));
     law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     if (!same_ramp && law->learning_samples > 0U) {
         law->learning_samples = samples_of_share(law, share);
@@ -179,6 +188,14 @@ void cgl_space_position_step(cgl_space_position *law,
     }
     const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
 
+    if (learn) { /* whose sign is that of the error */
+        const cgl_channel *const channel = law->memory.channel;
+        const cgl_real transfer = channel[0].transfer + channel[1].transfer * omega_ref;
+        law->integral = cgl_add(law->integral, -acts * transfer, config->limit, &law->integral_lost);
+    }
+    if (!(share_i > CGL_R(0.0))) { /* else it would wind up unheard, and act when what is learned fades */
+        law->integral = law->integral_lost = CGL_R(0.0);
+    }
     cgl_real lost = law->integral_lost;
     const cgl_real integral = cgl_add(law->integral, config->k_i * law->ts * omega_t, config->limit, &lost);
     const cgl_real wanted = rest - share_i * integral;

@@ -81,6 +81,7 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
     /* a sum is not finite if a part of it is not */
     const bool plausible = cgl_is_finite(difference + in->alpha_ref) && cgl_is_angle(in->theta_m);
     const cgl_real omega = plausible ? in->omega_m : CGL_R(0.0);
+    const cgl_real omega_ref = plausible ? in->omega_ref : CGL_R(0.0);
     const cgl_real alpha_ref = plausible ? in->alpha_ref : CGL_R(0.0);
     const cgl_real eta = plausible ? difference : CGL_R(0.0);
 
@@ -92,7 +93,7 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
         follow_guard(law, gentle);
     }
     const cgl_real step = switched_on ? -eta * factor_of(law, omega, alpha_ref) / cgl_abs(omega) : CGL_R(0.0);
-    const cgl_real correction[CGL_CHANNELS] = {step * config->mu_alpha, step * (config->mu_beta * omega),
+    const cgl_real correction[CGL_CHANNELS] = {step * config->mu_alpha, step * (config->mu_beta * omega_ref),
                                                step * (config->mu_h * alpha_ref)};
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, moving ? omega : CGL_R(0.0),
                                        ((in->learn && switched_on && !law->saturated) || in->forget) && !cgl_law_stands_by(in), correction, delta);

@@ -21,6 +21,7 @@ CGL_SELDOM cgl_error cgl_speed_timed_init(cgl_speed_timed *speed, const cgl_spee
 CGL_SELDOM void cgl_speed_timed_reset(cgl_speed_timed *speed, const cgl_edges *edges, uint32_t now, cgl_real omega_m)
 {
     speed->omega_m = cgl_is_finite(omega_m) ? omega_m : CGL_R(0.0);
+    speed->time = CGL_R(0.0);
     speed->count = edges->count;
     speed->edge = edges->time;
     speed->now = now;
@@ -61,6 +62,7 @@ cgl_real cgl_speed_timed_step(cgl_speed_timed *speed, const cgl_edges *edges, ui
     }
     if (ticks > CGL_R(0.0)) {
         speed->omega_m = counts * speed->per_tick / ticks;
+        speed->time = ticks / speed->config.timer;
     }
     speed->count = edges->count;
     speed->edge = edges->time;

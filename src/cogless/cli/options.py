@@ -54,6 +54,15 @@ ScenarioOption = Annotated[
     ),
 ]
 
+LimitsOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--limits/--no-limits",
+        help="Find what limits each scenario's best run, by about a dozen further runs.",
+        show_default="unless the runs are long or run own code",
+    ),
+]
+
 OnlyOption = Annotated[
     list[str] | None,
     typer.Option("--only", metavar="SCENARIO/CONTROLLER", help="Only this run; * and ? match. Repeatable."),

@@ -12,6 +12,7 @@ import typer
 from cogless.cli.options import (
     CORES,
     JobsOption,
+    LimitsOption,
     NoCodeOption,
     OnlyOption,
     OutputOption,
@@ -38,6 +39,7 @@ def run(
     with_page: Annotated[
         bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
     ] = False,
+    limits: LimitsOption = None,
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
 ) -> None:
@@ -47,7 +49,9 @@ def run(
 
     Ctrl-C keeps the runs that are finished.
     """
+    from cogless.cli.limits import sentences, with_limits
     from cogless.design.warnings import beyond_drive, coarse_table, too_short
+    from cogless.results import Results
     from cogless.results.folder import held
     from cogless.run.simulate import RunError, run_study, runs_of
     from cogless.study import TrialStudy
@@ -55,16 +59,15 @@ def run(
     arena = _arena(study, changes)
     if arena is not None:
         name_code(arena.path, "law", arena.law, no_code, arena.found)
-        _run_arena(arena, output or Path("results") / arena.name, only, jobs)
+        _run_arena(arena, output or Path("results") / arena.name, only, jobs, bool(limits))
         return
     loaded = to_run(study, changes, no_code)
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
-    page = None
     if with_page:
-        from cogless.live import left_out, render
+        from cogless.live import check, left_out, render
 
-        page = render(loaded, command_line("run", study, changes, []))  # before the runs, which it may refuse
+        check(loaded)  # before the runs
     pairs = runs_of(loaded, only)
     far = beyond_drive(loaded, (scenario for scenario, _ in pairs))
     for line in (*coarse_table(loaded), *far, *too_short(loaded, pairs)):
@@ -76,8 +79,12 @@ def run(
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=folder)
             except RunError as error:
                 failures, results = [error], error.results
+        if isinstance(results, Results):
+            results = with_limits(results, limits, jobs, folder)
         if results.runs:
             try:
+                command = command_line("run", study, changes, [])
+                page = render(loaded, command, limits=sentences(results)) if with_page else None
                 _write(results, folder, plots, not no_traces, page)
             except StudyError as error:  # such as a full disk; the tables are still printed
                 failures.append(error)
@@ -87,7 +94,7 @@ def run(
             print_warnings(loaded, [(run.scenario, run.controller) for run in results.runs])
         if not any(not isinstance(failure, RunError) for failure in failures):
             print(f"Report: {folder / 'report.html'}")
-            if page is not None:
+            if with_page:
                 print(f"Page: {folder / 'live.html'}")
                 for line in left_out(loaded):
                     say(f"Left out of the page: {line}")
@@ -136,7 +143,7 @@ def _arena(study: str, changes: list[str] | None) -> Arena | None:
     return arena_of(path, tables)
 
 
-def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int) -> None:
+def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, find_limits: bool) -> None:
     from cogless.ensemble import arena_files
     from cogless.ensemble.arena import chosen, run_arena
     from cogless.results.folder import held, new_set
@@ -146,7 +153,11 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int) ->
         with new_bar() as bar:
             task = bar.add_task("", total=plants)
             results = run_arena(
-                arena, only, lambda name, done: bar.update(task, completed=done, description=name), jobs
+                arena,
+                only,
+                lambda name, done: bar.update(task, completed=done, description=name),
+                jobs,
+                find_limits=find_limits,
             )
         with new_set(folder) as stage:
             arena_files.write(results, stage / "results.json")

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cogless.report import Line
     from cogless.results import AnyResults
     from cogless.study import AnyStudy
+    from cogless.study.remark import Remark
 
 
 def print_tables(results: AnyResults) -> None:
@@ -42,25 +43,30 @@ def print_tables(results: AnyResults) -> None:
         broken = report.broken(results, scenario)
         if broken is not None:
             console.print(broken, highlight=False, markup=False)
+        limit = report.limit(results, scenario)
+        if limit is not None:
+            console.print(str(limit), highlight=False, markup=False)
         console.print()
     shown = {run.controller for run in results.runs if study.metrics_in(run.scenario)}
     if len(shown) > 1:  # with one controller there are no marks to explain
         ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in shown else ""
         console.print(f"* best{ratio}", highlight=False, markup=False)
     if not study.metric:
-        example = "".join(f'\n{key} = "{word}"' for key, word in _metric(study).items())
-        text = f"Metrics are what compares controllers, such as this one in {study.source.path}:"
-        console.print(f"{text}\n\n[[metric]]{example}\n", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"{a_metric(study)}\n", highlight=False, markup=False, soft_wrap=True)
 
 
-def _metric(study: AnyStudy) -> dict[str, str]:
-    """A metric that suits any study of this kind."""
+def a_metric(study: AnyStudy) -> Remark:
+    """A metric that suits any study of this kind, for one that has none."""
     from cogless.study import TrialStudy
+    from cogless.study.remark import Remark
 
+    metric = {"name": "ripple", "kind": "ripple-rms", "signal": "omega_m"}
     if isinstance(study, TrialStudy):
         signal = "theta_error" if study.plant is None else "y_error"
-        return {"name": "error", "kind": "final-rms", "signal": signal}
-    return {"name": "ripple", "kind": "ripple-rms", "signal": "omega_m"}
+        metric = {"name": "error", "kind": "final-rms", "signal": signal}
+    example = "".join(f'\n{key} = "{word}"' for key, word in metric.items())
+    text = f"Metrics are what compares controllers, such as this one in {study.source.path}:"
+    return Remark(f"{text}\n\n[[metric]]{example}", ({"metric": [metric]},))
 
 
 def print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
@@ -68,7 +74,8 @@ def print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
     from cogless.design.warnings import warnings
 
     of_each = {name: scenario for scenario, name in runs}
-    for line in dict.fromkeys(line for name, at in of_each.items() for line in warnings(study, at, name)):
+    found = (remark for name, at in of_each.items() for remark in warnings(study, at, name))
+    for line in dict.fromkeys(map(str, found)):
         say(f"Warning: {line}.")
 
 

@@ -6,14 +6,16 @@ corner. Where a reference stops, a law that learns in angle rests below half of 
 inertia that is off by 50 % (K_t / J is then 1 / 1.5 or 2 times what the study tells), or one sample of delay
 that the study doesn't tell. With X of learning_loop.py, per unit of the learning gain:
 
+    period      the electrical one where all orders that are known are its multiples, else the mechanical one
     map         ten cells or more in a wave of the highest order that is known of motor and load
     gain        1 / max |X|: the frequency that answers most is learned in one period
     lead        the one with which learning settles up to the highest frequency, in the worst corner
     Q filter    the narrowest with which no frequency grows by more than `SETTLED` in a period
 
-The gain is halved while no filter is enough. It is halved further while the design foresees that half of it
-leaves less ripple, because each period adds the noise of a sensor's counts. docs/laws/auto.md has the laws
-one by one; the law harmonic has a rule of its own, in harmonic.py.
+The gain is halved while no filter is enough. It is halved further, and the filter is widened, while the
+design foresees that this leaves less ripple after `LEARNED` turns, because each period adds the noise of a
+sensor's counts. docs/laws/auto.md has the laws one by one; the law harmonic has a rule of its own, in
+harmonic.py.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ from cogless.design.learning import LONGEST_LEAD, PeriodicLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop
 from cogless.design.margins import Complex, Real
 from cogless.design.order_learning import OrderLoop
-from cogless.design.pi import gains, phase_margin_pi, speed_loop
+from cogless.design.pi import gains, phase_margin_pi, speed_loop, tuning_of
 from cogless.design.ripple import ripple
 from cogless.design.space_learning import SpaceLoop
 from cogless.design.verdict import WIDEST
@@ -46,10 +48,11 @@ from cogless.study import load as load_study
 from cogless.study.adrc import Adrc
 from cogless.study.controller import SETTLING, AntiCogging, PiIlc, RobustIlc
 from cogless.study.error_messages import dotted
+from cogless.study.harmonic import FASTEST
 from cogless.study.laws import AnyController
 from cogless.study.pi_afc import ORDERS, PiAfc
 from cogless.study.reading import Changes
-from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
+from cogless.study.space_controller import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed
 
 # As told, and each corner: true K_t / J over that of the study, and samples of delay that the study
 # doesn't tell.
@@ -58,7 +61,7 @@ CORNERS = (AS_TOLD, (1 / 1.5, 0), (2.0, 0), (1.0, 1))
 CELLS = 10  # in a wave of the highest order
 FEWEST_CELLS, MOST_CELLS = 256, 8192
 HALVINGS = 10
-LEARNED = 10  # periods after which the ripple that is left counts
+LEARNED = 10  # turns of the rotor after which the ripple that is left counts
 FREQUENCIES = 1000
 IN_PHASE = 0.02  # least cos arg X that counts as learning in the right direction
 MARGIN = 2.0  # of the gain on single orders, and of one in 1 / |omega| over a reference that stops
@@ -80,6 +83,22 @@ def filled(study: AnyStudy) -> AnyStudy:
         values, given = automatic(study, name), study.source.tables["controller"][name]
         found |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in given}
     return changed(study, found) if found else study
+
+
+def unfilled(study: Study, name: str) -> Study:
+    """The study without the numbers that the rule auto gave a controller, for `filled` to find others.
+
+    Where one of its numbers is another than the rule gives, all of them stay.
+    """
+    law, source = study.controller[name], study.source
+    controllers = source.tables["controller"]
+    of_rule = law.AUTOMATIC.keys() & controllers[name].keys() if is_auto(law) else set()
+    if not of_rule:
+        return study
+    table = {key: value for key, value in controllers[name].items() if key not in of_rule}
+    bare = changed(study, {"controller": {**controllers, name: table}})
+    values = automatic(bare, name)
+    return bare if all(values[key] == controllers[name][key] for key in of_rule) else study
 
 
 def missing(study: Study) -> list[str]:
@@ -156,9 +175,13 @@ def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
 
 
 def _settles(study: Study, name: str, order: int) -> bool:
-    """Whether an order can be learned at all speeds and corners with some lead."""
+    """Whether an order can be learned at all speeds and corners with some lead.
+
+    Beyond `FASTEST` rad a sample it can hardly be told from its image.
+    """
     loops = list(_loops(OrderLoop, _with(study, name, {"orders": (order,), "gain": 1.0}), name))
-    if not all(len(loop.frequencies) for loop in loops):
+    turned = max(order * abs(loop.omega_m) * loop.plant.period for loop in loops)
+    if turned > FASTEST:
         return False
     leads = range(LONGEST_LEAD + 1)
     return any(all(np.all(_cosine(loop, loop.frequencies, n) > IN_PHASE) for loop in loops) for n in leads)
@@ -166,10 +189,12 @@ def _settles(study: Study, name: str, order: int) -> bool:
 
 def _adrc(study: Study, name: str, law: Adrc) -> Values:
     """Loop and observer as fast as the phase margin allows."""
-    assert law.tuning is not None
     b = study.K_t / study.mechanics.stiff.inertia
-    with tuned(study, name):
-        omega_c, omega_o = bandwidths(speed_loop(study).rigid, b, law.tuning.phase_margin)
+
+    def rule(study: Study) -> tuple[float, float]:
+        return bandwidths(speed_loop(study).rigid, b, tuning_of(study, name).phase_margin)
+
+    omega_c, omega_o = tuned(study, name, rule)
     return {"b": b, "omega_c": omega_c, "omega_o": omega_o}
 
 
@@ -206,7 +231,9 @@ def _space_position(study: Study, name: str, law: SpacePosition) -> Values:
 
 def _periodic(study: Study, name: str, law: PiIlc | RobustIlc, keys: Callable[[float], Values]) -> Values:
     """Map, lead, gain and Q filter. `keys`: the keys of a learning gain in A*s/rad."""
-    T, map_ = speed_loop(study).period, {"cells": _cells(study, name)}
+    by_hand = _by_hand(study, name)
+    period = by_hand.get("period", _shared_period(study, name))
+    T, map_ = speed_loop(study).period, {"cells": _cells(study, name, period), "period": period}
     unit = list(_loops(PeriodicLoop, _with(study, name, map_ | keys(1.0)), name))
     slowest_period = min(1 / loop.periods_per_second for loop in unit) / T  # samples
     longest = max(1, min(LONGEST_LEAD, int(slowest_period / 4), map_["cells"] // 4))
@@ -221,7 +248,13 @@ def _periodic(study: Study, name: str, law: PiIlc | RobustIlc, keys: Callable[[f
 
 
 def _in_angle(study: Study, name: str) -> Values:
-    """Map, gain, Q filter and omega_min of a law that learns over the angle, and has no lead."""
+    """Map, gain, Q filter and omega_min of a law that learns over the angle, and has no lead.
+
+    If its learning is off, they have no effect, and what stands there stays.
+    """
+    law = study.controller[name]
+    if not law.learns:
+        return {key: value for key, value in law.AUTOMATIC.items() if key in MECHANICAL}
     map_ = {"cells": _cells(study, name)} | _above(study, name)
     unit = list(_loops(SpaceLoop, _with(study, name, map_ | {"mu_alpha": 1.0}), name))
     f = _grid(unit)
@@ -247,18 +280,17 @@ def _filtered(
 ) -> Values:
     """A gain, halved until a Q filter lets learning settle, and on while half of it leaves less ripple.
 
-    Each gain has the narrowest such filter. The ripple is the one that the design foresees after `LEARNED`
-    periods, with the noise of a sensor's counts. Numbers set by hand count, unless nothing settles with them.
+    Each gain has the narrowest such filter, or a wider one while that leaves less. The ripple is the one that
+    the design foresees after `LEARNED` turns: what is not learned yet or is filtered away, and the noise of a
+    sensor's counts. Numbers set by hand count, unless nothing settles with them.
     """
     by_hand = _by_hand(study, name)
     for fixed in [by_hand, {}] if by_hand else [{}]:
         found: list[tuple[float, Values]] = []
         for n in range(HALVINGS):
-            values = keys(gain / 2**n) | fixed
-            width = _narrowest(list(_loops(kind, _with(study, name, values), name)), fixed)
-            if width is not None:
-                values |= {"q_half_width": width}
-                found.append((_left(study, name, kind, values), values))
+            best = _filter(study, name, kind, keys(gain / 2**n) | fixed, fixed)
+            if best is not None:
+                found.append(best)
             if len(found) > 1 and found[-1][0] >= found[-2][0]:
                 break
         if found:
@@ -266,21 +298,38 @@ def _filtered(
     raise _no_gain(study, name)
 
 
+def _filter(
+    study: Study, name: str, kind: type[LearningLoop], values: Values, fixed: Values
+) -> tuple[float, Values] | None:
+    """The ripple with the narrowest Q filter, or with a wider one while that leaves less, and the numbers.
+
+    None: learning settles with none.
+    """
+    best = None
+    for width in _widths(list(_loops(kind, _with(study, name, values), name)), fixed):
+        tried = values | {"q_half_width": width}
+        left = _left(study, name, kind, tried)
+        if best is not None and left >= best[0]:
+            break
+        best = (left, tried)
+    return best
+
+
 def _left(study: Study, name: str, kind: type[LearningLoop], values: Values) -> float:
-    """Ripple after LEARNED periods over that of the feedback alone, as foreseen; the mean over scenarios."""
+    """Ripple after LEARNED turns over that of the feedback alone, as foreseen; the mean over scenarios."""
     tried, ratios = _with(study, name, values), []
     for key in _scenarios(study, name):
         speed = study.scenario[key].top_reference
         if speed:
             loop = kind(tried, name, speed, scenario=key)
-            ratios.append(ripple(loop, LEARNED / loop.periods_per_second).ratio)
+            ratios.append(ripple(loop, LEARNED * math.tau / speed, settled=False).ratio)
     return sum(ratios) / len(ratios)
 
 
-def _narrowest(loops: list[LearningLoop], fixed: Values) -> int | None:
-    """The narrowest Q filter, or the fixed one, with which learning settles in all of these loops."""
+def _widths(loops: list[LearningLoop], fixed: Values) -> Iterator[int]:
+    """Half widths of Q filters with which learning settles in all these loops, rising; or the fixed one."""
     if any(loop.oscillation() is not None for loop in loops):
-        return None
+        return
     grow: list[tuple[LearningLoop, Real, Real]] = []
     for loop in loops:
         f = loop.frequencies
@@ -290,8 +339,7 @@ def _narrowest(loops: list[LearningLoop], fixed: Values) -> int | None:
     widest = min(WIDEST, *(loop.widest_filter for loop in loops))
     for n in (fixed["q_half_width"],) if "q_half_width" in fixed else range(widest + 1):
         if all(np.all(loop.q(f, n) * without <= SETTLED) for loop, f, without in grow):
-            return n
-    return None
+            yield n
 
 
 def _loops(kind: type[LearningLoop], study: Study, name: str) -> Iterator[LearningLoop]:
@@ -366,20 +414,28 @@ def known_orders(study: Study, name: str) -> list[int]:
     return list(dict.fromkeys([*sorted(found, key=lambda n: -current[n]), *usual]))
 
 
-def _cells(study: Study, name: str) -> int:
-    """Cells of a map over a revolution: a power of two, or set by hand."""
+def _shared_period(study: Study, name: str) -> str:
+    """The shorter period that all known orders have: the electrical one, unless an order is none of its
+    multiples, or a load turns on a shaft of its own."""
+    fits = all(n % study.motor.pole_pairs == 0 for n in known_orders(study, name))
+    return "electrical" if fits and study.mechanics.load_side is None else "mechanical"
+
+
+def _cells(study: Study, name: str, period: str = "mechanical") -> int:
+    """Cells of a map over a period: a power of two, or set by hand."""
     by_hand = _by_hand(study, name)
     if "cells" in by_hand:
         return int(by_hand["cells"])
-    wanted = CELLS * max([*known_orders(study, name), 1])
+    periods = study.motor.pole_pairs if period == "electrical" else 1  # a revolution
+    wanted = math.ceil(CELLS * max([*known_orders(study, name), 1]) / periods)
     return min(MOST_CELLS, max(FEWEST_CELLS, 1 << (wanted - 1).bit_length()))
 
 
 def _phase_margin_pi(study: Study, name: str, law: RobustIlc | SpaceSpeed) -> tuple[float, float]:
     """kp and ki that a PI in the law's place would have."""
-    assert law.tuning is not None
-    with tuned(study, name):
-        design = phase_margin_pi(speed_loop(study).rigid, law.tuning)
+    design = tuned(
+        study, name, lambda study: phase_margin_pi(speed_loop(study).rigid, tuning_of(study, name))
+    )
     return design.kp, design.ki
 
 

@@ -21,14 +21,20 @@ import numpy as np
 
 from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import Linear, oscillation, poles
+from cogless.design.cures import either, helping, text
+from cogless.design.detent import snaps, swing
 from cogless.design.margins import Real
 from cogless.design.pi import SpeedLoop, gains, speed_loop
 from cogless.design.position import open_loop, position_margins
 from cogless.study import Study
 from cogless.study.controller import SETTLING, AntiCogging, Commissioning
+from cogless.study.error_messages import dotted
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
 from cogless.study.spoken import speed_text
 
 SLOWER = 4.0  # the speed loop's crossover / that of the run's position loop
+SHARE = 1e-3  # of the largest order's current: smaller ones aren't looked at
 HALF = 0.5  # share of the cogging current that a table leaves; more is hardly worth a table
 
 
@@ -51,38 +57,63 @@ def unsettled(loop: SpeedLoop, feedback: Linear, speed: float) -> float:
     return 2 * speed * a**2 / (w_c * loop.b) * math.exp(-a * SETTLING * math.tau / speed)
 
 
-def commissioning_warning(study: Study, name: str) -> str | None:
+def commissioning_warning(study: Study, name: str) -> Remark | None:
     """Warning of a run whose loop is unstable, or that is too fast to record the cogging; None if it does."""
     law = study.controller[name]
     if not isinstance(law, AntiCogging) or law.calibration is None:
         return None
     found = (_warning(study, name, law.calibration, key) for key in study.scenarios_of(name))
-    return next((line for line in found if line is not None), None)
+    return next((remark for remark in found if remark is not None), None)
 
 
-def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> str | None:
-    loop, (kp, ki) = speed_loop(study, scenario), gains(study, name)
-    its = f"its calibration run in {scenario}"
-    if oscillation(loop, Linear(1, kp, k_i=ki)):
+def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Remark | None:
+    loop, pi = speed_loop(study, scenario), gains(study, name)
+    key = f"{dotted(('controller', name))}.calibration"
+    if oscillation(loop, Linear(1, pi[0], k_i=pi[1])):
         return None  # with the run and without, which is told elsewhere
-    feedback, follows = Linear(1, kp, run.position_gain, ki), position_gain(loop.rigid, (kp, ki))
+    wrong = _unrecorded(study, name, run, scenario)
+    if wrong is None:
+        return None
+    follows = position_gain(loop.rigid, pi)
+    said = f"its calibration run in {scenario} {wrong}"
+    wave = functions_in(study, scenario).waves(run.speed)[1:]
+    orders = np.flatnonzero(wave > SHARE * np.max(wave)) + 1
+    slow = speed_text(study, follows / int(orders[-1]), 2) if len(orders) else ""
+
+    def cured(other: Study) -> bool:
+        law = other.controller[name]
+        assert isinstance(law, AntiCogging) and law.calibration is not None
+        return _unrecorded(other, name, law.calibration, scenario) is None
+
+    gain: Changes = {f"{key}.position_gain": text(follows, "1/s")}
+    speed: Changes | None = {f"{key}.speed": slow} if slow else None
+    both = {**gain, **speed} if speed is not None else None
+    cures = helping(study, (gain, speed), cured) or helping(study, (both,), cured)
+    return Remark(f"{said}; {either(cures, key)} would do" if cures else said, cures)
+
+
+def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> str | None:
+    """Why a run doesn't record the cogging, in words; None if it does."""
+    loop, (kp, ki), speed = speed_loop(study, scenario), gains(study, name), run.speed
+    feedback = Linear(1, kp, run.position_gain, ki)
     swings = oscillation(loop, feedback)
     if swings:
-        way = f"position_gain = {follows:.3g} 1/s is a quarter of the crossover"
-        return f"{its} is unstable, at {swings.frequency:.3g} Hz; {way}"
-    wave = functions_in(study, scenario).waves(run.speed)[1:]
-    orders = np.flatnonzero(wave > 1e-3 * np.max(wave)) + 1
+        return f"is unstable, at {swings.frequency:.3g} Hz"
+    found = swing(study, scenario, feedback, speed)
+    if found is not None and found.stops:
+        return f"records nothing: {snaps(study, found, speed, position_margins(loop, feedback).crossover)}"
+    wave = functions_in(study, scenario).waves(speed)[1:]
+    orders = np.flatnonzero(wave > SHARE * np.max(wave)) + 1
     if not len(orders):
         return None
     needed = wave[orders - 1]
-    kept = needed * left(loop, feedback, np.asarray(run.speed * orders, dtype=float))
-    added = unsettled(loop, feedback, run.speed)
+    kept = needed * left(loop, feedback, np.asarray(speed * orders, dtype=float))
+    added = unsettled(loop, feedback, speed)
     share = math.hypot(*kept, added) / math.hypot(*needed)
     if share <= HALF:
         return None
     most = int(orders[np.argmax(kept)])
-    why = f"meets order {most} at {most * run.speed / math.tau:.3g} Hz"
+    why = f"meets order {most} at {most * speed / math.tau:.3g} Hz"
     if added > np.max(kept):
-        why = f"records {1e3 * SETTLING * math.tau / run.speed:.3g} ms after it turned, not settled yet"
-    slow = speed_text(study, follows / int(orders[-1]), 2)
-    return f"{its} {why}: the table leaves {share:.2g} of the ripple; a run at {slow} would do"
+        why = f"records {1e3 * SETTLING * math.tau / speed:.3g} ms after it turned, not settled yet"
+    return f"{why}: the table leaves {share:.2g} of the ripple"

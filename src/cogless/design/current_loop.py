@@ -10,20 +10,27 @@ inverter at standstill:
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any, TypeVar
 
 import numpy as np
 
+from cogless.design.cures import either, first, helps, text
 from cogless.design.margins import Complex, Margins, Real, margins_of
 from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.drive import IdealCurrentLoop
-from cogless.study.error_messages import shown
+from cogless.study.error_messages import dotted, shown
+from cogless.study.position_sensor import Counted
+from cogless.study.reading import Changes
+from cogless.units import unit_of
 
-NO_MARGIN = "expected a faster and better damped current loop for this margin"
+NO_MARGIN = "expected a loop that some gains give this phase margin"
+FACTORS = (2.0, 4.0, 8.0)  # of gains and bandwidths that are tried
+LEAST_MARGIN = 20  # deg, that a rule takes
+Tuned = TypeVar("Tuned")
 LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
 
 
@@ -92,19 +99,100 @@ def weakness(margins: Margins) -> str | None:
     return None
 
 
-@contextmanager
-def tuned(study: Study, name: str) -> Iterator[None]:
-    """Context for a tuning rule: StudyError if the current loop is too weak or the rule raises ValueError."""
+def tuned(study: Study, name: str, rule: Callable[[Study], Tuned]) -> Tuned:
+    """What a controller's tuning rule gives. StudyError: the current loop is too weak for it, or the rule
+    raises ValueError.
+
+    The error advises the least change of loop or margin with which the rule gives gains.
+    """
     for axis, loop in current_loops(study).items():
         wrong = weakness(loop.margins())
         if wrong:
-            given = study.source.tables["drive"]["current_loop"]
-            at = {key: given[key] for key in ("kp", "ki", "bandwidth") if key in given}
-            keys = " and ".join(f"drive.current_loop.{key}: {shown(value)}" for key, value in at.items())
-            expected = f"expected {math.degrees(LEAST):.0f} deg of phase margin or more"
-            found = f"to tune controller.{name} around it; its {axis} axis {wrong}"
-            raise StudyError(f"{study.source.path}: {keys}: {expected} {found}")
+            raise _too_weak(study, f"to tune controller.{name} around it; its {axis} axis {wrong}")
     try:
-        yield
+        return rule(study)
     except ValueError as error:
-        raise StudyError(f"{study.source.path}: controller.{name}.tuning: {error}") from None
+        raise _no_margin(study, name, rule, str(error)) from None
+
+
+def _too_weak(study: Study, what: str) -> StudyError:
+    given, key = study.source.tables["drive"]["current_loop"], "drive.current_loop"
+    present = [each for each in ("kp", "ki", "bandwidth") if each in given]
+    wrong = " and ".join(f"{key}.{each}: {shown(given[each])}" for each in present)
+    expected = f"expected {math.degrees(LEAST):.0f} deg of phase margin or more {what}"
+    slower: list[Changes] = [
+        {f"{key}.{each}": _divided(given[each], factor) for each in keys}
+        for keys in (present, [each for each in present if each == "ki"])
+        for factor in FACTORS
+        if keys
+    ]
+    cures = first(study, slower, lambda other: not _weak(other))
+    way = f"; {either(cures, key)} would do" if cures else ""
+    return StudyError(f"{study.source.path}: {wrong}: {expected}{way}").advising(*cures)
+
+
+def _no_margin(study: Study, name: str, rule: Callable[[Study], object], why: str) -> StudyError:
+    """The error of a rule that finds no gains, with what it then needs."""
+
+    def cured(other: Study) -> bool:
+        if _weak(other):
+            return False
+        try:
+            rule(other)
+        except ValueError:
+            return False
+        return True
+
+    key = dotted(("controller", name, "tuning"))
+    ways = [first(study, tried, cured) for tried in _faster(study)]
+    softer = _softer(study, name, cured)
+    cures = (*(cure for way in ways for cure in way), *([softer] if softer is not None else []))
+    would = f"; {either(cures)} would do" if cures else ""
+    return StudyError(f"{study.source.path}: {key}: {why}{would}").advising(*cures)
+
+
+def _faster(study: Study) -> Iterator[list[Changes]]:
+    """Changes that take lag out of the loop, each from the least on."""
+    drive, tables = study.drive, study.source.tables["drive"]
+    sensor = drive.position_sensor
+    given = tables["current_loop"]
+    if "bandwidth" in given:
+        yield [{"drive.current_loop.bandwidth": _divided(given["bandwidth"], 1 / up)} for up in FACTORS]
+    if isinstance(sensor, Counted) and sensor.observer_bandwidth:
+        key, value = "drive.position_sensor.observer_bandwidth", sensor.observer_bandwidth
+        yield [{key: text(value * up, "Hz")} for up in FACTORS]
+    if drive.speed_filter:
+        yield [{"drive.speed_filter": text(drive.speed_filter * up, "Hz")} for up in FACTORS]
+    if isinstance(sensor, Counted) and sensor.speed_method == "average":
+        key, window = "drive.position_sensor.window", sensor.window
+        yield [{key: max(1, int(window / up))} for up in FACTORS if window > 1]
+
+
+def _softer(study: Study, name: str, cured: Callable[[Study], bool]) -> Changes | None:
+    """The largest phase margin in whole degrees that gains have; None if the rule takes none of those."""
+    tuning = getattr(study.controller[name], "tuning", None)
+    if tuning is None:
+        return None
+    key = dotted(("controller", name, "tuning", "phase_margin"))
+
+    def change(degrees: int) -> Changes:
+        return {key: f"{degrees} deg"}
+
+    low, high = LEAST_MARGIN, math.ceil(math.degrees(tuning.phase_margin))
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if helps(study, change(middle), cured) else (low, middle)
+    return change(low) if low > LEAST_MARGIN else None
+
+
+def _weak(study: Study) -> bool:
+    """Whether the current loop of an axis isn't good enough for a speed loop."""
+    return any(weakness(loop.margins()) for loop in current_loops(study).values())
+
+
+def _divided(value: Any, factor: float) -> Any:
+    """A number, or a text of a number and a unit, over a factor."""
+    if isinstance(value, str):
+        unit = unit_of(value)
+        return f"{float(value.removesuffix(unit)) / factor:.3g} {unit}"
+    return float(f"{value / factor:.3g}")

@@ -109,7 +109,7 @@ def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
         raise DesignError(
             f"feedforward: expected false: the zero at z = {where:.4g} can't be cancelled, and without that "
             f"the feedforward amplifies up to {loudest:.3g} times"
-        )
+        ).advising({"feedforward": False})
     num = np.convolve(a, uncancelled[::-1]) / (b[r] * at_rest**2)
     zeros_left, preview = tuple(complex(zero) for zero in kept), r + len(kept)
     return Feedforward(_trim(num), _trim(cancelled), preview, "zero-phase error tracking", zeros_left)

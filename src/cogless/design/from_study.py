@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import fields, replace
 from typing import Any
 
+from cogless.design.cures import either, helping
 from cogless.design.error import DesignError
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.trial import (
@@ -24,6 +25,8 @@ from cogless.study import TrialStudy
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
 from cogless.study.plant import LinearPlant
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
 from cogless.study.trial_controller import (
     UNCERTAIN,
     FilteredLaw,
@@ -64,6 +67,34 @@ def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
 
 
 def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
+    designs = _designs(study, runs)
+    for run, design in designs.items():
+        exact = design.certificate.exact
+        if exact is not None and not exact.stable and design.certificate.design.stable:
+            remark = _better_sampled(study, run)
+            notes = (*design.notes, *([remark] if remark is not None else []))
+            designs[run] = replace(design, notes=notes)
+    return designs
+
+
+def _better_sampled(study: TrialStudy, run: tuple[str, str]) -> Remark | None:
+    """A design model or a period with which the exactly sampled loop is stable; None if none tried is."""
+    exact: Changes = {"design.discretisation": "exact"}
+    faster: Changes
+    if study.plant is not None:
+        faster = {"plant.period": f"{study.period / 2:.6g} s"}
+    else:
+        faster = {"drive.rates.position_loop": f"{2 / study.period:.6g} Hz"}
+
+    def cured(other: TrialStudy) -> bool:
+        found = _designs(other, [run])[run].certificate
+        return (found.exact or found.design).stable
+
+    cures = helping(study, (exact, faster), cured)
+    return Remark(f"{either(cures)} makes it stable along the trial", cures) if cures else None
+
+
+def _designs(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     with _as_study_error(study):
         plant = uncertain_plant(study)
     designs: Designs = {}
@@ -80,12 +111,23 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
             missing = gains.no_K_3 if needs_K_3(settings) else None
             design = design_trial(plant, replace(settings, learning=False) if missing else settings, gains)
         beyond = outside[scenario]
-        notes, no_K_3 = [*design.notes, *beyond], None
+        notes = [_in_study(remark, study, scenario, name) for remark in design.notes]
+        notes += map(Remark, beyond)
+        no_K_3 = None
         if missing is not None:
-            notes.append(str(missing))
             no_K_3 = _study_error(missing, study, scenario, name)
+            notes.append(Remark(str(missing), no_K_3.cures))
         designs[scenario, name] = replace(design, notes=tuple(notes), beyond=beyond, no_K_3=no_K_3)
     return designs
+
+
+def _in_study(remark: Remark, study: TrialStudy, scenario: str, controller: str) -> Remark:
+    """A remark on a design's settings with the study's own keys in its cures."""
+    return replace(remark, cures=tuple(_changes(cure, study, scenario, controller) for cure in remark.cures))
+
+
+def _changes(cure: Changes, study: TrialStudy, scenario: str, controller: str) -> Changes:
+    return {_key(name, study, scenario, controller): value for name, value in cure.items()}
 
 
 def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialParameters:
@@ -224,16 +266,18 @@ def _as_study_error(study: TrialStudy, scenario: str = "", controller: str = "")
 
 def _study_error(error: DesignError, study: TrialStudy, scenario: str, controller: str) -> StudyError:
     """The StudyError for a DesignError, with the file and the study's own key."""
-    text = str(error).removeprefix(f"{error.key}: ")
-    if error.key == "samples":
-        key = f"scenario.{scenario}.duration"
-    elif error.key in OF_CONTROLLER and controller:
+    text, key = str(error).removeprefix(f"{error.key}: "), _key(error.key, study, scenario, controller)
+    cures = (_changes(cure, study, scenario, controller) for cure in error.cures)
+    return StudyError(f"{study.source.path}: {key}: {text}").advising(*cures)
+
+
+def _key(of: str, study: TrialStudy, scenario: str, controller: str) -> str:
+    """The study's own key of a design's setting."""
+    if of == "samples":
+        return f"scenario.{scenario}.duration"
+    if of in OF_CONTROLLER and controller:
         own = OF_STATE_ILC if isinstance(study.controller[controller], StateIlc) else {"static_gain": "N"}
-        key = f"controller.{controller}.{own.get(error.key, error.key)}"
-    elif study.plant is not None and error.key.startswith("vertex"):
-        key = "plant.vertex" if study.plant.vertex else "plant"
-    elif study.plant is not None and error.key in OF_PLANT:
-        key = f"plant.{OF_PLANT[error.key]}"
-    else:
-        key = f"design.{error.key}"
-    return StudyError(f"{study.source.path}: {key}: {text}")
+        return f"controller.{controller}.{own.get(of, of)}"
+    if study.plant is not None and of.startswith("vertex"):
+        return "plant.vertex" if study.plant.vertex else "plant"
+    return f"plant.{OF_PLANT[of]}" if study.plant is not None and of in OF_PLANT else f"design.{of}"

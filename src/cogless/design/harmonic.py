@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cogless.design.current_loop import CurrentLoop
+from cogless.design.detent import LARGE, snaps, swing
+from cogless.design.feedback import feedback_of
 from cogless.design.harmonic_transfer import (
     FROM,
     SPLIT,
@@ -24,7 +26,7 @@ from cogless.design.harmonic_transfer import (
 )
 from cogless.design.margins import Real
 from cogless.design.pi import SpeedLoop, speed_loop
-from cogless.design.position import Gains, harmonic_gains
+from cogless.design.position import Gains, harmonic_gains, position_margins
 from cogless.study import Study
 from cogless.study.harmonic import FASTEST, ORDERS, Harmonic, Learner
 from cogless.study.position_sensor import Counted, Hall
@@ -32,11 +34,12 @@ from cogless.study.step_motor import StepMotor
 
 FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
 MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have
-STEP = 1 / 16  # what the rates of all orders add up to, a sample: slow orders settle up to 0.15
+TOGETHER = 1 / 16  # a sample, that the rates of all acting orders add up to, as TOGETHER in harmonic.c
 MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
 SURE = 5e-4  # rad, of the sensor's error: what deviates by more is not learned, as SURE in harmonic.c
 FOLLOWS = 10  # times as fast as a load that turns with the rotor: a tenth of what it changes is left
 MARGIN = 2.4  # between the rate and where all orders together oscillate
+RPM = 30 / math.pi
 BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
 
 
@@ -48,27 +51,26 @@ def learner(study: Study, name: str) -> Learner:
 def _learner(study: Study, name: str) -> Learner:
     law, loop = study.controller[name], speed_loop(study)
     assert isinstance(law, Harmonic)
-    base, highest = _orders(study, law)
-    orders = max(1, min(ORDERS, highest // base))
-    rate = min(MOST, STEP / (orders * loop.period))
+    base, sure, highest = _orders(study, law)
+    fast, orders = (max(1, min(ORDERS, top // base)) for top in (sure, highest))
     step, bends = _step(study), _bends(study, base)
-    told = Learner(loop.b, delay_of(loop), step, base, bends, orders, rate, min(rate, LEAST))
+    told = Learner(loop.b, delay_of(loop), step, base, bends, orders, fast, MOST, LEAST)
     pi = harmonic_gains(study, name)
-    speeds = _speeds(study, name, told.base * loop.period)
+    speeds = _speeds(study, name, told.base * told.orders * loop.period)
     if not speeds:
         return told
-    told = replace(told, rate_min=_least_rate(study, told, speeds[-1]))
+    told = replace(told, rate_min=_least_rate(study, told, speeds[-1], loop.period))
     told = replace(told, held=held_bands(loop, told, pi, *_halls(study), (speeds[0], speeds[-1])))
     if loop.shaft is None:
         return told
     bound = min(_rate_bound(study, loop, told, pi, omega) for omega in speeds) / MARGIN
-    return replace(told, rate=min(rate, bound), rate_min=min(bound, told.rate_min))
+    return replace(told, rate=min(told.rate, bound), rate_min=min(bound, told.rate_min))
 
 
 def _speeds(study: Study, name: str, sampled: float) -> list[float]:
-    """The slowest and the fastest reference of a controller, rad/s, of those that show the lowest order.
+    """The slowest and the fastest reference of a controller, rad/s, of those at which an order can be judged.
 
-    `sampled`: angle of the lowest order in a sample per speed, s.
+    `sampled`: angle of the highest order in a sample per speed, s.
     """
     scenarios = [study.scenario[key] for key in study.scenarios_of(name)] or list(study.scenario.values())
     ends = {speed for s in scenarios for speed in (s.slowest, s.top_reference)}
@@ -82,25 +84,29 @@ def _halls(study: Study) -> tuple[float, int]:
     return (sensor.step(study.motor.pole_pairs), sensor.edges) if isinstance(sensor, Hall) else (0.0, 0)
 
 
-def _orders(study: Study, law: Harmonic) -> tuple[int, int]:
-    """The lowest order, whose multiples are learned, and the highest.
+def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
+    """The lowest order, whose multiples are learned, the highest that is sure to be there, and the highest.
 
     Cogging has only multiples of the greatest common divisor of slots and poles, their lowest common multiple
-    foremost.
+    foremost. That one is sure, and what the study tells of the motor; with a base by hand, all of its
+    multiples. None depends on a speed: the law acts with those that it can hold at the present one.
 
     Hall sensors are off their places once per electrical revolution: from there on an order may be theirs.
     What they show below are the load's orders.
     """
     if isinstance(study.drive.position_sensor, Hall):
         base = law.base or 1
-        return base, max(base, study.motor.pole_pairs - 1)
+        return base, max(base, study.motor.pole_pairs - 1), max(base, study.motor.pole_pairs - 1)
     poles, slots = _poles_and_slots(study)
     base, main = math.gcd(slots or poles, poles), math.lcm(slots or poles, poles)
-    slowest = min((s.slowest for s in study.scenario.values() if s.slowest), default=0.0)
-    sampled = SPLIT / (slowest * speed_loop(study).period) if slowest else math.inf
-    highest = int(max(main, min(FULLEST * main, sampled)))
-    cogging = [wave.order for wave in study.motor.star().cogging if wave.torque and wave.order <= highest]
-    return law.base or _base(base, [main, *cogging], 3 * poles, least_base(study)), highest
+    highest, motor = FULLEST * main, study.motor.star()
+    cogging = [wave.order for wave in motor.cogging if wave.torque and wave.order <= highest]
+    of_current = [ripple.order for ripple in motor.torque_ripple]
+    of_current += [motor.pole_pairs * flux.order for flux in motor.flux_harmonics]
+    sure = max([main, *cogging, *(order for order in of_current if order <= highest)])
+    if law.base:
+        return law.base, highest, highest
+    return _base(base, [main, *cogging], 3 * poles, least_base(study)), sure, highest
 
 
 def _base(base: int, cogging: Sequence[int], inverter: int, least: int) -> int:
@@ -155,6 +161,35 @@ class Certified:
     gamma: float  # least Re Gamma of those, b of the plant 0.5 to 1.5 times the model's
     late: int  # highest order up to which all converge with a sample that isn't told; 0: none
     held: tuple[int, ...]  # orders that act, but aren't learned
+    rate: float  # 1/s, at which the orders begin to learn here
+    most: float | None  # 1/s: all orders together settle if the rate is below; None: any rate
+    slow: tuple[int, ...] = ()  # the lowest and the highest order that is too slow to be judged
+    swing: float = 0.0  # speed ripple that the feedback alone leaves, rms / speed
+    snaps: str | None = None  # why the rotor snaps there with the feedback alone: then nothing is judged
+
+    @property
+    def fine(self) -> bool:
+        """Whether all acting orders converge, each alone and all together."""
+        together = self.rate < (math.inf if self.most is None else self.most)
+        return self.gamma > 0 and together and self.snaps is None
+
+    def words(self) -> str:
+        """What is certified at this speed."""
+        if self.snaps is not None:
+            return f"not judged {self.snaps}"
+        slow = ""
+        if self.slow:
+            several = self.slow[0] < self.slow[1]
+            of = f"s {self.slow[0]} to {self.slow[1]} are" if several else f" {self.slow[0]} is"
+            slow = f", order{of} too slow to be judged"
+        swings = f", not sure: its feedback lets the speed swing by {100 * self.swing:.0f} % rms"
+        return (
+            f"at {self.omega_m * RPM:.4g} rpm those to {self.acting} learn at {self.rate:.3g} 1/s, settle at "
+            f"{'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "
+            f"{'converge' if self.gamma > 0 else 'may not all converge'} with b 50 % off "
+            f"(Re Gamma {self.gamma:.2f} or more), to {self.late} with an untold sample of delay"
+            f"{_held_words(self.held)}{slow}{swings if self.swing > LARGE else ''}"
+        )
 
 
 @dataclass(frozen=True)
@@ -166,39 +201,29 @@ class Certificate:
     speeds: tuple[Certified, ...]  # slowest and fastest reference
     fastest: float  # rad/s, up to which the lowest order is learned
     straight: float | None  # rad/s, up to which an eccentric sensor's error is learned; None: nowhere
-    rate_most: (
-        float | None
-    )  # 1/s: all orders together settle, at these speeds, if the rate is below; None: any rate
 
     @property
     def fine(self) -> bool:
         """Whether all acting orders converge at all speeds."""
-        return all(each.gamma > 0 for each in self.speeds) and self.learner.rate < (
-            self.rate_most or math.inf
-        )
+        return all(each.fine for each in self.speeds)
 
     def words(self) -> str:
         """The certificate in one line."""
-        base, rpm = self.learner.base, 30 / math.pi
+        base = self.learner.base
         if not self.speeds:
-            return f"not judged: no reference turns order {base} by {FROM:g} rad a sample"
-        bound = "any rate" if self.rate_most is None else f"rates to {self.rate_most:.3g} 1/s"
-        orders = f"orders {base} k to {base * self.learner.orders} settle at {bound}"
-        found = [
-            f"at {each.omega_m * rpm:.4g} rpm those to {each.acting} "
-            f"{'converge' if each.gamma > 0 else 'may not all converge'} with b 50 % off "
-            f"(Re Gamma {each.gamma:.2f} or more), to {each.late} with an untold sample of delay"
-            f"{_held_words(each.held)}"
-            for each in self.speeds
-        ]
-        ends = [f"learns at up to {self.fastest * rpm:.4g} rpm"]
+            highest = base * self.learner.orders
+            return f"not judged: no reference turns order {highest} by {FROM:g} rad a sample"
+        if all(each.snaps is not None for each in self.speeds):
+            return f"not judged: {self.speeds[0].snaps}"
+        found = [each.words() for each in self.speeds]
+        ends = [f"learns at up to {self.fastest * RPM:.4g} rpm"]
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
         if edges:
             bands = [f"{low:.3g} to {high:.3g}" for low, high in zip(edges[::2], edges[1::2], strict=True)]
             ends = [f"holds orders from {' and from '.join(bands)} Hz", *ends]
         if self.straight is not None:
-            ends += [f"an eccentric sensor's error at up to {self.straight * rpm:.4g} rpm"]
-        return "; ".join([orders, *found, *ends])
+            ends += [f"an eccentric sensor's error at up to {self.straight * RPM:.4g} rpm"]
+        return "; ".join([f"orders {base} k to {base * self.learner.orders}", *found, *ends])
 
 
 def _held_words(held: tuple[int, ...]) -> str:
@@ -210,33 +235,56 @@ def _held_words(held: tuple[int, ...]) -> str:
 def certificate(study: Study, name: str) -> Certificate:
     """The certificate of a controller: at the slowest and the fastest reference of its scenarios."""
     told, pi, loop = learner(study, name), harmonic_gains(study, name), speed_loop(study)
-    found, most = [], [math.inf]
-    for omega in _speeds(study, name, told.base * loop.period):
-        acting = _acting(told, omega, loop.period)
-        if len(acting):
-            found.append(_at(study, loop, told, pi, acting, omega))
-            most.append(_rate_bound(study, loop, told, pi, omega))
+    speeds = _speeds(study, name, told.base * told.orders * loop.period)
+    judged = ((omega, _judged(told, omega, loop.period)) for omega in speeds)
+    found = tuple(_at(study, name, loop, told, pi, acting, omega) for omega, acting in judged if len(acting))
     straight = SPLIT / (main_order(study, told.base) * loop.period) if told.bends else None
-    bound = min(most)
-    return Certificate(
-        told,
-        loop.period,
-        tuple(found),
-        FASTEST / (told.base * loop.period),
-        straight,
-        bound if math.isfinite(bound) else None,
-    )
+    return Certificate(told, loop.period, found, FASTEST / (told.base * loop.period), straight)
 
 
 def _acting(told: Learner, omega: float, T: float) -> Real:
-    """The orders that act at a speed."""
-    orders = told.base * np.arange(1.0, told.orders + 1)
-    return np.asarray(orders[orders * omega * T <= FASTEST])
+    """The orders that act at a speed: the slow ones, and of the fast ones those that are sure to be there."""
+    count = np.arange(1, told.orders + 1)
+    turned = told.base * count * abs(omega) * T
+    acts = (turned <= SPLIT) | ((count <= told.fast) & (turned <= FASTEST))
+    return np.asarray(told.base * count[acts], dtype=float)
+
+
+def _judged(told: Learner, omega: float, T: float) -> Real:
+    """Those of them that are fast enough to be judged."""
+    acting = _acting(told, omega, T)
+    return np.asarray(acting[acting * abs(omega) * T > FROM])
+
+
+def _too_slow(told: Learner, omega: float, T: float) -> tuple[int, ...]:
+    """The lowest and the highest order that is too slow to be judged; empty if none is."""
+    count = min(told.orders, int(FROM / (told.base * omega * T)))
+    return (told.base, told.base * count) if count else ()
+
+
+def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
+    """The largest swing of the speed that the feedback alone leaves in the scenarios of this speed, rms over
+    it, and why the rotor snaps in one of them; None if it turns."""
+    feedback, largest = feedback_of(study, name, omega), 0.0
+    for key in study.scenarios_of(name) or list(study.scenario):
+        if feedback is None or omega not in (study.scenario[key].slowest, study.scenario[key].top_reference):
+            continue
+        found = swing(study, key, feedback, omega)
+        if found is not None and found.stops:
+            crossover = position_margins(speed_loop(study, key), feedback).crossover
+            return found.rms, snaps(study, found, omega, crossover)
+        largest = max(largest, found.rms if found is not None else 0.0)
+    return largest, None
+
+
+def rate_at(told: Learner, omega: float, T: float) -> float:
+    """The rate at which the law begins to learn at a speed, rad/s, before it is limited by the turn, 1/s."""
+    return min(told.rate, TOGETHER / (max(1, len(_acting(told, omega, T))) * T))
 
 
 def _rate_bound(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, omega: float) -> float:
     """The rate below which all orders that are learned at a speed settle together, 1/s."""
-    T, w = loop.period, _acting(told, omega, loop.period) * omega
+    T, w = loop.period, _judged(told, omega, loop.period) * omega
     w = w[~is_held(told, w * T)]
     if not len(w):
         return math.inf
@@ -283,14 +331,15 @@ def _load_orders(study: Study) -> list[float]:
     return [wave.order for load in loads for wave in load.harmonics if wave.torque]
 
 
-def _least_rate(study: Study, told: Learner, fastest: float) -> float:
+def _least_rate(study: Study, told: Learner, fastest: float, T: float) -> float:
     """The rate to which learning slows down, 1/s.
 
     Ripple that depends on the current changes with a load that turns with the rotor. It is followed where it
     is slow enough for that. A load's order that is learned itself needs no following.
     """
+    first = rate_at(told, fastest, T)
     turning = [FOLLOWS * order * fastest for order in _load_orders(study) if order < told.base]
-    return min(told.rate, max([LEAST, *(rate for rate in turning if rate <= told.rate)]))
+    return max([LEAST, *(rate for rate in turning if rate <= first)])
 
 
 def main_order(study: Study, base: int) -> int:
@@ -299,7 +348,9 @@ def main_order(study: Study, base: int) -> int:
     return math.lcm(slots, poles) if slots else base
 
 
-def _at(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float) -> Certified:
+def _at(
+    study: Study, name: str, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float
+) -> Certified:
     w, sector = orders * omega, _halls(study)
     held = is_held(told, w * loop.period)
 
@@ -309,7 +360,17 @@ def _at(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, o
 
     bad = np.flatnonzero(real(1) <= 0)
     good = len(orders) if not len(bad) else int(bad[0])
-    late = int(orders[good - 1]) if good else 0
+    late, bound = int(orders[good - 1]) if good else 0, _rate_bound(study, loop, told, pi, omega)
+    swings, stops = _swing(study, name, omega)
     return Certified(
-        omega, int(orders[-1]), float(np.min(real(0))), late, tuple(int(n) for n in orders[held])
+        omega_m=omega,
+        acting=int(orders[-1]),
+        gamma=float(np.min(real(0))),
+        late=late,
+        held=tuple(int(n) for n in orders[held]),
+        rate=rate_at(told, omega, loop.period),
+        most=bound if math.isfinite(bound) else None,
+        slow=_too_slow(told, omega, loop.period),
+        swing=swings,
+        snaps=stops,
     )

@@ -118,9 +118,10 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
         if found is not None:
             K_3, bounds, result, status = found
             return LearningGain(K_3, bounds, result, status, affine, note)
-    raise DesignError(
-        f"K_3: no certificate by (35), although with a gain of {start:.4g} no vertex and frequency keeps "
-        f"more than {worst:.4g} of its error; expected a smaller range, or K_3 as a number"
+    given = float(f"{start:.4g}")
+    keeps = f"with K_3 = {given:g} no vertex and frequency keeps more than {worst:.4g} of its error"
+    raise DesignError(f"K_3: missing: expected a number, since (35) has no certificate: {keeps}").advising(
+        {"K_3": given}
     )
 
 

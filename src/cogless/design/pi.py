@@ -18,7 +18,8 @@ w' = tan(wT / 2) / (T / 2), T_e = -arg(jw P(jw)) / w and x = w' T_i
     T_e = T_i / (1 + x^2),    PM = atan x - x / (1 + x^2)
 
 The wanted phase margin PM gives x, and x gives w_c = x / ((1 + x^2) T_e) and T_i = x / w_c'. |L(w_c)| = 1
-gives the gain. T_e depends only weakly on w_c, so a few rounds of substitution converge.
+gives the gain. Where T_e depends only weakly on w_c, a few rounds of substitution converge. Where it doesn't,
+as behind a slow observer, whose lag grows with the cube of w, w_c is found by bisection.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from functools import lru_cache
 import numpy as np
 
 from cogless.design.current_loop import NO_MARGIN, CurrentLoop, IdealLoop, current_loops, tuned
-from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
+from cogless.design.margins import POINTS, UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.model import exponential
 from cogless.design.observer import observed
 from cogless.design.soft_shaft import SoftShaft, soft_shaft
@@ -256,9 +257,17 @@ def gains(study: Study, name: str) -> tuple[float, float]:
     assert isinstance(controller, Feedback)
     if controller.kp is not None or controller.tuning is None:
         return controller.kp or 0.0, controller.ki or 0.0
-    with tuned(study, name):
-        design = phase_margin_pi(speed_loop(study).rigid, controller.tuning)
+    design = tuned(
+        study, name, lambda study: phase_margin_pi(speed_loop(study).rigid, tuning_of(study, name))
+    )
     return design.kp, design.ki
+
+
+def tuning_of(study: Study, name: str) -> Tuning:
+    """The rule of a controller that has one."""
+    tuning = getattr(study.controller[name], "tuning", None)
+    assert isinstance(tuning, Tuning)
+    return tuning
 
 
 @lru_cache(maxsize=32)
@@ -266,21 +275,46 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
     """Gains for a phase margin; ValueError if no crossover below half the sampling rate has it."""
     x = root(lambda x: math.atan(x) - x / (1 + x * x) - tuning.phase_margin, 1e-3, 1e3)
     half = loop.period / 2
+    for w in (_substituted(loop, x), _bisected(loop, x)):
+        if w is None:
+            continue
+        ki = math.tan(w * half) / (half * x)  # for K = 1
+        K = 1 / float(abs(loop.response(np.array([w]), 1 - ki * half, ki)[0]))
+        design = PiDesign(K * (1 - ki * half), K * ki, margins(loop, K * (1 - ki * half), K * ki))
+        # With a resonant current loop, |L| may cross one again at a higher frequency, with less margin.
+        if math.isclose(design.margins.phase_margin, tuning.phase_margin, rel_tol=1e-6):
+            return design
+    raise ValueError(NO_MARGIN)
+
+
+def _lag(loop: SpeedLoop, w: Real) -> Real:
+    """w T_e, the plant's lag behind an integrator, rad, at w in rad/s; within half a turn of zero."""
+    return np.asarray(-np.angle(1j * loop.plant(w)[0]))
+
+
+def _substituted(loop: SpeedLoop, x: float) -> float | None:
+    """The crossover by substitution; None if it doesn't converge, as where T_e grows faster than w."""
     w = 1e-3 * math.pi / loop.period
     for _ in range(100):
-        T_e = -float(np.angle(1j * loop.plant(np.array([w]))[0][0])) / w  # delay beyond an integrator's, s
+        T_e = float(_lag(loop, np.array([w]))[0]) / w
         before, w = w, x / ((1 + x * x) * max(T_e, 1e-300))
         if w >= math.pi / loop.period:
-            break
+            return None
         if math.isclose(w, before, rel_tol=1e-12):
-            ki = math.tan(w * half) / (half * x)  # for K = 1
-            K = 1 / float(abs(loop.response(np.array([w]), 1 - ki * half, ki)[0]))
-            design = PiDesign(K * (1 - ki * half), K * ki, margins(loop, K * (1 - ki * half), K * ki))
-            # With a resonant current loop, |L| may cross one again at a higher frequency, with less margin.
-            if math.isclose(design.margins.phase_margin, tuning.phase_margin, rel_tol=1e-6):
-                return design
-            break
-    raise ValueError(NO_MARGIN)
+            return w
+    return None
+
+
+def _bisected(loop: SpeedLoop, x: float) -> float | None:
+    """The lowest crossover where the lag comes to x / (1 + x^2); None if it doesn't."""
+    wanted = x / (1 + x * x)
+    w = np.geomspace(1e-3, 1, POINTS) * math.pi / loop.period
+    lag = np.unwrap(_lag(loop, w))
+    rises = np.flatnonzero((lag[:-1] < wanted) & (lag[1:] >= wanted))
+    if not len(rises):
+        return None
+    k = int(rises[0])
+    return root(lambda w: float(_lag(loop, np.array([w]))[0]) - wanted, float(w[k]), float(w[k + 1]))
 
 
 def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:

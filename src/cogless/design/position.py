@@ -24,7 +24,7 @@ import numpy as np
 from cogless.design.closed_loop import Linear
 from cogless.design.current_loop import NO_MARGIN, CurrentLoop, tuned
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
-from cogless.design.pi import SpeedLoop, gains, speed_loop
+from cogless.design.pi import SpeedLoop, gains, speed_loop, tuning_of
 from cogless.study import Study
 from cogless.study.controller import Tuning
 from cogless.study.harmonic import Harmonic
@@ -51,9 +51,7 @@ def position_gains(study: Study, name: str) -> Gains:
     if controller.tuning is None:
         return controller.k_theta or 0.0, controller.k_omega or 0.0, controller.k_i
     ratio = controller.ratio(study.motor.pole_pairs)
-    with tuned(study, name):
-        found = phase_margin_position(speed_loop(study).rigid, ratio, controller.tuning)
-    return found
+    return _by_rule(study, name, ratio)
 
 
 def harmonic_gains(study: Study, name: str) -> Gains:
@@ -63,8 +61,15 @@ def harmonic_gains(study: Study, name: str) -> Gains:
     if not law.position or law.tuning is None or law.kp is not None:
         kp, ki = gains(study, name)
         return law.k_theta or 0.0, kp, ki
-    with tuned(study, name):
-        return phase_margin_position(speed_loop(study).rigid, 1, law.tuning)
+    return _by_rule(study, name, 1)
+
+
+def _by_rule(study: Study, name: str, ratio: int) -> Gains:
+    return tuned(
+        study,
+        name,
+        lambda study: phase_margin_position(speed_loop(study).rigid, ratio, tuning_of(study, name)),
+    )
 
 
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:

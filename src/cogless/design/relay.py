@@ -24,6 +24,9 @@ from cogless.design.ripple import ripple
 from cogless.design.verdict import judged
 from cogless.study import Study
 from cogless.study.controller import RobustIlc
+from cogless.study.error_messages import dotted
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
 from cogless.study.spoken import speed_text
 
 
@@ -63,7 +66,7 @@ def switching(study: Study, scenario: str, name: str) -> Switching | None:
     return Switching(float(w[most]) / (2 * math.pi), float(made[most]))
 
 
-def relay_warning(study: Study, name: str) -> str | None:
+def relay_warning(study: Study, name: str) -> Remark | None:
     """Warning of a relay that makes more ripple than the feedback beside it leaves; None if it makes less."""
     for key in study.scenarios_of(name):
         made = switching(study, key, name)
@@ -73,5 +76,6 @@ def relay_warning(study: Study, name: str) -> str | None:
         if made.ripple > left:
             alone, beside = (f"{speed_text(study, omega, 2)} rms" for omega in (made.ripple, left))
             switches = f"in {key} its relay switches at {made.frequency:.3g} Hz and makes {alone} of ripple"
-            return f"{switches}; g = 0 leaves {beside} before learning"
+            off: Changes = {f"{dotted(('controller', name))}.g": "0 rad/s^2"}
+            return Remark(f"{switches}; g = 0 leaves {beside} before learning", (off,))
     return None

@@ -23,23 +23,21 @@ A speed timed from edge to edge has no such error.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import Linear
 from cogless.design.learning_loop import LearningLoop, plants, sensitivity
 from cogless.design.margins import Complex, Real
 from cogless.design.observer import counting_window
+from cogless.design.pi import SpeedLoop
 from cogless.study import Study, for_scenario
 from cogless.study.position_sensor import Counted, Hall
-from cogless.study.spoken import speed_text
 
 FREQUENCIES = 2000
-FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
-LARGE = 0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
 WORSE = 1.25  # ripple with learning / feedback's ripple; above this learning does harm
 ROUNDING = 1e-9
 
@@ -90,38 +88,25 @@ class Ripple:
         return self.learned / self.without if self.without > 0 else 1.0
 
 
-def ripple(loop: LearningLoop, duration: float) -> Ripple:
-    """The ripple at a loop's speed, after learning for `duration` seconds."""
-    f, d = _orders(loop)
+def ripple(loop: LearningLoop, duration: float, settled: bool = True) -> Ripple:
+    """The ripple at a loop's speed, after learning for `duration` seconds.
+
+    `settled`: all that can be learned of the orders is; else as much as was in that time.
+    """
+    assert loop.scenario is not None
+    n, d = orders(loop.study, loop.scenario, loop.omega_m)
+    f = np.asarray(n * abs(loop.omega_m) / math.tau)
+    periods = max(1.0, duration * loop.periods_per_second)
     feedbacks = (loop.feedback_before, loop.feedback)  # a law may hand its integral over to learning
-    alone, left = (np.abs(_responses(loop, feedback, f)[0]) * d for feedback in feedbacks)
+    alone, left = (np.abs(responses(loop.plant, feedback, f)[0]) * d for feedback in feedbacks)
     if len(f):
-        left = left * loop.residual(f)
+        left = left * (loop.residual(f) if settled else loop.yet(f, periods))
     before, after = float(np.sum(alone**2)) / 2, float(np.sum(left**2)) / 2
     source = _sensor(loop)
     if source is not None and not source.timed:
-        noise = _noise(loop, source, max(1.0, duration * loop.periods_per_second))
+        noise = _noise(loop, source, periods)
         before, after = before + noise[0], after + noise[1]
     return Ripple(math.sqrt(before), math.sqrt(after))
-
-
-def doubts(loops: Sequence[LearningLoop]) -> tuple[str, ...]:
-    """Reasons why small signals predict poorly at some speeds of a controller, one phrase each."""
-    found = [reason for loop in loops if (reason := loop.doubt) is not None][:1]
-    slowest = min(loops, key=lambda loop: loop.omega_m)
-    source = _sensor(slowest)
-    counts = source.counts(slowest.omega_m) if source else FEW
-    if source is not None and counts < FEW * (1 - ROUNDING):
-        inside = f" in scenario {slowest.scenario}" if len({loop.scenario for loop in loops}) > 1 else ""
-        few = f"at {speed_text(slowest.study, slowest.omega_m)}{inside} {source.told(slowest.omega_m)}"
-        found.append(f"{few}, and {FEW / counts:.2g} times as many would do" if counts else few)
-    at_speeds = {(loop.scenario, loop.omega_m): loop for loop in loops}  # no acceleration changes `without`
-    swings = [(ripple(loop, 0.0).without / loop.omega_m, loop) for loop in at_speeds.values()]
-    swing, where = max(swings, key=lambda pair: pair[0])
-    if swing > LARGE:
-        speed = speed_text(where.study, where.omega_m)
-        found.append(f"at {speed} its feedback lets the speed swing by {100 * swing:.0f} % rms")
-    return tuple(found)
 
 
 def _sensor(loop: LearningLoop) -> Sampled | None:
@@ -129,34 +114,73 @@ def _sensor(loop: LearningLoop) -> Sampled | None:
     return sampled(loop.study, loop.scenario)
 
 
-def _orders(loop: LearningLoop) -> tuple[Real, Real]:
-    """Frequencies, Hz, of the orders of motor and load, and their amplitudes as currents, A."""
-    assert loop.scenario is not None
-    wave = functions_in(loop.study, loop.scenario).waves(loop.omega_m)
-    orders = np.flatnonzero(wave > 1e-9 * (1 + wave[0]))
-    orders = orders[orders > 0]
-    return np.asarray(orders * abs(loop.omega_m) / math.tau), wave[orders]
+def orders(study: Study, scenario: str, omega_m: float) -> tuple[NDArray[np.intp], Real]:
+    """The orders of motor, load and current sensors at a speed, rad/s, and their amplitudes, A."""
+    wave = functions_in(study, scenario).waves(omega_m)
+    of_sensors = sensor_waves(for_scenario(study, scenario), wave[0] / 2)
+    wave = np.pad(wave, (0, max(0, 1 + max(of_sensors) - len(wave))))
+    for order, amplitude in of_sensors.items():
+        wave[order] = math.hypot(wave[order], amplitude)
+    found = np.flatnonzero(wave > 1e-9 * (1 + wave[0]))
+    found = found[found > 0]
+    return found, wave[found]
 
 
-def _responses(loop: LearningLoop, feedback: Linear, f: Real) -> tuple[Complex, Complex]:
+def sensor_waves(study: Study, current: float) -> dict[int, float]:
+    """Amplitudes, A, of i_q that the current sensors' errors make at a mean of `current`, A, by order.
+
+    The loop holds the measured current, so the true one has their error. An offset turns once in an
+    electrical revolution; a gain that differs between the phases shows twice in it.
+    """
+    drive, pairs = study.drive, study.motor.pole_pairs
+    if drive.ideal:
+        return {pairs: 0.0}
+    sensors, phases = drive.current_sensors, study.motor.star().phases
+    angles = 2 * math.pi * np.arange(3) / 3 if phases == 3 else np.array([0.0, math.pi / 2])
+    axes = np.array([np.cos(angles), np.sin(angles)])  # to alpha and beta, but for 2 / phases, and back
+    seen = np.eye(phases)
+    if phases == 3 and sensors.sensors == 2:
+        seen[2] = [-1.0, -1.0, 0.0]  # the third is what the other two leave
+    to_axes = 2 / phases * axes @ seen
+    offset = to_axes @ np.array(sensors.offset[:phases])
+    (a, b), (c, d) = to_axes @ np.diag(sensors.gain_error[:phases]) @ axes.T
+    mirrored = math.hypot(a - d, b + c) / 2  # the rest turns with the current
+    return {pairs: float(np.hypot(*offset)), 2 * pairs: mirrored * abs(current)}
+
+
+def responses(plant: SpeedLoop, feedback: Linear, f: Real) -> tuple[Complex, Complex]:
     """P_t S, from a current that disturbs to the true speed, and S, at frequencies f in Hz."""
-    grid, P_omega, P_theta = plants(loop.plant)
+    grid, P_omega, P_theta = plants(plant)
     w = math.tau * f
     P_omega, P_theta = np.interp(f, grid, P_omega), np.interp(f, grid, P_theta)
-    S = sensitivity(loop.plant, feedback, w, P_omega, P_theta)
+    S = sensitivity(plant, feedback, w, P_omega, P_theta)
     return 1j * w * P_theta * S, S
+
+
+def counting(plant: SpeedLoop, feedback: Linear, source: Sampled) -> float:
+    """Variance, (rad/s)^2, of the true speed due to the sensor's counts, with a feedback alone."""
+    f, density = _density(plant.period, source)
+    C = feedback.ratio * feedback.response(math.tau * f, plant.period)
+    return float(np.sum(np.abs(responses(plant, feedback, f)[0] * C) ** 2 * density))
+
+
+def _density(T: float, source: Sampled) -> tuple[Real, Real]:
+    """Frequencies, Hz, up to half the rate of samples T apart, and at each the variance of the measured
+    speed's noise, (rad/s)^2."""
+    nyquist = 0.5 / T
+    f = (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES * nyquist
+    density = source.count**2 / 12 / source.window**2 / nyquist
+    shared = source.window >= T * (1 - ROUNDING)  # two samples share an angle, with opposite signs
+    density = density * (np.abs(1 - np.exp(-1j * math.tau * f * source.window)) ** 2 if shared else 2.0)
+    return f, np.asarray(density * nyquist / FREQUENCIES * np.ones(FREQUENCIES))
 
 
 def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, float]:
     """Variances, (rad/s)^2, of the true speed due to the sensor's counts, without and with learning."""
-    nyquist = 0.5 / loop.plant.period
-    f = (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES * nyquist
+    f, density = _density(loop.plant.period, source)
     w, ratio, T = math.tau * f, loop.feedback.ratio, loop.plant.period
-    density = source.count**2 / 12 / source.window**2 / nyquist
-    shared = source.window >= T * (1 - ROUNDING)  # two samples share an angle, with opposite signs
-    density = density * (np.abs(1 - np.exp(-1j * w * source.window)) ** 2 if shared else 2.0)
-    C_alone, C = (ratio * feedback.response(w, T) for feedback in (loop.feedback_before, loop.feedback))
-    (passed_alone, _), (passed, S) = (_responses(loop, of, f) for of in (loop.feedback_before, loop.feedback))
+    C = ratio * loop.feedback.response(w, T)
+    passed, S = responses(loop.plant, loop.feedback, f)
     V, q = ratio * loop.gain(w) * S, loop.q(f) * loop.lines(f, True)
     rho = np.minimum(q * np.abs(loop.kept(f)), 1 - 1e-9) ** 2
     times = (1 - rho**periods) / (1 - rho)
@@ -165,6 +189,5 @@ def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, 
     else:
         V = V * loop.kept(f)
         learned = np.abs(C + V) ** 2 + np.abs(V) ** 2 * rho * times
-    density = density * nyquist / FREQUENCIES
-    alone = float(np.sum(np.abs(passed_alone * C_alone) ** 2 * density))
+    alone = counting(loop.plant, loop.feedback_before, source)
     return alone, float(np.sum(np.abs(passed) ** 2 * density * learned))

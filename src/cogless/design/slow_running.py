@@ -9,32 +9,116 @@ is above one, the rotor coasts from one count to the next.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
+from cogless.design.closed_loop import Linear
+from cogless.design.cures import either, helping, text
+from cogless.design.detent import snaps, swing, turns_from
 from cogless.design.feedback import feedback_of
-from cogless.design.margins import Real
-from cogless.design.pi import speed_loop
+from cogless.design.gentler import finer_sensor, slower_feedback
+from cogless.design.margins import Margins, Real
+from cogless.design.pi import SpeedLoop, speed_loop
 from cogless.design.position import position_margins
-from cogless.design.ripple import sampled
+from cogless.design.ripple import Sampled, counting, sampled
 from cogless.study import Study, for_scenario
+from cogless.study.error_messages import dotted
 from cogless.study.motion import Course, course
 from cogless.study.position_sensor import Counted
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
 from cogless.study.spoken import speed_text
 
 SHARE = 0.05  # of the time in motion: speeds that are lower only for less time than this are ignored
 SPENT = 0.5  # of the phase margin
 COASTS = 1.0  # rad
 MOST = 0.5  # counts in a speed sample: with fewer, most samples have none
+AHEAD = 1.2  # speed that is advised / speed from which on the rotor turns; the same of counts
+LESS = 0.9  # ripple with a change that is advised / without it, at most
 
 
-def slow_warning(study: Study, name: str) -> str | None:
-    """Warning that edges come too rarely at the slowest speed that a controller holds; None if they don't."""
-    found = (_warning(study, name, key) for key in study.scenarios_of(name))
-    return next((line for line in found if line is not None), None)
+def slow_warning(study: Study, name: str) -> Remark | None:
+    """Warning of what a feedback makes of the slowest speed that a controller holds; None if it turns evenly.
+
+    Either the rotor snaps from detent to detent, or its sensor's edges come too rarely.
+    """
+    found = (_snapping(study, name, key) or _few_edges(study, name, key) for key in study.scenarios_of(name))
+    return next((remark for remark in found if remark is not None), None)
 
 
-def _warning(study: Study, name: str, scenario: str) -> str | None:
+def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
+    """Warning of a rotor that snaps, with the speed from which on it turns, if the reference is constant.
+
+    A law that begins with what it has learned isn't left to its feedback.
+    """
+    law, omega = study.controller[name], held(study, scenario)
+    if (law.learned and not law.learns) or getattr(law, "start", None) is not None:
+        return None
+    feedback = feedback_of(study, name, omega)
+    found = swing(study, scenario, feedback, omega) if feedback is not None and omega else None
+    if found is None or feedback is None or not found.stops:
+        return None
+    said = snaps(study, found, omega, position_margins(speed_loop(study, scenario), feedback).crossover)
+    begins = turns_from(study, scenario, feedback, omega)
+    if begins is None:
+        return Remark(said)
+    turns = f"{said}; from {speed_text(study, AHEAD * begins, 2)} on it turns"
+    cure: Changes = {dotted(("scenario", scenario, "reference")): text(AHEAD * begins, "rad/s")}
+    return Remark(turns, (cure,) if study.scenario[scenario].reference.kind == "constant" else ())
+
+
+@dataclass(frozen=True)
+class _Edges:
+    """A sensor's edges at the slowest speed of a scenario, and a loop around them."""
+
+    omega: float  # rad/s
+    source: Sampled
+    loop: SpeedLoop
+    feedback: Linear
+    margins: Margins
+    swing: float  # rad/s rms, of the speed, by what depends on the angle
+
+    @property
+    def time(self) -> float:
+        """Time from edge to edge, s."""
+        return self.source.count / self.omega
+
+    @property
+    def late(self) -> float:
+        """Time by which a timed speed is later than the design assumes, s."""
+        return self.time - self.loop.period / 2
+
+    @property
+    def factor(self) -> float:
+        """Times the counts that are enough for the loop; one or less: these are."""
+        if not self.source.timed:
+            return self.margins.crossover * self.time / COASTS
+        allowed = SPENT * self.margins.phase_margin / self.margins.crossover + self.loop.period / 2
+        return self.time / allowed
+
+    @property
+    def counts(self) -> float:
+        """Speed ripple by single counts, rad/s rms.
+
+        Each count kicks a rotor that coasts by w_c of it, which makes a sawtooth. A timed speed has no such
+        ripple while its edges come in time. With half of the margin gone, that of the angle about doubles;
+        with none left the rotor stops and goes.
+        """
+        if self.source.timed:
+            spent = self.margins.crossover * self.late > self.margins.phase_margin
+            return 0.0 if self.factor <= 1 else self.omega if spent else math.sqrt(3) * self.swing
+        kicks = self.margins.crossover * self.source.count / math.sqrt(12) if self.factor > 1 else 0.0
+        return max(kicks, math.sqrt(counting(self.loop, self.feedback, self.source)))
+
+    @property
+    def ripple(self) -> float:
+        """Speed ripple, rad/s rms, of counts and angle together."""
+        return math.hypot(self.counts, self.swing)
+
+
+def _edges(study: Study, name: str, scenario: str) -> _Edges | None:
+    """The edges that a controller gets; None if it has none, stands still, or has no stable loop."""
     omega, loop = held(study, scenario), speed_loop(study, scenario)
     source, feedback = sampled(study, scenario), feedback_of(study, name, omega)
     if not omega or source is None or feedback is None:
@@ -42,27 +126,45 @@ def _warning(study: Study, name: str, scenario: str) -> str | None:
     margins = position_margins(loop, feedback)
     if not margins.stable or math.isnan(margins.crossover):
         return None
-    edge, w_c = source.count / omega, margins.crossover
-    comes = f"at {speed_text(study, omega)} an edge comes every {1e3 * edge:.2g} ms"
-    around = f"the crossover is {w_c / math.tau:.3g} Hz"
-    if not source.timed:
-        if w_c * edge <= COASTS:
-            return None
-        needed = w_c * source.count / omega / COASTS
-        return f"{comes}, {around}: the rotor coasts from count to count; {_helps(needed, w_c)}"
-    late = edge - loop.period / 2
-    lost = w_c * late / margins.phase_margin
-    if lost <= SPENT:
+    found = swing(study, scenario, feedback, omega)
+    return _Edges(omega, source, loop, feedback, margins, found.rms * omega if found is not None else 0.0)
+
+
+def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
+    """Warning of edges that come too rarely, with counts or a feedback that would be enough."""
+    edges = _edges(study, name, scenario)
+    if edges is None or edges.factor <= 1:
         return None
-    allowed = SPENT * margins.phase_margin / w_c + loop.period / 2
+    comes = f"at {speed_text(study, edges.omega)} an edge comes every {1e3 * edges.time:.2g} ms"
+    comes += f", the crossover is {edges.margins.crossover / math.tau:.3g} Hz: {_costs(edges)}"
+
+    def cured(other: Study) -> bool:
+        after = _edges(other, name, scenario)
+        enough = after is not None and after.factor <= 1 and after.ripple <= LESS * edges.ripple
+        return enough and _snapping(other, name, scenario) is None
+
+    factor = AHEAD * edges.factor
+    cures = helping(study, (finer_sensor(study, factor), slower_feedback(study, name, factor)), cured)
+    ways = either(cures, dotted(("controller", name)))
+    return Remark(f"{comes}; {ways} would do" if cures else comes, cures)
+
+
+def _costs(edges: _Edges) -> str:
+    """What edges that come too rarely do, in words."""
+    if not edges.source.timed:
+        return "the rotor coasts from count to count"
+    has, spent = edges.margins.phase_margin, edges.margins.crossover * edges.late
     high = "; where it stops and goes it reads high, by 10 % if every other edge takes twice as long"
-    costs = f"the speed is {1e3 * late:.2g} ms late, which costs {math.degrees(w_c * late):.0f} deg"
-    costs += f" of {math.degrees(margins.phase_margin):.0f} deg of phase margin"
-    return f"{comes}, {around}: {costs}{high if lost > 1 else ''}; {_helps(edge / allowed, w_c)}"
+    costs = f"the speed is {1e3 * edges.late:.2g} ms late, which costs {math.degrees(spent):.0f} deg"
+    return f"{costs} of {math.degrees(has):.0f} deg of phase margin{high if spent > has else ''}"
 
 
-def reads_zero(study: Study, scenario: str) -> str | None:
-    """Warning that most samples of a counted speed are zero at the slowest speed; None if they aren't."""
+def reads_zero(study: Study, scenario: str) -> Remark | None:
+    """Warning that most samples of a counted speed are zero at the slowest speed; None if they aren't.
+
+    To time the edges is advised if that leaves each controller of the scenario less ripple. It doesn't where
+    they come later than a loop can wait: there they cost more than they tell.
+    """
     omega, source = held(study, scenario), sampled(study, scenario)
     sensor = for_scenario(study, scenario).drive.position_sensor
     if not (omega and source and isinstance(sensor, Counted)) or sensor.speed_method not in ("M", "average"):
@@ -70,9 +172,19 @@ def reads_zero(study: Study, scenario: str) -> str | None:
     if source.counts(omega) >= MOST:
         return None
     comes = f"at {speed_text(study, omega)} {source.told(omega)}"
-    reads = f"most read 0, others {speed_text(study, source.count / source.window)}"
-    timed = '"MT" times the edges, ' if sensor.kind == "encoder" else ""
-    return f'{comes}: {reads}; speed_method = {timed}"observer" smooths'
+    reads = f"{comes}: most read 0, others {speed_text(study, source.count / source.window)}"
+    found = {name: _edges(study, name, scenario) for name in study.controllers_in(scenario)}
+    before = {name: edges for name, edges in found.items() if edges is not None}
+
+    def cured(other: Study) -> bool:
+        after = [(_edges(other, name, scenario), edges) for name, edges in before.items()]
+        return bool(after) and all(
+            new is not None and new.factor <= 1 and new.ripple <= LESS * old.ripple for new, old in after
+        )
+
+    timed = {"drive.position_sensor.speed_method": "MT"} if sensor.kind == "encoder" else None
+    cures = helping(study, (timed,), cured)
+    return Remark(f"{reads}; {either(cures)} times the edges" if cures else reads, cures)
 
 
 def held(study: Study, scenario: str) -> float:
@@ -95,7 +207,3 @@ def _from_rest(sampling: Course) -> Real:
     before = np.maximum.accumulate(np.where(rests, way, -np.inf))
     after = np.minimum.accumulate(np.where(rests, way, np.inf)[::-1])[::-1]
     return np.asarray(np.minimum(way - before, after - way))
-
-
-def _helps(factor: float, w_c: float) -> str:
-    return f"{factor:.2g} times the counts would do, or a crossover of {w_c / math.tau / factor:.2g} Hz"

@@ -83,8 +83,7 @@ def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integ
             if found is not None:
                 return found
     raise DesignError(
-        "state_weight: no gain found by the solver, although one gain can control the ranges; expected "
-        "weights that differ less from each other, or smaller ranges"
+        "state_weight: expected weights for which the solver finds a gain; one gain can control the ranges"
     )
 
 

@@ -34,6 +34,7 @@ LEARNER = {
     "base": "",
     "bends": "",
     "orders": "",
+    "fast": "",
     "rate": "1/s",
     "rate_min": "1/s",
 }

@@ -40,12 +40,16 @@ from cogless.design.trial_observer import (
     inverse,
 )
 from cogless.errors import StudyError
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
 
 Kind = Literal["robust", "state", "norm-optimal", "observer"]
 
 
 LARGEST_SHIFT = 32  # of the control law
 NO_K_3 = ("q_filter", "shift", "K_3")  # keys of errors after which the feedback can be kept, without a K_3
+BELOW = 0.97  # of a cutoff: what is advised is rounded
+WEIGHTS = 7  # powers of ten
 LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 
 
@@ -87,7 +91,7 @@ class TrialGains:
     no_K_3: DesignError | None  # why no K_3 exists
     feedback: StateFeedback | None  # None if K_s was given
     learning: LearningGain | None  # None if K_3 was given, or wasn't found by (35)
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]  # their cures have the names of settings as keys
     observer: ObserverGains | None = None  # of kind observer, in place of K_s
     cutoff: float | None = None  # of kind observer, Hz
 
@@ -117,7 +121,7 @@ class TrialDesign(TrialParameters):
     """All parameters of a trial law, and their certificate."""
 
     certificate: Certificate
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]
     beyond: tuple[str, ...] = ()  # warnings of simulated values outside the ranges of the design
 
 
@@ -132,7 +136,7 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     size = n + integral
     if settings.kind == "state":
         Q, gamma, f = Q[:n, :n], gamma[:n], f[:n]
-    notes = [plant.note] if plant.note else []
+    notes = [Remark(plant.note)] if plant.note else []
     feedback = None
     if settings.K_s is None:
         feedback = guaranteed_cost(plant, Q, settings.R, gamma, integral)
@@ -151,7 +155,7 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
         law = _law(K_s, n, N, integral, settings.kind != "state")
         try:
             K_3, learned, note = _learning_gain(plant, law, settings, f)
-            notes += [note] if note else []
+            notes += [note] if note is not None else []
         except DesignError as error:
             if error.key not in NO_K_3:
                 raise
@@ -233,7 +237,7 @@ def _observer_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGain
     observer = design_observer(plant, settings.pole)
     cutoff = settings.cutoff or highest_cutoff(plant, observer, settings.filter_order)
     ahead = inverse(plant) if settings.feedforward else None
-    notes = (plant.note,) if plant.note else ()
+    notes = (Remark(plant.note),) if plant.note else ()
     none = np.zeros(plant.order)
     return TrialGains(none, False, 1.0, ahead, 1.0, None, None, None, notes, observer, cutoff)
 
@@ -244,7 +248,7 @@ def _law(K_s: Real, n: int, N: float, integral: bool, through: bool) -> Gains:
 
 def _learning_gain(
     plant: UncertainPlant, law: Gains, settings: TrialSettings, f: Real
-) -> tuple[float, LearningGain | None, str]:
+) -> tuple[float, LearningGain | None, Remark | None]:
     """K_3 by (35). It is found by frequency response if (35) gives none, or if the shift isn't r."""
     r = plant.relative_degree
     shift = settings.shift or r
@@ -259,7 +263,7 @@ def _learning_gain(
             line = f"shift: {shift}: no gain shrinks the error at every frequency; {LOW_PASS}"
             raise DesignError(line)
         found = learning_gain(loops, law.closed(plant.nominal, plant.C), r, f, settings.g)
-        return found.K_3, found, found.note
+        return found.K_3, found, Remark(found.note) if found.note else None
     except DesignError as error:
         if error.key not in ("q_filter", "shift"):
             raise
@@ -270,7 +274,8 @@ def _learning_gain(
         if by_frequency is not None:
             K_3, note = by_frequency
             return K_3, None, note
-        raise DesignError(f"{error}{_low_pass(everywhere, plant, settings, shift)}") from None
+        end, *cures = _low_pass(everywhere, plant, settings, shift)
+        raise DesignError(f"{error}{end}").advising(*cures) from None
 
 
 def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> None:
@@ -288,18 +293,29 @@ def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> N
         )
 
 
-def _low_pass(loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int) -> str:
-    """The end of a message: the filter cutoff, and another shift if needed, with which learning is fast."""
+def _low_pass(
+    loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int
+) -> tuple[str, *tuple[Changes, ...]]:
+    """The end of a message, and the change that it advises: the filter's cutoff, and another shift if needed,
+    with which learning is fast."""
     for tried in range(shift, shift + SHIFTS + 1):
         cutoff = workable_cutoff(loops, tried, settings.filter_order, plant.period, settings.samples)
         if cutoff is not None:
-            return f" of {cutoff:.3g} Hz or less" + (f", and shift = {tried}" if tried != shift else "")
-    return "; with this feedback none makes it fast, though"
+            other: Changes = {"shift": tried} if tried != shift else {}
+            end = f" of {cutoff:.3g} Hz or less" + (f", and shift = {tried}" if other else "")
+            return end, {**_filter(cutoff, settings), **other}
+    return ("; with this feedback none makes it fast, though",)
+
+
+def _filter(cutoff: float, settings: TrialSettings) -> Changes:
+    """A filter on the learned signal, safely below a cutoff in Hz."""
+    order = settings.filter_order
+    return {"q_filter": {"cutoff": f"{BELOW * cutoff:.3g} Hz", "order": order, "acts_on": "signal"}}
 
 
 def _by_frequency(
     loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int
-) -> tuple[float, str] | None:
+) -> tuple[float, Remark] | None:
     """K_3 with the smallest max |F| over frequency, and a note; None if that is above `PROPOSED`."""
     bundle = Bundle(loops, shift)
     w = bundle.grid
@@ -307,7 +323,8 @@ def _by_frequency(
     if settings.cutoff is None or settings.filtered != "signal":
         K_3, worst = best_gain(G)
         note = f"K_3 by frequency, for the smallest factor a trial, {worst:.4g}"
-        return (K_3, f"{note}: (35) is for a shift of {plant.relative_degree}") if worst <= PROPOSED else None
+        said = f"{note}: (35) is for a shift of {plant.relative_degree}"
+        return (K_3, Remark(said)) if worst <= PROPOSED else None
     q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period)
     K_3, worst = best_gain(G, q_filter.gain(w))
     if worst > PROPOSED:
@@ -315,10 +332,11 @@ def _by_frequency(
     note = "K_3 by frequency, for the smallest factor a trial with the filter on the learned signal, "
     note += f"{worst:.4g}"
     better = better_shift(loops, plant.relative_degree, q_filter, shift, settings.samples)
-    if better is not None:
-        now, other, then = better
-        note += f", or {now:.2g} with the trial's ends; shift = {other} would make that {then:.2g}"
-    return K_3, note
+    if better is None:
+        return K_3, Remark(note)
+    now, other, then = better
+    note += f", or {now:.2g} with the trial's ends; shift = {other} would make that {then:.2g}"
+    return K_3, Remark(note, ({"shift": other},))
 
 
 def _warnings(
@@ -327,23 +345,22 @@ def _warnings(
     certificate: Certificate,
     update: Update | None,
     settings: TrialSettings,
-) -> list[str]:
+) -> list[Remark]:
     """Warnings that the error can grow along the trial or from trial to trial, with the remedy."""
-    notes = []
+    notes: list[Remark] = []
     exact = certificate.exact
     parts = [("design", plant.vertices, certificate.design)]
     parts += [("exact", plant.exact_vertices or (), exact)] if exact is not None else []
     for kind, models, part in parts:
         if not part.stable:
-            note = f"{kind} model: unstable along the trial at {part.worst}, with a pole of {part.radius:.4g}"
-            helps = "; expected a shorter period, or exact discretisation"
-            notes.append(note + (helps if certificate.design.stable else ""))
+            where = f"at {part.worst}, with a pole of {part.radius:.4g}"
+            notes.append(Remark(f"{kind} model: unstable along the trial {where}"))
         learning = part.learning
         if update is None or learning is None or learning.monotone:
             continue
         if update.ratio is not None and kind == "design" and exact is not None:
             continue  # L is designed for the exact model
-        note = f"{kind} model: the error can grow by a factor of "
+        note, cures = f"{kind} model: the error can grow by a factor of ", tuple[Changes, ...]()
         if learning.norm > 1 + MONOTONE:
             note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
         elif part.growth is not None and part.growth > 1 + ENDS:
@@ -358,11 +375,28 @@ def _warnings(
             )
             if cutoff is not None:
                 note += f"; a zero-phase low-pass filter of {cutoff:.3g} Hz or less on the learned signal "
-                note += "prevents it"
+                note, cures = f"{note}prevents it", (_filter(cutoff, settings),)
         else:
-            note += "; a larger change_weight prevents it"
-        notes.append(note)
+            weight = _calmer(plant, law, settings)
+            if weight is not None:
+                note, cures = f"{note}; change_weight = {weight:g} prevents it", ({"change_weight": weight},)
+        notes.append(Remark(note, cures))
     return notes
+
+
+def _calmer(plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSettings) -> float | None:
+    """A weight of the change with which no error grows from trial to trial; None if none is."""
+    nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
+    shift = settings.shift or plant.relative_degree
+    for n in range(1, WEIGHTS):
+        weight = float(f"{settings.change_weight * 10.0**n:.3g}")
+        found = certify(
+            plant, law, Update(shift, 0.0, weight, nominal), None, settings.filtered, settings.samples
+        )
+        judged = found.design if found.exact is None else found.exact
+        if judged.learning is not None and judged.learning.monotone:
+            return weight
+    return None
 
 
 def _factor(value: float) -> str:

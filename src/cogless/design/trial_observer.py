@@ -123,10 +123,8 @@ def design_observer(plant: UncertainPlant, pole: float | None) -> ObserverGains:
             held = []
     best = fastest(held)
     if best is None:
-        expected = "expected narrower ranges or a shorter period: the observer's feedback does not hold"
-        raise DesignError(
-            f"range: {expected} all plants" + ("" if pole is None else f" with pole = {pole:g}")
-        )
+        expected = "expected ranges that the observer's feedback holds as a whole"
+        raise DesignError(f"range: {expected}" + ("" if pole is None else f" with pole = {pole:g}"))
     return best
 
 

@@ -104,7 +104,7 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
             },
         },
         "certificate": _certificate(design.certificate),
-        "notes": list(design.notes),
+        "notes": list(map(str, design.notes)),
     }
 
 
@@ -119,7 +119,10 @@ def words(design: TrialDesign) -> str:
 
 
 def warnings(design: TrialDesign) -> list[str]:
-    """Warnings of a controller before trials are run: its certificate in a line, unless all is well."""
+    """Warnings of a controller before trials are run: its certificate in a line, unless all is well.
+
+    What would help is in the design's notes.
+    """
     rows = [found for _, found in _rows(design.certificate)]
     fine = all(each.stable and (each.learning is None or each.learning.monotone) for each in rows)
     return [] if fine and design.no_K_3 is None else [words(design)]
@@ -205,7 +208,7 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
         gains.add_row(study.label(name), *_gains(design))
         for row in _proof(design.certificate):
             proof.add_row(study.label(name), *row)
-    notes = dict.fromkeys(note for design in found.designs.values() for note in design.notes)
+    notes = dict.fromkeys(str(note) for design in found.designs.values() for note in design.notes)
     lines = [Text(f"Note: {note}.") for note in notes]
     legend = Text(LEGEND, style="dim")
     return Group(Text(about), Text(), gains, Text(), proof, Text(), legend, *lines)

@@ -32,21 +32,32 @@ from numpy.typing import NDArray
 from cogless import units
 from cogless.design.angle_functions import angle_functions
 from cogless.design.closed_loop import Oscillation, oscillation
+from cogless.design.cures import either, first, helping, helps, text, words
+from cogless.design.current_loop import LEAST
+from cogless.design.detent import LARGE, snaps, swing
+from cogless.design.feedback import feedback_of
+from cogless.design.gentler import HALVINGS, finer_sensor, slower_feedback, weaker_learning
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Real
 from cogless.design.order_learning import OrderLoop
-from cogless.design.ripple import WORSE, doubts, ripple
+from cogless.design.pi import speed_loop
+from cogless.design.position import position_margins
+from cogless.design.ripple import WORSE, ripple, sampled
 from cogless.design.space_bounds import unfit
 from cogless.design.space_learning import SpaceLoop
-from cogless.study import Study, for_scenario
+from cogless.errors import StudyError
+from cogless.study import Study, changed, for_scenario
 from cogless.study.controller import Learning
+from cogless.study.error_messages import dotted
 from cogless.study.laws import AnyController
 from cogless.study.mechanics import Load
 from cogless.study.motion import course
 from cogless.study.pi_afc import PiAfc
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
 from cogless.study.space_controller import SpaceLearning
-from cogless.study.spoken import spoken_unit
+from cogless.study.spoken import speed_text, spoken_unit
 from cogless.units import ANGULAR_SPEED
 
 STEP = 1.06  # ratio of one judged speed to the one before
@@ -60,11 +71,22 @@ ANGLES = 720  # in an electrical revolution
 RIPPLE = 0.01  # relative; a smaller ripple of the torque constant is neglected
 MARGIN = 2  # proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
 TINY = 1e-30  # under a logarithm
+FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
+ROUNDING = 1e-9
 
 STOPPING = SpaceLearning | PiAfc  # laws with an omega_min, below which they don't learn
 Samples = NDArray[np.intp]
 
-Kind = Literal["settles", "may grow", "grows", "may be unstable", "unstable", "feedback unstable", "rests"]
+Kind = Literal[
+    "settles",
+    "may grow",
+    "grows",
+    "may be unstable",
+    "unstable",
+    "feedback unstable",
+    "not judged",
+    "rests",
+]
 
 
 @dataclass(frozen=True)
@@ -76,13 +98,17 @@ class Passing:
     frequency: float  # Hz, of the instability or the growth there
     unstable: bool
 
+    @property
+    def least(self) -> float:
+        """omega_min, rad/s, with which learning rests there."""
+        return MARGIN * self.below
+
     def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
         """The report of the passage in one line; `unit` is that of speeds."""
         what = "is unstable" if self.unstable else "grows"
-        below, above = (units.format(x, unit, ANGULAR_SPEED, 2) for x in (self.below, MARGIN * self.below))
-        found = f"below {below}, which it passes within {self.time:.2g} s, it {what} "
-        rests = f'omega_min = "{above}" rests there'
-        return f"{found}at {self.frequency:.0f} Hz: {rests}"
+        below = units.format(self.below, unit, ANGULAR_SPEED, 2)
+        passed = f"below {below}, which it passes within {self.time:.2g} s"
+        return f"{passed}, it {what} at {self.frequency:.0f} Hz"
 
 
 @dataclass(frozen=True)
@@ -106,17 +132,15 @@ class Repair:
     lead: float | None = None  # s
     q_half_width: int | None = None
     forgetting: float | None = None
-    otherwise: str = "no Q filter alone repairs it, lower its learning gains too"
 
-    def words(self) -> str:
-        """The remedy in one line."""
+    def change(self, key: str) -> Changes | None:
+        """The change of lead or filter, of a controller with this key; None if neither is enough.
+
+        A smaller learning gain leaves more of what was learned than forgetting does.
+        """
         if self.lead is not None:
-            return f'lead = "{1e3 * self.lead:g} ms" repairs it'
-        if self.q_half_width is not None:
-            return f"q_half_width = {self.q_half_width} repairs it"
-        if self.forgetting is not None:
-            return f"no lead or Q filter alone repairs it, forgetting = {self.forgetting:g} does"
-        return self.otherwise
+            return {f"{key}.lead": f"{1e3 * self.lead:g} ms"}
+        return None if self.q_half_width is None else {f"{key}.q_half_width": self.q_half_width}
 
 
 @dataclass(frozen=True)
@@ -131,11 +155,11 @@ class Verdict:
     varies: bool = False  # the speed
     mean: Mean | None = None  # if learning grows and the speed varies
     repair: Repair | None = None  # of what grows
-    rests: bool = False  # it has an omega_min, below which learning rests: lower speeds are worse
+    remedy: Remark | None = None  # what cures it, if anything does
     passing: Passing | None = None
     frozen: tuple[str, ...] = ()  # why nothing is learned at some of the speeds
     ratio: float = 1.0  # if learning settles: speed ripple with learning / with the feedback alone
-    doubts: tuple[str, ...] = ()  # why the small-signal prediction is unreliable at some speeds
+    doubts: tuple[Remark, ...] = ()  # why the small-signal prediction is unreliable at some speeds
     unit: str = ANGULAR_SPEED.unit  # of speeds, as the study writes them
 
     @property
@@ -157,6 +181,8 @@ class Verdict:
             return found + (", where K_t is largest" if self.kind == "may be unstable" else "")
         if self.kind == "settles" and self.ratio > WORSE:
             return f"settles, but leaves {self.ratio:.2g} times the speed ripple of its feedback{self.where}"
+        if self.kind == "not judged":
+            return f"not judged: {self._doubts}"
         if self.worst is None or self.kind in ("settles", "rests"):
             return self.kind
         up_to = "up to " if self.varies else ""
@@ -164,22 +190,23 @@ class Verdict:
         mean = f", {self.mean.words()}" if self.mean else ""
         return f"{self.kind}, {factor}{self.where}{mean}"
 
+    @property
+    def _doubts(self) -> str:
+        return ", ".join(map(str, self.doubts))
+
     def words(self) -> str:
         """The whole verdict in one line."""
+        return str(self.remark())
+
+    def remark(self) -> Remark:
+        """The whole verdict in one line, with what cures it."""
         passing = self.passing.words(self.unit) if self.passing else ""
         frozen = [f"frozen: {reason}" for reason in self.frozen]
-        doubts = f"not sure: {', '.join(self.doubts)}" if self.doubts else ""
-        return "; ".join(part for part in (self.short(), self.remedy(), passing, doubts, *frozen) if part)
-
-    def remedy(self) -> str:
-        """The remedy in words; empty if none is needed."""
-        if self.repair is not None:
-            return self.repair.words()
-        if self.kind == "feedback unstable":
-            return "lower its gains"
-        if self.unstable is None:
-            return ""
-        return "lower its learning gains" + (", or raise omega_min" if self.rests else "")
+        doubts = f"not sure: {self._doubts}" if self.doubts and self.kind != "not judged" else ""
+        remedy = [] if self.remedy is None else [self.remedy]
+        parts = (self.short(), passing, *map(str, remedy), doubts, *frozen)
+        cures = (cure for each in (*remedy, *self.doubts) for cure in each.cures)
+        return Remark("; ".join(part for part in parts if part), tuple(cures))
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,6 +236,17 @@ class _At:
         return oscillation(loop.plant, loop.feedback_before) or oscillation(loop.plant, loop.feedback)
 
     @property
+    def stops(self) -> str | None:
+        """Why the rotor stops and snaps at this speed with the feedback alone; None if it doesn't."""
+        loop = self.loop
+        assert loop.scenario is not None
+        found = swing(loop.study, loop.scenario, loop.feedback_before, loop.omega_m)
+        if found is None or not found.stops:
+            return None
+        margins = position_margins(loop.plant, loop.feedback_before)
+        return snaps(loop.study, found, loop.omega_m, margins.crossover)
+
+    @property
     def fine(self) -> bool:
         return self.oscillation is None and self.worst.factor <= SETTLED
 
@@ -221,6 +259,12 @@ class _Motion:
     passing: Passing | None = None
     frozen: tuple[tuple[float, str], ...] = ()  # slowest and fastest speed that learn nothing, and why
     duration: float = 0.0  # s, of learning
+
+    @cached_property
+    def snapping(self) -> str | None:
+        """Why the rotor snaps wherever the reference is judged, so that nothing is; None if it turns."""
+        stops = [at.stops for at, _ in self.judged]
+        return stops[0] if stops and None not in stops else None
 
     @property
     def ratio(self) -> float:
@@ -237,8 +281,115 @@ class _Motion:
 
 
 def verdict(study: Study, name: str) -> Verdict | None:
-    """Whether a controller's learning settles; None if it doesn't learn, or has no scenario."""
+    """Whether a controller's learning settles, and what cures it; None if it doesn't learn, or has no
+    scenario."""
+    return study.once(_with_remedy, name)
+
+
+def judgement(study: Study, name: str) -> Verdict | None:
+    """The verdict without a remedy, which takes further ones to find."""
     return study.once(_verdict, name)
+
+
+def _with_remedy(study: Study, name: str) -> Verdict | None:
+    found = judgement(study, name)
+    if found is None:
+        return None
+    unsettled = found.kind in ("may grow", "grows", "may be unstable", "unstable")
+    if found.kind == "feedback unstable":
+        return replace(found, remedy=steadier(study, name))
+    return replace(found, remedy=_remedy(study, name, found)) if unsettled or found.passing else found
+
+
+def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
+    """The mildest change with which learning settles; None if none of those that are tried does.
+
+    It is the repair, or omega_min for a law that has one. Where neither helps, the learning gain is halved,
+    with the repair that it then needs.
+    """
+
+    def cured(other: Study) -> bool:
+        return settles(other, name)
+
+    key, top = (
+        dotted(("controller", name)),
+        max(study.scenario[k].top_reference for k in study.scenarios_of(name)),
+    )
+    mild = found.repair.change(key) if found.repair else None
+    cures = helping(study, (mild,), cured)
+    if isinstance(study.controller[name], STOPPING):
+        low = found.passing.least if found.passing else MARGIN * found.omega_m
+        least = (low * MARGIN**n for n in range(HALVINGS))
+        rests: list[Changes] = [{f"{key}.omega_min": text(each, "rad/s")} for each in least if each < top]
+        cures += first(study, rests, cured)
+    if cures:
+        return Remark(f"{either(cures, key)} repairs it", cures)
+    best = _weaker(study, name)
+    return None if best is None else Remark(f"{words(best, key)} repairs it", (best,))
+
+
+def _weaker(study: Study, name: str) -> Changes | None:
+    """The learning gain halved until learning settles, and on while half of it leaves less ripple.
+
+    The change has the repair that the gain needs then. None if no gain that is tried settles.
+    """
+    best: tuple[float, Changes] | None = None
+    for n in range(1, HALVINGS):
+        weaker = weaker_learning(study, name, 2.0**n)
+        found = _settled(study, name, weaker) if weaker else None
+        if best is not None and (found is None or found[0] >= best[0]):
+            break
+        best = found or best
+    return None if best is None else best[1]
+
+
+def _settled(study: Study, name: str, weaker: Changes) -> tuple[float, Changes] | None:
+    """The ripple that a smaller gain leaves, over that of the feedback alone, and the change that it takes,
+    with the repair that the gain needs; None if it doesn't settle."""
+    for change in (weaker, _repaired(study, name, weaker)):
+        if change is not None and helps(study, change, lambda other: settles(other, name)):
+            found = judgement(changed(study, change), name)
+            return None if found is None else (found.ratio, change)
+    return None
+
+
+def _repaired(study: Study, name: str, weaker: Changes) -> Changes | None:
+    """A smaller gain with the repair that it needs; None if that needs none, or has none."""
+    try:
+        found = judgement(changed(study, weaker), name)
+    except StudyError:
+        return None
+    mild = found.repair.change(dotted(("controller", name))) if found is not None and found.repair else None
+    return None if mild is None else {**weaker, **mild}
+
+
+def settles(study: Study, name: str) -> bool:
+    """Whether a controller's learning settles, without anything that it passes."""
+    found = judgement(study, name)
+    return found is not None and found.kind == "settles" and found.passing is None and found.ratio <= WORSE
+
+
+def steadier(study: Study, name: str) -> Remark | None:
+    """A feedback so much slower that it is stable with the usual margin; None if none is.
+
+    The gains shrink together, so the damping stays.
+    """
+    for n in range(1, 2 * HALVINGS):
+        slower = slower_feedback(study, name, 2.0 ** (n / 2))
+        if slower is not None and helps(study, slower, lambda other: _stable(other, name)):
+            return Remark(f"{words(slower, dotted(('controller', name)))} steadies it", (slower,))
+    return None
+
+
+def _stable(study: Study, name: str) -> bool:
+    """Whether a feedback has the least phase margin in all scenarios, at their slowest and fastest speed."""
+    for key in study.scenarios_of(name):
+        for speed in {study.scenario[key].slowest, study.scenario[key].top_reference}:
+            feedback = feedback_of(study, name, speed)
+            margins = position_margins(speed_loop(study, key), feedback) if feedback is not None else None
+            if margins is None or not margins.stable or margins.phase_margin < LEAST:
+                return False
+    return True
 
 
 def _verdict(study: Study, name: str) -> Verdict | None:
@@ -258,7 +409,6 @@ def _verdict(study: Study, name: str) -> Verdict | None:
         varies=len({at.loop.omega_m for at in found}) > 1,
         passing=max((m.passing for m in motions if m.passing), key=lambda p: p.below, default=None),
         frozen=frozen,
-        rests=isinstance(law, SpaceLearning),
         doubts=doubts([at.loop for at in found]),
         unit=spoken_unit(study, ANGULAR_SPEED),
     )
@@ -278,6 +428,9 @@ def _verdict(study: Study, name: str) -> Verdict | None:
         if grow:
             at, fastest = max(grow, key=lambda pair: pair[1].rate)
             return of(at, kind=kind, unstable=fastest)
+    snapping = next((why for motion in motions if (why := motion.snapping) is not None), None)
+    if snapping is not None:
+        return replace(base, kind="not judged", doubts=(Remark(snapping),), passing=None)
     most = max(found, key=lambda at: at.worst.factor)
     if most.worst.factor <= SETTLED:
         loud, ratio = max(((m, m.ratio) for m in motions if m.judged), key=lambda pair: pair[1])
@@ -301,21 +454,58 @@ def loop_type(law: AnyController) -> type[LearningLoop] | None:
     return SpaceLoop if isinstance(law, SpaceLearning) and law.learning else None
 
 
-def warnings(study: Study, name: str) -> list[str]:
+def warnings(study: Study, name: str) -> list[Remark]:
     """Warnings about a controller's learning before a run, one line each."""
     found = verdict(study, name)
-    lines: list[str] = []
+    remarks: list[Remark] = []
     if found is None:
         return []
     if found.kind == "rests":
         why = "; ".join(found.frozen) or "no reference is fast enough after learning_start"
-        lines.append(f"learns nothing: {why}")
+        remarks.append(Remark(f"learns nothing: {why}"))
     elif not found.fine:
-        lines.append(found.words())
+        remarks.append(found.remark())
     foreign = unfit(study, name)
     if foreign:
-        lines.append(f"{foreign}: what doesn't repeat is learned only as far as it stays for a period")
-    return lines
+        stays = "what doesn't repeat is learned only as far as it stays for a period"
+        remarks.append(Remark(f"{foreign}: {stays}"))
+    return remarks
+
+
+def doubts(loops: Sequence[LearningLoop]) -> tuple[Remark, ...]:
+    """Reasons why small signals predict poorly at some speeds of a controller, one phrase each."""
+    found = [Remark(reason) for loop in loops if (reason := loop.doubt) is not None][:1]
+    slowest = min(loops, key=lambda loop: loop.omega_m)
+    several = len({loop.scenario for loop in loops}) > 1
+    few = _few_counts(slowest, several)
+    found += [few] if few is not None else []
+    at_speeds = {(loop.scenario, loop.omega_m): loop for loop in loops}  # no acceleration changes `without`
+    swings = [(ripple(loop, 0.0).without / loop.omega_m, loop) for loop in at_speeds.values()]
+    largest, where = max(swings, key=lambda pair: pair[0])
+    if largest > LARGE:
+        speed = speed_text(where.study, where.omega_m)
+        found.append(Remark(f"at {speed} its feedback lets the speed swing by {100 * largest:.0f} % rms"))
+    return tuple(found)
+
+
+def _few_counts(loop: LearningLoop, several: bool) -> Remark | None:
+    """The doubt about a speed sample with less than a count. `several`: there are several scenarios."""
+    assert loop.scenario is not None
+    source = sampled(loop.study, loop.scenario)
+    counts = source.counts(loop.omega_m) if source else FEW
+    if source is None or counts >= FEW * (1 - ROUNDING):
+        return None
+    inside = f" in scenario {loop.scenario}" if several else ""
+    few = f"at {speed_text(loop.study, loop.omega_m)}{inside} {source.told(loop.omega_m)}"
+    scenario = loop.scenario
+
+    def cured(other: Study) -> bool:
+        after = sampled(other, scenario)
+        return after is not None and after.counts(loop.omega_m) >= FEW * (1 - ROUNDING)
+
+    tried = (finer_sensor(loop.study, FEW / counts),) if counts and loop.study.scenario else ()
+    cures = helping(loop.study, tried, cured)
+    return Remark(f"{few}, which {either(cures)} mends" if cures else few, cures)
 
 
 def judged(study: Study, scenario: str, name: str) -> list[LearningLoop]:
@@ -489,14 +679,14 @@ def _repair(found: list[_At]) -> Repair:
     """The mildest change that brings the factor below one at every point found.
 
     It is the shortest lead, if a lead is enough; else the narrowest Q filter; else forgetting. A law that
-    learns in angle has only the filter. If that isn't enough, nothing is proposed.
+    learns in angle has only the filter, one of chosen orders only the lead. It is empty if nothing is enough.
     """
     loops = [at.loop for at in found]
     common = set.intersection(*(loop.settling_leads() for loop in loops))
     if common:
         return Repair(lead=min(common) * loops[0].plant.period)
     if isinstance(loops[0], OrderLoop):
-        return Repair(otherwise="no lead alone repairs it, lower its gain too")
+        return Repair()
     parts = []
     for at in found:
         f = at.loop.frequencies

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 
 from cogless.design import verdict as learning
 from cogless.design.commissioning import commissioning_warning
+from cogless.design.cures import either, helping
+from cogless.design.current_needed import too_much_current
 from cogless.design.feedback import unstable_feedback
 from cogless.design.harmonic import BENDS_FROM, learner, least_base, main_order, roomy_base
 from cogless.design.map_size import map_warning
@@ -18,26 +20,28 @@ from cogless.design.unlearned import foreseen
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.harmonic import ORDERS, Harmonic
 from cogless.study.numerics import voltage_reach
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
 
 RPM = 30 / math.pi
 
 
-def warnings(study: AnyStudy, scenario: str, name: str) -> list[str]:
+def warnings(study: AnyStudy, scenario: str, name: str) -> list[Remark]:
     """Warnings about a controller and its current loop, one line each, which begins with the study's key."""
     if isinstance(study, TrialStudy):
         from cogless.design.from_study import design_study
         from cogless.design.trial_summary import warnings as trial_warnings
 
         found = trial_warnings(design_study(study, [(scenario, name)])[scenario, name])
-        return [f"controller.{name}: {line}" for line in found]
+        return [Remark(f"controller.{name}: {line}") for line in found]
     return [
-        *loop_warnings(current_loop_summary(study)),
-        *(f"controller.{name}: {line}" for line in _feedback_and_learning(study, name)),
+        *map(Remark, loop_warnings(current_loop_summary(study))),
+        *(remark.about(f"controller.{name}") for remark in _feedback_and_learning(study, name)),
         *notes(study, name),
     ]
 
 
-def notes(study: Study, name: str) -> list[str]:
+def notes(study: Study, name: str) -> list[Remark]:
     """Warnings of what a law, its map and its sensor cost or leave, one line each, key first."""
     all_of = (
         map_warning,
@@ -49,12 +53,13 @@ def notes(study: Study, name: str) -> list[str]:
         commissioning_warning,
     )
     found = (of(study, name) for of in all_of)
-    return [f"controller.{name}: {line}" for line in found if line is not None]
+    return [remark.about(f"controller.{name}") for remark in found if remark is not None]
 
 
 def likely_harm(study: Study, name: str) -> str | None:
     """What the design says of why a controller's learning may do harm; None if nothing."""
-    return next(iter(_feedback_and_learning(study, name)), None) or _not_learned(study, name)
+    found = next(iter(_feedback_and_learning(study, name)), None) or _not_learned(study, name)
+    return None if found is None else str(found)
 
 
 def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
@@ -65,16 +70,17 @@ def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
     return [f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why]
 
 
-def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[str]:
-    """Warnings of references that are too fast for the bus voltage, or too slow for the position sensor."""
+def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[Remark]:
+    """Warnings of references that are too fast for the bus voltage, too slow for the position sensor, or need
+    more current than the drive gives."""
     if not isinstance(study, Study):
         return []
-    all_of = (_out_of_reach, reads_zero)
+    all_of = (_out_of_reach, too_much_current, reads_zero)
     found = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
-    return [f"scenario.{name}: {line}" for name, line in found if line is not None]
+    return [remark.about(f"scenario.{name}") for name, remark in found if remark is not None]
 
 
-def _out_of_reach(study: Study, scenario: str) -> str | None:
+def _out_of_reach(study: Study, scenario: str) -> Remark | None:
     """A warning of a reference that the bus voltage can't turn the motor at."""
     here, wanted = for_scenario(study, scenario), study.scenario[scenario].top_reference
     most = voltage_reach(here)
@@ -82,49 +88,72 @@ def _out_of_reach(study: Study, scenario: str) -> str | None:
         return None
     needs = f"its reference of {wanted * RPM:.4g} rpm needs more voltage than there is"
     volts = here.drive.inverter.bus_voltage
-    return f"{needs}: {volts:.4g} V turn this motor at {most * RPM:.4g} rpm without load"
+    return Remark(f"{needs}: {volts:.4g} V turn this motor at {most * RPM:.4g} rpm without load")
 
 
-def _not_learned(study: Study, name: str) -> str | None:
-    """A warning of cogging whose order is none that a controller learns."""
+def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]] | None:
+    """All orders of the cogging, and those that a controller doesn't learn; None: its law has no base."""
     law = study.controller[name]
     if not isinstance(law, Harmonic):
         return None
-    cogging = {
-        wave.order: abs(wave.torque)
-        for key in study.scenarios_of(name)
-        for wave in for_scenario(study, key).motor.star().cogging
-        if wave.torque
-    }
+    cogging = sorted(
+        {
+            wave.order
+            for key in study.scenarios_of(name)
+            for wave in for_scenario(study, key).motor.star().cogging
+            if wave.torque
+        }
+    )
     told = learner(study, name)
-    left = [n for n in sorted(cogging) if n % told.base or n > told.base * told.orders]
-    if not left:
+    return cogging, [n for n in cogging if n % told.base or n > told.base * told.orders]
+
+
+def _not_learned(study: Study, name: str) -> Remark | None:
+    """A warning of cogging whose order is none that a controller learns, with a base that learns it."""
+    found = _unlearned(study, name)
+    if found is None or not found[1]:
         return None
+    (cogging, left), told = found, learner(study, name)
     orders = f"order{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
-    needed, highest = math.gcd(*cogging), max(cogging)
-    way = f"controller.{name}.base = {needed} learns all of it"
-    if highest > needed * ORDERS:
-        way = f"no base learns all of it with {ORDERS} orders"
-    return f"it learns orders {told.base} k to {told.base * told.orders}, but the cogging has {orders}; {way}"
+    said = f"it learns orders {told.base} k to {told.base * told.orders}, but the cogging has {orders}"
+    needed = math.gcd(*cogging)
+    if cogging[-1] > needed * ORDERS:
+        return Remark(f"{said}; no base learns all of it with {ORDERS} orders")
+
+    def cured(other: Study) -> bool:
+        after = _unlearned(other, name)
+        return after is not None and not after[1]
+
+    cures = helping(study, ({f"controller.{name}.base": needed},), cured)
+    return Remark(f"{said}; {either(cures)} learns all of it" if cures else said, cures)
 
 
-def _no_room(study: Study, name: str) -> str | None:
-    """A warning of a base that leaves no room to learn an eccentric sensor's error."""
-    law = study.controller[name]
-    if not isinstance(law, Harmonic):
-        return None
+def _lacks_room(study: Study, name: str) -> int | None:
+    """The least base that leaves room to learn a sensor's error; None: the controller's base does."""
     here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
     least = least_base(here)
-    base, roomy = learner(study, name).base, roomy_base(here)
-    if base >= least:
+    return least if learner(study, name).base < least else None
+
+
+def _no_room(study: Study, name: str) -> Remark | None:
+    """A warning of a base that leaves no room to learn an eccentric sensor's error."""
+    if not isinstance(study.controller[name], Harmonic):
         return None
+    least = _lacks_room(study, name)
+    if least is None:
+        return None
+    here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
+    roomy = roomy_base(here)
     often = "twice" if least > 1 + BENDS_FROM[0] else "once"
+    base = learner(study, name).base
     told = f"base {base} leaves no room to learn what the sensor's angle is off {often} a turn"
-    if roomy < least:
-        return f"{told}: that takes a base of {least} or more"
+    change: Changes | None = {f"controller.{name}.base": roomy} if roomy >= least else None
+    cures = helping(study, (change,), lambda other: _lacks_room(other, name) is None)
+    if not cures:
+        return Remark(f"{told}, which takes one of {least} or more")
     cogging = sorted({wave.order for wave in here.motor.star().cogging if wave.torque and wave.order % roomy})
     but = f", but not order{'s' * (len(cogging) > 1)} {', '.join(map(str, cogging))} of the cogging"
-    return f"{told}; controller.{name}.base = {roomy} does{but if cogging else ''}"
+    return Remark(f"{told}; {either(cures)} does{but if cogging else ''}", cures)
 
 
 def coarse_table(study: AnyStudy) -> list[str]:
@@ -152,7 +181,7 @@ def shaft_notes(study: Study) -> list[str]:
     ]
 
 
-def _less_margin(study: Study, name: str) -> str | None:
+def _less_margin(study: Study, name: str) -> Remark | None:
     """A warning if a tuned loop has less phase margin with its soft shaft than its rule asks for."""
     tuning = getattr(study.controller[name], "tuning", None)
     if tuning is None or speed_loop(study).shaft is None:
@@ -162,7 +191,8 @@ def _less_margin(study: Study, name: str) -> str | None:
         return None
     has, asked = math.degrees(found.phase_margin), math.degrees(tuning.phase_margin)
     at = found.crossover / (2 * math.pi)
-    return f"with the soft shaft its phase margin is {has:.3g} deg at {at:.4g} Hz, not {asked:.3g} deg"
+    margin = f"its phase margin is {has:.3g} deg at {at:.4g} Hz, not {asked:.3g} deg"
+    return Remark(f"with the soft shaft {margin}")
 
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
@@ -185,8 +215,11 @@ def told_apart(loops: dict[str, CurrentLoopDesign]) -> dict[str, CurrentLoopDesi
     return {f"current loop, {axis}": loop for axis, loop in loops.items()}
 
 
-def _feedback_and_learning(study: Study, name: str) -> list[str]:
+def _feedback_and_learning(study: Study, name: str) -> list[Remark]:
     if learning.loop_type(study.controller[name]) is not None:
         return learning.warnings(study, name)
     unstable = unstable_feedback(study, name)
-    return [unstable] if unstable else []
+    if not unstable:
+        return []
+    remedy = learning.steadier(study, name)
+    return [Remark(unstable if remedy is None else f"{unstable}; {remedy}", remedy.cures if remedy else ())]

@@ -9,10 +9,12 @@ from typing import Any
 
 from cogless.design.auto import automatic, missing
 from cogless.design.harmonic import learner
-from cogless.ensemble.arena_cases import hour, metrics, scenarios
+from cogless.ensemble.arena_cases import RIPPLE, TOLD, hour, learning, metrics, scenarios
 from cogless.errors import StudyError
 from cogless.results import AnyResults
+from cogless.results.limits import Limits
 from cogless.results.metrics import Value
+from cogless.run.limits import limits
 from cogless.run.simulate import RunError, rollout
 from cogless.study import AnyStudy, Study, TrialStudy, changed
 from cogless.study import load as load_study
@@ -62,20 +64,26 @@ class ArenaResults:
     settings: Mapping[tuple[str, str], Mapping[str, Any]]  # numbers that the rule auto gave, SI
     before: Mapping[tuple[str, str], float]  # s, of a run in which a table was learned before
     trials: Sequence[ArenaTrialRun]
+    limits: Mapping[str, Limits]  # of the ripple of each plant's best law, with the first seed
 
 
 def run_arena(
-    arena: Arena, only: Sequence[str] | None = None, progress: Progress | None = None, jobs: int = 1
+    arena: Arena,
+    only: Sequence[str] | None = None,
+    progress: Progress | None = None,
+    jobs: int = 1,
+    find_limits: bool = False,
 ) -> ArenaResults:
     """Run an arena, or the pairs PLANT/LAW of it that match `only`. `progress`: called with each plant.
 
-    A law that has no numbers on a plant, or fails there, is `absent` from it. StudyError: a plant or a law
-    that can't be prepared.
+    `find_limits`: find what limits the best law on each plant, by further runs. A law that has no numbers on
+    a plant, or fails there, is `absent` from it. StudyError: a plant or a law that can't be prepared.
     """
     runs: list[ArenaRun] = []
     absent: dict[tuple[str, str], str] = {}
     settings: dict[tuple[str, str], Mapping[str, Any]] = {}
     before: dict[tuple[str, str], float] = {}
+    limited: dict[str, Limits] = {}
     wanted = chosen(arena, only)
     for done, (plant, laws) in enumerate(wanted.items()):
         if progress is not None:
@@ -95,13 +103,31 @@ def run_arena(
             made = {(run.scenario, run.controller) for run in results.runs}
             lost = {law for case in each.scenario for law in each.controller if (case, law) not in made}
             absent |= {(plant, law): "fails on the way" for law in sorted(lost)}
+        if find_limits:
+            limited |= _limits_of_best(plant, studies[0][1], runs, jobs)
     trials = [
         run
         for name in arena.trials
         if not only or any(fnmatchcase(name, pattern.partition("/")[0]) for pattern in only)
         for run in _trials(arena, name, jobs)
     ]
-    return ArenaResults(arena, runs, absent, settings, before, trials)
+    return ArenaResults(arena, runs, absent, settings, before, trials, limited)
+
+
+def _limits_of_best(plant: str, study: Study, runs: Sequence[ArenaRun], jobs: int) -> dict[str, Limits]:
+    """What limits the law that leaves least ripple on a plant, with the mean over seeds; none if none ran."""
+    ripples: dict[str, list[float]] = {}
+    for run in runs:
+        value = run.metrics.get(RIPPLE) if (run.plant, run.case) == (plant, TOLD) else None
+        if isinstance(value, float):
+            ripples.setdefault(run.law, []).append(value)
+    if not ripples:
+        return {}
+    best = min(ripples, key=lambda law: sum(ripples[law]) / len(ripples[law]))
+    alone = learning(study, best)
+    (run_of_best,) = rollout([alone], jobs=1, keep_traces=False)[0].runs
+    found = limits(alone, run_of_best, alone.metric[0], jobs=jobs)
+    return {} if found is None else {plant: found}
 
 
 def _trials(arena: Arena, name: str, jobs: int) -> list[ArenaTrialRun]:
@@ -207,6 +233,8 @@ def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | 
     if plant.feedback is None or isinstance(law, OwnLaw):
         return table
     if not isinstance(law, Feedback) or law.holds_position or law.tuning is None or not law.tuning.is_auto:
+        return None
+    if "phase_margin" in table["tuning"]:  # a feedback of its own
         return None
     return table | plant.feedback.model_dump()
 

@@ -16,6 +16,7 @@ from cogless.study.arena import ArenaPlant
 from cogless.study.reading import checked
 
 TOLD, LATE, HEAVY, LIGHT, HOUR = "told", "late", "heavy", "light", "hour"
+RIPPLE = "ripple_rad_s"  # its name in results
 UNTOLD = (LATE, HEAVY, LIGHT)
 INERTIA = {HEAVY: 1.5, LIGHT: 0.5}  # times that which the laws are told
 DROPOUT = "50 ms"  # without an angle
@@ -95,6 +96,22 @@ def metrics(study: Study, plant: ArenaPlant) -> list[dict[str, Any]]:
         {"name": "chattering", "kind": "chattering", "window": learned, **only_told},
         {"name": "after_fault", "kind": "rms", "window": recovered, **of_error, **only_told},
     ]
+
+
+def learning(study: Study, law: str) -> Study:
+    """One law in the case TOLD until it has learned, without step and fault: the ripple that it leaves."""
+    told = study.source.tables["scenario"][TOLD]
+    end = told["events"][0]["time"]
+    short = {key: value for key, value in told.items() if key not in ("events", "faults")}
+    (ripple,) = (each for each in study.source.tables["metric"] if each["name"] == "ripple")
+    tables = study.source.tables | {
+        "scenario": {TOLD: {**short, "duration": end}},
+        "controller": {law: study.source.tables["controller"][law]},
+        "metric": [ripple],
+    }
+    found = checked(replace(study.source, tables=tables))
+    assert isinstance(found, Study)
+    return found
 
 
 def hour(study: Study) -> Study:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cogless.ensemble.arena import ArenaResults
 from cogless.ensemble.arena_scores import COLUMNS, Scores
 from cogless.files import replacing
+from cogless.results.limits import Limits
 from cogless.results.metrics import Value
 from cogless.results.results_json import as_json
 from cogless.versions import versions
@@ -38,6 +39,7 @@ def to_dict(results: ArenaResults) -> dict[str, Any]:
             {"plant": p, "law": law, "controller": as_json(dict(t))}
             for (p, law), t in results.settings.items()
         ],
+        "limits": [_limits(plant, of) for plant, of in results.limits.items()],
         "arena_trials": {name: told.about for name, told in arena.trials.items()},
         "trials": [
             {
@@ -60,6 +62,20 @@ def to_dict(results: ArenaResults) -> dict[str, Any]:
             }
             for run in results.runs
         ],
+    }
+
+
+def _limits(plant: str, of: Limits) -> dict[str, Any]:
+    """What limits the best law on a plant: each cause's share of the ripple's square, and what helps most."""
+    helps = {key: cure for key, cure in (("setting", of.setting), ("part", of.part)) if cure is not None}
+    return {
+        "plant": plant,
+        "law": of.controller,
+        "value": of.value,
+        "causes": [{"cause": cause.name, "share": cause.share} for cause in of.causes],
+        "named": [cause.name for cause in of.named],
+        "untried": list(of.untried),
+        "helps": {k: {"set": as_json(dict(c.changes)), "value": c.value} for k, c in helps.items()},
     }
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.design.verdict import verdict as forecast
+from cogless.design.verdict import judgement as forecast
 from cogless.ensemble import judge
 from cogless.ensemble.axes import Reader, tried
 from cogless.ensemble.columns import Column, columns

@@ -1,12 +1,19 @@
 """What makes the waves of the speed: cogging, K_t ripple, dead time, currents' errors, encoder, mechanics.
 
-Every torque of an order n meets the same rotor and the same controller. So its share of the speed's wave is
-its share of the disturbance D, in A:
+Every torque of an order n meets the same rotor and the same controller. So its share of the wave of the
+speed is its share of the disturbance D, in A:
 
     D = j (jnw) W + b W - I = cogging + i ripple(n) - j (nw)^2 encoder(n) ...
 
-W is the complex wave of the measured speed, I that of i_q. An encoder's error counts as the torque that would
-move the rotor as the error seems to.
+W is the complex wave of the speed by the measured angle, I that of i_q. An encoder's error E counts as the
+torque that would move the rotor as the error seems to. It is the same at every speed, so this torque grows
+with the speed squared, and others do not: two speeds tell them apart, one does not.
+
+The rotor itself moves by V = W - jnw E, as the controller answers the torques d with I = -C W:
+
+    (j jnw + b + C) V = d - C jnw E
+
+So E has the share I jnw E in the motion beside d W of a torque. Its own wave, jnw E, is measurement.
 """
 
 from __future__ import annotations
@@ -20,16 +27,19 @@ import numpy as np
 from cogless.identify.estimate import CURES
 from cogless.identify.result import Estimate
 from cogless.identify.steady import Steady
-from cogless.identify.weak_form import shifted
+from cogless.identify.waves import folded
 
 COGGING, RIPPLE, DEAD_TIME = "cogging", "K_t ripple", "dead time"
 OFFSET, GAIN, ENCODER = "current offset", "current gain", "encoder"
 MECHANICS, UNEXPLAINED = "mechanics", "not explained"
+BEYOND = "beyond the rows"  # an order that is too fast for them, and which they show as another
 OR = " or "
 SLOW_ORDERS = 2  # up to it: unbalance and misalignment; magnets and slots have higher ones
 TAPS = 4  # rows in which the current follows its reference
 CLEAR, LIKELY = 0.8, 0.5  # of an order: the largest cause less its error
-GUESSED = 0.4  # error of a cause by its order alone, so that it is never sure
+GUESSED = 0.5  # error of a cause by its order alone, so that it is open
+FASTER = 1.5  # ratio of two speeds that tells a torque from an error of the angle
+APART = 4.0  # ratio of what two explanations leave, from which on the better one counts
 UNSURE = 0.5  # of an order that may stay unexplained
 
 
@@ -46,8 +56,9 @@ class Cause:
 class Found:
     """An order of the speed in a log, and its causes, the largest first.
 
-    `speed`: rad/s, without sign. `load`: mean i_q, A. `ripple`: rms, rad/s; `share`: of the whole ripple's
-    square.
+    `speed`: rad/s, without sign. `load`: mean i_q, A. `ripple`: of the motion by the angle, rms, rad/s;
+    `share`: of the whole ripple's square. `measured`: share of the order's square that is the sensor's
+    error, no motion.
     """
 
     log: str
@@ -57,6 +68,7 @@ class Found:
     ripple: float
     share: float
     causes: tuple[Cause, ...]
+    measured: float = 0.0
 
     @property
     def confidence(self) -> str:
@@ -78,11 +90,46 @@ Phasors = dict[str, tuple[complex, float]]  # by cause: the disturbance, A, and 
 def attributed(made: Estimate, parts: Sequence[Steady]) -> list[Found]:
     """The waves of the speed in these parts, each with the shares of its causes."""
     responses = tracking(made, parts)
-    return [_attributed(made, part, order, responses) for part in parts for order in part.orders()]
+    pairs = [(part, order) for part in parts for order in part.orders]
+    apart = _by_speeds(made, pairs)
+    return [_attributed(made, part, order, responses, apart.get(order)) for part, order in pairs]
+
+
+def _by_speeds(made: Estimate, pairs: Sequence[tuple[Steady, int]]) -> dict[int, Cause]:
+    """What makes the orders that the fit does not have, by how their disturbance changes with the speed.
+
+    A torque's is the same at all speeds, that of an error of the angle grows with the speed squared.
+    """
+    by_order: dict[int, list[Steady]] = {}
+    for part, order in pairs:
+        several = candidates(order, made.known.motor.pole_pairs) != COGGING + OR + ENCODER
+        if not disturbances(made, part, order) and (order <= SLOW_ORDERS or not several):
+            by_order.setdefault(order, []).append(part)
+    causes = {}
+    for order, parts in by_order.items():
+        speeds = np.array([order * part.speed for part in parts])
+        if np.max(np.abs(speeds)) < FASTER * np.min(np.abs(speeds)):
+            continue
+        waves, errors = np.transpose([_measured(made, part, order) for part in parts])
+        weights = 1 / np.maximum(np.abs(errors), 0.05 * np.abs(waves)) ** 2
+        rest = []
+        for shape in (np.ones(len(speeds)), speeds**2):
+            size = np.sum(weights * shape * waves) / np.sum(weights * shape**2)
+            rest.append(float(np.sum(weights * np.abs(waves - size * shape) ** 2)))
+        whole = float(np.sum(weights * np.abs(waves) ** 2))
+        torque, angle = rest
+        if max(rest) > APART * min(rest) and min(rest) < whole / APART:
+            name = ENCODER if angle < torque else _cogging(made, order)
+            causes[order] = Cause(name, 1.0, math.sqrt(min(rest) / whole))
+    return causes
 
 
 def _attributed(
-    made: Estimate, part: Steady, order: int, responses: Mapping[int, tuple[complex, float]]
+    made: Estimate,
+    part: Steady,
+    order: int,
+    responses: Mapping[int, tuple[complex, float]],
+    by_speeds: Cause | None = None,
 ) -> Found:
     known = disturbances(made, part, order)
     measured, blurred = _measured(made, part, order)
@@ -96,9 +143,19 @@ def _attributed(
         turned = [o * np.exp(-2j * np.pi / 3 * third) for third, o in enumerate(offsets)]
         known[OFFSET] = complex(-1j * 2 / 3 * sum(turned)), 0.0
     known[UNEXPLAINED] = left, 0.0
+    misread = part.misread(order)
+    if misread and ENCODER in known:  # of the rotor's own motion
+        shown = part.motion(order) + misread
+        current = part.current_wave(order, made.model.delay / part.log.dt)
+        known = {name: (phasor * shown, error * abs(shown)) for name, (phasor, error) in known.items()}
+        relative = known[ENCODER][1] / (abs(known[ENCODER][0]) or 1.0)
+        known[ENCODER] = current * misread, relative * abs(current * misread)
+        left, blurred = left * shown, blurred * abs(shown)
     whole = sum(phasor for phasor, _ in known.values())
     if not whole or (not told and abs(left) > LIKELY * abs(whole)):  # left out of the fit, or never found
-        return found_in(part, order, guess(order, made.known.motor.pole_pairs))
+        return found_in(
+            part, order, [by_speeds] if by_speeds else guess(part, order, made.known.motor.pole_pairs)
+        )
     causes = [
         Cause(name, float((phasor / whole).real), float(np.hypot(error, blurred) / abs(whole)))
         for name, (phasor, error) in known.items()
@@ -111,42 +168,60 @@ def candidates(order: int, poles: int) -> str:
     if order <= SLOW_ORDERS:
         return ENCODER + OR + MECHANICS
     if order == poles:
-        return COGGING + OR + OFFSET
+        return OR.join((COGGING, OFFSET, ENCODER))
     if order == 2 * poles:
-        return COGGING + OR + GAIN
+        return OR.join((COGGING, GAIN, ENCODER))
     if order % (6 * poles) == 0:
-        return OR.join((COGGING, RIPPLE, DEAD_TIME))
+        return OR.join((COGGING, RIPPLE, DEAD_TIME, ENCODER))
     if order % poles == 0:
-        return COGGING + OR + DEAD_TIME
-    return COGGING
+        return OR.join((COGGING, DEAD_TIME, ENCODER))
+    return COGGING + OR + ENCODER
 
 
-def guess(order: int, poles: int) -> list[Cause]:
-    """The cause of an order by its number alone."""
-    return [Cause(candidates(order, poles), 1.0, GUESSED)]
+def guess(part: Steady, order: int, poles: int) -> list[Cause]:
+    """The cause of an order by its number alone, and by what the rows may show as it."""
+    if order > part.waves.half_rate:
+        return [Cause(BEYOND, 1.0, GUESSED)]
+    names = candidates(order, poles)
+    if any(
+        abs(folded(own, part.rows_a_turn) - order) * part.turns < 1
+        for own in part.own_orders
+        if own > part.waves.half_rate
+    ):
+        names += OR + BEYOND
+    return [Cause(names, 1.0, GUESSED)]
 
 
 def found_in(part: Steady, order: int, causes: Sequence[Cause]) -> Found:
     """An order of a part's speed, and its causes."""
-    size = float(abs(part.wave(part.omega, [order])[0])) / math.sqrt(2)
+    motion, misread = abs(part.motion(order)) ** 2 / 2, abs(part.misread(order)) ** 2 / 2
+    whole = motion + misread
+    measured = misread / whole
+    if measured:
+        moved = 1 - measured
+        causes = [Cause(each.name, moved * each.share, moved * each.error) for each in causes]
+        own = next((each for each in causes if each.name == ENCODER), Cause(ENCODER, 0.0, 0.0))
+        causes = [each for each in causes if each is not own]
+        causes.append(Cause(ENCODER, own.share + measured, own.error))
     ordered = tuple(sorted(causes, key=lambda cause: -cause.share))
-    share = min(1.0, (size / part.ripple) ** 2)
-    return Found(part.log.name, abs(part.speed), part.load, order, size, share, ordered)
+    share = whole / part.ripple**2
+    return Found(part.log.name, abs(part.speed), part.load, order, math.sqrt(whole), share, ordered, measured)
 
 
 def _measured(made: Estimate, part: Steady, order: int) -> tuple[complex, float]:
-    """The disturbance of this order that speed and current show, A, and how far it may be off.
+    """The disturbance of this order that angle and current show, A, and how far it may be off.
 
-    It is off because a current that is held between the law's steps looks half a row early or late.
+    It is off by the angle's noise, and because a current that is held between the law's steps looks half a
+    row early or late.
     """
-    x = order * part.speed * part.log.dt  # a central difference sees sin(x)/x of a wave
-    omega = complex(part.wave(np.gradient(part.theta, part.log.dt), [order])[0]) / np.sinc(x / math.pi)
+    omega = part.motion(order) + part.misread(order)
     assert made.fit is not None
     j, b = made.fit.get("j"), made.fit.get("b")
-    late = shifted(part.log["i_q"], made.model.delay / part.log.dt)
-    current = complex(part.wave(late[part.rows], [order])[0])
+    current = part.current_wave(order, made.model.delay / part.log.dt)
     blurred = abs(current) * order * abs(part.speed) * part.log.dt / 2
-    return (1j * order * part.speed * j + b) * omega - current, blurred
+    by_speed = 1j * order * part.speed * j + b
+    noise = abs(by_speed * order * part.speed) * part.waves.error.get(order, 0.0)
+    return by_speed * omega - current, math.hypot(blurred, noise)
 
 
 def disturbances(made: Estimate, part: Steady, order: int) -> Phasors:
@@ -180,8 +255,8 @@ def _cogging(made: Estimate, order: int) -> str:
     poles = made.known.motor.pole_pairs
     if order == poles and made.offsets is None:
         return COGGING + OR + OFFSET
-    if CURES["ripple"].format(order) in made.left_out:
-        return candidates(order, poles)
+    if CURES["ripple"].format(order) in made.left_out:  # an error of the angle is a column of its own
+        return candidates(order, poles).removesuffix(OR + ENCODER)
     return MECHANICS if order <= SLOW_ORDERS else COGGING
 
 

@@ -88,7 +88,7 @@ def standing_out(made: Estimate) -> Estimate:
             orders = ", ".join(map(str, large))
             said.append(
                 f"{kind[0].upper()}{kind[1:]} of order {orders} does not stand out of its error and is left "
-                f"out: up to {max(bounds.values()) * factor:.2g} {unit} with it; longer logs may tell it."
+                f"out: up to {max(bounds.values()) * factor:.2g} {unit} with it."
             )
     cogging, ripple, encoder = kept
     return replace(made, cogging=cogging, ripple=ripple, encoder=encoder, left_out=(*made.left_out, *said))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import PrivateAttr, ValidationError, field_validator, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, field_validator, model_validator
 
 from cogless import units
 from cogless.study.controller import LibraryLaw, PythonLaw
@@ -53,11 +53,13 @@ SIGNALS: dict[str, Dimension] = {
 
 
 class Column(Table):
-    """A column of the logs: heading, unit (default: SI), and -1 as `sign` where it counts backwards."""
+    """A column of the logs: heading, unit (default: SI), -1 as `sign` where it counts backwards, and a "
+    "factor."""
 
     name: str
     unit: str = ""
     sign: Literal[1, -1] = 1
+    scale: Annotated[float, Field(gt=0)] = 1.0  # such as sqrt(2) of rms amperes
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -152,9 +154,10 @@ class Identification(Table):
     def factor(self, signal: str) -> float:
         """What a number of this signal's column is multiplied with to be SI."""
         column = self.columns[signal]
+        factor = column.sign * column.scale
         if column.unit == COUNT:
-            return column.sign * self.step
-        return column.sign * (units.factor(column.unit, SIGNALS[signal]) if column.unit else 1.0)
+            return factor * self.step
+        return factor * (units.factor(column.unit, SIGNALS[signal]) if column.unit else 1.0)
 
     def rule(self, file: str) -> LogRule:
         """What is known of a file, by the first rule that its name matches."""

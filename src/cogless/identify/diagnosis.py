@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,31 +13,49 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.identify import config, speed_alone
-from cogless.identify.causes import COGGING, OFFSET, OR, RIPPLE, Cause, Found, attributed
+from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
+from cogless.identify.causes import BEYOND, ENCODER, FASTER, OR, Cause, Found, attributed
 from cogless.identify.estimate import Progress, estimate
 from cogless.identify.findings import prepared
 from cogless.identify.log import Log, load_logs
 from cogless.identify.result import Estimate
 from cogless.identify.steady import Steady, steady, with_angle
+from cogless.identify.voltage import Agreement
+from cogless.identify.weak_form import corrected
 
-NO_ORDER = "no order"  # noise, steps of the sensor, vibration
+NO_ORDER = "no order"  # of the rotor's motion: vibration, or slow changes of the speed
 SHOWN = 0.01  # share of an order that has a line
 OPPOSES = 0.2  # of an order: causes that cancel by more are told
 TURN = 2 * math.pi
-CURES = {
-    COGGING + OR + OFFSET: "record the phase currents with the bridge off",
-    COGGING + OR + RIPPLE: "record logs with loads of both signs",
-}
+LARGE_SHARE = 0.05  # share of an order that has a sentence
+ROWS_A_WAVE = 2.5  # rows that show an order, with some to spare
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The orders of each log's speed with their causes. `whole`: each log's ripple, rms, rad/s."""
+    """The orders of each log's motion with their causes.
+
+    `whole`: each log's ripple by its angle, with the sensor's error, rms, rad/s. `logged`: that of its
+    logged speed, where it has one.
+    `uses`: what each log without a steady part is used for, or why it is not.
+    """
 
     title: str
     found: tuple[Found, ...]
     whole: Mapping[str, float]
     said: tuple[str, ...]
+    logged: Mapping[str, float] = field(default_factory=dict)
+    uses: Mapping[str, str] = field(default_factory=dict)
+
+    def motion(self, log: str) -> float:
+        """Ripple of the rotor's own speed, rms, rad/s."""
+        measured = sum(each.share * each.measured for each in self.of(log))
+        return self.whole[log] * math.sqrt(max(0.0, 1 - measured))
+
+    def noise(self, log: str) -> float:
+        """Share of the logged speed's square that is beyond the angle's waves: its steps and noise."""
+        logged = self.logged.get(log, 0.0)
+        return max(0.0, 1 - (self.whole[log] / logged) ** 2) if logged else 0.0
 
     def of(self, log: str) -> list[Found]:
         return [each for each in self.found if each.log == log]
@@ -74,67 +92,165 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
             made = estimate(known, whole, progress)
             said += [*made.left_out, *made.remarks]
         except StudyError as error:
-            said += str(error).splitlines()
-    explained = _explained(made, loaded)
-    parts = [part for log in explained.values() for part in steady(log)]
+            said += error.lines if isinstance(error, AdvisedError) else str(error).splitlines()
+    explained, own = _explained(made, loaded), own_orders(known.motor.pole_pairs, known.motor.slots)
+    angles = {log.name for log in loaded if "theta" in log}
+    misread = _error(made)
+    parts = [part for log in explained.values() for part in steady(log, known.step, own, misread)]
     found = attributed(made, parts) if made is not None and parts else []
     others = [
         part
         for log in map(with_angle, loaded)
         if log.dt and log.name not in explained and "theta" in log
-        for part in steady(log)
+        for part in steady(log, known.step if log.name in angles else 0.0, own)
     ]
     alone = speed_alone.by_order(others, known.motor.pole_pairs)
     said += _without(loaded) + speed_alone.sentences(alone)
-    if not parts and not others:
-        raise StudyError(
-            "\n".join([*said, "no log turns at a steady speed for a revolution; record one that does"])
+    every = [*parts, *others]
+    uses = _uses(loaded, {part.log.name for part in every}, set(explained))
+    if not every:
+        none = Advice(
+            "no log turns at a steady speed for a revolution; record one that does",
+            logs_of_kind("constant-speed"),
         )
-    said += _unsteady(loaded, {part.log.name for part in (*parts, *others)})
+        raise AdvisedError(*said, *(f"{name}: {use}" for name, use in uses.items()), none)
     if parts and not any("i_q_ref" in part.log for part in parts):
         said.append(
-            f"Dead time disturbs the current at order {6 * known.motor.pole_pairs}: it is not told apart "
-            "from what the law asks for; record the current's reference as i_q_ref."
+            Advice(
+                f"Dead time disturbs the current at order {6 * known.motor.pole_pairs}: it is not told apart "
+                "from what the law asks for; record the current's reference as i_q_ref.",
+                recording(signal="i_q_ref"),
+            )
         )
-    every = [*parts, *others]
-    merged = tuple(_merged([*found, *alone]))
-    said += _opposed(merged)
-    return Diagnosis(known.title, merged, _whole(every), tuple(dict.fromkeys(said)))
+    ripples = _rms_by_log(every, lambda part: part.ripple)
+    merged = tuple(_merged([*found, *alone], ripples, Counter(part.log.name for part in every)))
+    said += _of_one_speed(merged, every) + _opposed(merged) + _out_of_sight(every)
+    measured = [part for part in every if part.log.name in angles and "omega" in part.log]
+    logged = _rms_by_log(measured, lambda part: part.logged_ripple)
+    return Diagnosis(known.title, merged, ripples, tuple(dict.fromkeys(said)), logged, uses)
+
+
+def own_orders(poles: int, slots: int | None) -> tuple[int, ...]:
+    """Orders that a motor has by itself: of its poles, its slots, both together, and six times its pole "
+    "pairs."""
+    by_slots = () if slots is None else (slots, math.lcm(slots, 2 * poles))
+    return tuple(sorted({2 * poles, 6 * poles, 12 * poles, *by_slots}))
 
 
 def _explained(made: Estimate | None, loaded: Sequence[Log]) -> dict[str, Log]:
     """Logs whose torques the estimate tells, by name; with the bridge off, all but what turns the rotor."""
-    if made is None or made.fit is None or ("j",) not in made.fit:
+    if made is None or made.fit is None or "j" not in made.values:
         return {}
     off = [prepared(made.known, log, None) for log in loaded if log.kind == "bridge-off" and "theta" in log]
-    return {log.name: log for log in (*made.logs, *off) if log.dt}
+    return {log.name: _without_error(log, made) for log in (*made.logs, *off) if log.dt}
+
+
+def _without_error(log: Log, made: Estimate) -> Log:
+    """The log with the rotor's angle: without the sensor's error that was found."""
+    return replace(log, signals={**log.signals, "theta": corrected(log["theta"], made.model)})
+
+
+def _error(made: Estimate | None) -> dict[int, complex]:
+    """The sensor's error that was found, rad, by order: Re(E exp(j n theta))."""
+    return {} if made is None else {n: complex(c, -s) for n, (c, s) in made.model.error.items()}
 
 
 def _without(logs: Sequence[Log]) -> list[str]:
     """What logs without angle or current can tell."""
-    said = []
+    said: list[str] = []
     for log in logs:
         if "theta" not in log and "omega" in log:
             said.append(
-                f"{log.name}: no angle: orders are from the integral of the speed, and have no place on the "
-                "rotor; record the encoder's angle as theta."
+                Advice(
+                    f"{log.name}: no angle: orders are from the integral of the speed, and have no place on "
+                    "the "
+                    "rotor; record the encoder's angle as theta.",
+                    recording(signal="theta", log=log.name),
+                )
             )
         if "i_q" not in log and log.kind not in ("coast-down", "bridge-off"):
             said.append(
-                f"{log.name}: no current: causes of one order cannot be told apart, only how it "
-                "changes with speed; record i_q."
+                Advice(
+                    f"{log.name}: no current: causes of one order cannot be told apart, only how it "
+                    "changes with speed; record i_q.",
+                    recording(signal="i_q", log=log.name),
+                )
             )
     return said
 
 
-def _unsteady(logs: Sequence[Log], seen: set[str]) -> list[str]:
-    """Logs that have no line, and why."""
+def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> dict[str, str]:
+    """What each log without a steady part is used for, or why it is not."""
+    uses = {}
+    for log in logs:
+        if log.name in steady_logs:
+            continue
+        if log.kind == "bridge-off":
+            uses[log.name] = "the bridge is off: offsets of the phase currents are from it"
+        elif not log.dt:
+            uses[log.name] = "holds the rotor: cogging is from it"
+        elif log.name in explained:
+            uses[log.name] = (
+                "no turn at a steady speed: inertia, friction and orders are from it, and no shares"
+            )
+        else:
+            uses[log.name] = "no turn at a steady speed, and no torques: it is not used"
+    return uses
+
+
+def _of_one_speed(orders: Sequence[Found], parts: Sequence[Steady]) -> list[str]:
+    """Orders that may be an error of the angle or a torque, which one speed does not tell apart."""
+    speeds = [abs(part.speed) for part in parts]
+    names = {each.order: each.causes[0].name.split(OR) for each in orders if each.share > LARGE_SHARE}
+    either = [order for order, causes in sorted(names.items()) if ENCODER in causes and len(causes) > 1]
+    if not either or max(speeds) >= FASTER * min(speeds):
+        return []
     return [
-        f"{log.name}: never turns at a steady speed for a revolution, so it has no line; what it tells of "
-        "the torques is in the others."
-        for log in logs
-        if log.dt and log.kind != "bridge-off" and log.name not in seen
+        Advice(
+            f"{_named(either)}: one speed cannot tell an error of the angle from a torque. The error is the "
+            "same "
+            "at every speed; the motion that a torque makes falls with the speed squared. Record a second "
+            "speed, "
+            "and an acceleration log.",
+            logs_of_kind("constant-speed", "acceleration"),
+        )
     ]
+
+
+def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
+    """Up to which order each log can show one, and which of the motor's own are beyond."""
+    said: list[str] = []
+    for name in dict.fromkeys(part.log.name for part in parts):
+        part = min((part for part in parts if part.log.name == name), key=lambda part: part.waves.half_rate)
+        waves, speed = part.waves, abs(part.speed) / TURN
+        by_rows = [n for n in part.own_orders if n > waves.half_rate]
+        by_noise = [n for n in part.own_orders if n in waves.hidden and n not in waves.amplitude]
+        sight = f"{name}: its rows show orders up to {math.floor(waves.half_rate)} at {speed:.3g} rev/s"
+        if by_rows:
+            rate = ROWS_A_WAVE * max(by_rows) * speed
+            said.append(
+                Advice(
+                    f"{sight}. {_named(by_rows)} of this motor cannot be seen: its wave is shorter than two "
+                    "rows, "
+                    f"which may show it as another order; record {rate:.3g} rows a second, or turn more "
+                    "slowly.",
+                    recording(rate=rate),
+                    recording(speed=abs(part.speed) / (part.log.dt * rate)),
+                )
+            )
+        else:
+            said.append(Agreement(f"{sight}."))
+        if by_noise:
+            said.append(
+                f"{name}: {_named(by_noise)} of this motor cannot be seen where it is a tenth of the ripple "
+                "or less: "
+                "noise and steps of the angle hide it."
+            )
+    return said
+
+
+def _named(orders: Sequence[int]) -> str:
+    return f"Order {', '.join(map(str, orders))}"
 
 
 def _opposed(found: Sequence[Found]) -> list[str]:
@@ -150,15 +266,16 @@ def _opposed(found: Sequence[Found]) -> list[str]:
     return said
 
 
-def _whole(parts: Sequence[Steady]) -> dict[str, float]:
+def _rms_by_log(parts: Sequence[Steady], ripple: Callable[[Steady], float]) -> dict[str, float]:
+    """Ripple of each log, rms over its parts, rad/s."""
     squares = defaultdict(list)
     for part in parts:
-        squares[part.log.name].append(part.ripple**2)
+        squares[part.log.name].append(ripple(part) ** 2)
     return {name: float(np.sqrt(np.mean(own))) for name, own in squares.items()}
 
 
-def _merged(found: Sequence[Found]) -> list[Found]:
-    """Both directions of a log as one."""
+def _merged(found: Sequence[Found], ripples: Mapping[str, float], parts: Mapping[str, int]) -> list[Found]:
+    """Both directions of a log as one. `ripples`: of all its parts, rms, rad/s; `parts`: how many it has."""
     groups: dict[tuple[str, int], list[Found]] = defaultdict(list)
     for each in found:
         groups[each.log, each.order].append(each)
@@ -175,34 +292,42 @@ def _merged(found: Sequence[Found]) -> list[Found]:
             has = [next((c for c in each.causes if c.name == name), Cause(name, 0.0, 0.0)) for each in own]
             causes.append(Cause(name, mean([c.share for c in has]), mean([c.error for c in has])))
         causes.sort(key=lambda cause: -cause.share)
+        log = own[0].log
+        ripple = math.sqrt(float(np.sum(weights)) / parts[log])
         merged.append(
             replace(
                 own[0],
-                ripple=float(np.sqrt(np.mean(weights))),
-                share=float(np.mean([each.share for each in own])),
+                ripple=ripple,
+                share=(ripple / ripples[log]) ** 2,
                 causes=tuple(causes),
+                measured=mean([each.measured for each in own]),
             )
         )
     return sorted(merged, key=lambda each: (each.log, -each.share))
 
 
 def answer(made: Diagnosis) -> str:
-    """One sentence: the main cause, and its share in the logs."""
+    """One sentence: the main cause by the ripple's square in all logs, and its share in each."""
     logs = list(made.whole)
-    totals: dict[str, list[float]] = defaultdict(list)
+    totals: dict[str, dict[str, float]] = defaultdict(dict)
     for log in logs:
         for name, share in made.causes(log).items():
-            totals[name].append(share)
-    name, shares = max(totals.items(), key=lambda item: sum(item[1]))
+            totals[name][log] = share
+    name, by_log = max(
+        totals.items(), key=lambda item: sum(x * made.whole[log] ** 2 for log, x in item[1].items())
+    )
+    shares = list(by_log.values())
     if name == NO_ORDER:
         return (
-            f"Most of the ripple is of {NO_ORDER} of the rotor: noise, steps of the speed's measurement, or "
-            "vibration."
+            f"Most of the ripple is of {NO_ORDER} of the rotor that these logs can show: vibration, or slow "
+            "changes of the speed."
         )
     low, high = 100 * min(shares), 100 * max(shares)
     span = f"{low:.0f} to {high:.0f} %" if high - low > 1 else f"{high:.0f} %"
     where = "1 log" if len(logs) == 1 else f"{len(shares)} of {len(logs)} logs"
     verdict = "which cannot be told apart here, " if OR in name else ""
+    if name == BEYOND:
+        verdict = "which they show as a slower wave, "
     return f"Most of the ripple is {name}, {verdict}{span} of the square of the speed's ripple in {where}."
 
 
@@ -216,7 +341,8 @@ def lines(made: Diagnosis) -> list[str]:
         )
         at = f"{own[0].speed / TURN:.3g} rev/s" if own else "steady"
         load = f", {own[0].load:.3g} A" if own and not math.isnan(own[0].load) else ""
-        text.append(f"{log} ({at}{load}): {made.whole[log]:.3g} rad/s rms: {shares}")
+        text.append(f"{log} ({at}{load}): {sizes(made, log)}: {shares}")
+    text += [f"{log}: {use}" for log, use in made.uses.items()]
     text += [
         "",
         f"{'log':<20} {'order':>5} {'rad/s rms':>10} {'of all':>7}  cause (share of the order), confidence",
@@ -232,6 +358,20 @@ def lines(made: Diagnosis) -> list[str]:
     return text
 
 
+def sizes(made: Diagnosis, log: str) -> str:
+    """The ripple of a log, and how much of what it shows is measurement and no motion."""
+    size, motion, noise = made.whole[log], made.motion(log), made.noise(log)
+    says = [f"{size:.3g} rad/s rms"]
+    if motion < (1 - SHOWN) * size:
+        says.append(f"the rotor's own {motion:.3g}, the rest is the encoder's error")
+    if noise > SHOWN:
+        says.append(
+            f"{100 * noise:.0f} % of the square of the logged speed's {made.logged[log]:.3g} is its steps "
+            "and noise"
+        )
+    return ", ".join(says)
+
+
 def shown(cause: Cause) -> str:
     """A cause with its share and error at 95 %."""
     error = f" +- {100 * cause.error:.0f}" if cause.error else ""
@@ -243,8 +383,15 @@ def to_dict(made: Diagnosis) -> dict[str, Any]:
     return {
         "answer": answer(made),
         "logs": {
-            log: {"ripple_rad_per_s": whole, "shares": made.causes(log)} for log, whole in made.whole.items()
+            log: {
+                "ripple_rad_per_s": whole,
+                "motion_rad_per_s": made.motion(log),
+                "noise_share_of_logged_speed": made.noise(log) if log in made.logged else None,
+                "shares": made.causes(log),
+            }
+            for log, whole in made.whole.items()
         },
+        "uses": dict(made.uses),
         "orders": [
             {
                 "log": each.log,

@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cogless.errors import StudyError
 from cogless.identify import findings, voltage
+from cogless.identify.advice import Advice, AdvisedError, logs_of_kind
 from cogless.identify.config import Identification
 from cogless.identify.log import Log
 from cogless.identify.orders import found_orders
@@ -38,16 +38,16 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     remarks += said
     if not used:
         none = [] if any(log.kind != "bridge-off" for log in logs) else [NO_LOG]
-        raise StudyError("\n".join([*said, *none]))
+        raise AdvisedError(*said, *none)
     findings.check_sign(known, used, _rows(known, used, Model()))
     left: list[str] = []
     try:
         used, model = _start(known, used, left)
-    except StudyError as error:
+    except AdvisedError as error:
         out = tuple(f"{log.name}: " for log in logs if log.name not in {one.name for one in used})
         causes = [line for line in said if line.startswith(out)]  # before what follows from them
         others = [line for line in said if line not in causes]
-        raise StudyError("\n".join((*causes, str(error), *others))) from None
+        raise AdvisedError(*causes, *error.lines, *others) from None
     state = _searched_again(known, used, model, progress)
     rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
     progress("errors", 0.0)
@@ -67,19 +67,26 @@ def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple
     sixth = (6 * known.motor.pole_pairs,)
     if not moving:
         left.append(
-            "No log of a turning motor: inertia and friction cannot be identified; add an acceleration log."
+            Advice(
+                "No log of a turning motor: inertia and friction cannot be identified; add an acceleration "
+                "log.",
+                logs_of_kind("acceleration"),
+            )
         )
     elif findings.one_speed(moving):
         left.append(findings.said_of_one_speed(moving))
         if not held:
-            raise StudyError(left[-1])
+            raise AdvisedError(left[-1])
     else:
         columns = {"j", "b", "c", "offset", "delay"}
         if all(findings.feedback(log) is not None for log in moving):
             columns -= {"delay"}
             left.append(
-                "All logs of a turning motor show the feedback law: the delay cannot be identified; "
-                "add an acceleration log."
+                Advice(
+                    "All logs of a turning motor show the feedback law: the delay cannot be identified; "
+                    "add an acceleration log.",
+                    logs_of_kind("acceleration"),
+                )
             )
         model = Model(
             sixth, encoder=(1, 2), columns=frozenset(columns), width=findings.kernel_width(known, logs)
@@ -141,7 +148,22 @@ def _searched(known: Identification, logs: Sequence[Log], model: Model, progress
     if "j" in model.columns:  # the currents that accelerate are loads of both signs
         ripple = (2 * poles, 6 * poles)
         model = replace(model, ripple=ripple, cogging=tuple(sorted({*model.cogging, *ripple})))
+        electrical = _electrical_errors(known, logs, model)
+        if electrical:
+            model = replace(model, encoder=tuple(sorted({*model.encoder, *electrical})))
     return _without_sidebands(known, logs, model, found)
+
+
+def _electrical_errors(known: Identification, logs: Sequence[Log], model: Model) -> list[int]:
+    """Orders p and 2 p in which the angle has an error, as that of a resolver or of a magnet near the motor.
+
+    They stand out of a fit that has the torques of these orders, too. Only then they have a column.
+    """
+    orders = [n for n in (known.motor.pole_pairs, 2 * known.motor.pole_pairs) if n not in model.encoder]
+    torques = tuple(sorted({*model.cogging, *orders}))
+    sought = replace(model, cogging=torques, encoder=tuple(orders), columns=model.columns - {"delay"})
+    found = fit(_rows(known, logs, sought))
+    return [n for n in orders if found.get("j") > 0 and _stands_out(found, "encoder", n)]
 
 
 def _without_sidebands(known: Identification, logs: Sequence[Log], model: Model, found: Fit) -> State:
@@ -282,14 +304,23 @@ def _size(found: Fit, kind: str, order: int, taken: tuple[float, float] = (0.0, 
 
 CURES = {
     "j": "Inertia cannot be told apart from cogging or friction; add an acceleration log.",
-    "b": "Viscous and Coulomb friction cannot be told apart; add a log at a second, fast speed.",
+    "b": "Viscous and Coulomb friction cannot be told apart; add a log at a second, fast speed, in both "
+    "directions.",
     "c": "Friction and a load cannot be told apart; record each log in both directions.",
     "offset": "A current offset and friction cannot be told apart; record each log in both directions.",
     "delay": "The delay of the log cannot be told apart from inertia; add an acceleration log.",
-    "load": "The load of {0} cannot be told apart from friction; record it in both directions.",
-    "ripple": "Order {0}: K_t ripple and cogging cannot be told apart; record logs with loads of both signs.",
-    "encoder": "Order {0}: the encoder's error and cogging cannot be told apart; add a log at a fast speed.",
+    "ripple": "Order {0}: K_t ripple and cogging cannot be told apart; record logs with loads of both "
+    "signs, and an acceleration log.",
+    "encoder": "Order {0}: the encoder's error and cogging cannot be told apart; add a log at a fast speed, "
+    "in both "
+    "directions.",
     "cogging": "Order {0}: cogging cannot be told apart from the rest; add a slow sweep.",
+}
+CURE_LOGS = {  # kinds of log that tell a column apart
+    **dict.fromkeys(("j", "delay"), ("acceleration",)),
+    **dict.fromkeys(("b", "encoder"), ("constant-speed",)),
+    **dict.fromkeys(("c", "offset", "cogging"), ("slow-sweep",)),
+    "ripple": ("load", "acceleration"),
 }
 WEAKEST = ("delay", "encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold", "j")
 
@@ -304,8 +335,11 @@ def _likely_delay(
     if EARLIEST < delay < LONGEST_DELAY and error < LONGEST_DELAY:
         return rows, found, model
     left.append(
-        f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive "
-        "has; it is left out; add an acceleration log that turns around sharply."
+        Advice(
+            f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive "
+            "has; it is left out; add an acceleration log that turns around sharply.",
+            logs_of_kind("acceleration"),
+        )
     )
     return _settled(known, logs, _left(model, "delay", ("delay",)))
 
@@ -317,21 +351,26 @@ def _told_apart(
     current = np.concatenate([each.y for each in rows])
     if model.ripple and np.std(current) < abs(np.mean(current)):  # one load, in one direction
         for order in model.ripple:
-            left.append(CURES["ripple"].format(order))
+            left.append(not_told_apart("ripple", order))
             model = _without(model, ("ripple", order))
         rows = _rows(known, logs, model)
         found = fit(rows)
     while True:
         wide = [name for name, by in zip(found.names, found.inflation, strict=True) if by > LARGEST_INFLATION]
-        wide = [name for name in wide if str(name[0]) in CURES and name[0] != "load"]
+        wide = [name for name in wide if str(name[0]) in CURES]
         if not wide:
             return rows, found, model
         worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
         if worst[0] != "offset" or "c" in model.columns:
-            left.append(CURES[str(worst[0])].format(*worst[1:]))
+            left.append(not_told_apart(str(worst[0]), *worst[1:]))
         model = _without(model, worst)
         rows = _rows(known, logs, model)
         found = fit(rows)
+
+
+def not_told_apart(kind: str, *of: str | int) -> Advice:
+    """What to record where a column can't be told apart from others; `of`: its order or log."""
+    return Advice(CURES[kind].format(*of), logs_of_kind(*CURE_LOGS[kind]))
 
 
 def _without(model: Model, name: Name) -> Model:
@@ -357,6 +396,8 @@ def _left(model: Model, kind: str, name: Name) -> Model:
     if kind == "encoder":
         kept = tuple(n for n in model.encoder if n != name[1])
         return replace(model, encoder=kept, error={n: model.error[n] for n in kept if n in model.error})
+    if kind == "j":  # without it the sensor's error has no size
+        model = replace(model, encoder=(), error={})
     delay = 0.0 if kind == "delay" else model.delay
     return replace(model, columns=model.columns - {kind}, delay=delay)
 

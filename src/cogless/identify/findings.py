@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cogless.errors import StudyError
+from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
 from cogless.identify.config import Identification
 from cogless.identify.files import Array
 from cogless.identify.log import Log
@@ -52,9 +52,13 @@ def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[
         if law is not None:
             lag, correlation, gain = law
             said.append(
-                f"{log.name}: i_q follows the speed of {lag} samples earlier (correlation {correlation:.4f}, "
-                f"{-gain:.3g} A*s/rad): this is the feedback law, and tells little of the motor; "
-                "add an acceleration log."
+                Advice(
+                    f"{log.name}: i_q follows the speed of {lag} samples earlier (correlation "
+                    f"{correlation:.4f}, "
+                    f"{-gain:.3g} A*s/rad): this is the feedback law, and tells little of the motor; "
+                    "add an acceleration log.",
+                    logs_of_kind("acceleration"),
+                )
             )
     plant = [log for log in used if feedback(log) is None]
     return (plant if any(log.dt for log in plant) else used), said
@@ -69,13 +73,21 @@ def _said_of_bridge_off(known: Identification, log: Log) -> list[str]:
     """What a log with the bridge off does not tell: what turns its rotor is not known."""
     if not {"i_a", "i_b"} <= log.signals.keys():
         return [
-            f"{log.name}: the bridge is off, and no phase currents{heading(known, 'i_a')}: it tells nothing; "
-            "record i_a and i_b."
+            Advice(
+                f"{log.name}: the bridge is off, and no phase currents{heading(known, 'i_a')}: it tells "
+                "nothing; "
+                "record i_a and i_b.",
+                recording(signal=("i_a", "i_b"), log=log.name),
+            )
         ]
     if "theta" in log and np.ptp(log["theta"]) > 2 * np.pi:
         return [
-            f"{log.name}: no value but the currents' offsets is from this log: with the bridge off it is not "
-            "known what turns the rotor; if nothing does, it is a coast-down: say so as its kind."
+            Advice(
+                f"{log.name}: no value but the currents' offsets is from this log: with the bridge off it "
+                "is not "
+                "known what turns the rotor; if nothing does, it is a coast-down: say so as its kind.",
+                recording(kind="coast-down", log=log.name),
+            )
         ]
     return []
 
@@ -84,13 +96,16 @@ def _unusable(known: Identification, log: Log) -> str | None:
     """Why a log can't be used, with the cure; None if it can."""
     if "theta" not in log:
         missing = heading(known, "theta")
-        return (
-            f"{log.name}: no angle{missing}: cogging cannot be placed; record the encoder's angle as theta."
+        return Advice(
+            f"{log.name}: no angle{missing}: cogging cannot be placed; record the encoder's angle as theta.",
+            recording(signal="theta", log=log.name),
         )
     if "i_q" not in log and log.kind != "coast-down":
-        return (
+        return Advice(
             f"{log.name}: no current{heading(known, 'i_q')}: torque is not known; record i_q, or say that "
-            "the log is a coast-down."
+            "the log is a coast-down.",
+            recording(signal="i_q", log=log.name),
+            recording(kind="coast-down", log=log.name),
         )
     if not log.dt:
         return None
@@ -102,11 +117,19 @@ def _unusable(known: Identification, log: Log) -> str | None:
     order = 6 * poles  # where cogging and K_t ripple are strong in most motors
     if rate < SLOW_SAMPLING and order * speed / (2 * np.pi) > rate / 8:
         needed = 8 * order * speed / (2 * np.pi)
-        return (
+        return Advice(
             f"{log.name}: order {order} at {speed / (2 * np.pi):.3g} rev/s is above an eighth of the "
-            f"sampling rate, {rate:.3g} Hz; record {needed:.2g} rows a second, or turn more slowly."
+            f"sampling rate, {rate:.3g} Hz; record {_up(needed):.2g} rows a second, or turn more slowly.",
+            recording(rate=_up(needed), log=log.name),
+            recording(speed=speed * rate / _up(needed), log=log.name),
         )
     return None
+
+
+def _up(rate: float) -> float:
+    """A rate rounded up to two digits, which are shown."""
+    digit = 10.0 ** (np.floor(np.log10(rate)) - 1)
+    return float(np.ceil(rate / digit * (1 - 1e-9)) * digit)
 
 
 def _sticks(known: Identification, log: Log) -> str | None:
@@ -118,13 +141,17 @@ def _sticks(known: Identification, log: Log) -> str | None:
         return None
     said = f"{log.name}: the rotor stands still {100 * share:.0f} % of the time, where friction is not known"
     if np.count_nonzero(np.diff(still.astype(np.int8)) < 0) < SLIPS:
-        return f"{said}; turn faster, or with more feedback."
+        return Advice(
+            f"{said}; turn faster, or with more feedback.", recording(kind="constant-speed", log=log.name)
+        )
     turned = np.abs(log["theta"][SMOOTH:] - log["theta"][:-SMOOTH])
     slip = float(np.percentile(turned[rows:], 99)) / (SMOOTH * log.dt * 2 * np.pi)
     needed = 6 * known.motor.pole_pairs * slip / VISIBLE
-    return (
+    rate = max(needed, 1 / log.dt)
+    return Advice(
         f"{said}: it sticks, and slips at {slip:.2g} rev/s; record it at that speed or faster, with "
-        f"{max(needed, 1 / log.dt):.2g} rows a second or more, or with more feedback."
+        f"{rate:.2g} rows a second or more, or with more feedback.",
+        recording(speed=2 * np.pi * slip, rate=rate, log=log.name),
     )
 
 
@@ -165,10 +192,13 @@ def check_sign(known: Identification, logs: Sequence[Log], rows: Sequence[Rows])
         stored = found["j",] * float(np.mean(np.concatenate([each.columns[:, 0] for each in own]) * speed))
         if wrong and power - stored < 0:
             heading = known.columns["i_q"].name
-            raise StudyError(
-                f"{log.name}: {heading}: the current brakes the motor that it turns (inertia and friction "
-                f'come out negative): expected the other sign: columns.i_q = {{ name = "{heading}", sign = '
-                f"{-known.columns['i_q'].sign} }}"
+            raise AdvisedError(
+                Advice(
+                    f"{log.name}: {heading}: the current brakes the motor that it turns (inertia and "
+                    "friction come out negative): expected the other sign: "
+                    f'columns.i_q = {{ name = "{heading}", sign = {-known.columns["i_q"].sign} }}',
+                    {"columns.i_q.sign": -known.columns["i_q"].sign},
+                )
             )
 
 
@@ -183,9 +213,10 @@ def said_of_one_speed(logs: Sequence[Log]) -> str:
     speed = float(np.median(np.concatenate([_speeds(log) for log in logs]))) / (2 * np.pi)
     turning = [(log["i_q"], np.sign(log["theta"][-1] - log["theta"][0])) for log in logs]
     mean = float(np.mean([np.mean(current) * sign for current, sign in turning]))
-    return (
+    return Advice(
         f"One speed only ({speed:.3g} rev/s): inertia, friction and delay cannot be identified (its mean "
-        f"current, {mean:.3g} A, is friction and load together); add an acceleration log and a second speed."
+        f"current, {mean:.3g} A, is friction and load together); add an acceleration log and a second speed.",
+        logs_of_kind("acceleration", "constant-speed"),
     )
 
 
@@ -215,7 +246,7 @@ def feedback(log: Log) -> tuple[int, float, float] | None:
 
 def between_logs(rows: Sequence[Rows], found: Fit, model: Model, left: list[str]) -> list[str]:
     """Sentences on differences between logs: friction, and the place of the strongest order."""
-    said = []
+    said: list[str] = []
     by_log: dict[str, list[Rows]] = {}
     for each in rows:
         by_log.setdefault(each.log.name, []).append(each)
@@ -231,8 +262,13 @@ def between_logs(rows: Sequence[Rows], found: Fit, model: Model, left: list[str]
             low, high = min(friction, key=friction.__getitem__), max(friction, key=friction.__getitem__)
             if friction[high] - friction[low] > FRICTION * found["c",]:
                 said.append(
-                    f"Sessions differ: friction {friction[low]:.3g} A in {low} and {friction[high]:.3g} A in "
-                    f"{high}; identify each session by itself, or warm the motor up first."
+                    Advice(
+                        f"Sessions differ: friction {friction[low]:.3g} A in {low} and {friction[high]:.3g} "
+                        "A in "
+                        f"{high}; identify each session by itself, or warm the motor up first.",
+                        recording(logs=(low,)),
+                        recording(logs=(high,)),
+                    )
                 )
     if model.cogging:
         said += _turned(by_log, found, model, left)
@@ -249,13 +285,24 @@ def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[
     open_by = {name: waves[name][1] / abs(wave) for name, wave in clear.items()}  # rad
     first = min(open_by, key=open_by.__getitem__)
     for name, wave in clear.items():
-        turn = float(np.angle(wave / clear[first]))
-        if abs(turn) > TURNED + np.hypot(open_by[name], open_by[first]):
+        turn, size = float(np.angle(wave / clear[first])), abs(wave / clear[first])
+        unsure = TURNED + np.hypot(open_by[name], open_by[first])
+        if abs(turn) > unsure:
             left.append("Cogging is left out, since its place differs between the logs.")
+            if abs(np.log(size)) > unsure:  # an index that slips turns a wave, and leaves its size
+                return [
+                    f"{name}: order {strongest} is {size:.2g} times that of {first}, and turned by "
+                    f"{np.degrees(turn):.0f} deg: it is not cogging alone, which is the same in all logs; an "
+                    "error of the angle grows so with the speed, and load and temperature may change others."
+                ]
             return [
-                f"{name}: order {strongest} is turned by {np.degrees(turn):.0f} deg against {first}, "
-                f"{np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: the index has slipped, "
-                "or the encoder counts from where it was switched on; find the index before each log."
+                Advice(
+                    f"{name}: order {strongest} is turned by {np.degrees(turn):.0f} deg against {first}, "
+                    f"{np.degrees(abs(turn)) / strongest:.2g} deg of the rotor or more: the index has "
+                    "slipped, "
+                    "or the encoder counts from where it was switched on; find the index before each log.",
+                    recording(index=True, log=name),
+                )
             ]
     return []
 
@@ -287,7 +334,7 @@ def _without_sidebands(made: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple
     """Leave out orders n -+ k beside a larger n: an encoder's error of order k makes such."""
     found, told = {wave.order: wave for wave in cogging}, {wave.order for wave in made.encoder}
     out: set[int] = set()
-    said = []
+    said: list[str] = []
     for k in (k for k in (1, 2) if k not in told):
         for main in sorted(cogging, key=lambda wave: -wave.size.value):
             near = (found.get(main.order - k), found.get(main.order + k))
@@ -299,8 +346,13 @@ def _without_sidebands(made: Estimate, cogging: tuple[Wave, ...]) -> tuple[tuple
             degrees = np.degrees(2 * largest / (main.order * main.size.value))
             out |= {wave.order for wave in beside}
             said.append(
-                f"Order {' and '.join(str(wave.order) for wave in beside)} beside {main.order}: cogging and "
-                f"an encoder's error of order {k}, {degrees:.2g} deg, cannot be told apart; add a faster log."
+                Advice(
+                    f"Order {' and '.join(str(wave.order) for wave in beside)} beside {main.order}: cogging "
+                    "and "
+                    f"an encoder's error of order {k}, {degrees:.2g} deg, cannot be told apart; add a "
+                    "faster log.",
+                    logs_of_kind("constant-speed"),
+                )
             )
     return tuple(wave for wave in cogging if wave.order not in out), said
 
@@ -311,17 +363,19 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     poles = made.known.motor.pole_pairs
     if "j" in values and not values["j"].value > 2 * values["j"].error:
         left.append(
-            "Inertia is not larger than its error, and friction and delay are not told without it; add an "
-            "acceleration log."
+            Advice(
+                "Inertia is not larger than its error, and friction and delay are not told without it; add "
+                "an "
+                "acceleration log.",
+                logs_of_kind("acceleration"),
+            )
         )
         for key in ("j", "b", "c", "delay"):
             values.pop(key, None)
     if "b" in values and values["b"].value < 0:
         small = values["b"].value > -2 * values["b"].error
         if not small:
-            left.append(
-                "Viscous friction comes out negative; add a log at a second, fast speed, or at a longer rest."
-            )
+            left.append("Viscous friction comes out negative and is left out.")
         del values["b"]
     if any("is left out, since its place" in sentence for sentence in left):
         cogging = ()
@@ -330,26 +384,36 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     encoder, highest = made.encoder, _highest(made)
     if 2 * poles > highest:
         left.append(
-            f"No usable log turns slowly enough to show cogging above order {highest:.0f}, and the poles "
-            f"have {2 * poles}: higher orders are left out, and what they disturb, inertia, friction, delay "
-            "and the encoder's error; record a slow log in which the rotor does not stick (with more "
-            "feedback), or more rows a second."
+            Advice(
+                f"No usable log turns slowly enough to show cogging above order {highest:.0f}, and the poles "
+                f"have {2 * poles}: higher orders are left out, and what they disturb, inertia, friction, "
+                "delay "
+                "and the encoder's error; record a slow log in which the rotor does not stick (with more "
+                "feedback).",
+                logs_of_kind("slow-sweep"),
+            )
         )
         for key in ("j", "b", "c", "delay"):
             values.pop(key, None)
         cogging, encoder = tuple(wave for wave in cogging if wave.order <= highest), ()
     if any(wave.order == poles for wave in cogging) and made.offsets is None:
         left.append(
-            f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
-            "record currents with the bridge off."
+            Advice(
+                f"Order {poles} is the pole pairs: cogging and a current offset cannot be told apart; "
+                "record currents with the bridge off.",
+                logs_of_kind("bridge-off"),
+            )
         )
         cogging = tuple(wave for wave in cogging if wave.order != poles)
     current = float(np.mean([abs(np.mean(each.y)) for each in made.rows])) if made.rows else 0.0
     if not any(log.dt for log in made.logs) and any(wave.order == 6 * poles for wave in cogging):
         left.append(
-            f"Order {6 * poles} is six times the pole pairs: K_t ripple and cogging cannot be told "
-            f"apart at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be "
-            f"{LIKELY_RIPPLE * current:.2g} A of it; record logs with loads of both signs."
+            Advice(
+                f"Order {6 * poles} is six times the pole pairs: K_t ripple and cogging cannot be told "
+                f"apart at one load; a ripple of {100 * LIKELY_RIPPLE:.0f} % would be "
+                f"{LIKELY_RIPPLE * current:.2g} A of it; record logs with loads of both signs.",
+                logs_of_kind("load"),
+            )
         )
     left_out = tuple(dict.fromkeys(left))
     return replace(made, values=values, cogging=cogging, encoder=encoder, left_out=left_out)

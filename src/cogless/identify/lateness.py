@@ -122,8 +122,9 @@ def _part(profiles: Sequence[Profile], delay: Value) -> Value:
 def _said(misfit: float, log: str) -> str:
     return (
         f"{log}: i_q does not follow the angle as under the described controller "
-        f"({100 * misfit:.0f} % differs), so the delay is only told within half a period of the law; check "
-        "its gains, and the drive's rates, filter and bandwidth in the file of columns."
+        f"({100 * misfit:.0f} % differs), so the delay is only told within half a period of the law: its "
+        "gains, "
+        "or the drive's rates, filter or bandwidth, are others than in the file of columns."
     )
 
 

@@ -10,25 +10,27 @@ from pathlib import Path
 import numpy as np
 
 from cogless.errors import StudyError
+from cogless.identify.advice import Advice, AdvisedError, Cure
 from cogless.identify.config import COUNT, Identification, LogRule
 from cogless.identify.files import Array, Columns, read
 
 TURN = 2 * np.pi
 GAP = 2.5  # periods without a row
 FEWEST = 100  # rows
+CURRENTS = ("i_q", "i_d", "i_a", "i_b", "i_c")
 BEYOND = 3.0  # times the current's limit
 TURNED = 0.2  # rad rms
 IN_PROPORTION = 0.98  # cosine between two currents' amplitudes, from which their ratio counts, within 2 %
 AGREE = 1.5  # the speed by one over the speed by the other: a filter's lag or lost counts stay below it
-MISTAKEN = (
-    (30 / np.pi, 'the speed looks like rpm: unit = "rpm"'),
-    (180 / np.pi, 'the speed looks like deg/s: unit = "deg/s"'),
-    (np.pi / 180, 'the angle looks like degrees: unit = "deg"'),
-    (1 / TURN, 'the speed looks like revolutions: unit = "rev/s"'),
-    (TURN, 'the angle looks like revolutions: unit = "rev"'),
-    (1e3, 'the time looks like milliseconds: unit = "ms"'),
-    (1e6, 'the time looks like microseconds: unit = "us"'),
-    (-1.0, "one of them counts backwards: sign = -1"),
+MISTAKEN: tuple[tuple[float, str, Cure], ...] = (
+    (30 / np.pi, 'the speed looks like rpm: unit = "rpm"', {"columns.omega.unit": "rpm"}),
+    (180 / np.pi, 'the speed looks like deg/s: unit = "deg/s"', {"columns.omega.unit": "deg/s"}),
+    (np.pi / 180, 'the angle looks like degrees: unit = "deg"', {"columns.theta.unit": "deg"}),
+    (1 / TURN, 'the speed looks like revolutions: unit = "rev/s"', {"columns.omega.unit": "rev/s"}),
+    (TURN, 'the angle looks like revolutions: unit = "rev"', {"columns.theta.unit": "rev"}),
+    (1e3, 'the time looks like milliseconds: unit = "ms"', {"columns.t.unit": "ms"}),
+    (1e6, 'the time looks like microseconds: unit = "us"', {"columns.t.unit": "us"}),
+    (-1.0, "one of them counts backwards: sign = -1", {"columns.omega.sign": -1}),
 )
 REPEATED = 0.2  # share of rows that repeat the one before, from which on it is told
 
@@ -197,13 +199,16 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
 def _within_limit(where: str, found: Columns, known: Identification) -> None:
     """A current that no drive of this limit has is one in another unit."""
     limit = known.drive.current_loop.current_limit
-    for signal in ("i_q", "i_d", "i_a", "i_b", "i_c"):
+    for signal in CURRENTS:
         most = float(np.max(np.abs(found.get(signal, 0.0))))
         if most > BEYOND * limit:
-            raise StudyError(
-                f"{where}: {_heading(known, signal)}: row {np.argmax(np.abs(found[signal])) + 1}: "
-                f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
-                'such as unit = "mA"'
+            raise AdvisedError(
+                Advice(
+                    f"{where}: {_heading(known, signal)}: row {np.argmax(np.abs(found[signal])) + 1}: "
+                    f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
+                    'such as unit = "mA"',
+                    {f"columns.{each}.unit": "mA" for each in CURRENTS if each in found},
+                )
             )
 
 
@@ -219,9 +224,13 @@ def _amplitudes_agree(where: str, found: Columns, known: Identification) -> None
     ratio = float(seen @ phases) / square if square else 0.0
     alike = ratio * np.sqrt(square / other) if other else 0.0  # 1: in proportion
     if alike > IN_PROPORTION and abs(np.sqrt(2) * ratio - 1) < 1 - IN_PROPORTION:
-        raise StudyError(
-            f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: expected "
-            "peak amperes; multiply it by sqrt(2)"
+        raise AdvisedError(
+            Advice(
+                f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: "
+                "expected "
+                f"peak amperes: {known.columns['i_q'].name} with scale = 1.41421 in the file of columns",
+                {"columns.i_q.scale": 1.41421, **({"columns.i_d.scale": 1.41421} if "i_d" in found else {})},
+            )
         )
 
 
@@ -242,23 +251,31 @@ def _units_agree(where: str, t: Array, found: Columns, known: Identification) ->
         electrical = (
             1 / known.motor.pole_pairs,
             "the angle looks electrical, and a mechanical one is needed",
+            {"columns.theta.scale": 1 / known.motor.pole_pairs},
         )
         mistaken = (*MISTAKEN, electrical, *_of_bits(known))
-        cures = [said for factor, said in mistaken if 0.95 < ratio / factor < 1.05]
-        cure = f"; {', or '.join(cures)}" if cures else ""
-        raise StudyError(
-            f"{where}: {names[0]} is {ratio:.4g} times the change of {names[1]} over {names[2]}: "
-            f"expected units that agree{cure}"
+        likely = [(says, cure) for factor, says, cure in mistaken if 0.95 < ratio / factor < 1.05]
+        cures = f"; {', or '.join(says for says, _ in likely)}" if likely else ""
+        raise AdvisedError(
+            Advice(
+                f"{where}: {names[0]} is {ratio:.4g} times the change of {names[1]} over {names[2]}: "
+                f"expected units that agree{cures}",
+                *(cure for _, cure in likely),
+            )
         )
 
 
-def _of_bits(known: Identification) -> list[tuple[float, str]]:
+def _of_bits(known: Identification) -> list[tuple[float, str, Cure]]:
     """Ratios by which counts are off where the sensor has other bits, and what is said of them."""
     bits = getattr(known.drive.position_sensor, "bits", None)
     if known.columns["theta"].unit != COUNT or bits is None:
         return []
     return [
-        (2.0 ** (bits - other), f"the counts look like those of drive.position_sensor.bits = {other}")
+        (
+            2.0 ** (bits - other),
+            f"the counts look like those of drive.position_sensor.bits = {other}",
+            {"drive.position_sensor.bits": other},
+        )
         for other in range(1, 33)
         if other != bits
     ]
@@ -308,7 +325,7 @@ def _repeats(name: str, found: Columns, step: float, remarks: list[str]) -> None
     if np.mean(same) > REPEATED:
         remarks.append(
             f"{name}: {100 * np.mean(same):.0f} % of the rows repeat the one before: "
-            "the log is faster than the drive; record at the drive's own rate."
+            "the log is faster than the drive."
         )
 
 
@@ -322,6 +339,6 @@ def _slip(name: str, theta: Array, step: float, remarks: list[str]) -> int:
     at, size = int(jumps[0]) + 1, np.degrees(moved[jumps[0]])
     remarks.append(
         f"{name}: row {at + 1}: the angle jumps by {size:.2g} deg: the index has slipped, or counts are "
-        "lost; what follows is left out; check the encoder's wiring, and record this log again."
+        "lost; what follows is left out."
     )
     return at

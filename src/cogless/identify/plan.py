@@ -10,7 +10,7 @@ from typing import Any
 from scipy.optimize import brentq
 
 from cogless import units
-from cogless.design import pi
+from cogless.design.detent import overrun
 from cogless.errors import StudyError
 from cogless.identify.described import metrics, with_steps
 from cogless.identify.weak_form import VISIBLE, WIDTH
@@ -32,18 +32,6 @@ KINDS = {
     "load-forwards": "load",
     "load-backwards": "load",
 }
-
-
-def overrun(study: Study, law: str) -> list[tuple[int, float]]:
-    """Orders of cogging that the law is too slow for, and their torques, N m.
-
-    At an unstable angle cogging of order n drives the rotor away as exp(sqrt(n T / J) t). A law whose
-    crossover, K_t kp / J, is below that cannot hold it there: the rotor waits, slips and overshoots.
-    """
-    star, inertia = study.motor.star(), study.mechanics.inertia
-    kp, _ = pi.gains(study, law)
-    sizes = [(one.order, abs(one.torque or 0.0)) for one in star.cogging]
-    return [(n, size) for n, size in sizes if n * size * inertia > (star.K_t * kp) ** 2]
 
 
 def reach(study: Study, torque: Callable[[float], float]) -> float:

@@ -47,7 +47,7 @@ def missed(study: Study, made: Estimate) -> list[str]:
     if wrong:
         said.append(
             f"The plan's logs would mislead: the study's cogging of order {named(wrong)} comes out worse "
-            "than not at all. Turn faster in the study's first scenario, or give the law a higher crossover."
+            "than not at all, since the law does not hold the rotor at their speeds."
         )
     if without:
         said.append(f"The plan's logs would not tell the study's cogging of order {named(without)}.")

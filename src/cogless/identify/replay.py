@@ -17,6 +17,7 @@ import numpy as np
 
 from cogless.errors import StudyError
 from cogless.identify import described
+from cogless.identify.advice import Advice, recording
 from cogless.identify.config import Identification
 from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, settled, whole, with_values
 from cogless.identify.lateness import NOTHING, Lateness, lateness
@@ -97,13 +98,18 @@ def _likely(told: Value, drive: Drive) -> float:
     return told.value if 0 <= whole < LONGEST_DEAD_TIME / drive.rates.current_loop else 0.0
 
 
-def _said_of_dead_time(more: Value) -> str:
+def _said_of_dead_time(more: Value, drive: Drive) -> str:
     """What the law's answers tell of a dead time, s, that is not in the file of columns; "" if nothing."""
-    if not more.value > 2 * more.error > 0:
+    if drive.inverter is None or not more.value > 2 * more.error > 0:
         return ""
+    lost = more.value * drive.rates.current_loop * drive.inverter.bus_voltage
     return (
-        f"The currents follow as with about {1e9 * more.value:.0f} ns more dead time than the file of "
-        "columns says; this is taken into account; write it to drive.inverter."
+        f"The currents follow as if the bridge had {1e9 * more.value:.0f} +- {1e9 * more.error:.0f} ns more "
+        "dead time "
+        f"than the file of columns says, {lost:.2g} V lost against the current; this is taken into account. "
+        "A drop of "
+        "transistors and diodes loses it as well, and another R_s, L_q or bandwidth of the current loop "
+        "looks alike."
     )
 
 
@@ -175,10 +181,15 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
             return _uncorrected(first, f"The logs could not be simulated ({error}): {UNCORRECTED}"), {}
         if not controlled <= traces.keys():
             without = ", ".join(sorted(controlled - traces.keys()))
-            said = (
+            said = Advice(
                 f"No simulation of {without}: it needs reference and controller in the file of columns, rows "
                 "at a part of the current loop's rate, and no table; add what is missing, or leave the log "
-                f"out: else {UNCORRECTED}"
+                f"out: else {UNCORRECTED}",
+                recording(
+                    logs=tuple(
+                        log.name for log in made.logs if log.name in traces or log.kind == "coast-down"
+                    )
+                ),
             )
             return _uncorrected(first, said), traces
         late = lateness(
@@ -193,7 +204,7 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
             return _without_inertia(first), traces
         more = late.part.times(_more(drive))
         dead_time = replace(more, value=own + more.value)
-    said = late.said or _said_of_dead_time(dead_time)
+    said = late.said or _said_of_dead_time(dead_time, drive)
     return replace(made, remarks=(*made.remarks, *([said] if said else []))), traces
 
 
@@ -239,7 +250,7 @@ def _without_inertia(first: Estimate) -> Estimate:
     """The estimate without what rests on an inertia that the simulation refutes."""
     said = (
         "With what the simulated logs show taken off, the inertia is negative: these logs do not tell it, "
-        "nor friction and delay; add an acceleration log, and check the controller in the file of columns."
+        "nor friction and delay."
     )
     kept = {key: value for key, value in first.values.items() if key not in ("j", "b", "c", "delay")}
     return replace(first, values=kept, encoder=(), left_out=(*first.left_out, said))

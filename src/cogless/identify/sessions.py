@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cogless.identify.advice import Advice, recording
 from cogless.identify.result import Estimate, Value
 from cogless.identify.weak_form import Rows
 
@@ -64,7 +65,7 @@ def _own(made: Estimate, rows: list[Rows]) -> dict[str, Value]:
 
 def sentences(found: tuple[Session, ...]) -> list[str]:
     """What differs by more than its errors, a sentence each."""
-    said = []
+    said: list[str] = []
     for key, about in (("c", "friction"), ("offset", "offset of i_q")):
         own = {session.name: session.values[key] for session in found if key in session.values}
         if len(own) < 2:
@@ -73,7 +74,11 @@ def sentences(found: tuple[Session, ...]) -> list[str]:
         if own[high].value - own[low].value > np.hypot(own[high].error, own[low].error):
             of = [f"{own[name].value:.3g} +- {own[name].error:.1g} A in {name}" for name in (low, high)]
             said.append(
-                f"Sessions differ: {about} {' and '.join(of)}; the values are between them; identify each "
-                "session by itself, or warm the motor up first."
+                Advice(
+                    f"Sessions differ: {about} {' and '.join(of)}; the values are between them; identify "
+                    "each "
+                    "session by itself, or warm the motor up first.",
+                    *(recording(session=name) for name in (low, high)),
+                )
             )
     return said

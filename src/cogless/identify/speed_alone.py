@@ -6,10 +6,10 @@ import math
 from collections import defaultdict
 from collections.abc import Sequence
 
-from cogless.identify.causes import MECHANICS, Found, found_in, guess
+from cogless.identify.advice import Advice, logs_of_kind, recording
+from cogless.identify.causes import FASTER, MECHANICS, Found, found_in, guess
 from cogless.identify.steady import Steady
 
-FASTER = 1.5  # ratio of two speeds that says how an order changes between them
 STEEP = 0.5  # exponent of the speed, in magnitude, from which on it is a change
 ALIKE = 0.03  # of a frequency
 LARGE = 0.05  # of a ripple's square: smaller orders are in no sentence
@@ -17,7 +17,7 @@ LARGE = 0.05  # of a ripple's square: smaller orders are in no sentence
 
 def by_order(parts: Sequence[Steady], poles: int) -> list[Found]:
     """The orders of the speed in these parts, with what may make them."""
-    return [found_in(part, order, guess(order, poles)) for part in parts for order in part.orders()]
+    return [found_in(part, order, guess(part, order, poles)) for part in parts for order in part.orders]
 
 
 def sentences(found: Sequence[Found]) -> list[str]:
@@ -37,9 +37,12 @@ def sentences(found: Sequence[Found]) -> list[str]:
             said.append(at.format("falls") + ": a torque makes it, not the encoder.")
         elif power > STEEP:
             said.append(
-                at.format("grows")
-                + ": the encoder's error, or a torque that the controller holds down where it is slow; "
-                "record i_q."
+                Advice(
+                    at.format("grows")
+                    + ": the encoder's error, or a torque that the controller holds down where it is slow; "
+                    "record i_q.",
+                    recording(signal="i_q"),
+                )
             )
     return said + _fixed(found)
 
@@ -64,13 +67,14 @@ def _fixed(found: Sequence[Found]) -> list[str]:
     says = f"{_hertz(best[0]):.3g} Hz is {', '.join(at[:-1])} and {at[-1]}: "
     if len(best) == 2:
         return [
-            f"{says}two orders that meet by chance, or something that swings at this frequency, which cannot "
-            "be told apart at two speeds; record a third speed."
+            Advice(
+                f"{says}two orders that meet by chance, or something that swings at this frequency, which "
+                "cannot "
+                "be told apart at two speeds; record a third speed.",
+                logs_of_kind("constant-speed"),
+            )
         ]
-    return [
-        f"{says}{MECHANICS}, which swing at this frequency, or the supply; knock at the shaft at "
-        "rest, and compare."
-    ]
+    return [f"{says}{MECHANICS}, which swing at this frequency, or the supply."]
 
 
 def _hertz(of: Found) -> float:

@@ -3,67 +3,103 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from cogless.identify.files import Array
 from cogless.identify.log import Log
-from cogless.identify.orders import FALSE_ALARM, HIGHEST
+from cogless.identify.waves import Waves, standing_waves, waves_of_signal
+from cogless.identify.weak_form import shifted
 
-ALIKE = 0.1  # of the speed: what is within it of the median is steady
+ALIKE = 0.1  # of the speed: what is within it is steady
 SMOOTHED = 0.2  # s
-FEWEST_TURNS = 1.0
-NEIGHBOURS = 41  # orders whose median is the floor of one
-VISIBLE = 1 / 6  # of the sampling rate: faster waves are not seen
+TURNS_LEAST = 1.0
+OVERLAP_LEAST = 0.5  # turns that are passed twice at the same speed
+REVERSAL = np.pi / 2  # rad by which a rotor turns back that turns around
+ROWS_LEAST = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Steady:
     """A part of a log that turns in one direction at one speed.
 
-    `rows`: of the log. `theta`: rad. `speed`: mean, signed, rad/s. `load`: mean i_q, A, positive where it
-    drives; NaN without current. `ripple`: of the speed as logged, rms, rad/s.
+    `rows`: of the log. `theta`: rad, without the sensor's error as far as it is known: that is `error`, rad,
+    by order, Re(E exp(j n theta)) beyond the rotor's angle. `speed`: mean, signed, rad/s. `load`: mean i_q,
+    A, positive where it drives; NaN without current. `step`: of the angle, rad. `own_orders`: of the motor,
+    which may be beyond what the rows show.
     """
 
     log: Log
     rows: NDArray[np.intp]
     theta: Array
-    omega: Array
     speed: float
     load: float
-    ripple: float
+    step: float = 0.0
+    own_orders: tuple[int, ...] = ()
+    error: Mapping[int, complex] = field(default_factory=dict)
 
     @property
     def current(self) -> float:
         """Mean i_q, A."""
         return math.copysign(1, self.speed) * self.load
 
-    def wave(self, x: Array, orders: Sequence[int]) -> NDArray[np.complex128]:
-        """Complex amplitudes X of the orders in a signal of these rows: x = Re(X exp(j order theta))."""
-        phases = np.exp(-1j * np.outer(orders, self.theta))
-        window = np.hanning(len(x) + 2)[1:-1]
-        return np.asarray(2 * (phases @ (window * (x - np.average(x, weights=window)))) / window.sum())
+    @cached_property
+    def waves(self) -> Waves:
+        """Orders of the rotor's motion as its angle shows it."""
+        shown = self.theta + sum((wave * np.exp(1j * n * self.theta)).real for n, wave in self.error.items())
+        return standing_waves(self.theta, self.log.dt, self.step, self.own_orders, shown)
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Orders of the motion, or of the sensor's error."""
+        return (*self.waves.orders, *(n for n in self.error if n not in self.waves.amplitude))
+
+    def motion(self, order: int) -> complex:
+        """Complex wave of the rotor's speed, rad/s."""
+        return self.waves.of_speed(order) if order in self.waves.amplitude else 0j
+
+    def misread(self, order: int) -> complex:
+        """Complex wave of the speed that the sensor's error makes, rad/s; no motion."""
+        return 1j * order * self.speed * self.error.get(order, 0j)
+
+    @property
+    def ripple(self) -> float:
+        """Of the motion and of the sensor's error, rms, rad/s."""
+        return math.hypot(self.waves.ripple, *(abs(self.misread(n)) / math.sqrt(2) for n in self.error))
+
+    @property
+    def rows_a_turn(self) -> float:
+        return 2 * math.pi / (abs(self.speed) * self.log.dt)
+
+    @property
+    def turns(self) -> float:
+        return float(abs(self.theta[-1] - self.theta[0])) / (2 * math.pi)
+
+    @property
+    def logged_ripple(self) -> float:
+        """Ripple of the speed as logged, rms, rad/s; NaN where it is not."""
+        return float(np.std(self.log["omega"][self.rows])) if "omega" in self.log else math.nan
+
+    def current_wave(self, order: int, late: float) -> complex:
+        """Complex wave of an order in i_q, A, which is logged so many rows late."""
+        if late not in self._currents:
+            current = shifted(self.log["i_q"], late)[self.rows]
+            self._currents[late] = waves_of_signal(current, self.theta, self.orders)
+        return self._currents[late][order]
+
+    @cached_property
+    def _currents(self) -> dict[float, dict[int, complex]]:
+        return {}
 
     def visible(self, order: int) -> bool:
-        """Whether the log's rows are close enough for this order."""
-        return order * abs(self.speed) / (2 * math.pi) < VISIBLE / self.log.dt
-
-    def orders(self) -> list[int]:
-        """Orders that stand out of the speed, by their size; none by chance at a rate of 1 %."""
-        top = min(HIGHEST, int(VISIBLE / self.log.dt * 2 * math.pi / abs(self.speed)))
-        if top < 3:
-            return []
-        power = np.abs(self.wave(self.omega, range(1, top + 1))) ** 2
-        floor = median_filter(power, min(NEIGHBOURS, len(power)), mode="mirror") / math.log(2)
-        clear = np.flatnonzero(power > -math.log(FALSE_ALARM / len(power)) * floor)
-        peaks = [
-            int(k) for k in clear if power[k] == power[max(0, k - 1) : k + 2].max()
-        ]  # a window leaks into the neighbours
-        return [k + 1 for k in sorted(peaks, key=lambda k: -power[k])]
+        """Whether the rows are more than two for each wave of this order."""
+        return order < self.waves.half_rate
 
 
 def with_angle(log: Log) -> Log:
@@ -73,23 +109,77 @@ def with_angle(log: Log) -> Log:
     return replace(log, signals={**log.signals, "theta": np.cumsum(log["omega"]) * log.dt})
 
 
-def steady(log: Log) -> Iterator[Steady]:
-    """Steady parts of a log, one for each direction and stretch."""
+def steady(
+    log: Log,
+    step: float = 0.0,
+    own_orders: Sequence[int] = (),
+    error: Mapping[int, complex] = MappingProxyType({}),
+) -> Iterator[Steady]:
+    """Steady parts of a log, one for each direction and stretch.
+
+    `step`: of the angle, rad. `error`: of the sensor, which is out of the log's angle. The sensor's own
+    error and cogging change the speed within a turn. So a speed is steady, too, where the rotor passes each
+    angle a turn later as fast as before.
+    """
     for stretch in log.stretches:
         theta = log["theta"][stretch]
-        if len(theta) < 10:
+        if len(theta) < ROWS_LEAST:
             continue
-        slope = np.gradient(theta, log.dt)
-        smooth = uniform_filter1d(slope, max(1, round(SMOOTHED / log.dt)), mode="nearest")
+        smooth = uniform_filter1d(
+            np.gradient(theta, log.dt), max(1, round(SMOOTHED / log.dt)), mode="nearest"
+        )
         for sign in (1, -1):
-            turning = sign * smooth > 0
-            if not turning.any():
-                continue
-            middle = float(np.median(smooth[turning]))
-            rows = _longest(np.abs(smooth - middle) < ALIKE * abs(middle))
-            made = _part(log, stretch.start + rows, log.signals.get("omega"))
-            if made is not None:
-                yield made
+            runs = [_slow_changes(smooth, sign)]
+            runs += [
+                way.start + _alike_a_turn_later(sign * theta[way], sign * smooth[way])
+                for way in _one_way(theta)
+                if sign * (theta[way.stop - 1] - theta[way.start]) > 0
+            ]
+            rows = max(runs, key=len)
+            part = _part(log, stretch.start + rows)
+            if part is not None:
+                yield replace(part, step=step, own_orders=tuple(own_orders), error=error)
+
+
+def _slow_changes(smooth: Array, sign: int) -> NDArray[np.intp]:
+    """Rows whose smoothed speed is near the median of this direction."""
+    turning = sign * smooth > 0
+    if not turning.any():
+        return np.zeros(0, dtype=np.intp)
+    middle = float(np.median(smooth[turning]))
+    return _longest(np.abs(smooth - middle) < ALIKE * abs(middle))
+
+
+def _one_way(theta: Array) -> Iterator[slice]:
+    """Rows between the angles at which the rotor turns around."""
+    begin, sign = 0, 1 if theta[-1] >= theta[0] else -1
+    while begin < len(theta) - 1:
+        angle = sign * theta[begin:]
+        back = np.flatnonzero(np.maximum.accumulate(angle) - angle > REVERSAL)
+        end = begin + (int(np.argmax(angle[: back[0]])) if len(back) else len(angle) - 1)
+        if end > begin:
+            yield slice(begin, end + 1)
+        elif not len(back):
+            return
+        begin, sign = end, -sign
+
+
+def _alike_a_turn_later(angle: Array, smooth: Array) -> NDArray[np.intp]:
+    """The longest run of rows at each angle of which the speed a turn before or later is as fast.
+
+    `angle` grows; `smooth` is its smoothed speed.
+    """
+    rising = np.maximum.accumulate(angle)
+    pairs = int(np.searchsorted(rising, rising[-1] - 2 * np.pi, "right"))
+    if pairs < 2:
+        return np.zeros(0, dtype=np.intp)
+    later = np.searchsorted(rising, rising[:pairs] + 2 * np.pi).clip(max=len(angle) - 1)
+    way = np.concatenate(([0.0], np.cumsum(smooth)))
+    mean = (way[later] - way[:pairs]) / np.maximum(later - np.arange(pairs), 1)  # over the turn
+    run = _longest(np.abs(smooth[later] - smooth[:pairs]) < ALIKE * np.abs(mean))
+    if len(run) < 2 or rising[run[-1]] - rising[run[0]] < 2 * np.pi * OVERLAP_LEAST:
+        return np.zeros(0, dtype=np.intp)
+    return np.arange(run[0], later[run[-1]] + 1)
 
 
 def _longest(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -102,14 +192,13 @@ def _longest(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.arange(starts[best], ends[best])
 
 
-def _part(log: Log, rows: NDArray[np.intp], omega: Array | None) -> Steady | None:
-    if len(rows) < 20:
+def _part(log: Log, rows: NDArray[np.intp]) -> Steady | None:
+    if len(rows) < ROWS_LEAST:
         return None
     theta = log["theta"][rows]
     turned = theta[-1] - theta[0]
-    if abs(turned) < 2 * math.pi * FEWEST_TURNS:
+    if abs(turned) < 2 * math.pi * TURNS_LEAST:
         return None
     speed = turned / (log.dt * (len(rows) - 1))
-    seen = omega[rows] if omega is not None else np.gradient(theta, log.dt)
     load = math.copysign(1, speed) * float(np.mean(log["i_q"][rows])) if "i_q" in log else math.nan
-    return Steady(log, rows, theta, seen, speed, load, float(np.std(seen)))
+    return Steady(log, rows, theta, speed, load)

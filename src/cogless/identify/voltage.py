@@ -1,4 +1,9 @@
-"""K_t and R from the voltage: u_q = R i_q + K_e omega, and a dead time's voltage against the current."""
+"""K_t and R from the voltage, u_q = R i_q + K_e omega + p omega L_d i_d, and what a bridge loses.
+
+What is not known enters the errors: below which current the bridge loses less, since the ripple of the
+current reverses it within a period, and whether the logged voltage is the one that the motor has, or that of
+a command which comes later, when the rotor has turned on.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import t as student
 
+from cogless.identify.advice import Advice, recording
 from cogless.identify.config import Identification
+from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.result import Value
-from cogless.identify.steady import steady
+from cogless.identify.steady import Steady, steady
 from cogless.study.datasheet_words import mixed_up
 
 FEWEST = 4  # steady parts, for three unknowns
@@ -19,12 +26,16 @@ RMS = math.sqrt(2)  # peak over rms
 WARMER = (RMS - 1) / 3.93e-3  # K, by which copper has so much more resistance
 RESOLVED = 0.1  # relative error of R, at most, that tells sqrt(2) from 1
 SPREAD = 2.0  # ratio of the fastest to the slowest, at least
+SOFT_SHARES = (0.1, 0.3)  # of the largest mean current: bands in which the bridge may lose less
+VOLTAGE_GAIN = 0.01  # relative error of an inverter's voltage
+CONFUSED = 0.1  # relative difference of K_t that warm magnets and the voltage's own gain may make
 
 
 def told(known: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | None:
     """K_t, N*m/A, by the back-EMF of the steady parts of these logs, and R, ohm; None: they don't tell it.
 
-    Errors at 95 % have what the parts leave unexplained, and 1 % at least for the inverter's gain.
+    Errors at 95 % have what the parts leave unexplained, 1 % for the inverter's gain, and how far the values
+    move with what is not known of the bridge and of the voltage's time.
     """
     whole = [log for log in logs if log.dt and {"u_q", "i_q", "theta"} <= log.signals.keys()]
     parts = [part for log in whole for part in steady(log)]
@@ -33,22 +44,44 @@ def told(known: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | No
         return None
     currents = np.array([part.current for part in parts])
     voltages = np.array([np.mean(part.log["u_q"][part.rows]) for part in parts])
-    # cogging may turn the current's sign within a part
-    signs = np.array([np.mean(np.sign(part.log["i_q"][part.rows])) for part in parts])
-    columns = np.column_stack((speeds, currents, signs))
+    star = known.motor.star()
+    direct = np.array([np.mean(part.log["i_d"][part.rows]) if "i_d" in part.log else 0.0 for part in parts])
+    electrical = star.pole_pairs * speeds
+    voltages -= electrical * star.L_d * direct
+    fitted = _fitted(speeds, currents, voltages, _lost(parts, 0.0))
+    if fitted is None:
+        return None
+    values, errors = fitted
+    drive = known.drive
+    periods = 0.5 + (drive.inverter.computation_delay if drive.inverter is not None else 1)
+    turned = electrical * periods / drive.rates.current_loop
+    advanced = (voltages + electrical * star.L_q * currents * np.sin(turned)) / np.cos(turned)
+    others = [_fitted(speeds, currents, advanced, _lost(parts, 0.0))] if np.all(np.abs(turned) < 1) else []
+    largest = float(np.max(np.abs(currents)))
+    others += [_fitted(speeds, currents, voltages, _lost(parts, share * largest)) for share in SOFT_SHARES]
+    moved = [np.zeros(3), *(other[0] - values for other in others if other is not None)]
+    wider = np.sqrt(errors**2 + (VOLTAGE_GAIN * values) ** 2 + np.max(np.abs(moved), axis=0) ** 2)
+    k_e, r = (Value(float(value), float(error)) for value, error in zip(values[:2], wider[:2], strict=True))
+    return k_e.times(star.K_t / (star.pole_pairs * star.psi_f)), r
+
+
+def _lost(parts: Sequence[Steady], band: float) -> Array:
+    """Mean sign of the current in each part; within the band, A, in proportion to it."""
+    currents = [part.log["i_q"][part.rows] for part in parts]
+    return np.array([np.mean(np.clip(i / band, -1, 1) if band else np.sign(i)) for i in currents])
+
+
+def _fitted(speeds: Array, currents: Array, voltages: Array, lost: Array) -> tuple[Array, Array] | None:
+    """K_e, R and the lost voltage with their errors at 95 %; None: these parts don't tell them apart."""
+    columns = np.column_stack((speeds, currents, lost))
     scale = np.linalg.norm(columns, axis=0)
     if np.linalg.matrix_rank(columns / scale, tol=1e-2) < 3:
         return None
-    found, *_ = np.linalg.lstsq(columns, voltages, rcond=None)
-    left = float(np.sum((voltages - columns @ found) ** 2)) / (len(parts) - 3)
-    covariance = left * np.linalg.inv(columns.T @ columns)
-    errors = student.ppf(0.975, len(parts) - 3) * np.sqrt(np.diag(covariance))
-    k_e, r = (
-        Value(float(value), float(np.hypot(error, 0.01 * value)))
-        for value, error in zip(found[:2], errors[:2], strict=True)
-    )
-    star = known.motor.star()
-    return k_e.times(star.K_t / (star.pole_pairs * star.psi_f)), r
+    values, *_ = np.linalg.lstsq(columns, voltages, rcond=None)
+    free = len(speeds) - 3
+    square = float(np.sum((voltages - columns @ values) ** 2)) / free
+    covariance = square * np.linalg.inv(columns.T @ columns)
+    return np.asarray(values), np.asarray(student.ppf(0.975, free) * np.sqrt(np.diag(covariance)))
 
 
 class Agreement(str):
@@ -66,11 +99,22 @@ def _of_k_t(known: Identification, told: Value) -> str:
     says = f"The voltage says K_t = {told.value:.4g} +- {told.error:.2g} N*m/A"
     if abs(told.value - given) <= told.error:
         return Agreement(f"{says}, as the file of columns has it ({given:.4g}).")
+    says += f"; the file of columns has {given:.4g}"
+    if abs(told.value - given) <= CONFUSED * given + told.error:
+        return (
+            f"{says}. Magnets that are 50 K warmer, or the gain of the voltage's measurement, make as much, "
+            "so it "
+            "is open which is right; all torques are in proportion to it."
+        )
+    if told.value <= 2 * told.error:
+        return f"{says}: the signs of u_q, of i_q and of the angle do not fit each other."
     times = max(given / told.value, told.value / given)
-    mixed = mixed_up(times, told.error / told.value) if told.value > 0 else ""
-    return (
-        f"{says}; the file of columns has {given:.4g}{mixed}: all torques are in proportion to it; correct "
-        "motor.K_t (per rms ampere it is K_t_rms) or kv."
+    mixed = mixed_up(times, told.error / told.value)
+    return Advice(
+        f"{says}{mixed}: all torques are in proportion to it; correct motor.K_t (per rms ampere it is "
+        "K_t_rms) or "
+        "kv.",
+        {"motor.K_t": f"{told.value:.6g} N*m/A"},
     )
 
 
@@ -80,7 +124,12 @@ def _of_r(known: Identification, told: Value) -> list[str]:
     if told.error > RESOLVED * told.value or abs(told.value - RMS * given) > told.error:
         return []
     return [
-        f"The voltage says R = {told.value:.3g} +- {told.error:.2g} ohm, sqrt(2) times that of the file of "
-        f"columns ({given:.3g}): i_q looks like rms amperes, unless the winding is {WARMER:.0f} K warmer; "
-        "multiply it by sqrt(2), and with it all torques."
+        Advice(
+            f"The voltage says R = {told.value:.3g} +- {told.error:.2g} ohm, sqrt(2) times that of the file "
+            "of "
+            f"columns ({given:.3g}): i_q is in rms amperes, which makes all torques sqrt(2) too small, or "
+            "the winding "
+            f"is {WARMER:.0f} K warmer; record i_a and i_b, which tell it.",
+            recording(signal="i_a"),
+        )
     ]

@@ -1,32 +1,43 @@
 """A study as a live page: one offline HTML file with engine and control laws inside, as WebAssembly."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from cogless.errors import StudyError
 from cogless.files import replacing
-from cogless.live import page
-from cogless.live.blobs import held, left_out
+from cogless.live import engine, page
+from cogless.live.blobs import held, left_out, precision
+from cogless.live.page import NO_LIMITS
 from cogless.study import AnyStudy
 
-__all__ = ["left_out", "render", "write"]
+__all__ = ["check", "left_out", "render", "write"]
 
 
-def render(study: AnyStudy, command: str, told: bool = False) -> str:
-    """The page as one HTML text. `command`: the one that runs the study.
-
-    `told`: for one's own motor: its values are changed in the study, so the controller is told, too.
-
-    StudyError: a study that has only laws that a page can't hold; no WebAssembly engine.
-    """
+def check(study: AnyStudy) -> None:
+    """StudyError: a study that has only laws that a page can't hold; no WebAssembly engine."""
     if not held(study):
         raise StudyError(
             f"{study.source.path}: live: expected a controller that a page can hold: {left_out(study)[0]}"
         )
-    return page.render(study, command, told)
+    engine.module(precision(study))
 
 
-def write(study: AnyStudy, path: Path, command: str, told: bool = False) -> None:
-    """Write the page; if this fails, no incomplete file is left. StudyError as in `render`."""
-    text = render(study, command, told)
+def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[str, str] = NO_LIMITS) -> str:
+    """The page as one HTML text. `command`: the one that runs the study.
+
+    `told`: for one's own motor: its values are changed in the study, so the controller is told, too.
+    `limits`: by scenario, what limits its best run; the page shows it until a value is changed.
+
+    StudyError as in `check`.
+    """
+    check(study)
+    return page.render(study, command, told, limits)
+
+
+def write(
+    study: AnyStudy, path: Path, command: str, told: bool = False, limits: Mapping[str, str] = NO_LIMITS
+) -> None:
+    """Write the page; if this fails, no incomplete file is left. StudyError as in `check`."""
+    text = render(study, command, told, limits)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -1,15 +1,18 @@
-"""Compile the engine and the control laws to WebAssembly: `python compile.py SOURCES FOLDER`.
+"""Compile the engine and the control laws to WebAssembly: `python compile.py SOURCES FOLDER [CACHE]`.
 
-SOURCES has control/src and simulator in it. Only the standard library and ziglang are needed, so that the
-build of a wheel can run this file, too.
+SOURCES has control/src and simulator in it. What CACHE has of the same sources is not compiled again. Only
+the standard library and ziglang are needed, so that the build of a wheel can run this file, too.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -57,6 +60,30 @@ def _zig(arguments: list[str]) -> None:
         raise CompileError(next((line for line in lines if "error" in line), lines[0]))
 
 
+def cached(cache: Path, sources: Path, precision: str) -> Path:
+    """Where a cache has the module of these sources and options, if it has it."""
+    digest = hashlib.sha256(" ".join(FLAGS).encode())
+    for path in _files(sources):
+        digest.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())
+    return cache / f"{digest.hexdigest()[:16]}-{NAMES[precision]}"
+
+
+def _files(sources: Path) -> Iterator[Path]:
+    for folder in ("control/src", "simulator"):
+        yield from sorted(path for path in (sources / folder).rglob("*") if path.is_file())
+
+
+def main(sources: Path, folder: Path, cache: Path | None = None) -> None:
+    """Write the modules of both precisions into a folder, and into the cache what it lacks."""
+    for precision, name in NAMES.items():
+        module = cached(cache, sources, precision) if cache else folder / name
+        if not (cache and module.is_file()):
+            unfinished = module.with_suffix(f".{os.getpid()}")
+            compiled(sources, unfinished, precision)
+            unfinished.replace(module)
+        if cache:
+            shutil.copyfile(module, folder / name)
+
+
 if __name__ == "__main__":
-    for one, name in NAMES.items():
-        compiled(Path(sys.argv[1]), Path(sys.argv[2]) / name, one)
+    main(*map(Path, sys.argv[1:]))

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 from cogless.errors import StudyError, say
 from cogless.files import control_sources, package_folders, replacing
-from cogless.live.compile import FLAGS, NAMES, CompileError, compiled
+from cogless.live.compile import NAMES, CompileError, cached, compiled
 
 NO_COMPILER = (
     "live: this build has no engine for pages: run `make web`, or pip install 'cogless[web]' for the "
@@ -28,7 +26,7 @@ def module(precision: str) -> bytes:
         if shipped.is_file():
             return shipped.read_bytes()
     sources = control_sources().parents[1]
-    kept = _cache() / f"{_state(sources)}-{NAMES[precision]}"
+    kept = cached(_cache(), sources, precision)
     if not kept.is_file():
         if importlib.util.find_spec("ziglang") is None:
             raise StudyError(NO_COMPILER)
@@ -46,22 +44,9 @@ def is_there(precision: str) -> bool:
     """Whether the module needs no compiling."""
     sources = control_sources().parents[1]
     places = [folder / "live" / NAMES[precision] for folder in package_folders()]
-    return any(place.is_file() for place in (*places, _cache() / f"{_state(sources)}-{NAMES[precision]}"))
+    return any(place.is_file() for place in (*places, cached(_cache(), sources, precision)))
 
 
 def _cache() -> Path:
     given = os.environ.get("XDG_CACHE_HOME")
     return (Path(given) if given else Path.home() / ".cache") / "cogless"
-
-
-def _state(sources: Path) -> str:
-    """What tells these sources and options from others."""
-    found = hashlib.sha256(" ".join(FLAGS).encode())
-    for path in _files(sources):
-        found.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()[:16]
-
-
-def _files(sources: Path) -> Iterator[Path]:
-    for folder in ("control/src", "simulator"):
-        yield from sorted(path for path in (sources / folder).rglob("*") if path.is_file())

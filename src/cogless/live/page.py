@@ -6,6 +6,7 @@ import base64
 import gzip
 import hashlib
 import json
+from collections.abc import Mapping
 from html import escape
 from string import Template
 from typing import Any
@@ -31,6 +32,7 @@ from cogless.study.trial_controller import TrialLaw
 from cogless.units import NONE, factor
 from cogless.versions import versions
 
+NO_LIMITS: Mapping[str, str] = {}
 COLOURS = 8  # as in the report
 FORBID = (
     "default-src 'none'; script-src {scripts} 'wasm-unsafe-eval'; style-src {styles}; worker-src blob:; "
@@ -38,9 +40,10 @@ FORBID = (
 )
 
 
-def render(study: AnyStudy, command: str, told: bool = False) -> str:
+def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[str, str] = NO_LIMITS) -> str:
     """The page as one HTML text. `command`: the one that runs the study, without changes made in the page.
 
+    `limits`: by scenario, what limits its best run, where that was looked for.
     `told`: the motor's values are changed in the study, so that the controller is told, not in an override.
 
     StudyError: no WebAssembly engine, or no run that a page can hold.
@@ -48,7 +51,7 @@ def render(study: AnyStudy, command: str, told: bool = False) -> str:
     module = engine.module(precision(study))
     found = adjustable(study, told)
     blocks = {
-        "data": json.dumps(data(study, found, command), separators=(",", ":"), allow_nan=False),
+        "data": json.dumps(data(study, found, command, limits), separators=(",", ":"), allow_nan=False),
         "engine": base64.b64encode(gzip.compress(module, mtime=0)).decode(),
     }
     scripts = {
@@ -90,7 +93,9 @@ def _hashes(texts: Any) -> str:
     )
 
 
-def data(study: AnyStudy, found: Found, command: str) -> dict[str, Any]:
+def data(
+    study: AnyStudy, found: Found, command: str, limits: Mapping[str, str] = NO_LIMITS
+) -> dict[str, Any]:
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
@@ -109,6 +114,7 @@ def data(study: AnyStudy, found: Found, command: str) -> dict[str, Any]:
                 "name": scenario,
                 "controllers": [c for s, c in pairs if s == scenario],
                 "metrics": [_metric(study, scenario, metric) for metric in study.metrics_in(scenario)],
+                "limit": limits.get(scenario, ""),
                 **_about(study, scenario),
             }
             for scenario in dict.fromkeys(scenario for scenario, _ in pairs)

@@ -42,7 +42,7 @@ PARTS = """
 bool pil_measure(${name}_controller *controller, const cgl_measurement *now, const cgl_reference *reference)
 {
     cgl_drive *drive = &controller->drive;
-${correct}    const bool due = cgl_drive_measure(drive, ${measured_now}, reference);
+    const bool due = cgl_drive_measure(drive, now, reference);
     pil_exchange.over_bus[0] = drive->monitor.theta_m;
     pil_exchange.over_bus[1] = drive->monitor.omega_m;
     return due;

@@ -4,21 +4,27 @@ from pathlib import Path
 
 from cogless.files import replacing
 from cogless.report import page, png
+from cogless.report.best_runs import is_quick, with_limits
 from cogless.report.comparison import Line, compare, runs_in
+from cogless.report.limits import remark
 from cogless.report.sections import Sections
 from cogless.report.speed import SPEED
 from cogless.report.trials import TRIALS
 from cogless.report.verdict import ScenarioVerdict
-from cogless.results import AnyResults, TrialResults
+from cogless.results import AnyResults, Results, TrialResults
+from cogless.study.remark import Remark
 
 __all__ = [
     "Line",
     "ScenarioVerdict",
     "broken",
     "compare",
+    "is_quick",
+    "limit",
     "lines",
     "render",
     "verdicts",
+    "with_limits",
     "write",
     "write_plots",
 ]
@@ -43,6 +49,13 @@ def broken(results: AnyResults, scenario: str) -> str | None:
     """A sentence or two on the faults in a scenario and their effects; None if it has no faults."""
     found = _sections(results).verdict(results, runs_in(results, scenario))
     return found.headline if found is not None and found.told else None
+
+
+def limit(results: AnyResults, scenario: str) -> Remark | None:
+    """What limits a scenario's best run; None if that wasn't looked for, or nothing stands out."""
+    if not isinstance(results, Results) or scenario not in results.limits:
+        return None
+    return remark(results.study, results.limits[scenario])
 
 
 def render(results: AnyResults) -> str:

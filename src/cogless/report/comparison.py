@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
+from cogless.design.closed_loop import Linear
+from cogless.design.feedback import feedback_of
 from cogless.design.ripple import WORSE
 from cogless.design.warnings import likely_harm
 from cogless.report.packing import number
@@ -25,6 +27,7 @@ from cogless.results.status import Status
 from cogless.study import Study
 from cogless.study.base import StudyBase
 from cogless.study.metric import Metric
+from cogless.study.remark import Remark
 from cogless.study.spoken import spoken_unit
 from cogless.units import ANGULAR_SPEED, factor
 
@@ -232,6 +235,13 @@ def not_judged(lines: Sequence[Line]) -> list[str]:
     ]
 
 
+def error_metric(study: StudyBase) -> Remark:
+    """The metric that judges a speed whose reference varies, with the study's own before it."""
+    metric = {"name": "speed_error", "kind": "rms", "signal": "omega_error"}
+    own = study.source.tables.get("metric", [])
+    return Remark('add a metric of kind = "rms" and signal = "omega_error"', ({"metric": [*own, metric]},))
+
+
 def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
     """Remarks on controllers whose learning the guard held back in the window of a metric, one for each."""
     found: dict[str, tuple[str, list[Line]]] = {}
@@ -247,8 +257,13 @@ def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
 
 
 def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
-    """How much worse than a baseline that doesn't learn it is there, and why, by design; "" if it isn't."""
-    base = study.baseline
+    """How much worse than the same feedback without learning it is there, and why, by design; "" if it isn't.
+
+    Without a run of that feedback nobody knows what learning does: then it is compared with a baseline that
+    doesn't learn, as what it is.
+    """
+    own = _own_feedback(study, controller, lines)
+    base = study.baseline if own is None else own
     if study.controller[base].learns:
         return ""
     # who lost the speed by it counts, too
@@ -257,9 +272,34 @@ def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
     worst = max(ratios, key=lambda quantity: ratios[quantity], default="")
     if not worst or ratios[worst] <= WORSE:
         return ""
+    much = f"{number(ratios[worst])} times the {worst} of {study.label(base)}"
+    if own is None:
+        return f"what is left there is {much}, whose feedback is another"
     why = likely_harm(study, controller) if isinstance(study, Study) else None
-    harm = f"learning does harm here, {number(ratios[worst])} times the {worst} of {study.label(base)}"
-    return f"{harm} ({why})" if why else harm
+    return f"learning does harm here, {much}{f' ({why})' if why else ''}"
+
+
+def _own_feedback(study: StudyBase, controller: str, lines: Sequence[Line]) -> str | None:
+    """A controller that doesn't learn, with the same feedback; None if the lines have none."""
+    if not isinstance(study, Study):
+        return None
+    mine = _feedback(study, controller)
+    shown = dict.fromkeys(name for line in lines for name in line.values)
+    first = sorted(shown, key=lambda name: name != study.baseline)
+    alike = (name for name in first if not study.controller[name].learned)
+    return next((name for name in alike if mine is not None and _feedback(study, name) == mine), None)
+
+
+def _feedback(study: Study, name: str) -> tuple[Linear, ...] | None:
+    """A controller's feedback at rest and at its top speed, to six digits; None for a user's own law."""
+    top = max((study.scenario[key].top_reference for key in study.scenarios_of(name)), default=0.0)
+    found = [feedback_of(study, name, omega) for omega in (0.0, top)]
+    rounded = [
+        Linear(each.ratio, *(float(f"{value:.6g}") for value in astuple(each)[1:]))
+        for each in found
+        if each is not None
+    ]
+    return tuple(rounded) or None
 
 
 def misses(lines: Sequence[Line]) -> dict[str, str]:

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from cogless.files import replacing
-from cogless.identify.diagnosis import SHOWN, TURN, Diagnosis, answer, shown
+from cogless.identify.diagnosis import SHOWN, TURN, Diagnosis, answer, shown, sizes
 from cogless.report.identified import page_of, sentences
 from cogless.report.markup import note, table
 
@@ -23,7 +23,7 @@ def write_report(made: Diagnosis, path: Path) -> None:
 def render(made: Diagnosis) -> str:
     """The report as one HTML text that needs nothing else. All of the user's text is escaped."""
     sections = [
-        ("Where the ripple comes from", note(answer(made)) + _bars(made)),
+        ("Where the ripple comes from", note(answer(made)) + _bars(made) + _logs(made)),
         ("Orders", _orders(made)),
         ("What stays open, and what to record next", sentences(made.said)),
     ]
@@ -48,6 +48,12 @@ def _bars(made: Diagnosis) -> str:
     )
     box = f'viewBox="0 0 720 {high * len(made.whole)}" role="img" aria-label="Shares of the causes"'
     return f'<p class="note">{key}</p><svg class="picture" {box}>{rows}</svg>'
+
+
+def _logs(made: Diagnosis) -> str:
+    """The ripple of each log and what of it is measurement, or what else the log is used for."""
+    ripples = [f"{log}: {sizes(made, log)}" for log in made.whole]
+    return sentences([*ripples, *(f"{log}: {use}" for log, use in made.uses.items())])
 
 
 def _orders(made: Diagnosis) -> str:

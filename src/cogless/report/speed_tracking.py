@@ -6,9 +6,10 @@ import numpy as np
 
 from cogless.report.packing import Array, number, rms
 from cogless.report.status_lanes import active
+from cogless.report.verdict import listed
 from cogless.results import Results, Run
 from cogless.results.metrics import window_of
-from cogless.results.status import Status
+from cogless.results.status import NOTICED, Status
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
 
@@ -16,6 +17,11 @@ FAR = 0.05  # of the reference's mean magnitude: beyond this the mean speed is o
 LOST = 0.5  # error rms / reference rms; above this the speed doesn't follow a reference of zero mean
 DRIFT = 0.1  # rad/s, largest error rms if the reference is zero all the time
 MOSTLY = 0.5  # of the rows
+MONITOR_EFFECTS = {
+    Status.OFF: "has the output off",
+    Status.ANGLE_LOST: "doesn't believe the measured speed",
+}
+MONITORED = 0.1  # of the rows: less is a fault that a speed outlives
 AT_LIMIT = ", at the limit of current or voltage"
 ONE_WAY = 0.1  # of a reference's mean magnitude: a smaller mean counts as zero
 
@@ -56,7 +62,8 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
     """How the speed missed its reference, such as "mean 0 of 60 rpm"; None if it was held.
 
     It is missed only if it is off over all the rows and over their second half. So a start-up at the
-    beginning doesn't count, nor does a slow ripple. Where most of that half was at a limit, this is told too.
+    beginning doesn't count, nor does a slow ripple. Where the monitor stopped the drive, or most of that half
+    was at a limit, this is told too.
     """
     scale = factor(unit, ANGULAR_SPEED)
     reference, speed = (run.trace.part(x, rows) / scale for x in ("omega_ref", "omega_m"))
@@ -66,7 +73,24 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
     if not all(found):
         return None
     limited = np.mean(active(run, Status.SATURATED, rows)[half]) > MOSTLY
-    return found[0] + (AT_LIMIT if limited else "")
+    return found[0] + (_monitored(run, rows) or (AT_LIMIT if limited else ""))
+
+
+def _monitored(run: Run, rows: slice) -> str:
+    """What the monitor did to the drive in these rows, by which checks and since when; "" if little."""
+    for bits, effect in MONITOR_EFFECTS.items():
+        acting = active(run, bits, rows)
+        if not len(acting) or np.mean(acting) < MONITORED:
+            continue
+        checks = [
+            f"{name}, status bit {bit.value}"
+            for bit, name in NOTICED.items()
+            if active(run, bit, rows)[acting].any()
+        ]
+        since = float(run.trace.time[int(np.argmax(active(run, bits)))])
+        share, why = 100 * np.mean(acting), f": {listed(checks)}" if checks else ""
+        return f" (the monitor {effect} {share:.0f} % of the time, first at {since:.3g} s{why})"
+    return ""
 
 
 def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:

@@ -13,20 +13,25 @@ from cogless.report.comparison import (
     VARIES,
     Line,
     compare,
+    error_metric,
     held_back,
     misses,
     pretty,
     remarks,
+    runs_in,
     speed_unit,
 )
 from cogless.report.faults import account
 from cogless.report.growth import sentences as growing
 from cogless.report.growth import worsened
+from cogless.report.limits import remark
 from cogless.report.paths import varies_in
 from cogless.report.sensor import Sensor, sensor
 from cogless.report.verdict import CLEARLY, Contest, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Results, Run
 from cogless.study import Study
+from cogless.study.metric import Metric
+from cogless.study.remark import Remark
 from cogless.units import ANGULAR_SPEED, convert, factor
 
 COST = 0.01  # relative; a metric that gets worse by less isn't reported as a cost
@@ -89,47 +94,93 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     return replace(broken, tone=worst(broken.tone, compared.tone), details=details)
 
 
-def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
-    """The verdict by comparing the controllers' metrics; None if no metric is better when lower."""
-    scenario, baseline = runs[0].scenario, results.study.baseline
+def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] | None:
+    """The best run of a scenario, with the metric and its order by which it is the best; None: none is."""
+    runs = runs_in(results, scenario)
+    basis = _basis(results, runs)
+    if basis.line is None or basis.unjudged:
+        return None
+    case, _ = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, basis.line), None)
+    best = next(iter(case.ranked or case.held), None)
+    if best is None:
+        return None
+    metric = next(m for m in results.study.metrics_in(scenario) if m.name == basis.line.name)
+    return next(run for run in runs if run.controller == best), metric, basis.line.order
+
+
+@dataclass(frozen=True)
+class _Basis:
+    """What a scenario can be judged by. `known`: lines of metrics that are better when lower; `lines`: those
+    of them that tell something of a controller; `line`: the one to judge by."""
+
+    where: str
+    known: Sequence[Line]
+    lines: Sequence[Line]
+    line: Line | None
+
+    @property
+    def unjudged(self) -> bool:
+        """Whether only lines that don't show the rotor are left, since the others tell nothing."""
+        shows = self.line is not None and (self.line.signal or "").startswith(("omega", "theta"))
+        return len(self.lines) < len(self.known) and not shows
+
+
+def _basis(results: Results, runs: Sequence[Run]) -> _Basis:
+    scenario, baseline, trace = runs[0].scenario, results.study.baseline, runs[0].trace
     known = [line for line in compare(results, scenario) if line.better == "lower"]
     lines = [line for line in known if not line.unjudged]
-    trace = runs[0].trace
     moves = len(trace) > 0 and varies_in(trace, "omega_ref", len(trace) // 4)  # a start-up aside
     last = trace.part("omega_ref", slice(-1, None))
     line = _latest(results, scenario, _decisive(lines, baseline, moves), lines)
-    at = f"In {scenario}" if moves or not len(trace) else _speed(results, float(last[0]))
-    if len(lines) < len(known) and (line is None or not (line.signal or "").startswith(("omega", "theta"))):
-        return _nothing_judged(results, scenario, at, known)
-    if line is None:
+    where = f"In {scenario}" if moves or not len(trace) else _speed(results, float(last[0]))
+    return _Basis(where, known, lines, line)
+
+
+def _case(results: Results, runs: Sequence[Run], basis: _Basis) -> _Case:
+    assert basis.line is not None
+    worse = {} if results.study.baseline in basis.line.missed else worsened(results, runs)
+    return _Case(results.study, basis.where, basis.lines, basis.line, worse)
+
+
+def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
+    """The verdict by comparing the controllers' metrics; None if no metric is better when lower."""
+    scenario, baseline = runs[0].scenario, results.study.baseline
+    basis = _basis(results, runs)
+    if basis.unjudged:
+        return _nothing_judged(results, scenario, basis.where, basis.known)
+    if basis.line is None:
         return None
-    worse = {} if baseline in line.missed else worsened(results, runs)
-    case = _Case(results.study, at, lines, line, worse)
-    case, own = _by_what_is_seen(case, sensor(results, scenario, line))
+    line = basis.line
+    limited = remark(results.study, results.limits[scenario]) if scenario in results.limits else None
+    case, own = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, line), limited)
     tone, headline = _headline(case)
     unlearned = [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
     unlearned += [f"{line[0].upper()}{line[1:]}." for line in held_back(results.study, [case.line])]
     if len(line.values) < 2 or baseline not in line.values:
         details = ["There is nothing to compare.", own, *unlearned, *_failures(case)]
     else:
-        details = [own, *unlearned, *growing(results, runs, worse), _strongest_order(case)]
+        details = [own, *unlearned, *growing(results, runs, case.worsened), _strongest_order(case)]
         if len(case.ranked) > 1:
             details += [_without_learning(case), _against_the_next(case), _costs(case)]
         details += [_rest(case), *_failures(case)]
+    details = [str(limited or ""), *details]
     return ScenarioVerdict(scenario, tone, headline, [sentence for sentence in details if sentence])
 
 
 def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Line]) -> ScenarioVerdict:
     """What is said where only metrics are left that tell nothing of a controller."""
     why = next(line.unjudged for line in lines if line.unjudged)
-    wants = '; add a metric of kind = "rms" and signal = "omega_error"' if why == VARIES else ""
+    wants = f"; {error_metric(results.study)}" if why == VARIES else ""
     found = remarks(results.study, [replace(line, unjudged="") for line in lines])
     details = [f"{remark[0].upper()}{remark[1:]}." for remark in found]
     return ScenarioVerdict(scenario, "even", f"{at}, no speed is judged: {why}{wants}.", details)
 
 
-def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
-    """The case judged by measured values if the sensor's own error dominates, and a sentence about this."""
+def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None) -> tuple[_Case, str]:
+    """The case judged by measured values if the sensor's own error dominates, and a sentence about this.
+
+    `limited`: what limits the best, with the sensor's share by a run without its error, told before.
+    """
     blurred = [c for c in case.held if part is not None and part.dominates(c)]
     if part is None or not blurred:
         return case, ""
@@ -137,7 +188,8 @@ def _by_what_is_seen(case: _Case, part: Sensor | None) -> tuple[_Case, str]:
     whose = "the sensor's own error, which no law can see (its share of the square)"
     own = f"Most of the true {case.line.quantity} is {whose}: {values}."
     if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
-        return case, f"{own} As measured there is left: {case.shown(blurred, part.seen)}."
+        left = f"As measured there is left: {case.shown(blurred, part.seen)}."
+        return case, left if limited else f"{own} {left}"
     lines = [part.seen if line is case.line else line for line in case.lines]
     return replace(case, line=part.seen, lines=lines), own
 

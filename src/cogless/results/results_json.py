@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cogless.files import replacing
 from cogless.results.fault_response import Response
 from cogless.results.metrics import Value, result_name
-from cogless.results.runs import AnyResults, TrialResults
+from cogless.results.runs import AnyResults, Results, TrialResults
 from cogless.versions import versions
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def to_dict(results: AnyResults) -> dict[str, Any]:
             }
             for run in results.runs
         ],
+        **(_limits(results) if isinstance(results, Results) else {}),
     }
 
 
@@ -63,6 +64,37 @@ def write(results: AnyResults, path: Path, files: Mapping[str, str] | None = Non
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _limits(results: Results) -> dict[str, Any]:
+    """What limits each scenario's best run; shares are of the metric's square, values in its SI unit."""
+    if not results.limits:
+        return {}
+    found = [
+        {
+            "scenario": each.scenario,
+            "controller": each.controller,
+            "metric": each.metric,
+            **({} if each.order is None else {"order": each.order}),
+            "value": each.value,
+            "causes": [
+                {"cause": cause.name, "without": cause.value, "share": cause.share} for cause in each.causes
+            ],
+            "untried": list(each.untried),
+            "without_all": each.together,
+            "tried": [
+                {
+                    "against": cure.cause,
+                    "set": as_json(dict(cure.changes)),
+                    "value": cure.value,
+                    "costs": dict(cure.costs),
+                }
+                for cure in each.cures
+            ],
+        }
+        for each in results.limits.values()
+    ]
+    return {"limits": found}
 
 
 def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from cogless.results.fault_response import Response
+from cogless.results.limits import Limits
 from cogless.results.metrics import Value
 from cogless.results.trace import Trace
 
@@ -65,9 +66,10 @@ class AnyResults:
 
 @dataclass(frozen=True, eq=False)
 class Results(AnyResults):
-    """Results of a speed study."""
+    """Results of a speed study. `limits`: what limits a scenario's best run, where that was looked for."""
 
     study: Study
+    limits: Mapping[str, Limits] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,9 +54,15 @@ def carried_out(planned: Plan, progress: Progress, stop: Event, room: TraceRoom 
 class _Lane:
     """A run that goes on beside others. `error`: why it failed."""
 
-    def __init__(self, planned: Plan) -> None:
+    def __init__(self, planned: Plan, room: TraceRoom | None) -> None:
         self.planned, self.state, self.error = planned, planned.start(), ""
-        self.recorder = planned.engine.Recorder(planned.drive, planned.decimation, planned.rows)
+        rows = planned.rows
+        self.file = room.file(planned.drive.signals, rows) if room is not None else None
+        self.recorder = planned.engine.Recorder(planned.drive, planned.decimation, 0 if self.file else rows)
+
+    def after_a_piece(self) -> None:
+        if self.file is not None and not self.error:
+            self.file.append(self.recorder.take())
 
     def outcome(self, lanes: int) -> Run | StudyError:
         """The finished run, or why it failed."""
@@ -66,12 +72,16 @@ class _Lane:
                 with failures(*planned.names, lambda: planned.when(state.tick)):
                     if self.error:
                         raise RuntimeError(self.error)
-                return _finished(planned, state, trace_of(planned.drive, self.recorder), lanes)
+                file = self.file
+                trace = trace_of(planned.drive, self.recorder) if file is None else file.trace()
+                return _finished(planned, state, trace, lanes)
         except StudyError as error:
             return error
 
 
-def carried_out_together(plans: Sequence[Plan], stop: Event) -> list[Run | StudyError]:
+def carried_out_together(
+    plans: Sequence[Plan], stop: Event, room: TraceRoom | None
+) -> list[Run | StudyError]:
     """Run plans of one engine in step, as many as it has lanes at a time, and the others alone.
 
     A run's numbers are those that it gives alone, bit for bit. Returns each plan's run, or why it failed.
@@ -79,10 +89,12 @@ def carried_out_together(plans: Sequence[Plan], stop: Event) -> list[Run | Study
     first = plans[0]
     width = first.engine.lane_kernels()[0][1]
     beside = [plan for plan in plans if _goes_with(plan, first)][:width] or [first]
-    outcomes = {id(plan): outcome for plan, outcome in zip(beside, _outcomes(beside, stop), strict=True)}
+    outcomes = {
+        id(plan): outcome for plan, outcome in zip(beside, _outcomes(beside, stop, room), strict=True)
+    }
     others = [plan for plan in plans if id(plan) not in outcomes]
     if others:
-        rest = carried_out_together(others, stop)
+        rest = carried_out_together(others, stop, room)
         outcomes |= {id(plan): outcome for plan, outcome in zip(others, rest, strict=True)}
     return [outcomes[id(plan)] for plan in plans]
 
@@ -96,14 +108,14 @@ def _goes_with(plan: Plan, other: Plan) -> bool:
     )
 
 
-def _outcomes(plans: Sequence[Plan], stop: Event) -> list[Run | StudyError]:
+def _outcomes(plans: Sequence[Plan], stop: Event, room: TraceRoom | None) -> list[Run | StudyError]:
     if len(plans) == 1:
         try:
-            return [carried_out(plans[0], lambda share: None, stop, None)]
+            return [carried_out(plans[0], lambda share: None, stop, room)]
         except StudyError as error:
             return [error]
     engine = plans[0].engine
-    lanes = [_Lane(plan) for plan in plans]
+    lanes = [_Lane(plan, room) for plan in plans]
 
     def step(ticks: int) -> None:
         running = [lane for lane in lanes if not lane.error]
@@ -117,7 +129,11 @@ def _outcomes(plans: Sequence[Plan], stop: Event) -> list[Run | StudyError]:
             for lane, error in zip(running, errors, strict=True):
                 lane.error = error
 
-    advance(step, plans[0].ticks, lambda share: None, stop)
+    def after_a_piece(share: float) -> None:
+        for lane in lanes:
+            lane.after_a_piece()
+
+    advance(step, plans[0].ticks, after_a_piece, stop)
     return [lane.outcome(len(lanes)) for lane in lanes]
 
 

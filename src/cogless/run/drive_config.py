@@ -18,7 +18,7 @@ from cogless.design.position import harmonic_gains, position_gains
 from cogless.design.space_bounds import learned_limits
 from cogless.errors import StudyError
 from cogless.run.known_drive import known_drive
-from cogless.run.monitor_defaults import monitor_config, quality_config
+from cogless.run.monitor_defaults import monitor_config, quality_config, sensor_ratio
 from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.controller import Feedback, LawLoop, Learning, LibraryLaw, PythonLaw
 from cogless.study.drive import Drive
@@ -63,7 +63,7 @@ def engine_config(study: Study, scenario: str, controller: str, mode: Mode = "ru
             study_here.drive,
             study.motor.star(),
             motor,
-            study.mechanics.stiff.inertia,
+            study.mechanics,
             study.controller[controller].learns,
         ),
         "controller": _controller(study, study_here, controller, mode),
@@ -111,15 +111,15 @@ def _torque_mode(mode: TorqueMode | None) -> dict[str, Any] | None:
 
 
 def drive_config(
-    drive: Drive, motor: StarMotor, driven: StarMotor, inertia: float, learns: bool
+    drive: Drive, motor: StarMotor, driven: StarMotor, mechanics: Mechanics, learns: bool
 ) -> dict[str, Any]:
     """The engine's description of a drive.
 
     `motor`: the study's motor, from which parameters that a belief leaves out are taken. `driven`: the motor
-    in this run, with overrides. `inertia`: as the controller assumes it, kg m^2. `learns`: the law learns
-    while it runs, so that it needs a guard.
+    in this run, with overrides. `mechanics`: as the controller assumes them. `learns`: the law learns while
+    it runs, so that it needs a guard.
     """
-    values = control_config(drive, motor, driven, learns)
+    values = control_config(drive, motor, driven, mechanics, learns)
     config = {
         "current_rate": round(drive.rates.current_loop),
         "integration_steps": drive.rates.integration_steps,
@@ -127,7 +127,7 @@ def drive_config(
         "position_sensor": sensor_fields(drive.position_sensor, driven.pole_pairs),
         "current_sensors": drive.current_sensors.model_dump(),
     }
-    table = encoder_table_config(drive, motor, inertia)
+    table = encoder_table_config(drive, motor, mechanics)
     if table is not None:
         config["encoder_table"] = control_layout(drive.precision).pack("cgl_encoder_table_config", table)
     if drive.speed_filter is not None:
@@ -142,19 +142,21 @@ def drive_config(
     return config | {"inverter": drive.inverter.model_dump()}
 
 
-def encoder_table_config(drive: Drive, motor: StarMotor, inertia: float) -> dict[str, Any] | None:
-    """Members of the C struct cgl_encoder_table_config; None: the sensor is believed."""
+def encoder_table_config(drive: Drive, motor: StarMotor, mechanics: Mechanics) -> dict[str, Any] | None:
+    """Members of the C struct cgl_encoder_table_config, of the sensor's own revolution; None: the sensor is
+    believed."""
     table = drive.encoder_table
     if table is None:
         return None
     K_t = motor.power_factor * motor.pole_pairs * drive.belief.resolved(motor).psi_f
+    ratio = sensor_ratio(drive, mechanics)
     return {
         "orders": len(table.orders),
         "order": list(table.orders),
         "gain": 1 / table.time_constant,
-        "omega_min": table.omega_min,
-        "bandwidth": table.bandwidth,
-        "b": K_t / inertia,
+        "omega_min": table.omega_min / ratio,
+        "bandwidth": table.bandwidth / ratio,
+        "b": K_t / mechanics.stiff.inertia / ratio,
         "limit": table.limit,
     }
 
@@ -176,7 +178,9 @@ def dead_time_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[
     }
 
 
-def control_config(drive: Drive, motor: StarMotor, driven: StarMotor, learns: bool) -> dict[str, Any]:
+def control_config(
+    drive: Drive, motor: StarMotor, driven: StarMotor, mechanics: Mechanics, learns: bool
+) -> dict[str, Any]:
     """Members of the C struct cgl_drive_config. With an ideal current loop, only the limit in `foc` is
     used."""
     loop, belief = drive.current_loop, drive.belief.resolved(motor)
@@ -196,7 +200,7 @@ def control_config(drive: Drive, motor: StarMotor, driven: StarMotor, learns: bo
             "psi_f": belief.psi_f,
             "phases": driven.phases,
         },
-        "monitor": monitor_config(drive, motor, belief),
+        "monitor": monitor_config(drive, motor, belief, mechanics),
         "quality": quality_config(drive),
     }
 

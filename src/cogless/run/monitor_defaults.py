@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from cogless.study.drive import Drive, IdealCurrentLoop, StarBelief
+from cogless.study.mechanics import Mechanics
 from cogless.study.motor import StarMotor
 from cogless.study.numerics import no_load_speed
 from cogless.study.position_sensor import Counted, Hall
@@ -18,26 +19,42 @@ SPEED_MARGIN = 1.5  # of the no-load speed
 CURRENT_MARGIN = 2.0  # of the current limit
 SUM_SHARE = 0.5  # of the current limit
 STUCK_ANGLE = 0.5  # rad
+STUCK_STEPS = 4.0  # of the sensor: a quarter of it, at which the angle is doubted, is a step
 STUCK_TIME = 0.1  # s
+STUCK_TORQUE = 0.1  # of the largest torque: a load that leaves less to turn the rotor counts as blocking it
+OBSERVER_PEAK = (
+    0.80  # of bandwidth times a step of the angle, which shows as a speed: largest (3x - x^2) e^-x
+)
 BRIDGE = 5e-3  # s
 SETTLED = 10.0  # time constants after which an observer has forgotten a jump to a part in a thousand
 HOLD = 10e-3  # s
 
 
-def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[str, float]:
+def sensor_ratio(drive: Drive, mechanics: Mechanics) -> float:
+    """The drive's angle over that of its position sensor: the gear's ratio, if that sits on the load."""
+    return 1.0 if drive.position_sensor.side == "motor" else mechanics.ratio
+
+
+def monitor_config(
+    drive: Drive, motor: StarMotor, belief: StarBelief, mechanics: Mechanics
+) -> dict[str, float]:
     """Members of the C struct cgl_monitor_config.
 
     Only pole pairs and phases are taken from `motor`; its other parameters are those in `belief`.
     """
     sensor, loop = drive.position_sensor, drive.current_loop
     period = 1 / drive.rates.current_loop
-    step, window = 0.0, 0.0
+    step, window, resolution = 0.0, 0.0, 0.0
     if isinstance(sensor, Counted):
-        # an angle jump is in the counts of one law period, and the speed from them is used in the next period
+        # an angle jump is in the counts of one law period, and the speed from them is used in the next
+        step, periods = sensor.step * sensor_ratio(drive, mechanics), sensor.periods(drive.rates.divider)
         held = 1 if sensor.speed_method == "average" else 2
-        step, window = sensor.step, held * sensor.periods(drive.rates.divider) * period
+        window = held * periods * period
         if sensor.bandwidth:
             window = SETTLED / sensor.bandwidth
+            resolution = OBSERVER_PEAK * sensor.bandwidth * step
+        elif not sensor.timed:
+            resolution = step / (periods * period)
     elif isinstance(sensor, Hall):
         # an edge may be placed half a sector late, and the angle jumps there
         step, window = 1.5 * sensor.step(motor.pole_pairs), 2 * drive.rates.divider * period
@@ -47,8 +64,8 @@ def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[s
         "omega_max": 0.0,
         "angle_step": step,
         "speed_window": window,
-        "stuck_angle": STUCK_ANGLE + 2 * step,
-        "stuck_time": STUCK_TIME,
+        "stuck_angle": max(STUCK_ANGLE + 2 * step, STUCK_STEPS * step),
+        "stuck_time": max(STUCK_TIME, _step_time(drive, motor, belief, mechanics, step)),
         "current_max": 0.0,
         "current_sum": 0.0,
         "bridge": BRIDGE,
@@ -56,12 +73,24 @@ def monitor_config(drive: Drive, motor: StarMotor, belief: StarBelief) -> dict[s
         "phases": 0 if drive.ideal else motor.phases,
     }
     if drive.inverter is not None and not isinstance(loop, IdealCurrentLoop):
-        derived["omega_max"] = SPEED_MARGIN * no_load_speed(drive.inverter.bus_voltage, motor, belief.psi_f)
+        no_load = no_load_speed(drive.inverter.bus_voltage, motor, belief.psi_f)
+        derived["omega_max"] = max(SPEED_MARGIN * no_load, no_load + resolution)
         derived["current_max"] = CURRENT_MARGIN * loop.current_limit
         if motor.phases == 3 and drive.current_sensors.sensors == 3:
             derived["current_sum"] = SUM_SHARE * loop.current_limit
     given = {key: value for key, value in drive.monitor.model_dump().items() if value is not None}
     return derived | given
+
+
+def _step_time(
+    drive: Drive, motor: StarMotor, belief: StarBelief, mechanics: Mechanics, step: float
+) -> float:
+    """Time, s, in which full current turns a rotor by a step of the sensor, rad, from rest, against a load
+    that leaves it `STUCK_TORQUE` of its torque; 0 if the motor has none by its magnets."""
+    torque = motor.power_factor * motor.pole_pairs * belief.psi_f * drive.current_loop.current_limit
+    if torque <= 0:
+        return 0.0
+    return math.sqrt(2 * step * mechanics.stiff.inertia / (STUCK_TORQUE * torque))
 
 
 def quality_config(drive: Drive) -> dict[str, float]:

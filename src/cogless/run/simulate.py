@@ -93,6 +93,7 @@ def rollout(
     jobs: int | None = None,
     *,
     keep_traces: bool = True,
+    traces: Path | None = None,
 ) -> list[AnyResults]:
     """Run many studies, such as variations of one, in parallel threads; return results in their order.
 
@@ -101,10 +102,12 @@ def rollout(
     `Run.lanes` tells which way it was.
 
     `jobs`: number of runs at a time, default one per core. Without `keep_traces`, each run's trace is emptied
-    once its metrics are computed, so that thousands of runs fit into memory. Ctrl-C as in run_study.
+    once its metrics are computed, so that thousands of runs fit into memory. `traces` and Ctrl-C as in
+    run_study.
     RunError: a run failed; all others are finished, and in its `all_results`.
     """
-    return _rollout(studies, only, None, jobs or os.cpu_count() or 1, keep_traces)
+    room = TraceRoom(traces) if traces is not None else None
+    return _rollout(studies, only, None, jobs or os.cpu_count() or 1, keep_traces, room)
 
 
 def _rollout(
@@ -132,7 +135,7 @@ def _rollout(
         return [_run(run.study, run.designs, run.scenario, run.controller, report, stop, room)]
 
     def group(members: Sequence[_Pending]) -> list[Run | StudyError]:
-        made = alone(members[0]) if len(members) == 1 else _together(members, stop)
+        made = alone(members[0]) if len(members) == 1 else _together(members, stop, room)
         return made if keep_traces else [_without_trace(run) for run in made]
 
     groups = _groups(runs, jobs) if len(studies) > 1 else [[run] for run in runs]
@@ -171,7 +174,7 @@ def _groups(runs: Sequence[_Pending], jobs: int) -> list[list[_Pending]]:
     return groups
 
 
-def _together(members: Sequence[_Pending], stop: Event) -> list[Run | StudyError]:
+def _together(members: Sequence[_Pending], stop: Event, room: TraceRoom | None) -> list[Run | StudyError]:
     planned: list[Plan | StudyError] = []
     for run in members:
         try:
@@ -179,7 +182,7 @@ def _together(members: Sequence[_Pending], stop: Event) -> list[Run | StudyError
         except StudyError as error:
             planned.append(error)
     plans = [plan for plan in planned if isinstance(plan, Plan)]
-    made = iter(carried_out_together(plans, stop) if plans else [])
+    made = iter(carried_out_together(plans, stop, room) if plans else [])
     return [next(made) if isinstance(plan, Plan) else plan for plan in planned]
 
 

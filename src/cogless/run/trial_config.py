@@ -49,9 +49,7 @@ def engine_config(
         "trials": {"samples": samples, "count": experiment.trials, "phases": phases},
         "seed": study.seed,
         "energy": study.trace.energy,
-        "drive": drive_config(
-            study.drive, study.motor.star(), driven, study.mechanics.stiff.inertia, learns=False
-        ),
+        "drive": drive_config(study.drive, study.motor.star(), driven, study.mechanics, learns=False),
         "faults": [fault.model_dump() for fault in experiment.faults],
         "controller": law,
     }

@@ -262,7 +262,7 @@ class Learning(LearnsWhileRunning):
         }
 
 
-PERIODIC = {"lead": 0.0, "cells": 1024, "q_half_width": 0}
+PERIODIC = {"lead": 0.0, "cells": 1024, "q_half_width": 0, "period": "mechanical"}
 
 
 class Pi(Feedback):

@@ -264,6 +264,14 @@ class Drive(Table):
         return self
 
     @model_validator(mode="after")
+    def _correctable(self) -> Self:
+        """Refuse to correct a sensor that has no error by orders of its own revolution."""
+        if self.encoder_table is not None and not isinstance(self.position_sensor, Counted):
+            expected = "expected none, unless the position sensor is an encoder, absolute or a resolver"
+            raise invalid(expected, "encoder_table")
+        return self
+
+    @model_validator(mode="after")
     def _observable(self) -> Self:
         """Refuse an observer that is faster than the current loop's sampling lets it be."""
         sensor, fastest = self.position_sensor, self.rates.current_loop / math.pi

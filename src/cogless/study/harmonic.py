@@ -26,8 +26,9 @@ class Learner:
     base: int  # mechanical
     bends: int  # 1: a sensor's error once a turn is learned, 2: twice, too
     orders: int
-    rate: float  # 1/s
-    rate_min: float  # 1/s
+    fast: int  # so many of them, the lowest, act up to FASTEST, the others up to 12 samples in a cycle
+    rate: float  # 1/s, at most: the law shares 1/16 a sample among the orders that act
+    rate_min: float  # 1/s, likewise
     held: tuple[float, ...] = ()  # rad a sample: bands, from and to, in which no order learns
 
 

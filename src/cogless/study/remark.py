@@ -7,7 +7,7 @@ whoever doubts it applies the change and runs the study again, as the tests do w
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cogless.study.reading import AStudy, Changes, changed
 
@@ -21,6 +21,10 @@ class Remark:
 
     def __str__(self) -> str:
         return self.text
+
+    def about(self, key: str) -> Remark:
+        """The same remark, said of a key."""
+        return replace(self, text=f"{key}: {self.text}")
 
     def cured(self, study: AStudy) -> Iterator[AStudy]:
         """The study with each of the advised changes. StudyError: the study can't be changed so."""

@@ -189,13 +189,15 @@ def dotted_keys(
     TOML reads mechanics.inertia as {"mechanics": {"inertia": x}}; this becomes {"mechanics.inertia": x}.
 
     `inside`: whether the value at a dotted key is such a table, rather than a value itself; by default the
-    outermost tables are. `above`: the dotted key above these tables, with a dot behind it.
+    outermost tables are. An empty table always is a value: that table, with its defaults. `above`: the dotted
+    key above these tables, with a dot behind it.
     """
     inside = inside or (lambda key, value: "." not in key and isinstance(value, dict))
     flat: dict[str, Any] = {}
     for key, value in tables.items():
         name = above + key
-        flat |= dotted_keys(value, inside, f"{name}.") if inside(name, value) else {name: value}
+        nested = value != {} and inside(name, value)
+        flat |= dotted_keys(value, inside, f"{name}.") if nested else {name: value}
     return flat
 
 

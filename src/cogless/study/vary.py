@@ -134,7 +134,6 @@ def _holds_more(_key: str, value: Any) -> bool:
     """Whether a value is a table of distributions or ranges, and no distribution itself."""
     return (
         isinstance(value, dict)
-        and bool(value)
         and all(isinstance(inner, dict | list) for inner in value.values())
         and not any(form in value for form in FORMS)
     )

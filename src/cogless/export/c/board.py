@@ -99,7 +99,9 @@ def _speed(subject: Subject) -> str:
         article = "an" if found.kind in ("encoder", "absolute") else "a"
         name = "absolute encoder" if found.kind == "absolute" else found.kind
         header = HEADERS[found.speed_method]
-        says = f"`cogless/{header}` says what it measures{then}, {example}"
+        corrected = subject.encoder_table_config is not None
+        own = ", of the angle without the sensor's own error (`cogless/encoder_table.h`)" * corrected
+        says = f"`cogless/{header}` says what it measures{own}{then}, {example}"
         return f"from {article} {name} of {kind}, {simulated}: {says}"
     return (
         "measured as in the study, since gains and `.speed_window` assume it. As it is: the study's sensor "

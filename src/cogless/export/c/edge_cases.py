@@ -158,14 +158,19 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         ("all is well again", back, 0, step, plain),
     ]
     if monitor["stuck_angle"]:
-        # two cases: the reference turns by stuck_angle before stuck_time has passed, and after it
+        # two cases: the reference turns by stuck_angle before stuck_time has passed, and after it. Speed and
+        # currents are as far from their references as they may be: the output is at its limit. A law that
+        # follows an angle pushes one way only, so the reference turns both ways.
         time = _periods(monitor["stuck_time"], ts)
-        for until, periods in ((10.5, time + 15), (2 * time + 10.5, 2 * time + 13)):
-            stuck = replace(plain, omega_ref=monitor["stuck_angle"] / (until * ts))
-            plan += [
-                ("the angle stands still while the reference turns", min(periods, MOST), 0, 0, stuck),
-                ("all is well again", back, 0, step, plain),
-            ]
+        away, pushed = NEAR * (monitor["omega_max"] or HUGE), NEAR * (monitor["current_max"] or 2 * limit)
+        for until, periods in ((10.5, time + 15 + law), (2 * time + 10.5, 2 * time + 13)):
+            for way in (1.0, -1.0):
+                asked = way * monitor["stuck_angle"] / (until * ts)
+                stuck = replace(plain, i_abc=currents(pushed), omega_m=-way * away, omega_ref=asked)
+                plan += [
+                    ("the angle stands still under full current", min(periods, MOST), 0, 0, stuck),
+                    ("all is well again", back, 0, step, plain),
+                ]
     plan += [
         ("learning is frozen", 2 * law, 0, step, replace(plain, learn=False)),
         ("torque mode", 2 * law, 0, step, replace(plain, torque=True, i_q_ref=0.2 * limit)),

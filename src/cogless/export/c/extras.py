@@ -93,9 +93,6 @@ ${values}
 """,
     "part_resets": "    cgl_${part}_reset(&controller->${part});\n",
 }
-CORRECT = """    cgl_measurement corrected = *now; /* without the sensor's own error */
-    cgl_encoder_table_step(&controller->encoder_table, &corrected, drive->i_q, true);
-"""
 BEGIN_RESETS = "    cgl_dead_time_reset(&controller->dead_time);\n"
 COMPENSATE = """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
         cgl_dead_time_step(&controller->dead_time, &drive->currents, out->duty);
@@ -104,27 +101,17 @@ COMPENSATE = """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
 
 
 def parts(subject: Subject) -> dict[str, str]:
-    """Texts that fill the templates' placeholders for parts around the drive; empty where there are none."""
-    configs = {"dead_time": subject.dead_time_config, "encoder_table": subject.encoder_table_config}
-    texts = dict.fromkeys(PART, "")
-    for part, config in configs.items():
-        if config is None:
-            continue
-        words = {
-            "part": part,
-            "name": subject.name,
-            "period": real(1 / subject.rate, subject.precision),
-            "values": initialiser(subject.headers, f"cgl_{part}_config", config, subject.precision),
-        }
-        for key, text in PART.items():
-            texts[key] += Template(text).substitute(words)
-    table = subject.encoder_table_config is not None
-    return {
-        **texts,
-        "correct": CORRECT if table else "",
-        "measured_now": "&corrected" if table else "now",
-        "compensate": COMPENSATE if subject.dead_time_config is not None else "",
+    """Texts that fill the templates' placeholders for the compensation of dead time; empty without it."""
+    config = subject.dead_time_config
+    if config is None:
+        return dict.fromkeys((*PART, "compensate"), "")
+    words = {
+        "part": "dead_time",
+        "name": subject.name,
+        "period": real(1 / subject.rate, subject.precision),
+        "values": initialiser(subject.headers, "cgl_dead_time_config", config, subject.precision),
     }
+    return {key: Template(text).substitute(words) for key, text in PART.items()} | {"compensate": COMPENSATE}
 
 
 def extras(subject: Subject) -> dict[str, str]:

@@ -1,11 +1,14 @@
-"""Code for the example: angle and speed from the study's sensor, by the parts that simulated them."""
+"""Code for the example: angle and speed from the study's sensor, by the parts that simulated them.
+
+The sensor's own error is taken out of the angle first, and the speed estimated from what is left.
+"""
 
 from __future__ import annotations
 
 import math
 from string import Template
 
-from cogless.export.c.literals import real
+from cogless.export.c.literals import initialiser, real
 from cogless.export.c.subject import Subject
 from cogless.study.position_sensor import Counted, Encoder, Hall, IdealSensor
 
@@ -47,7 +50,7 @@ static void measure_motion(cgl_measurement *now)
 {
 ${due}    cgl_encoder_step(&encoder, board_counter());
     now->theta_m = cgl_radians(encoder.turns);
-${speed}${filter}}
+${correct}${speed}${filter}}
 """
 ABOUT = """The encoder's part of the measurements. Its zero is where it stood at the start: call
  * cgl_encoder_index at the index pulse, or cgl_encoder_place."""
@@ -70,6 +73,26 @@ static void measure_motion(cgl_measurement *now)
 {
 ${filter}}
 """
+TABLE_STATE = """static const cgl_encoder_table_config table_config = {
+${table_config}
+};
+static cgl_encoder_table table;
+"""
+TABLE_START = "cgl_encoder_table_init(&table, &table_config, ${period})"
+TAKE = "        omega_m = ${step};\n"
+TAKE_CORRECTED = """        const cgl_real mean = ${step};
+        omega_m = cgl_encoder_table_speed(&table, mean, speed.time);
+"""
+TABLE_AVERAGE = {
+    "due": "    static cgl_real omega_m;\n",
+    "speed": """    const cgl_real mean = ${step};
+    omega_m = cgl_encoder_table_speed(&table, mean, speed.time);
+    now->omega_m = omega_m;
+""",
+}
+CORRECT = """    now->omega_m = ${before}; /* of the last period */
+    cgl_encoder_table_step(&table, now, controller.drive.i_q, true);
+"""
 FILTER_STATE = """static const cgl_low_pass_config filter_config = {.bandwidth = ${corner}};
 static cgl_low_pass speed_filter;
 """
@@ -80,18 +103,20 @@ DUE = """    static cgl_real omega_m;
 """
 WHEN_DUE = """    if (countdown == 0U) {
         countdown = ${NAME}_DIVIDER;
-        omega_m = ${step};
-    }
+${take}    }
     --countdown;
     now->omega_m = omega_m;
 """
-COUNT = "cgl_speed_count_step(&speed, encoder.count)"
+STEPS = {
+    "M": "cgl_speed_count_step(&speed, encoder.count)",
+    "average": "cgl_speed_count_step(&speed, encoder.count)",
+    "MT": "cgl_speed_timed_step(&speed, &edges, board_timer())",
+}
 SPEED = {
-    "M": WHEN_DUE.replace("${step}", COUNT),
-    "average": f"    now->omega_m = {COUNT};\n",
-    "MT": "    cgl_edges_pass(&edges, encoder.count, board_edge_time());\n"
-    + WHEN_DUE.replace("${step}", "cgl_speed_timed_step(&speed, &edges, board_timer())"),
-    "observer": "    cgl_angle_observer_step(&speed, encoder.turns);\n    now->omega_m = speed.omega;\n",
+    "M": WHEN_DUE,
+    "average": "    now->omega_m = ${step};\n",
+    "MT": "    cgl_edges_pass(&edges, encoder.count, board_edge_time());\n" + WHEN_DUE,
+    "observer": "    cgl_angle_observer_step(&speed, ${turns});\n    now->omega_m = speed.omega;\n",
 }
 STARTS = {
     "M": "cgl_speed_count_init(&speed, &speed_config, ${law_period}, count_before, ${window}U)",
@@ -99,6 +124,7 @@ STARTS = {
     "MT": "cgl_speed_timed_init(&speed, &speed_config)",
     "observer": "cgl_angle_observer_init(&speed, &speed_config, ${period})",
 }
+CORRECTED_TURNS = "cgl_encoder_table_turns(&table, encoder.turns)"
 ENCODER_START = "cgl_encoder_init(&encoder, &encoder_config, board_counter())"
 HALL_START = "cgl_hall_init(&hall, &hall_config)"
 EMPTY = dict.fromkeys(
@@ -124,6 +150,8 @@ def motion_parts(subject: Subject) -> list[str]:
     parts = ["encoder.h", HEADERS[found.speed_method]] if isinstance(found, Counted) else []
     if isinstance(found, Hall):
         parts = ["hall.h"]
+    if isinstance(found, Counted) and subject.encoder_table_config is not None:
+        parts.append("encoder_table.h")
     return parts + ["low_pass.h"] * (corner(subject) is not None)
 
 
@@ -157,7 +185,17 @@ def motion(subject: Subject) -> dict[str, str]:
         }
         declarations = (COUNTER if isinstance(found, Encoder) else WORD) + TIMES * found.timed
         starts, states, text = [ENCODER_START, STARTS[method]], STATES[method], DEFINITIONS
-        more = {"due": DUE if found.each_law_period else "", "speed": SPEED[method]}
+        table = subject.encoder_table_config
+        more = {"due": DUE if found.each_law_period else "", "correct": "", "speed": SPEED[method]}
+        words |= {"step": STEPS.get(method, ""), "turns": "encoder.turns"}
+        take = TAKE if table is None else TAKE_CORRECTED
+        if table is not None:
+            values = initialiser(subject.headers, "cgl_encoder_table_config", table, subject.precision)
+            words |= {"table_config": values, "turns": CORRECTED_TURNS}
+            words["before"] = "speed.omega" if method == "observer" else "omega_m"
+            more |= {"correct": CORRECT} | (TABLE_AVERAGE if method == "average" else {})
+            starts, states = [*starts, TABLE_START], states + TABLE_STATE
+        words["take"] = Template(take).substitute(words)
     elif isinstance(found, Hall):
         words |= {"edges": str(found.edges), "timer": real(found.timer, subject.precision)}
         declarations, starts, text = HALL + TIMES, [HALL_START], HALL_DEFINITIONS

@@ -30,7 +30,7 @@ class Subject:
     drive_config: dict[str, Any]  # cgl_drive_config, decoded
     law_config: dict[str, Any]
     dead_time_config: dict[str, Any] | None  # cgl_dead_time_config, decoded; None: not compensated
-    encoder_table_config: dict[str, Any] | None  # likewise; None: the sensor is believed
+    encoder_table_config: dict[str, Any] | None  # likewise, for the example; None: the sensor is believed
     rate: int  # Hz, of the current loop
     memory_length: int  # entries of the law's memory
     map: tuple[int, int] | None  # channels and cells of what it learns; None: that can't be stored
@@ -42,12 +42,7 @@ class Subject:
     @property
     def parts(self) -> list[str]:
         """Headers of the parts of the control library that the controller consists of."""
-        more = {"dead_time.h": self.dead_time_config, "encoder_table.h": self.encoder_table_config}
-        return [
-            "drive.h",
-            self.law.header,
-            *(header for header, config in more.items() if config is not None),
-        ]
+        return ["drive.h", self.law.header, *["dead_time.h"] * (self.dead_time_config is not None)]
 
     @property
     def defines(self) -> list[str]:

@@ -252,6 +252,7 @@
   function drawChanges() {
     const box = $("changes"), all = changes();
     box.textContent = "";
+    $("limit").textContent = all.length ? "" : scenario().limit; // it was found for the study's own values
     if (!all.length) make("p", box, "Nothing: these are the study's values.");
     else {
       const list = make("ul", box);

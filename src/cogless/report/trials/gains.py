@@ -25,7 +25,7 @@ def gain_table(results: TrialResults, runs: Sequence[Run]) -> str:
         (name, "".join(f"<td>{escape(column.get(name, NONE))}</td>" for column in columns)) for name in names
     )
     head = f"<th></th>{headings(results, designs)}"
-    told = dict.fromkeys(text for design in designs.values() for text in design.notes)
+    told = dict.fromkeys(str(remark) for design in designs.values() for remark in design.notes)
     return table("gains", f"Gains in {runs[0].scenario}", head, body) + "".join(
         note(f"{text}.") for text in told
     )

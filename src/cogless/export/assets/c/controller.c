@@ -28,7 +28,7 @@ void ${name}_step(${name}_controller *controller, const cgl_measurement *now, co
      ${pad}      cgl_drive_output *out)
 {
     cgl_drive *drive = &controller->drive;
-${correct}    if (cgl_drive_measure(drive, ${measured_now}, reference)) {
+    if (cgl_drive_measure(drive, now, reference)) {
         ${law_step}(&controller->law, &drive->in, &drive->command);
     }
     cgl_drive_actuate(drive, out);

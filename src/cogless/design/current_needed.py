@@ -1,0 +1,66 @@
+"""Whether the drive has the current that a scenario's motion needs.
+
+With the functions of model (1), i = alpha(theta) + beta omega + h a. Its mean over the angle carries load,
+friction and acceleration. What varies about the mean takes the ripple away. Without enough current for the
+mean the rotor doesn't follow; without enough for the rest it keeps its ripple.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.design.angle_functions import functions_in
+from cogless.design.cures import either, helping, text
+from cogless.study import Study, for_scenario
+from cogless.study.motion import course
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
+
+POINTS = 8  # angles in a wave of the highest order
+AHEAD = 1.1  # limit that is advised / current that is needed
+
+
+@dataclass(frozen=True)
+class Needed:
+    """The current i_q of a scenario's motion, A, magnitudes."""
+
+    mean: float  # the largest of its mean over the angle
+    most: float  # the largest of all
+
+
+def needed(study: Study, scenario: str) -> Needed:
+    """The current that a scenario's reference, load and cogging need; its events' loads too."""
+    here, of = functions_in(study, scenario), for_scenario(study, scenario)
+    experiment, K_t = study.scenario[scenario], of.motor.star().K_t
+    theta = np.linspace(0, math.tau, POINTS * max([*here.orders, 16]), endpoint=False)
+    alpha = here.alpha(theta)
+    mean = float(np.mean(alpha))
+    load = experiment.load or of.mechanics.load
+    steps = [0.0, *((event.load - load.torque) / of.mechanics.ratio / K_t for event in experiment.events)]
+    way = course(experiment)
+    moving = float(np.mean(here.beta(theta))) * way.omega + float(np.mean(here.h(theta))) * way.alpha
+    means = [mean + step + moving for step in steps]
+    largest = max(float(np.max(np.abs(each))) for each in means)
+    return Needed(largest, largest + float(np.max(np.abs(alpha - mean))))
+
+
+def too_much_current(study: Study, scenario: str) -> Remark | None:
+    """Warning of a motion, or of ripple, that needs more current than the limit; None if it doesn't."""
+    limit, found = for_scenario(study, scenario).drive.current_loop.current_limit, needed(study, scenario)
+    if found.most <= limit:
+        return None
+    if found.mean > limit:
+        said = f"its motion and load take {found.mean:.3g} A, and current_limit is {limit:.3g} A"
+    else:
+        said = f"to turn evenly takes up to {found.most:.3g} A, and current_limit is {limit:.3g} A"
+
+    def cured(other: Study) -> bool:
+        there = for_scenario(other, scenario).drive.current_loop.current_limit
+        return needed(other, scenario).most <= there
+
+    more: Changes = {"drive.current_loop.current_limit": text(AHEAD * found.most, "A")}
+    cures = helping(study, (more,), cured)
+    return Remark(f"{said}; {either(cures)} would do" if cures else said, cures)

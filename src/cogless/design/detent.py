@@ -1,0 +1,92 @@
+"""Whether a feedback turns the rotor evenly over a torque that depends on its angle, or lets it snap.
+
+A torque T sin(n theta) meets a rotor that turns at Omega. Small signals give it the speed ripple
+|P_t S| T / K_t of ripple.py. Over Omega, this is also by how many radians the phase n theta swings. Where the
+ripples of all orders add up to Omega, the rotor stops: from there on nothing that is linear about a constant
+speed holds, neither the ripple nor a margin of learning. It waits in front of a hill, slips, and snaps into
+the next detent at up to the rate
+
+    omega_s = sqrt(n T / J)
+
+that the detent has by its own stiffness n T. For one order and a PI with the crossover w_c the limits are
+
+    n Omega far above w_c      (omega_s / (n Omega))^2 = 1      the kinetic energy is half of a hill
+    n Omega far below w_c      n T / (K_t k_i) = 1              the integral is as stiff as a detent
+
+docs/theory/detents.md has the grid of runs that this is compared with.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.design.closed_loop import Linear
+from cogless.design.pi import gains, speed_loop
+from cogless.design.ripple import orders, responses
+from cogless.study import Study
+from cogless.study.spoken import speed_text
+
+STOPS = 1.0  # ripple / speed, at which the rotor stops
+LARGE = 0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
+FASTER, FASTEST = 1.05, 1e4  # ratio of one tried speed to the one before; the fastest / the slowest
+
+
+@dataclass(frozen=True)
+class Swing:
+    """What small signals say of the speed at a reference, with the feedback alone."""
+
+    size: float  # sum of the amplitudes of all orders / speed
+    rms: float  # of all orders / speed
+    order: int  # mechanical, of the largest
+    rate: float  # rad/s: omega_s of that order
+
+    @property
+    def stops(self) -> bool:
+        """Whether the rotor stops in it, so that small signals say nothing."""
+        return self.size >= STOPS
+
+
+def swing(study: Study, scenario: str, feedback: Linear, omega_m: float) -> Swing | None:
+    """The swing of the speed at omega_m, rad/s; None if nothing depends on the angle."""
+    n, d = orders(study, scenario, omega_m)
+    if not len(n) or not omega_m:
+        return None
+    loop, omega = speed_loop(study, scenario), abs(omega_m)
+    sizes = np.abs(responses(loop, feedback, np.asarray(n * (omega / math.tau)))[0]) * d / omega
+    k = int(np.argmax(sizes))
+    rate = math.sqrt(int(n[k]) * loop.b * float(d[k]))
+    return Swing(float(np.sum(sizes)), math.sqrt(float(np.sum(sizes**2)) / 2), int(n[k]), rate)
+
+
+def snaps(study: Study, found: Swing, omega_m: float, crossover: float) -> str:
+    """Why the rotor doesn't turn evenly at omega_m, rad/s, in words. `crossover`: of the feedback, rad/s."""
+    leaves = f"at {speed_text(study, omega_m)} the feedback leaves {found.size:.2g} times the speed as ripple"
+    pulls = f"whose detents pull at {found.rate / math.tau:.3g} Hz"
+    around = f" where the crossover is {crossover / math.tau:.3g} Hz" if math.isfinite(crossover) else ""
+    return f"{leaves}, most by order {found.order}, {pulls}{around}: the rotor stops and snaps"
+
+
+def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:
+    """The speed, rad/s, above omega_m from which on the rotor turns evenly; None if there is none."""
+    speeds = abs(omega_m) * np.geomspace(1, FASTEST, 1 + round(math.log(FASTEST) / math.log(FASTER)))
+    stops = [found is not None and found.stops for found in _swings(study, scenario, feedback, speeds)]
+    last = max((k for k, each in enumerate(stops) if each), default=-1)
+    return float(speeds[last + 1]) if last + 1 < len(speeds) else None
+
+
+def _swings(study: Study, scenario: str, feedback: Linear, speeds: np.ndarray) -> list[Swing | None]:
+    return [swing(study, scenario, feedback, float(omega)) for omega in speeds]
+
+
+def overrun(study: Study, law: str) -> list[tuple[int, float]]:
+    """Orders of cogging whose omega_s is above a law's crossover, K_t kp / J, and their torques, N m.
+
+    At an unstable angle such cogging drives the rotor away faster than the law can hold it there.
+    """
+    star, inertia = study.motor.star(), study.mechanics.inertia
+    kp, _ = gains(study, law)
+    sizes = [(one.order, abs(one.torque or 0.0)) for one in star.cogging]
+    return [(n, size) for n, size in sizes if n * size * inertia > (star.K_t * kp) ** 2]

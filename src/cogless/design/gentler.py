@@ -1,0 +1,89 @@
+"""Changes that make a loop gentler: a finer sensor, a slower feedback, weaker learning."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cogless.design.cures import text
+from cogless.design.pi import gains
+from cogless.design.position import harmonic_gains, position_gains
+from cogless.study import Study
+from cogless.study.controller import Feedback, PiIlc, RobustIlc
+from cogless.study.error_messages import dotted
+from cogless.study.harmonic import Harmonic
+from cogless.study.laws import AnyController
+from cogless.study.pi_afc import PiAfc
+from cogless.study.position_sensor import Absolute, Encoder, Resolver
+from cogless.study.reading import Changes
+from cogless.study.space_controller import SpacePosition, SpaceSpeed
+
+HALVINGS = 12  # of gains that are tried
+
+
+def finer_sensor(study: Study, factor: float) -> Changes | None:
+    """A position sensor with so many times the counts or more; None: its counts are no key."""
+    sensor, key = study.drive.position_sensor, "drive.position_sensor"
+    if isinstance(sensor, Encoder):
+        return {f"{key}.lines": math.ceil(sensor.lines * factor)}
+    if isinstance(sensor, Absolute) and sensor.positions is not None:
+        return {f"{key}.positions": math.ceil(sensor.positions * factor)}
+    if isinstance(sensor, Absolute | Resolver):
+        return {f"{key}.bits": (sensor.counts - 1).bit_length() + math.ceil(math.log2(factor))}
+    return None
+
+
+def slower_feedback(study: Study, name: str, factor: float) -> Changes | None:
+    """A feedback so many times as slow, with the damping that it has; None: the law has no such gains."""
+    law, key = study.controller[name], dotted(("controller", name))
+    if isinstance(law, Harmonic) and law.position:
+        k_theta, kp, ki = harmonic_gains(study, name)
+        own = _pi(kp / factor, ki / factor**2) | {"k_theta": text(k_theta / factor, "1/s")}
+        return _by_hand(study, name, own)
+    if isinstance(law, Feedback):
+        kp, ki = gains(study, name)
+        return _by_hand(study, name, _pi(kp / factor, ki / factor**2))
+    if isinstance(law, SpacePosition):
+        k_theta, k_omega, k_i = position_gains(study, name)
+        if law.tuning is not None:
+            return None
+        slower = {"k_theta": text(k_theta / factor, "1/s"), "k_omega": text(k_omega / factor, "A*s/rad")}
+        slower |= {"k_i": text(k_i / factor**2, "A/rad")} if k_i else {}
+        return {f"{key}.{each}": value for each, value in slower.items()}
+    if isinstance(law, RobustIlc):
+        return {f"{key}.{of}": text(getattr(law, of) / factor, "1/s") for of in ("c", "eta")}
+    return {f"{key}.k": text(law.k / factor, "A*s/rad")} if isinstance(law, SpaceSpeed) else None
+
+
+def _pi(kp: float, ki: float) -> dict[str, Any]:
+    return {"kp": text(kp, "A*s/rad"), "ki": text(ki, "A/rad")}
+
+
+def _by_hand(study: Study, name: str, own: dict[str, Any]) -> Changes:
+    """Gains by hand; the rule auto may stand beside them, another one may not."""
+    key, law = dotted(("controller", name)), study.controller[name]
+    tuning = getattr(law, "tuning", None)
+    if tuning is None or tuning.is_auto:
+        return {f"{key}.{each}": value for each, value in own.items()}
+    table = study.source.tables["controller"][name]
+    return {key: {**{each: value for each, value in table.items() if each != "tuning"}, **own}}
+
+
+def weaker_learning(study: Study, name: str, factor: float) -> Changes | None:
+    """Learning gains divided by a factor; None: the law has no such gains."""
+    law, key = study.controller[name], dotted(("controller", name))
+    values = {of: text(getattr(law, of) / factor, unit) for of, unit in _learning(law) if getattr(law, of)}
+    return {f"{key}.{of}": value for of, value in values.items()} or None
+
+
+def _learning(law: AnyController) -> tuple[tuple[str, str], ...]:
+    """The keys of a law's learning gains, and their units."""
+    if isinstance(law, PiIlc):
+        return (("gain", "A*s/rad"),)
+    if isinstance(law, PiAfc):
+        return (("gain", "A/rad"),)
+    if isinstance(law, RobustIlc):
+        return (("beta_1", "rad/s^2"), ("beta_2", "1/s"))
+    if isinstance(law, SpacePosition | SpaceSpeed):
+        return (("mu_alpha", "A"), ("mu_beta", "A*s^2/rad^2"), ("mu_h", "A*s^4/rad^2"))
+    return ()

@@ -1,0 +1,301 @@
+"""Waves of a rotor's motion over its angle, by joint least squares, and how far they can be seen.
+
+The speed is the angle's difference between two rows. A wave of order n of the angle is in it as the
+difference of exp(j n theta) between them, so that nothing is lost between the rows. The steps of the angle
+leave noise in it, whose spectrum follows from the motion that was found: it counts as measurement.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, median_filter
+from scipy.signal import welch
+from scipy.signal.windows import tukey
+from scipy.stats import chi2
+from scipy.stats import f as fisher
+from scipy.stats import t as student
+
+from cogless.identify.files import Array
+from cogless.identify.orders import FALSE_ALARM
+
+ORDERS_MOST = 1000  # highest order that is looked for
+WAVES_MOST = 60  # orders of one part
+ANGLE_CELLS = 8192  # of a turn, in which the residual is summed: an order has eight of them
+NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their power over the strongest's, which leaks by less
+NEIGHBOURS = 41  # orders whose median is the floor of one
+NEAR_ORDERS = (
+    5  # orders in which the steps of the angle are as strong as at one, since their speed is not known
+)
+STEPS_RATIO = 4.0  # power over that which they have, from which on it is an order
+STEP_WAVES, SAWTOOTH_MARGIN = 10, 1.2  # waves of a sawtooth, and their size for noise beside them
+BLOCKS = 24  # parts of the rows, each left out for the errors
+RIDGE = 1e-9  # of the diagonal of scaled normal equations
+TAPERED = 0.25  # share of the rows, at both ends, that count less: a log may begin with a transient
+SLOW_SHARE, SLOW_MOST = 0.8, 20  # slow changes of the speed, for each turn, and at most
+PIECE_ROWS = 1 << 15  # rows whose waves are in memory together
+SMOOTH_ROWS = (5, 20)  # widths of filters that show the motion between the steps of the angle
+SEGMENT_ROWS, SEGMENTS_LEAST = 1024, 4  # of a spectrum
+SEEN_SHARE = 0.01  # share of the ripple's square that an order has which can be seen
+
+
+@dataclass(frozen=True, eq=False)
+class Waves:
+    """Orders of a motion at a steady speed.
+
+    `amplitude`: of the angle, rad, theta = ... + Re(A exp(j n theta)); `error`: at 95 %, rad. `vibration`: of
+    no order, beyond what the steps and the noise of the angle make, rms, rad/s. `half_rate`: order at half
+    the rate of the rows. `hidden`: orders below it at which a wave with a hundredth of the ripple's square
+    would not stand out.
+    """
+
+    speed: float  # rad/s
+    amplitude: dict[int, complex]
+    error: dict[int, float]
+    vibration: float
+    half_rate: float
+    hidden: frozenset[int]
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Orders that stand out, the largest wave of the speed first."""
+        return tuple(sorted(self.amplitude, key=lambda n: -abs(self.of_speed(n))))
+
+    def of_speed(self, order: int) -> complex:
+        """Complex wave of the speed, rad/s."""
+        return 1j * order * self.speed * self.amplitude[order]
+
+    @property
+    def ripple(self) -> float:
+        """The motion without noise of the angle, rms, rad/s."""
+        waves = sum(abs(self.of_speed(n)) ** 2 / 2 for n in self.amplitude)
+        return math.sqrt(waves + self.vibration**2)
+
+
+def folded(order: float, rows: float) -> float:
+    """The order as which rows, so many a turn, show an order."""
+    return abs(order - rows * round(order / rows))
+
+
+def slow_columns(count: int, turns: float) -> Array:
+    """Columns for changes of the speed over more than a turn."""
+    x = (np.arange(count) + 0.5) / count
+    most = min(SLOW_MOST, int(SLOW_SHARE * abs(turns)))
+    return np.cos(np.pi * np.outer(x, np.arange(most + 1)))
+
+
+def waves_of_signal(x: Array, theta: Array, orders: Sequence[int]) -> dict[int, complex]:
+    """Complex waves X of all these orders in a signal, x = Re(X exp(j n theta)), beside slow changes."""
+    slow = slow_columns(len(x), (theta[-1] - theta[0]) / (2 * np.pi))
+    size = 2 * len(orders) + slow.shape[1]
+    matrix, vector = np.zeros((size, size)), np.zeros(size)
+    for first in range(0, len(x), PIECE_ROWS):
+        rows = slice(first, first + PIECE_ROWS)
+        phases = np.exp(1j * np.outer(theta[rows], orders))
+        columns = np.hstack([phases.real, -phases.imag, slow[rows]])
+        matrix += columns.T @ columns
+        vector += columns.T @ x[rows]
+    values = _solved(matrix, vector)
+    return {n: complex(values[k], values[len(orders) + k]) for k, n in enumerate(orders)}
+
+
+class _Motion:
+    """The speed between rows, and normal equations of waves in it, by blocks."""
+
+    def __init__(self, theta: Array, dt: float, shown: Array) -> None:
+        self.theta, self.dt, self.shown = theta, dt, shown
+        self.y = np.diff(theta) / dt
+        self.weight = tukey(len(self.y), TAPERED)
+        self.middle = 0.5 * (theta[1:] + theta[:-1])
+        self.slow = slow_columns(len(self.y), (theta[-1] - theta[0]) / (2 * np.pi))
+        blocks = max(BLOCKS, len(self.y) // PIECE_ROWS) if len(self.y) >= 5 * BLOCKS else len(self.y) // 5
+        edges = np.linspace(0, len(self.y), blocks + 1).astype(int)
+        self.blocks = [slice(int(a), int(b)) for a, b in pairwise(edges)]
+
+    def columns(self, rows: slice, orders: Sequence[int]) -> Array:
+        waves = np.exp(1j * np.outer(self.theta[rows.start : rows.stop + 1], orders))
+        between = np.diff(waves, axis=0) / self.dt
+        return np.hstack([between.real, -between.imag, self.slow[rows]])
+
+    def equations(self, orders: Sequence[int]) -> tuple[Array, Array]:
+        """Normal matrix and vector of each block."""
+        matrices, vectors = [], []
+        for rows in self.blocks:
+            columns = self.columns(rows, orders)
+            weighed = columns.T * self.weight[rows]
+            matrices.append(weighed @ columns)
+            vectors.append(weighed @ self.y[rows])
+        return np.array(matrices), np.array(vectors)
+
+    def residual(self, orders: Sequence[int], values: Array) -> Array:
+        return np.concatenate([self.y[rows] - self.columns(rows, orders) @ values for rows in self.blocks])
+
+    def power(self, x: Array, orders: NDArray[np.intp]) -> Array:
+        """|sum of the weighed x exp(-j n theta)|^2 of each order."""
+        cell = (np.floor(self.middle / (2 * np.pi) * ANGLE_CELLS) % ANGLE_CELLS).astype(int)
+        wave = np.fft.fft(np.bincount(cell, self.weight * x, ANGLE_CELLS))
+        return np.asarray(np.abs(wave[orders]) ** 2)
+
+
+def _solved(matrix: Array, vector: Array) -> Array:
+    """Solutions of normal equations, one or a stack of them; what they don't tell stays small."""
+    scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
+    scaled = matrix / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(matrix.shape[-1])
+    return np.asarray(np.linalg.solve(scaled, (vector / scale)[..., None])[..., 0] / scale)
+
+
+def standing_waves(
+    theta: Array, dt: float, step: float, own: Sequence[int] = (), shown: Array | None = None
+) -> Waves:
+    """The waves that stand out of an angle's motion; none by chance at a rate of 1 %.
+
+    `step`: of the measured angle, rad, which is `shown`: `theta` with the sensor's error, if it has one.
+    `own`: orders of the motor, which are looked for beyond half the rows' rate, too, where the rows do not
+    show them as another order.
+    """
+    turns = abs(theta[-1] - theta[0]) / (2 * np.pi)
+    speed = (theta[-1] - theta[0]) / (dt * (len(theta) - 1))
+    a_turn = 2 * np.pi / (abs(speed) * dt)  # rows
+    top = int(min(ORDERS_MOST, math.ceil(a_turn / 2) - 1))
+    beyond = list(_apart_when_folded([n for n in own if top < n], a_turn, turns))
+    candidates = np.array([*range(1, top + 1), *beyond], dtype=np.intp)
+    if top < 3:
+        return Waves(speed, {}, {}, float(np.std(np.diff(theta) / dt)), a_turn / 2, frozenset())
+    search = _Search(_Motion(theta, dt, theta if shown is None else shown), candidates, top, step)
+    orders = search.significant(search.grown([]))[0]
+    sure = [n for n, wave in search.significant(orders)[1].items() if abs(wave) > step / np.pi]
+    if len(sure) < len(orders):  # what is as small as a step is sought again, beside what is known by now
+        orders = search.grown(sure)
+    orders, amplitude, error = search.significant(orders)
+    rest = search.rest(orders)
+    vibration = _vibration(rest, search.steps(rest), dt)
+    waves = Waves(speed, amplitude, error, vibration, a_turn / 2, frozenset())
+    least = search.least(rest)[:top] * 2 / search.motion.weight.sum() ** 2  # square mean of a wave, (rad/s)^2
+    hidden = np.flatnonzero(least > SEEN_SHARE * waves.ripple**2) + 1
+    return replace(waves, hidden=frozenset(hidden.tolist()))
+
+
+class _Search:
+    """Orders of a motion, the strongest first, beside those that are in it already."""
+
+    def __init__(self, motion: _Motion, candidates: NDArray[np.intp], top: int, step: float) -> None:
+        self.motion, self.candidates, self.top, self.step = motion, candidates, top, step
+        turned = motion.theta[-1] - motion.theta[0]
+        rows, turns = abs(2 * np.pi * len(motion.y) / turned), abs(turned) / (2 * np.pi)
+        speed = turned / (motion.dt * len(motion.y))
+        self.sawtooth = _sawtooth(candidates, rows, turns, step) * (motion.weight.sum() * speed / 2) ** 2
+
+    def rest(self, orders: Sequence[int]) -> Array:
+        """What these orders leave of the speed, rad/s."""
+        matrices, vectors = self.motion.equations(orders)
+        return self.motion.residual(orders, _solved(matrices.sum(axis=0), vectors.sum(axis=0)))
+
+    def steps(self, rest: Array, width: int = SMOOTH_ROWS[0]) -> Array:
+        """The speed that steps of the angle make, rad/s, where it moves as it does but for them.
+
+        A measured angle is in the middle of its step.
+        """
+        if not self.step:
+            return np.zeros_like(rest)
+        beside = self.motion.dt * np.concatenate(([0.0], np.cumsum(rest)))
+        smooth = self.motion.shown - beside + gaussian_filter1d(beside, width, mode="nearest")
+        away = smooth - self.motion.shown[0]
+        return np.asarray(np.diff(np.round(away / self.step) * self.step - away) / self.motion.dt)
+
+    def least(self, rest: Array) -> Array:
+        """Power from which on an order stands out of the noise of this rest, at 1 % for the whole search."""
+        power = self.motion.power(rest, self.candidates)
+        floor = np.full(len(power), np.median(power[: self.top]))
+        floor[: self.top] = median_filter(power[: self.top], min(NEIGHBOURS, self.top), mode="mirror")
+        level = -math.log(FALSE_ALARM / len(power))
+        return np.asarray(np.maximum(level * floor / math.log(2), self.sawtooth))
+
+    def grown(self, orders: Sequence[int]) -> list[int]:
+        """These orders, and all that stand out of the noise and of the steps of the angle."""
+        orders = list(orders)
+        while True:
+            rest = self.rest(orders)
+            steps = [self.steps(rest, width) for width in SMOOTH_ROWS]
+            power = self.motion.power(rest, self.candidates)
+            without = [self.motion.power(rest - each, self.candidates) for each in steps]
+            near = np.max([self.motion.power(each, self.candidates) for each in steps], axis=0)
+            least = np.maximum(self.least(rest), STEPS_RATIO * maximum_filter1d(near, NEAR_ORDERS))
+            clear = np.min([power, *without], axis=0) > least
+            strongest = [k for k in np.argsort(-power) if clear[k] and self.candidates[k] not in orders]
+            new = [int(self.candidates[k]) for k in strongest if power[k] > NEW_SHARE * power[strongest[0]]]
+            if not new or len(orders) + NEW_MOST > WAVES_MOST:
+                return orders
+            orders += new[:NEW_MOST]
+
+    def significant(self, orders: Sequence[int]) -> tuple[list[int], dict[int, complex], dict[int, float]]:
+        """The orders that stand out of their errors, with waves, rad, and errors at 95 %.
+
+        These are a jackknife over blocks of the rows. Each order has a Wald test of its two values, whose
+        covariance has as many degrees of freedom as blocks but one.
+        """
+        orders = sorted(orders)
+        while True:
+            matrices, vectors = self.motion.equations(orders)
+            matrix, vector, count = matrices.sum(axis=0), vectors.sum(axis=0), len(self.motion.blocks)
+            values = _solved(matrix, vector)
+            parts = _solved(matrix - matrices, vector - vectors)
+            away = parts - parts.mean(axis=0)
+            limit = float(fisher.isf(FALSE_ALARM / len(self.candidates), 2, count - 2))
+            amplitude, error, ratio = {}, {}, {}
+            for k, n in enumerate(orders):
+                pair = [k, len(orders) + k]
+                covariance = (count - 1) / count * away[:, pair].T @ away[:, pair]
+                wald = float(values[pair] @ np.linalg.pinv(covariance) @ values[pair])
+                amplitude[n] = complex(*values[pair])
+                error[n] = float(student.ppf(0.975, count - 1) * math.sqrt(np.trace(covariance) / 2))
+                ratio[n] = wald / 2 * (count - 2) / (count - 1) / limit
+            weakest = min(ratio.values(), default=2.0)
+            if weakest > 1:
+                return orders, amplitude, error
+            orders = [n for n in orders if ratio[n] > min(1.0, 4 * weakest)]
+
+
+def _apart_when_folded(orders: Sequence[int], rows: float, turns: float) -> Iterator[int]:
+    """Of these orders those that rows, so many a turn, show apart from each other and from whole orders."""
+    shown = [folded(n, rows) for n in orders]
+    for k, n in enumerate(orders):
+        others = [fold for other, fold in enumerate(shown) if other != k]
+        apart = min((abs(shown[k] - fold) for fold in (round(shown[k]), *others)), default=1.0)
+        if apart * turns > 1 and n <= ORDERS_MOST:
+            yield n
+
+
+def _sawtooth(orders: NDArray[np.intp], rows: float, turns: float, step: float) -> Array:
+    """Square of n times the largest wave, rad, that steps of the angle make at each order n.
+
+    A steady rotor passes the steps in a sawtooth. Its waves have the orders k 2 pi / step, and sizes step /
+    (pi k). Rows, so many a turn, show them as other orders.
+    """
+    waves = np.zeros(len(orders))
+    for k in range(1, STEP_WAVES + 1) if step else ():
+        near = np.abs(orders - folded(k * 2 * np.pi / step, rows)) < 1 + 1 / turns
+        waves[near] = np.maximum(waves[near], SAWTOOTH_MARGIN * step / (np.pi * k))
+    return (orders * waves) ** 2
+
+
+def _vibration(rest: Array, steps: Array, dt: float) -> float:
+    """What stands out of the noise of the angle in the rest of the speed, rms, rad/s.
+
+    The noise is that of the angle's steps, or as much of the angle at all frequencies as in the upper half of
+    the spectrum, whichever is more.
+    """
+    length = min(SEGMENT_ROWS, len(rest) // SEGMENTS_LEAST)
+    if length < 16:
+        return float(np.std(rest))
+    frequency, density = welch(rest, 1 / dt, nperseg=length)
+    density, gain = density[1:], (2 * np.sin(np.pi * frequency[1:] * dt) / dt) ** 2
+    white = float(np.median((density / gain)[len(gain) // 2 :]))
+    noise = np.maximum(welch(steps, 1 / dt, nperseg=length)[1][1:], white * gain)
+    freedom = 2 * len(rest) / length  # of windows that do not overlap; those between them add some
+    loud = density > noise * chi2.isf(FALSE_ALARM / len(density), freedom) / freedom
+    return math.sqrt(float(np.sum((density - noise)[loud])) * frequency[1])

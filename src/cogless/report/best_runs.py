@@ -1,0 +1,57 @@
+"""What limits the best run of each scenario, looked for by further runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from cogless.report.speed_verdict import judged
+from cogless.results import Results
+from cogless.results.limits import Limits
+from cogless.run.limits import limits
+from cogless.study import Study, for_scenario
+from cogless.study.controller import OwnLaw
+
+TICKS_MOST = 5_000_000  # of a run that is made a dozen times again without being asked for
+
+
+def with_limits(
+    results: Results,
+    long: bool = False,
+    jobs: int | None = None,
+    traces: Path | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Results:
+    """The results with what limits the best run of each scenario.
+
+    It takes about a dozen further runs for each. `long`: also where a run is long, or runs a user's code.
+    `jobs`, `traces`: as in `cogless.run.limits`. `progress`: called with each scenario. Ctrl-C ends it early.
+    """
+    found: dict[str, Limits] = {}
+    try:
+        for scenario in results.scenarios:
+            best = judged(results, scenario)
+            if best is None or results.study.scenario[scenario].faults:
+                continue
+            run, metric, order = best
+            if not (long or is_quick(results.study, scenario, run.controller)):
+                continue
+            if progress is not None:
+                progress(scenario)
+            limited = limits(results.study, run, metric, order, jobs, traces)
+            if limited is not None:
+                found[scenario] = limited
+    except KeyboardInterrupt:
+        pass
+    return replace(results, limits=found)
+
+
+def is_quick(study: Study, scenario: str, controller: str) -> bool:
+    """Whether a run is so short that it may be made a dozen times again without being asked for."""
+    if isinstance(study.controller[controller], OwnLaw):
+        return False
+    return (
+        study.scenario[scenario].duration * for_scenario(study, scenario).drive.rates.current_loop
+        <= TICKS_MOST
+    )

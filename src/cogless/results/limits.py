@@ -1,0 +1,102 @@
+"""What limits a run: what each cause has in its result, and the change of the study that helps it most."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+TORQUE_RIPPLE = "disturbance"
+CAUSES = {
+    "sensor-steps": "the position sensor's steps",
+    "sensor-error": "the position sensor's own error",
+    "delay": "delay",
+    "dead-time": "dead time",
+    "switching": "switching",
+    "current-noise": "noise of the current sensors",
+    "current-error": "offset and gain errors of the current sensors",
+    "learning-time": "what is not learned yet",
+    TORQUE_RIPPLE: "torque ripple that is not rejected",
+    "friction": "friction",
+    "limit": "a limit of current or voltage",
+    "belief": "wrong motor parameters",
+}
+LETS_THROUGH = ("learning-time", "delay", "limit", "belief")  # they act by torque ripple that is left
+AND = " + "
+CLEAR_SHARE = 0.1  # of a result's square: what a cause must have to be named
+HELPS = 0.8  # of the value as it is: what a change must leave at most to be advised
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A cause that was taken away. `value`: what the run's metric is without it, SI; `share`: its share of
+    the metric's square, at most 1, negative if the run is worse without it."""
+
+    name: str  # a key of CAUSES, or two of them with AND between
+    value: float
+    share: float
+
+    @property
+    def names(self) -> list[str]:
+        """Keys of CAUSES."""
+        return self.name.split(AND)
+
+
+@dataclass(frozen=True)
+class Cure:
+    """A change of the study, values by dotted key, that was tried against a cause. `value`: the metric with
+    it, SI. `setting`: it needs no other part, only another number. `costs`: other metrics that get clearly
+    worse with it, each with the ratio to its value before."""
+
+    cause: str
+    changes: Mapping[str, Any]
+    value: float
+    setting: bool
+    costs: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What limits a run, by one of its metrics, or by one order of it.
+
+    `causes` are those that the study has, the largest share first. Their shares need not add up to one:
+    `together` is the metric without all of them, SI, None if that run failed. `untried`: causes without
+    which the run can't be made, so nobody knows their share. `cures` were tried, the best first.
+    """
+
+    scenario: str
+    controller: str
+    metric: str  # its name in results.json
+    order: float | None
+    value: float  # SI, of the run as it is
+    causes: Sequence[Cause]
+    together: float | None
+    cures: Sequence[Cure]
+    untried: Sequence[str] = ()
+
+    @property
+    def named(self) -> list[Cause]:
+        """The causes with a clear share, the largest first.
+
+        Torque ripple is named only if it has clearly more than any cause that lets it through.
+        """
+        clear = [cause for cause in self.causes if cause.share >= CLEAR_SHARE]
+        if any(len(cause.names) > 1 for cause in clear):  # none has most alone
+            return clear[:1]
+        through = max((cause.share for cause in clear if cause.name in LETS_THROUGH), default=0.0)
+        return [c for c in clear if c.name != TORQUE_RIPPLE or c.share - through >= CLEAR_SHARE]
+
+    @property
+    def setting(self) -> Cure | None:
+        """The best change that needs no other part; None if none of those that were tried helps."""
+        return self._best(True)
+
+    @property
+    def part(self) -> Cure | None:
+        """The best other part, if it leaves clearly less than the best setting; None if none does."""
+        part, setting = self._best(False), self.setting
+        return part if part and (not setting or part.value <= HELPS * setting.value) else None
+
+    def _best(self, setting: bool) -> Cure | None:
+        able = (c for c in self.cures if c.setting is setting and c.value <= HELPS * self.value)
+        return next(able, None)

@@ -1,0 +1,180 @@
+"""Causes that may limit a run, each as the change of a study that takes it away."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from cogless.results import Run
+from cogless.results.status import Status
+from cogless.study import Study, for_scenario
+from cogless.study.controller import LearnsWhileRunning
+from cogless.study.drive import Belief
+from cogless.study.metric import Metric
+from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall
+from cogless.study.reading import Changes
+
+LONGER = 4  # times the scenario's duration, to see what has not been learned yet
+LARGER = 4  # times the limits of current and voltage
+FINE_LINES, FINE_BITS = 10_000_000, 31  # the most that an encoder has, and a word that shows an angle
+SENSOR, INVERTER, LOOP, CURRENTS = (
+    f"drive.{table}" for table in ("position_sensor", "inverter", "current_loop", "current_sensors")
+)
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A cause that a study has. `without`: the study's changes that take it away. `beside`: changes that the
+    run has, too, with which the one without the cause is compared."""
+
+    name: str
+    without: Changes
+    beside: Changes
+
+
+def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
+    """The causes that a study has in a run's scenario. `metric`: by which the run is judged."""
+    here = for_scenario(study, run.scenario)
+    steps, error = _steps(here), _error(here)
+    clean = {**steps, **error}
+    found = {
+        "sensor-steps": (steps, {}),
+        "sensor-error": (error, {}),
+        "delay": (_delay(here), clean),
+        "dead-time": (_dead_time(here), {}),
+        "switching": (_switching(here), {}),
+        "current-noise": (_current_noise(here), {}),
+        "current-error": (_current_error(here), {}),
+        "learning-time": (longer(study, run.scenario, run.controller, metric), {}),
+        "disturbance": (_disturbance(study, run.scenario), {}),
+        "friction": (_friction(here), {}),
+        "limit": (_limit(here, run), {}),
+        "belief": ({} if here.drive.belief == Belief() else {"drive.belief": {}}, {}),
+    }
+    return [Suspect(name, without, beside) for name, (without, beside) in found.items() if without]
+
+
+def _steps(study: Study) -> Changes:
+    """A position sensor as fine as one can be described, which is as late as the study's own."""
+    sensor = study.drive.position_sensor
+    if isinstance(sensor, Hall):
+        return {SENSOR: {"kind": "ideal"}}
+    if isinstance(sensor, Encoder):
+        return {f"{SENSOR}.lines": FINE_LINES}
+    if isinstance(sensor, Absolute):
+        return {f"{SENSOR}.bits": FINE_BITS, f"{SENSOR}.positions": None}
+    return {f"{SENSOR}.bits": FINE_BITS} if isinstance(sensor, Counted) else {}
+
+
+def _error(study: Study) -> Changes:
+    sensor = study.drive.position_sensor
+    if isinstance(sensor, Hall):
+        return {f"{SENSOR}.placement": ["0 deg"] * 6} if any(sensor.placement) else {}
+    if not isinstance(sensor, Counted) or not (sensor.orders or sensor.error_table):
+        return {}
+    return {f"{SENSOR}.eccentricity": "0 deg", f"{SENSOR}.error": [], f"{SENSOR}.error_table": None}
+
+
+def _delay(study: Study) -> Changes:
+    """No delay of the measured speed, of a bus and of the computation; a rule for the gains uses it."""
+    drive, found = study.drive, dict[str, Any]()
+    if isinstance(drive.position_sensor, Hall | Counted):
+        found[SENSOR] = {"kind": "ideal", "side": drive.position_sensor.side}
+        if drive.encoder_table is not None:
+            found["drive.encoder_table"] = None
+    if drive.speed_filter is not None:
+        found["drive.speed_filter"] = None
+    if drive.bus is not None:
+        found["drive.bus"] = None
+    if drive.inverter is not None and drive.inverter.computation_delay:
+        found[f"{INVERTER}.computation_delay"] = 0
+    return found
+
+
+def _dead_time(study: Study) -> Changes:
+    inverter = study.drive.inverter
+    if inverter is None or not (inverter.dead_time or inverter.device_drop):
+        return {}
+    found = {f"{INVERTER}.dead_time": "0 s", f"{INVERTER}.device_drop": "0 V"}
+    return {**found, "drive.dead_time_compensation": None} if study.drive.dead_time_compensation else found
+
+
+def _switching(study: Study) -> Changes:
+    inverter = study.drive.inverter
+    return {f"{INVERTER}.kind": "averaged"} if inverter and inverter.kind == "switched" else {}
+
+
+def _current_noise(study: Study) -> Changes:
+    sensors = study.drive.current_sensors
+    return {f"{CURRENTS}.noise": "0 A", f"{CURRENTS}.bits": 0} if sensors.noise or sensors.bits else {}
+
+
+def _current_error(study: Study) -> Changes:
+    sensors = study.drive.current_sensors
+    if not any((*sensors.offset, *sensors.gain_error)):
+        return {}
+    return {f"{CURRENTS}.offset": ["0 A"] * 3, f"{CURRENTS}.gain_error": [0.0] * 3}
+
+
+def longer(study: Study, scenario: str, controller: str, metric: Metric) -> Changes:
+    """A longer run, judged at its end; nothing if that can't be compared, as with a reference that varies."""
+    law, experiment = study.controller[controller], study.scenario[scenario]
+    steady = experiment.reference.kind in ("constant", "ramp") and experiment.torque_mode is None
+    if not isinstance(law, LearnsWhileRunning) or not steady or metric.event is not None:
+        return {}
+    more = (LONGER - 1) * experiment.duration
+    found: dict[str, Any] = {f"scenario.{scenario}.duration": f"{LONGER * experiment.duration:.12g} s"}
+    place = f"metric.{study.metric.index(metric)}"
+    if metric.window is not None:
+        found[f"{place}.window"] = [f"{more + time:.12g} s" for time in metric.window]
+    elif metric.last is None:
+        found[f"{place}.last"] = f"{experiment.duration:.12g} s"
+    return found
+
+
+def _disturbance(study: Study, scenario: str) -> Changes:
+    """No torque that depends on the angle or on time, but that of friction."""
+    here, found = for_scenario(study, scenario), dict[str, Any]()
+    tables = here.source.tables
+    empty: Mapping[str, Any] = {
+        "motor": {"cogging": [], "cogging_table": None, "flux_harmonics": [], "torque_ripple": [], "L_f": []},
+        "mechanics.load": {"harmonics": [], "angle_table": None, "time_table": None},
+        "mechanics.load_side": {"gear_errors": []},
+        f"scenario.{scenario}.load": {"harmonics": [], "angle_table": None, "time_table": None},
+    }
+    for table, keys in empty.items():
+        inner: Any = tables
+        for part in table.split("."):
+            inner = inner.get(part) if isinstance(inner, dict) else None
+        if isinstance(inner, dict):
+            found |= {f"{table}.{key}": value for key, value in keys.items() if inner.get(key)}
+    return found
+
+
+def _friction(study: Study) -> Changes:
+    found: dict[str, Any] = {}
+    for place, mass in (("mechanics", study.mechanics), ("mechanics.load_side", study.mechanics.load_side)):
+        if mass is not None and mass.breakaway:
+            found |= {
+                f"{place}.coulomb_friction": "0 N*m",
+                f"{place}.breakaway_friction": None,
+                f"{place}.stribeck_speed": "0 rad/s",
+                f"{place}.friction_harmonics": [],
+                f"{place}.friction_table": None,
+            }
+    return found
+
+
+def _limit(study: Study, run: Run) -> Changes:
+    """Higher limits of current and voltage, if the run was at one of them in its second half."""
+    if "status" not in run.trace or not len(run.trace):
+        return {}
+    status = run.trace.part("status", slice(len(run.trace) // 2, None)).astype(int)
+    if not (status & Status.SATURATED).any():
+        return {}
+    drive = study.drive
+    found = {f"{LOOP}.current_limit": f"{LARGER * drive.current_loop.current_limit!r} A"}
+    if drive.inverter is not None:
+        found[f"{INVERTER}.bus_voltage"] = f"{LARGER * drive.inverter.bus_voltage!r} V"
+    return found

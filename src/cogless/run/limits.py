@@ -1,0 +1,262 @@
+"""What limits a run now: the same run again without one cause at a time, then with what may help.
+
+A cause is a difference between the drive and an ideal one, such as the steps of its position sensor. Its
+share of a result x is 1 - (x_without / x)^2: shares of independent causes add up to one, and where causes
+act on each other they don't. The share of delay is taken between two runs whose sensor has neither steps nor
+errors, since a sensor without delay has neither.
+
+Where each of two causes covers the other, neither has a share alone: the largest are then taken away in
+pairs.
+
+A change that may help is tried only against a cause with a clear share. All these runs have the study's seed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+from cogless.design.auto import filled, unfilled
+from cogless.errors import StudyError
+from cogless.results import Run
+from cogless.results.limits import AND, CLEAR_SHARE, Cause, Cure, Limits
+from cogless.results.metrics import Value, result_name
+from cogless.run.causes import Suspect, suspects
+from cogless.run.cures import candidates
+from cogless.run.simulate import RunError, rollout
+from cogless.study import Study, changed, for_scenario
+from cogless.study.metric import Metric
+from cogless.study.position_sensor import Counted
+from cogless.study.reading import Changes, checked, split
+from cogless.units import ANGLE, ANGULAR_SPEED
+
+MEAN_SHARE_MOST = 0.05  # of the top reference: a larger mean of the speed error isn't a speed that is held
+MEAN_ERROR = "limits_mean_error"
+SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less leaves nothing to gain
+MOST_SHARE = 0.5  # of the square
+PAIRED_CAUSES = 4  # the largest ones, which are taken away in pairs
+CLEARLY_WORSE = 1.5  # ratio to a metric's value before
+OF_WHOLE_STUDIES = ("calibration", "vary", "tune")
+STEP_SHARE_LEAST = 0.01  # of the position sensor's step, likewise
+
+
+def limits(
+    study: Study,
+    run: Run,
+    metric: Metric,
+    order: float | None = None,
+    jobs: int | None = None,
+    traces: Path | None = None,
+) -> Limits | None:
+    """What limits a finished run, by a metric that is better when lower, or by one of its orders.
+
+    `jobs`: runs at a time, default one per core. `traces`: a folder with room for traces that are too long
+    for memory. None: the run has no such value, or next to nothing is left. KeyboardInterrupt: Ctrl-C was
+    pressed.
+    """
+    tries = _Tries(study, run, metric, order, jobs, traces)
+    value = tries.value_of(run.metrics)
+    if value is None or value <= _negligible(study, run.scenario, metric):
+        return None
+    found = suspects(study, run, metric)
+    together = _merged([each.without for each in found])
+    pairs = [changes for each in found for changes in ({**each.beside, **each.without}, each.beside)]
+    values = [tries.value_of(metrics) for metrics in tries.metrics([*pairs, together])]
+    causes = []
+    for each, without, beside in zip(found, values[:-1:2], values[1::2], strict=True):
+        if without is not None and beside is not None:
+            share = (min(beside, value) ** 2 - without**2) / value**2
+            causes.append(Cause(each.name, without, share))
+    causes.sort(key=lambda cause: -cause.share)
+    if values[-1] is not None and _hides(causes, 1 - (values[-1] / value) ** 2):
+        causes = sorted([*causes, *_pairs(tries, found, causes, value)], key=lambda cause: -cause.share)
+    untried = [each.name for each in found if all(each.name != cause.name for cause in causes)]
+    clear = dict.fromkeys(n for cause in causes if cause.share >= CLEAR_SHARE for n in cause.names)
+    options = [(cause, each) for cause in clear for each in candidates(study, run, metric, cause)]
+    tried = tries.metrics([option.changes for _, option in options])
+    cures = [
+        Cure(cause, tries.placed(option.changes), left, option.setting, _costs(study, run, metric, metrics))
+        for (cause, option), metrics in zip(options, tried, strict=True)
+        if (left := tries.value_of(metrics)) is not None and tries.fits(option.changes)
+    ]
+    cures.sort(key=lambda cure: cure.value)
+    return Limits(
+        scenario=run.scenario,
+        controller=run.controller,
+        metric=result_name(metric),
+        order=order,
+        value=value,
+        causes=causes,
+        together=values[-1],
+        cures=cures,
+        untried=untried,
+    )
+
+
+def _hides(causes: Sequence[Cause], together: float) -> bool:
+    """Whether the causes one by one don't account for most of what they have together."""
+    return sum(max(0.0, cause.share) for cause in causes) < MOST_SHARE <= together
+
+
+def _pairs(tries: _Tries, found: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:
+    """Pairs of the largest causes as one, for causes of which each covers the other."""
+    apart = {each.name: each for each in found if not each.beside}
+    largest = [apart[cause.name] for cause in causes if cause.name in apart][:PAIRED_CAUSES]
+    pairs = [*combinations(largest, 2)]
+    left = tries.metrics([_merged([a.without, b.without]) for a, b in pairs])
+    values = [tries.value_of(metrics) for metrics in left]
+    return [
+        Cause(f"{a.name}{AND}{b.name}", without, 1 - (without / value) ** 2)
+        for (a, b), without in zip(pairs, values, strict=True)
+        if without is not None
+    ]
+
+
+def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> dict[str, float]:
+    """Other metrics that are clearly worse than the run's, each with the ratio to its value before."""
+    found = {}
+    for metric in study.metrics_in(run.scenario):
+        name = result_name(metric)
+        before, after = run.metrics.get(name), metrics.get(name)
+        if metric == judged or metric.wanted != "lower" or not before or isinstance(before, list):
+            continue
+        if isinstance(after, float) and after / before >= CLEARLY_WORSE:
+            found[name] = after / before
+    return found
+
+
+def _negligible(study: Study, scenario: str, metric: Metric) -> float:
+    """The value, SI, below which nothing is left to gain."""
+    if metric.dimension is ANGULAR_SPEED:
+        return SPEED_SHARE_LEAST * study.scenario[scenario].top_reference
+    sensor = for_scenario(study, scenario).drive.position_sensor
+    if metric.dimension is ANGLE and isinstance(sensor, Counted):
+        return STEP_SHARE_LEAST * sensor.step
+    return 0.0
+
+
+class _Tries:
+    """Runs of one controller in one scenario of a changed study."""
+
+    def __init__(
+        self,
+        study: Study,
+        run: Run,
+        metric: Metric,
+        order: float | None,
+        jobs: int | None,
+        traces: Path | None,
+    ) -> None:
+        self._study, self._run, self._metric, self._order = study, run, metric, order
+        self._jobs, self._traces = jobs, traces
+        self._tried: dict[str, Mapping[str, Value]] = {"{}": run.metrics}
+
+    def value_of(self, metrics: Mapping[str, Value]) -> float | None:
+        """The metric's value, SI; None if there is none, or it isn't finite."""
+        value = metrics.get(result_name(self._metric))
+        if isinstance(value, list):
+            value = value[(self._metric.order or ()).index(self._order)] if self._order is not None else None
+        return value if value is not None and math.isfinite(value) else None
+
+    def metrics(self, of: Sequence[Changes]) -> list[Mapping[str, Value]]:
+        """The run's metrics after each of these changes; none if a change is refused, if the run fails, or
+        if it doesn't hold the speed. Equal changes are tried once."""
+        new = {repr(changes): changes for changes in of if repr(changes) not in self._tried}
+        studies = {key: made for key, changes in new.items() if (made := self._changed(changes)) is not None}
+        self._tried |= {key: {} for key in new}
+        for key, run in zip(studies, self._runs([*studies.values()]), strict=True):
+            if run is not None and self._held(run.metrics):
+                self._tried[key] = run.metrics
+        return [self._tried[repr(changes)] for changes in of]
+
+    def _runs(self, studies: Sequence[Study]) -> list[Run | None]:
+        """The run in each of these studies; None if it fails."""
+        only = ["/".join((self._run.scenario, self._run.controller))]
+        try:
+            rolled = rollout(studies, only, self._jobs, keep_traces=False, traces=self._traces)
+            if any(results.interrupted for results in rolled):
+                raise KeyboardInterrupt
+        except RunError as error:
+            rolled = error.all_results
+        except StudyError:  # one of them can't be prepared, and none has run
+            return [run for study in studies for run in self._runs([study])] if len(studies) > 1 else [None]
+        return [next(iter(results.runs), None) for results in rolled]
+
+    def fits(self, changes: Changes) -> bool:
+        """Whether the whole study, with its other scenarios and controllers, can be changed so."""
+        try:
+            changed(self._study, self.placed(changes))
+        except StudyError:
+            return False
+        return True
+
+    def placed(self, changes: Changes) -> dict[str, Any]:
+        """The changes, in the scenario's override where that has a say, too."""
+        override = self._study.scenario[self._run.scenario].override
+        over = {tuple(map(str, split(key))) for key in override}
+        outside: dict[str, Any] = {}
+        inside: dict[str, Any] = {}
+        for key, value in changes.items():
+            path = tuple(map(str, split(key)))
+            overridden = any(path[: len(other)] == other[: len(path)] for other in over)
+            (inside if overridden else outside)[key] = value
+        if inside:
+            outside[f'scenario."{self._run.scenario}".override'] = {**override, **inside}
+        return outside
+
+    @cached_property
+    def _alone(self) -> Study:
+        """The study of this run alone, without numbers of the rule auto.
+
+        Its first metric is the one that the run is judged by, its last tells whether the speed is held.
+        """
+        study, scenario, controller = self._study, self._run.scenario, self._run.controller
+        source = unfilled(study, controller).source
+        tables = {key: source.tables[key] for key in source.tables if key not in OF_WHOLE_STUDIES}
+        own = [m for m in study.metrics_in(scenario) if result_name(m) in self._run.metrics]
+        places = [study.metric.index(m) for m in (self._metric, *(m for m in own if m != self._metric))]
+        metrics = [source.tables["metric"][place] for place in places]
+        over = {key: metrics[0][key] for key in ("window", "last") if key in metrics[0]}
+        held = {"name": MEAN_ERROR, "kind": "mean", "signal": "omega_error", "scenarios": [scenario], **over}
+        tables["metric"] = [*metrics, held]
+        of_law = study.scenarios_of(controller)  # a rule looks at all of them
+        tables["controller"] = {controller: tables["controller"][controller]}
+        tables["scenario"] = {n: {**tables["scenario"][n], "controllers": [controller]} for n in of_law}
+        for n, metric in enumerate(tables["metric"]):
+            where = [name for name in metric.get("scenarios", of_law) if name in of_law]
+            tables["metric"][n] = {**metric, "scenarios": where} if "scenarios" in metric else metric
+        alone = checked(replace(source, tables=tables))
+        assert isinstance(alone, Study)
+        return alone
+
+    def _changed(self, changes: Changes) -> Study | None:
+        """The changed study of this run alone; None if it is refused."""
+        place, last = f"metric.{self._study.metric.index(self._metric)}.", len(self._alone.metric) - 1
+        own: dict[str, Any] = {}
+        for key, value in self.placed(changes).items():
+            of_metric = key.startswith(place)
+            keys = [f"metric.{n}.{key.removeprefix(place)}" for n in (0, last)] if of_metric else [key]
+            own |= dict.fromkeys(keys, value)
+        try:
+            made = filled(changed(self._alone, own))
+        except StudyError:
+            return None
+        assert isinstance(made, Study)
+        return made
+
+    def _held(self, metrics: Mapping[str, Value]) -> bool:
+        mean = next((value for name, value in metrics.items() if name.startswith(MEAN_ERROR)), None)
+        most = MEAN_SHARE_MOST * self._study.scenario[self._run.scenario].top_reference
+        return isinstance(mean, float) and abs(mean) <= most if most else True
+
+
+def _merged(changes: Sequence[Changes]) -> dict[str, Any]:
+    """All changes; of a table that one of them replaces, what others change in it is dropped."""
+    found = {key: value for each in changes for key, value in each.items()}
+    whole = {key for key, value in found.items() if isinstance(value, dict) and value}
+    return {k: v for k, v in found.items() if not any(k.startswith(f"{table}.") for table in whole)}

@@ -1,0 +1,175 @@
+"""Where a rotor snaps from detent to detent: foreseen against runs, and what is said of learning there."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cogless.design.detent import STOPS, overrun, swing, turns_from
+from cogless.design.feedback import feedback_of
+from cogless.design.harmonic import certificate
+from cogless.design.verdict import verdict
+from cogless.design.warnings import warnings
+from cogless.run.simulate import simulate
+from cogless.study import Study, load
+
+FOLDER = Path(__file__).parents[2] / "examples"
+LAWS = """
+[controller.pi]
+law = "pi"
+tuning = { rule = "phase-margin", phase_margin = "60 deg" }
+[controller.harmonic]
+law = "harmonic"
+tuning = { rule = "auto" }
+[controller.pi-ilc]
+law = "pi-ilc"
+tuning = { rule = "phase-margin", phase_margin = "60 deg" }
+gain = "1 mA*s/rad"
+cells = 4096
+"""
+STEP = f"""title = "A step motor of 50 teeth"
+[motor]
+kind = "step"
+teeth = 50
+R_s = "1.5 ohm"
+L_0 = "3 mH"
+L_m = ["5 mH"]
+L_f = ["0.2 mH"]
+[mechanics]
+inertia = "54 g*cm^2"
+[drive]
+rates = {{ current_loop = "20 kHz", speed_loop = "4 kHz" }}
+current_loop = {{ bandwidth = "800 Hz", current_limit = "2 A" }}
+inverter = {{ bus_voltage = "24 V" }}
+position_sensor = {{ kind = "absolute", bits = 17, speed_method = "observer", observer_bandwidth = "200 Hz" }}
+[scenario.turn]
+duration = "6 s"
+reference = "30 rpm"
+{LAWS}"""
+
+
+@cache
+def file() -> Path:
+    from tempfile import mkdtemp
+
+    path = Path(mkdtemp()) / "step.toml"
+    path.write_text(STEP, encoding="utf-8")
+    return path
+
+
+def step_motor(rpm: float, detent: float, **more: Any) -> Study:
+    """L_f in mH: 0.1 mH are 10 mN m of order 200."""
+    turning = {"scenario.turn.reference": f"{rpm} rpm", "scenario.turn.initial_speed": f"{rpm} rpm"}
+    study = load(file(), {**turning, "motor.L_f": [f"{detent} mH"], **more})
+    assert isinstance(study, Study)
+    return study
+
+
+def flat_motor(rpm: float, torque: float, **more: Any) -> Study:
+    """The example's motor of 7 pole pairs with order 84 alone, whose loop is slowed down."""
+    turning = {"scenario.slow.reference": f"{rpm} rpm", "scenario.slow.initial_speed": f"{rpm} rpm"}
+    cogging = {
+        "motor.cogging": [{"order": 84, "torque": f"{torque} mN*m"}],
+        "mechanics.coulomb_friction": 0.0,
+    }
+    slow = {"drive.position_sensor": {"kind": "absolute", "bits": 20, "speed_method": "observer",
+                                      "observer_bandwidth": "60 Hz"}}  # fmt: skip
+    study = load(FOLDER / "my_motor.toml", {**turning, **cogging, **slow, **more})
+    assert isinstance(study, Study)
+    return study
+
+
+def stopped(study: Study, scenario: str, name: str = "pi") -> bool:
+    """Whether the rotor comes to rest in the second half of a run, or turns back."""
+    omega = simulate(study, scenario, name).trace["omega_m"]
+    return bool(np.min(omega[len(omega) // 2 :]) <= 0)
+
+
+def foreseen(study: Study, scenario: str, name: str = "pi") -> float:
+    omega = study.scenario[scenario].top_reference
+    feedback = feedback_of(study, name, omega)
+    assert feedback is not None
+    found = swing(study, scenario, feedback, omega)
+    return found.size if found is not None else 0.0
+
+
+@pytest.mark.parametrize(
+    ("motor", "scenario", "sizes"),
+    [(step_motor, "turn", (0.02, 0.06, 0.2)), (flat_motor, "slow", (2.0, 8.0, 30.0))],
+)
+def test_a_rotor_stops_where_the_ripple_of_small_signals_reaches_its_speed(
+    motor: Any, scenario: str, sizes: tuple[float, ...]
+) -> None:
+    """Over a grid of speeds and detents; between 0.7 and 1.6 either may come true."""
+    seen = {True: 0, False: 0}
+    for size in sizes:
+        for rpm in (0.5, 1.5, 5.0, 15.0, 30.0, 60.0, 120.0):
+            study = motor(rpm, size)
+            ratio = foreseen(study, scenario)
+            if not 0.7 < ratio < 1.6:
+                stops = ratio >= STOPS
+                assert stopped(study, scenario) == stops, (size, rpm, ratio)
+                seen[stops] += 1
+    assert min(seen.values()) >= 4, seen
+
+
+def test_in_both_limits_it_is_the_detent_against_energy_or_stiffness() -> None:
+    """20 mN m of order 200 on 54 g cm^2: 137 Hz."""
+    fast, slow = step_motor(200.0, 0.2), step_motor(0.01, 0.2)
+    rate = math.sqrt(200 * 20e-3 / 54e-7)
+    assert rate / math.tau == pytest.approx(137, abs=0.5)
+    for study, expected in (
+        (fast, (rate / (200 * 200 * math.pi / 30)) ** 2),
+        (slow, 200 * 20e-3 / (0.25 * feedback_of(slow, "pi").k_i)),
+    ):
+        assert foreseen(study, "turn") == pytest.approx(expected, rel=0.15)
+
+
+def test_the_speed_from_which_it_turns_is_where_the_ripple_is_as_large_as_the_speed() -> None:
+    study = step_motor(5.0, 0.2)
+    feedback = feedback_of(study, "pi")
+    assert feedback is not None
+    begins = turns_from(study, "turn", feedback, 5 * math.pi / 30)
+    assert begins is not None and 40 < begins * 30 / math.pi < 60
+    below, above = (step_motor(share * begins * 30 / math.pi, 0.2) for share in (0.8, 1.25))
+    assert stopped(below, "turn") and not stopped(above, "turn")
+
+
+@pytest.mark.parametrize("rpm", [0.5, 30.0])
+def test_no_learning_is_certified_where_the_rotor_snaps(rpm: float) -> None:
+    """It was said to converge at 30 r/min, where the run ends above the PI."""
+    study = step_motor(rpm, 0.2)
+    words = certificate(study, "harmonic").words()
+    assert words.startswith("not judged: at") and "whose detents pull at 137 Hz" in words
+    assert not certificate(study, "harmonic").fine
+    found = verdict(study, "pi-ilc")
+    assert found is not None and found.kind == "not judged" and not found.fine
+    assert any("stops and snaps" in str(line) for line in warnings(study, "turn", "harmonic"))
+
+
+def test_what_is_certified_converges() -> None:
+    study = step_motor(60.0, 0.2)
+    assert certificate(study, "harmonic").fine
+    ripple = {
+        name: float(np.std(simulate(study, "turn", name).trace["omega_m"][-40000:]))
+        for name in ("pi", "harmonic")
+    }
+    assert ripple["harmonic"] < 0.3 * ripple["pi"]
+
+
+def test_a_table_that_is_filled_is_not_left_to_its_feedback() -> None:
+    """The paper's bench: at a revolution a second the feedback alone lets it stop, the table doesn't."""
+    study = load("uomodri-bench")
+    assert any("snaps" in str(line) for line in warnings(study, "1-rev-s", "p"))
+    assert not any("snaps" in str(line) for line in warnings(study, "1-rev-s", "table"))
+
+
+def test_orders_that_are_faster_than_a_law_are_told_to_the_plan() -> None:
+    study = step_motor(30.0, 0.2)
+    assert [order for order, _ in overrun(study, "pi")] == [200]
+    assert overrun(step_motor(30.0, 0.01), "pi") == []

@@ -1,0 +1,244 @@
+"""Each plant of the shipped arena is what its `about` says: every word is checked, none is left over."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cogless import load
+from cogless.ensemble.arena import prepared
+from cogless.ensemble.arena_cases import TOLD
+from cogless.files import shipped
+from cogless.run.simulate import simulate
+from cogless.study import Study, TrialStudy, changed
+from cogless.study.arena import Arena, ArenaPlant, arena_of
+from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall
+from cogless.study.reading import read
+from cogless.study.step_motor import StepMotor
+
+RPM = math.pi / 30
+PATH = shipped("studies")["arena"]
+FILLERS = "a an the and its that at by on of in where once turn this"
+
+
+@cache
+def arena() -> Arena:
+    return arena_of(PATH, read(PATH))
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A plant as the bar meets it. `before`: the plant before it in the file, which "the same" means."""
+
+    told: ArenaPlant
+    study: Study
+    before: Plant | None
+
+    def ripple(self, **changes: Any) -> float:
+        """Rms of the bar's true speed error over the plant's window, r/min, with changes of the study."""
+        begun = self.told.begin + self.told.window
+        alone = {"duration": f"{begun!r} s", "events": [], "faults": []}
+        of_case = {f"scenario.{TOLD}.{key}": value for key, value in alone.items()}
+        tables = {k: v for k, v in self.study.source.tables.items() if k != "metric"}
+        kept = {TOLD: tables["scenario"][TOLD]}
+        bare = changed(self.study, {"metric": [], "scenario": kept})
+        trace = simulate(changed(bare, of_case | changes), TOLD, arena().bar).trace
+        error = np.asarray(trace["omega_error"])[np.asarray(trace["time"]) > self.told.begin]
+        return float(np.sqrt(np.mean(error**2)) / RPM)
+
+    @property
+    def speed(self) -> float:
+        """The constant reference, r/min."""
+        scenario = self.study.scenario[TOLD]
+        assert scenario.slowest == scenario.top_reference
+        return scenario.top_reference / RPM
+
+    @property
+    def counts(self) -> float:
+        """Counts of the encoder in a period of the law."""
+        sensor = self.study.drive.position_sensor
+        assert isinstance(sensor, Encoder)
+        return self.speed * RPM / sensor.step / self.study.drive.rates.outer_loop
+
+    @property
+    def samples_of_a_turn(self) -> Fraction:
+        return Fraction(str(self.study.drive.rates.outer_loop)) * 60 / Fraction(str(round(self.speed, 6)))
+
+
+@cache
+def plant(name: str) -> Plant:
+    names = list(arena().plant)
+    index = names.index(name)
+    study, absent = prepared(arena(), name, [arena().bar])
+    assert absent == {}
+    return Plant(arena().plant[name], study, plant(names[index - 1]) if index else None)
+
+
+def datasheet(name: str) -> Callable[[Plant, re.Match[str]], bool]:
+    return lambda p, _: p.study.source.tables["motor"].get("datasheet") == name
+
+
+def turns_at(p: Plant, said: re.Match[str]) -> bool:
+    return abs(p.speed - float(said[1])) < 1e-6
+
+
+def cogs(p: Plant, _: re.Match[str]) -> bool:
+    """Without it, much of the bar's ripple is gone."""
+    return p.ripple(**{"motor.cogging": []}) < 0.7 * p.ripple()
+
+
+def compensated(p: Plant, _: re.Match[str]) -> bool:
+    """The bar's own ripple moves when it is not, by more than the noise of another seed moves it."""
+    table = p.study.source.tables["drive"]
+    drive = {key: value for key, value in table.items() if key != "dead_time_compensation"}
+    moved, noise = (abs(p.ripple(**other) - p.ripple()) for other in ({"drive": drive}, {"seed": 1}))
+    return moved > 5 * noise and moved > 0.02 * p.ripple()
+
+
+def same(p: Plant, _: re.Match[str]) -> bool:
+    """Motor, mechanics and drive are those of the plant before, but for what the words behind say."""
+    assert p.before is not None
+    mine, others = p.study, p.before.study
+    method = {"speed_method", "timer"}
+    left, right = (
+        {**s.drive.model_dump(), "position_sensor": s.drive.position_sensor.model_dump(exclude=method)}
+        for s in (mine, others)
+    )
+    return (mine.motor, mine.mechanics, left) == (others.motor, others.mechanics, right)
+
+
+def timed(p: Plant, _: re.Match[str]) -> bool:
+    """It is, and the bar feels that the encoder's steps are gone."""
+    sensor = p.study.drive.position_sensor
+    counted = p.ripple(**{"drive.position_sensor.speed_method": "M"})
+    return isinstance(sensor, Counted) and sensor.speed_method == "MT" and p.ripple() < 0.99 * counted
+
+
+def locks(p: Plant) -> bool:
+    """Whether the counts of few turns come at the same angles again."""
+    return p.samples_of_a_turn.denominator < 100 and p.samples_of_a_turn.numerator < 10_000
+
+
+def never_repeats(p: Plant, _: re.Match[str]) -> bool:
+    """The period that both of its frequencies share is longer than the run."""
+    scenario = p.study.scenario[TOLD]
+    table = p.study.source.tables["scenario"][TOLD]["reference"]
+    assert scenario.slowest < scenario.top_reference
+    parts = [Fraction(table[key].removesuffix(" Hz")) for key in ("frequency", "modulation")]
+    period = 1 / Fraction(math.gcd(*(int(f * 1000) for f in parts)), 1000)
+    return float(period) > scenario.duration
+
+
+def varies(p: Plant, _: re.Match[str]) -> bool:
+    scenario = p.study.scenario[TOLD]
+    return scenario.slowest < scenario.top_reference / 1.2
+
+
+def arm(p: Plant, _: re.Match[str]) -> bool:
+    """A weight that turns with the motor, which the bar feels."""
+    waves = [wave for wave in p.study.mechanics.load.harmonics if wave.order == 1]
+    return bool(waves) and abs(p.ripple(**{"mechanics.load": "0 N*m"}) / p.ripple() - 1) > 0.05
+
+
+def off_the_axis(p: Plant, _: re.Match[str]) -> bool:
+    sensor = p.study.drive.position_sensor
+    assert isinstance(sensor, Counted)
+    straight = p.ripple(**{"drive.position_sensor.error": []})
+    return abs(sensor.wave(1)) > 1e-3 and straight < p.ripple()
+
+
+def has_bits(p: Plant, said: re.Match[str]) -> bool:
+    sensor = p.study.drive.position_sensor
+    return isinstance(sensor, Absolute) and sensor.bits == int(said[1])
+
+
+def soft_shaft(p: Plant, _: re.Match[str]) -> bool:
+    """The load swings against the motor, within what the speed loop sees."""
+    side = p.study.mechanics.load_side
+    assert side is not None
+    stiffness, inertia = side.stiffness / side.ratio**2, side.inertia / side.ratio**2
+    swings = math.sqrt(stiffness / inertia) / math.tau
+    stiffer = p.ripple(**{"mechanics.load_side.stiffness": f"{100 * side.stiffness!r} N*m/rad",
+                          "drive.rates.integration_steps": 8})  # fmt: skip
+    return swings < 0.1 * p.study.drive.rates.outer_loop and abs(stiffer / p.ripple() - 1) > 0.02
+
+
+def gear(p: Plant, _: re.Match[str]) -> bool:
+    side = p.study.mechanics.load_side
+    return side is not None and side.ratio > 1 and bool(side.gear_errors)
+
+
+# what an `about` says, and what is true of the plant then
+WORDS: dict[str, Callable[[Plant, re.Match[str]], bool]] = {
+    r"Liu's motor": datasheet("liu2018"),
+    r"drone motor": datasheet("uomodri"),
+    r"gimbal": datasheet("gm5208"),
+    r"hub motor": datasheet("hoverboard"),
+    r"step motor": lambda p, _: isinstance(p.study.motor, StepMotor),
+    r"motor(?= that cogs, on a soft)": lambda p, _: p.study.motor.star().pole_pairs > 0,
+    r"the same": same,
+    r"([\d.]+) r/min": turns_at,
+    r"(\d+) counts a sample": lambda p, said: abs(p.counts - float(said[1])) < 1e-6,
+    r"(\d+) samples make three revolutions": lambda p, said: p.samples_of_a_turn * 3 == int(said[1]),
+    r"counts don't lock to the angle": lambda p, _: not locks(p),
+    r"speed timed(?: from edge to edge)?": timed,
+    r"that cogs": cogs,
+    r"dead time compensated": compensated,
+    r"a speed that never repeats": never_repeats,
+    r"varying speed": varies,
+    r"arm": arm,
+    r"\(Verrelli 2016, section 5\)": lambda p, _: p.told.study == "verrelli2016",
+    r"(\d+) bits": has_bits,
+    r"off the axis": off_the_axis,
+    r"Hall sensors": lambda p, _: isinstance(p.study.drive.position_sensor, Hall),
+    r"soft shaft": soft_shaft,
+    r"behind a gear": gear,
+}
+
+
+@pytest.mark.parametrize("name", arena().plant)
+def test_a_plant_is_what_each_word_of_its_about_says(name: str) -> None:
+    left = arena().plant[name].about
+    for words, holds in WORDS.items():
+        for said in re.finditer(words, left):
+            assert holds(plant(name), said), said[0]
+        left = re.sub(words, " ", left)
+    assert set(re.findall(r"[\w']+", left)) <= set(FILLERS.split()), left
+
+
+def test_a_plant_that_is_the_same_is_compensated_as_the_one_before() -> None:
+    """The words "the same" pass on what it says of the drive: the bar's ripple moves on all four drones."""
+    drones = [name for name in arena().plant if name.startswith("drone-")]
+    assert len(drones) == 4
+    for name in drones:
+        assert compensated(plant(name), re.match("", "")), name  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", arena().plant)
+def test_each_change_of_a_plant_changes_it(name: str) -> None:
+    told = arena().plant[name]
+    for key in told.changes:
+        others = {k: v for k, v in told.changes.items() if k != key}
+        without, with_it = (load(told.study, c).model_dump() for c in (others, told.changes))
+        assert without != with_it, key
+
+
+def test_the_trials_are_what_their_about_says() -> None:
+    (told,) = arena().trials.values()
+    assert told.about.startswith("a motion of Mandra 2019 in 150 trials, between which load, inertia and ")
+    study = load(told.study, told.changes)
+    assert isinstance(study, TrialStudy) and told.study == "mandra2019"
+    (scenario,) = study.scenario.values()
+    assert scenario.trials == 150
+    changes = [change for _, change in scenario.phases[1:]]
+    assert any(change.load_steps for change in changes)
+    assert any("mechanics.inertia" in (change.override or {}) for change in changes)
+    assert any(change.reference is not None for change in changes)

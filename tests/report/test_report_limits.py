@@ -1,0 +1,215 @@
+"""What limits the best run, in verdict, report, results.json and on the terminal."""
+
+import json
+import tomllib
+from dataclasses import replace
+
+import pytest
+from commands import cogless
+
+import studies
+from cogless.cli.limits import sentences
+from cogless.report import best_runs, limit, render, verdicts, with_limits
+from cogless.report.limits import setting
+from cogless.results import results_json
+from cogless.results.limits import Cause, Cure, Limits
+from cogless.run.simulate import run_study
+from cogless.study import load
+from cogless.study.reading import changed
+
+TEXT = f"""title = "Two laws"
+{studies.IDEAL}
+position_sensor = {{ kind = "absolute", bits = 10, window = 4 }}
+[scenario.turn]
+duration = "2 s"
+reference = "60 rpm"
+initial_speed = "60 rpm"
+[controller.pi]
+law = "pi"
+baseline = true
+kp = "0.01 A/rpm"
+ki = "0.1 A/rpm/s"
+[controller.high]
+law = "pi"
+label = "PI, high"
+kp = "0.02 A/rpm"
+ki = "0.4 A/rpm/s"
+[[metric]]
+name = "speed_ripple"
+kind = "ripple-rms"
+signal = "omega_m"
+last = "1 s"
+unit = "rpm"
+"""
+RPM = 0.10471975511965977  # rad/s
+WINDOW = {"kind": "absolute", "bits": 10, "speed_method": "observer", "observer_bandwidth": "50 Hz"}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return studies.write(tmp_path_factory.mktemp("study"), TEXT)
+
+
+@pytest.fixture(scope="module")
+def results(path):
+    return run_study(load(path))
+
+
+def limits(causes, cures=(), value=10.0):
+    """Limits of the run turn/high; causes (name, r/min without it), cures (changes, r/min, setting)."""
+    return Limits(
+        scenario="turn",
+        controller="high",
+        metric="speed_ripple_rad_s",
+        order=None,
+        value=value * RPM,
+        causes=[Cause(name, x * RPM, 1 - (x / value) ** 2) for name, x in causes],
+        together=None,
+        cures=[Cure("sensor-steps", changes, x * RPM, own) for changes, x, own in cures],
+    )
+
+
+def told(results, *arguments, **keys):
+    return str(limit(replace(results, limits={"turn": limits(*arguments, **keys)}), "turn") or "")
+
+
+def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results):
+    with_them = replace(results, limits={"turn": limits([("sensor-steps", 1.0)])})
+    (verdict,) = verdicts(with_them)
+    sentence = "What limits “PI, high”: the position sensor's steps 99 % of the square (1.00 rpm without)."
+    assert verdict.details[0] == sentence and sentence not in verdicts(results)[0].details
+    page = render(with_them)
+    assert page.index(verdict.headline.split(",")[0]) < page.index("What limits") < page.index("<h2>Numbers")
+    assert sentences(with_them) == {"turn": sentence} and sentences(results) == {}
+
+
+@pytest.mark.parametrize(
+    ("causes", "words"),
+    [
+        ([("delay", 9.8), ("friction", 11.0)], ""),  # 4 % and less than nothing
+        ([("dead-time", 7.0), ("current-noise", 8.0)], "dead time 51 % of the square (7.00 rpm without) and"),
+        ([("sensor-steps", 3.0), ("sensor-error", 3.0)], "; the shares overlap."),
+        (
+            [("disturbance", 1.0), ("learning-time", 1.5)],
+            "What limits “PI, high”: what is not learned yet 98 %",
+        ),
+        ([("disturbance", 1.0), ("delay", 8.0)], "torque ripple that is not rejected 99 %"),
+    ],
+)
+def test_causes_with_a_clear_share_are_named(results, causes, words):
+    sentence = told(results, causes)
+    assert words in sentence if words else not sentence
+    assert ("overlap" in sentence) == (sum(1 - (x / 10) ** 2 for _, x in causes) > 1.1 and "yet" not in words)
+
+
+def test_two_causes_of_which_each_covers_the_other_are_named_as_a_pair(results):
+    pair = [("sensor-steps + disturbance", 2.0), ("delay", 9.4), ("sensor-steps + delay", 9.0)]
+    assert told(results, pair) == (
+        "What limits “PI, high”: the position sensor's steps and torque ripple that is not rejected, "
+        "only together, 96 % of the square (2.00 rpm without)."
+    )
+
+
+def test_three_causes_are_named_at_most(results):
+    five = [(name, 8.0) for name in ("sensor-steps", "sensor-error", "dead-time", "friction", "switching")]
+    assert told(results, five).count("of the square") == 3
+
+
+def test_the_best_setting_is_told_and_a_part_only_if_it_leaves_clearly_less(results):
+    observer, bits = {"drive.position_sensor": WINDOW}, {"drive.position_sensor.bits": 14}
+    cause = [("sensor-steps", 1.0)]
+    table = 'drive.position_sensor.speed_method = "observer", observer_bandwidth = "50 Hz", no window'
+    assert told(results, cause, [(bits, 1.0, False), (observer, 4.0, True)]).endswith(
+        f"Tried: with {table} it leaves 4.00 rpm; with drive.position_sensor.bits = 14 it leaves 1.00 rpm."
+    )
+    assert "bits" not in told(results, cause, [(bits, 3.9, False), (observer, 4.0, True)])
+    assert "Tried" not in told(results, cause, [(observer, 9.0, True), (bits, 8.5, False)])
+
+
+def test_what_a_change_costs_is_told(results):
+    made = limits([("sensor-steps", 1.0)], [({"drive.position_sensor.bits": 14}, 1.0, False)])
+    costly = replace(made, cures=[replace(made.cures[0], costs={"dip_rad_s": 2.0, "loss_W": 1.6})])
+    sentence = str(limit(replace(results, limits={"turn": costly}), "turn"))
+    assert sentence.endswith("it leaves 1.00 rpm, but 2.00 times the dip_rad_s.")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"drive.position_sensor.bits": 14, "drive.rates.speed_loop": "2 kHz"},
+        {"drive.bus": {"delay_measured": "1 ms"}},
+        {'controller."high"': {"law": "pi", "kp": "0.1 A*s/rad", "ki": "1 A/rad"}},
+        {'scenario."turn".override': {"drive.position_sensor.bits": 14}},
+    ],
+)
+def test_a_change_reads_as_lines_of_the_study(results, changes):
+    """Each part of the text is TOML, and together they change the study as the changes do."""
+    text = setting(results.study, changes)
+    lines = text.replace(", speed_loop", ", drive.rates.speed_loop")
+    tables = tomllib.loads(lines.replace(", drive.rates", "\ndrive.rates"))
+    wanted = changed(results.study, changes)
+
+    def flat(table, *above):
+        for key, value in table.items():
+            deeper = isinstance(value, dict) and "law" not in value and "delay_measured" not in value
+            yield from flat(value, *above, key) if deeper else [(".".join(map(quoted, (*above, key))), value)]
+
+    def quoted(key):
+        return f'"{key}"' if "." in key else key
+
+    assert changed(results.study, dict(flat(tables))).source.tables == wanted.source.tables
+
+
+def test_results_json_has_every_share_and_every_try(results):
+    made = limits([("sensor-steps", 1.0)], [({"drive.position_sensor.bits": 14}, 2.0, False)])
+    found = results_json.to_dict(replace(results, limits={"turn": made}))["limits"]
+    assert json.loads(json.dumps(found)) == [
+        {
+            "scenario": "turn",
+            "controller": "high",
+            "metric": "speed_ripple_rad_s",
+            "value": made.value,
+            "causes": [{"cause": "sensor-steps", "without": RPM, "share": 0.99}],
+            "untried": [],
+            "without_all": None,
+            "tried": [
+                {
+                    "against": "sensor-steps",
+                    "set": {"drive.position_sensor.bits": 14},
+                    "value": 2 * RPM,
+                    "costs": {},
+                }
+            ],
+        }
+    ]
+    assert "limits" not in results_json.to_dict(results)
+
+
+@pytest.mark.parametrize(("option", "is_there"), [((), True), (("--no-limits",), False)])
+def test_the_command_tells_it_below_its_table(capsys, path, tmp_path, option, is_there):
+    code, out, _ = cogless(capsys, "run", path, "--no-traces", "-o", tmp_path / "out", *option)
+    written = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert code == 0 and ("What limits" in out) is is_there and ("limits" in written) is is_there
+    if is_there:
+        assert written["limits"][0]["scenario"] == "turn"
+
+
+def test_long_runs_own_code_and_faults_are_left_alone_unless_they_are_asked_for(results, monkeypatch):
+    asked = []
+    monkeypatch.setattr(best_runs, "limits", lambda study, run, *rest: asked.append(run.scenario))
+    monkeypatch.setattr(best_runs, "TICKS_MOST", 100)
+    assert with_limits(results).limits == {} and asked == []
+    with_limits(results, long=True)
+    assert asked == ["turn"]
+    fault = {"scenario.turn.faults": [{"kind": "angle-missing", "time": "1 s", "duration": "0.1 s"}]}
+    with_limits(replace(results, study=changed(results.study, fault)), long=True)
+    assert asked == ["turn"]
+
+
+def test_ctrl_c_keeps_what_is_there(results, monkeypatch):
+    def pressed(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(best_runs, "limits", pressed)
+    ended = with_limits(results)
+    assert ended.limits == {} and ended.runs == results.runs
