@@ -31,7 +31,7 @@ DEFINITIONS = """
     mega- = 1e6 = M-
     giga- = 1e9 = G-
     meter = [length] = m
-    second = [time] = s
+    second = [time] = s = sec
     ampere = [current] = A
     gram = [mass] = g
     kelvin = [temperature] = K

@@ -395,7 +395,7 @@ def test_a_condition_that_asks_for_nothing_is_not_compared_by_a_ratio() -> None:
     flat = Path(__file__).parents[2] / "examples" / "my_motor.toml"
     found = theorem(load(flat, {"controller.space": own}), "space")
     assert found is not None and found.conditions[-1].asks == 0
-    assert " above g_d (eta_bar + omega+) / 2, which is 0" in found.verdict()
+    assert " is above g_d (eta_bar + omega+) / 2 (0), no k is enough for " in found.verdict()
     assert "inf" not in found.verdict()
 
 

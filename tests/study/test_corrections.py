@@ -222,3 +222,74 @@ def test_a_table_is_filled_once() -> None:
     }
     message = refused(MY_MOTOR, {"controller.table": filled})
     assert message == "controller.table: expected a calibration or a start, not both"
+
+
+# --- a newcomer's file
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "message"),
+    [
+        (
+            "[scenario.slow]",
+            "[scenario]",
+            'scenario.duration: "6 s": expected a table with a name, such as [scenario.slow]',
+        ),
+        (
+            'reference = "30 rpm"',
+            'speed = "30 rpm"',
+            'scenario.slow.speed: "30 rpm": expected "reference" in its place',
+        ),
+        (
+            'kind = "absolute", bits = 17',
+            "bits = 17",
+            'drive.position_sensor.kind: missing: expected a kind of sensor, such as "encoder"',
+        ),
+        (
+            'law = "harmonic"',
+            "",
+            "controller.harmonic.law: missing: expected a law, one of those of cogless list",
+        ),
+        ('law = "pi"', "law = pi", ': "law = pi": expected a text in quotes, or a number without a unit'),
+        ("[[metric]]", "[metric]", ": expected an array of tables, [[metric]]"),
+        (
+            'order = 84, torque = "4 mN*m"',
+            'order = 84, amplitude = "4 mN*m"',
+            'motor.cogging.0.amplitude: "4 mN*m": expected "torque" in its place',
+        ),
+        (
+            'current_limit = "1.5 A"',
+            'max_current = "1.5 A"',
+            'drive.current_loop.max_current: "1.5 A": expected "current_limit" in its place',
+        ),
+        (
+            'bus_voltage = "24 V"',
+            'voltage = "24 V"',
+            'drive.inverter.voltage: "24 V": expected a known key, perhaps "bus_voltage"',
+        ),
+        (
+            'coulomb_friction = "3 mN*m"',
+            'friction = "3 mN*m"',
+            'mechanics.friction: "3 mN*m": expected a known key, perhaps "viscous_friction" or '
+            '"coulomb_friction" or "breakaway_friction" or "friction_harmonics" or "friction_table"',
+        ),
+    ],
+)
+def test_a_newcomer_s_mistake_is_told_with_what_makes_the_study_right(
+    tmp_path: Path, right: str, wrong: str, message: str
+) -> None:
+    """The message has the words of the file that is right."""
+    text = MY_MOTOR.read_text(encoding="utf-8")
+    assert right in text
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace(right, wrong, 1), encoding="utf-8")
+    with pytest.raises(StudyError) as error:
+        load(path)
+    first = str(error.value).splitlines()[0].removeprefix(f"{path}: ")
+    assert first.endswith(message) and (first == message or message.startswith(":"))
+    words = [
+        word for word in re.findall(r"[\w-]+|\[\[", right) if word not in re.findall(r"[\w-]+|\[\[", wrong)
+    ]
+    assert "law" in right or "kind" in right or all(word in message for word in words)
+    path.write_text(text, encoding="utf-8")
+    load(path)

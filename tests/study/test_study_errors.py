@@ -142,7 +142,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'drive.position_sensor.kind: "laser": expected one of "ideal", "encoder", "absolute", '
             '"resolver", "hall"'),
         ("drive.position_sensor", {"lines": 3},
-            "drive.position_sensor.kind: missing: expected one that says which kind it is"),
+            'drive.position_sensor.kind: missing: expected a kind of sensor, such as "encoder"'),
         ("drive.position_sensor", {"kind": "ideal", "lines": 3},
             "drive.position_sensor.lines: 3: expected one of side, kind"),
         ("drive.position_sensor", {"kind": "encoder", "lines": 0},
@@ -238,7 +238,8 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
           for orders in ([], [0], [6, 6], [12, 6], [70000], [*range(1, 18)])),
         ("controller.afc", {**PI, "law": "pi-afc", "gain": 1, "orders": [6.5]},
             "controller.afc.orders.0: 6.5: expected a whole number"),
-        ("controller.pi", {"kp": 1}, "controller.pi.law: missing: expected one that says which kind it is"),
+        ("controller.pi", {"kp": 1},
+            "controller.pi.law: missing: expected a law, one of those of cogless list"),
         ("controller.fair.kp", 1,
             "controller.fair: expected either kp and ki or tuning, such as "
             '{ rule = "phase-margin", phase_margin = "60 deg" }'),

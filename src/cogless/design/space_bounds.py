@@ -89,7 +89,7 @@ class Condition:
     def words(self, has: float) -> str:
         """How a gain compares with the bound, to follow "is"."""
         if self.asks <= 0:
-            return f"above {self.name}, which is 0"
+            return f"above {self.name} (0)"
         return f"{self.ratio(has):.2g} of {self.name} ({self.asks:.3g})"
 
 

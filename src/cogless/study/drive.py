@@ -109,6 +109,10 @@ class Rates(Table):
 class CurrentLoop(Table):
     """The current controllers of the d and q axis, given by kp and ki, or by a bandwidth."""
 
+    IN_PLACE: ClassVar[dict[str, str]] = dict.fromkeys(
+        ("max_current", "current_max", "i_max"), "current_limit"
+    )
+
     kp: CurrentGain | None = None  # V/A
     ki: CurrentIntegralGain | None = None  # V/A/s
     bandwidth: Frequency | None = None  # Hz: kp = w L, ki = w R_s with the assumed L, R_s; w = 2 pi bandwidth

@@ -41,6 +41,12 @@ EXPECTED = {
 }
 OF_WORDS, WORDS = ("union_tag_invalid", "literal_error"), re.compile(r'"([^"]+)"')
 ONE_OF = 'expected one of "'
+MISSING_KINDS = {
+    "law": "expected a law, one of those of cogless list",
+    "position_sensor": 'expected a kind of sensor, such as "encoder"',
+    "faults": 'expected a kind of fault, such as "angle-missing"',
+}
+NAMED = {"scenario": "slow", "controller": "pi"}  # tables of named tables, each with a sample name
 PATTERNS = {
     r"^.+\.py:\w+$": 'expected a file and a class, such as "my_law.py:MyLaw"',
     r"^[A-Za-z][A-Za-z0-9_]*$": "expected a name of letters, digits and _",
@@ -138,11 +144,22 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     value = look_up(tables, key)
     absent = "missing" if kind.startswith("union_tag") else str(context.get("value") or "")
     told = value is not MISSING and not (kind == "study" and isinstance(value, dict))
-    expected = _expected(kind, context, details["msg"])
+    expected = _in_its_place(kind, key, value) or _expected(kind, context, details["msg"])
     name = value if isinstance(value, str) else absent
     of_words = kind in OF_WORDS or expected.startswith(ONE_OF)
     meant = perhaps(name, WORDS.findall(expected)) if of_words and name else ""
     return Problem(key, shown(value) if told else absent, expected + meant)
+
+
+def _in_its_place(kind: str, key: Key, value: Any) -> str | None:
+    """What is expected of a mistake that shows by its place in the file; None of any other."""
+    if kind == "union_tag_not_found":
+        return next((MISSING_KINDS[part] for part in reversed(key) if part in MISSING_KINDS), None)
+    if kind == "tuple_type" and isinstance(value, dict):
+        return f"expected an array of tables, [[{dotted(key)}]]"
+    if len(key) == 2 and key[0] in NAMED and value is not MISSING and not isinstance(value, dict):
+        return f"expected a table with a name, such as [{key[0]}.{NAMED[key[0]]}]"
+    return None
 
 
 def _expected(kind: str, context: dict[str, Any], message: str) -> str:

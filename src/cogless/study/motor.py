@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
@@ -71,6 +71,8 @@ class TorqueRipple(Table):
 
 class Cogging(Table):
     """A harmonic of the cogging torque: torque sin(order theta_m + phase). The order is mechanical."""
+
+    IN_PLACE: ClassVar[dict[str, str]] = {"amplitude": "torque", "peak_to_peak": "torque_peak_to_peak"}
 
     order: Order
     torque: Torque | None = None  # N*m

@@ -41,6 +41,7 @@ LONGEST_NAME = 1000  # characters of a path in a message
 # tomllib needs time and memory that grow with the square of the number of a key's parts.
 PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
 LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{PART}\.[ \t]*){{{DEEPEST}}}{PART}""", re.ASCII)
+AT_LINE = re.compile(r"Invalid value \(at line (\d+), ")
 INDEX = re.compile(r"\d{1,9}", re.ASCII)
 
 
@@ -165,6 +166,8 @@ def _toml(text: str) -> dict[str, Any]:
         raise ValueError(f"expected keys of at most {DEEPEST} parts (at line {line})")
     try:
         tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{error}{_unquoted(text, str(error))}") from None
     except RecursionError:
         raise ValueError(too_deep) from None
     level: list[Any] = [tables]
@@ -174,6 +177,15 @@ def _toml(text: str) -> dict[str, Any]:
     if level:
         raise ValueError(too_deep)
     return tables
+
+
+def _unquoted(text: str, message: str) -> str:
+    """The end of a message on a value that TOML has not: the line, and what is often forgotten."""
+    place = AT_LINE.match(message)
+    if place is None:
+        return ""
+    line = text.splitlines()[int(place.group(1)) - 1].strip()
+    return f": {shown(line)}: expected a text in quotes, or a number without a unit"
 
 
 def put(tables: dict[str, Any], key: str, value: Any) -> None:

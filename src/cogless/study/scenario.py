@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -100,6 +100,10 @@ class Experiment(Table):
 
 class Scenario(Experiment):
     """An experiment of a speed study."""
+
+    IN_PLACE: ClassVar[dict[str, str]] = dict.fromkeys(
+        ("speed", "velocity", "setpoint", "target", "speed_reference", "omega_ref"), "reference"
+    ) | dict.fromkeys(("time", "length"), "duration")
 
     reference: Reference = Field(examples=['"60 rpm"'])
     initial_speed: AngularSpeed = 0.0  # rad/s, mechanical

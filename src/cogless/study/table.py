@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import UnionType
-from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -62,10 +62,13 @@ class Table(BaseModel):
         """The full table for a value in short form, such as a text in place of a table."""
         return data
 
+    IN_PLACE: ClassVar[dict[str, str]] = {}  # keys of this table by what a newcomer may call them
+
     @classmethod
     def other_word(cls, key: str, value: Any) -> str | None:
-        """What is expected in place of an unknown key whose value would mean something else there."""
-        return None
+        """What is expected in place of an unknown key that is no misspelling of a known one."""
+        word = cls.IN_PLACE.get(key.lower())
+        return f'expected "{word}" in its place' if word else None
 
     @model_validator(mode="wrap")
     @classmethod
@@ -218,11 +221,11 @@ def perhaps(name: str, known: Iterable[str]) -> str:
 
 
 def _meant(key: str, known: Sequence[str]) -> list[str]:
-    """The known keys that an unknown one may be meant to be: those that it begins, as L does L_d and L_q, or
-    the nearest."""
-    begun = [name for name in known if name.startswith(f"{key}_")]
+    """The known keys that an unknown one may be meant to be: those that it begins or ends, as L does L_d and
+    friction coulomb_friction, or the nearest."""
+    whole = [name for name in known if name.startswith(f"{key}_") or name.endswith(f"_{key}")]
     near = nearest(key, known)
-    return begun or ([near] if near else [])
+    return whole or ([near] if near else [])
 
 
 def _suggestion(near: Sequence[str], known: Sequence[str]) -> str:
