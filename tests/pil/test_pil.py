@@ -226,7 +226,9 @@ def test_it_warns_of_what_design_says_diverges(capsys: pytest.CaptureFixture[str
     options = ("--controller", "pi-ilc", "--ticks", "100", "--set", "controller.pi-ilc.gain=3")
     code, _, err = cogless(capsys, "pil", "uomodri", *options)
     assert code == 0
-    grows = r'Warning: controller\.pi-ilc: grows, up to .*x a period at .*; gain = ".* A\*s/rad" repairs it\.\n'
+    grows = (
+        r'Warning: controller\.pi-ilc: grows, up to .*x a period at .*; gain = ".* A\*s/rad" repairs it\.\n'
+    )
     assert re.fullmatch(grows, err)
 
 
