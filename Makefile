@@ -12,7 +12,7 @@ WEB_CACHE := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/cogless
 # modules are byte-compiled when first used; to rewrite a test's asserts again takes each worker 7 s
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help build demo test web axe hash lint control cppcheck misra pil proof reproof fuzz mutants docs bench dist clean
+.PHONY: help build demo test web axe hash lint control cppcheck misra pil proof reproof fuzz mutants keep same docs bench dist clean
 
 help: ## what there is to make
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -101,6 +101,12 @@ N ?= 60
 JOBS ?= 2
 mutants: $(VENV)/installed $(VENV)/extra-test $(VENV)/extra-pil ## faults in the code that tests should notice; SEED=2 N=20 ROOM=simulator for others
 	PYTHONPATH=tests $(BIN)/python -m mutants --seed $(SEED) --count $(N) --jobs $(JOBS) $(ROOM)
+
+keep same: $(VENV)/installed
+keep: ## keeps all outputs of the shipped studies, for `make same`
+	$(BIN)/python tests/same.py keep --jobs $(JOBS)
+same: ## shows which outputs differ from those that `make keep` kept
+	$(BIN)/python tests/same.py compare --jobs $(JOBS)
 
 docs: $(VENV)/installed $(VENV)/extra-docs ## the guide as HTML in docs/_build
 	$(BIN)/python -m sphinx -W -q -b html docs docs/_build

@@ -3,8 +3,7 @@
 
 Each run is one harness with its sizes; the table says what was proven. Fails on any alarm, on a property
 that is not proven, and where a deliberately broken law is not caught. A green run leaves its stamp in
-proven.txt; with --stale only those run whose stamp is not that of the files at hand, and none that takes long
-(BY_HAND). PROOF.md says what all this means.
+proven.txt; with --stale only those run whose stamp is not that of the files at hand. PROOF.md explains it.
 """
 
 from __future__ import annotations
@@ -81,7 +80,6 @@ LIMITED = {"LIMIT": "3.0"}
 TIME = {"KIND": "CGL_MEMORY_TIME"}
 DELAY = {"KIND": "CGL_MEMORY_DELAY"}
 ORDERS = {"ORDERS": "3"}
-FEW_ORDERS = {"ORDERS": "1"}
 WORDS = {"COGLESS_DOUBLE": "double", "KIND": "kind", "Q_HALF_WIDTH": "q", "SAMPLES": "samples"}
 
 
@@ -164,11 +162,8 @@ def sizes(cells: int, q: int) -> dict[str, str]:
 
 MAP = sizes(8, 1)
 
-# Each takes twenty minutes of a core: only by hand. The same law with few orders is proven with the others.
-BY_HAND = [Run("harmonic", ORDERS), Run("harmonic", ORDERS | LIMITED)]
-
 RUNS = [  # the longest first
-    Run("harmonic", FEW_ORDERS), Run("harmonic", FEW_ORDERS | LIMITED),
+    Run("harmonic", ORDERS), Run("harmonic", ORDERS | LIMITED),
     Run("robust_ilc", MAP),
     Run("map_store", sizes(3, 0) | {"CHANNELS": "2", "BUFFER": "32"} | LIMITED),
     Run("space_position", MAP | LIMITED | {"CHANNELS": "1"}), Run("drive", {}),
@@ -225,7 +220,7 @@ def check_view() -> None:
             subprocess.run([program], check=True)
 
 
-NAMES = {run.name for run in [*BY_HAND, *RUNS, *MUTANTS]}
+NAMES = {run.name for run in [*RUNS, *MUTANTS]}
 
 
 class Proven:
@@ -259,7 +254,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help="only harnesses of these names")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--stale", action="store_true", help="only those without a valid stamp, none by hand")
+    parser.add_argument("--stale", action="store_true", help="only those without a valid stamp")
     arguments = parser.parse_args()
     unknown = sorted(set(arguments.names) - PARTS.keys())
     if unknown:
@@ -270,8 +265,7 @@ def main() -> int:
     begin = time.monotonic()
     check_view()
     proven = Proven()
-    ours = [*([] if arguments.stale else BY_HAND), *RUNS, *MUTANTS]
-    chosen = [run for run in ours if not arguments.names or run.harness in arguments.names]
+    chosen = [run for run in [*RUNS, *MUTANTS] if not arguments.names or run.harness in arguments.names]
     if arguments.stale:
         every, chosen = chosen, [run for run in chosen if not proven.holds(run)]
         print(f"{len(every) - len(chosen)} of {len(every)} have not changed since they were proven")

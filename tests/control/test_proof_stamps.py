@@ -256,10 +256,3 @@ def test_stamps_of_runs_that_are_gone_go(proof: Proof) -> None:
 
 def test_a_harness_that_is_not_there_is_named(proof: Proof) -> None:
     assert proof.run("adcr") == (2, [])
-
-
-def test_what_takes_long_is_proven_by_hand_only(proof: Proof) -> None:
-    """The same law with few orders is proven with the others."""
-    assert proof.run("--stale", "harmonic") == (0, ["harmonic"] * 2)
-    assert proof.stamps() == {"harmonic orders=1", "harmonic orders=1 limit=3.0"}
-    assert proof.run("harmonic") == (0, ["harmonic"] * 4)
