@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from cogless.design import verdict as learning
 from cogless.design.commissioning import commissioning_warning
 from cogless.design.cures import either, helping
+from cogless.design.current_loop import gentler_loop
 from cogless.design.current_needed import too_much_current
 from cogless.design.feedback import unstable_feedback
 from cogless.design.harmonic import BENDS_FROM, learner, least_base, main_order, roomy_base
@@ -35,7 +36,7 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[Remark]:
         found = trial_warnings(design_study(study, [(scenario, name)])[scenario, name])
         return [Remark(f"controller.{name}: {line}") for line in found]
     return [
-        *map(Remark, loop_warnings(current_loop_summary(study))),
+        *loop_remarks(study),
         *(remark.about(f"controller.{name}") for remark in _feedback_and_learning(study, name)),
         *notes(study, name),
     ]
@@ -193,6 +194,14 @@ def _less_margin(study: Study, name: str) -> Remark | None:
     at = found.crossover / (2 * math.pi)
     margin = f"its phase margin is {has:.3g} deg at {at:.4g} Hz, not {asked:.3g} deg"
     return Remark(f"with the soft shaft {margin}")
+
+
+def loop_remarks(study: Study) -> list[Remark]:
+    """Warnings of a current loop that is unstable or weak, with the least change that mends it."""
+    found = loop_warnings(current_loop_summary(study))
+    cures = gentler_loop(study) if found else ()
+    would = f"; {either(cures, 'drive.current_loop')} would do" if cures else ""
+    return [Remark(f"{line}{would}", cures) for line in found]
 
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
