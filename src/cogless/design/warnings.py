@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+import numpy as np
+
 from cogless.design import verdict as learning
 from cogless.design.commissioning import commissioning_warning
 from cogless.design.cures import either, helping
@@ -20,6 +22,7 @@ from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weak
 from cogless.design.unlearned import foreseen
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.harmonic import ORDERS, Harmonic
+from cogless.study.motion import course
 from cogless.study.numerics import voltage_reach
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
@@ -67,8 +70,25 @@ def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
     """Warnings of scenarios in which a controller will learn nothing; `runs` are (scenario, controller)."""
     if isinstance(study, TrialStudy):
         return []
-    found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in runs)
-    return [f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why]
+    pairs = [*runs]
+    found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in pairs)
+    tables = ((scenario, _idle_table(study, scenario)) for scenario in dict.fromkeys(s for s, _ in pairs))
+    return [
+        *(f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why),
+        *(f"drive.encoder_table: learns nothing in {where}: {why}" for where, why in tables if why),
+    ]
+
+
+def _idle_table(study: Study, scenario: str) -> str:
+    """Why a table of the position sensor's error learns nothing in a scenario; "" if it may, or is none."""
+    table, way = for_scenario(study, scenario).drive.encoder_table, course(study.scenario[scenario])
+    if table is None:
+        return ""
+    fast = float(np.sum(np.abs(way.omega) >= table.omega_min)) * way.step
+    if not fast:
+        return "the reference never reaches omega_min"
+    settles = f"its observer settles in {table.settling:.3g} s or more above omega_min"
+    return f"{settles}, the reference is there for {fast:.3g} s" if fast <= table.settling else ""
 
 
 def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[Remark]:

@@ -102,7 +102,7 @@ def _encoder_tables(study: Study, run: Run, metric: Metric) -> Iterator[Candidat
     keys = {"orders": orders, "omega_min": f"{slowest / 2:.4g} rad/s"}
     table, changes = EncoderTable.model_validate(keys), {"drive.encoder_table": keys}
     learned = table.settling + LEARNED_TIMES * table.time_constant
-    begin = metric.window[0] if metric.window else experiment.duration - (metric.last or experiment.duration)
+    begin, _ = metric.span(experiment.duration) or (0.0, 0.0)
     if learned > begin and not isinstance(study.controller[run.controller], LearnsWhileRunning):
         changes |= later(study, run.scenario, metric, math.ceil(learned - begin))
     yield Candidate(changes)

@@ -266,9 +266,8 @@ class _Tries:
         return made
 
     def _held(self, metrics: Mapping[str, Value]) -> bool:
-        experiment, metric = self._study.scenario[self._run.scenario], self._metric
-        end = experiment.duration
-        begin, end = metric.window or (end - (metric.last or end), end)
+        experiment = self._study.scenario[self._run.scenario]
+        begin, end = self._metric.span(experiment.duration) or (0.0, experiment.duration)
         if experiment.torque_mode is not None and experiment.torque_mode.acts_within(begin, end):
             return True  # there the speed is an outer loop's
         mean = next((value for name, value in metrics.items() if name.startswith(MEAN_ERROR)), None)
