@@ -364,6 +364,13 @@ CASES: dict[str, list[Case]] = {
     "design.warnings._not_learned": [
         Case(MY_MOTOR, {**NONE, "motor.cogging": COGGING}, "the cogging has order 21", "harmonic", left=0.5),
     ],
+    "design.warnings._late_angle": [
+        Case(NEMA, {"drive.position_sensor.latency": latency, "scenario.slow.reference": "120 rpm",
+                    "scenario.slow.initial_speed": "120 rpm", "scenario.slow.duration": "1 s",
+                    "mechanics.inertia": "400 g*cm^2", "mechanics.load": "0.2 N*m"},
+             "turns the current by", left=0.1)
+        for latency in ("2 ms", "3 ms")
+    ],
     "design.warnings._no_room": [
         Case(MY_MOTOR, {**NONE, "drive.position_sensor.eccentricity": "0.3 deg",
                         "controller.harmonic.base": 2}, "leaves no room", "harmonic"),
