@@ -131,6 +131,13 @@ def error(study: AnyStudy, scenario: str, name: str) -> float:
     return float(np.sqrt(np.mean((reference - trace["omega_m"])[late:] ** 2)) / np.max(np.abs(reference)))
 
 
+def current_error(study: AnyStudy, scenario: str, name: str) -> float:
+    """The rms deviation of i_q from its reference in the second half of a run, A."""
+    trace = simulate(study, scenario, name).trace
+    rows = slice(len(trace) // 2, None)
+    return float(np.sqrt(np.mean((trace.part("i_q", rows) - trace.part("i_q_ref", rows)) ** 2)))
+
+
 def last_trial(study: AnyStudy, scenario: str, name: str) -> float:
     """RMS of the error in the last trial over the first one's; a law that doesn't run leaves it infinite."""
     try:
@@ -343,6 +350,12 @@ CASES: dict[str, list[Case]] = {
     "design.verdict.Verdict.remark": [
         Case(SMALLEST, {**SETTLING, **law(**{**AFC, "gain": "3 A/rad"})}, "grows", "x", left=0.5),
     ],
+    "design.warnings.loop_remarks": [
+        Case(SMALLEST, {**SETTLING, **law(law="pi", kp="0.1 A*s/rad", ki="1 A/rad"),
+                        "drive.current_loop": {"kp": gain, "ki": "30000 V/A/s", "current_limit": "10 A"}},
+             "is unstable", "x", left=0.1, measure=current_error)
+        for gain in ("30 V/A", "1000 V/A")
+    ],
     "design.warnings._feedback_and_learning": [
         Case(MY_MOTOR, {**NONE, **law(law="pi", kp="3 A*s/rad", ki="100 A/rad")}, "unstable", "x", left=0.1),
         Case(MY_MOTOR, {**NONE, **law(law="harmonic", kp="3 A*s/rad", ki="100 A/rad")}, "unstable", "x",
@@ -350,6 +363,13 @@ CASES: dict[str, list[Case]] = {
     ],
     "design.warnings._not_learned": [
         Case(MY_MOTOR, {**NONE, "motor.cogging": COGGING}, "the cogging has order 21", "harmonic", left=0.5),
+    ],
+    "design.warnings._late_angle": [
+        Case(NEMA, {"drive.position_sensor.latency": latency, "scenario.slow.reference": "120 rpm",
+                    "scenario.slow.initial_speed": "120 rpm", "scenario.slow.duration": "1 s",
+                    "mechanics.inertia": "400 g*cm^2", "mechanics.load": "0.2 N*m"},
+             "turns the current by", left=0.1)
+        for latency in ("2 ms", "3 ms")
     ],
     "design.warnings._no_room": [
         Case(MY_MOTOR, {**NONE, "drive.position_sensor.eccentricity": "0.3 deg",
@@ -407,6 +427,7 @@ REFUSALS: dict[str, list[Refusal]] = {
         Refusal(SMALLEST, loop(bandwidth="1500 Hz"), "expected 30 deg of phase margin"),
         Refusal(SMALLEST, loop(kp="30 V/A", ki="30000 V/A/s"), "expected 30 deg of phase margin"),
         Refusal(SMALLEST, loop(kp="7 V/A", ki="30000 V/A/s"), "expected 30 deg of phase margin"),
+        Refusal(SMALLEST, loop(kp="1000 V/A", ki="30000 V/A/s"), "expected 30 deg of phase margin"),
     ],
     "design.current_loop._no_margin": [
         Refusal("uomodri", {"controller.x.law": "adrc", "controller.x.tuning": {"rule": "auto",

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from control_library import control_library
 
+from cogless.study.drive import EncoderTable
+
 TS = 1e-4
 USUAL: dict[str, Any] = {
     "orders": 2,
@@ -28,6 +30,12 @@ def table_of(precision: str = "float", **changes: Any):
         state, library.new("cgl_encoder_table_config", **{**USUAL, **changes}), TS
     )
     return library, state, error
+
+
+def test_a_study_knows_how_long_its_observer_settles() -> None:
+    table = EncoderTable.model_validate({"orders": [2, 3], "omega_min": "40 rad/s"})
+    _, state, _ = table_of(order=list(table.orders), omega_min=table.omega_min, bandwidth=table.bandwidth)
+    assert state.settle * TS == pytest.approx(table.settling, abs=2 * TS)
 
 
 WINDOW = 37  # steps over which the speed of these tests is the mean

@@ -226,3 +226,7 @@ def test_a_speed_that_was_not_held_is_said_as_in_the_report(tmp_path):
         assert (mine is None) == (told is None) == (n >= len(stood))
         if mine and mine["kind"] == "mean":
             assert told == f"mean {mine['got']:.4g} of {mine['wanted']:.4g} rad/s"
+    given["about"]["tracking"]["torque"] = [1.5, 3.0]  # an outer loop's current acts in a part of these rows
+    assert run_node(tmp_path, ("metrics.js",), MISSED, given) == [None] * len(pairs)
+    given["about"]["tracking"]["torque"] = [2.5, 3.0]
+    assert run_node(tmp_path, ("metrics.js",), MISSED, given) == found

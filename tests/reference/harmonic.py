@@ -18,6 +18,7 @@ FASTEST, SPLIT, MEAN, QUICK, SETTLE, NEW, FULL = 2.6, 0.5105, 0.25, 1 / 16, 64, 
 TOGETHER = 1 / 16
 BENT, SURE, STAYS, DOUBTED, CALM = 0.05, 2.5e-7, 1 / 8, 64.0, 0.02
 TURN_OF_BEND, PARTS, FEW = 8, 2, 8
+HUNTS = 2.0
 
 TURN = 1 << 32  # parts of a turn
 
@@ -111,7 +112,7 @@ class Harmonic:
         self.load = clip(self.load + L3 * e, math.pi)
         return e
 
-    def begin_round(self) -> None:
+    def begin_round(self, omega_ref: float) -> None:
         speed, step = abs(self.omega), self.base * self.omega
         if speed > NEW * self.fastest or NEW * speed < self.slowest:
             self.slowest = min(self.slowest, speed) if self.fastest > 0 else speed
@@ -129,7 +130,8 @@ class Harmonic:
         full = min(self.rate, shared)
         begun = full * self.time
         rate = max(full / (1 + max(begun - FULL, 0.0) / 2), min(self.rate_min, shared))
-        self.rate_now = min(rate, abs(step) / (math.pi * self.pi.ts))
+        asked = HUNTS * self.base * self.pi.ts * abs(omega_ref)
+        self.rate_now = min(rate, (asked if asked < abs(step) else abs(step)) / (math.pi * self.pi.ts))
         self.judge_bend(begun)
         self.round_step, self.due = step, 0
 
@@ -165,13 +167,13 @@ class Harmonic:
     def is_held(self, om: float) -> bool:
         return any(low <= om <= high for low, high in zip(self.held[::2], self.held[1::2], strict=True))
 
-    def make_gain(self, pause: int) -> None:
+    def make_gain(self, pause: int, omega_ref: float) -> None:
         slow = MEAN * self.base * abs(self.omega)
         self.share = min(slow, QUICK) if self.learning else QUICK
         if self.learning and self.time < 1e6:
             self.time += pause * self.pi.ts
         if self.due >= self.acting:
-            self.begin_round()
+            self.begin_round(omega_ref)
             return
         k = self.due
         om = (k + 1) * self.round_step
@@ -204,7 +206,7 @@ class Harmonic:
         self.c[: self.acting] = real + 1j * imag
         return clip(float(np.sum((self.c[: self.acting] * phasor).real)), self.limit)
 
-    def follow(self, omega_m: float, theta: int | None, may: bool) -> None:
+    def follow(self, omega_ref: float, omega_m: float, theta: int | None, may: bool) -> None:
         """Observer, gains, amplitudes and the learned current of one step."""
         self.learning = may and self.wait == 0
         self.wait = max(self.wait - 1, 0) if may else SETTLE
@@ -223,7 +225,7 @@ class Harmonic:
         self.drift += self.share * (self.loads[0] - self.drift)
         pause = 2 if self.acting > FEW else 4
         if self.since % pause == 1:
-            self.make_gain(pause)
+            self.make_gain(pause, omega_ref)
         ahead = self.omega * (0.5 + self.d) - self.here
         seen = (sum(self.loads), e) if self.learning else (0.0, 0.0)
         self.learned = self.sum_of_orders(turned(theta, ahead), *seen)
@@ -257,7 +259,8 @@ class Harmonic:
                 asked = parts(math.fmod(theta_ref / math.tau, 1))
                 way = ((asked - theta + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
                 error += self.k_theta * (way + self.here)
-        self.follow(omega_m, theta, learn and plausible and not self.pi.saturated)
+        may = learn and omega_ref != 0 and plausible and not self.pi.saturated
+        self.follow(omega_ref, omega_m, theta, may)
         out = self.pi.step(error, self.learned)
         self.tell(out - self.learned)
         return out
@@ -265,7 +268,7 @@ class Harmonic:
     def torque(self, current: float, omega_ref: float, omega_m: float, theta_m: float) -> float:
         theta = self.angle_of(theta_m, omega_m)
         self.take_turn(theta)
-        self.follow(omega_m, theta, False)
+        self.follow(omega_ref, omega_m, theta, False)
         out = self.pi.torque(current, self.learned)
         self.tell(out - self.learned)
         return out

@@ -9,8 +9,11 @@ import pytest
 import cogless
 import studies
 from cogless.errors import StudyError
+from cogless.report import verdicts
+from cogless.report.comparison import compare
 from cogless.results.status import Status
-from cogless.run.simulate import simulate
+from cogless.run.simulate import run_study, simulate
+from cogless.study import changed
 
 TUNING = 'tuning = { rule = "phase-margin", phase_margin = "60 deg" }'
 MAP = 'memory = "angle"\nperiod = "electrical"\ncells = 1024'
@@ -91,3 +94,46 @@ def test_a_law_of_ones_own_has_no_torque_mode(tmp_path):
 def test_a_mistake_is_one_line(tmp_path, mode, problem):
     with pytest.raises(StudyError, match=problem):
         study(tmp_path, "pi", mode)
+
+
+LOAD = 0.02  # N m
+HANDED_OVER = {
+    "space-speed": LAWS["space-speed"],
+    "robust-ilc": LAWS["robust-ilc"].replace('gamma = "100 1/s^2"', 'gamma = "0 1/s^2"'),
+    "space-position": LAWS["space-position"].replace("hand_over = false", "hand_over = true"),
+}
+
+
+@pytest.mark.parametrize("law", [*LAWS])
+def test_what_is_learned_of_a_load_acts_where_no_integral_has_it_unless_it_is_learned_without(tmp_path, law):
+    """docs/laws/torque-mode.md: learn without load there. K_t is 0.12 N m/A, and what is left is friction."""
+    friction = 1e-4 * 6 / 0.12  # A
+    for keys, handed in ((LAWS[law], law == "space-speed"), (HANDED_OVER.get(law, ""), True)):
+        if not keys:
+            continue
+        given = study(tmp_path, law, 'time = "12 s", current = "0 A"', keys)
+        mean = {}
+        for load in (LOAD, 0.0):
+            loaded = {
+                "mechanics.load": f"{load} N*m",
+                "scenario.run.events": [{"time": "12 s", "load": "0 N*m"}],
+            }
+            trace = simulate(changed(given, loaded), "run", "law").trace
+            mean[load] = float(np.mean(trace["i_q_ref"][trace.window(12.0, 12.2)]))
+        assert (mean[LOAD] > 0.9 * LOAD / 0.12) is handed, (keys, mean)
+        assert abs(mean[0.0]) < (2 * friction if handed else 0.1 * LOAD / 0.12)
+
+
+@pytest.mark.parametrize(
+    ("window", "judged"), [((0.2, 0.9), True), ((0.5, 2.0), False), ((8.0, 12.0), False)]
+)
+def test_no_speed_is_said_to_be_lost_where_an_outer_loop_s_current_acts(tmp_path, window, judged):
+    """The rotor coasts to rest there, as it should; before, the law holds the speed as ever."""
+    given = study(tmp_path, "pi", 'time = "1 s", current = "0 A"')
+    metric = {"name": "error", "kind": "rms", "signal": "omega_error", "window": [f"{t} s" for t in window]}
+    results = run_study(changed(given, {"metric": [metric], "mechanics.coulomb_friction": "5 mN*m"}))
+    (line,) = compare(results, "run")
+    assert not line.missed
+    assert line.unjudged == ("" if judged else "an outer loop's current acts there, and no speed is held")
+    (verdict,) = verdicts(results)
+    assert ("no speed is judged: an outer loop's current acts there" in verdict.headline) is not judged

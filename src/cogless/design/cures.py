@@ -53,6 +53,8 @@ def _words(key: str, value: Any) -> str:
     if isinstance(value, dict):  # gains in place of a rule
         gains = [f"{each} = {toml(value[each])}" for each in GAINS if each in value]
         return f"{' and '.join(gains)} in place of tuning"
+    if value is None:
+        return f"no {key}"
     return f"{key} = {toml(value)}"
 
 

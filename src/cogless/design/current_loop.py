@@ -30,6 +30,7 @@ from cogless.units import unit_of
 NO_MARGIN = "expected a loop that some gains give this phase margin"
 FACTORS = (2.0, 4.0, 8.0)  # of gains and bandwidths that are tried
 LEAST_MARGIN = 20  # deg, that a rule takes
+RATE_SHARE = 0.05  # of the loop's rate: a bandwidth at which its delay of 1.5 periods costs 27 deg
 Tuned = TypeVar("Tuned")
 LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
 
@@ -120,15 +121,30 @@ def _too_weak(study: Study, what: str) -> StudyError:
     present = [each for each in ("kp", "ki", "bandwidth") if each in given]
     wrong = " and ".join(f"{key}.{each}: {shown(given[each])}" for each in present)
     expected = f"expected {math.degrees(LEAST):.0f} deg of phase margin or more {what}"
+    cures = gentler_loop(study)
+    way = f"; {either(cures, key)} would do" if cures else ""
+    return StudyError(f"{study.source.path}: {wrong}: {expected}{way}").advising(*cures)
+
+
+def gentler_loop(study: Study) -> tuple[Changes, ...]:
+    """The least change of the current loop that makes it good enough for a speed loop, as one or none: gains
+    divided, or a bandwidth in their place."""
+    given, key = study.source.tables["drive"]["current_loop"], "drive.current_loop"
+    present = [each for each in ("kp", "ki", "bandwidth") if each in given]
     slower: list[Changes] = [
         {f"{key}.{each}": _divided(given[each], factor) for each in keys}
         for keys in (present, [each for each in present if each == "ki"])
         for factor in FACTORS
         if keys
     ]
-    cures = first(study, slower, lambda other: not _weak(other))
-    way = f"; {either(cures, key)} would do" if cures else ""
-    return StudyError(f"{study.source.path}: {wrong}: {expected}{way}").advising(*cures)
+    bandwidth = text(RATE_SHARE * study.drive.rates.current_loop, "Hz")
+    slower.append(
+        {
+            f"{key}.bandwidth": bandwidth,
+            **dict.fromkeys(f"{key}.{each}" for each in present if each != "bandwidth"),
+        }
+    )
+    return first(study, slower, lambda other: not _weak(other))
 
 
 def _no_margin(study: Study, name: str, rule: Callable[[Study], object], why: str) -> StudyError:

@@ -3,6 +3,9 @@
 With the functions of model (1), i = alpha(theta) + beta omega + h a. Its mean over the angle carries load,
 friction and acceleration. What varies about the mean takes the ripple away. Without enough current for the
 mean the rotor doesn't follow; without enough for the rest it keeps its ripple.
+
+A rotor at rest needs the current of its breakaway friction and its cogging before it turns. A slow feedback
+takes its time to ask for it.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
+from cogless.design.closed_loop import Linear
 from cogless.design.cures import either, helping, text
 from cogless.study import Study, for_scenario
 from cogless.study.motion import course
@@ -45,6 +49,25 @@ def needed(study: Study, scenario: str) -> Needed:
     means = [mean + step + moving for step in steps]
     largest = max(float(np.max(np.abs(each))) for each in means)
     return Needed(largest, largest + float(np.max(np.abs(alpha - mean))))
+
+
+def starts_after(study: Study, scenario: str, feedback: Linear, omega: float) -> float:
+    """Time, s, after which a feedback asks a resting rotor for the current that starts it, at a reference of
+    `omega`, rad/s; infinite if it never does.
+
+    Its output is ratio omega (k + (k k_theta + k_i + k_r) t + k_i k_theta t^2 / 2).
+    """
+    here = for_scenario(study, scenario)
+    star, size = here.motor.star(), feedback.ratio * abs(omega)
+    friction = here.mechanics.breakaway + sum(abs(wave.torque or 0.0) for wave in star.cogging)
+    missing = friction / star.K_t - feedback.k * size
+    slope = (feedback.k * feedback.k_theta + feedback.k_i + feedback.k_r) * size
+    bend = feedback.k_i * feedback.k_theta * size / 2
+    if missing <= 0:
+        return 0.0
+    if bend > 0:
+        return (math.sqrt(slope**2 + 4 * bend * missing) - slope) / (2 * bend)
+    return missing / slope if slope > 0 else math.inf
 
 
 def too_much_current(study: Study, scenario: str) -> Remark | None:

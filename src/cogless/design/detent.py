@@ -19,7 +19,7 @@ docs/theory/detents.md has the grid of runs that this is compared with.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,12 +49,17 @@ class Swing:
         return self.size >= STOPS
 
 
-def swing(study: Study, scenario: str, feedback: Linear, omega_m: float) -> Swing | None:
-    """The swing of the speed at omega_m, rad/s; None if nothing depends on the angle."""
+def swing(study: Study, scenario: str, feedback: Linear, omega_m: float, late: float = 0.0) -> Swing | None:
+    """The swing of the speed at omega_m, rad/s; None if nothing depends on the angle.
+
+    `late`: by which the speed is measured later than the study's sensor does, s.
+    """
     n, d = orders(study, scenario, omega_m)
     if not len(n) or not omega_m:
         return None
     loop, omega = speed_loop(study, scenario), abs(omega_m)
+    if late > 0:
+        loop = replace(loop, delay=loop.delay + late)
     sizes = np.abs(responses(loop, feedback, np.asarray(n * (omega / math.tau)))[0]) * d / omega
     k = int(np.argmax(sizes))
     rate = math.sqrt(int(n[k]) * loop.b * float(d[k]))

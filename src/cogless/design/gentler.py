@@ -19,6 +19,7 @@ from cogless.study.reading import Changes
 from cogless.study.space_controller import SpacePosition, SpaceSpeed
 
 HALVINGS = 12  # of gains that are tried
+CORNER_SHARES = (0.25, 0.5)  # of the crossover: where a PI's integral takes over, 14 and 27 deg of its phase
 
 
 def finer_sensor(study: Study, factor: float) -> Changes | None:
@@ -53,6 +54,19 @@ def slower_feedback(study: Study, name: str, factor: float) -> Changes | None:
     if isinstance(law, RobustIlc):
         return {f"{key}.{of}": text(getattr(law, of) / factor, "1/s") for of in ("c", "eta")}
     return {f"{key}.k": text(law.k / factor, "A*s/rad")} if isinstance(law, SpaceSpeed) else None
+
+
+def slower_proportional(study: Study, name: str, factor: float, crossover: float) -> list[Changes]:
+    """A PI whose gain is divided by a factor and whose integral is as quick as the new crossover bears.
+
+    `crossover`: of the feedback as it is, rad/s. Empty: the law is none for the speed with a PI.
+    """
+    law = study.controller[name]
+    if not isinstance(law, Feedback) or (isinstance(law, Harmonic) and law.position):
+        return []
+    kp, ki = gains(study, name)
+    quick = [min(ki, share * crossover / factor * kp / factor) for share in CORNER_SHARES]
+    return [_by_hand(study, name, _pi(kp / factor, each)) for each in quick]
 
 
 def _pi(kp: float, ki: float) -> dict[str, Any]:

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.closed_loop import Linear
-from cogless.design.cures import either, helping, text
+from cogless.design.cures import either, first, helping, text
+from cogless.design.current_needed import starts_after
 from cogless.design.detent import snaps, swing, turns_from
 from cogless.design.feedback import feedback_of
-from cogless.design.gentler import finer_sensor, slower_feedback
+from cogless.design.gentler import finer_sensor, slower_feedback, slower_proportional
 from cogless.design.margins import Margins, Real
 from cogless.design.pi import SpeedLoop, speed_loop
 from cogless.design.position import position_margins
@@ -36,6 +37,7 @@ COASTS = 1.0  # rad
 MOST = 0.5  # counts in a speed sample: with fewer, most samples have none
 AHEAD = 1.2  # speed that is advised / speed from which on the rotor turns; the same of counts
 LESS = 0.9  # ripple with a change that is advised / without it, at most
+STARTED_SHARE = 0.5  # of a run: by then a feedback that is advised turns a rotor that rests
 
 
 def slow_warning(study: Study, name: str) -> Remark | None:
@@ -78,6 +80,7 @@ class _Edges:
     feedback: Linear
     margins: Margins
     swing: float  # rad/s rms, of the speed, by what depends on the angle
+    late_swing: float  # the same with a speed as late as its edges
 
     @property
     def time(self) -> float:
@@ -102,12 +105,13 @@ class _Edges:
         """Speed ripple by single counts, rad/s rms.
 
         Each count kicks a rotor that coasts by w_c of it, which makes a sawtooth. A timed speed has no such
-        ripple while its edges come in time. With half of the margin gone, that of the angle about doubles;
-        with none left the rotor stops and goes.
+        ripple while its edges come in time. Then that of the angle near the crossover grows; with no margin
+        left the rotor stops and goes.
         """
         if self.source.timed:
             spent = self.margins.crossover * self.late > self.margins.phase_margin
-            return 0.0 if self.factor <= 1 else self.omega if spent else math.sqrt(3) * self.swing
+            more = math.sqrt(max(0.0, self.late_swing**2 - self.swing**2))
+            return 0.0 if self.factor <= 1 else self.omega if spent else more
         kicks = self.margins.crossover * self.source.count / math.sqrt(12) if self.factor > 1 else 0.0
         return max(kicks, math.sqrt(counting(self.loop, self.feedback, self.source)))
 
@@ -126,8 +130,10 @@ def _edges(study: Study, name: str, scenario: str) -> _Edges | None:
     margins = position_margins(loop, feedback)
     if not margins.stable or math.isnan(margins.crossover):
         return None
-    found = swing(study, scenario, feedback, omega)
-    return _Edges(omega, source, loop, feedback, margins, found.rms * omega if found is not None else 0.0)
+    late = source.count / omega - loop.period / 2 if source.timed else 0.0
+    found = [swing(study, scenario, feedback, omega, each) for each in (0.0, late)]
+    swings = (each.rms * omega if each is not None else 0.0 for each in found)
+    return _Edges(omega, source, loop, feedback, margins, *swings)
 
 
 def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
@@ -138,13 +144,22 @@ def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
     comes = f"at {speed_text(study, edges.omega)} an edge comes every {1e3 * edges.time:.2g} ms"
     comes += f", the crossover is {edges.margins.crossover / math.tau:.3g} Hz: {_costs(edges)}"
 
+    late = max(
+        STARTED_SHARE * study.scenario[scenario].duration,
+        starts_after(study, scenario, edges.feedback, edges.omega),
+    )
+
     def cured(other: Study) -> bool:
         after = _edges(other, name, scenario)
         enough = after is not None and after.factor <= 1 and after.ripple <= LESS * edges.ripple
-        return enough and _snapping(other, name, scenario) is None
+        starts = after is not None and starts_after(other, scenario, after.feedback, after.omega) <= late
+        return enough and starts and _snapping(other, name, scenario) is None
 
     factor = AHEAD * edges.factor
-    cures = helping(study, (finer_sensor(study, factor), slower_feedback(study, name, factor)), cured)
+    slower = slower_feedback(study, name, factor)
+    quicker = slower_proportional(study, name, factor, edges.margins.crossover)
+    feedbacks = first(study, [*([slower] if slower is not None else []), *quicker], cured)
+    cures = (*helping(study, (finer_sensor(study, factor),), cured), *feedbacks)
     ways = either(cures, dotted(("controller", name)))
     return Remark(f"{comes}; {ways} would do" if cures else comes, cures)
 

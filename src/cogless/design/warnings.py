@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+import numpy as np
+
 from cogless.design import verdict as learning
 from cogless.design.commissioning import commissioning_warning
-from cogless.design.cures import either, helping
+from cogless.design.cures import either, helping, text
+from cogless.design.current_loop import gentler_loop
 from cogless.design.current_needed import too_much_current
 from cogless.design.feedback import unstable_feedback
 from cogless.design.harmonic import BENDS_FROM, learner, least_base, main_order, roomy_base
@@ -19,11 +22,15 @@ from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weak
 from cogless.design.unlearned import foreseen
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.harmonic import ORDERS, Harmonic
+from cogless.study.motion import course
 from cogless.study.numerics import voltage_reach
+from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 
 RPM = 30 / math.pi
+LAG_MOST = math.radians(20)  # electrical: 6 % of the current makes no torque
+LAG_AHEAD = 0.9  # of it: what is advised
 
 
 def warnings(study: AnyStudy, scenario: str, name: str) -> list[Remark]:
@@ -35,7 +42,7 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[Remark]:
         found = trial_warnings(design_study(study, [(scenario, name)])[scenario, name])
         return [Remark(f"controller.{name}: {line}") for line in found]
     return [
-        *map(Remark, loop_warnings(current_loop_summary(study))),
+        *loop_remarks(study),
         *(remark.about(f"controller.{name}") for remark in _feedback_and_learning(study, name)),
         *notes(study, name),
     ]
@@ -66,8 +73,25 @@ def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
     """Warnings of scenarios in which a controller will learn nothing; `runs` are (scenario, controller)."""
     if isinstance(study, TrialStudy):
         return []
-    found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in runs)
-    return [f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why]
+    pairs = [*runs]
+    found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in pairs)
+    tables = ((scenario, _idle_table(study, scenario)) for scenario in dict.fromkeys(s for s, _ in pairs))
+    return [
+        *(f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why),
+        *(f"drive.encoder_table: learns nothing in {where}: {why}" for where, why in tables if why),
+    ]
+
+
+def _idle_table(study: Study, scenario: str) -> str:
+    """Why a table of the position sensor's error learns nothing in a scenario; "" if it may, or is none."""
+    table, way = for_scenario(study, scenario).drive.encoder_table, course(study.scenario[scenario])
+    if table is None:
+        return ""
+    fast = float(np.sum(np.abs(way.omega) >= table.omega_min)) * way.step
+    if not fast:
+        return "the reference never reaches omega_min"
+    settles = f"its observer settles in {table.settling:.3g} s or more above omega_min"
+    return f"{settles}, the reference is there for {fast:.3g} s" if fast <= table.settling else ""
 
 
 def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[Remark]:
@@ -75,7 +99,7 @@ def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[Remark]:
     more current than the drive gives."""
     if not isinstance(study, Study):
         return []
-    all_of = (_out_of_reach, too_much_current, reads_zero)
+    all_of = (_out_of_reach, too_much_current, reads_zero, _late_angle)
     found = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
     return [remark.about(f"scenario.{name}") for name, remark in found if remark is not None]
 
@@ -89,6 +113,28 @@ def _out_of_reach(study: Study, scenario: str) -> Remark | None:
     needs = f"its reference of {wanted * RPM:.4g} rpm needs more voltage than there is"
     volts = here.drive.inverter.bus_voltage
     return Remark(f"{needs}: {volts:.4g} V turn this motor at {most * RPM:.4g} rpm without load")
+
+
+def _electrical_lag(study: Study, scenario: str) -> float:
+    """By which the position sensor's latency turns the current at a scenario's top speed, rad electrical."""
+    sensor = for_scenario(study, scenario).drive.position_sensor
+    latency = sensor.latency if isinstance(sensor, Counted) else 0.0
+    return study.motor.pole_pairs * study.scenario[scenario].top_reference * latency
+
+
+def _late_angle(study: Study, scenario: str) -> Remark | None:
+    """A warning of a sensor whose age turns the current so far off that much of it makes no torque."""
+    lag, fast = _electrical_lag(study, scenario), study.scenario[scenario].top_reference
+    if lag <= LAG_MOST:
+        return None
+    share = f"{100 * math.cos(lag):.0f} % of it makes" if lag < 0.45 * math.pi else "next to none of it makes"
+    said = f"at {fast * RPM:.4g} rpm position_sensor.latency turns the current by {math.degrees(lag):.0f} deg"
+    said += f" (electrical): {share} torque"
+    sensor = for_scenario(study, scenario).drive.position_sensor
+    assert isinstance(sensor, Counted)
+    newer = {"drive.position_sensor.latency": text(LAG_AHEAD * LAG_MOST / lag * sensor.latency, "s")}
+    cures = helping(study, (newer,), lambda other: _electrical_lag(other, scenario) <= LAG_MOST)
+    return Remark(f"{said}; {either(cures)} would do" if cures else said, cures)
 
 
 def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]] | None:
@@ -193,6 +239,14 @@ def _less_margin(study: Study, name: str) -> Remark | None:
     at = found.crossover / (2 * math.pi)
     margin = f"its phase margin is {has:.3g} deg at {at:.4g} Hz, not {asked:.3g} deg"
     return Remark(f"with the soft shaft {margin}")
+
+
+def loop_remarks(study: Study) -> list[Remark]:
+    """Warnings of a current loop that is unstable or weak, with the least change that mends it."""
+    found = loop_warnings(current_loop_summary(study))
+    cures = gentler_loop(study) if found else ()
+    would = f"; {either(cures, 'drive.current_loop')} would do" if cures else ""
+    return [Remark(f"{line}{would}", cures) for line in found]
 
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:

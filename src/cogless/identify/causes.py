@@ -9,6 +9,9 @@ W is the complex wave of the speed by the measured angle, I that of i_q. An enco
 torque that would move the rotor as the error seems to. It is the same at every speed, so this torque grows
 with the speed squared, and others do not: two speeds tell them apart, one does not.
 
+Where D is next to nothing beside I, no torque has made I: the current of the log moves the rotor, as the
+bridge's voltages or the reference made it.
+
 The rotor itself moves by V = W - jnw E, as the controller answers the torques d with I = -C W:
 
     (j jnw + b + C) V = d - C jnw E
@@ -32,6 +35,7 @@ from cogless.identify.waves import folded
 COGGING, RIPPLE, DEAD_TIME = "cogging", "K_t ripple", "dead time"
 OFFSET, GAIN, ENCODER = "current offset", "current gain", "encoder"
 MECHANICS, UNEXPLAINED = "mechanics", "not explained"
+APPLIED = "applied current"  # of the bridge's voltages, or of a reference that ripples
 BEYOND = "beyond the rows"  # an order that is too fast for them, and which they show as another
 OR = " or "
 SLOW_ORDERS = 2  # up to it: unbalance and misalignment; magnets and slots have higher ones
@@ -41,6 +45,7 @@ GUESSED = 0.5  # error of a cause by its order alone, so that it is open
 FASTER = 1.5  # ratio of two speeds that tells a torque from an error of the angle
 APART = 4.0  # ratio of what two explanations leave, from which on the better one counts
 UNSURE = 0.5  # of an order that may stay unexplained
+BALANCED_SHARE = 0.25  # of the current's wave: with less of it left, the current is all that moves the rotor
 
 
 @dataclass(frozen=True)
@@ -133,6 +138,9 @@ def _attributed(
 ) -> Found:
     known = disturbances(made, part, order)
     measured, blurred = _measured(made, part, order)
+    current_wave = part.current_wave(order, made.model.delay / part.log.dt)
+    size = max(abs(current_wave), 1e-9)  # A
+    balance = (abs(measured) + blurred) / size
     left: complex = measured - sum(phasor for phasor, _ in known.values())
     left *= max(0.0, 1 - blurred / (abs(left) or 1.0))
     told = bool(known)
@@ -142,14 +150,16 @@ def _attributed(
     if order == made.known.motor.pole_pairs and offsets is not None:  # out of i_q already, as is dead time
         turned = [o * np.exp(-2j * np.pi / 3 * third) for third, o in enumerate(offsets)]
         known[OFFSET] = complex(-1j * 2 / 3 * sum(turned)), 0.0
+    inside = sum(abs(known[name][0]) for name in (OFFSET, DEAD_TIME) if name in known)
+    if not told and max(balance, inside / size) < BALANCED_SHARE:
+        return found_in(part, order, [Cause(APPLIED, 1.0, balance)])
     known[UNEXPLAINED] = left, 0.0
     misread = part.misread(order)
     if misread and ENCODER in known:  # of the rotor's own motion
         shown = part.motion(order) + misread
-        current = part.current_wave(order, made.model.delay / part.log.dt)
         known = {name: (phasor * shown, error * abs(shown)) for name, (phasor, error) in known.items()}
         relative = known[ENCODER][1] / (abs(known[ENCODER][0]) or 1.0)
-        known[ENCODER] = current * misread, relative * abs(current * misread)
+        known[ENCODER] = current_wave * misread, relative * abs(current_wave * misread)
         left, blurred = left * shown, blurred * abs(shown)
     whole = sum(phasor for phasor, _ in known.values())
     if not whole or (not told and abs(left) > LIKELY * abs(whole)):  # left out of the fit, or never found

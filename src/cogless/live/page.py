@@ -154,7 +154,11 @@ def _turn(study: AnyStudy, name: str) -> float:
 def _about(study: AnyStudy, scenario: str) -> dict[str, Any]:
     """What a page knows about a scenario besides controllers and metrics."""
     if isinstance(study, Study):
-        return {"rate": for_scenario(study, scenario).drive.rates.current_loop}
+        torque, end = study.scenario[scenario].torque_mode, study.scenario[scenario].duration
+        return {
+            "rate": for_scenario(study, scenario).drive.rates.current_loop,
+            "torque": [torque.time, min(torque.end, end)] if torque is not None else None,
+        }
     about = judged(study, scenario)
     return {
         "judged": {

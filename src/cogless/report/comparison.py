@@ -35,6 +35,7 @@ SAME = 0.05  # relative difference below which two values count as equal
 SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
 RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"  # unjudged
+TORQUE = "an outer loop's current acts there, and no speed is held"
 NEVER = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
 COUNTS = ("trials-to-floor",)
 QUANTITIES = {
@@ -172,12 +173,14 @@ def compare(results: Results, scenario: str) -> list[Line]:
         if taken:
             named = [(metric.name, order) for order in metric.order or (None,)]
             unit, span = speed_unit(results), span_of(results, metric, taken[0])
+            torque = in_torque_mode(results.study, taken[0], rows_of(results, metric, taken[0]))
             found = {run.controller: missed(run, rows_of(results, metric, run), unit) for run in taken}
+            found = {} if torque else found
             not_held = {controller: pretty(text) for controller, text in found.items() if text}
             held = {run.controller: guarded(results, run, rows_of(results, metric, run)) for run in taken}
             back = {controller: when for controller, when in held.items() if when}
             own = lines_of(results.study, metric, taken, named)
-            why = unjudged(metric, taken[0], rows_of(results, metric, taken[0]))
+            why = unjudged(metric, taken[0], rows_of(results, metric, taken[0]), torque)
             lines += [
                 replace(line, missed=not_held, unlearned=idle, guarded=back, span=span, unjudged=why)
                 for line in own
@@ -185,14 +188,23 @@ def compare(results: Results, scenario: str) -> list[Line]:
     return lines
 
 
-def unjudged(metric: Metric, run: Run, rows: slice) -> str:
+def in_torque_mode(study: Study, run: Run, rows: slice) -> bool:
+    """Whether an outer loop's current acts in some of these rows of a run, in place of the speed loop."""
+    torque, time = study.scenario[run.scenario].torque_mode, run.trace.time[rows]
+    return torque is not None and len(time) > 0 and torque.acts_within(float(time[0]), float(time[-1]))
+
+
+def unjudged(metric: Metric, run: Run, rows: slice, torque: bool = False) -> str:
     """Why a metric of the speed says nothing of a controller in these rows; "" if it may.
 
     The spread of a speed whose reference varies is that of the reference; at rest there is no ripple.
+    `torque`: whether these are rows in torque mode, where the speed is not the law's.
     """
     of_speed = metric.signal in ("omega_m", "omega_measured")
     if not (of_speed or (metric.signal or "").startswith("omega_error")):
         return ""
+    if torque:
+        return TORQUE
     reference = run.trace.part("omega_ref", rows)
     if not len(reference):
         return ""

@@ -8,7 +8,7 @@ from math import isfinite
 
 import numpy as np
 
-from cogless.report.comparison import Line, compare, pretty, speed_unit, unjudged
+from cogless.report.comparison import Line, compare, in_torque_mode, pretty, speed_unit, unjudged
 from cogless.report.markup import note
 from cogless.report.speed_tracking import late
 from cogless.report.tables import line_table
@@ -52,7 +52,8 @@ def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
             found = evaluate(metric, run.trace, conditions)
             values[run.controller] = found / scale if isinstance(found, float) and isfinite(found) else None
         line = Line(name, kind, signal, None, "mechanical", "lower", pretty(unit), values, missed, idle)
-        yield replace(line, unjudged=unjudged(metric, run, late(results, run)))
+        rows = late(results, run)
+        yield replace(line, unjudged=unjudged(metric, run, rows, in_torque_mode(study, run, rows)))
 
 
 def _rows(results: Results, runs: Sequence[Run]) -> Iterator[tuple[str, str, str, str]]:

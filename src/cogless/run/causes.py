@@ -125,13 +125,20 @@ def _current_error(study: Study) -> Changes:
 
 
 def longer(study: Study, scenario: str, controller: str, metric: Metric) -> Changes:
-    """A longer run, judged at its end; nothing if that can't be compared, as with a reference that varies."""
-    law, experiment = study.controller[controller], study.scenario[scenario]
-    steady = experiment.reference.kind in ("constant", "ramp") and experiment.torque_mode is None
-    if not isinstance(law, LearnsWhileRunning) or not steady or metric.event is not None:
+    """A longer run, judged at its end; nothing if that can't be compared, or if the law doesn't learn."""
+    if not isinstance(study.controller[controller], LearnsWhileRunning):
         return {}
-    more = (LONGER - 1) * experiment.duration
-    found: dict[str, Any] = {f"scenario.{scenario}.duration": f"{LONGER * experiment.duration:.12g} s"}
+    return later(study, scenario, metric, (LONGER - 1) * study.scenario[scenario].duration)
+
+
+def later(study: Study, scenario: str, metric: Metric, more: float) -> Changes:
+    """A run that lasts `more` longer, s, judged at its end; nothing if that can't be compared, as with a
+    reference that varies."""
+    experiment = study.scenario[scenario]
+    steady = experiment.reference.kind in ("constant", "ramp") and experiment.torque_mode is None
+    if not steady or metric.event is not None:
+        return {}
+    found: dict[str, Any] = {f"scenario.{scenario}.duration": f"{experiment.duration + more:.12g} s"}
     place = f"metric.{study.metric.index(metric)}"
     if metric.window is not None:
         found[f"{place}.window"] = [f"{more + time:.12g} s" for time in metric.window]

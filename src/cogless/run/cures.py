@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from cogless.results import Run
-from cogless.run.causes import CURRENTS, INVERTER, LOOP, SENSOR, longer
+from cogless.run.causes import CURRENTS, INVERTER, LOOP, SENSOR, later, longer
 from cogless.study import Study, for_scenario
-from cogless.study.controller import Feedback, Learning
-from cogless.study.drive import CurrentLoop
+from cogless.study.controller import Feedback, Learning, LearnsWhileRunning
+from cogless.study.drive import CurrentLoop, EncoderTable
 from cogless.study.harmonic import Harmonic
 from cogless.study.metric import Metric
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Resolver
@@ -21,6 +21,8 @@ FAST_OCTAVES = (1, 2, 4)  # the same where it shall be quick
 FACTORS = (2, 4)
 MORE_BITS = (2, 6)
 BANDS = (0.003, 0.01, 0.03)  # of the current limit, in which dead time is compensated in part
+CALIBRATED_SHARE = 0.1  # of the offsets and gain errors that phase currents have with the bridge off
+LEARNED_TIMES = 6  # time constants in which a table of the sensor's error is learned
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,12 @@ def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candi
     """Changes that may help against a cause; some may be refused, and some may not help."""
     here = for_scenario(study, run.scenario)
     rules: dict[str, Callable[[], Iterable[Candidate]]] = {
-        "sensor-steps": lambda: [*_observers(here), *_finer(here)],
-        "sensor-error": lambda: _encoder_tables(here, run.scenario),
+        "sensor-steps": lambda: [*_observers(here), *_timed(here), *_finer(here)],
+        "sensor-error": lambda: _encoder_tables(study, run, metric),
         "delay": lambda: [*_observers(here, FAST_OCTAVES), *_rates(here), *_quicker(here)],
         "dead-time": lambda: _compensations(here),
         "current-noise": lambda: _calmer(here),
+        "current-error": lambda: [*_calibrated(here), *_laws(here, run.controller)],
         "learning-time": lambda: [Candidate(longer(study, run.scenario, run.controller, metric))],
         "disturbance": lambda: [*_laws(here, run.controller), *_rates(here), *_gains(here, run.controller)],
         "limit": lambda: _limits(here),
@@ -75,15 +78,44 @@ def _finer(study: Study) -> Iterator[Candidate]:
             yield Candidate(fine, setting=False)
 
 
-def _encoder_tables(study: Study, scenario: str) -> Iterator[Candidate]:
-    """A table of the sensor's error, of its largest orders, learned at the scenario's own speed."""
-    sensor, slowest = study.drive.position_sensor, study.scenario[scenario].slowest
-    if not isinstance(sensor, Counted) or study.drive.encoder_table is not None or not slowest:
+def _timed(study: Study) -> Iterator[Candidate]:
+    """The speed from the time between an encoder's edges."""
+    sensor = study.drive.position_sensor
+    if isinstance(sensor, Encoder) and not sensor.timed and not sensor.latency:
+        table = study.source.tables["drive"]["position_sensor"]
+        own = {key: value for key, value in table.items() if key not in ("window", "observer_bandwidth")}
+        yield Candidate({SENSOR: {**own, "speed_method": "MT"}})
+
+
+def _encoder_tables(study: Study, run: Run, metric: Metric) -> Iterator[Candidate]:
+    """A table of the sensor's error, of its largest orders, learned at the scenario's own speed.
+
+    A run that is too short for the table lasts longer, if its law doesn't learn, too.
+    """
+    drive, experiment = for_scenario(study, run.scenario).drive, study.scenario[run.scenario]
+    sensor, slowest = drive.position_sensor, experiment.slowest
+    if not isinstance(sensor, Counted) or drive.encoder_table is not None or not slowest:
         return
     sizes = {n: abs(sensor.wave(n)) for n in range(1, 65)}
     largest = sorted(sizes, key=lambda n: -sizes[n])[:4]
     orders = sorted(n for n in largest if sizes[n] > 0.1 * sizes[largest[0]])
-    yield Candidate({"drive.encoder_table": {"orders": orders, "omega_min": f"{slowest / 2:.4g} rad/s"}})
+    keys = {"orders": orders, "omega_min": f"{slowest / 2:.4g} rad/s"}
+    table, changes = EncoderTable.model_validate(keys), {"drive.encoder_table": keys}
+    learned = table.settling + LEARNED_TIMES * table.time_constant
+    begin, _ = metric.span(experiment.duration) or (0.0, 0.0)
+    if learned > begin and not isinstance(study.controller[run.controller], LearnsWhileRunning):
+        changes |= later(study, run.scenario, metric, math.ceil(learned - begin))
+    yield Candidate(changes)
+
+
+def _calibrated(study: Study) -> Iterator[Candidate]:
+    """Current sensors without most of their offsets and gain errors, as firmware that measures them has."""
+    sensors = study.drive.current_sensors
+    less = {
+        f"{CURRENTS}.offset": [f"{1000 * CALIBRATED_SHARE * each:.4g} mA" for each in sensors.offset],
+        f"{CURRENTS}.gain_error": [float(f"{CALIBRATED_SHARE * each:.4g}") for each in sensors.gain_error],
+    }
+    yield Candidate({key: value for key, value in less.items() if any(getattr(sensors, key.split(".")[-1]))})
 
 
 def _rates(study: Study) -> Iterator[Candidate]:

@@ -35,6 +35,7 @@ from cogless.study.table import (
 )
 
 ORDERS = 4  # of a table of the sensor's error: CGL_ENCODER_TABLE_ORDERS
+SETTLED_TIMES = 10.0  # time constants after which its observer has settled: encoder_table.c
 PAST_MAX = 100_000  # longest delay in current-loop periods
 PERIODS_MAX = 5e8  # largest number of periods that the controller counts
 OUTER_LOOPS = ("speed_loop", "position_loop")
@@ -209,6 +210,11 @@ class EncoderTable(Table):
     def bandwidth(self) -> float:
         """Bandwidth of the observer that predicts the angle, rad/s: far below the lowest order."""
         return self.omega_min * self.orders[0] / 4
+
+    @property
+    def settling(self) -> float:
+        """Time above omega_min after which the observer has settled and learning begins, s."""
+        return SETTLED_TIMES / self.bandwidth
 
 
 class CurrentSensors(Table):

@@ -67,6 +67,10 @@ class TorqueMode(Table):
         """End of torque mode, s; infinite if it lasts to the end of the run."""
         return math.inf if self.duration is None else self.time + self.duration
 
+    def acts_within(self, begin: float, end: float) -> bool:
+        """Whether torque mode acts in some part of a time, s."""
+        return begin < self.end and end > self.time
+
     @property
     def points(self) -> tuple[tuple[float, float], ...]:
         """Points of the current: time, s, and current, A."""

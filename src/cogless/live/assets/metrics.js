@@ -300,6 +300,8 @@ const liveMetrics = (() => {
   // of what was wanted; null: it was held.
   function missed([first, last], trace, tracking) {
     if (first === last || !trace.has("omega_ref")) return null;
+    const { torque } = tracking; // when an outer loop's current acts in place of the speed loop, s
+    if (torque && trace.time[first] < torque[1] && trace.time[last - 1] > torque[0]) return null;
     const part = (name, from) => trace.get(name).subarray(from, last);
     const found = (from) => off(part("omega_ref", from), part("omega_m", from), tracking);
     return found(first + ((last - first) >> 1)) && found(first);
