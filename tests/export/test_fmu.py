@@ -491,7 +491,7 @@ def test_an_input_that_is_no_number_is_named(single: Exported, version: int, num
     for name in ("tau_load_added", "duty_a", "duty_b", "duty_c", "input.omega_ref"):
         slave.step(3)
         slave.put({name: number})
-        with pytest.raises(Exception, match="fmi.*DoStep"):
+        with pytest.raises(Exception, match=r"fmi.*DoStep"):
             slave.step()
         assert slave.messages[-1] == f"{name}: expected a finite number"
         slave.reset()
