@@ -27,7 +27,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 ROWS = 601
-MEMORY_MOST = 1 << 30  # B beyond what the process has at its start
+MEMORY_MOST = 3 << 29  # B beyond what the process has at its start: 1 GiB of numbers, and what reads them
 TIME_MOST = 30  # s
 TOO_SHORT = "no log turns at a steady speed for a revolution; record one that does\n"
 ID = """
@@ -68,11 +68,11 @@ def npz(packed: bool) -> bytes:
     return file.getvalue()
 
 
-def mat(**form: object) -> bytes:
+def mat(without: str = "", **form: object) -> bytes:
     from scipy.io import savemat
 
     file = io.BytesIO()
-    savemat(file, columns(), **form)
+    savemat(file, {name: values for name, values in columns().items() if name != without}, **form)
     return file.getvalue()
 
 
@@ -186,38 +186,47 @@ def claims_npz(shape: tuple[int, ...]) -> bytes:
 
 
 def bomb_npz(rows: int) -> bytes:
+    """Sound columns, and one of that many zeros."""
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name in columns():
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, values in columns().items():
+            of_zeros = name == "speed"
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                member.write(npy_header((rows,)))
-                for _ in range(rows >> 17):
+                member.write(npy_header((rows if of_zeros else ROWS,)))
+                member.write(b"" if of_zeros else values.tobytes())
+                for _ in range(rows >> 17 if of_zeros else 0):
                     member.write(bytes(1 << 20))
     return file.getvalue()
 
 
+def bomb(first: bytes, block: bytes, blocks: int, wbits: int) -> bytes:
+    """Deflated bytes that unpack to the first and so many blocks; the block is deflated once."""
+    packer = zlib.compressobj(9, wbits=wbits)
+    begun = packer.compress(first) + packer.flush(zlib.Z_FULL_FLUSH)
+    repeated = packer.compress(block) + packer.flush(zlib.Z_FULL_FLUSH)
+    return begun + blocks * repeated + packer.flush()
+
+
 def bomb_gz(first: bytes, block: bytes, blocks: int) -> bytes:
-    packer = zlib.compressobj(9, wbits=31)
-    return packer.compress(first) + b"".join(packer.compress(block) for _ in range(blocks)) + packer.flush()
+    return bomb(first, block, blocks, wbits=31)
 
 
 def bomb_mat(rows: int) -> bytes:
-    """A packed variable of that many zeros."""
+    """Sound variables, and a packed one of that many zeros."""
 
     def tag(kind: int, size: int) -> bytes:
         return struct.pack("<II", kind, size & 0xFFFFFFFF)
 
-    content = mat()[:128]
-    for name in columns():
-        flags = tag(6, 8) + struct.pack("<II", 6, 0)
-        shape = tag(5, 8) + struct.pack("<ii", rows, 1)
-        named = tag(1, len(name)) + name.encode().ljust(8, b"\0")
-        head = flags + shape + named + tag(9, 8 * rows)
-        packer = zlib.compressobj(9)
-        packed = packer.compress(tag(14, len(head) + 8 * rows) + head)
-        packed += b"".join(packer.compress(bytes(1 << 20)) for _ in range(rows >> 17)) + packer.flush()
-        content += tag(15, len(packed)) + packed
-    return content
+    flags = tag(6, 8) + struct.pack("<II", 6, 0)
+    shape = tag(5, 8) + struct.pack("<ii", rows, 1)
+    head = flags + shape + tag(1, 5) + b"speed\0\0\0" + tag(9, 8 * rows)
+    head = tag(14, len(head) + 8 * rows) + head
+    packed = bomb(head, bytes(1 << 20), rows >> 17, wbits=15)
+    check = zlib.adler32(head)
+    for _ in range(rows >> 17):
+        check = zlib.adler32(bytes(1 << 20), check)
+    packed = packed[:-4] + struct.pack(">I", check)
+    return mat(without="speed") + tag(15, len(packed)) + packed
 
 
 def claims_trace(path: Path, rows: int) -> bytes:
@@ -232,20 +241,64 @@ def claims_trace(path: Path, rows: int) -> bytes:
     return path.read_bytes()
 
 
-def hostile_files(folder: Path) -> list[tuple[str, str, bytes]]:
-    """Files that were built to harm: a kind, what it does, its content."""
-    heading = ",".join(columns()).encode() + b"\n"
+def bomb_parquet(rows: int) -> bytes:
+    """Rows of one value in each column."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    file = io.BytesIO()
+    block = pa.table({name: np.zeros(1 << 20) for name in columns()})
+    with pq.ParquetWriter(file, block.schema) as writer:
+        for _ in range(rows >> 20):
+            writer.write_table(block)
+    return file.getvalue()
+
+
+def hostile_mdf(sound: bytes, scale: int) -> list[tuple[str, bytes]]:
+    """What is wrong, and content: of a file whose first data group, its channels and its data begin where
+    links say."""
+
+    def link(content: bytes, block: int, number: int) -> int:
+        return int(struct.unpack_from("<Q", content, block + 24 + 8 * number)[0])
+
+    def with_number(content: bytes, place: int, value: int) -> bytes:
+        return content[:place] + struct.pack("<Q", value) + content[place + 8 :]
+
+    group = link(sound, 64, 0)
+    channels = link(sound, group, 1)
+    channel = link(sound, channels, 1)
+    zipped = b"DT" + struct.pack("<BBIQ", 0, 0, 0, 24 * ROWS)
+    unpacks = bomb(b"", bytes(1 << 20), 5000 // scale, wbits=15)
+    block = struct.pack("<4s4xQQ", b"##DZ", 48 + len(unpacks), 0) + zipped + struct.pack("<Q", len(unpacks))
     return [
+        ("has a group behind itself", with_number(sound, group + 24, group)),
+        ("has channels in a circle", with_number(sound, channel + 24, channel)),
+        ("has a channel within itself", with_number(sound, channel + 32, channel)),
+        ("claims 1e12 rows", with_number(sound, channels + 24 + 8 * 6 + 8, 10**12)),
+        ("unpacks to 5 GB", with_number(sound, group + 24 + 16, len(sound)) + block + unpacks),
+    ]
+
+
+def hostile_files(folder: Path, scale: int) -> list[tuple[str, str, bytes]]:
+    """Files that are built to harm: kind, what it does, content. `scale` divides what it unpacks to."""
+    heading = ",".join(columns()).encode() + b"\n"
+    files = [
         (".npz", "claims 8 TB", claims_npz((1 << 40,))),
         (".npz", "claims a product beyond 64 bits", claims_npz((1 << 40, 1 << 40))),
-        (".npz", "unpacks to 3 GB", bomb_npz(1 << 27)),
+        (".npz", "unpacks to 1 GiB", bomb_npz((1 << 27) // scale)),
         (".csv.gz", "unpacks to 3 GB of zeros", bomb_gz(b"", bytes(1 << 20), 3000)),
         (".csv.gz", "unpacks to 1 GB of empty lines", bomb_gz(heading, b"\n" * (1 << 20), 1000)),
         (".csv.gz", "unpacks to 1 GB of comments", bomb_gz(b"", b"#\n" * (1 << 19), 1000)),
         (".csv.gz", "unpacks to a row of 1 GB", bomb_gz(heading, b"0," * (1 << 19), 1000)),
-        (".mat", "unpacks to 3 GB", bomb_mat(1 << 27)),
+        (".mat", "unpacks to 1 GiB", bomb_mat((1 << 27) // scale)),
+        (".csv.gz", "unpacks to 200 million rows", bomb_gz(heading, b"0,0,0\n" * (1 << 20), 200 // scale)),
         (".nc", "claims 8 TB", claims_trace(folder / "c.nc", 1 << 40)),
     ]
+    with suppress(ImportError):
+        files.append((".parquet", "unpacks to 1 GiB", bomb_parquet((1 << 26) // scale)))
+    with suppress(ImportError):
+        files += [(".mf4", what, content) for what, content in hostile_mdf(mdf(folder / "d.mf4", 0), scale)]
+    return files
 
 
 @dataclass(frozen=True)
@@ -308,11 +361,11 @@ def diagnosed(path: Path) -> Ending:
     return Ending(os.waitstatus_to_exitcode(status), said.read_text("utf-8", "replace"), memory)
 
 
-def cases(folder: Path, count: int, seed: int) -> list[tuple[str, str, bytes]]:
+def cases(folder: Path, count: int, seed: int, scale: int) -> list[tuple[str, str, bytes]]:
     """Kind, what is wrong and content of as many files: sound ones, hostile ones, and damaged ones."""
     sound = sound_files(folder)
     made = [(kind, "sound", content) for kind, forms in sound.items() for content in forms]
-    made += hostile_files(folder)
+    made += hostile_files(folder, scale)
     chance = np.random.default_rng(seed)
     kinds = list(sound)
     for number in range(count):
@@ -327,21 +380,33 @@ def cases(folder: Path, count: int, seed: int) -> list[tuple[str, str, bytes]]:
     return made
 
 
+def prepare(columns: Path, scale: int) -> None:
+    """Import and build once what each fork would; `scale` divides the largest log."""
+    import cogless.cli
+    from cogless.identify import config, diagnosis, files
+
+    files.NUMBERS_MOST //= scale
+    files.PACKED_MOST //= scale
+    assert cogless.cli.app and diagnosis.diagnosed
+    config.load(columns)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=560)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--scale", type=int, default=1, help="divides the largest log, to be quick")
     parser.add_argument("--keep", type=Path, help="folder for the files that make a fault")
     options = parser.parse_args()
-    import cogless.cli
-    import cogless.identify.diagnosis  # noqa: F401  (once, not in each fork)
-
     counts: Counter[str] = Counter()
     faults = 0
     with TemporaryDirectory() as place:
         folder = Path(place)
         (folder / "id.toml").write_text(ID)
-        for number, (kind, what, content) in enumerate(cases(folder, options.cases, options.seed)):
+        prepare(folder / "id.toml", options.scale)
+        for number, (kind, what, content) in enumerate(
+            cases(folder, options.cases, options.seed, options.scale)
+        ):
             path = folder / f"log{number}{kind}"
             path.write_bytes(content)
             ending = diagnosed(path)

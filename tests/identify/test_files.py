@@ -12,6 +12,7 @@ import pytest
 from cogless.errors import StudyError
 from cogless.identify import config, csv_log, plan
 from cogless.identify.advice import AdvisedError, changed
+from cogless.identify.files import readable
 from cogless.identify.log import load_logs
 from cogless.identify.read_log import read
 
@@ -351,6 +352,36 @@ def test_a_pipe_is_not_waited_for(tmp_path, name):
         list(read(path, ["x"]))
     kind = path.suffix if path.suffix != ".gz" else ".csv"
     assert str(caught.value) == f"{path}: not a regular file: expected a readable {kind} file"
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (ValueError("\n  first.\nsecond\n"), "first"),
+        (KeyError("x"), "KeyError 'x'"),
+        (MemoryError(), "MemoryError"),
+        (RuntimeError("\x1b[2J" + "x" * 200), "?[2J" + "x" * 153 + "..."),
+        (OSError(5, "Input/output error", "a.npz"), "input/output error"),
+        (type("Own", (Exception,), {})(), "Own"),
+    ],
+)
+def test_whatever_a_library_raises_is_one_line(tmp_path, error, line):
+    with pytest.raises(StudyError) as caught, readable(tmp_path / "a.npz", "NPZ"):
+        raise error
+    assert str(caught.value) == f"{tmp_path / 'a.npz'}: {line}: expected a readable NPZ file"
+
+
+def test_a_fault_of_our_own_is_no_bad_file(tmp_path, monkeypatch):
+    """Nor is an interrupt."""
+
+    def broken(*of):
+        raise RuntimeError("ours")
+
+    monkeypatch.setattr(csv_log, "_converted", broken)
+    with pytest.raises(RuntimeError, match="ours"):
+        csv_of(tmp_path, "t,x\n1,2\n")
+    with pytest.raises(KeyboardInterrupt), readable(tmp_path, "NPZ"):
+        raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize("name", [*KINDS, "a.nc"])

@@ -73,8 +73,8 @@ def require_numbers(path: Path, count: int) -> None:
     """StudyError: so many numbers are more than a log has. Called before memory is taken for them."""
     if count > NUMBERS_MOST:
         raise StudyError(
-            f"{path}: its columns claim {count:.3g} numbers, {in_bytes(8 * count)}: expected a log of "
-            f"{NUMBERS_MOST:.3g} numbers, {in_bytes(8 * NUMBERS_MOST)}, or fewer"
+            f"{path}: its columns have {count:,} numbers or more, {in_bytes(8 * count)}: expected a log of "
+            f"{NUMBERS_MOST:,}, {in_bytes(8 * NUMBERS_MOST)}, or fewer"
         )
 
 
