@@ -139,6 +139,9 @@ def typed_in(tables: dict[str, Any]) -> dict[str, Any]:
     return {**tables, "drive": drive}
 
 
+LOGGED = ("time", "theta_measured", "omega_measured", "i_q", "i_d")
+
+
 def logged(trace: Trace, star: StarMotor, drive: Drive, late: int, every: int) -> dict[str, Any]:
     """What the drive logs in every so many-th row: angle, speed, and currents, these so many rows late."""
     theta = trace["theta_measured"]
@@ -185,6 +188,7 @@ def recorded(tables: dict[str, Any], folder: Path, random: Random) -> Recorded:
     (folder / "study.toml").write_text(plan.text({**play, "trace": {"rate": f"{RATE} Hz"}}), encoding="utf-8")
     (folder / "known.toml").write_text(plan.text(typed_in(tables)), encoding="utf-8")
     _, columns = plan.tables(load(folder / "known.toml"))
+    columns["columns"] = {signal: name for signal, name in columns["columns"].items() if name in LOGGED}
     columns["log"] = [{**rule, "file": f"{rule['file']}.npz"} for rule in columns["log"]]
     (folder / "id.toml").write_text(plan.text(columns), encoding="utf-8")
     (results,) = rollout([load(folder / "study.toml")], jobs=1)

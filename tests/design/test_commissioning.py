@@ -12,6 +12,7 @@ from cogless.design.closed_loop import Linear
 from cogless.design.commissioning import commissioning_warning, left, position_gain, unsettled
 from cogless.design.pi import speed_loop
 from cogless.design.warnings import notes
+from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.study import Study, load
 
@@ -93,6 +94,21 @@ def test_a_run_that_does_not_record_the_cogging_is_told(
     assert (None if found is None else str(found)) == line
     assert [*map(str, notes(study, "t"))] == ([] if line is None else [f"controller.t: {line}"])
     assert commissioning_warning(study, "pi") is None
+
+
+@pytest.mark.parametrize("kp", [0.0, 1e-12, 1e-4])
+def test_a_loop_without_a_crossover_follows_nothing(tmp_path: Path, kp: float) -> None:
+    """As a tuning may try it. It was said to leave nan of the ripple, and the run does not even end."""
+    fast = {"law": "anti-cogging", "kp": kp, "ki": 0.0, "calibration": {"speed": 24.0, "position_gain": 20.0}}
+    study = studies.study(tmp_path, {"controller.t": fast}, TEXT)
+    told = commissioning_warning(study, "t")
+    assert told is not None and told.cures == ()
+    assert str(told) == (
+        "its calibration run in low records nothing: the speed loop, whose gain is nowhere one, follows no "
+        "reference"
+    )
+    with pytest.raises(StudyError, match=r"not done after 1\.77 s: expected kp and ki that hold its speed"):
+        ripple(study, "t")
 
 
 def test_what_is_told_elsewhere_or_has_nothing_to_record_is_not_told(tmp_path: Path) -> None:

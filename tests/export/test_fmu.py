@@ -482,6 +482,28 @@ def test_what_is_refused(single: Exported, version: int) -> None:
     slave.close()
 
 
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), -float("inf")])
+def test_an_input_that_is_no_number_is_named(single: Exported, version: int, number: float) -> None:
+    """Whether it comes before the start or with a step, and whether it acts or not."""
+    folder = single.folders["drive", version]
+    slave = Slave(folder)
+    for name in ("tau_load_added", "duty_a", "duty_b", "duty_c", "input.omega_ref"):
+        slave.step(3)
+        slave.put({name: number})
+        with pytest.raises(Exception, match=r"fmi.*DoStep"):
+            slave.step()
+        assert slave.messages[-1] == f"{name}: expected a finite number"
+        slave.reset()
+    slave.fmu.reset()
+    slave.messages.clear()
+    with pytest.raises(Exception, match="fmi"):
+        slave.initialise({"duty_b": number, "external_control": True})
+    assert slave.messages == ["duty_b: expected a finite number"]
+    slave.reset()
+    slave.close()
+
+
 def test_the_trials_end(trials: Exported) -> None:
     slave = Slave(trials.folders["drive", 3])
     slave.step(len(trials.trace))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -159,8 +160,18 @@ def _logged(trace: Trace, signal: str, poles: int) -> np.ndarray:
 
 
 def write(folder: Path, text: str, logs: dict[str, dict[str, np.ndarray]]) -> list[Path]:
-    """The file of columns as id.toml, and each log as an NPZ; returns the logs' paths."""
-    (folder / "id.toml").write_text(text)
+    """The file of columns as id.toml, and each log as an NPZ; returns the logs' paths.
+
+    Of the columns those that a log has, and of its files those that have it.
+    """
+    tables = tomllib.loads(text)
+    columns = {}
+    for signal, column in tables["columns"].items():
+        column = column if isinstance(column, dict) else {"name": column}
+        files = [f"{name}.npz" for name, signals in logs.items() if column["name"] in signals]
+        if files:
+            columns[signal] = {**column, "files": files}
+    (folder / "id.toml").write_text(plan.text({**tables, "columns": columns}))
     for name, signals in logs.items():
         np.savez(folder / f"{name}.npz", **signals)
     return [folder / f"{name}.npz" for name in logs]

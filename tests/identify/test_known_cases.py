@@ -201,7 +201,7 @@ t = "t_s"
 theta = "theta_rad"
 omega = "omega_rad_s"
 i_q = "iq_A"
-part = "comp_on"
+part = { name = "comp_on", files = "speed*" }
 [motor]
 pole_pairs = 12
 slots = 18

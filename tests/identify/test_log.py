@@ -233,7 +233,10 @@ def test_jitter_is_told_from_a_twentieth_of_a_period_on(tmp_path: Path) -> None:
         ({**COLUMNS, "ms": np.zeros(1000)}, "ms: never changes: expected a moving t"),
         ({**COLUMNS, "counts": np.full(1000, 7.0)}, "counts: never changes: expected a moving theta"),
         ({key: x[:99] for key, x in COLUMNS.items()}, "99 rows: expected 100 or more"),
-        ({key: x for key, x in COLUMNS.items() if key != "ms"}, "ms: missing: expected the time of each row"),
+        (
+            {key: x for key, x in COLUMNS.items() if key != "ms"},
+            'no column "ms" (t); it has "counts", "current": expected headings that it has in columns',
+        ),
         (
             {**COLUMNS, "ms": np.arange(1000) + 10.0 * (np.arange(1000) // 90)},
             "no 100 rows without a gap: expected a log without so many gaps",
@@ -278,8 +281,12 @@ def test_a_hold_map_needs_the_direction_that_the_rotor_came_from(tmp_path: Path)
     assert log.dt == 0 and log.stretches == (slice(0, 1000),)
     assert log["direction"].tolist() == [-1.0] * 500 + [1.0] * 500
     np.savez(tmp_path / "a.npz", **hold)
-    with pytest.raises(StudyError, match="from: missing: a hold map needs theta, i_q and the direction that"):
-        logging.load_logs([tmp_path / "a.npz"], load(tmp_path / "id.toml"))
+    text = text.replace('direction = "from"\n', "")
+    needs = "columns.direction: missing: a hold map needs theta, i_q and the direction that"
+    for kind, said in (("hold", needs), ("load", "columns.t: missing: expected the time of each row")):
+        (tmp_path / "id.toml").write_text(text.replace("hold", kind))
+        with pytest.raises(StudyError, match=said):
+            logging.load_logs([tmp_path / "a.npz"], load(tmp_path / "id.toml"))
 
 
 # --- angles

@@ -261,3 +261,20 @@ def test_what_no_plan_is_for_is_refused(tmp_path, changes, said):
     with pytest.raises(StudyError) as error:
         plan.tables(load(tmp_path / "motor.toml", changes))
     assert str(error.value) == f"{tmp_path}/motor.toml: {said}"
+
+
+@pytest.mark.parametrize("ideal", [False, True])
+def test_the_columns_of_a_plan_are_those_that_its_study_records(tmp_path, ideal):
+    """An ideal current loop has neither i_d nor voltages: a log must have each column that is named."""
+    tables = study_tables("servo")
+    if ideal:
+        drive = {key: value for key, value in tables["drive"].items() if key != "inverter"}
+        tables["drive"] = {**drive, "current_loop": {"kind": "ideal", "current_limit": "5 A"}}
+    (tmp_path / "motor.toml").write_text(plan.text(tables))
+    plan.write(load(tmp_path / "motor.toml"), tmp_path)
+    (results,) = rollout([load(tmp_path / "study.toml")])
+    write_netcdf(tmp_path / "traces.nc", results.runs)
+    known = config.load(tmp_path / "id.toml")
+    for log in load_logs([tmp_path / "traces.nc"], known):
+        assert set(log.signals) == set(known.columns) - {"t"}
+        assert {"i_d", "u_q"} <= set(log.signals) or ideal

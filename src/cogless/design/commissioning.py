@@ -50,7 +50,10 @@ def left(loop: SpeedLoop, feedback: Linear, w: Real) -> Real:
 
 
 def unsettled(loop: SpeedLoop, feedback: Linear, speed: float) -> float:
-    """The current, A, that still accelerates the rotor where a run at `speed`, rad/s, begins to record."""
+    """The current, A, that still accelerates the rotor where a run at `speed`, rad/s, begins to record.
+
+    The loop has a crossover.
+    """
     found = np.abs(poles(loop, feedback))
     a = -math.log(float(np.max(found[found < 1 - 1e-9]))) / loop.period
     w_c = position_margins(loop, Linear(1, feedback.k, k_i=feedback.k_i)).crossover
@@ -99,6 +102,8 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     swings = oscillation(loop, feedback)
     if swings:
         return f"is unstable, at {swings.frequency:.3g} Hz"
+    if math.isnan(position_margins(loop, Linear(1, kp, k_i=ki)).crossover):
+        return "records nothing: the speed loop, whose gain is nowhere one, follows no reference"
     found = swing(study, scenario, feedback, speed)
     if found is not None and found.stops:
         return f"records nothing: {snaps(study, found, speed, position_margins(loop, feedback).crossover)}"

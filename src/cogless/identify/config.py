@@ -53,17 +53,26 @@ SIGNALS: dict[str, Dimension] = {
 
 
 class Column(Table):
-    """A column of the logs: heading, unit (default: SI), -1 as `sign` where it counts backwards, and a "
-    "factor."""
+    """A column of the logs: heading, the files that have it (default: all), unit (default: SI), -1 as `sign`
+    where it counts backwards, and a factor."""
 
     name: str
+    files: Many[str] = ("*",)  # with * and ?
     unit: str = ""
     sign: Literal[1, -1] = 1
     scale: Annotated[float, Field(gt=0)] = 1.0  # such as sqrt(2) of rms amperes
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
-        return {"name": data} if isinstance(data, str) else data
+        if isinstance(data, str):
+            return {"name": data}
+        if isinstance(data, Mapping) and isinstance(data.get("files"), str):
+            return {**data, "files": [data["files"]]}
+        return data
+
+    def is_in(self, file: str) -> bool:
+        """Whether a file of this name has the column."""
+        return any(fnmatchcase(file, pattern) for pattern in self.files)
 
 
 class LogRule(Table):

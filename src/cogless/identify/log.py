@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import SequenceMatcher
+from glob import escape
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,7 +15,8 @@ import numpy as np
 from cogless.errors import StudyError
 from cogless.identify.advice import Advice, AdvisedError, Cure
 from cogless.identify.config import COUNT, Identification, LogRule
-from cogless.identify.files import Array, Columns, read
+from cogless.identify.files import Array, Columns, LogColumns, printable
+from cogless.identify.read_log import read
 
 TURN = 2 * np.pi
 GAP = 2.5  # periods without a row
@@ -32,6 +36,10 @@ MISTAKEN: tuple[tuple[float, str, Cure], ...] = (
     (1e6, 'the time looks like microseconds: unit = "us"', {"columns.t.unit": "us"}),
     (-1.0, "one of them counts backwards: sign = -1", {"columns.omega.sign": -1}),
 )
+PARTS_MOST = 1000  # logs in a file
+HEADINGS_COMPARED = 1000  # with one that a file lacks
+HEADINGS_SHOWN = 12  # of a file that has none like it
+NEAR_LIKENESS = 0.6  # share of letters in the same order, above which a heading is named
 REPEATED = 0.2  # share of rows that repeat the one before, from which on it is told
 
 
@@ -72,11 +80,15 @@ class Log:
 def load_logs(paths: list[Path], known: Identification) -> list[Log]:
     """Read all logs. StudyError: a file, a column or a row that can't be used."""
     headings = [column.name for column in known.columns.values()]
-    logs = []
+    logs: list[Log] = []
+    columns: list[tuple[Path, LogColumns]] = []
     for path in paths:
         true = ["theta_m"] if path.suffix == ".nc" else []
-        for name, columns in read(path, headings + true):
-            logs += [_log(path, part, own, known) for part, own in _parts(name, columns, known)]
+        columns += [(path, log) for log in read(path, headings + true)]
+    _require_columns(columns, known)
+    while columns:
+        path, log = columns.pop(0)
+        logs += [_log(path, part, own, known) for part, own in _parts(path, log, known)]
     names = [log.name for log in logs]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -84,18 +96,101 @@ def load_logs(paths: list[Path], known: Identification) -> list[Log]:
     return logs
 
 
-def _parts(name: str, columns: Columns, known: Identification) -> Iterator[tuple[str, Columns]]:
+def _parts(path: Path, log: LogColumns, known: Identification) -> Iterator[tuple[str, Columns]]:
     """The log, or where it has a column of parts, a log for each of its values."""
+    name, columns = log.name or path.name, dict(log.columns)
     column = known.columns.get("part")
     values = columns.pop(column.name, None) if column is not None else None
     if values is None:
         yield name, columns
         return
-    for value in np.unique(values):
+    parts = np.unique(values)
+    if len(parts) > PARTS_MOST:
+        heading = _heading(known, "part")
+        raise StudyError(f"{path}: {heading}: {len(parts)} parts: expected {PARTS_MOST} or fewer")
+    for value in parts:
         yield f"{name}#{value:g}", {key: of[values == value] for key, of in columns.items()}
 
 
+def _require_columns(logs: Sequence[tuple[Path, LogColumns]], known: Identification) -> None:
+    """Each log has those columns of the file of columns that name it, and no other of them."""
+    lines = []
+    for path, log in logs:
+        name = log.name or path.name
+        signals = {signal: column for signal, column in known.columns.items() if column.is_in(name)}
+        lacking = [signal for signal, column in signals.items() if column.name not in log.headings]
+        where = f"{path}: {name}" if log.name else str(path)
+        if lacking:
+            lines.append(_lacking(where, lacking, logs, log.headings, known))
+        lines += [
+            Advice(
+                f'{where}: it has the column "{column.name}" ({signal}), and columns.{signal}.files does not '
+                "name it: expected the files that have the column",
+                {f"columns.{signal}.files": [*column.files, escape(name)]},
+            )
+            for signal, column in known.columns.items()
+            if column.name in log.headings and signal not in signals
+        ]
+    if lines:
+        raise AdvisedError(*lines)
+
+
+def _lacking(
+    where: str,
+    signals: Sequence[str],
+    logs: Sequence[tuple[Path, LogColumns]],
+    headings: Sequence[str],
+    known: Identification,
+) -> Advice:
+    """What is said of a log that lacks these signals: the nearest headings, and which logs have them."""
+    used = {column.name for column in known.columns.values()}
+    lacking = {signal: known.columns[signal].name for signal in signals}
+    nearest = _nearest(lacking, [heading for heading in headings if heading not in used])
+    listed = ", ".join(
+        f'"{heading}" ({signal}{f", near {_quoted([nearest[signal]])}" if signal in nearest else ""})'
+        for signal, heading in lacking.items()
+    )
+    others = "" if nearest else f"; it has {_quoted(headings[:HEADINGS_SHOWN])}"
+    having = {
+        signal: [escape(log.name or path.name) for path, log in logs if heading in log.headings]
+        for signal, heading in lacking.items()
+    }
+    renamed = {f"columns.{signal}.name": heading for signal, heading in nearest.items()}
+    limited = {f"columns.{signal}.files": files for signal, files in having.items() if files}
+    instead = "".join(f", or {key} = [{_quoted(files)}]" for key, files in limited.items())
+    return Advice(
+        f"{where}: no column {listed}{others}: expected headings that it has in columns{instead}",
+        *(cure for cure in (renamed, limited) if cure),
+    )
+
+
+def _nearest(lacking: Mapping[str, str], headings: Sequence[str]) -> dict[str, str]:
+    """The heading most like each that is lacking, none twice; units, spaces and capitals don't count."""
+
+    def plain(name: str) -> str:
+        return "".join(filter(str.isalnum, re.sub(r"[\[(].*", "", name).casefold()))
+
+    def likeness(name: str, other: str) -> float:
+        return SequenceMatcher(None, plain(name), plain(other), autojunk=False).ratio()
+
+    pairs = [
+        (likeness(name, heading), signal, heading)
+        for signal, name in lacking.items()
+        for heading in headings[:HEADINGS_COMPARED]
+    ]
+    nearest: dict[str, str] = {}
+    for like, signal, heading in sorted(pairs, key=lambda pair: -pair[0]):
+        if like > NEAR_LIKENESS and signal not in nearest and heading not in nearest.values():
+            nearest[signal] = heading
+    return nearest
+
+
+def _quoted(names: Sequence[str]) -> str:
+    return ", ".join(f'"{printable(name)}"' for name in names)
+
+
 def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
+    rule = known.rule(name)
     found = {
         signal: known.factor(signal) * columns[column.name]
         for signal, column in known.columns.items()
@@ -103,7 +198,6 @@ def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
     }
     if "theta_m" in columns and {"theta", "i_q", "i_d"} <= found.keys():
         _by_measured_angle(found, columns["theta_m"], known.motor.pole_pairs)
-    rule = known.rule(name)
     where = str(path) if name.startswith(path.name) else f"{path}: {name}"
     for signal in found:
         still = signal == "t" or (signal == "theta" and rule.kind != "bridge-off")
@@ -111,6 +205,8 @@ def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
             raise StudyError(
                 f"{where}: {known.columns[signal].name}: never changes: expected a moving {signal}"
             )
+    if found.keys() <= {"t"}:
+        raise StudyError(f"{where}: nothing but the time: expected an angle, a speed or a current in columns")
     if rule.kind == "hold" and "t" not in found:
         return _hold(where, name, rule, found, known)
     if "t" not in found:

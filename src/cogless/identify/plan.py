@@ -182,8 +182,7 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
             "omega": "omega_measured",
             "i_q": "i_q",
             "i_q_ref": "i_q_ref",
-            "i_d": "i_d",
-            "u_q": "u_q",
+            **({} if study.drive.ideal else {"i_d": "i_d", "u_q": "u_q"}),  # which an ideal loop has not
         },
         "motor": known,
         "drive": source["drive"],

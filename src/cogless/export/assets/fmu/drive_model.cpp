@@ -3,10 +3,13 @@
 // At each communication point the period from there on is run ahead, with the inputs as they are, since what the drive
 // measures and records at that point comes from it; where an input is then changed before the step, it is run again.
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <cstdio>
 #include <exception>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "config.hpp"
@@ -87,10 +90,21 @@ void put_measurements(const DriveState& state, double value[]) {
 
 std::vector<double> inputs_in(const double value[]) { return {value + FMU_FIRST_INPUT, value + FMU_FIRST_OUTPUT}; }
 
+// Refuses an input that is NaN or infinite: the plant would only show it as a current beyond all numbers, and
+// the bridge as half a duty.
+void require_finite(const double value[]) {
+    for (std::size_t place = FMU_FIRST_INPUT; place < FMU_FIRST_OUTPUT; ++place) {
+        if (!std::isfinite(value[place])) {
+            throw std::runtime_error(std::string(fmu_variables[place].name) + ": expected a finite number");
+        }
+    }
+}
+
 bool has_ended(const DriveState& state) { return FMU_LAST_TICK > 0 && state.tick >= FMU_LAST_TICK; }
 
 // Runs the period from `now` on to `next`, and puts what is measured and recorded at its start into `value`.
 void run_ahead(fmu_model& model, double value[]) {
+    require_finite(value);
     model.used = inputs_in(value);
     if (has_ended(model.now)) return;
     model.next = model.now;

@@ -1,0 +1,142 @@
+"""Read the columns of a CSV, packed with gzip or not, in blocks of lines."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+from collections.abc import Iterator, Mapping
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from cogless.errors import StudyError
+from cogless.identify.files import Array, LogColumns, printable, readable, require_bytes, require_numbers
+
+BLOCK_CHARACTERS = 1 << 22  # that are converted together; no line is longer
+DELIMITERS = (",", ";", "\t")
+LONGEST_PREAMBLE = 50  # lines
+EMPTY_LINES_MOST = 10_000  # one after the other
+
+
+def read_csv(path: Path, headings: list[str]) -> list[LogColumns]:
+    """The columns with these headings. StudyError names column and row."""
+    blocks = _blocks(path)
+    try:
+        return [_columns(path, blocks, headings)]
+    except csv.Error as error:
+        raise StudyError(f"{path}: {error}: expected a CSV") from None
+
+
+def _blocks(path: Path) -> Iterator[list[str]]:
+    """The lines of a file, in lists of some thousands."""
+    packed = path.name.lower().endswith(".gz")
+    with (
+        readable(path, "CSV"),
+        path.open("rb") as raw,
+        gzip.open(raw) if packed else raw as data,
+        io.TextIOWrapper(data, encoding="utf-8-sig") as file,
+    ):
+        begun, size = "", 0
+        while text := _text(path, file):
+            size += len(text)
+            require_bytes(path, size)
+            *lines, begun = (begun + text).split("\n")
+            if len(begun) > BLOCK_CHARACTERS:
+                raise StudyError(f"{path}: a line of {len(begun)} characters or more: expected rows")
+            if lines:
+                yield lines
+        if begun:
+            yield [begun]
+
+
+def _text(path: Path, file: io.TextIOWrapper) -> str:
+    try:
+        return file.read(BLOCK_CHARACTERS)
+    except UnicodeDecodeError:
+        raise StudyError(f"{path}: not UTF-8: expected a CSV in UTF-8") from None
+
+
+def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> LogColumns:
+    block = next(blocks, [])
+    at = next((k for k, line in enumerate(block) if line.strip() and not line.startswith("#")), None)
+    if at is None:
+        raise StudyError(f"{path}: empty: expected a heading and rows of numbers")
+    first, block = block[at], block[at + 1 :]
+    delimiter = max(DELIMITERS, key=first.count)
+    heading = [cell.strip() for cell in next(csv.reader([first], delimiter=delimiter))]
+    places = {name: heading.index(name) for name in headings if name in heading}
+    if not places:
+        _preamble(path, first, block, headings)
+        return LogColumns("", {}, tuple(heading))
+    twice = next((name for name in places if heading.count(name) > 1), None)
+    if twice is not None:
+        raise StudyError(f"{path}: {twice}: {heading.count(twice)} columns have this heading: expected one")
+    made: list[Array] = []
+    rows = 0
+    for lines in chain([block], blocks):
+        numbers = _converted(lines, delimiter, len(heading), list(places.values()))
+        if numbers is None:
+            numbers = _checked(path, lines, delimiter, heading, places, rows)
+        if not len(numbers) and len(lines) > EMPTY_LINES_MOST:
+            raise StudyError(f"{path}: row {rows + 1}: {len(lines)} empty lines before it: expected rows")
+        rows += len(numbers)
+        require_numbers(path, rows * len(places))
+        made.append(numbers)
+    columns = {name: np.concatenate([numbers[:, k] for numbers in made]) for k, name in enumerate(places)}
+    return LogColumns("", columns, tuple(heading))
+
+
+def _preamble(path: Path, first: str, lines: list[str], headings: list[str]) -> None:
+    """Refuse a file that has text before its heading."""
+    for line in lines[:LONGEST_PREAMBLE]:
+        cells = {cell.strip().strip('"') for delimiter in DELIMITERS for cell in line.split(delimiter)}
+        if len(cells & set(headings)) > 1:
+            raise StudyError(
+                f'{path}: the heading "{printable(line.strip()[:60])}" comes after text, '
+                f'"{printable(first.strip()[:40])}": expected it first, or # before each line of the text'
+            )
+
+
+def _converted(lines: list[str], delimiter: str, cells: int, places: list[int]) -> Array | None:
+    """Numbers of these lines, a column for each place; None where a line isn't as the heading."""
+    if not lines or any(line.count(delimiter) != cells - 1 for line in lines):
+        return None
+    try:
+        return np.loadtxt(lines, delimiter=delimiter, usecols=places, ndmin=2, comments=None)
+    except ValueError:
+        return None
+
+
+def _checked(
+    path: Path, lines: list[str], delimiter: str, heading: list[str], places: Mapping[str, int], before: int
+) -> Array:
+    """The same, cell by cell; StudyError: names column and row, of which so many were before these lines."""
+    rows: list[list[float]] = []
+    for values in csv.reader(lines, delimiter=delimiter):
+        if not values:
+            continue
+        row = before + len(rows) + 1
+        if len(values) > len(heading) and any(cell.strip() for cell in values[len(heading) :]):
+            expected = f"expected {len(heading)}, as in the heading"
+            raise StudyError(f"{path}: row {row}: {len(values)} cells: {expected}, and decimal points")
+        numbers = []
+        for name, place in places.items():
+            if place >= len(values):
+                raise StudyError(f"{path}: {name}: row {row}: missing: expected a number")
+            text = values[place]
+            if not _number(text):
+                how = " with a decimal point" if _number(text.replace(",", ".")) else ""
+                raise StudyError(f'{path}: {name}: row {row}: "{printable(text)}": expected a number{how}')
+            numbers.append(float(text))
+        rows.append(numbers)
+    return np.array(rows).reshape(-1, len(places))
+
+
+def _number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
