@@ -315,6 +315,24 @@ def test_a_study_travels_with_its_files(tmp_path: Path) -> None:
     assert found.metrics == expected.metrics
 
 
+def test_no_file_travels_whose_name_is_another_key_s_text(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    (tmp_path / "secret.txt").write_text("a secret")
+    rows = "".join(f"{30 * n},{n % 2}\n" for n in range(12))
+    (tmp_path / "in" / "load.csv").write_text(f"angle [deg],torque [mN*m]\n{rows}")
+    secret = "../secret.txt"
+    files = {"mechanics.load": {"angle_table": {"file": "load.csv"}}}
+    changes = {
+        "title": secret,
+        "description": secret,
+        "controller.pi.label": secret,
+        "assumption": [{"about": secret, "reason": secret}],
+    }
+    study = ensembles.study(tmp_path / "in", files | changes)
+    assert study.title == secret
+    assert list(pack(study).files) == ["load.csv"]
+
+
 @pytest.mark.parametrize(
     ("values", "kind", "kept"),
     [
