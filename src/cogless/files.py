@@ -44,6 +44,12 @@ def no_device(path: Path) -> None:
         raise OSError(errno.EINVAL, "not a regular file", str(path))
 
 
+def no_link(path: Path) -> None:
+    """Raise OSError if a path is a symbolic link: in a folder from elsewhere it may lead anywhere."""
+    if path.is_symlink():
+        raise OSError(errno.ELOOP, "a link", str(path))
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; move it there on success, remove it on any error or interrupt.

@@ -2,6 +2,7 @@
 
 import json
 import os
+import random
 import signal
 import time
 from collections.abc import Iterator
@@ -314,6 +315,24 @@ def test_a_study_travels_with_its_files(tmp_path: Path) -> None:
     assert found.metrics == expected.metrics
 
 
+def test_no_file_travels_whose_name_is_another_key_s_text(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    (tmp_path / "secret.txt").write_text("a secret")
+    rows = "".join(f"{30 * n},{n % 2}\n" for n in range(12))
+    (tmp_path / "in" / "load.csv").write_text(f"angle [deg],torque [mN*m]\n{rows}")
+    secret = "../secret.txt"
+    files = {"mechanics.load": {"angle_table": {"file": "load.csv"}}}
+    changes = {
+        "title": secret,
+        "description": secret,
+        "controller.pi.label": secret,
+        "assumption": [{"about": secret, "reason": secret}],
+    }
+    study = ensembles.study(tmp_path / "in", files | changes)
+    assert study.title == secret
+    assert list(pack(study).files) == ["load.csv"]
+
+
 @pytest.mark.parametrize(
     ("values", "kind", "kept"),
     [
@@ -347,7 +366,8 @@ def test_shards_of_different_sweeps_are_refused(tmp_path: Path) -> None:
         sweeping.merge(plan(tmp_path, 41), tmp_path)
     assert str(error.value) == f"{first}: variants: 40: expected 41, as here, or another directory"
     with pytest.raises(StudyError, match=r"version: 0\.0\.1: expected .*, as here, or another directory$"):
-        first.write_text(first.read_text().replace('"version":"', '"version":"0.0.1","x":"', 1))
+        about, rest = first.read_bytes().split(b"\n", 1)
+        first.write_bytes(journal._line({**json.loads(about[9:]), "version": "0.0.1"}) + rest)
         sweeping.merge(planned, tmp_path)
 
 
@@ -398,6 +418,93 @@ def test_a_file_that_is_no_journal(tmp_path: Path) -> None:
     (tmp_path / "journal.jsonl").write_text("hello\n")
     with pytest.raises(StudyError, match="not readable: expected a file that cogless sweep has written"):
         sweeping.run(plan(tmp_path), tmp_path, Here())
+
+
+def test_a_journal_of_an_earlier_cogless_has_no_checksums(tmp_path: Path) -> None:
+    planned, path = plan(tmp_path), tmp_path / "journal.jsonl"
+    path.write_text(json.dumps(planned.about) + "\n[0,[5]]\n")
+    with pytest.raises(StudyError) as error:
+        sweeping.run(planned, tmp_path, Here())
+    why = "not readable: has no checksums, as of an earlier cogless: expected another directory"
+    assert str(error.value) == f"{path}: {why}"
+    elsewhere = tmp_path / "elsewhere"  # as it advises
+    elsewhere.mkdir()
+    assert sweeping.run(planned, elsewhere, Here()) is not None
+
+
+def test_no_flipped_bit_gives_other_numbers(
+    tmp_path: Path, expected: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A damaged chunk runs again; a damaged first line is refused, and nothing of the file is lost."""
+    planned, path, chance = plan(tmp_path), tmp_path / "journal.jsonl", random.Random(36)
+    sweeping.run(planned, tmp_path, Here())
+    whole = path.read_bytes()
+    first_end, last = whole.index(b"\n"), len(whole) - 1
+    places = [0, 8, 9, first_end, last, *(chance.randrange(first_end + 1, last) for _ in range(12))]
+    for place in places:
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << chance.randrange(8)
+        path.write_bytes(damaged)
+        if place <= first_end:
+            with pytest.raises(StudyError, match="not readable: expected a file that cogless sweep"):
+                sweeping.run(planned, tmp_path, Here())
+            assert path.read_bytes() == damaged
+        else:
+            done: list[int] = []
+            swept = sweeping.run(planned, tmp_path, Here(), progress=done.append)
+            assert content(swept, tmp_path) == expected and done[0] < done[-1] == COUNT
+    assert f"Warning: {path}: line " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("value", [[0, 5], [0, None], [0], 5, None, {"0": []}, ["0", []], [[0], []]])
+def test_a_line_that_holds_no_chunk_is_not_used(
+    tmp_path: Path, value: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, about = tmp_path / "journal.jsonl", {"study": "x"}
+    with journal.opened(path, about) as first:
+        first.add(1, [2.5])
+    with path.open("ab") as file:
+        file.write(journal._line(value) + b"00000000 [0,[1.5]]\n")
+    assert journal.read(path, about) == {1: [2.5]}
+    lines = [f"Warning: {path}: line {number} is damaged and not used.\n" for number in (3, 4)]
+    assert capsys.readouterr().err == "".join(lines)
+
+
+def test_a_file_of_the_users_is_not_cut(tmp_path: Path) -> None:
+    path, target = tmp_path / "journal.jsonl", tmp_path / "target"
+    path.write_text("mine\nwithout an end")
+    with pytest.raises(StudyError, match="not readable"):
+        sweeping.run(plan(tmp_path), tmp_path, Here())
+    assert path.read_text() == "mine\nwithout an end"
+    path.rename(target)
+    path.symlink_to(target)
+    with pytest.raises(StudyError, match=r"journal\.jsonl: a link: expected a file that can be written$"):
+        sweeping.run(plan(tmp_path), tmp_path, Here())
+    assert target.read_text() == "mine\nwithout an end"
+
+
+def test_a_first_line_that_a_kill_cut_off_begins_anew(tmp_path: Path) -> None:
+    path, about = tmp_path / "journal.jsonl", {"study": "x"}
+    path.write_bytes(journal._line(about)[:12])
+    with journal.opened(path, about) as kept:
+        kept.add(0, [1.5])
+    assert journal.read(path, about) == {0: [1.5]}
+
+
+@pytest.mark.parametrize("count", ["50000000", "999999999", "1000000000", "0", "\u00b2"])
+def test_a_shard_of_a_huge_number_is_refused_at_once(tmp_path: Path, count: str) -> None:
+    planned, path = plan(tmp_path), tmp_path / f"shard-1-of-{count}.jsonl"
+    if count in ("50000000", "999999999"):
+        shard = sweeping.Shard(0, int(count))
+        sweeping.run(planned, tmp_path, Here(), shard)
+        expected = rf"shard-2-of-{count}\.jsonl: no such file or directory: expected a shard's file$"
+    else:
+        path.touch()
+        expected = r": expected a name such as shard-1-of-20\.jsonl$"
+    begun = time.monotonic()
+    with pytest.raises(StudyError, match=expected):
+        sweeping.merge(planned, tmp_path)
+    assert time.monotonic() - begun < 1
 
 
 def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
@@ -462,6 +569,7 @@ def test_shards_by_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 MISTAKES = {
     ("--shard", "4/3"): '--shard: "4/3": expected I/N, such as 3/20, with I from 1 to N',
+    ("--shard", "\u00b2/3"): '--shard: "\u00b2/3": expected I/N, such as 3/20, with I from 1 to N',
     ("--shard", "x"): '--shard: "x": expected I/N, such as 3/20, with I from 1 to N',
     ("--only", "low/none"): '{study}: --only: "low/none": expected SCENARIO/CONTROLLER of low/pi, low/pi-ilc',
     ("--set", "vary.seeds=3"): "{study}: vary.seeds: 3: expected true or false",
@@ -515,7 +623,7 @@ def test_killed_and_started_again(tmp_path: Path, expected: bytes) -> None:
     assert running.end() == -signal.SIGKILL
     assert forked(tmp_path, *command).end() == 0
     assert (out / "sweep.parquet").read_bytes() == expected
-    assert json.loads(file.read_text().splitlines()[0])["runs"] == ["low/pi", "low/pi-ilc"]
+    assert journal._value(file.read_bytes().splitlines()[0])["runs"] == ["low/pi", "low/pi-ilc"]
 
 
 # Dask

@@ -16,10 +16,10 @@ import studies
 from cogless.design.verdict import verdict
 from cogless.ensemble import search as searching
 from cogless.ensemble import tune as tuning
+from cogless.ensemble import tuned_file
 from cogless.ensemble.executors import given
 from cogless.ensemble.sample import draw
 from cogless.ensemble.table import Sweep
-from cogless.ensemble.tuned_file import _moved
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.study import changed, load
@@ -237,32 +237,30 @@ def test_mistakes_are_one_line_each(
 
 
 def test_files_that_a_tuned_study_names_are_named_from_where_it_stands(tmp_path: Path) -> None:
-    """Those that are there: any other text stays as it is."""
-    (tmp_path / "law.py").touch()
-    (tmp_path / "speed.csv").touch()
-    kept = {
-        "absolute": str(tmp_path / "speed.csv"),
-        "missing": "other.csv",
-        "empty": "",
-        "lines": "speed.csv\n",
-        "long": 256 * "x",
-        "number": 1,
-    }
-    tables = {
-        **kept,
-        "object": "law.py:Law",
-        "module": "law.py",
-        "reference": {"file": "speed.csv"},
-        "files": ["speed.csv", "other.csv"],
-    }
-    _moved(tables, tmp_path, tmp_path / "out")
-    assert tables == {
-        **kept,
-        "object": "../law.py:Law",
-        "module": "../law.py",
-        "reference": {"file": "../speed.csv"},
-        "files": ["../speed.csv", "other.csv"],
-    }
+    """Those at the keys of files; any other text stays as it is, though a file may have its name."""
+    home, out = tmp_path / "home", tmp_path / "out"
+    for folder in (home, out):
+        folder.mkdir()
+    (home / "notes").touch()
+    (home / "speed.csv").write_text("time [s],speed [rpm]\n0,300\n1,300\n")
+    (home / "law.py").write_text("class Law:\n    def step(self, inputs):\n        return 0.0\n")
+    own = '[controller.own]\nlaw = "python"\nobject = "law.py:Law"\nlabel = "notes"\n'
+    own += 'params = { table = "notes" }\n'
+    text = ensembles.TEXT.replace(
+        'title = "A small ensemble"', 'title = "notes"\ndescription = "../home/notes"'
+    )
+    text = text.replace('reference = "300 rpm"', 'reference = { file = "speed.csv" }') + own
+    study = studies.study(home, None, text)
+    changes = {"controller.pi.kp": "0.02 A/rpm", "scenario.low.reference.file": str(home / "speed.csv")}
+    for by, reference in (({}, "../home/speed.csv"), (changes, str(home / "speed.csv"))):
+        tuned = out / "tuned.toml"
+        tuned.write_text(tuned_file.text(study, by, out, "By: a test"))
+        tables = load(tuned).source.tables
+        assert tables["scenario"]["low"]["reference"] == {"file": reference}
+        assert tables["title"] == "notes" and tables["description"] == "../home/notes"
+        found = tables["controller"]["own"]
+        assert found["object"] == "../home/law.py:Law"
+        assert found["label"] == "notes" and found["params"] == {"table": "notes"}
 
 
 def test_a_study_without_tune(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -159,7 +159,7 @@ def test_a_line_is_written_whole_to_a_file_that_takes_it_in_parts(tmp_path: Path
     file: Any = Slow()
     kept = journal.Journal(tmp_path / "j", file, {})
     kept.add(3, [[1.5, None]])
-    assert file.content == b"[3,[[1.5,null]]]\n" and kept.finished == {3: [[1.5, None]]}
+    assert file.content == b"462863b4 [3,[[1.5,null]]]\n" and kept.finished == {3: [[1.5, None]]}
 
 
 def test_a_journal_that_cannot_be_opened_is_told(tmp_path: Path) -> None:

@@ -141,10 +141,10 @@ def _workers(jobs: int, dask: str | None) -> Iterator[Workers]:
 
 def _shard(text: str | None) -> Shard:
     """The part that --shard names; without it the whole."""
-    from cogless.ensemble.sweep import Shard
+    from cogless.ensemble.sweep import SHARD_NUMBER, Shard
 
     index, _, of = (text or "1/1").partition("/")
-    if not (index.isdigit() and of.isdigit() and 1 <= int(index) <= int(of)):
+    if not (SHARD_NUMBER.fullmatch(index) and SHARD_NUMBER.fullmatch(of) and int(index) <= int(of)):
         raise StudyError(f'--shard: "{text}": expected I/N, such as 3/20, with I from 1 to N')
     return Shard(int(index) - 1, int(of))
 

@@ -1,22 +1,26 @@
 """The journal of a sweep: what is finished, kept while the rest goes on, so that an ended sweep can go on.
 
-A file of JSON lines, each written in one go: first what the sweep is, then a line for each finished chunk.
+A file of lines, each written in one go: first what the sweep is, then a line for each finished chunk. A line
+is the CRC-32 of a JSON text in eight hex digits, a space, and that text. A damaged line isn't used, so that
+its chunk runs again.
 """
 
 from __future__ import annotations
 
 import fcntl
 import json
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import RawIOBase
 from pathlib import Path
 from typing import Any
 
-from cogless.errors import StudyError
-from cogless.files import reason
+from cogless.errors import StudyError, say
+from cogless.files import no_device, no_link, reason
 
 Chunk = int
+CHECKSUM_BYTES = 9  # at the start of a line
 
 
 class Journal:
@@ -39,6 +43,8 @@ def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
     StudyError: it belongs to another sweep, another process writes it, it can't be written.
     """
     try:
+        no_link(path)
+        no_device(path)
         file = open(path, "a+b", buffering=0)  # noqa: SIM115
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from error
@@ -49,13 +55,11 @@ def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
             raise StudyError(f"{path}: in use: expected no other sweep that writes here") from None
         file.seek(0)
         content = file.read()
-        whole = content.rfind(b"\n") + 1  # a line that a kill cut off doesn't count
-        file.truncate(whole)
-        lines = content[:whole].splitlines()
-        if lines:
-            finished = _read(path, lines, about)
-        else:
-            finished = {}
+        lines = _whole_lines(content)
+        begun = lines or not _line(about).startswith(content)
+        finished = _read(path, lines, about) if begun else {}
+        file.truncate(sum(len(line) + 1 for line in lines))  # without a line that a kill cut off
+        if not begun:
             _append(path, file, about)
         yield Journal(path, file, finished)
 
@@ -63,15 +67,21 @@ def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
 def read(path: Path, about: Mapping[str, Any]) -> dict[Chunk, Any]:
     """The finished chunks of a journal that nobody writes any more."""
     try:
+        no_device(path)
         content = path.read_bytes()
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a shard's file") from error
-    return _read(path, content[: content.rfind(b"\n") + 1].splitlines(), about)
+    return _read(path, _whole_lines(content), about)
+
+
+def _whole_lines(content: bytes) -> list[bytes]:
+    """The lines that end, without their ends; a kill may have cut off the last one."""
+    return content.split(b"\n")[:-1]
 
 
 def _append(path: Path, file: RawIOBase, value: Any) -> None:
     """Write a line at once, without a buffer that would be tried again when the file is closed."""
-    line = memoryview(json.dumps(value, separators=(",", ":")).encode() + b"\n")
+    line = memoryview(_line(value))
     try:
         while line:
             line = line[file.write(line) :]
@@ -79,15 +89,41 @@ def _append(path: Path, file: RawIOBase, value: Any) -> None:
         raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from error
 
 
-def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chunk, Any]:
+def _line(value: Any) -> bytes:
+    text = json.dumps(value, separators=(",", ":")).encode()
+    return _checksum(text) + text + b"\n"
+
+
+def _checksum(text: bytes) -> bytes:
+    return b"%08x " % zlib.crc32(text)
+
+
+def _value(line: bytes) -> Any:
+    """What a line holds; None if it is damaged."""
+    text = line[CHECKSUM_BYTES:]
     try:
-        found = json.loads(lines[0])
-        finished = dict(json.loads(line) for line in lines[1:])
-        different = next((key for key in about if found[key] != about[key]), None)
-    except (ValueError, TypeError, KeyError, IndexError):
-        raise StudyError(f"{path}: not readable: expected a file that cogless sweep has written") from None
+        return json.loads(text) if line.startswith(_checksum(text)) else None
+    except (ValueError, RecursionError):
+        return None
+
+
+def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chunk, Any]:
+    has = _value(lines[0]) if lines else None
+    if not isinstance(has, dict):
+        expected = "expected a file that cogless sweep has written"
+        if lines and lines[0].startswith(b"{"):
+            expected = "has no checksums, as of an earlier cogless: expected another directory"
+        raise StudyError(f"{path}: not readable: {expected}")
+    different = next((key for key in about if has.get(key) != about[key]), None)
     if different is not None:
-        has, wanted = found[different], about[different]
-        expected = f"expected {wanted}, as here" if different != "study" else "expected the same study"
-        raise StudyError(f"{path}: {different}: {has}: {expected}, or another directory")
+        wanted = f"{about[different]}, as here" if different != "study" else "the same study"
+        where = f"{path}: {different}: {has.get(different)}"
+        raise StudyError(f"{where}: expected {wanted}, or another directory")
+    finished: dict[Chunk, Any] = {}
+    for number, line in enumerate(lines[1:], 2):
+        match _value(line):
+            case [int(chunk), list(rows)]:
+                finished[chunk] = rows
+            case _:
+                say(f"Warning: {path}: line {number} is damaged and not used.")
     return finished

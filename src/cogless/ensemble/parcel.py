@@ -6,17 +6,15 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from cogless.study import AnyStudy
 from cogless.study.base import Source
+from cogless.study.named_files import named_files
 from cogless.study.reading import checked
-
-LONGEST = 255  # characters of a file's name
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +35,7 @@ class Parcel:
 def pack(study: AnyStudy) -> Parcel:
     """Pack a study as it was read, with its changes."""
     source = study.source
-    files = {name: (source.path.parent / name).read_bytes() for name in sorted(_named(source))}
+    files = {name: (source.path.parent / name).read_bytes() for name in sorted(_named(study))}
     text = json.dumps(source.tables, sort_keys=True, default=str)
     found = hashlib.sha256(text.encode())
     for name, content in files.items():
@@ -68,27 +66,16 @@ def _is(path: Path, content: bytes) -> bool:
         return False
 
 
-def _named(source: Source) -> set[str]:
+def _named(study: AnyStudy) -> set[str]:
     """Files that a study names by a path relative to it; of a controller in Python also its neighbours."""
-    found = set()
-    for text in _texts(source.tables):
-        name = text.rpartition(":")[0] if ".py:" in text else text
-        path = source.path.parent / name
-        if not name or len(name) > LONGEST or "\0" in name or os.path.isabs(name) or not path.is_file():
+    folder = study.source.path.parent
+    names = set()
+    for file in named_files(type(study), study.source.tables):
+        path = folder / file.path
+        if os.path.isabs(file.path) or not os.path.isfile(path):
             continue
-        found.add(name)
-        if name.endswith(".py"):
-            folder = os.path.dirname(name)
-            found |= {os.path.join(folder, beside.name) for beside in path.parent.glob("*.py")}
-    return found
-
-
-def _texts(value: Any) -> Iterator[str]:
-    if isinstance(value, dict):
-        for inner in value.values():
-            yield from _texts(inner)
-    elif isinstance(value, list):
-        for inner in value:
-            yield from _texts(inner)
-    elif isinstance(value, str):
-        yield value
+        names.add(file.path)
+        if path.suffix == ".py":
+            inside = os.path.dirname(file.path)
+            names |= {os.path.join(inside, beside.name) for beside in path.parent.glob("*.py")}
+    return names

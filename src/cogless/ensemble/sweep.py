@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from cogless.run.simulate import runs_of
 from cogless.study import AnyStudy
 from cogless.versions import versions
 
+SHARD_NUMBER = re.compile("[1-9][0-9]{0,8}")
 CHUNK = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker
 
 Progress = Callable[[int], None]
@@ -123,11 +125,10 @@ def merge(planned: Plan, folder: Path) -> Sweep:
     if first is None:
         raise StudyError(f"{folder}: no shards: expected files such as {Shard(0, 20).file}")
     count = first.stem.rpartition("-")[2]
-    if not count.isdigit():
+    if not SHARD_NUMBER.fullmatch(count):
         raise StudyError(f"{first}: expected a name such as {Shard(0, 20).file}")
-    shards = [Shard(index, int(count)) for index in range(int(count))]
     finished: dict[int, Any] = {}
-    for shard in shards:
+    for shard in (Shard(index, int(count)) for index in range(int(count))):
         path = folder / shard.file
         found = journal.read(path, planned.for_shards(shard))
         wanted = planned.part(shard)

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from cogless.study import AnyStudy
+from cogless.study.error_messages import look_up
+from cogless.study.named_files import named_files
 from cogless.study.reading import put
 
 
@@ -20,25 +22,10 @@ def text(study: AnyStudy, changes: Mapping[str, Any], folder: Path, about: str) 
 
     source = study.source.path
     document = tomlkit.parse(source.read_text(encoding="utf-8-sig"))
-    _moved(document, source.parent, folder)
     for key, value in changes.items():
         put(document, key, value)
+    for file in named_files(type(study), document):
+        if not os.path.isabs(file.path):
+            table = look_up(document, file.key[:-1])
+            table[file.key[-1]] = os.path.relpath(source.parent / file.path, folder) + file.rest
     return f"# {about}\n{tomlkit.dumps(document)}"
-
-
-def _moved(tables: Any, here: Path, there: Path) -> None:
-    items = tables.items() if isinstance(tables, dict) else enumerate(tables)
-    for key, value in list(items):
-        if isinstance(value, dict | list):
-            _moved(value, here, there)
-        elif isinstance(value, str):
-            name, colon, rest = value.partition(".py:")
-            file = name + colon.rstrip(":")
-            if (
-                file
-                and len(file) < 256
-                and "\n" not in file
-                and not os.path.isabs(file)
-                and (here / file).is_file()
-            ):
-                tables[key] = os.path.relpath(here / file, there) + (":" + rest if colon else "")

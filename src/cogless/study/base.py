@@ -12,7 +12,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 from cogless.study.calibration import Calibration
 from cogless.study.controller import Base
 from cogless.study.metric import Metric
-from cogless.study.table import Frequency, Line, Many, Table
+from cogless.study.table import Frequency, Line, Many, StudyKeys, Table
 from cogless.study.vary import Tune, Vary
 
 K = TypeVar("K", bound=Hashable)
@@ -58,7 +58,7 @@ class StudyBase(Table):
     controller: Mapping[str, Base]
     metric: Many[Metric] = ()
     calibration: Calibration | None = None
-    vary: Vary | None = None
+    vary: Annotated[Vary, StudyKeys()] | None = None
     tune: Tune | None = None
     _source: Source = PrivateAttr()
     _made: dict[Hashable, Any] = PrivateAttr(default_factory=dict)

@@ -16,6 +16,8 @@ from cogless.study.table import (
     AccelerationGain,
     CurrentBound,
     CurrentToAcceleration,
+    File,
+    FileName,
     LawSpeed,
     Line,
     Many,
@@ -417,7 +419,8 @@ class PythonLaw(OwnLaw):
     NEEDS: ClassVar[str] = "a class with the methods learned_map() and load_map(learned)"
 
     law: Literal["python"]
-    object: Annotated[str, Field(pattern=r"^.+\.py:\w+$")]  # "file.py:Class", relative to the study
+    # "file.py:Class", relative to the study
+    object: Annotated[str, Field(pattern=r"^.+\.py:\w+$"), FileName(with_name=True)]
     params: dict[str, Any] = Field(default={})  # keyword arguments of the class
 
     @property
@@ -437,7 +440,7 @@ class LibraryLaw(OwnLaw):
     NEEDS: ClassVar[str] = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
 
     law: Literal["library"]
-    library: str  # relative to the study
+    library: File  # relative to the study
     params: Many[float | str] = ()
 
     @field_validator("params")

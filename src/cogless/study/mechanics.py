@@ -14,6 +14,7 @@ from cogless.study.table import (
     Angle,
     AngleMagnitude,
     AngularSpeedMagnitude,
+    File,
     Inertia,
     Many,
     Stiffness,
@@ -41,7 +42,7 @@ class AngleTable(Table):
 
     angle: Many[Angle] = ()  # rad
     torque: Many[Torque] = ()  # N*m
-    file: str | None = None  # CSV with the columns angle and torque, units in its heading; beside the study
+    file: File | None = None  # CSV with the columns angle and torque, units in its heading; beside the study
 
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:

@@ -17,6 +17,7 @@ from cogless.study.table import (
     AngularSpeed,
     BackEmfConstant,
     Current,
+    Datasheet,
     FluxAmplitude,
     FluxLinkage,
     Inductance,
@@ -113,7 +114,7 @@ class Motor(Table):
     """
 
     kind: Literal["pmsm"] = "pmsm"
-    datasheet: str | None = None  # its file; its fields are already merged in here
+    datasheet: Datasheet | None = None  # its file; its fields are already merged in here
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
     slots: Annotated[int, Field(ge=3, le=10_000)] | None = None  # of the stator
     # one word for each of resistance, inductance and magnet; several must agree, and the first counts

@@ -16,7 +16,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from cogless import units
 from cogless.study.angle_table import OverAngle, read
-from cogless.study.table import AngularSpeed, Current, Many, Table, Torque, Voltage, invalid
+from cogless.study.table import AngularSpeed, Current, File, Many, Table, Torque, Voltage, invalid
 
 MOST_ORDERS = 48  # that a table becomes unless they are named; each costs time in every step
 LEFT_OUT = 0.02  # largest share of the table's rms that may be left out then
@@ -31,7 +31,7 @@ Wave = tuple[int, complex]  # an order n of the table and c: Re(c e^{j n angle})
 class AngleFile(Table):
     """A CSV table over a revolution, mechanical or electrical. `orders`: of that revolution."""
 
-    file: str
+    file: File
     frame: Literal["mechanical", "electrical"]
     orders: Many[TableOrder] | None = None
     _table: OverAngle = PrivateAttr()

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from cogless.study.angle_table import OverAngle, read
-from cogless.study.table import Angle, Frequency, Many, Table, Time, invalid
+from cogless.study.table import Angle, File, Frequency, Many, Table, Time, invalid
 from cogless.units import ANGLE
 
 ORDER_MAX = 1000  # of a sensor's error
@@ -59,7 +59,7 @@ class Counted(Mounted):
     eccentricity: Angle = 0.0  # rad, amplitude of the error once per revolution
     eccentricity_phase: Angle = 0.0  # rad
     error: Many[AngleOrder] = ()
-    error_table: str | None = None  # CSV of angle and error, beside the study
+    error_table: File | None = None  # CSV of angle and error, beside the study
     latency: Time = 0.0  # s, age of the angle that is sampled
     _errors: OverAngle | None = PrivateAttr(default=None)
 

@@ -13,6 +13,7 @@ from cogless.study.table import (
     Angle,
     AngularAcceleration,
     AngularSpeed,
+    File,
     Frequency,
     Many,
     Table,
@@ -59,7 +60,7 @@ class Reference(Table):
     modulation: Frequency = 0.0  # Hz, of frequency modulation
     sines: Many[Sine] = ()
     moves: Many[tuple[Time, Angle]] = ()  # s, rad; at rest at each point, fifth-degree polynomials between
-    file: str | None = None  # CSV of time [s] and speed [rad/s], or in its heading's units; beside the study
+    file: File | None = None  # CSV of time [s] and speed [rad/s], or in its heading's units; beside the study
     smoothing: Time = 0.0  # s, of a critically damped filter that makes the speed differentiable
     _from_file: Points = PrivateAttr(default=())
 

@@ -11,7 +11,7 @@ from typing import Any, Self
 from pydantic import ValidationInfo, model_validator
 
 from cogless.study.csv_file import rising
-from cogless.study.table import Current, FluxAmplitude, Inductance, Many, Table, invalid
+from cogless.study.table import Current, File, FluxAmplitude, Inductance, Many, Table, invalid
 from cogless.units import CURRENT, FLUX_LINKAGE, INDUCTANCE, Dimension
 
 START = 0.1  # relative difference of a table's inductance at zero current from L_d or L_q
@@ -23,7 +23,7 @@ class CurrentFile(Table):
 
     current: Many[Current] = ()  # A, rising
     flux: Many[FluxAmplitude] | None = None  # Wb, zero at zero
-    file: str | None = None  # instead of the others; units in its heading; beside the study
+    file: File | None = None  # instead of the others; units in its heading; beside the study
 
     def _with_file(self, info: ValidationInfo, columns: Mapping[str, Dimension]) -> Self:
         """The table with the values of its file, if it has one."""

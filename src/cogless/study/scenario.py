@@ -18,6 +18,7 @@ from cogless.study.table import (
     Current,
     Duration,
     Many,
+    Override,
     Table,
     Time,
     Torque,
@@ -116,7 +117,7 @@ class Scenario(Experiment):
     events: Many[Event] = ()
     torque_mode: TorqueMode | None = None
     # changes of motor, drive and mechanics for this scenario only
-    override: dict[str, Any] = Field(default={})
+    override: Override = Field(default={})
 
     @field_validator("override")
     @classmethod

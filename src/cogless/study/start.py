@@ -8,17 +8,18 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from cogless import units
 from cogless.study.angle_table import OverAngle, read
-from cogless.study.table import Line, Table, invalid
+from cogless.study.table import FileName, Line, Table, invalid
 
 COLUMNS = {"current": units.CURRENT, "torque": units.TORQUE}
-File = Annotated[Line, Field(min_length=1)]  # relative to the study
+StartFile = Annotated[Line, FileName(), Field(min_length=1)]  # relative to the study
 
 
 class Start(Table):
     """A stored map, or a table of current or torque over a revolution as CSV."""
 
-    map: File | None = None  # in the format of control/SPEC.md, as `cogless run` writes and firmware saves
-    table: File | None = None
+    # in the format of control/SPEC.md, as `cogless run` writes and firmware saves
+    map: StartFile | None = None
+    table: StartFile | None = None
     frame: Literal["mechanical", "electrical"] = "mechanical"  # of the table's angle
     sign: Literal["holding", "cogging"] | None = None  # of the table
     _over_angle: OverAngle | None = PrivateAttr(default=None)

@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 
 from cogless.study.motor import CoggingTorque, FluxHarmonic, StarMotor
 from cogless.study.table import (
+    Datasheet,
     Inductance,
     InductanceAmplitude,
     MagnetCurrent,
@@ -31,7 +32,7 @@ class StepMotor(Table):
     """A step motor, with the parameters that papers on it use."""
 
     kind: Literal["step"]
-    datasheet: str | None = None  # its file; its fields are already merged in here
+    datasheet: Datasheet | None = None  # its file; its fields are already merged in here
     teeth: Annotated[int, Field(ge=1, le=1000)]  # N_r, of the rotor
     R_s: Resistance  # ohm, of a phase
     L_0: Inductance  # H, self inductance of a phase

@@ -285,7 +285,26 @@ def _line(text: str) -> str:
     return text
 
 
+@dataclass(frozen=True)
+class FileName:
+    """Annotation: a text that names a file, relative to the study.
+
+    `with_name`: as FILE:NAME. `room`: the folder of shipped files that it may name instead.
+    """
+
+    with_name: bool = False
+    room: str = ""
+
+
+@dataclass(frozen=True)
+class StudyKeys:
+    """Annotation: a table of other values for the study, by its dotted keys."""
+
+
 Line = Annotated[str, AfterValidator(_line)]
+File = Annotated[str, FileName()]
+Datasheet = Annotated[str, FileName(room="motors")]
+Override = Annotated[dict[str, Any], StudyKeys()]
 
 Angle = Annotated[float, Quantity(units.ANGLE)]
 AngularSpeed = Annotated[float, Quantity(units.ANGULAR_SPEED)]

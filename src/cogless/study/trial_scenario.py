@@ -14,6 +14,7 @@ from cogless.study.table import (
     Angle,
     AngularSpeed,
     Many,
+    Override,
     Quantity,
     Table,
     Time,
@@ -87,7 +88,7 @@ class TrialConditions(Table):
     initial_angle: Angle | None = None  # rad, mechanical; default: where the reference begins
     initial_speed: AngularSpeed | None = None  # rad/s, mechanical; default 0
     initial_state: Many[float] | None = None  # of a linear plant; default 0
-    override: dict[str, Any] | None = None  # of motor and mechanics, or of a linear plant's parameters
+    override: Override | None = None  # of motor and mechanics, or of a linear plant's parameters
 
     @field_validator("override")
     @classmethod
