@@ -1,5 +1,6 @@
 """Predicted oscillation of robust ILC's relay: against simulation, in closed form, and what is said of it."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,8 @@ import pytest
 import studies
 from cogless.design.relay import relay_warning, switching
 from cogless.design.warnings import warnings
-from cogless.run.simulate import run_study
-from cogless.study import Study, load
+from cogless.run.simulate import run_study, simulate
+from cogless.study import Study, changed, load
 
 LAW = {"law": "robust-ilc", "b": 400.0, "c": 5.0, "eta": 180.0, "g": 30.0}
 UNLEARNED = {"q": 0.0, "beta_1": 0.0, "beta_2": 0.0, "gamma": 0.0}
@@ -96,3 +97,22 @@ def test_of_several_scenarios_the_first_in_which_it_does_is_named(tmp_path: Path
     }
     said = relay_warning(drive(tmp_path, {}, changes), "r")
     assert said is not None and str(said).startswith("in step its relay")
+
+
+def test_without_its_relay_a_paper_s_law_leaves_what_the_sentence_says() -> None:
+    """docs/laws/robust-ilc.md: liu2018 has 3.2 r/min with the relay and 1.8 without; 1.9 is predicted."""
+    study, off = load("liu2018"), {"controller.robust-ilc.g": "0 rad/s^2"}
+    (said,) = (
+        str(each) for each in warnings(study, "900-rpm", "robust-ilc") if "its relay switches" in str(each)
+    )
+    told = re.search(r"makes ([\d.]+) rpm rms of ripple; g = 0 leaves ([\d.]+) rpm rms before learning", said)
+    assert told is not None
+    of_relay, without = map(float, told.groups())
+    for scenario in ("900-rpm", "60-rpm"):
+        ripple = []
+        for changes in ({}, off):
+            omega = simulate(changed(study, changes), scenario, "robust-ilc").trace["omega_m"]
+            ripple.append(float(np.std(omega[len(omega) // 2 :])) * 30 / np.pi)
+        assert ripple[1] == pytest.approx(without, rel=0.1) and ripple[1] == pytest.approx(1.8, abs=0.05)
+        assert ripple[0] == pytest.approx(3.2, rel=0.1)
+        assert ripple[0] ** 2 - ripple[1] ** 2 == pytest.approx(of_relay**2, rel=0.45)

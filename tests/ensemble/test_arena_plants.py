@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ import pytest
 
 from cogless import load
 from cogless.ensemble.arena import prepared
-from cogless.ensemble.arena_cases import TOLD
+from cogless.ensemble.arena_cases import RIPPLE, TOLD, learning
 from cogless.files import shipped
 from cogless.run.simulate import simulate
 from cogless.study import Study, TrialStudy, changed
@@ -242,3 +244,33 @@ def test_the_trials_are_what_their_about_says() -> None:
     assert any(change.load_steps for change in changes)
     assert any("mechanics.inertia" in (change.override or {}) for change in changes)
     assert any(change.reference is not None for change in changes)
+
+
+HELPS = re.compile(r"`([^`]+)` leaves ([\d.]+)")
+SETTING = re.compile(r"([\w.]+) = ([^,]+)")
+
+
+@pytest.mark.parametrize("name", ["liu-60", "liu-61", "liu-900"])
+def test_what_the_page_says_would_help_helps_as_much(name: str) -> None:
+    """Each change of the column "what would help", applied to the plant with its best law."""
+    page = (Path(__file__).parents[2] / "docs" / "studies" / "arena.md").read_text(encoding="utf-8")
+    block = re.search(r"<!-- begin limits -->(.*?)<!-- end limits -->", page, re.DOTALL)
+    assert block is not None
+    rows = (line.strip("| ").split(" | ") for line in block[1].splitlines())
+    ((_, label, least, _, helps),) = (row for row in rows if row[0] == name)
+    (law,) = (key for key, each in arena().law.items() if each.label == label)
+    study, _ = prepared(arena(), name, [law])
+    alone = learning(changed(study, {"seed": arena().seeds[0]}), law)
+
+    def ripple(of: Study) -> float:
+        value = simulate(of, TOLD, law).metrics[RIPPLE]
+        assert isinstance(value, float)
+        return value / RPM
+
+    assert ripple(alone) == pytest.approx(float(least), rel=0.01)
+    told = HELPS.findall(helps)
+    assert told
+    for text, left in told:
+        changes = {key: tomllib.loads(f"value = {value}")["value"] for key, value in SETTING.findall(text)}
+        after = ripple(changed(alone, changes))
+        assert after == pytest.approx(float(left), rel=0.01) and after < 0.8 * float(least)

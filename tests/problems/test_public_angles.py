@@ -41,16 +41,16 @@ last = "1 s"
 
 
 def study(folder: Path, text: str, changes: dict[str, Any] | None = None) -> Study:
-    made = load(studies.write(folder, text), changes or {})
-    assert isinstance(made, Study)
-    return made
+    drive = load(studies.write(folder, text), changes or {})
+    assert isinstance(drive, Study)
+    return drive
 
 
 def limited(of: Study) -> tuple[Results, Limits]:
     """The results of a study of one scenario and one controller, and what limits its run."""
     results = with_limits(run_study(of, jobs=1), jobs=1)
-    (found,) = results.limits.values()
-    return results, found
+    (limiting,) = results.limits.values()
+    return results, limiting
 
 
 def run(of: Study, name: str = "pi") -> Run:
@@ -58,18 +58,18 @@ def run(of: Study, name: str = "pi") -> Run:
     return simulate(of, scenario, name)
 
 
-def value(of: Study, found: Limits) -> float:
+def value(of: Study, limiting: Limits) -> float:
     """The metric that the limits are of, in a run of a study, over what it is there."""
-    after = run(of, found.controller).metrics[found.metric]
+    after = run(of, limiting.controller).metrics[limiting.metric]
     assert isinstance(after, float)
-    return after / found.value
+    return after / limiting.value
 
 
-def left(results: Results, of: Study, found: Limits) -> list[float]:
+def remaining(results: Results, of: Study, limiting: Limits) -> list[float]:
     """What each change that the sentence advises leaves of the metric, over what there is."""
-    told = limit(results, found.scenario)
-    assert told is not None and told.cures
-    return [value(each, found) for each in told.cured(of)]
+    sentence = limit(results, limiting.scenario)
+    assert sentence is not None and sentence.cures
+    return [value(each, limiting) for each in sentence.cured(of)]
 
 
 def wave(trace: Any, signal: str, order: int, rows: slice) -> float:
@@ -114,17 +114,17 @@ def test_offsets_of_two_current_sensors_turn_once_an_electrical_revolution(tmp_p
 
     The measured current vector has a part that stands still, so the torque has order p.
     """
-    made = study(tmp_path, SMALL)
-    results, found = limited(made)
+    drive = study(tmp_path, SMALL)
+    results, limiting = limited(drive)
     trace, rows = results.runs[0].trace, slice(1000, None)
-    assert wave(trace, "omega_m", 7, rows) > 0.99 * math.sqrt(2) * found.value
-    assert found.named[0].name == "current-error" and found.named[0].share > 0.99
-    assert found.setting is not None and "drive.current_sensors.offset" in found.setting.changes
-    assert max(left(results, made, found)) < 0.15
+    assert wave(trace, "omega_m", 7, rows) > 0.99 * math.sqrt(2) * limiting.value
+    assert limiting.named[0].name == "current-error" and limiting.named[0].share > 0.99
+    assert limiting.setting is not None and "drive.current_sensors.offset" in limiting.setting.changes
+    assert max(remaining(results, drive, limiting)) < 0.15
     measured = run(
-        changed(made, {"drive.current_sensors.offset": ["0 A", "0 A", "0 A"]})
+        changed(drive, {"drive.current_sensors.offset": ["0 A", "0 A", "0 A"]})
     )  # the thread's cure
-    assert measured.metrics[found.metric] < 1e-3 * found.value  # type: ignore[operator]
+    assert measured.metrics[limiting.metric] < 1e-3 * limiting.value  # type: ignore[operator]
 
 
 def test_unequal_gains_of_current_sensors_make_twice_the_electrical_order(tmp_path: Path) -> None:
@@ -135,12 +135,12 @@ def test_unequal_gains_of_current_sensors_make_twice_the_electrical_order(tmp_pa
     gains = {"drive.current_sensors": {"sensors": 2, "gain_error": [0.05, -0.05, 0.0]}}
     ripple = []
     for load_torque in ("5 mN*m", "20 mN*m"):
-        made = study(tmp_path, SMALL, {**gains, "mechanics.load": load_torque})
-        results, found = limited(made)
-        assert wave(results.runs[0].trace, "omega_m", 14, slice(1000, None)) > 1.3 * found.value
-        assert found.named[0].name == "current-error" and found.named[0].share > 0.99
-        assert max(left(results, made, found)) < 0.15
-        ripple.append(found.value)
+        drive = study(tmp_path, SMALL, {**gains, "mechanics.load": load_torque})
+        results, limiting = limited(drive)
+        assert wave(results.runs[0].trace, "omega_m", 14, slice(1000, None)) > 1.3 * limiting.value
+        assert limiting.named[0].name == "current-error" and limiting.named[0].share > 0.99
+        assert max(remaining(results, drive, limiting)) < 0.15
+        ripple.append(limiting.value)
     assert ripple[1] / ripple[0] == pytest.approx((20 + 2) / (5 + 2), rel=0.1)
 
 
@@ -196,10 +196,10 @@ def test_offsets_of_the_duty_cycles_move_the_rotor_by_the_logged_current(tmp_pat
     for name, signals in {**logs, "off": off}.items():
         np.savez(tmp_path / f"{name}.npz", **signals)
     paths = [tmp_path / f"{name}.npz" for name in (*logs, "off")]
-    made = diagnosis.diagnosed(paths, tmp_path / "id.toml", lambda what, share: None)
-    assert diagnosis.answer(made).startswith("Most of the ripple is applied current, ")
+    drive = diagnosis.diagnosed(paths, tmp_path / "id.toml", lambda what, share: None)
+    assert diagnosis.answer(drive).startswith("Most of the ripple is applied current, ")
     for name, log in logs.items():
-        (largest, *_) = sorted(made.of(f"{name}.npz"), key=lambda each: -each.share)
+        (largest, *_) = sorted(drive.of(f"{name}.npz"), key=lambda each: -each.share)
         assert (largest.order, largest.confidence) == (4, "sure") and largest.share > 0.95
         cured = open_loop(log["u_q"][0], (0.0, 0.0, 0.0), 1.0)  # the thread's cure: the duties without offset
         assert np.std(cured["true"][500:]) < 0.01 * np.std(log["true"][500:])
@@ -213,7 +213,7 @@ def test_pulses_make_ripple_between_samples_and_none_in_them(tmp_path: Path) -> 
     """
     ripple = {}
     for rate in (20, 40):
-        made = study(
+        drive = study(
             tmp_path,
             SMALL,
             {
@@ -229,7 +229,7 @@ def test_pulses_make_ripple_between_samples_and_none_in_them(tmp_path: Path) -> 
                 "metric.0.last": "0.1 s",
             },
         )  # fmt: skip
-        results = with_limits(run_study(made, jobs=1), jobs=1)
+        results = with_limits(run_study(drive, jobs=1), jobs=1)
         assert not results.limits  # next to nothing of ripple is left, by no cause
         trace, rows = results.runs[0].trace, slice(rate * 100, None)
         i_d, i_q, heat, time = (trace.part(name, rows) for name in ("i_d", "i_q", "energy_copper", "time"))
@@ -265,15 +265,15 @@ def test_sine_and_cosine_that_are_not_square_make_twice_the_electrical_order(tmp
             "observer_bandwidth": "100 Hz",
         },
     }  # fmt: skip
-    made = study(tmp_path, SMALL, table)
-    sensor: Any = made.drive.position_sensor
+    drive = study(tmp_path, SMALL, table)
+    sensor: Any = drive.drive.position_sensor
     assert 10 * abs(sensor.wave(20)) == pytest.approx(math.radians(4), rel=0.01)
-    results, found = limited(made)
-    assert found.named[0].name == "sensor-error" and found.named[0].share > 0.99
-    assert found.setting is not None and found.setting.changes["drive.encoder_table"]["orders"] == [20]
-    assert max(left(results, made, found)) < 0.05
+    results, limiting = limited(drive)
+    assert limiting.named[0].name == "sensor-error" and limiting.named[0].share > 0.99
+    assert limiting.setting is not None and limiting.setting.changes["drive.encoder_table"]["orders"] == [20]
+    assert max(remaining(results, drive, limiting)) < 0.05
     sin_cos(tmp_path, math.radians(90))  # the thread's cure: the cosine is computed from both signals
-    assert value(study(tmp_path, SMALL, table), found) < 0.01
+    assert value(study(tmp_path, SMALL, table), limiting) < 0.01
 
 
 MAGNET = {
@@ -296,20 +296,23 @@ def test_a_magnet_beside_the_axis_is_learned_in_a_run_that_lasts_long_enough(tmp
 
     The error has orders 1 and 2; its size and the motor are a guess. A table that learns takes some seconds.
     """
-    made = study(tmp_path, SMALL, MAGNET)
-    results, found = limited(made)
-    assert found.named[0].name == "sensor-error" and found.named[0].share > 0.99
-    assert found.setting is not None and found.setting.changes["drive.encoder_table"]["orders"] == [1, 2]
-    assert max(left(results, made, found)) < 0.1
-    table = {"drive.encoder_table": found.setting.changes["drive.encoder_table"]}
-    (said,) = too_short(changed(made, table), [("slow", "pi")])
-    assert said.startswith(
+    drive = study(tmp_path, SMALL, MAGNET)
+    results, limiting = limited(drive)
+    assert limiting.named[0].name == "sensor-error" and limiting.named[0].share > 0.99
+    assert limiting.setting is not None and limiting.setting.changes["drive.encoder_table"]["orders"] == [
+        1,
+        2,
+    ]
+    assert max(remaining(results, drive, limiting)) < 0.1
+    table = {"drive.encoder_table": limiting.setting.changes["drive.encoder_table"]}
+    (remark,) = too_short(changed(drive, table), [("slow", "pi")])
+    assert remark.startswith(
         "drive.encoder_table: learns nothing in slow: its observer settles in 2.55 s or more"
     )
-    assert value(changed(made, table), found) == 1  # in vain, as is said
-    assert not too_short(changed(made, found.setting.changes), [("slow", "pi")])
+    assert value(changed(drive, table), limiting) == 1  # in vain, as is said
+    assert not too_short(changed(drive, limiting.setting.changes), [("slow", "pi")])
     exact = {"drive.position_sensor.eccentricity": "0 deg", "drive.position_sensor.error": []}
-    assert value(changed(made, exact), found) < 0.05
+    assert value(changed(drive, exact), limiting) < 0.05
 
 
 HUNTING = {
@@ -348,16 +351,16 @@ def test_a_rotor_that_hunts_at_a_hold_teaches_nothing(tmp_path: Path) -> None:
     and the pole pairs is a guess.
     """
     for changes in ({}, SMOOTH):
-        made = study(tmp_path, SMALL, {**HUNTING, **changes})
-        held = run(made)
-        status = held.trace.part("status", slice(-2000, None)).astype(int)
+        drive = study(tmp_path, SMALL, {**HUNTING, **changes})
+        trial = run(drive)
+        status = trial.trace.part("status", slice(-2000, None)).astype(int)
         assert np.all(status & Status.FROZEN)
-        assert np.ptp(held.trace.part("theta_m", slice(-2000, None))) < math.radians(1.0)
-        assert np.ptp(held.trace.part("i_q_ref", slice(-2000, None))) < 0.3 * 5.0
-    made = study(tmp_path, SMALL, HUNTING)
-    found = limits(made, run(made), made.metric[0], jobs=1)
-    assert found is not None and found.named[0].name == "sensor-steps" and found.part is not None
-    assert value(changed(made, found.part.changes), found) < 0.05
+        assert np.ptp(trial.trace.part("theta_m", slice(-2000, None))) < math.radians(1.0)
+        assert np.ptp(trial.trace.part("i_q_ref", slice(-2000, None))) < 0.3 * 5.0
+    drive = study(tmp_path, SMALL, HUNTING)
+    limiting = limits(drive, run(drive), drive.metric[0], jobs=1)
+    assert limiting is not None and limiting.named[0].name == "sensor-steps" and limiting.part is not None
+    assert value(changed(drive, limiting.part.changes), limiting) < 0.05
 
 
 def test_counts_of_a_pole_pair_that_are_cut_off_make_a_sawtooth_once_a_turn(tmp_path: Path) -> None:
@@ -383,13 +386,13 @@ def test_counts_of_a_pole_pair_that_are_cut_off_make_a_sawtooth_once_a_turn(tmp_
         "drive.position_sensor": {"kind": "encoder", "lines": 5000, "error_table": "counts.csv"},
         "scenario.slow": {"duration": "3 s", "reference": "60 rpm", "initial_speed": "60 rpm"},
     }
-    made = study(tmp_path, SMALL, table)
-    results, found = limited(made)
-    assert found.named[0].name == "sensor-error" and found.named[0].share > 0.5
+    drive = study(tmp_path, SMALL, table)
+    results, limiting = limited(drive)
+    assert limiting.named[0].name == "sensor-error" and limiting.named[0].share > 0.5
     trace, rows_of_turns = results.runs[0].trace, slice(1000, 3000)
     sizes = [wave(trace, "u_d", n, rows_of_turns) for n in (1, 2, 3)]
     assert [sizes[0] / size for size in sizes] == pytest.approx([1, 2, 3], rel=0.02)  # a sawtooth's
-    exact = run(changed(made, {"drive.position_sensor.error_table": None}))  # the thread's cure
+    exact = run(changed(drive, {"drive.position_sensor.error_table": None}))  # the thread's cure
     assert wave(exact.trace, "u_d", 1, rows_of_turns) < 0.02 * sizes[0]
 
 
@@ -412,21 +415,22 @@ def test_a_speed_by_counts_jumps_between_nothing_and_a_count(tmp_path: Path) -> 
     Fewer than one count comes in a sample. The thread looks to an encoder whose edges are timed. Lines, rate
     and motor are a guess.
     """
-    made = study(tmp_path, SMALL, SPINDLE)
-    (said,) = beyond_drive(made, ["slow"])
-    assert "0.4 counts come in a speed sample: most read 0, others 150 rpm" in str(said)
-    results, found = limited(made)
+    drive = study(tmp_path, SMALL, SPINDLE)
+    (remark,) = beyond_drive(drive, ["slow"])
+    assert "0.4 counts come in a speed sample: most read 0, others 150 rpm" in str(remark)
+    results, limiting = limited(drive)
     shown = results.runs[0].trace.part("omega_measured", slice(1000, None))
     count = math.tau / 400 / 1e-3
     assert {*np.unique(np.round(shown / count))} == {0.0, 1.0}
-    assert found.named[0].name == "sensor-steps" and found.named[0].share > 0.99
-    (timed,) = said.cured(made)
-    assert value(timed, found) < 0.01
+    assert limiting.named[0].name == "sensor-steps" and limiting.named[0].share > 0.99
+    (timed,) = remark.cured(drive)
+    assert value(timed, limiting) < 0.01
     assert np.ptp(run(timed).trace.part("omega_measured", slice(1000, None))) < 0.001 * count
     assert (
-        found.setting is not None and found.setting.changes["drive.position_sensor"]["speed_method"] == "MT"
+        limiting.setting is not None
+        and limiting.setting.changes["drive.position_sensor"]["speed_method"] == "MT"
     )
-    assert min(left(results, made, found)) < 0.01
+    assert min(remaining(results, drive, limiting)) < 0.01
 
 
 AS5600 = {
@@ -453,16 +457,16 @@ def test_gains_of_a_current_loop_for_another_motor_are_heard_at_idle(tmp_path: P
         trace = run(of).trace
         return float(np.std(trace.part("i_q", slice(len(trace) // 2, None))))
 
-    made = study(tmp_path, SMALL, {**AS5600, "trace.rate": "8 kHz"})
-    (said,) = loop_remarks(made)
-    assert "is unstable" in str(said) and 'bandwidth = "400 Hz"' in str(said)
-    loud, (cured,) = noise(made), said.cured(made)
+    drive = study(tmp_path, SMALL, {**AS5600, "trace.rate": "8 kHz"})
+    (remark,) = loop_remarks(drive)
+    assert "is unstable" in str(remark) and 'bandwidth = "400 Hz"' in str(remark)
+    loud, (cured,) = noise(drive), remark.cured(drive)
     assert noise(cured) < 0.1 * loud
     by_hand = {"drive.current_loop": {"bandwidth": "600 Hz", "current_limit": "5 A"}}
-    assert noise(cured) < noise(changed(made, by_hand)) < 0.15 * loud
+    assert noise(cured) < noise(changed(drive, by_hand)) < 0.15 * loud
     rule = {"law": "pi", "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}
     with pytest.raises(StudyError, match=r"its q axis is unstable; bandwidth = .400 Hz. and no kp and no ki"):
-        run(changed(made, {"controller.pi": rule}))
+        run(changed(drive, {"controller.pi": rule}))
 
 
 # ODrive's numbers of such a motor: motors/hoverboard.toml.
@@ -497,20 +501,20 @@ def test_at_no_torque_an_offset_of_the_current_sensors_is_a_spring(tmp_path: Pat
         turns = np.flatnonzero(speed[1:] * speed[:-1] < 0)
         return 0.5 / (1e-3 * float(np.mean(np.diff(turns[:4]))))
 
-    made = study(tmp_path, SMALL, KART)
-    results, found = limited(made)
-    assert found.named[0].name == "current-error" and found.named[0].share > 0.99
-    assert math.degrees(found.value) > 5
-    assert max(left(results, made, found)) < 0.01
+    drive = study(tmp_path, SMALL, KART)
+    results, limiting = limited(drive)
+    assert limiting.named[0].name == "current-error" and limiting.named[0].share > 0.99
+    assert math.degrees(limiting.value) > 5
+    assert max(remaining(results, drive, limiting)) < 0.01
     (verdict,) = verdicts(results)
     assert "hold" not in verdict.headline and "swing" in verdict.headline
-    assert 0.5 < frequency(made) < 2
-    heavy = changed(made, {"mechanics.inertia": "0.04 kg*m^2"})
-    assert frequency(heavy) == pytest.approx(frequency(made) / 2, rel=0.25)
+    assert 0.5 < frequency(drive) < 2
+    heavy = changed(drive, {"mechanics.inertia": "0.04 kg*m^2"})
+    assert frequency(heavy) == pytest.approx(frequency(drive) / 2, rel=0.25)
     slower = changed(
-        made, {"drive.current_loop": {"kp": "1.05 V/A", "ki": "50 V/A/s", "current_limit": "15 A"}}
+        drive, {"drive.current_loop": {"kp": "1.05 V/A", "ki": "50 V/A/s", "current_limit": "15 A"}}
     )
-    assert value(slower, found) > 0.5  # the thread's cure is none of this
+    assert value(slower, limiting) > 0.5  # the thread's cure is none of this
 
 
 WHEEL = {
@@ -533,16 +537,19 @@ def test_a_damper_needs_the_time_between_edges(tmp_path: Path) -> None:
     A count in a millisecond shows 1.5 rad/s where the hand turns at 0.3. The time between edges helps, and an
     upper bound while none comes. Motor, inertia and the hand's torque are a guess.
     """
-    made = study(tmp_path, SMALL, WHEEL)
-    hand = run(made)
-    found = limits(made, hand, made.metric[0], jobs=1)
-    assert found is not None and found.named[0].name == "sensor-steps" and found.named[0].share > 0.99
+    drive = study(tmp_path, SMALL, WHEEL)
+    hand = run(drive)
+    limiting = limits(drive, hand, drive.metric[0], jobs=1)
     assert (
-        found.setting is not None and found.setting.changes["drive.position_sensor"]["speed_method"] == "MT"
+        limiting is not None and limiting.named[0].name == "sensor-steps" and limiting.named[0].share > 0.99
     )
-    assert value(changed(made, found.setting.changes), found) < 0.001
+    assert (
+        limiting.setting is not None
+        and limiting.setting.changes["drive.position_sensor"]["speed_method"] == "MT"
+    )
+    assert value(changed(drive, limiting.setting.changes), limiting) < 0.001
     stop = {"scenario.slow.events": [{"time": "0.2 s", "load": "-1 N*m"}, {"time": "1 s", "load": "0 N*m"}]}
-    rests = run(changed(made, {**found.setting.changes, **stop})).trace
+    rests = run(changed(drive, {**limiting.setting.changes, **stop})).trace
     assert abs(rests.part("omega_measured", slice(-100, None)).max()) < 0.01  # no edge comes any more
 
 
@@ -567,15 +574,15 @@ def test_a_late_current_of_a_step_motor_loses_its_torque_as_the_cosine(tmp_path:
     thread leads the phase by the speed. 3 ohm and 5.1 mH are of its neighbour #21; the lag, K_t and inertia
     are a guess.
     """
-    made = study(tmp_path, SMALL, BACKWARDS)
-    (said,) = beyond_drive(made, ["slow"])
-    assert "turns the current by 45 deg (electrical): 71 % of it makes torque" in str(said)
-    cured = list(said.cured(made))
-    assert abs(np.mean(run(made).trace.part("omega_m", slice(-200, None)))) > 2 * math.tau * 100 / 60  # gone
+    drive = study(tmp_path, SMALL, BACKWARDS)
+    (remark,) = beyond_drive(drive, ["slow"])
+    assert "turns the current by 45 deg (electrical): 71 % of it makes torque" in str(remark)
+    cured = list(remark.cured(drive))
+    assert abs(np.mean(run(drive).trace.part("omega_m", slice(-200, None)))) > 2 * math.tau * 100 / 60  # gone
     slow = {"scenario.slow.reference": "-100 rpm", "scenario.slow.initial_speed": "-100 rpm"}
     currents = []
-    for each in (made, *cured, changed(made, {"drive.position_sensor.latency": "0 s"})):
-        assert abs(np.mean(run(each).trace.part("omega_error", slice(-200, None)))) < 0.1 or each is made
+    for each in (drive, *cured, changed(drive, {"drive.position_sensor.latency": "0 s"})):
+        assert abs(np.mean(run(each).trace.part("omega_error", slice(-200, None)))) < 0.1 or each is drive
         trace = run(changed(each, slow)).trace
         currents.append(abs(float(np.mean(trace.part("i_q_ref", slice(-500, None))))))
     late, led, none = currents
@@ -599,7 +606,7 @@ HALL = {
 }  # fmt: skip
 
 
-def held(of: Study) -> tuple[float, float]:
+def mean_and_ripple(of: Study) -> tuple[float, float]:
     """Mean speed and its ripple over the last 2 s, rad/s."""
     speed = run(of).trace.part("omega_m", slice(-2000, None))
     return float(np.mean(speed)), float(np.std(speed))
@@ -616,19 +623,19 @@ def test_hall_bursts_need_less_gain_and_an_integral_that_starts_the_rotor(tmp_pa
     the static friction. K_t, inertia, cogging and friction are a guess by the thread's 0.3 A in motion and
     0.8 A before it.
     """
-    made = study(tmp_path, SMALL, HALL)
-    mean, ripple = held(made)
+    drive = study(tmp_path, SMALL, HALL)
+    mean, ripple = mean_and_ripple(drive)
     assert mean < 8.5 and ripple > 10
-    said = pi_remark(made)
-    assert "the speed is 26 ms late, which costs 85 deg of 35 deg of phase margin" in str(said)
-    (cured,) = said.cured(made)
-    after, calm = held(cured)
+    remark = pi_remark(drive)
+    assert "the speed is 26 ms late, which costs 85 deg of 35 deg of phase margin" in str(remark)
+    (cured,) = remark.cured(drive)
+    after, calm = mean_and_ripple(cured)
     assert after == pytest.approx(10, rel=0.02) and calm < 0.3 * ripple
     feedback = feedback_of(cured, "pi", 10.0)
     assert feedback is not None and starts_after(cured, "slow", feedback, 10.0) < 4
-    damped = changed(made, {"controller.pi": {"law": "pi", "kp": "0.00548 A*s/rad", "ki": "0.00167 A/rad"}})
-    assert held(damped)[0] == 0  # as well damped, but it stands
-    less = changed(made, {"controller.pi.kp": "0.01 A*s/rad"})  # of the thread
-    assert held(less)[0] == pytest.approx(10, rel=0.02) and held(less)[1] < 0.3 * ripple
-    short = changed(made, {"scenario.slow.duration": "4 s"})
+    damped = changed(drive, {"controller.pi": {"law": "pi", "kp": "0.00548 A*s/rad", "ki": "0.00167 A/rad"}})
+    assert mean_and_ripple(damped)[0] == 0  # as well damped, but it stands
+    less = changed(drive, {"controller.pi.kp": "0.01 A*s/rad"})  # of the thread
+    assert mean_and_ripple(less)[0] == pytest.approx(10, rel=0.02) and mean_and_ripple(less)[1] < 0.3 * ripple
+    short = changed(drive, {"scenario.slow.duration": "4 s"})
     assert not pi_remark(short).cures  # none starts it in half of that

@@ -128,13 +128,15 @@ def _late_angle(study: Study, scenario: str) -> Remark | None:
     if lag <= LAG_MOST:
         return None
     share = f"{100 * math.cos(lag):.0f} % of it makes" if lag < 0.45 * math.pi else "next to none of it makes"
-    said = f"at {fast * RPM:.4g} rpm position_sensor.latency turns the current by {math.degrees(lag):.0f} deg"
-    said += f" (electrical): {share} torque"
+    text_of_lag = (
+        f"at {fast * RPM:.4g} rpm position_sensor.latency turns the current by {math.degrees(lag):.0f} deg"
+    )
+    text_of_lag += f" (electrical): {share} torque"
     sensor = for_scenario(study, scenario).drive.position_sensor
     assert isinstance(sensor, Counted)
     newer = {"drive.position_sensor.latency": text(LAG_AHEAD * LAG_MOST / lag * sensor.latency, "s")}
     cures = helping(study, (newer,), lambda other: _electrical_lag(other, scenario) <= LAG_MOST)
-    return Remark(f"{said}; {either(cures)} would do" if cures else said, cures)
+    return Remark(f"{text_of_lag}; {either(cures)} would do" if cures else text_of_lag, cures)
 
 
 def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]] | None:
@@ -243,10 +245,10 @@ def _less_margin(study: Study, name: str) -> Remark | None:
 
 def loop_remarks(study: Study) -> list[Remark]:
     """Warnings of a current loop that is unstable or weak, with the least change that mends it."""
-    found = loop_warnings(current_loop_summary(study))
-    cures = gentler_loop(study) if found else ()
+    lines = loop_warnings(current_loop_summary(study))
+    cures = gentler_loop(study) if lines else ()
     would = f"; {either(cures, 'drive.current_loop')} would do" if cures else ""
-    return [Remark(f"{line}{would}", cures) for line in found]
+    return [Remark(f"{line}{would}", cures) for line in lines]
 
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
