@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import gzip
-import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -31,13 +31,7 @@ def read_csv(path: Path, headings: list[str]) -> list[LogColumns]:
 
 def _blocks(path: Path) -> Iterator[list[str]]:
     """The lines of a file, in lists of some thousands."""
-    packed = path.name.lower().endswith(".gz")
-    with (
-        readable(path, "CSV"),
-        path.open("rb") as raw,
-        gzip.open(raw) if packed else raw as data,
-        io.TextIOWrapper(data, encoding="utf-8-sig") as file,
-    ):
+    with _opened(path) as file:
         begun, size = "", 0
         while text := _text(path, file):
             size += len(text)
@@ -51,11 +45,18 @@ def _blocks(path: Path) -> Iterator[list[str]]:
             yield [begun]
 
 
-def _text(path: Path, file: io.TextIOWrapper) -> str:
-    try:
-        return file.read(BLOCK_CHARACTERS)
-    except UnicodeDecodeError:
-        raise StudyError(f"{path}: not UTF-8: expected a CSV in UTF-8") from None
+def _opened(path: Path) -> IO[str]:
+    opening: Callable[..., IO[str]] = gzip.open if path.name.lower().endswith(".gz") else open
+    with readable(path, "CSV"):
+        return opening(path, "rt", encoding="utf-8-sig")
+
+
+def _text(path: Path, file: IO[str]) -> str:
+    with readable(path, "CSV"):
+        try:
+            return file.read(BLOCK_CHARACTERS)
+        except UnicodeDecodeError:
+            raise StudyError(f"{path}: not UTF-8: expected a CSV in UTF-8") from None
 
 
 def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> LogColumns:
