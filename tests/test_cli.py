@@ -3,6 +3,7 @@
 import inspect
 import json
 import os
+import random
 import re
 import signal
 import subprocess
@@ -299,8 +300,18 @@ WAITS = {
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
-@pytest.mark.parametrize(("how", "presses"), [(how, 1) for how in WAITS] + [("sleeps", 2)])
-def test_ctrl_c_keeps_finished_runs(tmp_path: Path, how: str, presses: int) -> None:
+@pytest.mark.parametrize(
+    ("how", "presses", "request_to_end"),
+    [
+        *((how, 1, signal.SIGINT) for how in WAITS),
+        ("sleeps", 2, signal.SIGINT),
+        ("steps", 1, signal.SIGTERM),
+        ("sleeps", 2, signal.SIGTERM),
+    ],
+)
+def test_ctrl_c_keeps_finished_runs(
+    tmp_path: Path, how: str, presses: int, request_to_end: signal.Signals
+) -> None:
     (tmp_path / "law.py").write_text(TOUCHES.replace("pass", WAITS[how]), encoding="utf-8")
     text = studies.BASE.replace('duration = "0.3 s"', 'duration = "1 h"')
     text = text.replace('controllers = ["pi", "fair"]', 'controllers = ["mine", "pi"]')
@@ -313,7 +324,7 @@ def test_ctrl_c_keeps_finished_runs(tmp_path: Path, how: str, presses: int) -> N
         time.sleep(0.02)
     begun = time.monotonic()
     for _ in range(presses):
-        run.send(signal.SIGINT)
+        run.send(request_to_end)
         time.sleep(0.1)
     assert run.end() == 130
     assert time.monotonic() - begun < 10  # a second to give up, and what writing takes
@@ -321,6 +332,67 @@ def test_ctrl_c_keeps_finished_runs(tmp_path: Path, how: str, presses: int) -> N
     results = json.loads((folder / "results.json").read_text())
     assert results["interrupted"] is True
     assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
+
+
+WRITING = "Interrupted: the results are being written. Press Ctrl-C again to end at once without them.\n"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends signals")
+@pytest.mark.parametrize("request_to_end", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("presses", [1, 2])
+def test_a_request_to_end_while_results_are_written(
+    tmp_path: Path, request_to_end: signal.Signals, presses: int
+) -> None:
+    """The first waits until they are; a second one ends the command at once, and the old set stays."""
+    from cogless import report
+
+    def slowly(*arguments: Any) -> None:
+        (tmp_path / "writing").touch()
+        end = time.monotonic() + (0.5 if presses == 1 else 60)
+        while time.monotonic() < end:
+            time.sleep(0.02)
+        write(*arguments)
+
+    def patched() -> None:
+        report.write = slowly
+
+    write, folder = report.write, tmp_path / "out"
+    words = ("run", studies.write(tmp_path), "--only=low/*", "--set=trace.rate=1 kHz", "-o", folder)
+    assert forked(tmp_path, *words, "--set=seed=1").end() == 0
+    run = forked(tmp_path, *words, "--set=seed=2", first=patched)
+    until = time.monotonic() + 60
+    while not (tmp_path / "writing").exists() and run.runs() and time.monotonic() < until:
+        time.sleep(0.02)
+    begun = time.monotonic()
+    for _ in range(presses):
+        run.send(request_to_end)
+        time.sleep(0.2)
+    assert run.end() == 130 and time.monotonic() - begun < 10
+    kept = f"Interrupted: kept 2 of 2 runs (low/pi, low/fair), written to {folder}.\n"
+    assert run.err == WRITING + (kept if presses == 1 else "Interrupted.\n")
+    results = json.loads((folder / "results.json").read_text())
+    assert results["seed"] == (2 if presses == 1 else 1) and results["interrupted"] is False
+    assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends signals")
+def test_a_request_to_end_at_any_moment_says_what_is_kept(tmp_path: Path) -> None:
+    chance = random.Random(36)
+    words = ("run", studies.write(tmp_path), "--only=low/*", "--set=trace.rate=1 kHz", "--jobs=1", "-o")
+    begun = time.monotonic()
+    assert forked(tmp_path, *words, tmp_path / "whole").end() == 0
+    whole = time.monotonic() - begun
+    for number in range(int(os.environ.get("COGLESS_KILLS", "4"))):
+        folder = tmp_path / str(number)
+        run = forked(tmp_path, *words, folder)
+        time.sleep(whole * chance.uniform(0.2, 1.0))
+        run.send(chance.choice([signal.SIGINT, signal.SIGTERM]))
+        code, told = run.end(), run.err.removeprefix(WRITING)
+        runs = json.loads((folder / "results.json").read_text())["runs"] if folder.exists() else []
+        names = ", ".join(f"{each['scenario']}/{each['controller']}" for each in runs)
+        where = f" ({names}), written to {folder}" if runs else ", nothing written"
+        kept = f"Interrupted: kept {len(runs)} of 2 runs{where}.\n"
+        assert (code, told) in [(130, kept), (0, "")] or (code, told, runs) == (130, "Interrupted.\n", [])
 
 
 def test_ctrl_c_after_the_end_changes_nothing() -> None:

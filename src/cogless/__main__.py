@@ -9,6 +9,7 @@ import sys
 
 from cogless.errors import INTERRUPTED, WRONG, StudyError, say
 from cogless.files import reason
+from cogless.interrupts import REQUESTS, end_as_by_ctrl_c
 
 
 def main() -> None:
@@ -18,12 +19,14 @@ def main() -> None:
 
     if left_behind():
         os._exit(code)  # sys.exit would stop threads within the engine, and crash
-    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # all is done; Python's end takes a while
+    for request in REQUESTS:  # all is done; Python's end takes a while
+        atexit.register(signal.signal, request, signal.SIG_IGN)
     sys.exit(code)
 
 
 def _code() -> int:
     """Run the command and return its exit code."""
+    end_as_by_ctrl_c()
     try:
         code = _command()
     except SystemExit as end:

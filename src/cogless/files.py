@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -61,7 +62,8 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     direct = os.path.exists(path) and not os.path.isfile(path)
     target = Path(os.path.realpath(path))
-    temporary = path if direct else target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    # a name that is not longer than the longest that a file may have
+    temporary = path if direct else target.with_name(f".cogless-{secrets.token_hex(8)}.tmp")
     try:
         yield temporary
         if not direct:
@@ -74,6 +76,13 @@ def replacing(path: Path) -> Iterator[Path]:
                 temporary.unlink()
 
 
+def check_utf8(path: Path, expected: str) -> None:
+    """StudyError: a path isn't UTF-8, and so can't be written to results and reports."""
+    if any("\ud800" <= character <= "\udfff" for character in str(path)):
+        shown = str(path).encode(errors="backslashreplace").decode()
+        raise StudyError(f"{shown}: not UTF-8: expected {expected} whose name is")
+
+
 @contextmanager
 def writable(directory: Path) -> Iterator[None]:
     """Create `directory` if it is missing, and try to write in it; StudyError if that fails.
@@ -81,6 +90,7 @@ def writable(directory: Path) -> Iterator[None]:
     A run is made within this context, so that no result is computed that can't be saved. At the end, folders
     that were created here and are still empty are removed.
     """
+    check_utf8(directory, "a directory")
     missing = [folder for folder in (directory, *directory.parents) if not folder.exists()]
     try:
         directory.mkdir(parents=True, exist_ok=True)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from commands import cogless
 
 from cogless import load, run_study
 from cogless.ensemble import arena_cases, arena_files
@@ -16,6 +19,7 @@ from cogless.ensemble.arena_cases import HOUR, LATE, TOLD, UNTOLD
 from cogless.ensemble.arena_scores import COLUMNS, Scores
 from cogless.errors import StudyError
 from cogless.files import shipped
+from cogless.run.simulate import rollout
 from cogless.study import Study, changed
 from cogless.study.arena import Arena, arena_of
 from cogless.study.controller import AntiCogging
@@ -147,6 +151,38 @@ def test_the_run_in_which_a_table_was_learned_counts_as_time_to_learn(tmp_path: 
     scores = Scores(arena_files.to_dict(found))
     took = scores.of_seed("time_to_learn", "drone", "table", 0)
     assert took == pytest.approx(law.calibration.duration + alone) and took > 5
+
+
+def test_an_interrupted_arena_keeps_the_plants_that_are_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What isn't finished is not said to fail."""
+    count = 0
+
+    def stopped(studies: Sequence[Any], **options: Any) -> list[Any]:
+        nonlocal count
+        count += 1
+        found = rollout(studies, **options)
+        return found if count < 2 else [replace(each, runs=[], interrupted=True) for each in found]
+
+    def text(plants: Iterable[str]) -> str:
+        keys = "\n".join(f"{key} = {json.dumps(value)}" for key, value in PLANT.items())
+        laws = '[law.bar]\nlaw = "pi"\ntuning.rule = "auto"\nbaseline = true\n'
+        return 'title = "T"\n' + "".join(f"[plant.{name}]\n{keys}\n" for name in plants) + laws
+
+    monkeypatch.setattr("cogless.ensemble.arena.rollout", stopped)
+    file, folder = tmp_path / "mine.toml", tmp_path / "out"
+    file.write_text(text(["drone", "second", "third"]))
+    code, out, err = cogless(capsys, "run", file, "-o", folder, "-j", 1)
+    assert (code, err) == (130, f"Interrupted: kept 1 of 3 plants (drone), written to {folder}.\n")
+    assert count == 2 and f"Results: {folder / 'results.json'}" in out
+    found = json.loads((folder / "results.json").read_text())
+    assert found["interrupted"] is True and found["absent"] == []
+    assert {run["plant"] for run in found["runs"]} == {"drone"}
+    count = 1
+    code, out, err = cogless(capsys, "run", file, "-o", tmp_path / "none", "-j", 1)
+    assert (code, out, err) == (130, "", "Interrupted: kept 0 of 3 plants, nothing written.\n")
+    assert not (tmp_path / "none").exists()
 
 
 def test_results_are_plain_json(results: ArenaResults, tmp_path: Path) -> None:

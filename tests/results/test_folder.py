@@ -13,10 +13,11 @@ from pathlib import Path
 
 import netCDF4
 import pytest
-from commands import forked
+from commands import cogless, forked
 
 import studies
 from cogless import StudyError
+from cogless.files import replacing
 from cogless.results import folder as folders
 from cogless.results.folder import hashes, held, new_set
 
@@ -72,6 +73,165 @@ def test_names_that_no_run_wrote_remove_nothing(tmp_path: Path, name: str) -> No
     (folder / "results.json").write_text(json.dumps(index))
     write(folder, "new")
     assert outside.read_text() == "outside"
+
+
+def planted(folder: Path, links: dict[str, str], files: tuple[str, ...]) -> None:
+    """A folder as it may come from elsewhere."""
+    for name in files:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("planted")
+    for name, target in links.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).symlink_to(target)
+
+
+PLANTED: list[tuple[dict[str, str], tuple[str, ...]]] = [
+    ({".cogless-new": "../victim"}, ()),
+    ({".cogless-old": "../victim"}, ()),
+    ({".cogless-new": "../victim", ".cogless-set": ".cogless-new"}, ()),
+    ({".cogless-old": "../victim", ".cogless-set": ".cogless-old"}, ()),
+    ({".cogless-set": "../victim"}, ()),
+    ({".cogless-set": "../victim"}, (".cogless-old/a",)),
+    ({".cogless-link": "../victim"}, ()),
+    ({".cogless-try-x": "../victim"}, ()),
+    ({"maps": "../victim"}, ()),
+    ({"maps/low": "../../victim"}, ()),
+    ({"maps": "../victim", ".cogless-set": ".cogless-new"}, (".cogless-new/maps/b.bin",)),
+    ({"maps": "../victim", ".cogless-set": ".cogless-new"}, (".cogless-old/maps/link",)),
+    ({".cogless-new/maps": "../../victim", ".cogless-set": ".cogless-new"}, ()),
+    ({"a": "../victim/b.bin"}, ()),
+    ({"results.json": "../victim/b.bin"}, ()),
+    ({}, (".cogless-new", ".cogless-old", ".cogless-set", ".cogless-link")),
+]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links")
+@pytest.mark.parametrize(("links", "files"), PLANTED)
+def test_no_link_in_a_folder_from_elsewhere_leads_out_of_it(
+    tmp_path: Path, links: dict[str, str], files: tuple[str, ...]
+) -> None:
+    victim, folder = tmp_path / "victim", tmp_path / "out"
+    for place in (victim, victim / "low"):
+        place.mkdir()
+        (place / "b.bin").write_text("old")
+        (place / "link").symlink_to("b.bin")
+    before = sorted(path.relative_to(victim) for path in victim.rglob("*"))
+    planted(folder, links, files)
+    index = {"files": {"maps/b.bin": folders._hash(victim / "b.bin")}}
+    if "results.json" not in links:
+        (folder / "results.json").write_text(json.dumps(index))
+    refused = next((name for name in links if name.startswith("maps")), None)
+    for _ in range(2):
+        if refused is None:
+            write(folder, "new")
+            found = content(folder)
+            assert found == {"a": "new", "maps/low/b.bin": "new", "results.json": "new"}
+            assert not any(path.is_symlink() for path in folder.rglob("*"))
+        else:
+            with pytest.raises(StudyError) as error, held(folder, ["maps/low/b.bin"]):
+                pytest.fail("not refused before the work")
+            expected = "expected a directory of its own, or another directory for the results"
+            assert str(error.value) == f"{folder / refused}: a link: {expected}"
+    assert sorted(path.relative_to(victim) for path in victim.rglob("*")) == before
+    assert {path.read_text() for path in victim.rglob("*.bin")} == {"old"}
+    write(tmp_path / "another", "new")  # as it advises
+    assert (tmp_path / "another" / "maps" / "low" / "b.bin").read_text() == "new"
+
+
+ENDLESS = 200_000 * "["
+
+
+@pytest.mark.parametrize(
+    "index",
+    [
+        ENDLESS,
+        '{"files": {"' + 300 * "x" + '": "y", "a\\u0000b": "y", "\\ud800": "y", "": "y", ".": "y"}}',
+        '{"files": 5}',
+        "null",
+        "1" * 5000,
+    ],
+)
+def test_an_index_that_is_none_lists_nothing(tmp_path: Path, index: str) -> None:
+    (tmp_path / "results.json").write_text(index)
+    (tmp_path / "mine.txt").write_text("mine")
+    write(tmp_path, "new", ("a", "c"))
+    assert content(tmp_path) == NEW
+
+
+def occupied(folder: Path, name: str, directory: bool) -> None:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if directory:
+        path.mkdir()
+    else:
+        path.touch()
+
+
+@pytest.mark.parametrize(
+    ("name", "directory", "place"),
+    [
+        ("traces.nc", True, "traces.nc"),
+        ("report.html", True, "report.html"),
+        ("results.json", True, "results.json"),
+        ("maps", False, "maps"),
+        ("maps/low", False, "maps/low"),
+        ("maps/low/pi.bin", True, "maps/low/pi.bin"),
+    ],
+)
+def test_what_is_in_the_place_of_a_file_is_told_before_the_runs(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    directory: bool,
+    place: str,
+) -> None:
+    monkeypatch.setattr("cogless.run.simulate.run_study", lambda *_, **__: pytest.fail("it ran"))
+    out = tmp_path / "out"
+    occupied(out, name, directory)
+    before = sorted(out.rglob("*"))
+    code, said, err = cogless(capsys, "run", studies.write(tmp_path), "-o", out)
+    what = "a directory: expected a file" if directory else "a file: expected a directory of its own"
+    assert (code, said, err) == (2, "", f"{out / place}: {what}, or another directory for the results\n")
+    assert sorted(out.rglob("*")) == before
+
+
+def test_a_name_that_no_file_can_have_is_told_before_the_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cogless.run.simulate.run_study", lambda *_, **__: pytest.fail("it ran"))
+    long = 300 * "x"
+    text = studies.BASE.replace("[controller.pi]", f"[controller.{long}]").replace('"pi"', f'"{long}"')
+    text = text.replace(f'law = "{long}"', 'law = "pi"')
+    out = tmp_path / "out"
+    code, said, err = cogless(capsys, "run", studies.write(tmp_path, text), "-o", out)
+    why = "file name too long: expected a name that can be written"
+    assert (code, said, err) == (2, "", f"{out}/maps/low/{long}.bin: {why}\n")
+    assert not out.exists()
+
+
+def test_a_file_of_the_longest_name_is_written(tmp_path: Path) -> None:
+    """Through a temporary one beside it, whose name is no longer."""
+    path = tmp_path / (255 * "x")
+    with replacing(path) as temporary:
+        temporary.write_text("whole")
+    assert path.read_text() == "whole" and list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="names of bytes")
+def test_names_that_are_not_utf_8_are_told_before_the_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cogless.run.simulate.run_study", lambda *_, **__: pytest.fail("it ran"))
+    study, name = studies.write(tmp_path), os.fsdecode(b"b\xff")
+    code, said, err = cogless(capsys, "run", study, "-o", tmp_path / name)
+    expected = "not UTF-8: expected a directory whose name is"
+    assert (code, said, err) == (2, "", f"{tmp_path}/b\\udcff: {expected}\n")
+    other = study.rename(tmp_path / f"{name}.toml")
+    code, said, err = cogless(capsys, "run", other, "-o", tmp_path / "out")
+    expected = "not UTF-8: expected a study file whose name is"
+    assert (code, said, err) == (2, "", f"{tmp_path}/b\\udcff.toml: {expected}\n")
+    assert sorted(os.listdir(tmp_path)) == [f"{name}.toml"]
 
 
 class Killed(BaseException):

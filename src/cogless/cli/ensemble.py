@@ -54,7 +54,7 @@ def sweep(
     from cogless.ensemble import table
     from cogless.files import writable
     from cogless.report import sweep as report
-    from cogless.results.folder import held, new_set
+    from cogless.results.folder import check_names, held, new_set
 
     table.require("sweep")
     part = _shard(shard)
@@ -62,6 +62,7 @@ def sweep(
     folder = output or Path("results") / loaded.name
     planned = sweeping.plan(loaded, count, only)
     with writable(folder):
+        check_names(folder, ["sweep.parquet", "report.html", part.file])
         if merge:
             found: table.Sweep | None = sweeping.merge(planned, folder)
         else:
@@ -97,17 +98,18 @@ def tune(
     from cogless.ensemble import tune as tuning
     from cogless.files import writable
     from cogless.report import sweep as report
-    from cogless.results.folder import held, new_set
+    from cogless.results.folder import check_names, held, new_set
     from cogless.study import TrialStudy
     from cogless.study.reading import changes_from
 
     table.require("tune")
     search.require()
     loaded = to_run(study, changes, no_code)
-    tuning.subjects(loaded)  # a mistake is told before anything runs
+    journals = map(tuning.journal_name, tuning.subjects(loaded))  # a mistake is told before anything runs
     folder = output or Path("results") / loaded.name
     path = folder / f"{loaded.name}-tuned.toml"
     with writable(folder):
+        check_names(folder, [path.name, "sweep.parquet", "report.html", *journals])
         with _workers(jobs, dask) as workers, tune_progress() as progress:
             tuned = tuning.tune(loaded, folder, workers, progress)
         chosen = {key: value for one in tuned for key, value in one.chosen.items()}

@@ -61,7 +61,7 @@ def identify(
         from cogless.identify import rehearsal
 
         study = load(plan, None)
-        with held(output), new_set(output) as stage:
+        with held(output, ["study.toml", "id.toml"]), new_set(output) as stage:
             planning.write(study, stage)
             with new_console(stderr=True).status("Rehearsing") as status:
                 expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
@@ -79,7 +79,8 @@ def identify(
     from cogless.identify import command, write
     from cogless.report import identified as report
 
-    with held(output):
+    names = ["identified.json", "motor.toml", "study.toml", "cogging.csv", "cogging.bin", "report.html"]
+    with held(output, [*names, *(["orders.png"] if plots else [])]):
         with new_console(stderr=True).status("Identifying") as status:
             found = command.identified(
                 logs, config, lambda what, share: status.update(f"Identifying: {what}{told(share)}")

@@ -23,10 +23,17 @@ from cogless.cli.study import command_line, name_code, to_run
 from cogless.cli.tables import print_tables, print_warnings
 from cogless.cli.terminal import new_bar, new_console, run_progress
 from cogless.errors import INTERRUPTED, StudyError, say
+from cogless.interrupts import deferred
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from cogless.results import AnyResults
+    from cogless.study import AnyStudy
     from cogless.study.arena import Arena
+
+MAPS = "maps"  # the folder of learned maps, within that of the results
+WRITING = "Interrupted: the results are being written. Press Ctrl-C again to end at once without them.\n"
 
 
 def run(
@@ -47,14 +54,13 @@ def run(
 
     Prints a table of controllers against metrics and writes results.json, traces.nc and report.html.
 
-    Ctrl-C keeps the runs that are finished.
+    Ctrl-C and SIGTERM keep the runs that are finished.
     """
     from cogless.cli.limits import sentences, with_limits
     from cogless.design.warnings import beyond_drive, coarse_table, too_short
     from cogless.results import Results
     from cogless.results.folder import held
     from cogless.run.simulate import RunError, run_study, runs_of
-    from cogless.study import TrialStudy
 
     arena = _arena(study, changes)
     if arena is not None:
@@ -65,7 +71,7 @@ def run(
     wanted = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
     if with_page:
-        from cogless.live import check, left_out, render
+        from cogless.live import check, render
 
         check(loaded)  # before the runs
     pairs = runs_of(loaded, only)
@@ -73,38 +79,64 @@ def run(
     for line in (*coarse_table(loaded), *far, *too_short(loaded, pairs)):
         say(f"Warning: {line}.")
     failures: list[StudyError] = []
-    with held(folder):
+    place = folder.absolute()  # a law may change the directory
+    with held(place, _names(loaded, pairs, plots, not no_traces, with_page)):
         with run_progress(wanted) as progress:
             try:
-                results: AnyResults = run_study(loaded, only, progress, jobs, traces=folder)
+                results: AnyResults = run_study(loaded, only, progress, jobs, traces=place)
             except RunError as error:
                 failures, results = [error], error.results
         if isinstance(results, Results):
-            results = with_limits(results, limits, jobs, folder)
-        if results.runs:
-            try:
-                command = command_line("run", study, changes, [])
-                page = render(loaded, command, limits=sentences(results)) if with_page else None
-                _write(results, folder, plots, not no_traces, page)
-            except StudyError as error:  # such as a full disk; the tables are still printed
-                failures.append(error)
-    if results.runs:
-        print_tables(results)
-        if not isinstance(loaded, TrialStudy):  # of trials the report has certificates
-            print_warnings(loaded, [(run.scenario, run.controller) for run in results.runs])
-        if not any(not isinstance(failure, RunError) for failure in failures):
-            print(f"Report: {folder / 'report.html'}")
-            if with_page:
-                print(f"Page: {folder / 'live.html'}")
-                for line in left_out(loaded):
-                    say(f"Left out of the page: {line}")
+            results = with_limits(results, limits, jobs, place)
+        with deferred(WRITING) as requests:
+            if results.runs:
+                try:
+                    command = command_line("run", study, changes, [])
+                    page = render(loaded, command, limits=sentences(results)) if with_page else None
+                    _write(results, place, plots, not no_traces, page)
+                except StudyError as error:  # such as a full disk; the tables are still printed
+                    failures.append(error)
+                _print(results, folder, with_page, all(isinstance(failure, RunError) for failure in failures))
     if failures:
         raise StudyError("\n".join(map(str, failures)))
-    if results.interrupted:
-        kept = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
-        where = f" ({kept}), written to {folder}" if kept else ", nothing written"
+    if results.interrupted or requests.count:
+        runs = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
+        where = f" ({runs}), written to {folder}" if runs else ", nothing written"
         say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
         sys.exit(INTERRUPTED)
+
+
+def _names(
+    study: AnyStudy, pairs: Sequence[tuple[str, str]], plots: bool, traces: bool, with_page: bool
+) -> list[str]:
+    """The files that a run may write."""
+    from cogless.report import plot_names
+    from cogless.results import map_files
+
+    return [
+        *("report.html", "results.json"),
+        *(["traces.nc"] if traces else []),
+        *(["live.html"] if with_page else []),
+        *(plot_names(study) if plots else []),
+        *(f"{MAPS}/{map_files.name(*pair)}" for pair in pairs),
+    ]
+
+
+def _print(results: AnyResults, folder: Path, with_page: bool, written: bool) -> None:
+    """Print the tables, and where the files are if they are `written`."""
+    from cogless.study import TrialStudy
+
+    print_tables(results)
+    if not isinstance(results.study, TrialStudy):  # of trials the report has certificates
+        print_warnings(results.study, [(run.scenario, run.controller) for run in results.runs])
+    if written:
+        print(f"Report: {folder / 'report.html'}")
+        if with_page:
+            from cogless.live import left_out
+
+            print(f"Page: {folder / 'live.html'}")
+            for line in left_out(results.study):
+                say(f"Left out of the page: {line}")
 
 
 def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None) -> None:
@@ -123,7 +155,7 @@ def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: s
         report.write(results, stage / "report.html")
         if page is not None:
             (stage / "live.html").write_text(page, encoding="utf-8")
-        map_files.write_all(results, stage / "maps")
+        map_files.write_all(results, stage / MAPS)
         if plots:
             report.write_plots(results, stage)
         results_json.write(results, stage / "results.json", hashes(stage))
@@ -149,7 +181,8 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
     from cogless.results.folder import held, new_set
 
     plants = len(chosen(arena, only))
-    with held(folder):
+    place = folder.absolute()  # a law may change the directory
+    with held(place, ["results.json"]):
         with new_bar() as bar:
             task = bar.add_task("", total=plants)
             results = run_arena(
@@ -159,9 +192,18 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
                 jobs,
                 find_limits=find_limits,
             )
-        with new_set(folder) as stage:
-            arena_files.write(results, stage / "results.json")
-    new_console().print(arena_files.table(results))
+        written = bool(results.runs or results.trials or not results.interrupted)
+        with deferred(WRITING) as requests:
+            if written:
+                with new_set(place) as stage:
+                    arena_files.write(results, stage / "results.json")
+                new_console().print(arena_files.table(results))
     for (plant, law), why in results.absent.items():
         say(f"Absent: {law} on {plant}: {why}")
-    print(f"Results: {folder / 'results.json'}")
+    if written:
+        print(f"Results: {folder / 'results.json'}")
+    if results.interrupted or requests.count:
+        finished = dict.fromkeys(run.plant for run in results.runs)
+        where = f" ({', '.join(finished)}), written to {folder}" if finished else ", nothing written"
+        say(f"Interrupted: kept {len(finished)} of {plants} plants{where}.")
+        sys.exit(INTERRUPTED)

@@ -65,6 +65,7 @@ class ArenaResults:
     before: Mapping[tuple[str, str], float]  # s, of a run in which a table was learned before
     trials: Sequence[ArenaTrialRun]
     limits: Mapping[str, Limits]  # of the ripple of each plant's best law, with the first seed
+    interrupted: bool = False  # by Ctrl-C: what was not finished has no runs, plants and trials as a whole
 
 
 def run_arena(
@@ -77,41 +78,47 @@ def run_arena(
     """Run an arena, or the pairs PLANT/LAW of it that match `only`. `progress`: called with each plant.
 
     `find_limits`: find what limits the best law on each plant, by further runs. A law that has no numbers on
-    a plant, or fails there, is `absent` from it. StudyError: a plant or a law that can't be prepared.
+    a plant, or fails there, is `absent` from it. Ctrl-C keeps the plants that are finished. StudyError: a
+    plant or a law that can't be prepared.
     """
     runs: list[ArenaRun] = []
     absent: dict[tuple[str, str], str] = {}
     settings: dict[tuple[str, str], Mapping[str, Any]] = {}
     before: dict[tuple[str, str], float] = {}
     limited: dict[str, Limits] = {}
-    wanted = chosen(arena, only)
-    for done, (plant, laws) in enumerate(wanted.items()):
-        if progress is not None:
-            progress(plant, done)
-        study, why = prepared(arena, plant, laws)
-        absent |= {(plant, law): reason for law, reason in why.items()}
-        settings |= {(plant, law): study.source.tables["controller"][law] for law in study.controller}
-        for law, controller in study.controller.items():
-            if isinstance(controller, AntiCogging) and controller.calibration is not None:
-                before[plant, law] = controller.calibration.duration
-        studies = [(seed, _seeded(study, seed)) for seed in arena.seeds]
-        if arena.plant[plant].hour:
-            studies.append((arena.seeds[0], hour(studies[0][1])))
-        rolled = _rolled([each for _, each in studies], jobs)
-        for (seed, each), results in zip(studies, rolled, strict=True):
-            runs += [ArenaRun(plant, run.scenario, run.controller, seed, run.metrics) for run in results.runs]
-            made = {(run.scenario, run.controller) for run in results.runs}
-            lost = {law for case in each.scenario for law in each.controller if (case, law) not in made}
-            absent |= {(plant, law): "fails on the way" for law in sorted(lost)}
-        if find_limits:
-            limited |= _limits_of_best(plant, studies[0][1], runs, jobs)
-    trials = [
-        run
-        for name in arena.trials
-        if not only or any(fnmatchcase(name, pattern.partition("/")[0]) for pattern in only)
-        for run in _trials(arena, name, jobs)
-    ]
-    return ArenaResults(arena, runs, absent, settings, before, trials, limited)
+    trials: list[ArenaTrialRun] = []
+    interrupted = False
+    try:
+        for done, (plant, laws) in enumerate(chosen(arena, only).items()):
+            if progress is not None:
+                progress(plant, done)
+            study, why = prepared(arena, plant, laws)
+            absent_laws = {(plant, law): reason for law, reason in why.items()}
+            studies = [(seed, _seeded(study, seed)) for seed in arena.seeds]
+            if arena.plant[plant].hour:
+                studies.append((arena.seeds[0], hour(studies[0][1])))
+            rolled = _rolled([each for _, each in studies], jobs)
+            of_plant: list[ArenaRun] = []
+            for (seed, each), results in zip(studies, rolled, strict=True):
+                of_plant += [
+                    ArenaRun(plant, run.scenario, run.controller, seed, run.metrics) for run in results.runs
+                ]
+                made = {(run.scenario, run.controller) for run in results.runs}
+                lost = {law for case in each.scenario for law in each.controller if (case, law) not in made}
+                absent_laws |= {(plant, law): "fails on the way" for law in sorted(lost)}
+            limited |= _limits_of_best(plant, studies[0][1], of_plant, jobs) if find_limits else {}
+            runs += of_plant
+            absent |= absent_laws
+            settings |= {(plant, law): study.source.tables["controller"][law] for law in study.controller}
+            for law, controller in study.controller.items():
+                if isinstance(controller, AntiCogging) and controller.calibration is not None:
+                    before[plant, law] = controller.calibration.duration
+        for name in arena.trials:
+            if not only or any(fnmatchcase(name, pattern.partition("/")[0]) for pattern in only):
+                trials += _trials(arena, name, jobs)
+    except KeyboardInterrupt:
+        interrupted = True
+    return ArenaResults(arena, runs, absent, settings, before, trials, limited, interrupted)
 
 
 def _limits_of_best(plant: str, study: Study, runs: Sequence[ArenaRun], jobs: int) -> dict[str, Limits]:
@@ -248,7 +255,11 @@ def _seeded(study: Study, seed: int) -> Study:
 
 
 def _rolled(studies: Sequence[AnyStudy], jobs: int) -> list[AnyResults]:
+    """The results of all studies, without the runs that fail. KeyboardInterrupt: not all are made."""
     try:
-        return rollout(studies, jobs=jobs, keep_traces=False)
+        results = rollout(studies, jobs=jobs, keep_traces=False)
     except RunError as error:  # of a law that fails; all others are finished
         return error.all_results
+    if any(each.interrupted for each in results):
+        raise KeyboardInterrupt
+    return results

@@ -40,6 +40,7 @@ def to_dict(results: ArenaResults) -> dict[str, Any]:
             for (p, law), t in results.settings.items()
         ],
         "limits": [_limits(plant, of) for plant, of in results.limits.items()],
+        **({"interrupted": True} if results.interrupted else {}),
         "arena_trials": {name: told.about for name, told in arena.trials.items()},
         "trials": [
             {

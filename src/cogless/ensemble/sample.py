@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from threading import current_thread, main_thread
 from typing import Any
 
 import numpy as np
 
 from cogless.ensemble.axes import Axis, axes, together
+from cogless.interrupts import deferred
 from cogless.study import AnyStudy, TrialStudy
 from cogless.study.error_messages import dotted
 
@@ -70,30 +68,16 @@ def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
     drawn: dict[str, list[Any]] = {}
     if found:
         generator = np.random.default_rng([study.seed, fresh])
-        with _uninterrupted():
+        with deferred() as requests:  # SciPy's compiled code drops the exception, and draws equal variants
             sequence = qmc.Sobol(len(found), scramble=True, rng=generator)
             shares = sequence.random_base2(max(0, count - 1).bit_length())[:count]
+        if requests.count:
+            raise KeyboardInterrupt
         columns = together(shares, found, study).T
         drawn = {axis.key: axis.values(column) for axis, column in zip(found, columns, strict=True)}
     if study.vary.seeds:
         drawn[SEED] = seeds(study, count, fresh)
     return Ensemble(tuple(found), drawn, count, _places(study, drawn))
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C wait: SciPy's compiled code drops its exception, and draws equal variants then."""
-    before, told = signal.getsignal(signal.SIGINT), list[Any]()
-    if not callable(before) or current_thread() is not main_thread():  # there it doesn't raise
-        yield
-        return
-    signal.signal(signal.SIGINT, lambda *of: told.append(of))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if told:
-        before(*told[0])
 
 
 def _places(study: AnyStudy, keys: Iterable[str]) -> dict[str, dict[str, str]]:

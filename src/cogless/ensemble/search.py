@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cogless.errors import StudyError
+from cogless.files import no_device, no_link, reason
 
 Settings = Mapping[str, float]  # a share of each range, 0 to 1
 SPREAD = 0.2  # of the first settings around the start, in shares of the ranges
@@ -30,6 +31,11 @@ class Search:
         from optuna.storages import JournalStorage
         from optuna.storages.journal import JournalFileBackend
 
+        try:
+            no_link(path)
+            no_device(path)
+        except OSError as error:
+            raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from None
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._states = optuna.trial.TrialState
         self.start = dict(start)

@@ -203,11 +203,16 @@ def tune(study: AnyStudy, folder: Path, workers: Workers, progress: Progress | N
         _tuned(
             Evaluation(study, subject, search_over, workers),
             Evaluation(study, subject, fresh, workers),
-            folder / f"{subject.name}.tune",
+            folder / journal_name(subject),
             report,
         )
         for subject in subjects(study)
     ]
+
+
+def journal_name(subject: Subject) -> str:
+    """The file that keeps what a search has tried."""
+    return f"{subject.name}.tune"
 
 
 def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: Progress) -> Tuned:

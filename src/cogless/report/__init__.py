@@ -12,6 +12,7 @@ from cogless.report.speed import SPEED
 from cogless.report.trials import TRIALS
 from cogless.report.verdict import ScenarioVerdict
 from cogless.results import AnyResults, Results, TrialResults
+from cogless.study import AnyStudy, TrialStudy
 from cogless.study.remark import Remark
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "is_quick",
     "limit",
     "lines",
+    "plot_names",
     "render",
     "verdicts",
     "with_limits",
@@ -67,6 +69,12 @@ def write(results: AnyResults, path: Path) -> None:
     """Write the report; if this fails, no incomplete file is left."""
     with replacing(path) as temporary:
         temporary.write_text(render(results), encoding="utf-8")
+
+
+def plot_names(study: AnyStudy) -> list[str]:
+    """The names of all still pictures that a study may have."""
+    kinds = (TRIALS if isinstance(study, TrialStudy) else SPEED).pictures
+    return [png.name(scenario, kind) for scenario in study.scenario for kind in kinds]
 
 
 def write_plots(results: AnyResults, directory: Path) -> list[Path]:

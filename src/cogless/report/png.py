@@ -59,6 +59,11 @@ class Picture:
     widths: tuple[int, ...] = ()  # default: the same
 
 
+def name(scenario: str, kind: str) -> str:
+    """The file of a kind of picture."""
+    return f"{scenario}-{kind}.png"
+
+
 def write_plots(
     results: AnyResults, drawn: Data, pictures: Mapping[str, Picture], directory: Path
 ) -> list[Path]:
@@ -76,7 +81,7 @@ def write_plots(
             for kind, picture in pictures.items():
                 rows = picture.rows(data, looks)
                 if rows and rows[0]:
-                    written.append(directory / f"{scenario}-{kind}.png")
+                    written.append(directory / name(scenario, kind))
                     save(
                         written[-1],
                         f"{results.study.title}: {scenario}",

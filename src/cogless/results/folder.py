@@ -3,6 +3,8 @@
 A new set is written to a folder within. Then each name becomes a link that leads through one link, SET, to
 the old file; a single rename lets SET lead to the new files; and these take their names. So links are there
 for a moment only. What a run that was killed has left, the next run finishes or undoes.
+
+The folder may be from elsewhere: its own directories must be real ones, so that no link leads out of it.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 
@@ -20,20 +23,42 @@ from cogless.errors import StudyError
 from cogless.files import reason, writable
 
 NEW, OLD, SET, LINK = ".cogless-new", ".cogless-old", ".cogless-set", ".cogless-link"
+TRIAL = ".cogless-try-"  # the start of a name
 INDEX = "results.json"  # has the other files' names in "files"
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager
-def held(folder: Path) -> Iterator[None]:
-    """Make the folder if it's missing, and keep other runs out of it.
+def held(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
+    """Make the folder if it's missing, and keep other runs out of it. `names`: of the set's files to come.
 
-    What a killed run has left is cleaned first. StudyError: it can't be written, or another run has it.
+    What a killed run has left is cleaned first. StudyError: it can't be written, no file of such a name can
+    be written there, or another run has it.
     """
     with writable(folder), _alone(folder):
         with _refused(folder):
             _settle(folder)
+        check_names(folder, names)
         yield
+
+
+def check_names(folder: Path, names: Iterable[str]) -> None:
+    """Write empty files of these names in a folder within, and look at what is in their places.
+
+    StudyError: one can't be written, so that no result is computed that can't be saved.
+    """
+    trial = None
+    try:
+        with _refused(folder):
+            trial = Path(tempfile.mkdtemp(prefix=TRIAL, dir=folder))
+        for name in names:
+            _place(folder, name)
+            with _refused(folder / name, "a name that can be written"):
+                (trial / name).parent.mkdir(parents=True, exist_ok=True)
+                (trial / name).touch()
+    finally:
+        if trial is not None:
+            shutil.rmtree(trial, ignore_errors=True)
 
 
 @contextmanager
@@ -66,11 +91,11 @@ def _hash(path: Path) -> str:
 
 
 @contextmanager
-def _refused(folder: Path) -> Iterator[None]:
+def _refused(path: Path, expected: str = "a directory that can be written") -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StudyError(f"{folder}: {reason(error)}: expected a directory that can be written") from error
+        raise StudyError(f"{path}: {reason(error)}: expected {expected}") from error
 
 
 @contextmanager
@@ -105,11 +130,38 @@ def _listed(folder: Path) -> list[str]:
     try:
         found = json.loads((folder / INDEX).read_text(encoding="utf-8"))["files"]
         listed: Mapping[str, str] = {str(PurePosixPath(name)): digest for name, digest in found.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return []
-    inside = folder.resolve()
-    names = [name for name in listed if (folder / name).resolve().is_relative_to(inside)]
-    return [name for name in names if (folder / name).is_file() and _hash(folder / name) == listed[name]]
+    return [name for name in listed if _is_own(folder, name) and _hash(folder / name) == listed[name]]
+
+
+def _is_own(folder: Path, name: str) -> bool:
+    """Whether a name is that of a file within the folder, with no link on the way."""
+    path = PurePosixPath(name)
+    way = [folder / inside for inside in (path, *path.parents)][:-1]
+    within = not path.is_absolute() and ".." not in path.parts
+    return within and not any(map(os.path.islink, way)) and os.path.isfile(folder / name)
+
+
+def _place(folder: Path, name: str, make: bool = False) -> Path:
+    """The path of a file of the set. `make`: with its directories.
+
+    StudyError: a directory on the way is a link or a file, or a directory is in the file's place.
+    """
+    path, expected = folder, "a directory of its own, or another directory for the results"
+    *inside, last = PurePosixPath(name).parts
+    for part in inside:
+        path /= part
+        if path.is_symlink():
+            raise StudyError(f"{path}: a link: expected {expected}")
+        if path.exists() and not path.is_dir():
+            raise StudyError(f"{path}: a file: expected {expected}")
+        if make:
+            path.mkdir(exist_ok=True)
+    path /= last
+    if path.is_dir() and not path.is_symlink():
+        raise StudyError(f"{path}: a directory: expected a file, or another directory for the results")
+    return path
 
 
 def _switch(folder: Path) -> None:
@@ -126,14 +178,13 @@ def _switch(folder: Path) -> None:
         if error.errno in NO_ROOM:
             raise
         for name in names:  # a file system without links: one after the other
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            os.replace(new / name, folder / name)
+            os.replace(new / name, _place(folder, name, make=True))
         _remove(folder, [name for name in before if name not in names])
         return
     for name in {*before, *names}:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        os.symlink(os.path.relpath(folder / SET / name, (folder / name).parent), link)
-        os.replace(link, folder / name)
+        path = _place(folder, name, make=True)
+        os.symlink(os.path.relpath(folder / SET / name, path.parent), link)
+        os.replace(link, path)
     os.symlink(NEW, link)
     os.replace(link, folder / SET)  # here the new set appears
 
@@ -141,21 +192,25 @@ def _switch(folder: Path) -> None:
 def _settle(folder: Path) -> None:
     """Let the files of the set that stands take their names; remove what else a run has left."""
     new, old, link = folder / NEW, folder / OLD, folder / SET
+    own = [new, old, *folder.glob(f"{TRIAL}*")]
+    for path in own:
+        if path.is_symlink() or path.is_file():  # of no run's making
+            path.unlink()
     if link.is_symlink():
         stands, other = (new, old) if os.readlink(link) == NEW else (old, new)
         for name in _files(stands):
-            os.replace(stands / name, folder / name)
+            os.replace(stands / name, _place(folder, name, make=True))
         _remove(folder, [name for name in _files(other) if (folder / name).is_symlink()])
         link.unlink()
     (folder / LINK).unlink(missing_ok=True)
-    for rest in (new, old):
-        shutil.rmtree(rest, ignore_errors=True)
+    for path in own:
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def _remove(folder: Path, names: list[str]) -> None:
     """Remove files, and folders left empty."""
     for name in names:
-        path = folder / name
+        path = _place(folder, name)
         path.unlink()
         with suppress(OSError):
             for parent in path.parents:

@@ -8,10 +8,15 @@ from cogless.maps.stored_map import write
 from cogless.results.runs import AnyResults
 
 
+def name(scenario: str, controller: str) -> str:
+    """The file of a run's map, within the folder of maps."""
+    return f"{scenario}/{controller}.bin"
+
+
 def write_all(results: AnyResults, folder: Path) -> None:
     """Write folder/SCENARIO/CONTROLLER.bin for each run that has a map."""
     for run in results.runs:
         if run.map is not None:
-            path = folder / run.scenario / f"{run.controller}.bin"
+            path = folder / name(run.scenario, run.controller)
             path.parent.mkdir(parents=True, exist_ok=True)
             write(path, bytes(run.map))

@@ -19,7 +19,7 @@ from pydantic import ValidationError
 
 from cogless import units
 from cogless.errors import StudyError
-from cogless.files import reason, shipped
+from cogless.files import check_utf8, reason, shipped
 from cogless.study import checks, reuse, trial_checks
 from cogless.study.arena import is_arena
 from cogless.study.base import Source, StudyBase
@@ -125,6 +125,7 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
     if str(name) in known:
         return known[str(name)]
     path = (beside or Path()) / name
+    check_utf8(path, f"a {what} file")
     plain = not where and 0 < len(str(name)) <= LONGEST_NAME
     named = f"{where}{name if plain else shown(str(name))}: "
     with suppress(OSError):  # a name that is too long
