@@ -1,4 +1,4 @@
-"""What limits a scenario's best run, in a sentence or two, and the changes that they advise."""
+"""Sentences on what limits a scenario's best run, with the changes that they advise."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OVERLAP = 1.1  # sum of shares beyond which it is told that they overlap
 
 
 def remark(study: Study, limits: Limits) -> Remark | None:
-    """What limits a run, and the setting and the part that help most, tried; None if nothing stands out."""
+    """The causes that limit a run, and the setting and part that helped most; None: no cause stands out."""
     named = limits.named
     if not named:
         return None
@@ -59,13 +59,13 @@ def setting(study: Study, changes: Changes) -> str:
 
 
 def _words(cause: Cause) -> str:
-    """The cause in words, or two of them of which neither has much alone."""
+    """The cause in words; two causes that only have an effect together are named together."""
     words = " and ".join(CAUSES[name] for name in cause.names)
     return words if len(cause.names) == 1 else f"{words}, only together,"
 
 
 def _costs(cure: Cure) -> str:
-    """The metric that a cure makes worst, such as ", but 2.1 times the dip"; "" if none is clearly worse."""
+    """The metric that a cure harms most, such as ", but 2.1 times the dip"; "" if it harms none clearly."""
     if not cure.costs:
         return ""
     name, ratio = max(cure.costs.items(), key=lambda cost: cost[1])
@@ -73,7 +73,7 @@ def _costs(cure: Cure) -> str:
 
 
 def _new(study: Study, key: tuple[Any, ...], value: Any) -> list[tuple[tuple[Any, ...], Any]]:
-    """The keys of a change that differ from the study's, each with its value; None: it is left out."""
+    """The keys whose values a change replaces, with the new values; None: the change removes the key."""
     old = look_up(study.source.tables, key)
     if isinstance(value, Mapping) and "law" in value:
         return [(key, value)]
