@@ -275,8 +275,8 @@ const liveMetrics = (() => {
     const at = input(m, trace, about);
     return at.first === at.last ? NaN : KINDS[m.kind](at);
   }
-  // Rows over which a metric is judged, as in src/cogless/report/speed_tracking.py. They are the metric's own window from its
-  // event on, else the window of the last order metric, else the last quarter.
+  // Rows over which a metric is judged, as src/cogless/report/speed_tracking.py has them: its window, from its event on, else
+  // those of the last order metric, else the last quarter.
   function judged(m, metrics, trace, about) {
     const end = trace.count ? trace.time[trace.count - 1] : 0;
     if (declared(m, end) || m.event != null) return trace.window(...span(m, trace, about));
@@ -284,7 +284,7 @@ const liveMetrics = (() => {
     if (order) return trace.window(...declared(order, end));
     return trace.window(Math.max(0.75 * end, ...about.events.filter((t) => t < end).map((t) => 0.5 * (t + end))), end);
   }
-  // First time, last time and total time, s, in which a bit of the status was set in these rows; null: never.
+  // When a bit of the status was set in these rows: first and last time and how long, s; null: never.
   function held(bit, [first, last], trace) {
     if (!trace.has("status")) return null;
     const status = trace.get("status");
@@ -296,8 +296,8 @@ const liveMetrics = (() => {
     }
     return rows ? [from, to, rows * trace.period] : null;
   }
-  // How far the speed was from its reference in these rows, as src/cogless/report/speed_tracking.py judges it, rad/s: the
-  // speed beside its reference; null: the speed was held.
+  // How the speed missed its reference in these rows, as src/cogless/report/speed_tracking.py judges it, rad/s: what it was
+  // of what was wanted; null: it was held.
   function missed([first, last], trace, tracking) {
     if (first === last || !trace.has("omega_ref")) return null;
     const part = (name, from) => trace.get(name).subarray(from, last);
