@@ -2,8 +2,8 @@
 
 A cause is a difference between the drive and an ideal one, such as the steps of its position sensor. Its
 share of a result x is 1 - (x_without / x)^2. Shares of independent causes add up to one; shares of causes
-that act on each other don't. A sensor without delay has neither steps nor errors. So the share of delay compares two
-runs that both lack steps and errors.
+that act on each other don't. A sensor without delay has neither steps nor errors. So the share of delay
+compares two runs that both lack steps and errors.
 
 Two causes may hide each other: then neither has a share alone. So the largest causes are also removed in
 pairs.
