@@ -45,17 +45,14 @@ def remark(study: Study, limits: Limits) -> Remark | None:
 
 
 def setting(study: Study, changes: Changes) -> str:
-    """Changes as one would write them in the study; keys of the table of the first without that table.
+    """Changes in words, each with its whole key, as the study or `--set` takes it.
 
-    A table of another law is written as a whole.
+    A controller with another law is written as a whole.
     """
-    flat = {key: value for name, value in changes.items() for key, value in _new(study, split(name), value)}
-    texts, table = [], ()
-    for key, value in flat.items():
-        where = dotted(key[len(table) :] if table and key[: len(table)] == table else key)
-        texts.append(f"no {where}" if value is None else f"{where} = {toml(value)}")
-        table = table or key[:-1]
-    return ", ".join(texts)
+    new = [entry for name, value in changes.items() for entry in _new(study, split(name), value)]
+    return " and ".join(
+        f"without {dotted(key)}" if value is None else f"{dotted(key)} = {toml(value)}" for key, value in new
+    )
 
 
 def _words(cause: Cause) -> str:
