@@ -85,15 +85,15 @@ def _halls(study: Study) -> tuple[float, int]:
 
 
 def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
-    """The lowest order, whose multiples are learned, the highest that is sure to be there, and the highest.
+    """The base, whose multiples are learned, the highest order that surely exists, and the highest order.
 
-    Cogging has only multiples of the greatest common divisor of slots and poles, their lowest common multiple
-    foremost. That one is sure, and what the study tells of the motor. All are with dead time that is not
-    compensated, which has every multiple of its order, and with a base by hand. None depends on a speed: the
-    law acts with those that it can hold at the present one.
+    Cogging has only multiples of the greatest common divisor of slots and poles. The main one is their
+    lowest common multiple. It is sure, and so are the motor's orders in the study. All multiples are sure if
+    dead time is not compensated, since it has every multiple of its order, or if the base is set by hand. No
+    result depends on a speed: the law picks the orders that it can hold at the present speed.
 
-    Hall sensors are off their places once per electrical revolution: from there on an order may be theirs.
-    What they show below are the load's orders.
+    The misplacement of Hall sensors repeats once per electrical revolution. So an order from there on may be
+    the sensors'; the orders below are the load's.
     """
     if isinstance(study.drive.position_sensor, Hall):
         base = law.base or 1
