@@ -212,7 +212,7 @@ def trial_tables(content: Mapping[str, Any]) -> list[str]:
 
 
 def limit_table(content: Mapping[str, Any], scores: Scores) -> list[str]:
-    """The best law of each plant, what limits it, and what helps it most, as found by further runs."""
+    """Rows with the best law of each plant, what limits it and what helps most, all from runs."""
     rows = []
     for found in content["limits"]:
         shares = {each["cause"]: each["share"] for each in found["causes"]}
@@ -234,7 +234,7 @@ def _cause(name: str) -> str:
 
 
 def _set(changes: Mapping[str, Any]) -> str:
-    """Changes as `--set` takes them; a longer run is a longer time to learn."""
+    """Changes in the notation of `--set`; for a longer run, words on the time to learn."""
     if any(key.endswith(".duration") for key in changes):
         return f"{LONGER} times as long to learn"
     return f"`{', '.join(f'{key} = {text(value)}' for key, value in changes.items())}`"

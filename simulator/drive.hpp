@@ -235,7 +235,7 @@ private:
     // Lets the position sensor see the rotor at theta_m, or the load side, h after the time `from`.
     void watch(DriveState& state, double from, double h, double theta_m, const Faults& faults) const;
     // What the drive makes of a position sensor on the load side. Not inlined into the loop, which hardly ever needs it.
-    // By what was measured in the last tick, whoever controls the drive [A].
+    // i_q by the currents measured in the last tick, for our drive and for a foreign one [A].
     cgl_real measured_i_q(const DriveState& state) const;
     AngleCorrection correction(DriveState& state, const Faults& faults) const;
     [[gnu::noinline]] Measurement measure_load(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due,

@@ -62,8 +62,8 @@ std::optional<Stored> stored_map(const CState& law) {
     return stored;
 }
 
-// Puts values, channel by channel, in place of what a law has learned, as a load from flash does. Throws std::invalid_argument if it has no map, or one of
-// another shape.
+// Replaces a law's learned map by values, channel by channel, as a load from flash does. Throws std::invalid_argument if the law has
+// no map, or a map of another shape.
 template <auto map_of, class CState>
 void put_map(const CState& law, const std::vector<std::vector<double>>& values) {
     cgl_map map;

@@ -60,9 +60,9 @@ struct Measurement {
     double omega_m;  // rad/s
 };
 
-// What takes the sensor's own error out of its angle.
+// The correction of the sensor's own error in its angle.
 struct AngleCorrection {
-    cgl_encoder_table* table = nullptr;  // null: the sensor is believed; so are an ideal one and Hall sensors
+    cgl_encoder_table* table = nullptr;  // null: no correction, as for an ideal sensor and Hall sensors
     cgl_real i_q = 0;                    // A, measured in the last period
     bool missing = false;                // the sensor gives no angle
 };
@@ -173,7 +173,7 @@ private:
 
     bool averages() const { return config_.speed_method == SpeedMethod::average; }
 
-    // The sensor's angle without its own error, which is learned from it.
+    // The sensor's angle without its own error. The call also learns that error.
     static double corrected(const State& s, double theta, const AngleCorrection& correction) {
         if (correction.table == nullptr) return theta;
         cgl_measurement now{};
@@ -277,7 +277,7 @@ private:
         require(cgl_angle_observer_init(&s.observer, &observer, static_cast<cgl_real>(current_period)), "speed observer");
     }
 
-    // From the corrected angles, if there is a table.
+    // Estimates the speed, from corrected angles if there is a table.
     double speed(State& s, double time, const cgl_encoder_table* table) const {
         if (config_.speed_method == SpeedMethod::observer) {
             cgl_encoder_step(&s.encoder, low(s.count));

@@ -20,7 +20,7 @@ class StudyError(Exception):
     cures: tuple[Mapping[str, Any], ...] = ()
 
     def advising(self, *cures: Mapping[str, Any]) -> Self:
-        """The same error, with the changes that it advises."""
+        """Attach the changes that this error advises, and return it."""
         self.cures = cures
         return self
 

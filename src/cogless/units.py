@@ -63,7 +63,7 @@ DEFINITIONS = """
     ounce_force = 28.349523125 * gram_force = ozf
     pound_force = 453.59237 * gram_force = lbf
 """
-# As datasheets write them: words without a sign between them, or with a point or a hyphen, are a product.
+# Datasheets write a product of units without a sign, with a point, or with a hyphen.
 TERM = r"[A-Za-zµμΩ]+(?:\^-?\d)?"
 SIGNS = str.maketrans({"²": "^2", "³": "^3", "⋅": "*", "·": "*"})
 JOINED = re.compile(rf"(?<![A-Za-z]){TERM}(?:[.-]{TERM})+")
@@ -144,7 +144,7 @@ ACCELERATION_LEARNING = Dimension("a learning gain on acceleration", "A*s^4/rad^
 RATE = Dimension("a gain per time", "1/s", angular=1.0)
 RATE_PER_TIME = Dimension("a gain per time squared", "1/s^2")
 NONE = Dimension("a plain number", "")
-# Units that have two readings in a dimension, by its SI unit: with the word Hz, and any other of 1/s.
+# Two readings of a unit: (the dimension's SI unit, "Hz" or "1/s" for the unit) -> what the user may mean
 READINGS = {
     ("Hz", "1/s"): 'may be "Hz" or "rad/s"',
     ("1/s", "Hz"): 'may be "1/s" or 2 pi "rad/s"',
@@ -156,7 +156,10 @@ NAMED = tuple(each for each in list(vars().values()) if isinstance(each, Dimensi
 
 @cache
 def dimension_of(unit: str) -> Dimension:
-    """The first dimension above that has this SI unit, or one without a name; UnitError: unknown unit."""
+    """The first of the NAMED dimensions with this SI unit, else a dimension without a name.
+
+    UnitError: the unit is unknown.
+    """
     named = next((dimension for dimension in NAMED if dimension.unit == unit), None)
     if named is not None:
         return named
@@ -270,17 +273,17 @@ def _factor(unit: str, dimension: Dimension) -> float:
 
 
 def _reading(unit: str, quantity: Any, dimension: Dimension) -> str | None:
-    """The two readings of a unit of 1/s in a dimension; None if it has one."""
+    """The two readings of a unit of 1/s in a dimension; None if it has only one reading."""
     if not quantity.is_compatible_with("1/s"):
         return None
     return READINGS.get((dimension.unit, "Hz" if "Hz" in unit else "1/s"))
 
 
 def _fitting(unit: str, dimension: Dimension) -> float | None:
-    """Factor from a unit to the dimension's; None if it fits in no reading.
+    """Factor from a unit to the dimension's; None if the unit fits the dimension in no reading.
 
-    Of a product that fits no other way, words of mass are the forces of these masses: "oz*in" is a torque,
-    "oz*in^2" an inertia, and so is "oz*in*s^2".
+    If a product fits in no other way, its words of mass stand for the weights of these masses. So "oz*in" is
+    a torque, while "oz*in^2" and "oz*in*s^2" are inertias.
     """
     for quantity in (_quantity(unit), _quantity(_with_forces(unit))):
         if quantity is None:
@@ -294,7 +297,7 @@ def _fitting(unit: str, dimension: Dimension) -> float | None:
 
 
 def _perhaps(unit: str, dimension: Dimension) -> str | None:
-    """The unit in the spelling that fits, of those that differ in capitals alone; None if there is none."""
+    """The unit in other capitals that fit the dimension; None if no such spelling fits."""
     words = WORD.findall(unit)
     if not 1 <= len(words) <= LONGEST_MISSPELT:
         return None
@@ -306,13 +309,13 @@ def _perhaps(unit: str, dimension: Dimension) -> str | None:
 
 
 def _with_words(unit: str, words: Iterable[str]) -> str:
-    """The unit with other words in place of its own."""
+    """The unit with its words replaced by `words`, in their order."""
     following = iter(words)
     return WORD.sub(lambda _: next(following), unit)
 
 
 def _spellings(word: str) -> list[str]:
-    """The word, and known units that differ from it in capitals; those that begin like it first."""
+    """The word, then known units that differ from it in capitals; those with the same first letter first."""
     known = [prefix + symbol for prefix in PREFIXES for symbol in SYMBOLS]
     alike = [name for name in known if name.lower() == word.lower() and name != word]
     return [word, *sorted(alike, key=lambda name: name[0] != word[0])]
@@ -323,7 +326,7 @@ def _with_forces(unit: str) -> str:
 
 
 def _spelled_out(unit: str) -> str:
-    """A unit as datasheets write it, such as "gcm2" or "oz-in/A", with the signs of its products."""
+    """A datasheet's unit, such as "gcm2" or "oz-in/A", with signs between its factors."""
     unit = EXPONENT.sub("^", unit.replace("°C", "degC").translate(SIGNS))
     unit = JOINED.sub(lambda group: f"({re.sub('[.-](?=[A-Za-z])', '*', group.group())})", unit)
     return GLUED.sub(_product_of, unit)

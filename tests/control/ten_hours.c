@@ -1,9 +1,9 @@
-/* A law on a drive of a few lines for ten hours: ten_hours LAW prints name and value of what it saw, a line each.
+/* A law on a drive of a few lines for ten hours. `ten_hours LAW` prints name and value of each result, a line each.
  *
- * Inertia with cogging and a constant load, a current that follows after a period, an encoder of 14 bits whose speed is the way
- * of two periods. In the first minute, and again at the end, what is learned fades out for five seconds, as when the guard
- * probes, and then the angle is lost for 0.1 s at each of eight angles. At last somebody else turns the rotor in torque mode,
- * without a current of his own. */
+ * The plant is an inertia with cogging and a constant load. Its current follows after a period, and its encoder has 14 bits with
+ * the speed over two periods. The law is disturbed in the first minute and again at the end: what it has learned fades out for
+ * five seconds, as when the guard probes, and then the angle is lost for 0.1 s at each of eight angles. Last comes torque mode at a
+ * command of zero, while the rotor is turned from outside. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -116,7 +116,7 @@ static stepper *init(const char *name)
     return error == CGL_OK ? step : NULL;
 }
 
-/* The drive, and what is seen of it. */
+/* State of the drive, and the results. */
 static double theta, omega, i_q, shown[3], theta_ref;
 static double i_sum, squares, deviation;
 
@@ -127,7 +127,7 @@ static double cogging(double x)
 
 typedef enum { ROTOR_RUNS, ANGLE_LOST, TORQUE_MODE } state;
 
-/* Some steps; what is learned mutes by so much in each, and in torque mode the rotor is turned at a share of the speed. */
+/* Runs some steps. Each mutes the learned part by `muting`. In torque mode the rotor turns at `speed_share` of the speed. */
 static unsigned run(stepper *step, long steps, double muting, state now, double speed_share)
 {
     const bool lost = now == ANGLE_LOST, torque = now == TORQUE_MODE;
@@ -158,7 +158,7 @@ static unsigned run(stepper *step, long steps, double muting, state now, double 
         if (lost) {
             theta_ref = theta;
         }
-        if (theta > 1024 * TAU) { /* whole turns fall off, which are whole counts */
+        if (theta > 1024 * TAU) { /* removes whole turns, which are whole counts */
             theta -= 1024 * TAU;
             theta_ref -= 1024 * TAU;
             for (int k = 0; k < 3; ++k) {
@@ -172,7 +172,7 @@ static unsigned run(stepper *step, long steps, double muting, state now, double 
     return out.status;
 }
 
-/* What it does that nothing learned acts for a while, and what angle dropouts at eight angles do. */
+/* The speed error while the learned part is muted, and after angle dropouts at eight angles. */
 static void disturb(stepper *step, const char *when)
 {
     const double fade = 1.0 / (SECOND / 2);
@@ -198,7 +198,7 @@ static void disturb(stepper *step, const char *when)
 
 enum { TRIAL_SAMPLES = 50, TRIALS = 36000 };
 
-/* The same time in trials of a second, of a first-order plant with a disturbance that has a mean: the signal that is learned. */
+/* The same time for trials of a second: error and learned mean on a first-order plant, whose disturbance has a mean. */
 static int run_trials(void)
 {
     static cgl_trial trial;

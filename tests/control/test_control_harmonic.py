@@ -287,7 +287,7 @@ def test_the_rate_has_the_bound_that_the_design_computes(share, grows):
 
 
 def test_of_the_fast_orders_the_lowest_act_that_are_sure_to_be_there():
-    """At 10 rad/s order 24 turns by 0.24 rad a sample, at 60 by 1.44: more than what is slow, 0.51."""
+    """Order 24 turns by 0.24 rad a sample at 10 rad/s, and by 1.44 at 60. It is slow up to 0.51."""
     for fast, speed, acting, low in (
         (2, 10.0, 8, 8),
         (2, 60.0, 2, 1),
@@ -304,7 +304,7 @@ def test_of_the_fast_orders_the_lowest_act_that_are_sure_to_be_there():
 
 @pytest.mark.parametrize(("orders", "first"), [(1, 20.0), (8, 1 / (16 * 8 * TS)), (64, 1 / (16 * 64 * TS))])
 def test_the_orders_that_act_share_the_rate(orders, first):
-    """Their rates add up to a sixteenth a sample, which settles at any speed."""
+    """The rates of all acting orders add up to 1/16 per sample, a sum that settles at any speed."""
     c = CHarmonic(control_library("float"), law(6, orders, 20.0))
     run(c, Motor(1.0, ()), 1.0, 0.3)  # 0.384 rad a sample at order 384: all of them are slow
     turn = (
@@ -325,8 +325,10 @@ def test_a_least_rate_is_shared_too():
 
 
 def test_no_bend_is_learned_where_most_of_the_ripple_is_fast():
-    """At 30 rad/s order 24 turns by 0.72 rad a sample, order 6 by 0.18. Order 8 is not learned; beside
-    order 6 alone it looks like an angle that is bent twice a turn, by 8 mrad."""
+    """At 30 rad/s order 24 turns by 0.72 rad a sample, and order 6 by 0.18.
+
+    Order 8 is not learned. With order 6 alone it looks like an angle that is bent twice a turn, by 8 mrad.
+    """
     ripple = ((6, 0.03, 0.4), (24, 0.3, -1.0), (8, 0.002, 0.0))
     c, motor = CHarmonic(control_library("float"), law()), Motor(30.0, ripple)
     run(c, motor, 30.0, 6.0)

@@ -297,7 +297,7 @@ def test_the_map_of_a_users_law_is_loaded_where_it_fits(precision: str) -> None:
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("name", [name for name in ROTARY if name not in ("pi-afc", "harmonic")])
 def test_a_load_leaves_out_the_mean_that_is_an_integrals(name: str, precision: str) -> None:
-    """A law without an integral, or one that hands its integral over, needs the mean that its map has."""
+    """A map keeps its mean for a law without an integral, and for one that hands its integral over."""
     c = control_library(precision)
     law, flash = ROTARY[name](c), Flash(c)
     rows = law.memory.reshape(law.map.channels, -1)[:, : law.map.cells]

@@ -66,7 +66,7 @@ class Rotor:
 
 
 EVENTS = st.sampled_from(["run", "jump", "back", "nan", "stick", "noise", "fast", "i", "sum", "bus", "rest"])
-# periods of full current, and then of less
+# numbers of periods with full current and then with less
 PUSHES = st.sampled_from([(1, 0), (0, 1), (2, 1), (1, 2), (30, 10)])
 
 
@@ -344,7 +344,7 @@ def test_a_stuck_angle_gives_a_safe_output_until_it_moves(precision):
 
 @PRECISIONS
 def test_a_rotor_without_full_current_is_never_stuck(precision):
-    """A feedback takes as long as it needs to raise the current: what it has summed up is not thrown away."""
+    """The monitor leaves the feedback all the time to raise the current, and does not clear its integral."""
     rotor = Rotor(precision, omega=0.0)
     assert not any(rotor.run(20_000, omega_ref=50.0, full=False))
     assert not any(rotor.run(49, omega_ref=50.0))
@@ -364,7 +364,7 @@ def test_full_current_may_flicker(precision, pattern, stuck):
 @PRECISIONS
 @pytest.mark.parametrize("ramp", [0, 300, 2000])
 def test_a_blocked_rotor_rests_ten_times_as_long_as_it_was_tried(precision, ramp):
-    """The feedback starts anew with each attempt, and takes `ramp` periods to full current."""
+    """In each attempt the feedback starts anew, and takes `ramp` periods to full current."""
     rotor, safe, since = Rotor(precision, omega=0.0), [], 0
     for _ in range(60_000):
         safe += rotor.run(1, omega_ref=50.0, full=since >= ramp)

@@ -255,7 +255,7 @@ def test_law_29_with_forgetting_converges(precision):
 @pytest.mark.parametrize("precision", ["float", "double"])
 @pytest.mark.parametrize("memory", ["map", "line", "lead"])
 def test_a_mean_goes_over_to_the_integral_unfelt(memory: str, precision: str) -> None:
-    """15/16 of it are left after each period, whatever the gains, and the speed knows nothing of it."""
+    """Each period leaves 15/16 of the memory's mean, with any gains, and the speed does not change."""
     periods, load = 64, 0.5
     if memory == "line":
         learned: AngleMemory | DelayLine = DelayLine(kind="time", ts=TS, cells=SAMPLES + 10, limit=[2.0])

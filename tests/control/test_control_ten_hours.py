@@ -1,5 +1,7 @@
-"""Ten hours of every law that learns, on a drive of a few lines of C that knows nothing of the simulator: no
-mean drifts between two memories of it. tests/control/ten_hours.c says what happens to the drive."""
+"""Ten hours of every law that learns: no mean drifts between memory and integral.
+
+The drive is a few lines of C apart from the simulator. tests/control/ten_hours.c says what happens to it.
+"""
 
 import subprocess
 from pathlib import Path
@@ -49,10 +51,10 @@ def test_every_law_with_a_memory_is_here() -> None:
 
 @pytest.mark.parametrize("law", OWNED + IN_THE_MAP)
 def test_ten_hours_leave_the_drive_as_it_was_in_its_first_minute(law: str, program: Path) -> None:
-    """After them an angle dropout clears the integral, and a guard may mute what is learned: neither may
-    throw the rotor further than early on. In torque mode only a mean that no integral has is a current.
+    """After ten hours a dropout or a muting guard throws the rotor no further than in the first minute.
 
-    That is the load's at the speed at which it was learned, and no more at others.
+    In torque mode a law gives a current only if its map has the mean, without an integral. That current is
+    the load's at the speed at which it was learned, and not larger at other speeds.
     """
     drive = seen(program, law)
     load = drive["load_current"]

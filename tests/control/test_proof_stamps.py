@@ -1,4 +1,4 @@
-"""A proof's stamp is that of all that it was made of: what changes makes it stale, and nothing else does."""
+"""A proof's stamp is stale if, and only if, something changed that the proof reads."""
 
 from __future__ import annotations
 
@@ -172,14 +172,14 @@ def test_an_include_whose_file_is_not_in_the_text_is_refused(run: ModuleType, co
 
 
 class Proof:
-    """`run.py` of a copy, under a Frama-C that says what the sources ask it to."""
+    """`run.py` of a copy, with a fake Frama-C whose verdict is written in the sources."""
 
     def __init__(self, control: Path, tmp_path: Path) -> None:
         self.control, self.log = control, tmp_path / "ran"
         self.tools = tmp_path / "tools"
         self.tools.mkdir()
         self.version(VERSION)
-        # the other spelling of view.h, which is compared for every float, is no matter of stamps
+        # stamps don't depend on view_check.c, which compares two spellings of view.h for every float
         (control / "proof" / "view_check.c").write_text("int main(void) { return 0; }\n")
 
     def version(self, version: str) -> None:
@@ -188,7 +188,7 @@ class Proof:
         program.chmod(program.stat().st_mode | stat.S_IXUSR)
 
     def run(self, *words: str) -> tuple[int, list[str]]:
-        """Its exit code, and the harnesses that were run."""
+        """Run run.py with these words: its exit code, and the names of the harnesses that it ran."""
         self.log.write_text("")
         path = f"{self.tools}{os.pathsep}{os.environ['PATH']}"
         command = [sys.executable, str(self.control / "proof" / "run.py"), "--jobs", "1", *words]

@@ -480,7 +480,7 @@ def test_what_learning_leaves_is_the_mean_over_the_scenarios_that_turn(
 
 @pytest.mark.parametrize("law", ["space-position", "space-speed"])
 def test_a_law_whose_learning_is_off_needs_no_gain_that_settles(law: str) -> None:
-    """At rest no gain of learning can be found; its feedback needs none."""
+    """At rest the rule finds no learning gain; a law with learning off needs none."""
     own = {"law": law, "tuning": {"rule": "auto"}}
     still = {"scenario.slow.reference": "0 rpm", "scenario.slow.controllers": ["pi", "off"]}
     still |= {f"scenario.{name}.controllers": ["pi"] for name in load("uomodri").scenario if name != "slow"}

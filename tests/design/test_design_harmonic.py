@@ -108,7 +108,7 @@ def test_what_the_motor_is_told_to_have_is_learned_at_any_speed(tells):
 
 
 def alone(speed: str) -> Study:
-    """A study of uomodri, compensated, with one scenario at a speed."""
+    """A study of uomodri with dead time compensated and a single scenario at one speed."""
     of_speed = {"duration": "6 s", "reference": speed, "initial_speed": speed}
     afc = {"law": "pi-afc", "tuning": {"rule": "auto"}}
     scenario = {"scenario": {"alone": of_speed}, "controller.afc": afc, "metric": []}
@@ -117,8 +117,10 @@ def alone(speed: str) -> Study:
 
 @pytest.mark.parametrize("speed", ["240 rpm", "480 rpm"])
 def test_a_scenario_gets_what_it_can_hold_whatever_the_others_are(speed):
-    """At 240 r/min it left .275 r/min, at 480 .283, and beside a scenario of 15 r/min .081: order 144 was
-    left out, and at 480 r/min a bend of the angle was learned that is not there."""
+    """Before, the law left .275 r/min at 240 r/min and .283 at 480, but .081 if a scenario had 15 r/min.
+
+    It had left out order 144, and at 480 r/min it had learned a bend of the angle that does not exist.
+    """
     here = alone(speed)
     assert learner(here, "harmonic") == learner(study(**COMPENSATED), "harmonic")
     beside = {"duration": "6 s", "reference": "15 rpm", "initial_speed": "15 rpm"}
@@ -136,8 +138,11 @@ def test_a_scenario_gets_what_it_can_hold_whatever_the_others_are(speed):
 
 @pytest.mark.parametrize(("speed", "time"), [("40 rpm", 1.3), ("60 rpm", 1.3), ("120 rpm", 0.6)])
 def test_a_load_that_steps_while_it_learns_bends_no_angle(speed, time):
-    """A load's step hides what the ripple tells of the angle. A bend learned from it turned order 72 by up to
-    two radians, and left 5 to 19 r/min for good where the feedback alone leaves 5."""
+    """During a step of the load the ripple gives a wrong bend of the angle.
+
+    A bend learned from it turned order 72 by up to two radians. It left 5 to 19 r/min for good, where the
+    feedback alone leaves 5.
+    """
     of_speed = {"duration": "6 s", "reference": speed, "initial_speed": speed}
     step = {"events": [{"time": f"{time} s", "load": "20 mN*m"}]}
     here = changed(alone(speed), {"scenario": {"alone": {**of_speed, **step}}})
@@ -146,8 +151,10 @@ def test_a_load_that_steps_while_it_learns_bends_no_angle(speed, time):
 
 
 def test_a_speed_that_swings_is_learned_once():
-    """A new speed opens the rate again; one that swings by more than a quarter opened it again and again,
-    and a load's step then taught too much. At 18 s the load steps by 20 mN m."""
+    """A new speed raises the learning rate. Before, a swing by over a quarter raised it again and again.
+
+    A step of the load was then learned too fast. Here the load steps by 20 mN m at 18 s.
+    """
     here = load("uomodri-varying", {**studies.HARMONIC, **COMPENSATED, "metric": []})
     step = [{"time": "18 s", "load": "20 mN*m"}]
     made = {"scenario.varying.events": step, "scenario.varying.duration": "24 s"}
@@ -358,7 +365,7 @@ def test_a_position_is_held_with_less_ripple():
 
 @pytest.mark.parametrize(("rate", "speed", "slow"), [("8 kHz", 0.5, 2), ("30 kHz", 0.25, 18)])
 def test_slow_orders_are_named_and_do_not_veto_the_others(rate: str, speed: float, slow: int) -> None:
-    """At these rates and speeds nothing was judged, since order 2 turns by less than 0.001 rad a sample."""
+    """Order 2 turns by less than 0.001 rad a sample here. Before, that kept all orders from a judgement."""
     turning = {"scenario.slow.reference": f"{speed} rev/s", "scenario.slow.initial_speed": f"{speed} rev/s"}
     rates = {"drive.rates": {"current_loop": "24 kHz" if rate == "8 kHz" else "30 kHz", "speed_loop": rate}}
     fine = {"drive.position_sensor": {"kind": "absolute", "bits": 20}}

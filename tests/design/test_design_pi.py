@@ -436,7 +436,7 @@ def test_the_summary_has_every_controller(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("bandwidth", [10, 30, 60, 90])
 def test_behind_a_slow_observer_the_gains_of_a_margin_are_found(bandwidth: int) -> None:
-    """Its lag grows with the cube of the frequency, so that substitution runs away; they were called none."""
+    """The observer's lag grows with the frequency cubed, so substitution, used before, finds no gains."""
     sensor = {"kind": "absolute", "bits": 17, "speed_method": "observer"}
     sensor |= {"observer_bandwidth": f"{bandwidth} Hz"}
     study = load(Path(__file__).parents[2] / "examples" / "smallest.toml", {"drive.position_sensor": sensor})

@@ -86,7 +86,7 @@ def test_cogging_that_is_not_learned_is_named_with_a_base_that_learns_it():
 
 
 def test_a_base_that_the_law_has_already_is_not_advised():
-    """Six times the main order is the highest that it learns, whatever its base, which is 6."""
+    """The law learns at most six times the main order, with any base. Its base here is 6 already."""
     high = {"motor.cogging": [{"order": n, "torque": "1 mN*m"} for n in (6, 84, 510)]}
     high |= {"drive.rates.integration_steps": 4}
     for base in ({}, {"controller.harmonic.base": 6}):
@@ -98,7 +98,7 @@ def test_a_base_that_the_law_has_already_is_not_advised():
 
 
 def test_edges_are_not_timed_where_they_come_later_than_the_loop_can_wait():
-    """A telescope's drive: 17 counts a second. Timed, the speed is worse and its mean wrong."""
+    """A telescope's drive has 17 counts a second. Timed edges make its speed worse and its mean wrong."""
     stars = {"scenario.slow.reference": "0.1 rpm", "scenario.slow.duration": "20 s"}
     counted = {"drive.position_sensor": {"kind": "encoder", "lines": 2500}}
     timed = {"drive.position_sensor.speed_method": "MT"}
@@ -192,7 +192,7 @@ def test_too_many_orders_are_told_with_their_keys_and_the_limit():
 
 
 def test_the_highest_order_of_a_memory_is_learned():
-    """256 of base 2. The 128th multiple of base 21 is beyond what any base learns of this motor."""
+    """Base 2 learns up to order 256. No base learns the 128th multiple of 21 on this motor."""
     highest = {"motor.cogging": [{"order": 256, "torque": "0.1 mN*m"}]}
     assert notes(my_motor(**highest), "harmonic") == []
     others = {"motor.cogging": [{"order": n, "torque": "0.1 mN*m"} for n in (21, 21 * 128)]}

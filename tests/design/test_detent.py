@@ -1,4 +1,4 @@
-"""Where a rotor snaps from detent to detent: foreseen against runs, and what is said of learning there."""
+"""Rotors that snap from detent to detent: the prediction beside runs, and the warnings on learning."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def file() -> Path:
 
 
 def step_motor(rpm: float, detent: float, **more: Any) -> Study:
-    """L_f in mH: 0.1 mH are 10 mN m of order 200."""
+    """A step motor with L_f = `detent` mH; 0.1 mH give 10 mN m of order 200."""
     turning = {"scenario.turn.reference": f"{rpm} rpm", "scenario.turn.initial_speed": f"{rpm} rpm"}
     study = load(file(), {**turning, "motor.L_f": [f"{detent} mH"], **more})
     assert isinstance(study, Study)
@@ -71,7 +71,7 @@ def step_motor(rpm: float, detent: float, **more: Any) -> Study:
 
 
 def flat_motor(rpm: float, torque: float, **more: Any) -> Study:
-    """The example's motor of 7 pole pairs with order 84 alone, whose loop is slowed down."""
+    """The motor of examples/my_motor.toml with cogging of order 84 only, and a slower speed loop."""
     turning = {"scenario.slow.reference": f"{rpm} rpm", "scenario.slow.initial_speed": f"{rpm} rpm"}
     cogging = {
         "motor.cogging": [{"order": 84, "torque": f"{torque} mN*m"}],
@@ -105,7 +105,7 @@ def foreseen(study: Study, scenario: str, name: str = "pi") -> float:
 def test_a_rotor_stops_where_the_ripple_of_small_signals_reaches_its_speed(
     motor: Any, scenario: str, sizes: tuple[float, ...]
 ) -> None:
-    """Over a grid of speeds and detents; between 0.7 and 1.6 either may come true."""
+    """The prediction holds on a grid of speeds and detents. From 0.7 to 1.6 either outcome is right."""
     seen = {True: 0, False: 0}
     for size in sizes:
         for rpm in (0.5, 1.5, 5.0, 15.0, 30.0, 60.0, 120.0):
@@ -119,7 +119,7 @@ def test_a_rotor_stops_where_the_ripple_of_small_signals_reaches_its_speed(
 
 
 def test_in_both_limits_it_is_the_detent_against_energy_or_stiffness() -> None:
-    """20 mN m of order 200 on 54 g cm^2: 137 Hz."""
+    """20 mN m of order 200 pull at 137 Hz on 54 g cm^2."""
     fast, slow = step_motor(200.0, 0.2), step_motor(0.01, 0.2)
     rate = math.sqrt(200 * 20e-3 / 54e-7)
     assert rate / math.tau == pytest.approx(137, abs=0.5)
@@ -142,7 +142,7 @@ def test_the_speed_from_which_it_turns_is_where_the_ripple_is_as_large_as_the_sp
 
 @pytest.mark.parametrize("rpm", [0.5, 30.0])
 def test_no_learning_is_certified_where_the_rotor_snaps(rpm: float) -> None:
-    """It was said to converge at 30 r/min, where the run ends above the PI."""
+    """Before, the design said that learning converges at 30 r/min. The run there ends worse than the PI."""
     study = step_motor(rpm, 0.2)
     words = certificate(study, "harmonic").words()
     assert words.startswith("not judged: at") and "whose detents pull at 137 Hz" in words
@@ -163,7 +163,7 @@ def test_what_is_certified_converges() -> None:
 
 
 def test_a_table_that_is_filled_is_not_left_to_its_feedback() -> None:
-    """The paper's bench: at a revolution a second the feedback alone lets it stop, the table doesn't."""
+    """On the paper's bench the rotor stops at 1 rev/s under the feedback alone, and turns with the table."""
     study = load("uomodri-bench")
     assert any("snaps" in str(line) for line in warnings(study, "1-rev-s", "p"))
     assert not any("snaps" in str(line) for line in warnings(study, "1-rev-s", "table"))

@@ -379,7 +379,7 @@ def test_orders_of_motor_and_load_are_currents_at_a_speed(
 @pytest.mark.parametrize("phases", [2, 3])
 @pytest.mark.parametrize("sensors", [2, 3])
 def test_sensors_that_err_make_order_one_and_two_of_the_current(phases: int, sensors: int) -> None:
-    """By the transform itself: measured currents of a constant i_q, turned back into the rotor's frame."""
+    """The expected values are measured currents of a constant i_q, transformed into the rotor's frame."""
     offset, gain, mean = (0.03, -0.01, 0.02), (0.05, 0.0, -0.02), 1.5
     errs = SimpleNamespace(offset=offset, gain_error=gain, sensors=sensors)
     motor: Any = SimpleNamespace(pole_pairs=4, star=lambda: SimpleNamespace(phases=phases))

@@ -34,7 +34,7 @@ def warned(folder: Path, **law: Any) -> str | None:
     ],
 )
 def test_it_is_told(cells: int, said: str | None, tmp_path: Path) -> None:
-    """With 1000 cells the order grows with this gain: they are advised only where it grows already."""
+    """With 1000 cells the order grows at this gain. So 1000 are advised only if it grows already."""
     ways = ": cells = 1000 would do" if cells == 600 else ""
     assert warned(tmp_path, cells=cells) == (f"cells = {cells} is {said}{ways}" if said else None)
 

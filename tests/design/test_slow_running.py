@@ -55,7 +55,7 @@ def test_edges_that_come_too_rarely_for_the_loop(
     said: str | None,
     helps: bool,
 ) -> None:
-    """With what would be enough, if that is: times the counts, and a fifth more."""
+    """The advised counts are the necessary ones and a fifth more."""
     needed = 1.2 * {1.0: 20 / (0.5 / 0.1 + 0.5), 2.5: 8 / (0.5 / 0.1 + 0.5)}.get(omega, 1.0) if timed else 2.4
     tried: list[Any] = []
 

@@ -281,7 +281,7 @@ def test_a_feedback_by_hand_keeps_laws_without_a_pi_away(tmp_path: Path) -> None
 
 
 def test_a_law_with_a_margin_of_its_own_stays_away_from_a_feedback_by_hand(tmp_path: Path) -> None:
-    """It would be the same law as without, under another name."""
+    """On such a plant the law would be the one without a margin, under another name."""
     calm = {"law": "pi-ilc", "tuning": {"rule": "auto", "phase_margin": "60 deg"}}
     plant = {**PLANT, "feedback": {"kp": 0.05, "ki": 2.0}}
     fight = arena(tmp_path, law={**LAWS, "calm": calm}, plant={"drone": plant})
@@ -290,7 +290,7 @@ def test_a_law_with_a_margin_of_its_own_stays_away_from_a_feedback_by_hand(tmp_p
 
 
 def test_what_limits_the_best_law_is_found_by_trying(tmp_path: Path) -> None:
-    """Dead time does, and its compensation leaves less, as the arena tells."""
+    """Dead time limits the best law, and the limits name its compensation as the change that helps."""
     laws = {"bar": LAWS["bar"], "harmonic": {"law": "harmonic", "tuning": AUTO}}
     fight = arena(tmp_path, seeds=[0], law=laws)
     found = run_arena(fight, ["drone/*"], find_limits=True)
@@ -330,7 +330,7 @@ def test_a_mistake_is_told_in_a_line(tmp_path: Path) -> None:
 
 
 def test_an_empty_table_of_changes_is_a_value(tmp_path: Path) -> None:
-    """As `drive.bus = {}`: a bus with its defaults. It was left out without a word once."""
+    """`drive.bus = {}` is a bus with its defaults. Before, the empty table was ignored without a message."""
     of_bus = {**PLANT, "changes": {"drive": {"bus": {}}}}
     study, _ = prepared(arena(tmp_path, plant={"drone": of_bus}), "drone", ["bar"])
     assert study.drive.bus is not None

@@ -1,4 +1,4 @@
-"""Each plant of the shipped arena is what its `about` says: every word is checked, none is left over."""
+"""Each plant of the shipped arena agrees with its `about`: a check exists for every word of it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def arena() -> Arena:
 
 @dataclass(frozen=True)
 class Plant:
-    """A plant as the bar meets it. `before`: the plant before it in the file, which "the same" means."""
+    """A plant with the bar's law. `before`: the plant before it in the file, to which "the same" refers."""
 
     told: ArenaPlant
     study: Study
@@ -93,12 +93,12 @@ def turns_at(p: Plant, said: re.Match[str]) -> bool:
 
 
 def cogs(p: Plant, _: re.Match[str]) -> bool:
-    """Without it, much of the bar's ripple is gone."""
+    """Without cogging, the bar's ripple falls below 0.7 times."""
     return p.ripple(**{"motor.cogging": []}) < 0.7 * p.ripple()
 
 
 def compensated(p: Plant, _: re.Match[str] | None = None) -> bool:
-    """The bar's own ripple moves when it is not, by more than the noise of another seed moves it."""
+    """Without the compensation the bar's ripple changes by more than with another seed."""
     table = p.study.source.tables["drive"]
     drive = {key: value for key, value in table.items() if key != "dead_time_compensation"}
     moved, noise = (abs(p.ripple(**other) - p.ripple()) for other in ({"drive": drive}, {"seed": 1}))
@@ -106,7 +106,7 @@ def compensated(p: Plant, _: re.Match[str] | None = None) -> bool:
 
 
 def same(p: Plant, _: re.Match[str]) -> bool:
-    """Motor, mechanics and drive are those of the plant before, but for what the words behind say."""
+    """Motor, mechanics and drive are those of the plant before, except for what the next words name."""
     assert p.before is not None
     mine, others = p.study, p.before.study
     method = {"speed_method", "timer"}
@@ -118,19 +118,19 @@ def same(p: Plant, _: re.Match[str]) -> bool:
 
 
 def timed(p: Plant, _: re.Match[str]) -> bool:
-    """It is, and the bar feels that the encoder's steps are gone."""
+    """The speed is timed (MT), and the bar's ripple is lower than with counts (M)."""
     sensor = p.study.drive.position_sensor
     counted = p.ripple(**{"drive.position_sensor.speed_method": "M"})
     return isinstance(sensor, Counted) and sensor.speed_method == "MT" and p.ripple() < 0.99 * counted
 
 
 def locks(p: Plant) -> bool:
-    """Whether the counts of few turns come at the same angles again."""
+    """Whether samples and counts repeat at the same angles after a few turns."""
     return p.samples_of_a_turn.denominator < 100 and p.samples_of_a_turn.numerator < 10_000
 
 
 def never_repeats(p: Plant, _: re.Match[str]) -> bool:
-    """The period that both of its frequencies share is longer than the run."""
+    """The common period of the reference's two frequencies is longer than the run."""
     scenario = p.study.scenario[TOLD]
     table = p.study.source.tables["scenario"][TOLD]["reference"]
     assert scenario.slowest < scenario.top_reference
@@ -145,7 +145,7 @@ def varies(p: Plant, _: re.Match[str]) -> bool:
 
 
 def arm(p: Plant, _: re.Match[str]) -> bool:
-    """A weight that turns with the motor, which the bar feels."""
+    """A weight turns with the motor, and changes the bar's ripple."""
     waves = [wave for wave in p.study.mechanics.load.harmonics if wave.order == 1]
     return bool(waves) and abs(p.ripple(**{"mechanics.load": "0 N*m"}) / p.ripple() - 1) > 0.05
 
@@ -178,7 +178,7 @@ def gear(p: Plant, _: re.Match[str]) -> bool:
     return side is not None and side.ratio > 1 and bool(side.gear_errors)
 
 
-# what an `about` says, and what is true of the plant then
+# words of an `about`, and the check of the plant that belongs to each
 WORDS: dict[str, Callable[[Plant, re.Match[str]], bool]] = {
     r"Liu's motor": datasheet("liu2018"),
     r"drone motor": datasheet("uomodri"),

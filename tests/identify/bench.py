@@ -1,7 +1,7 @@
-"""A drive in a few lines of NumPy, apart from the project's engine: its faults and their shares are known.
+"""A drive in a few lines of NumPy, apart from the project's engine. Its faults and their shares are known.
 
-Many drives run side by side, a column each. The motor has ten poles and nine slots. Its current loop is a PI
-on the measured current; a speed loop at 1 kHz takes the difference of counts. Units are SI.
+Many drives run at the same time, one in each column. The motor has ten poles and nine slots. Its current loop
+is a PI on the measured current. The speed loop runs at 1 kHz, on the difference of counts. Units are SI.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ THIRDS = TURN / 3 * np.arange(3)[:, None]
 
 @dataclass(frozen=True)
 class Drive:
-    """What is wrong with a drive. Waves are (order, size, phase): size sin(order theta + phase)."""
+    """The faults of a drive. Waves are (order, size, phase): size sin(order theta + phase)."""
 
     cogging: tuple[tuple[int, float, float], ...] = ()  # N m
     flux: tuple[tuple[int, float, float], ...] = ()  # share of K_t

@@ -173,8 +173,7 @@ def test_an_order_has_its_share_of_the_ripple() -> None:
 
 
 def test_an_error_of_the_encoder_is_measurement_and_moves_the_rotor_by_the_controller() -> None:
-    """The rotor goes half of an error of 0.01 rad backwards: a fifth of the squares is motion, by that "
-    "error."""
+    """An error of 0.01 rad moves the rotor by half of itself, backwards: a fifth of the squares is motion."""
     turned = 3e-3 * np.arange(20_000)
     moved = replace(
         part(turning(30.0, theta=turned - 5e-3 * np.sin(2 * turned)), 30.0), error={2: complex(0.0, -0.01)}

@@ -1,7 +1,7 @@
-"""Each sentence that advises: what it advises is done, by the data that it carries, and it helps.
+"""Each sentence that advises is followed, by the changes that it carries, and helps.
 
-The plant is not the engine. Where the advice is to record a log, the plant records it; where it is to change
-the file of columns, the file is changed.
+The plant is not the engine. It records the log that a sentence advises to record. A change of the file of
+columns is made in that file.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def identified(logs: Logs, tables: Mapping[str, Any] | None = None) -> Estimate:
 
 
 def said(logs: Logs, tables: Mapping[str, Any] | None = None) -> tuple[list[str], Estimate | None]:
-    """All sentences, and the estimate where there is one."""
+    """All sentences of `identify` on these logs, and the estimate; None without one."""
     try:
         made = identified(logs, tables)
     except AdvisedError as error:
@@ -58,21 +58,21 @@ def of_case(case: str, *names: str) -> Logs:
 
 
 def inertia_off(made: Estimate | None) -> float:
-    """How far the inertia is off, relative; inf where it is not told."""
+    """Relative error of the estimated inertia; inf without an estimate."""
     if made is None or "j" not in made.values:
         return math.inf
     return abs(made.values["j"].value * made.K_t / bench.INERTIA - 1)
 
 
 def advice(lines: list[str], part: str) -> Advice:
-    """The one sentence that has these words; it advises."""
+    """The only sentence with these words, which must advise."""
     (line,) = [line for line in lines if part in line]
     assert isinstance(line, Advice) and line.cures
     return line
 
 
 def words(line: str) -> str:
-    """What a sentence is about, without its numbers and what it advises."""
+    """The subject of a sentence, without numbers and advice."""
     return re.sub(r"[-+]?\d[\d.e+-]*", "#", line.split(";")[0])
 
 
@@ -95,7 +95,7 @@ def without(logs: Logs, *signals: str) -> Logs:
 def test_what_cannot_be_told_apart_is_told_with_the_log_that_is_advised(
     case: str, names: tuple[str, ...]
 ) -> None:
-    """Each piece of advice by itself; and what an acceleration log tells is right."""
+    """Each advised log helps by itself, and the values from an acceleration log are right."""
     logs = of_case(case, *names)
     before, made = said(logs)
     for line in advice_of(before):
@@ -123,7 +123,7 @@ def test_those_sentences_are_all_that_poor_logs_bring_forth() -> None:
 
 @pytest.mark.parametrize("key", ["j", "encoder"])
 def test_an_inertia_or_an_error_that_cannot_be_told_apart(key: str) -> None:
-    """These logs, of one speed in many short pieces, do not have the sentence by nature: it is made."""
+    """Logs of one speed in many short pieces do not produce the sentence, so the test makes it."""
     line = not_told_apart(key, 1)
     logs = {**of_case("encoder", "slow"), **recorded(line.cures[0], "encoder")}
     after, made = said(logs)
@@ -158,7 +158,7 @@ def test_a_signal_that_is_missing_is_recorded(signal: str, part: str) -> None:
 
 
 def test_a_coast_down_needs_no_current() -> None:
-    """The second way out of a log without current: to say that it coasts."""
+    """The second advice on a log without current: declare it a coast-down."""
     coasting = {"cogging": bench.CASES["cogging"]}
     run = bench.Run(((0, 40.0), (1.5, 40.0)), driven=False)
     (log,) = bench.simulated([(coasting["cogging"], run)])
@@ -238,7 +238,7 @@ def test_a_rotor_that_sticks_turns_at_the_speed_at_which_it_slips() -> None:
 
 
 def test_a_rotor_that_stands_still_turns_faster() -> None:
-    """For two of five seconds it waits, and does not slip."""
+    """The rotor stands still for two of five seconds."""
     logs = of_case("cogging", "sweep")
     t = 1e-3 * np.arange(5000)
     step = bench.TURN / bench.COUNTS
@@ -266,7 +266,7 @@ def test_orders_beside_a_larger_one_are_the_encoder_s_in_a_faster_log() -> None:
 
 
 def test_sessions_that_differ_are_right_by_themselves() -> None:
-    """Two frictions in four logs; the friction of each log's own session is its own."""
+    """Four logs have two frictions. With sessions, each session gets its friction."""
     runs = {"slow": bench.RUNS["slow"], "sweep": bench.RUNS["sweep"]}
     frictions = {"cold": 3e-3, "warm": 2e-3}
     made = bench.simulated(
@@ -341,7 +341,7 @@ def test_a_hold_map_alone_asks_for_logs_that_turn_and_for_loads() -> None:
 
 
 def test_a_log_that_cannot_be_simulated_is_left_out() -> None:
-    """The law of the bench is described, and the reference of all logs but one."""
+    """The file of columns has the bench's law, and the reference of every log but one."""
     logs = of_case("cogging", "slow", "sweep", "fast")
     kp = bench.SPEED_BANDWIDTH * bench.INERTIA / bench.K_T
     tables = bench.columns()
@@ -376,7 +376,7 @@ def test_a_log_that_cannot_be_simulated_is_left_out() -> None:
 
 
 def mended(logs: Logs, tables: Mapping[str, Any], part: str) -> tuple[Advice, Estimate]:
-    """What is advised with these words, and the estimate with it."""
+    """The advice with these words, and the estimate after its change."""
     line = advice(said(logs, tables)[0], part)
     after, made = said(logs, changed(tables, line.cures[0]))
     assert made is not None and words(line) not in map(words, after)
@@ -427,7 +427,7 @@ def test_a_unit_that_does_not_fit_is_the_one_that_is_advised(
 
 
 def test_a_wrong_k_t_is_the_one_that_the_voltage_says() -> None:
-    """By a fifth: more than warm magnets make. With it inertia and cogging are right."""
+    """K_t is wrong by a fifth, more than warm magnets make. The change puts inertia and cogging right."""
     logs = of_case("cogging", "slow", "fast", "drives", "brakes", "sweep")
     tables = bench.columns()
     tables["motor"]["K_t"] = "0.06 N*m/A"
@@ -445,7 +445,7 @@ def test_a_wrong_k_t_is_the_one_that_the_voltage_says() -> None:
 
 
 def test_a_k_t_that_is_off_by_little_is_told_and_advises_nothing() -> None:
-    """By 3.3 %, as much as a voltage's gain or warm magnets make."""
+    """K_t differs by 3.3 %, as much as a voltage's gain or warm magnets make."""
     logs = of_case("cogging", "slow", "fast", "drives", "brakes", "sweep")
     for log in logs.values():
         log["u_q"] = 1.033 * log["u_q"]
@@ -455,8 +455,7 @@ def test_a_k_t_that_is_off_by_little_is_told_and_advises_nothing() -> None:
 
 @pytest.mark.parametrize("shape", ["late", "soft", "direct"])
 def test_what_the_voltage_says_of_k_t_holds_the_truth(shape: str) -> None:
-    """A command that comes 1.5 periods late, a bridge that loses less at small currents, a current in the "
-    "magnets' axis."""
+    """The plant has a command 1.5 periods late, a bridge that loses less at small currents, and i_d."""
     speeds, currents = (
         np.array([30.0, -30.0, 90, -90, 250, -250, 60, 60]),
         np.array([0.04, -0.04, 0.05, -0.05, 0.07, -0.07, 1.0, -1.0]),
@@ -492,7 +491,7 @@ def test_what_the_voltage_says_of_k_t_holds_the_truth(shape: str) -> None:
 
 
 def test_rms_amperes_are_told_by_the_phases_and_scaled() -> None:
-    """The voltage leaves it open; the phases, which it advises to record, tell it; the scale mends it."""
+    """The voltage can't decide on rms amperes. The advised phase currents decide, and `scale` mends it."""
     logs = of_case("cogging", "slow", "sweep")
     for log in logs.values():
         turned = bench.POLES * log["theta"]

@@ -1,4 +1,4 @@
-"""Logs of a plant apart from the engine, each with one thing wrong: diagnose tells it, and how much it is."""
+"""`diagnose` names the fault, and its size, in logs of a plant apart from the engine with one fault each."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def shares(made: Diagnosis) -> dict[str, float]:
 def test_the_only_cause_has_nine_tenths_of_the_ripple_or_more(
     case: str, cause: str, orders: set[int]
 ) -> None:
-    """What is left is of higher orders of the same thing, of noise, or of nothing that has a name."""
+    """Other causes are higher orders of the same fault, noise, or not named."""
     made = whole(case)
     assert diagnosis.answer(made).startswith(f"Most of the ripple is {cause}, ")
     told = shares(made)
@@ -81,9 +81,9 @@ def test_the_only_cause_has_nine_tenths_of_the_ripple_or_more(
 @pytest.mark.parametrize("case", ["cogging", "neighbours", "encoder", "encoder 2p", "offset", "gain"])
 @pytest.mark.parametrize("log", ["slow", "fast", "odd", "drives"])
 def test_the_ripple_is_the_rotor_s_own(case: str, log: str) -> None:
-    """By the angle's counts, whose speed over a row has more noise, and under the encoder's error."""
+    """The speed comes from the angle's counts, with more noise, and the encoder has an error."""
     made, signals = whole(case), bench.logs()[case][log]
-    # whole turns: one in each direction of the slow log
+    # the slow log has one whole turn in each direction
     turns = [slice(1000, 3000), slice(5600, 7600)] if log == "slow" else [slice(500, None)]
     true, logged = (
         math.sqrt(np.mean([np.var(signals[name][rows]) for rows in turns]))
@@ -96,7 +96,7 @@ def test_the_ripple_is_the_rotor_s_own(case: str, log: str) -> None:
 
 
 def test_neighbouring_orders_have_a_half_of_the_ripple() -> None:
-    """Both torques are equal. Their waves of the speed are the plant's own, by least squares of its truth."""
+    """Both torques are equal. The expected waves are least squares on the plant's true speed."""
     made, signals = whole("neighbours"), bench.logs()["neighbours"]["drives"]
     found = {each.order: each for each in made.of("drives.npz")}
     theta, omega = signals["theta"][1000:], signals["true_omega"][1000:]
@@ -119,7 +119,7 @@ def test_an_error_of_order_2p_is_no_torque_and_no_slipped_index() -> None:
 
 
 def test_one_speed_does_not_tell_an_error_of_order_2p_and_says_so() -> None:
-    """The advice, a second speed and an acceleration log, tells it."""
+    """The advised logs, a second speed and an acceleration, decide."""
     made = diagnosed(of_case("encoder 2p", "fast"))
     (each,) = [each for each in made.found if each.share > 0.1]
     assert each.causes[0].name == "cogging or current gain or encoder"
@@ -136,7 +136,7 @@ def test_one_speed_does_not_tell_an_error_of_order_2p_and_says_so() -> None:
     ("drives", "cogging or current gain or encoder or beyond the rows"),  # and here as order 10
 ])  # fmt: skip
 def test_an_order_beyond_the_rows_is_not_called_absent(log: str, cause: str) -> None:
-    """Cogging of slots and poles together, in 100 rows a second; the advised rows show it."""
+    """100 rows a second are too few for the cogging of slots and poles; the advised rate shows it."""
     every = 10
     seldom = {log: {key: x[::every] for key, x in bench.logs()["beyond"][log].items()}}
     made = diagnosed(seldom)

@@ -228,14 +228,14 @@ def test_an_estimate_that_cannot_be_simulated_stays_and_says_why(steps):
     assert (traces, found.values) == ({"a": "trace"}, made.values)
     assert found.remarks == (
         "First.",
-        "No simulation of b: it needs reference and controller in the file of columns, rows at a part of the "
-        "current loop's rate, and no table; add what is missing, or leave the log out: else "
-        f"{replay.UNCORRECTED}",
+        "No simulation of b. A log can be simulated if its [[log]] in the file of columns has reference and "
+        "controller, if the current loop's rate is a multiple of its rows' rate, and if no table is on. "
+        f"{replay.UNCORRECTED} Add what is missing, or leave the log out.",
     )
     steps["traces"] = StudyError("why")
     found, traces = replay.refined(made, lambda *of: None)
     assert (found.remarks[1], traces) == (
-        f"The logs could not be simulated (why): {replay.UNCORRECTED}", {}
+        f"The logs could not be simulated (why). {replay.UNCORRECTED}", {}
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 #define POLE_PAIRS_MAX 10000U /* an electrical angle of so many turns is still below CGL_ANGLE_MAX */
 #define DIVIDER_MAX 65535U
-#define FULL_SHARE CGL_R(0.95) /* of the current limit: more is full current */
+#define FULL_SHARE CGL_R(0.95) /* share of the current limit from which on a current is full */
 
 /* Whether what the drive itself takes is in its range, and the parts agree on what they say twice. */
 CGL_SELDOM static bool is_valid(const cgl_drive_config *config)
@@ -161,8 +161,8 @@ CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *referen
     drive->countdown = drive->divider - 1U;
 }
 
-/* Whether the output has pushed at its limit, since the law's last step at the latest, the way that the rotor is asked to turn.
- * The law or the current loop says so; somebody's own law may stop just below the limit and say nothing. */
+/* Whether the output pushes in the direction of omega_ref and was at its limit at some time since the law's last step. The law or
+ * the current loop reports the limit. A law may also stop just below it without a report, so FULL_SHARE of the limit is enough. */
 CGL_SELDOM static bool is_full(const cgl_drive *drive, cgl_real omega_ref)
 {
     const cgl_real i_d = drive->currents.i_d_ref, i_q = drive->command.i_q_ref;
@@ -184,7 +184,7 @@ bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
 {
     cgl_monitor *const monitor = &drive->monitor;
     const cgl_real omega_ref = is_busy(drive) || reference->torque ? CGL_R(0.0) : reference->omega_ref;
-    /* who turns is not pushed in vain: nobody asks in an ordinary period */
+    /* is_full matters only while the angle stands still, so an ordinary period does not compute it */
     cgl_monitor_step(monitor, now, omega_ref, monitor->standing > 0U && is_full(drive, omega_ref));
     drive->status = monitor->status;
     if (monitor->safe) {

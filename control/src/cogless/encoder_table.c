@@ -108,7 +108,7 @@ typedef struct {
     cgl_real sine, cosine;
 } wave;
 
-/* An order at an angle. */
+/* Cosine and sine of an order at an angle. */
 static wave wave_at(cgl_real theta, uint32_t order)
 {
     wave at;

@@ -1,6 +1,6 @@
 /* The position sensor's own error, such as that of an encoder that does not sit in the middle: learned while the motor turns fast,
- * taken out of the angle at any speed, before anything else uses it, and out of the speed that is estimated from the angle. So a map
- * learns the motor and not the sensor.
+ * then corrected at any speed. The correction of the angle comes before any other use of it, and the speed that is estimated from the
+ * angle is corrected, too. So a map learns the motor and not the sensor.
  *
  * The error is a sum of few low orders of the angle, cos and sin of each. Its angle does not depend on speed; that of a torque
  * ripple falls with the speed's square, as the inertia holds against it. Above omega_min an observer predicts the angle from the
@@ -12,8 +12,8 @@
  *
  * The current matters, since the loop makes the rotor follow the sensor's error, and nothing of it would be seen.
  *
- * A speed is the mean over the time that its estimator looks back: its error is that of the angles at both ends, over that time. An
- * observer takes the corrected angle. So correct the angle first, then estimate the speed:
+ * A measured speed is the mean over a window of time. Its error is the difference of the angle's errors at both ends of the window,
+ * divided by that time. An observer takes the corrected angle. So correct the angle first, then estimate the speed:
  *
  *   now.theta_m = cgl_radians(encoder.turns);
  *   cgl_encoder_table_step(&table, &now, drive.i_q, learn);
@@ -54,8 +54,8 @@ typedef struct {
     cgl_encoder_table_config config;
     cgl_angle_observer observer;
     cgl_real a[CGL_ENCODER_TABLE_ORDERS], c[CGL_ENCODER_TABLE_ORDERS]; /* of cosine and sine [rad]; may be stored and put back */
-    cgl_real theta;  /* the last step's angle as the sensor shows it [rad] */
-    cgl_real error;  /* that was taken out of it [rad] */
+    cgl_real theta;  /* uncorrected angle of the last step [rad] */
+    cgl_real error;  /* error that the last step took out of that angle [rad] */
     uint32_t settle; /* steps after which the observer has forgotten its start */
     uint32_t wait;   /* of them, still to come */
     bool learning;   /* something was learned in the last step */
@@ -70,16 +70,16 @@ void cgl_encoder_table_reset(cgl_encoder_table *table);
 /* Other constants; the orders must stay. Keeps what was learned, within the new limit. Checked as by init. */
 cgl_error cgl_encoder_table_retune(cgl_encoder_table *table, const cgl_encoder_table_config *config);
 
-/* Corrects theta_m of `now`, and learns where `learn` is true and the rotor turns fast enough. omega_m is read and stays: that of the
- * last period will do. i_q: measured current [A]. An angle or a speed that is not finite, or an angle beyond CGL_ANGLE_MAX, stays as it
- * is, and learning waits. */
+/* Corrects theta_m of `now`, and learns if `learn` is true and the rotor turns fast enough. The step reads omega_m, and leaves it as
+ * it is; the speed of the last period is good enough. i_q: measured current [A]. If angle or speed is not finite, or the angle is
+ * beyond CGL_ANGLE_MAX, the angle stays as it is and learning waits. */
 void cgl_encoder_table_step(cgl_encoder_table *table, cgl_measurement *now, cgl_real i_q, bool learn);
 
-/* A speed [rad/s] without the error of the angles that it is the mean between: that of the last step, and that before it by
- * omega_m time. time [s]: of cgl_speed_count or cgl_speed_timed. A time that is not above 0 leaves the speed as it is. */
+/* The speed omega_m [rad/s] without the sensor's error. omega_m is the mean over `time` [s], which cgl_speed_count or cgl_speed_timed
+ * gives: from the angle omega_m time before the last step's to that angle. If time is not above 0, the speed stays as it is. */
 cgl_real cgl_encoder_table_speed(const cgl_encoder_table *table, cgl_real omega_m, cgl_real time);
 
-/* The sensor's angle of the last step, in turns, corrected: for an observer. */
+/* `turns`, the sensor's angle of the last step, without the sensor's error: for an observer. */
 uint32_t cgl_encoder_table_turns(const cgl_encoder_table *table, uint32_t turns);
 
 #ifdef __cplusplus

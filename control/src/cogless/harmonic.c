@@ -15,14 +15,14 @@
 #define LONGEST CGL_R(16.0)
 #define MEAN CGL_R(0.25)    /* of z, in rad of the base order */
 #define QUICK CGL_R(0.0625) /* and a step, while it settles */
-#define TOGETHER CGL_R(0.0625) /* of a step, the most that the rates of all orders add up to: slow ones settle below 0.15 */
+#define TOGETHER CGL_R(0.0625) /* per step: bound on the sum of all acting orders' rates; slow orders settle below 0.15 */
 #define FULL CGL_R(6.0)     /* at the full rate, in its own time: exp(-3) of the ripple is left then */
 #define HALF CGL_R(0.5)     /* of a turn */
 #define NEW CGL_R(1.25)     /* ratio of speeds */
 #define HUNTS CGL_R(2.0)    /* times its reference: a rotor that is faster swings about it, and passes no more periods than so many */
 #define BENT CGL_R(0.05)    /* rad, bound of each part of the bend */
 #define SURE CGL_R(2.5e-7)  /* rad^2: a variance of the bend beyond which it is not learned, (0.5 mrad)^2 */
-#define CALM CGL_R(0.02)    /* times the mean |c|^2: a drift of up to a seventh of |c| turns the orders by a seventh of a radian */
+#define CALM CGL_R(0.02)    /* of the mean |c|^2: a drift of |c|/7 turns the orders by 1/7 rad */
 #define STAYS CGL_R(0.125)  /* half of the share of z's noise, between two turns of the bend, that a mean keeps */
 #define DOUBTED CGL_R(64.0) /* a bend of up to so many variances is taken for none */
 #define PARTS 2U            /* of the slow orders: a step teaches one of them */
@@ -218,15 +218,16 @@ static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
     return smaller((uint32_t)(int32_t)count, orders);
 }
 
-/* How fast the bend is learned in the next round, and how much of it is believed. The orders' noise makes a variance of it. Where
- * most of the ripple is fast, the slow orders tell too little of the bend. `begun`: of learning, in the orders' own time. */
+/* Sets the rate at which the next round learns the bend, and the share of the bend that is used. The noise of the orders gives the
+ * bend a variance. Where fast orders have most of the ripple, the slow orders show too little of the bend. `begun`: time of the
+ * orders' learning, times their full rate. */
 CGL_APART static void judge_bend(cgl_harmonic *law, cgl_real begun)
 {
     cgl_harmonic_bend *const bend = &law->bend;
     const cgl_real *const part = bend->part;
     const cgl_real size = cgl_clamp((cgl_real)law->config.base * bend->power, CGL_R(1.0e9));
     const cgl_real scale = law->rate * law->pi.ts * size * size, variance = CGL_R(2.0) * bend->doubt;
-    const cgl_real mean = bend->power / (cgl_real)larger(law->low, 1U); /* of |c|^2, or less */
+    const cgl_real mean = bend->power / (cgl_real)larger(law->low, 1U); /* mean |c|^2, or less */
     bend->calm = CALM * cgl_clamp(mean, CGL_R(1.0e9)) * law->gain * law->gain;
     bend->rate = CGL_R(0.0);
     const bool shows = size > CGL_R(1.0e-9) && bend->power > bend->rest;
@@ -284,11 +285,11 @@ CGL_APART static void begin_round(cgl_harmonic *law, const cgl_law_input *in)
     law->acting = acting;
     law->low = low;
     const cgl_real shared = TOGETHER / ((cgl_real)larger(acting, 1U) * law->pi.ts), full = lesser(config->rate, shared);
-    const cgl_real begun = full * law->time, after = begun - FULL; /* the mean is of what came after */
+    const cgl_real begun = full * law->time, after = begun - FULL; /* the mean begins FULL after learning */
     const cgl_real mean = after > CGL_R(0.0) ? full / (CGL_R(1.0) + CGL_R(0.5) * after) : full;
     const cgl_real rate = mean > config->rate_min ? mean : lesser(config->rate_min, shared);
     const cgl_real asked = HUNTS * (cgl_real)config->base * law->pi.ts * cgl_abs(in->omega_ref);
-    const cgl_real most = lesser(asked, size) / (CGL_PI * law->pi.ts); /* half of what one period of the base order would be learned with */
+    const cgl_real most = lesser(asked, size) / (CGL_PI * law->pi.ts); /* leaves exp(-1) of an order after a period of the base order */
     law->rate = cgl_gentle_gain(in->gentle, config->rate, config->rate) * lesser(rate, most);
     const cgl_real turn = size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0);
     cgl_sincos_of_angle(CGL_R(0.5) * turn, &law->half[1], &law->half[0]);

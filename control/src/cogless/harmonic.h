@@ -16,9 +16,10 @@
  *
  * Such slow orders learn in turns, a half of them in a step, from the sum of the last two s.
  *
- * The rate falls like the weight in a mean: it is 1 / (1 / rate + t / 2), with t the time since the speed was last a new one.
+ * The rate falls like the weight in a mean: it is 1 / (1 / rate + t / 2). t is the time since the last new speed.
  *
- * Which orders act follows from the speed: all that are slow, and of the fast ones the lowest, which are known to be there. */
+ * The speed decides which orders act: all slow orders, and those fast ones that are among the lowest `fast`. The motor is known to
+ * have these. */
 #ifndef COGLESS_HARMONIC_H
 #define COGLESS_HARMONIC_H
 
@@ -51,9 +52,9 @@ typedef struct {
                            3 allows none, below 5 one. 0 where the sensor is true, or a load that varies as often tells the
                            same; 0 to 2 */
     uint32_t orders;    /* how many, 1 to CGL_HARMONIC_ORDERS; base orders is at most CGL_HARMONIC_ORDER_MAX */
-    uint32_t fast;      /* so many of them, the lowest, act up to CGL_HARMONIC_FASTEST: those that the motor is known to have. The
+    uint32_t fast;      /* the lowest `fast` orders act up to CGL_HARMONIC_FASTEST: those that the motor is known to have. The
                            others act while they are slow; 0 to `orders` */
-    cgl_real rate;      /* of learning when it begins. Those of all orders that act add up to 1/16 in a step at most [1/s], >= 0 */
+    cgl_real rate;      /* at which learning begins. The rates of all acting orders add up to 1/16 per step at most [1/s], >= 0 */
     cgl_real rate_min;  /* to which it falls [1/s], >= 0 */
     cgl_real limit;     /* each amplitude, and the sum, stay within +-limit [A], > 0 */
     cgl_real held[CGL_HARMONIC_EDGES]; /* bands in which an order acts but is not learned, from and to, rising, none from 0
@@ -67,9 +68,9 @@ typedef struct {
     cgl_real here;    /* what is believed of it, at the present angle [turns] */
     cgl_real slope;   /* and how fast it grows with the angle */
     cgl_real rate;    /* of learning it [rad/A^2] */
-    cgl_real power;   /* sum of k |c_k|^2 of the orders that teach it, the slow ones, in this round [A^2] */
-    cgl_real rest;    /* and of the fast ones [A^2] */
-    cgl_real calm;    /* a drift whose square is larger tells nothing of the bend [turns^2/ts^4] */
+    cgl_real power;   /* sum of k |c_k|^2 over this round's slow orders, from which the bend is learned [A^2] */
+    cgl_real rest;    /* the same sum over the fast orders [A^2] */
+    cgl_real calm;    /* square of the drift above which the bend is not learned [turns^2/ts^4] */
     cgl_real moved;   /* how much they went on in phase, weighted with |c_k|^2, since it was learned last [A^2] */
     cgl_real before;  /* `moved` at the last turn */
     cgl_real doubt;   /* variance of `moved` per step that noise makes [A^4] */
@@ -91,12 +92,12 @@ typedef struct {
     uint32_t theta;          /* the observer's angle [turns of 2^32], */
     cgl_real omega;          /* speed [turns/ts], */
     cgl_real load;           /* z [turns/ts^2], */
-    cgl_real mean;           /* mean of z [turns/ts^2], */
-    cgl_real drift;          /* and the mean of what is left of z without it: what no order of the base has [turns/ts^2] */
+    cgl_real mean;           /* mean of z [turns/ts^2] */
+    cgl_real drift;          /* mean of z less `mean`: the part that no multiple of the base explains [turns/ts^2] */
     cgl_real share;          /* of z that the mean takes in a step */
     cgl_real last;           /* z without its mean, of the last step */
     cgl_real time;           /* of learning since the speed was new [s] */
-    cgl_real slowest, fastest; /* the span of new speeds; one is new that is beyond it by a quarter [turns/ts] */
+    cgl_real slowest, fastest; /* span of speeds; a speed a quarter beyond it is new [turns/ts] */
     cgl_real rate;           /* of learning at present [1/s] */
     cgl_real step;           /* of the base order, when the gains were begun [rad] */
     cgl_real base[2], half[2]; /* phasors of the base order: as far ahead as it acts, by half a period; */
@@ -123,8 +124,9 @@ cgl_error cgl_harmonic_retune(cgl_harmonic *law, const cgl_harmonic_config *conf
 void cgl_harmonic_reset(cgl_harmonic *law);
 
 /* Learning freezes while in->learn is false, the output was at its limit, or an input is not finite, and for CGL_HARMONIC_SETTLE
- * steps after. What was learned acts on meanwhile. Without an angle nothing learned acts. An order beyond CGL_HARMONIC_FASTEST,
- * or beyond `fast` and no longer slow, neither acts nor is learned. While in->off the output and the PI's integral are 0. */
+ * steps after. Meanwhile the learned orders still act, but not without an angle. An order neither acts nor is learned if it turns
+ * faster than CGL_HARMONIC_FASTEST, or if it is fast and not among the lowest `fast`. While in->off the output and the PI's integral
+ * are 0. */
 void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out);
 
 #ifdef __cplusplus

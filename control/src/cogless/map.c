@@ -1,7 +1,7 @@
 #include "map.h"
 
 #define FLOAT_MAX CGL_R(3.402823466e38)
-#define ROUNDING CGL_R(1.0e-6) /* of the limit, that a sum of the entries may have */
+#define ROUNDING CGL_R(1.0e-6) /* share of the limit by which a mean may be off through rounding */
 
 CGL_SELDOM bool cgl_map_is_valid(const cgl_map *map)
 {
@@ -29,7 +29,7 @@ CGL_SELDOM void cgl_map_centre(const cgl_map *map)
             mean += entry[n] / (cgl_real)map->cells;
         }
         if (cgl_is_within(mean, ROUNDING * map->limit[c])) {
-            continue; /* a map that has been centred stays as it was saved */
+            continue; /* the map is centred already and stays as it was saved */
         }
         for (uint32_t n = 0; n < map->cells; ++n) {
             entry[n] = cgl_clamp(entry[n] - mean, map->limit[c]);
@@ -95,7 +95,7 @@ CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
                                        cgl_map *map)
 {
     fill(map, CGL_MAP_LAW_ANTI_COGGING, law->table, law->config.cells, CGL_MAP_UNIT_CURRENT, law->config.pi.limit);
-    map->centred = 1U; /* as a calibration leaves it */
+    map->centred = 1U; /* a calibration leaves a map without a mean */
     return checked(map);
 }
 

@@ -79,7 +79,7 @@ typedef struct {
     uint32_t unit[CGL_MAP_CHANNELS];    /* CGL_MAP_UNIT_; from 128 to 255 the application's own */
     cgl_real limit[CGL_MAP_CHANNELS];   /* entries stay within +-limit [unit], > 0 and within the range of float */
     const bool *learning;               /* NULL, or true where the law's last step learned */
-    uint32_t centred;                   /* channels, from the first on, whose mean is an integral's: a load takes it out; default 0 */
+    uint32_t centred;                   /* number of first channels whose mean is an integral's; a load removes it; default 0 */
 } cgl_map;
 
 /* The map of a law that has been initialised. It stays valid until the law's next init or retune. Not CGL_MAP_OK: there is none,
@@ -96,8 +96,8 @@ cgl_map_result cgl_map_of_trial(const cgl_trial *law, cgl_map *map);
 cgl_map_result cgl_map_of_pi_afc(const cgl_pi_afc *law, cgl_map *map);
 cgl_map_result cgl_map_of_harmonic(const cgl_harmonic *law, cgl_map *map);
 
-/* Takes the mean out of the channels that are centred: after its entries were put in place, and before the law's next
- * step. Takes a time that grows with the cells. */
+/* Removes the mean of the first `centred` channels. Call it after the entries were written and before the law's next step. Its time
+ * grows with the cells. */
 void cgl_map_centre(const cgl_map *map);
 
 /* Whether every field is within its range. */

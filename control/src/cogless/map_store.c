@@ -344,7 +344,7 @@ cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map)
     } else if (result == CGL_MAP_OK) {
         cgl_map_centre(map);
     } else {
-        /* nothing was taken */
+        /* no entry was written, so there is no mean to remove */
     }
     return result;
 }

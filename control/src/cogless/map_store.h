@@ -99,8 +99,9 @@ cgl_error cgl_map_store_init(cgl_map_store *store, const cgl_map_store_config *c
                              uint32_t length);
 
 /* Takes the newer one of the stored maps that fit: CGL_MAP_OK, or why there is none. Every byte is checked before the
- * first entry of `map` is touched. Means that are an integral's are left out. Reads both slots from end to end, and one twice. For a start, or for a law that was
- * stepped with learn false and is not stepped with learn true meanwhile. Not while a save goes on: it ends that. */
+ * first entry of `map` is touched. The first `centred` channels lose their mean, which belongs to an integral. Reads both slots from
+ * end to end, and one twice. For a start, or for a law that was stepped with learn false and is not stepped with learn true
+ * meanwhile. Not while a save goes on: a load ends the save. */
 cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map);
 
 /* Begins a save of `map`, which is to stay until it has ended; one that goes on is given up. CGL_MAP_OK, or why not. */

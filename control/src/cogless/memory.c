@@ -10,7 +10,7 @@
 #define QUARTER_BACK 0xC0000000U
 #define REACH 16U           /* cells that a rotor may always pass in a step */
 #define PER_TURN CGL_R(2.3283064365386963e-10) /* 2^-32 */
-#define MEAN_MOST CGL_R(0.9375) /* of the mean over the period is recalled where it is an integral's */
+#define MEAN_MOST CGL_R(0.9375) /* share of the mean over a period that is recalled, at most, if the mean belongs to an integral */
 
 CGL_SELDOM static bool is_valid(const cgl_memory_config *config, cgl_real ts)
 {
@@ -102,7 +102,7 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
     return CGL_OK;
 }
 
-/* Gathers the mean anew, and takes nothing away until it is whole. */
+/* Begins a new sum for the mean. Until the sum is a whole period, no mean is taken away. */
 CGL_SELDOM static void forget_mean(cgl_memory *memory)
 {
     for (cgl_channel *channel = memory->channel; channel < memory->channel + CGL_CHANNELS; ++channel) {
@@ -305,7 +305,7 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
 
 /* ---- what is learned there ---- */
 
-/* What was gathered of so many entries is a whole period. */
+/* Ends the sum over a period, which had this many entries, and sets what the next period takes away of the mean. */
 CGL_SELDOM static void take_mean(cgl_memory *memory, cgl_real entries)
 {
     const cgl_real share = (cgl_real)memory->config.cells / entries;
@@ -317,8 +317,9 @@ CGL_SELDOM static void take_mean(cgl_memory *memory, cgl_real entries)
     }
 }
 
-/* Reads on through the map, wherever the rotor is, as many cells in a step as it passes: so a whole mean is at most a period
- * old where it turns, and what a rocking rotor learns is seen beside the rest. */
+/* Adds the next cells of the map to the mean, as many as the rotor passes in this step and one at least. The place in the map is
+ * independent of the rotor's. So the mean of a turning rotor is at most a period old. A rotor that rocks within a few cells still
+ * reads the whole map. */
 CGL_APART static void scan(cgl_memory *memory, uint32_t moved)
 {
     const uint32_t cells = memory->config.cells, first = memory->scan_cell, passed = memory->map.passed;
@@ -342,7 +343,8 @@ CGL_APART static void scan(cgl_memory *memory, uint32_t moved)
 }
 
 #ifndef COGLESS_NO_DELAY_LINE
-/* The same of a line, whose samples come by. A period ends within a sample: what is beyond is of the next one. */
+/* Adds the present sample of a delay line to the mean. A period ends within a sample: the rest of that sample counts for the next
+ * period. */
 CGL_APART static void gather_samples(cgl_memory *memory)
 {
     cgl_delay_line *const line = &memory->line;

@@ -68,9 +68,9 @@ typedef struct {
     cgl_real sum;        /* map: of what was one period ago in the cells of the Q filter */
     cgl_real anew;       /* map: the same from its beginning, as changes to the sum round */
     cgl_real correction; /* map: the last one */
-    cgl_real partial;    /* of the mean over the period, so far */
-    cgl_real drain;      /* centred: part of the mean that a period takes away, times the entries of the Q filter */
-    cgl_real transfer;   /* centred: so much of it in the last step that learned, which the integral takes over */
+    cgl_real partial;    /* mean over the period, summed so far */
+    cgl_real drain;      /* centred: the part of the mean that the next period takes away, times the Q filter's entries */
+    cgl_real transfer;   /* centred: the part that the last learning step took away; the integral takes it over */
 } cgl_channel;
 
 /* A delay line's state: a ring of samples in which newer ones come later. */
@@ -81,7 +81,7 @@ typedef struct {
     cgl_real p_t;      /* delay: P_t [s]; 0 where it is not known */
     cgl_real distance; /* delay: from the sample `then` to the last one [periods] */
     cgl_real part;     /* of the way from the sample `then` to the one before */
-    cgl_real span;     /* samples of which the mean is gathered */
+    cgl_real span;     /* samples in the mean's sum so far */
     uint32_t then;     /* place of the sample of one period ago */
     bool tracking;     /* delay: `then` and `part` are those of P_t */
 } cgl_delay_line;
@@ -97,9 +97,9 @@ typedef struct {
                                      ring; a line's samples. Kind delay: a row of x comes first */
     cgl_channel channel[CGL_CHANNELS];
     bool learning;                /* the last step learned */
-    uint32_t centred;             /* channels, from the first on, whose mean over the period is an integral's */
-    uint32_t scan_cell;           /* next cell of a map that goes into the mean */
-    cgl_real per_entry;           /* share of an entry in the mean */
+    uint32_t centred;             /* number of first channels whose mean over the period belongs to an integral */
+    uint32_t scan_cell;           /* the map's next cell for the mean's sum */
+    cgl_real per_entry;           /* weight of an entry in the mean */
     cgl_angle_map map;
     cgl_delay_line line;
 } cgl_memory;
@@ -123,9 +123,9 @@ cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config)
  * while it learns with corrections of 0. */
 void cgl_memory_soften(cgl_memory *memory, cgl_real factor);
 
-/* The mean over the period of the first `centred` channels belongs to an integral beside the memory; 0 after init. Two integrators
- * of one mean drift apart. So such a channel keeps at most 15/16 of its mean in a period that it learns, and all else. What it
- * gives away in a step is `transfer`: added to the integral, it leaves what both ask for as it was. */
+/* Says that an integral beside the memory has the mean over the period of the first `centred` channels; 0 after init. Two integrators
+ * of one mean drift apart. So a learning period keeps at most 15/16 of such a channel's mean, and all of the rest. `transfer` is the
+ * part that a step takes away. Add it to the integral: then the sum of channel and integral stays the same. */
 void cgl_memory_centre(cgl_memory *memory, uint32_t centred);
 
 /* Forgets everything learned. */

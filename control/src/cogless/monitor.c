@@ -3,8 +3,8 @@
 #include "angle.h"
 #include "range.h"
 
-/* A rotor that is stuck gets current again after so many times the attempt that it did not turn in: often enough for a sensor
- * that is well again, seldom enough for a winding that heats. */
+/* A stuck rotor gets current again after this many times the length of the last attempt. That is soon enough for a sensor that works
+ * again, and seldom enough for a winding that heats. */
 #define TRY_AGAIN 11U
 #define PERIODS_MAX CGL_R(1.0e9)
 
@@ -197,15 +197,15 @@ CGL_SELDOM static void settle(cgl_monitor *monitor, cgl_real theta, cgl_real d)
     }
 }
 
-/* Ends an attempt at turning the rotor, and what it has counted. */
+/* Ends the attempt to turn the rotor, and clears its counters. */
 static void try_again(cgl_monitor *monitor)
 {
     monitor->still = CGL_R(0.0);
     monitor->standing = monitor->pushing = monitor->attempt = 0U;
 }
 
-/* Counts the periods of an attempt and those of its full current; true where the rotor is stuck, and nothing more is tried. One
- * period of less current takes one of full current back: what is at its limit may flicker. */
+/* Counts the periods of an attempt, and those of them with full current. True if the rotor is stuck: then the attempt is over. A
+ * period with less current takes back one with full current, since a limit may flicker. */
 CGL_SELDOM static bool is_given_up(cgl_monitor *monitor, cgl_real far, bool full)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
@@ -224,8 +224,8 @@ CGL_SELDOM static bool is_given_up(cgl_monitor *monitor, cgl_real far, bool full
     return monitor->attempt > 0U;
 }
 
-/* Whether full current has not turned the rotor while the reference has turned. Asking for rest ends this; asking on gives
- * another attempt, once the rest has been ten times as long as the one before. */
+/* Whether full current has not turned the rotor while the reference has turned. A reference at rest ends this state. A reference that
+ * goes on gets another attempt after a rest that is ten times as long as the last attempt. */
 CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega_ref, bool full)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
@@ -250,12 +250,12 @@ CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega
     if (!again && (omega_ref > CGL_R(0.0) || omega_ref < CGL_R(0.0))) {
         return true;
     }
-    monitor->holding = again ? 0U : monitor->holding; /* the attempt must not wait: it is short */
+    monitor->holding = again ? 0U : monitor->holding; /* the new attempt begins at once: `hold` may be longer than it */
     try_again(monitor);
     return false;
 }
 
-/* Jumps come so often that the speed has not been believed for too long: the law has none. */
+/* Whether the angle has jumped so often that no speed was plausible for longer than `bridge`. The law then gets no speed. */
 static bool is_dark(const cgl_monitor *monitor)
 {
     return monitor->dark > monitor->limits.window + monitor->limits.bridge;

@@ -10,10 +10,10 @@
  * where the rotor should be; if the rotor can be at neither, the sensor has jumped. After a gap longer than `bridge` of a
  * sensor that was off before it nobody can tell: the output stays safe until cgl_monitor_trust().
  *
- * Stuck: an angle that stands still while the reference turns. First it is doubted, and nothing is learned. The feedback has
- * all the time that it needs to raise the current. Where the reference has turned by stuck_angle, and full current has not
- * moved the angle in stuck_time, the output is safe, until the angle moves or the reference stands still. After a rest of ten
- * times that attempt there is another.
+ * Stuck: an angle that stands still while the reference turns. First the angle is doubted, and learning stops. The feedback has all
+ * the time that it needs to raise the current. The output becomes safe once the reference has turned by stuck_angle and full current
+ * has not moved the angle for stuck_time. It stays safe until the angle moves or the reference stands still. After a rest of ten
+ * times the length of that attempt, the next attempt follows.
  *
  * An implausible current or bus voltage gives a safe output, too. The output stays safe for `hold` after the last cause.
  *
@@ -33,14 +33,14 @@ extern "C" {
 
 /* A bound of 0 is not watched. What is not finite is never plausible. No time is longer than 1e9 ts. */
 typedef struct {
-    cgl_real omega_max;    /* the rotor never turns faster, and its measured speed is never larger, by a count more in its
-                              window either, mechanical [rad/s], >= 0; default 0 */
+    cgl_real omega_max;    /* bound on the true speed, and on the measured one with a count more in its window,
+                              mechanical [rad/s], >= 0; default 0 */
     cgl_real angle_step;   /* resolution of the angle sensor, mechanical [rad], >= 0; default 0 */
-    cgl_real speed_window; /* a measured speed looks back so far, and is not believed so long after a jump [s], >= 0 */
-    cgl_real stuck_angle;  /* the reference has turned so far while the angle stood still: stuck [rad], >= 0; from a quarter
-                              of it on nothing is learned; default 0 */
-    cgl_real stuck_time;   /* but only where full current has pushed it that way for so long since that quarter [s], 0 to
-                              9e7 ts; default 0 */
+    cgl_real speed_window; /* window of a measured speed; the speed stays implausible for as long after a jump [s], >= 0 */
+    cgl_real stuck_angle;  /* the angle counts as stuck if the reference turns by this while it stands still [rad], >= 0;
+                              learning stops at a quarter of this; default 0 */
+    cgl_real stuck_time;   /* and if full current has pushed in the reference's direction for this time since that quarter
+                              [s], 0 to 9e7 ts; default 0 */
     cgl_real current_max;  /* the current vector is never longer, in a short circuit neither [A], >= 0; default 0 */
     cgl_real current_sum;  /* three measured phases: |i_a + i_b + i_c| is not larger [A], >= 0; default 0 */
     cgl_real bridge;       /* a missing angle is bridged so long [s], >= 0; default 0 */
@@ -82,8 +82,8 @@ typedef struct {
     uint32_t blind;      /* periods for which the measured speed is not believed yet */
     uint32_t dark;       /* periods for which it has not been believed */
     uint32_t standing;   /* periods in which the angle stood still and was doubted */
-    uint32_t pushing;    /* of them, with full current the way of the reference; one less with each that has less */
-    uint32_t attempt;    /* of them, up to the one in which it was said to be stuck; 0: it is not */
+    uint32_t pushing;    /* number of them with full current in the reference's direction, less those with less current */
+    uint32_t attempt;    /* number of them up to the one in which the rotor counted as stuck; 0: it does not */
     uint32_t holding;    /* periods for which the output still is safe */
     uint32_t jumps;      /* since init or reset, there, back and for one period only; stays at its largest value */
     unsigned status;     /* CGL_STATUS_ bits of the last step */
@@ -103,9 +103,9 @@ cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *con
 /* Forgets the past: the next angle is right, and the output safe until there is one. */
 void cgl_monitor_reset(cgl_monitor *monitor);
 
-/* Looks at the measurements of this period; omega_ref [rad/s] is what the rotor is asked for. full: the drive pushes it that
- * way as hard as it can, at the limit of its current or of its voltage. Fills theta_m, omega_m, safe, trusted and status,
- * whatever comes in. Where `standing` is 0, full says nothing yet and may be left false. */
+/* Checks the measurements of this period. omega_ref: the speed's reference [rad/s]. full: the drive pushes in the reference's
+ * direction at the limit of its current or voltage. Fills theta_m, omega_m, safe, trusted and status for any input. While `standing`
+ * is 0, full has no effect and may be false. */
 void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref, bool full);
 

@@ -37,7 +37,7 @@ void cgl_pi_reset(cgl_pi *pi);
 /* The same from another integral [output], which is taken within the limit. */
 void cgl_pi_start(cgl_pi *pi, cgl_real integral);
 
-/* The integral takes over what acted beside it [output], finite. */
+/* Adds to the integral an output that acted beside it until now; `output` is finite. */
 static inline void cgl_pi_take_over(cgl_pi *pi, cgl_real output)
 {
     pi->integral = cgl_add(pi->integral, output, pi->config.limit, &pi->lost);

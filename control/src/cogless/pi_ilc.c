@@ -1,6 +1,6 @@
 #include "pi_ilc.h"
 
-/* Channels whose mean the integral has. */
+/* The number of channels whose mean belongs to the integral. */
 static uint32_t centred(const cgl_pi_ilc_config *config)
 {
     return config->pi.ki > CGL_R(0.0) ? 1U : 0U;

@@ -3,7 +3,8 @@
  *   u_{k+1}(t) = Q u_k(t) + gain e_{k+1}(t),    i_q_ref = PI + u_{k+1}
  *
  * where k counts periods. The paper prints it with Q = 1, and so it drifts apart in the long run; forgetting or the Q
- * filter of the memory keep it bounded. The mean over a period is the integral's: where ki > 0, u gives its own to it. */
+ * filter of the memory keep it bounded. Where ki > 0 the mean over a period belongs to the integral, and u passes its own mean on to
+ * it. */
 #ifndef COGLESS_PI_ILC_H
 #define COGLESS_PI_ILC_H
 

@@ -19,7 +19,7 @@ static bool is_valid(const cgl_robust_ilc_config *config)
            && cgl_is_positive(CGL_R(1.0) / config->b);
 }
 
-/* Channels whose mean r has. */
+/* The number of channels whose mean belongs to r. */
 static uint32_t centred(const cgl_robust_ilc_config *config)
 {
     return config->gamma > CGL_R(0.0) ? 1U : 0U;

@@ -6,7 +6,7 @@
  *   i_q_ref = (c e + d omega_ref/dt + B(omega) - f_k - v + r) / b          (19)
  *   dr/dt = gamma S                                                        (20)
  *
- * Where gamma > 0 the mean over a period is that of r, to which f gives its own. Every term can be read from the state in
+ * Where gamma > 0 the mean over a period belongs to r, and f passes its own mean on to it. The state shows every term in
  * amperes. */
 #ifndef COGLESS_ROBUST_ILC_H
 #define COGLESS_ROBUST_ILC_H

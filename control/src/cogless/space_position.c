@@ -24,8 +24,9 @@ CGL_SELDOM static bool is_valid(const cgl_space_position_config *config)
            && (config->index == CGL_SPACE_BY_REFERENCE || config->index == CGL_SPACE_BY_ROTOR);
 }
 
-/* Channels whose mean the integral has, where it acts on beside what is learned: alpha and beta, which at a constant speed nothing
- * tells from it. The mean of h, learned where the speed changes, is what the inertia needs. */
+/* The number of channels whose mean belongs to the integral: alpha and beta, if the integral acts beside what is learned. At a
+ * constant speed their means have the same effect as the integral. The mean of h stays: it is learned where the speed changes, and
+ * accelerates the inertia. */
 static uint32_t centred(const cgl_space_position_config *config)
 {
     return config->k_i > CGL_R(0.0) && !config->hand_over ? 2U : 0U;
@@ -188,12 +189,12 @@ void cgl_space_position_step(cgl_space_position *law,
     }
     const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
 
-    if (learn) { /* whose sign is that of the error */
+    if (learn) { /* the integral has the sign of the error, the channels the other one */
         const cgl_channel *const channel = law->memory.channel;
         const cgl_real transfer = channel[0].transfer + channel[1].transfer * omega_ref;
         law->integral = cgl_add(law->integral, -acts * transfer, config->limit, &law->integral_lost);
     }
-    if (!(share_i > CGL_R(0.0))) { /* else it would wind up unheard, and act when what is learned fades */
+    if (!(share_i > CGL_R(0.0))) { /* an integral without effect would wind up, and act later when learning fades */
         law->integral = law->integral_lost = CGL_R(0.0);
     }
     cgl_real lost = law->integral_lost;

@@ -11,8 +11,8 @@
  *   h    (theta_ref) = Q sat(h    (theta_ref - T)) - share mu_h alpha_ref / |omega_ref| omega_t
  *
  * |omega_ref| in place of the paper's omega_ref > 0 lets a map learn in both directions. share rises from 0 to 1
- * within `ramp` of learning, and waits while it is frozen; share_i = 1 - share with hand_over, else 1. Where share_i is 0 the
- * integral is 0. With k_i > 0 and without hand_over the means of alpha and beta are the integral's, to which they give them. */
+ * within `ramp` of learning, and waits while learning is frozen. share_i = 1 - share with hand_over, else 1. Where share_i is 0 the
+ * integral is 0. With k_i > 0 and without hand_over, alpha and beta pass their means on to the integral. */
 #ifndef COGLESS_SPACE_POSITION_H
 #define COGLESS_SPACE_POSITION_H
 

@@ -1,10 +1,10 @@
 /* Space-learning speed control (Verrelli 2016, law (4)), all mechanical, with eta = omega - omega_ref:
  *
  *   i_q_ref = sat( -k eta - delta^T f ),   f = [-1, -omega, -alpha_ref],   delta = [alpha, beta, h]
- *   delta_i(theta) = Q sat(delta_i(theta - T)) + mu_i eta f_i q,   q = 1 / |omega| or 0; here with omega_ref in f
+ *   delta_i(theta) = Q sat(delta_i(theta - T)) + mu_i eta f_i q,   q = 1 / |omega| or 0
  *
- * q is 0, and so learning frozen, where |eta| >= eta_bar or |omega| < omega_min. The paper has one mu for all,
- * omega > 0, and learns with omega in f: then the means of alpha and beta drift apart at a constant speed. */
+ * In delta_i, omega_ref replaces omega in f. q is 0, and so learning frozen, where |eta| >= eta_bar or |omega| < omega_min. The paper
+ * has one mu for all and omega > 0. It learns with omega in f: then the means of alpha and beta drift apart at a constant speed. */
 #ifndef COGLESS_SPACE_SPEED_H
 #define COGLESS_SPACE_SPEED_H
 

@@ -39,7 +39,7 @@ typedef struct {
     cgl_speed_timed_config config;
     cgl_real per_tick; /* speed of one count in a tick [rad/s] */
     cgl_real omega_m;  /* of the last step [rad/s] */
-    cgl_real time;     /* that it is the mean over [s]; 0 after a start */
+    cgl_real time;     /* over which omega_m is the mean [s]; 0 after a start */
     uint32_t count;    /* at the last step */
     uint32_t edge;     /* time of the last edge before the last step [ticks] */
     uint32_t now;      /* time of the last step [ticks] */

@@ -1,4 +1,4 @@
-"""What limits the best run of each scenario, looked for after a study has run."""
+"""Further runs, after those of a study, that find what limits the best run of each scenario."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
 
 def with_limits(results: Results, wanted: bool | None, jobs: int, folder: Path | None) -> Results:
-    """The results with what limits each scenario's best run. `wanted`: the option, None if it isn't used.
+    """The results, with what limits each scenario's best run added.
 
-    `folder`: with room for long traces.
+    `wanted`: the option --limits or --no-limits, None without either. `folder`: room for long traces.
     """
     from cogless import report
 
@@ -30,7 +30,7 @@ def with_limits(results: Results, wanted: bool | None, jobs: int, folder: Path |
 
 
 def sentences(results: AnyResults) -> dict[str, str]:
-    """What limits the best run, by scenario, where that was looked for and stands out."""
+    """Sentences on what limits the best run, by scenario; none where no cause is known or stands out."""
     from cogless import report
 
     found = {scenario: report.limit(results, scenario) for scenario in results.scenarios}

@@ -49,7 +49,7 @@ def live(
 
 
 def _limits(study: AnyStudy, wanted: bool | None, jobs: int) -> dict[str, str]:
-    """What limits the best run, by scenario, from runs of the whole study."""
+    """Sentences on what limits the best run, by scenario. They take runs of the whole study."""
     from cogless.live.blobs import held
     from cogless.report import is_quick
     from cogless.run.simulate import RunError, run_study

@@ -56,7 +56,7 @@ def print_tables(results: AnyResults) -> None:
 
 
 def a_metric(study: AnyStudy) -> Remark:
-    """A metric that suits any study of this kind, for one that has none."""
+    """The advice to add a metric, for a study without one. The metric suits any study of its kind."""
     from cogless.study import TrialStudy
     from cogless.study.remark import Remark
 

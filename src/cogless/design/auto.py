@@ -86,9 +86,9 @@ def filled(study: AnyStudy) -> AnyStudy:
 
 
 def unfilled(study: Study, name: str) -> Study:
-    """The study without the numbers that the rule auto gave a controller, for `filled` to find others.
+    """The study without the numbers that the rule auto gave a controller; `filled` computes them anew.
 
-    Where one of its numbers is another than the rule gives, all of them stay.
+    All numbers stay if one of them differs from what the rule gives.
     """
     law, source = study.controller[name], study.source
     controllers = source.tables["controller"]
@@ -175,9 +175,9 @@ def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
 
 
 def _settles(study: Study, name: str, order: int) -> bool:
-    """Whether an order can be learned at all speeds and corners with some lead.
+    """Whether a lead exists with which the order is learned at all speeds and corners.
 
-    Beyond `FASTEST` rad a sample it can hardly be told from its image.
+    An order that turns by more than `FASTEST` rad a sample looks almost like its image, and is left out.
     """
     loops = list(_loops(OrderLoop, _with(study, name, {"orders": (order,), "gain": 1.0}), name))
     turned = max(order * abs(loop.omega_m) * loop.plant.period for loop in loops)
@@ -248,9 +248,9 @@ def _periodic(study: Study, name: str, law: PiIlc | RobustIlc, keys: Callable[[f
 
 
 def _in_angle(study: Study, name: str) -> Values:
-    """Map, gain, Q filter and omega_min of a law that learns over the angle, and has no lead.
+    """Map, gain, Q filter and omega_min of a law that learns over the angle and has no lead.
 
-    If its learning is off, they have no effect, and what stands there stays.
+    If learning is off, these numbers have no effect, and the study's own stay.
     """
     law = study.controller[name]
     if not law.learns:
@@ -301,9 +301,10 @@ def _filtered(
 def _filter(
     study: Study, name: str, kind: type[LearningLoop], values: Values, fixed: Values
 ) -> tuple[float, Values] | None:
-    """The ripple with the narrowest Q filter, or with a wider one while that leaves less, and the numbers.
+    """The least ripple, and the law's numbers with the Q filter that leaves it.
 
-    None: learning settles with none.
+    The search begins with the narrowest filter and widens it as long as the ripple falls. None: learning
+    settles with no filter.
     """
     best = None
     for width in _widths(list(_loops(kind, _with(study, name, values), name)), fixed):
@@ -316,7 +317,7 @@ def _filter(
 
 
 def _left(study: Study, name: str, kind: type[LearningLoop], values: Values) -> float:
-    """Ripple after LEARNED turns over that of the feedback alone, as foreseen; the mean over scenarios."""
+    """Predicted ripple after LEARNED turns over that of the feedback alone, as the mean over scenarios."""
     tried, ratios = _with(study, name, values), []
     for key in _scenarios(study, name):
         speed = study.scenario[key].top_reference
@@ -327,7 +328,10 @@ def _left(study: Study, name: str, kind: type[LearningLoop], values: Values) -> 
 
 
 def _widths(loops: list[LearningLoop], fixed: Values) -> Iterator[int]:
-    """Half widths of Q filters with which learning settles in all these loops, rising; or the fixed one."""
+    """Half widths of the Q filters with which learning settles in all loops, in rising order.
+
+    A half width that the study fixes is the only one tried.
+    """
     if any(loop.oscillation() is not None for loop in loops):
         return
     grow: list[tuple[LearningLoop, Real, Real]] = []
@@ -415,8 +419,10 @@ def known_orders(study: Study, name: str) -> list[int]:
 
 
 def _shared_period(study: Study, name: str) -> str:
-    """The shorter period that all known orders have: the electrical one, unless an order is none of its
-    multiples, or a load turns on a shaft of its own."""
+    """The shortest period that contains all known orders.
+
+    It is the electrical one, unless an order is not a multiple of the pole pairs, or a load has a shaft.
+    """
     fits = all(n % study.motor.pole_pairs == 0 for n in known_orders(study, name))
     return "electrical" if fits and study.mechanics.load_side is None else "mechanical"
 

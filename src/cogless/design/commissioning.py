@@ -96,7 +96,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
 
 
 def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> str | None:
-    """Why a run doesn't record the cogging, in words; None if it does."""
+    """The reason, in words, why a commissioning run can't record the cogging; None if it can."""
     loop, (kp, ki), speed = speed_loop(study, scenario), gains(study, name), run.speed
     feedback = Linear(1, kp, run.position_gain, ki)
     swings = oscillation(loop, feedback)

@@ -1,6 +1,6 @@
-"""Changes of a study that its design advises, as values by dotted key, and their words.
+"""Changes that the design advises for a study: values by dotted key, and their words.
 
-A change is advised only if the design, asked again with it, no longer finds what it is to cure.
+A change is advised only if it works: the design is computed again with it, and the fault is gone.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ NUMBER = ".3g"  # digits of a value that is advised
 def helping(
     study: AStudy, tried: Iterable[Changes | None], cured: Callable[[AStudy], bool]
 ) -> tuple[Changes, ...]:
-    """Those of the changes that the study can have, and with which it is cured."""
+    """The changes that the study accepts and that cure it, out of those tried."""
     return tuple(each for each in tried if each is not None and helps(study, each, cured))
 
 
 def first(study: AStudy, tried: Iterable[Changes], cured: Callable[[AStudy], bool]) -> tuple[Changes, ...]:
-    """The first of these changes with which the study is cured, as one or none; the mildest come first."""
+    """The first change that cures the study, as a tuple of one or none; the mildest must come first."""
     return tuple(islice((each for each in tried if helps(study, each, cured)), 1))
 
 
 def helps(study: AStudy, change: Changes, cured: Callable[[AStudy], bool]) -> bool:
-    """Whether the study can be changed so, and is cured then."""
+    """Whether the study accepts this change, and the change cures it."""
     try:
         return cured(changed(study, change))
     except StudyError:
@@ -39,13 +39,15 @@ def helps(study: AStudy, change: Changes, cured: Callable[[AStudy], bool]) -> bo
 
 
 def words(change: Changes, within: str = "") -> str:
-    """A change as a study writes it, such as `controller.pi.kp = "0.02 A*s/rad"`; keys `within` a table are
-    relative to it."""
+    """A change in the study's notation, such as `controller.pi.kp = "0.02 A*s/rad"`.
+
+    Keys of the table `within` are written relative to it.
+    """
     return " and ".join(_words(key.removeprefix(f"{within}."), value) for key, value in change.items())
 
 
 def either(changes: Iterable[Changes], within: str = "") -> str:
-    """Several changes, each of which is enough; "" if there is none."""
+    """The words of several changes, each of which is enough; "" without changes."""
     return ", or ".join(words(each, within) for each in changes)
 
 
@@ -59,5 +61,5 @@ def _words(key: str, value: Any) -> str:
 
 
 def text(value: float, unit: str) -> str:
-    """A number in SI as a study writes it."""
+    """A number in an SI unit, in the study's notation."""
     return f"{value:{NUMBER}} {unit}"

@@ -101,10 +101,10 @@ def weakness(margins: Margins) -> str | None:
 
 
 def tuned(study: Study, name: str, rule: Callable[[Study], Tuned]) -> Tuned:
-    """What a controller's tuning rule gives. StudyError: the current loop is too weak for it, or the rule
-    raises ValueError.
+    """The gains that a controller's tuning rule gives.
 
-    The error advises the least change of loop or margin with which the rule gives gains.
+    StudyError: the current loop is too weak for the rule, or the rule raises ValueError. The error
+    advises the least change of loop or margin with which the rule gives gains.
     """
     for axis, loop in current_loops(study).items():
         wrong = weakness(loop.margins())
@@ -148,7 +148,7 @@ def gentler_loop(study: Study) -> tuple[Changes, ...]:
 
 
 def _no_margin(study: Study, name: str, rule: Callable[[Study], object], why: str) -> StudyError:
-    """The error of a rule that finds no gains, with what it then needs."""
+    """The error for a rule that finds no gains, with changes with which the rule finds some."""
 
     def cured(other: Study) -> bool:
         if _weak(other):
@@ -168,7 +168,7 @@ def _no_margin(study: Study, name: str, rule: Callable[[Study], object], why: st
 
 
 def _faster(study: Study) -> Iterator[list[Changes]]:
-    """Changes that take lag out of the loop, each from the least on."""
+    """Lists of changes that take lag out of the loop; each list begins with the smallest change."""
     drive, tables = study.drive, study.source.tables["drive"]
     sensor = drive.position_sensor
     given = tables["current_loop"]
@@ -185,7 +185,7 @@ def _faster(study: Study) -> Iterator[list[Changes]]:
 
 
 def _softer(study: Study, name: str, cured: Callable[[Study], bool]) -> Changes | None:
-    """The largest phase margin in whole degrees that gains have; None if the rule takes none of those."""
+    """The largest phase margin, in whole degrees, that the rule can reach; None if it reaches none."""
     tuning = getattr(study.controller[name], "tuning", None)
     if tuning is None:
         return None
@@ -202,12 +202,12 @@ def _softer(study: Study, name: str, cured: Callable[[Study], bool]) -> Changes 
 
 
 def _weak(study: Study) -> bool:
-    """Whether the current loop of an axis isn't good enough for a speed loop."""
+    """Whether the current loop of one axis is too weak for a speed loop around it."""
     return any(weakness(loop.margins()) for loop in current_loops(study).values())
 
 
 def _divided(value: Any, factor: float) -> Any:
-    """A number, or a text of a number and a unit, over a factor."""
+    """A value divided by a factor; the value is a number, or a text of number and unit."""
     if isinstance(value, str):
         unit = unit_of(value)
         return f"{float(value.removesuffix(unit)) / factor:.3g} {unit}"

@@ -1,8 +1,8 @@
 """Whether the drive has the current that a scenario's motion needs.
 
-With the functions of model (1), i = alpha(theta) + beta omega + h a. Its mean over the angle carries load,
-friction and acceleration. What varies about the mean takes the ripple away. Without enough current for the
-mean the rotor doesn't follow; without enough for the rest it keeps its ripple.
+With the functions of model (1), i = alpha(theta) + beta omega + h a. The mean of i over the angle carries
+load, friction and acceleration. The part of i that varies with the angle cancels the ripple. If the limit is
+below the mean, the rotor doesn't follow. If it is below the peak, ripple remains.
 
 A rotor at rest needs the current of its breakaway friction and its cogging before it turns. A slow feedback
 takes its time to ask for it.
@@ -29,14 +29,14 @@ AHEAD = 1.1  # limit that is advised / current that is needed
 
 @dataclass(frozen=True)
 class Needed:
-    """The current i_q of a scenario's motion, A, magnitudes."""
+    """Magnitudes of the current i_q that a scenario's motion needs, A."""
 
-    mean: float  # the largest of its mean over the angle
-    most: float  # the largest of all
+    mean: float  # the largest mean over the angle
+    most: float  # the peak over angle and time
 
 
 def needed(study: Study, scenario: str) -> Needed:
-    """The current that a scenario's reference, load and cogging need; its events' loads too."""
+    """The current that a scenario's reference, load, load events and cogging need."""
     here, of = functions_in(study, scenario), for_scenario(study, scenario)
     experiment, K_t = study.scenario[scenario], of.motor.star().K_t
     theta = np.linspace(0, math.tau, POINTS * max([*here.orders, 16]), endpoint=False)
@@ -71,7 +71,7 @@ def starts_after(study: Study, scenario: str, feedback: Linear, omega: float) ->
 
 
 def too_much_current(study: Study, scenario: str) -> Remark | None:
-    """Warning of a motion, or of ripple, that needs more current than the limit; None if it doesn't."""
+    """Warning that the motion, or an even speed, needs more current than the limit; None if neither does."""
     limit, found = for_scenario(study, scenario).drive.current_loop.current_limit, needed(study, scenario)
     if found.most <= limit:
         return None

@@ -36,21 +36,21 @@ FASTER, FASTEST = 1.05, 1e4  # ratio of one tried speed to the one before; the f
 
 @dataclass(frozen=True)
 class Swing:
-    """What small signals say of the speed at a reference, with the feedback alone."""
+    """Ripple of the speed at a reference with the feedback alone, by the small-signal model."""
 
     size: float  # sum of the amplitudes of all orders / speed
-    rms: float  # of all orders / speed
-    order: int  # mechanical, of the largest
+    rms: float  # rms of all orders / speed
+    order: int  # mechanical order with the largest amplitude
     rate: float  # rad/s: omega_s of that order
 
     @property
     def stops(self) -> bool:
-        """Whether the rotor stops in it, so that small signals say nothing."""
+        """Whether the ripple is large enough to stop the rotor. The small-signal model then fails."""
         return self.size >= STOPS
 
 
 def swing(study: Study, scenario: str, feedback: Linear, omega_m: float, late: float = 0.0) -> Swing | None:
-    """The swing of the speed at omega_m, rad/s; None if nothing depends on the angle.
+    """The swing of the speed at omega_m, rad/s; None if no torque or sensor error depends on the angle.
 
     `late`: by which the speed is measured later than the study's sensor does, s.
     """
@@ -67,7 +67,10 @@ def swing(study: Study, scenario: str, feedback: Linear, omega_m: float, late: f
 
 
 def snaps(study: Study, found: Swing, omega_m: float, crossover: float) -> str:
-    """Why the rotor doesn't turn evenly at omega_m, rad/s, in words. `crossover`: of the feedback, rad/s."""
+    """Why the rotor doesn't turn evenly at omega_m, rad/s, in words.
+
+    `crossover`: the feedback's crossover, rad/s.
+    """
     leaves = f"at {speed_text(study, omega_m)} the feedback leaves {found.size:.2g} times the speed as ripple"
     pulls = f"whose detents pull at {found.rate / math.tau:.3g} Hz"
     around = f" where the crossover is {crossover / math.tau:.3g} Hz" if math.isfinite(crossover) else ""
@@ -75,7 +78,7 @@ def snaps(study: Study, found: Swing, omega_m: float, crossover: float) -> str:
 
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:
-    """The speed, rad/s, above omega_m from which on the rotor turns evenly; None if there is none."""
+    """The lowest speed above omega_m, rad/s, from which on the rotor turns evenly; None if it never does."""
     speeds = abs(omega_m) * np.geomspace(1, FASTEST, 1 + round(math.log(FASTEST) / math.log(FASTER)))
     stops = [found is not None and found.stops for found in _swings(study, scenario, feedback, speeds)]
     last = max((k for k, each in enumerate(stops) if each), default=-1)
@@ -87,9 +90,9 @@ def _swings(study: Study, scenario: str, feedback: Linear, speeds: np.ndarray) -
 
 
 def overrun(study: Study, law: str) -> list[tuple[int, float]]:
-    """Orders of cogging whose omega_s is above a law's crossover, K_t kp / J, and their torques, N m.
+    """Orders of cogging whose omega_s exceeds a law's crossover K_t kp / J, and their torques, N m.
 
-    At an unstable angle such cogging drives the rotor away faster than the law can hold it there.
+    At an unstable angle such cogging drives the rotor away faster than the law can react.
     """
     star, inertia = study.motor.star(), study.mechanics.inertia
     kp, _ = gains(study, law)

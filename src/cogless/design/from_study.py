@@ -78,7 +78,10 @@ def _design(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
 
 
 def _better_sampled(study: TrialStudy, run: tuple[str, str]) -> Remark | None:
-    """A design model or a period with which the exactly sampled loop is stable; None if none tried is."""
+    """A change of design model or period that makes the exactly sampled loop stable.
+
+    None: no change that was tried does.
+    """
     exact: Changes = {"design.discretisation": "exact"}
     faster: Changes
     if study.plant is not None:
@@ -122,7 +125,7 @@ def _designs(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
 
 
 def _in_study(remark: Remark, study: TrialStudy, scenario: str, controller: str) -> Remark:
-    """A remark on a design's settings with the study's own keys in its cures."""
+    """The remark with the study's keys in its cures, in place of the names of the design's settings."""
     return replace(remark, cures=tuple(_changes(cure, study, scenario, controller) for cure in remark.cures))
 
 
@@ -272,7 +275,7 @@ def _study_error(error: DesignError, study: TrialStudy, scenario: str, controlle
 
 
 def _key(of: str, study: TrialStudy, scenario: str, controller: str) -> str:
-    """The study's own key of a design's setting."""
+    """The study's key for a setting of the design."""
     if of == "samples":
         return f"scenario.{scenario}.duration"
     if of in OF_CONTROLLER and controller:

@@ -23,7 +23,10 @@ CORNER_SHARES = (0.25, 0.5)  # of the crossover: where a PI's integral takes ove
 
 
 def finer_sensor(study: Study, factor: float) -> Changes | None:
-    """A position sensor with so many times the counts or more; None: its counts are no key."""
+    """The change to a position sensor with at least `factor` times the counts.
+
+    None: the study has no key for the sensor's counts.
+    """
     sensor, key = study.drive.position_sensor, "drive.position_sensor"
     if isinstance(sensor, Encoder):
         return {f"{key}.lines": math.ceil(sensor.lines * factor)}
@@ -35,7 +38,7 @@ def finer_sensor(study: Study, factor: float) -> Changes | None:
 
 
 def slower_feedback(study: Study, name: str, factor: float) -> Changes | None:
-    """A feedback so many times as slow, with the damping that it has; None: the law has no such gains."""
+    """The change to a feedback `factor` times slower, equally damped; None: the law has no such gains."""
     law, key = study.controller[name], dotted(("controller", name))
     if isinstance(law, Harmonic) and law.position:
         k_theta, kp, ki = harmonic_gains(study, name)
@@ -74,7 +77,7 @@ def _pi(kp: float, ki: float) -> dict[str, Any]:
 
 
 def _by_hand(study: Study, name: str, own: dict[str, Any]) -> Changes:
-    """Gains by hand; the rule auto may stand beside them, another one may not."""
+    """The change to gains by hand. It removes any rule but auto, which may stand beside such gains."""
     key, law = dotted(("controller", name)), study.controller[name]
     tuning = getattr(law, "tuning", None)
     if tuning is None or tuning.is_auto:
@@ -84,14 +87,14 @@ def _by_hand(study: Study, name: str, own: dict[str, Any]) -> Changes:
 
 
 def weaker_learning(study: Study, name: str, factor: float) -> Changes | None:
-    """Learning gains divided by a factor; None: the law has no such gains."""
+    """The change that divides the learning gains by a factor; None: the law has no such gains."""
     law, key = study.controller[name], dotted(("controller", name))
     values = {of: text(getattr(law, of) / factor, unit) for of, unit in _learning(law) if getattr(law, of)}
     return {f"{key}.{of}": value for of, value in values.items()} or None
 
 
 def _learning(law: AnyController) -> tuple[tuple[str, str], ...]:
-    """The keys of a law's learning gains, and their units."""
+    """Key and unit of each learning gain of a law."""
     if isinstance(law, PiIlc):
         return (("gain", "A*s/rad"),)
     if isinstance(law, PiAfc):

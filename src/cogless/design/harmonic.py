@@ -68,9 +68,9 @@ def _learner(study: Study, name: str) -> Learner:
 
 
 def _speeds(study: Study, name: str, sampled: float) -> list[float]:
-    """The slowest and the fastest reference of a controller, rad/s, of those at which an order can be judged.
+    """The slowest and the fastest of a controller's references, rad/s, at which an order can be judged.
 
-    `sampled`: angle of the highest order in a sample per speed, s.
+    `sampled`: angle by which the highest order turns in a sample, divided by the speed, s.
     """
     scenarios = [study.scenario[key] for key in study.scenarios_of(name)] or list(study.scenario.values())
     ends = {speed for s in scenarios for speed in (s.slowest, s.top_reference)}
@@ -85,15 +85,15 @@ def _halls(study: Study) -> tuple[float, int]:
 
 
 def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
-    """The lowest order, whose multiples are learned, the highest that is sure to be there, and the highest.
+    """The base, whose multiples are learned, the highest order that surely exists, and the highest order.
 
-    Cogging has only multiples of the greatest common divisor of slots and poles, their lowest common multiple
-    foremost. That one is sure, and what the study tells of the motor. All are with dead time that is not
-    compensated, which has every multiple of its order, and with a base by hand. None depends on a speed: the
-    law acts with those that it can hold at the present one.
+    Cogging has only multiples of the greatest common divisor of slots and poles. The main one is their
+    lowest common multiple. It is sure, and so are the motor's orders in the study. All multiples are sure if
+    dead time is not compensated, since it has every multiple of its order, or if the base is set by hand. No
+    result depends on a speed: the law picks the orders that it can hold at the present speed.
 
-    Hall sensors are off their places once per electrical revolution: from there on an order may be theirs.
-    What they show below are the load's orders.
+    The misplacement of Hall sensors repeats once per electrical revolution. So an order from there on may be
+    the sensors'; the orders below are the load's.
     """
     if isinstance(study.drive.position_sensor, Hall):
         base = law.base or 1
@@ -110,7 +110,7 @@ def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
 
 
 def _loses_voltage(study: Study) -> bool:
-    """Whether the inverter has dead time or drops that nothing compensates."""
+    """Whether the inverter has dead time or voltage drops without compensation."""
     inverter = study.drive.inverter
     lost = inverter is not None and bool(inverter.dead_time or inverter.device_drop)
     return lost and study.drive.dead_time_compensation is None
@@ -176,12 +176,12 @@ class Certified:
 
     @property
     def fine(self) -> bool:
-        """Whether all acting orders converge, each alone and all together."""
+        """Whether all acting orders converge, each by itself and all at the same time."""
         together = self.rate < (math.inf if self.most is None else self.most)
         return self.gamma > 0 and together and self.snaps is None
 
     def words(self) -> str:
-        """What is certified at this speed."""
+        """The certificate at this speed in words."""
         if self.snaps is not None:
             return f"not judged {self.snaps}"
         slow = ""
@@ -250,7 +250,10 @@ def certificate(study: Study, name: str) -> Certificate:
 
 
 def _acting(told: Learner, omega: float, T: float) -> Real:
-    """The orders that act at a speed: the slow ones, and of the fast ones those that are sure to be there."""
+    """The orders that act at a speed: all slow ones, and the fast ones that the motor is known to have.
+
+    `T`: the law's period, s.
+    """
     count = np.arange(1, told.orders + 1)
     turned = told.base * count * abs(omega) * T
     acts = (turned <= SPLIT) | ((count <= told.fast) & (turned <= FASTEST))
@@ -258,20 +261,23 @@ def _acting(told: Learner, omega: float, T: float) -> Real:
 
 
 def _judged(told: Learner, omega: float, T: float) -> Real:
-    """Those of them that are fast enough to be judged."""
+    """The acting orders that are fast enough to be judged."""
     acting = _acting(told, omega, T)
     return np.asarray(acting[acting * abs(omega) * T > FROM])
 
 
 def _too_slow(told: Learner, omega: float, T: float) -> tuple[int, ...]:
-    """The lowest and the highest order that is too slow to be judged; empty if none is."""
+    """The lowest and the highest of the orders that are too slow to be judged; empty if none is."""
     count = min(told.orders, int(FROM / (told.base * omega * T)))
     return (told.base, told.base * count) if count else ()
 
 
 def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
-    """The largest swing of the speed that the feedback alone leaves in the scenarios of this speed, rms over
-    it, and why the rotor snaps in one of them; None if it turns."""
+    """The largest swing that the feedback alone leaves in scenarios of this speed, and why the rotor snaps.
+
+    The swing is the rms of the speed's ripple over the speed. The reason is None if the rotor turns in all of
+    them.
+    """
     feedback, largest = feedback_of(study, name, omega), 0.0
     for key in study.scenarios_of(name) or list(study.scenario):
         if feedback is None or omega not in (study.scenario[key].slowest, study.scenario[key].top_reference):
@@ -285,7 +291,7 @@ def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
 
 
 def rate_at(told: Learner, omega: float, T: float) -> float:
-    """The rate at which the law begins to learn at a speed, rad/s, before it is limited by the turn, 1/s."""
+    """The rate, 1/s, at which learning begins at the speed omega, rad/s, without the limit per turn."""
     return min(told.rate, TOGETHER / (max(1, len(_acting(told, omega, T))) * T))
 
 

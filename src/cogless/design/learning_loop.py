@@ -218,17 +218,17 @@ class LearningLoop(ABC):
         return np.asarray(left if self.lead else left * kept)
 
     def yet(self, f: ArrayLike, periods: float) -> Real:
-        """The size of the error after so many periods of learning, over that under feedback alone.
+        """The size of the error after this many periods of learning, over that under feedback alone.
 
-        What is not settled goes by the factor on what was learned in each period. In the first one all of
-        the error is there, or what is left of it where learning acts within the sample.
+        The difference to the settled error shrinks by the same factor in each period. In the first period the
+        error is that of the feedback alone, or smaller where learning acts within the sample.
         """
         settled, kept = self.left(f), self.kept(f)
         begins = 1.0 if self.lead else kept
         return np.abs(settled + (self._turned(f) * kept) ** round(periods) * (begins - settled))
 
     def _turned(self, f: ArrayLike) -> Complex:
-        """The share of the learned signal that is recalled after a period, and its phase."""
+        """Complex factor between the learned signal and what the memory recalls of it a period later."""
         f = np.asarray(f, dtype=float)
         turn = np.exp(-2j * np.pi * f / self.periods_per_second)
         return np.asarray(self.q(f) * self.lines(f, True) * turn)

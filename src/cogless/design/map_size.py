@@ -59,7 +59,10 @@ def map_warning(study: Study, name: str) -> Remark | None:
 
 
 def _wave(study: Study, name: str) -> tuple[float, float, int] | None:
-    """Cells in a wave of the highest known order, how many are enough, and that order; None: no map."""
+    """The map's cells per wave of the highest known order, the number that is enough, and that order.
+
+    None: the law has no map over the angle, or no order is known.
+    """
     law = study.controller[name]
     known = {n for key in study.scenarios_of(name) for n in functions_in(study, key).orders}
     revolutions = revolutions_learned(study, name)
@@ -72,7 +75,7 @@ def _wave(study: Study, name: str) -> tuple[float, float, int] | None:
 
 
 def _settles(study: Study, name: str) -> bool:
-    """Whether the design finds that learning settles."""
+    """Whether a controller's learning settles, by its design."""
     found = judgement(study, name)
     return found is not None and found.kind == "settles"
 

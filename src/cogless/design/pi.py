@@ -264,7 +264,7 @@ def gains(study: Study, name: str) -> tuple[float, float]:
 
 
 def tuning_of(study: Study, name: str) -> Tuning:
-    """The rule of a controller that has one."""
+    """The tuning rule of a controller, which must have one."""
     tuning = getattr(study.controller[name], "tuning", None)
     assert isinstance(tuning, Tuning)
     return tuning
@@ -281,19 +281,19 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
         ki = math.tan(w * half) / (half * x)  # for K = 1
         K = 1 / float(abs(loop.response(np.array([w]), 1 - ki * half, ki)[0]))
         design = PiDesign(K * (1 - ki * half), K * ki, margins(loop, K * (1 - ki * half), K * ki))
-        # With a resonant current loop, |L| may cross one again at a higher frequency, with less margin.
+        # A resonant current loop may let |L| cross one again at a higher frequency, with less margin.
         if math.isclose(design.margins.phase_margin, tuning.phase_margin, rel_tol=1e-6):
             return design
     raise ValueError(NO_MARGIN)
 
 
 def _lag(loop: SpeedLoop, w: Real) -> Real:
-    """w T_e, the plant's lag behind an integrator, rad, at w in rad/s; within half a turn of zero."""
+    """The plant's lag behind an integrator, w T_e, rad, at w, rad/s. It is wrapped into (-pi, pi]."""
     return np.asarray(-np.angle(1j * loop.plant(w)[0]))
 
 
 def _substituted(loop: SpeedLoop, x: float) -> float | None:
-    """The crossover by substitution; None if it doesn't converge, as where T_e grows faster than w."""
+    """The crossover by substitution; None if it diverges, as it does where T_e grows faster than w."""
     w = 1e-3 * math.pi / loop.period
     for _ in range(100):
         T_e = float(_lag(loop, np.array([w]))[0]) / w
@@ -306,7 +306,7 @@ def _substituted(loop: SpeedLoop, x: float) -> float | None:
 
 
 def _bisected(loop: SpeedLoop, x: float) -> float | None:
-    """The lowest crossover where the lag comes to x / (1 + x^2); None if it doesn't."""
+    """The lowest crossover at which the lag rises to x / (1 + x^2); None if it never does."""
     wanted = x / (1 + x * x)
     w = np.geomspace(1e-3, 1, POINTS) * math.pi / loop.period
     lag = np.unwrap(_lag(loop, w))

@@ -91,7 +91,7 @@ class Ripple:
 def ripple(loop: LearningLoop, duration: float, settled: bool = True) -> Ripple:
     """The ripple at a loop's speed, after learning for `duration` seconds.
 
-    `settled`: all that can be learned of the orders is; else as much as was in that time.
+    `settled`: each order counts as fully learned; otherwise as far as it is learned in `duration`.
     """
     assert loop.scenario is not None
     n, d = orders(loop.study, loop.scenario, loop.omega_m)
@@ -127,10 +127,10 @@ def orders(study: Study, scenario: str, omega_m: float) -> tuple[NDArray[np.intp
 
 
 def sensor_waves(study: Study, current: float) -> dict[int, float]:
-    """Amplitudes, A, of i_q that the current sensors' errors make at a mean of `current`, A, by order.
+    """Amplitudes of i_q by order, A, that the current sensors' errors make at a mean current of `current`, A.
 
-    The loop holds the measured current, so the true one has their error. An offset turns once in an
-    electrical revolution; a gain that differs between the phases shows twice in it.
+    The loop holds the measured current, so the true current has the sensors' error. An offset makes one wave
+    in an electrical revolution. Gains that differ between the phases make two.
     """
     drive, pairs = study.drive, study.motor.pole_pairs
     if drive.ideal:
@@ -158,15 +158,14 @@ def responses(plant: SpeedLoop, feedback: Linear, f: Real) -> tuple[Complex, Com
 
 
 def counting(plant: SpeedLoop, feedback: Linear, source: Sampled) -> float:
-    """Variance, (rad/s)^2, of the true speed due to the sensor's counts, with a feedback alone."""
+    """Variance of the true speed, (rad/s)^2, that the sensor's counts cause under the feedback alone."""
     f, density = _density(plant.period, source)
     C = feedback.ratio * feedback.response(math.tau * f, plant.period)
     return float(np.sum(np.abs(responses(plant, feedback, f)[0] * C) ** 2 * density))
 
 
 def _density(T: float, source: Sampled) -> tuple[Real, Real]:
-    """Frequencies, Hz, up to half the rate of samples T apart, and at each the variance of the measured
-    speed's noise, (rad/s)^2."""
+    """Frequencies, Hz, up to 1 / 2T, and the variance of the measured speed's noise at each, (rad/s)^2."""
     nyquist = 0.5 / T
     f = (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES * nyquist
     density = source.count**2 / 12 / source.window**2 / nyquist
@@ -176,7 +175,7 @@ def _density(T: float, source: Sampled) -> tuple[Real, Real]:
 
 
 def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, float]:
-    """Variances, (rad/s)^2, of the true speed due to the sensor's counts, without and with learning."""
+    """Variances of the true speed, (rad/s)^2, that the sensor's counts cause without and with learning."""
     f, density = _density(loop.plant.period, source)
     w, ratio, T = math.tau * f, loop.feedback.ratio, loop.plant.period
     C = ratio * loop.feedback.response(w, T)

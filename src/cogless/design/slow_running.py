@@ -41,18 +41,18 @@ STARTED_SHARE = 0.5  # of a run: by then a feedback that is advised turns a roto
 
 
 def slow_warning(study: Study, name: str) -> Remark | None:
-    """Warning of what a feedback makes of the slowest speed that a controller holds; None if it turns evenly.
+    """Warning that the rotor turns unevenly at the slowest speed of a controller; None if it turns evenly.
 
-    Either the rotor snaps from detent to detent, or its sensor's edges come too rarely.
+    Either the rotor snaps from detent to detent, or the sensor's edges come too rarely.
     """
     found = (_snapping(study, name, key) or _few_edges(study, name, key) for key in study.scenarios_of(name))
     return next((remark for remark in found if remark is not None), None)
 
 
 def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
-    """Warning of a rotor that snaps, with the speed from which on it turns, if the reference is constant.
+    """Warning of a rotor that snaps, with the speed from which on it turns if there is one.
 
-    A law that begins with what it has learned isn't left to its feedback.
+    A law that begins with a learned map does not depend on its feedback alone, and gets no warning.
     """
     law, omega = study.controller[name], held(study, scenario)
     if (law.learned and not law.learns) or getattr(law, "start", None) is not None:
@@ -94,7 +94,7 @@ class _Edges:
 
     @property
     def factor(self) -> float:
-        """Times the counts that are enough for the loop; one or less: these are."""
+        """Factor by which the counts are too few for the loop; at one or less they are enough."""
         if not self.source.timed:
             return self.margins.crossover * self.time / COASTS
         allowed = SPENT * self.margins.phase_margin / self.margins.crossover + self.loop.period / 2
@@ -102,11 +102,11 @@ class _Edges:
 
     @property
     def counts(self) -> float:
-        """Speed ripple by single counts, rad/s rms.
+        """Speed ripple that single counts cause, rad/s rms.
 
-        Each count kicks a rotor that coasts by w_c of it, which makes a sawtooth. A timed speed has no such
-        ripple while its edges come in time. Then that of the angle near the crossover grows; with no margin
-        left the rotor stops and goes.
+        Each count changes the speed of a coasting rotor by w_c times the count, which makes a sawtooth. A
+        timed speed has no such ripple while its edges come in time. If their delay takes all of the phase
+        margin, the rotor stops and goes.
         """
         if self.source.timed:
             spent = self.margins.crossover * self.late > self.margins.phase_margin
@@ -117,12 +117,12 @@ class _Edges:
 
     @property
     def ripple(self) -> float:
-        """Speed ripple, rad/s rms, of counts and angle together."""
+        """Speed ripple, rad/s rms, from the counts and from torques over the angle together."""
         return math.hypot(self.counts, self.swing)
 
 
 def _edges(study: Study, name: str, scenario: str) -> _Edges | None:
-    """The edges that a controller gets; None if it has none, stands still, or has no stable loop."""
+    """The edges that a controller gets; None without edges, at rest, or if no loop is stable."""
     omega, loop = held(study, scenario), speed_loop(study, scenario)
     source, feedback = sampled(study, scenario), feedback_of(study, name, omega)
     if not omega or source is None or feedback is None:
@@ -137,7 +137,7 @@ def _edges(study: Study, name: str, scenario: str) -> _Edges | None:
 
 
 def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
-    """Warning of edges that come too rarely, with counts or a feedback that would be enough."""
+    """Warning of edges that come too rarely, with enough counts, or with a feedback slow enough."""
     edges = _edges(study, name, scenario)
     if edges is None or edges.factor <= 1:
         return None
@@ -165,7 +165,7 @@ def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
 
 
 def _costs(edges: _Edges) -> str:
-    """What edges that come too rarely do, in words."""
+    """The effect of edges that come too rarely, in words."""
     if not edges.source.timed:
         return "the rotor coasts from count to count"
     has, spent = edges.margins.phase_margin, edges.margins.crossover * edges.late
@@ -177,8 +177,8 @@ def _costs(edges: _Edges) -> str:
 def reads_zero(study: Study, scenario: str) -> Remark | None:
     """Warning that most samples of a counted speed are zero at the slowest speed; None if they aren't.
 
-    To time the edges is advised if that leaves each controller of the scenario less ripple. It doesn't where
-    they come later than a loop can wait: there they cost more than they tell.
+    The warning advises to time the edges if each controller of the scenario then leaves less ripple. Timed
+    edges leave more where they come so late that their delay takes the loop's phase margin.
     """
     omega, source = held(study, scenario), sampled(study, scenario)
     sensor = for_scenario(study, scenario).drive.position_sensor

@@ -87,7 +87,7 @@ class Condition:
         return has / self.asks if self.asks > 0 else math.inf
 
     def words(self, has: float) -> str:
-        """How a gain compares with the bound, to follow "is"."""
+        """How the gain `has` compares with the bound, as words that follow "is"."""
         if self.asks <= 0:
             return f"above {self.name} (0)"
         return f"{self.ratio(has):.2g} of {self.name} ({self.asks:.3g})"

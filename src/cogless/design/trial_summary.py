@@ -119,9 +119,9 @@ def words(design: TrialDesign) -> str:
 
 
 def warnings(design: TrialDesign) -> list[str]:
-    """Warnings of a controller before trials are run: its certificate in a line, unless all is well.
+    """The certificate of a controller in one line, as a warning before trials are run; empty if all is well.
 
-    What would help is in the design's notes.
+    The design's notes have the changes that would help.
     """
     rows = [found for _, found in _rows(design.certificate)]
     fine = all(each.stable and (each.learning is None or each.learning.monotone) for each in rows)

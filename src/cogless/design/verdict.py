@@ -100,7 +100,7 @@ class Passing:
 
     @property
     def least(self) -> float:
-        """omega_min, rad/s, with which learning rests there."""
+        """The omega_min, rad/s, with which learning rests during the passage."""
         return MARGIN * self.below
 
     def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
@@ -134,9 +134,9 @@ class Repair:
     forgetting: float | None = None
 
     def change(self, key: str) -> Changes | None:
-        """The change of lead or filter, of a controller with this key; None if neither is enough.
+        """The change of lead or Q filter, as values under the controller's key; None if it takes forgetting.
 
-        A smaller learning gain leaves more of what was learned than forgetting does.
+        Forgetting is no repair here: a smaller learning gain leaves more of what was learned.
         """
         if self.lead is not None:
             return {f"{key}.lead": f"{1e3 * self.lead:g} ms"}
@@ -199,7 +199,7 @@ class Verdict:
         return str(self.remark())
 
     def remark(self) -> Remark:
-        """The whole verdict in one line, with what cures it."""
+        """The whole verdict in one line, with the changes that cure it."""
         passing = self.passing.words(self.unit) if self.passing else ""
         frozen = [f"frozen: {reason}" for reason in self.frozen]
         doubts = f"not sure: {self._doubts}" if self.doubts and self.kind != "not judged" else ""
@@ -262,7 +262,7 @@ class _Motion:
 
     @cached_property
     def snapping(self) -> str | None:
-        """Why the rotor snaps wherever the reference is judged, so that nothing is; None if it turns."""
+        """Why no learning is judged: the rotor snaps at each judged speed. None if it turns at one."""
         stops = [at.stops for at, _ in self.judged]
         return stops[0] if stops and None not in stops else None
 
@@ -281,13 +281,12 @@ class _Motion:
 
 
 def verdict(study: Study, name: str) -> Verdict | None:
-    """Whether a controller's learning settles, and what cures it; None if it doesn't learn, or has no
-    scenario."""
+    """Whether a controller's learning settles, with a remedy if not; None without learning or scenario."""
     return study.once(_with_remedy, name)
 
 
 def judgement(study: Study, name: str) -> Verdict | None:
-    """The verdict without a remedy, which takes further ones to find."""
+    """The verdict without a remedy. To find a remedy takes further verdicts."""
     return study.once(_verdict, name)
 
 
@@ -302,10 +301,10 @@ def _with_remedy(study: Study, name: str) -> Verdict | None:
 
 
 def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
-    """The mildest change with which learning settles; None if none of those that are tried does.
+    """The mildest change with which learning settles; None if no change that is tried does it.
 
-    It is the repair, or omega_min for a law that has one. Where neither helps, the learning gain is halved,
-    with the repair that it then needs.
+    First comes the verdict's repair, or omega_min for a law that has one. If neither helps, the learning gain
+    is halved, with the repair that the smaller gain needs.
     """
 
     def cured(other: Study) -> bool:
@@ -329,9 +328,9 @@ def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
 
 
 def _weaker(study: Study, name: str) -> Changes | None:
-    """The learning gain halved until learning settles, and on while half of it leaves less ripple.
+    """The change that halves the learning gain until learning settles, and further while the ripple falls.
 
-    The change has the repair that the gain needs then. None if no gain that is tried settles.
+    It includes the repair that the smaller gain needs. None: learning settles with no gain that is tried.
     """
     best: tuple[float, Changes] | None = None
     for n in range(1, HALVINGS):
@@ -344,8 +343,10 @@ def _weaker(study: Study, name: str) -> Changes | None:
 
 
 def _settled(study: Study, name: str, weaker: Changes) -> tuple[float, Changes] | None:
-    """The ripple that a smaller gain leaves, over that of the feedback alone, and the change that it takes,
-    with the repair that the gain needs; None if it doesn't settle."""
+    """The ripple that a smaller gain leaves over that of the feedback alone, and the change to that gain.
+
+    The change includes a repair where the gain needs one. None: learning doesn't settle.
+    """
     for change in (weaker, _repaired(study, name, weaker)):
         if change is not None and helps(study, change, lambda other: settles(other, name)):
             found = judgement(changed(study, change), name)
@@ -354,7 +355,7 @@ def _settled(study: Study, name: str, weaker: Changes) -> tuple[float, Changes] 
 
 
 def _repaired(study: Study, name: str, weaker: Changes) -> Changes | None:
-    """A smaller gain with the repair that it needs; None if that needs none, or has none."""
+    """The change to a smaller gain and to the repair that its verdict names; None: the verdict names none."""
     try:
         found = judgement(changed(study, weaker), name)
     except StudyError:
@@ -364,15 +365,15 @@ def _repaired(study: Study, name: str, weaker: Changes) -> Changes | None:
 
 
 def settles(study: Study, name: str) -> bool:
-    """Whether a controller's learning settles, without anything that it passes."""
+    """Whether learning settles, passes no speed at which it grows, and leaves no clearly larger ripple."""
     found = judgement(study, name)
     return found is not None and found.kind == "settles" and found.passing is None and found.ratio <= WORSE
 
 
 def steadier(study: Study, name: str) -> Remark | None:
-    """A feedback so much slower that it is stable with the usual margin; None if none is.
+    """The change to the fastest slower feedback that is stable with the usual margin; None if none is.
 
-    The gains shrink together, so the damping stays.
+    All gains shrink together, so the damping stays.
     """
     for n in range(1, 2 * HALVINGS):
         slower = slower_feedback(study, name, 2.0 ** (n / 2))
@@ -382,7 +383,7 @@ def steadier(study: Study, name: str) -> Remark | None:
 
 
 def _stable(study: Study, name: str) -> bool:
-    """Whether a feedback has the least phase margin in all scenarios, at their slowest and fastest speed."""
+    """Whether a feedback has the phase margin LEAST at the slowest and fastest speed of each scenario."""
     for key in study.scenarios_of(name):
         for speed in {study.scenario[key].slowest, study.scenario[key].top_reference}:
             feedback = feedback_of(study, name, speed)
@@ -473,7 +474,7 @@ def warnings(study: Study, name: str) -> list[Remark]:
 
 
 def doubts(loops: Sequence[LearningLoop]) -> tuple[Remark, ...]:
-    """Reasons why small signals predict poorly at some speeds of a controller, one phrase each."""
+    """Reasons why the small-signal model predicts poorly at some speeds of a controller, one phrase each."""
     found = [Remark(reason) for loop in loops if (reason := loop.doubt) is not None][:1]
     slowest = min(loops, key=lambda loop: loop.omega_m)
     several = len({loop.scenario for loop in loops}) > 1
@@ -489,7 +490,7 @@ def doubts(loops: Sequence[LearningLoop]) -> tuple[Remark, ...]:
 
 
 def _few_counts(loop: LearningLoop, several: bool) -> Remark | None:
-    """The doubt about a speed sample with less than a count. `several`: there are several scenarios."""
+    """The doubt where a speed sample has less than a count. `several`: there are several scenarios."""
     assert loop.scenario is not None
     source = sampled(loop.study, loop.scenario)
     counts = source.counts(loop.omega_m) if source else FEW

@@ -95,8 +95,11 @@ def _idle_table(study: Study, scenario: str) -> str:
 
 
 def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[Remark]:
-    """Warnings of references that are too fast for the bus voltage, too slow for the position sensor, or need
-    more current than the drive gives."""
+    """Warnings of references that the drive cannot follow.
+
+    A reference may be too fast for the bus voltage or too slow for the position sensor, or need more current
+    than the limit.
+    """
     if not isinstance(study, Study):
         return []
     all_of = (_out_of_reach, too_much_current, reads_zero, _late_angle)
@@ -140,7 +143,7 @@ def _late_angle(study: Study, scenario: str) -> Remark | None:
 
 
 def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]] | None:
-    """All orders of the cogging, and those that a controller doesn't learn; None: its law has no base."""
+    """The orders of the cogging, and those that a controller doesn't learn; None: its law has no base."""
     law = study.controller[name]
     if not isinstance(law, Harmonic):
         return None
@@ -157,7 +160,7 @@ def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]] | None:
 
 
 def _not_learned(study: Study, name: str) -> Remark | None:
-    """A warning of cogging whose order is none that a controller learns, with a base that learns it."""
+    """Warning of cogging orders that a controller doesn't learn, with a base with which it learns them."""
     found = _unlearned(study, name)
     if found is None or not found[1]:
         return None
@@ -177,14 +180,14 @@ def _not_learned(study: Study, name: str) -> Remark | None:
 
 
 def _lacks_room(study: Study, name: str) -> int | None:
-    """The least base that leaves room to learn a sensor's error; None: the controller's base does."""
+    """The smallest base with room to learn a sensor's error; None: the controller's base has that room."""
     here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
     least = least_base(here)
     return least if learner(study, name).base < least else None
 
 
 def _no_room(study: Study, name: str) -> Remark | None:
-    """A warning of a base that leaves no room to learn an eccentric sensor's error."""
+    """Warning of a base without room to learn an eccentric sensor's error."""
     if not isinstance(study.controller[name], Harmonic):
         return None
     least = _lacks_room(study, name)

@@ -1,4 +1,4 @@
-"""A sentence that advises, with each change that it advises as data."""
+"""Sentences of `cogless identify` that advise, each with its changes as data."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ RECORD = "record"  # begins the keys of what a log should have: record.kind, rec
 
 
 class Advice(str):
-    """A sentence, and the changes that it advises; each of them helps without the others.
+    """A sentence and the changes that it advises; each change helps without the others.
 
-    A change has values by dotted key: of the file of columns, such as motor.K_t, or of a log to record, such
-    as record.kind. Whoever doubts the sentence applies one and identifies again, as the tests do.
+    A change has values by dotted key. A key is one of the file of columns, such as motor.K_t, or of a log to
+    record, such as record.kind. The tests apply each change and identify again.
     """
 
     cures: tuple[Cure, ...]
@@ -29,7 +29,7 @@ class Advice(str):
 
 
 class AdvisedError(StudyError):
-    """A mistake, as sentences of which some advise."""
+    """A mistake of the user, told in several sentences. Some of them advise."""
 
     def __init__(self, *lines: str) -> None:
         super().__init__("\n".join(lines))
@@ -37,24 +37,24 @@ class AdvisedError(StudyError):
 
 
 def recording(**values: Any) -> Cure:
-    """A change that records a log, or records it with something more."""
+    """The change that records a log, with these properties."""
     return {f"{RECORD}.{key}": value for key, value in values.items()}
 
 
 def logs_of_kind(*kinds: str) -> Cure:
-    """A change that adds logs of these kinds."""
+    """The change that records logs of these kinds."""
     return recording(kind=kinds)
 
 
 def advice_of(lines: Iterable[str]) -> list[Advice]:
-    """Those lines that advise."""
+    """The lines that advise something."""
     return [line for line in lines if isinstance(line, Advice)]
 
 
 def changed(tables: Mapping[str, Any], cure: Cure) -> dict[str, Any]:
-    """The tables of a file of columns with a change; a word of the datasheet that says the same goes.
+    """The tables of a file of columns after a change. A datasheet's word for the changed value is removed.
 
-    ValueError: the change is of a log.
+    ValueError: the change is to a log, not to the file of columns.
     """
     made = copy.deepcopy(dict(tables))
     for key, value in cure.items():

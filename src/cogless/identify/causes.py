@@ -101,9 +101,10 @@ def attributed(made: Estimate, parts: Sequence[Steady]) -> list[Found]:
 
 
 def _by_speeds(made: Estimate, pairs: Sequence[tuple[Steady, int]]) -> dict[int, Cause]:
-    """What makes the orders that the fit does not have, by how their disturbance changes with the speed.
+    """Causes of the orders that are not in the fit, by the growth of their disturbance with the speed.
 
-    A torque's is the same at all speeds, that of an error of the angle grows with the speed squared.
+    The disturbance of a torque is the same at all speeds. That of an error of the angle grows with the speed
+    squared.
     """
     by_order: dict[int, list[Steady]] = {}
     for part, order in pairs:
@@ -189,7 +190,7 @@ def candidates(order: int, poles: int) -> str:
 
 
 def guess(part: Steady, order: int, poles: int) -> list[Cause]:
-    """The cause of an order by its number alone, and by what the rows may show as it."""
+    """Possible causes of an order by its number. One is a faster order that the rows show as this one."""
     if order > part.waves.half_rate:
         return [Cause(BEYOND, 1.0, GUESSED)]
     names = candidates(order, poles)
@@ -219,10 +220,10 @@ def found_in(part: Steady, order: int, causes: Sequence[Cause]) -> Found:
 
 
 def _measured(made: Estimate, part: Steady, order: int) -> tuple[complex, float]:
-    """The disturbance of this order that angle and current show, A, and how far it may be off.
+    """The disturbance of this order by angle and current, A, and its possible error.
 
-    It is off by the angle's noise, and because a current that is held between the law's steps looks half a
-    row early or late.
+    The angle's noise makes an error. So does the current that is held between the law's steps, since it
+    appears up to half a row early or late.
     """
     omega = part.motion(order) + part.misread(order)
     assert made.fit is not None

@@ -35,9 +35,9 @@ ROWS_A_WAVE = 2.5  # rows that show an order, with some to spare
 class Diagnosis:
     """The orders of each log's motion with their causes.
 
-    `whole`: each log's ripple by its angle, with the sensor's error, rms, rad/s. `logged`: that of its
-    logged speed, where it has one.
-    `uses`: what each log without a steady part is used for, or why it is not.
+    `whole`: ripple of each log by its angle, with the sensor's error, rms, rad/s. `logged`: ripple of the
+    logged speed, for logs that have a speed. `uses`: for each log without a steady part, its use or the
+    reason why it is not used.
     """
 
     title: str
@@ -53,7 +53,7 @@ class Diagnosis:
         return self.whole[log] * math.sqrt(max(0.0, 1 - measured))
 
     def noise(self, log: str) -> float:
-        """Share of the logged speed's square that is beyond the angle's waves: its steps and noise."""
+        """Share of the logged speed's square that is steps and noise, not waves of the angle."""
         logged = self.logged.get(log, 0.0)
         return max(0.0, 1 - (self.whole[log] / logged) ** 2) if logged else 0.0
 
@@ -146,12 +146,12 @@ def _explained(made: Estimate | None, loaded: Sequence[Log]) -> dict[str, Log]:
 
 
 def _without_error(log: Log, made: Estimate) -> Log:
-    """The log with the rotor's angle: without the sensor's error that was found."""
+    """The log with its angle corrected for the sensor's error of the estimate."""
     return replace(log, signals={**log.signals, "theta": corrected(log["theta"], made.model)})
 
 
 def _error(made: Estimate | None) -> dict[int, complex]:
-    """The sensor's error that was found, rad, by order: Re(E exp(j n theta))."""
+    """The sensor's error of the estimate, E by order n, rad: Re(E exp(j n theta))."""
     return {} if made is None else {n: complex(c, -s) for n, (c, s) in made.model.error.items()}
 
 
@@ -180,7 +180,7 @@ def _without(logs: Sequence[Log]) -> list[str]:
 
 
 def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> dict[str, str]:
-    """What each log without a steady part is used for, or why it is not."""
+    """The use of each log without a steady part, or the reason why it is not used."""
     uses = {}
     for log in logs:
         if log.name in steady_logs:
@@ -199,7 +199,7 @@ def _uses(logs: Sequence[Log], steady_logs: set[str], explained: set[str]) -> di
 
 
 def _of_one_speed(orders: Sequence[Found], parts: Sequence[Steady]) -> list[str]:
-    """Orders that may be an error of the angle or a torque, which one speed does not tell apart."""
+    """A sentence on orders that are an error of the angle or a torque; one speed can't distinguish them."""
     speeds = [abs(part.speed) for part in parts]
     names = {each.order: each.causes[0].name.split(OR) for each in orders if each.share > LARGE_SHARE}
     either = [order for order, causes in sorted(names.items()) if ENCODER in causes and len(causes) > 1]
@@ -218,7 +218,7 @@ def _of_one_speed(orders: Sequence[Found], parts: Sequence[Steady]) -> list[str]
 
 
 def _out_of_sight(parts: Sequence[Steady]) -> list[str]:
-    """Up to which order each log can show one, and which of the motor's own are beyond."""
+    """Sentences on the highest order that each log can show, and the motor's own orders above it."""
     said: list[str] = []
     for name in dict.fromkeys(part.log.name for part in parts):
         part = min((part for part in parts if part.log.name == name), key=lambda part: part.waves.half_rate)
@@ -267,7 +267,7 @@ def _opposed(found: Sequence[Found]) -> list[str]:
 
 
 def _rms_by_log(parts: Sequence[Steady], ripple: Callable[[Steady], float]) -> dict[str, float]:
-    """Ripple of each log, rms over its parts, rad/s."""
+    """Ripple of each log, rad/s: the rms over its parts."""
     squares = defaultdict(list)
     for part in parts:
         squares[part.log.name].append(ripple(part) ** 2)
@@ -275,7 +275,10 @@ def _rms_by_log(parts: Sequence[Steady], ripple: Callable[[Steady], float]) -> d
 
 
 def _merged(found: Sequence[Found], ripples: Mapping[str, float], parts: Mapping[str, int]) -> list[Found]:
-    """Both directions of a log as one. `ripples`: of all its parts, rms, rad/s; `parts`: how many it has."""
+    """The orders of a log's parts, such as both directions, merged.
+
+    `ripples`: rms ripple of all parts of a log, rad/s. `parts`: the number of parts of a log.
+    """
     groups: dict[tuple[str, int], list[Found]] = defaultdict(list)
     for each in found:
         groups[each.log, each.order].append(each)
@@ -307,7 +310,7 @@ def _merged(found: Sequence[Found], ripples: Mapping[str, float], parts: Mapping
 
 
 def answer(made: Diagnosis) -> str:
-    """One sentence: the main cause by the ripple's square in all logs, and its share in each."""
+    """A sentence with the main cause, by the ripple's square over all logs, and its share in each log."""
     logs = list(made.whole)
     totals: dict[str, dict[str, float]] = defaultdict(dict)
     for log in logs:
@@ -359,7 +362,7 @@ def lines(made: Diagnosis) -> list[str]:
 
 
 def sizes(made: Diagnosis, log: str) -> str:
-    """The ripple of a log, and how much of what it shows is measurement and no motion."""
+    """The ripple of a log, and the part of it that is measurement, not motion."""
     size, motion, noise = made.whole[log], made.motion(log), made.noise(log)
     says = [f"{size:.3g} rad/s rms"]
     if motion < (1 - SHOWN) * size:

@@ -155,9 +155,9 @@ def _searched(known: Identification, logs: Sequence[Log], model: Model, progress
 
 
 def _electrical_errors(known: Identification, logs: Sequence[Log], model: Model) -> list[int]:
-    """Orders p and 2 p in which the angle has an error, as that of a resolver or of a magnet near the motor.
+    """The orders of p and 2 p in which the angle has an error, as with a resolver or a magnet near the motor.
 
-    They stand out of a fit that has the torques of these orders, too. Only then they have a column.
+    An order has a column only if its error stands out of a fit that also has the torques of these orders.
     """
     orders = [n for n in (known.motor.pole_pairs, 2 * known.motor.pole_pairs) if n not in model.encoder]
     torques = tuple(sorted({*model.cogging, *orders}))
@@ -369,7 +369,7 @@ def _told_apart(
 
 
 def not_told_apart(kind: str, *of: str | int) -> Advice:
-    """What to record where a column can't be told apart from others; `of`: its order or log."""
+    """Advice which log to record if a column can't be distinguished from others; `of`: its order or log."""
     return Advice(CURES[kind].format(*of), logs_of_kind(*CURE_LOGS[kind]))
 
 

@@ -127,7 +127,7 @@ def _unusable(known: Identification, log: Log) -> str | None:
 
 
 def _up(rate: float) -> float:
-    """A rate rounded up to two digits, which are shown."""
+    """A rate rounded up to the two digits that are shown."""
     digit = 10.0 ** (np.floor(np.log10(rate)) - 1)
     return float(np.ceil(rate / digit * (1 - 1e-9)) * digit)
 

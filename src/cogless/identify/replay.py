@@ -37,9 +37,8 @@ SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d") 
 MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that its effect is in proportion
 LONGEST_DEAD_TIME = 0.1  # periods of the current loop: a longer one is no drive's
 UNCORRECTED = (
-    "what the closed loop does to the values (i_q is held, the law answers steps of the angle) is corrected "
-    "in none of them; their errors are wider by what half a period of the law in the delay does, but inertia "
-    "may be off by more."
+    "So no value is corrected for the closed loop, which holds i_q and answers steps of the angle. The "
+    "errors above include half a period of the law in the delay, but inertia may be off by more."
 )
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
@@ -178,13 +177,13 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
                 said = f"simulation {n + 1} of {ROUNDS} with more dead time"
                 with_dead_time = played(made, partial(progress, said), own + _more(drive))
         except StudyError as error:
-            return _uncorrected(first, f"The logs could not be simulated ({error}): {UNCORRECTED}"), {}
+            return _uncorrected(first, f"The logs could not be simulated ({error}). {UNCORRECTED}"), {}
         if not controlled <= traces.keys():
             without = ", ".join(sorted(controlled - traces.keys()))
             said = Advice(
-                f"No simulation of {without}: it needs reference and controller in the file of columns, rows "
-                "at a part of the current loop's rate, and no table; add what is missing, or leave the log "
-                f"out: else {UNCORRECTED}",
+                f"No simulation of {without}. A log can be simulated if its [[log]] in the file of columns "
+                "has reference and controller, if the current loop's rate is a multiple of its rows' rate, "
+                f"and if no table is on. {UNCORRECTED} Add what is missing, or leave the log out.",
                 recording(
                     logs=tuple(
                         log.name for log in made.logs if log.name in traces or log.kind == "coast-down"

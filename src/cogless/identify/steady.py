@@ -51,26 +51,26 @@ class Steady:
 
     @cached_property
     def waves(self) -> Waves:
-        """Orders of the rotor's motion as its angle shows it."""
+        """Waves of the rotor's motion, by the corrected angle."""
         shown = self.theta + sum((wave * np.exp(1j * n * self.theta)).real for n, wave in self.error.items())
         return standing_waves(self.theta, self.log.dt, self.step, self.own_orders, shown)
 
     @property
     def orders(self) -> tuple[int, ...]:
-        """Orders of the motion, or of the sensor's error."""
+        """Orders that are in the motion or in the sensor's error."""
         return (*self.waves.orders, *(n for n in self.error if n not in self.waves.amplitude))
 
     def motion(self, order: int) -> complex:
-        """Complex wave of the rotor's speed, rad/s."""
+        """Complex wave of an order in the rotor's speed, rad/s; 0 for an order that doesn't stand out."""
         return self.waves.of_speed(order) if order in self.waves.amplitude else 0j
 
     def misread(self, order: int) -> complex:
-        """Complex wave of the speed that the sensor's error makes, rad/s; no motion."""
+        """Complex wave that the sensor's error adds to the measured speed, rad/s. It is no motion."""
         return 1j * order * self.speed * self.error.get(order, 0j)
 
     @property
     def ripple(self) -> float:
-        """Of the motion and of the sensor's error, rms, rad/s."""
+        """Ripple of motion and sensor's error together, rms, rad/s."""
         return math.hypot(self.waves.ripple, *(abs(self.misread(n)) / math.sqrt(2) for n in self.error))
 
     @property
@@ -83,11 +83,11 @@ class Steady:
 
     @property
     def logged_ripple(self) -> float:
-        """Ripple of the speed as logged, rms, rad/s; NaN where it is not."""
+        """Ripple of the logged speed, rms, rad/s; NaN if no speed is logged."""
         return float(np.std(self.log["omega"][self.rows])) if "omega" in self.log else math.nan
 
     def current_wave(self, order: int, late: float) -> complex:
-        """Complex wave of an order in i_q, A, which is logged so many rows late."""
+        """Complex wave of an order in i_q, A, with i_q shifted by `late` rows."""
         if late not in self._currents:
             current = shifted(self.log["i_q"], late)[self.rows]
             self._currents[late] = waves_of_signal(current, self.theta, self.orders)
@@ -98,7 +98,7 @@ class Steady:
         return {}
 
     def visible(self, order: int) -> bool:
-        """Whether the rows are more than two for each wave of this order."""
+        """Whether the log has more than two rows for each wave of this order."""
         return order < self.waves.half_rate
 
 
@@ -117,9 +117,9 @@ def steady(
 ) -> Iterator[Steady]:
     """Steady parts of a log, one for each direction and stretch.
 
-    `step`: of the angle, rad. `error`: of the sensor, which is out of the log's angle. The sensor's own
-    error and cogging change the speed within a turn. So a speed is steady, too, where the rotor passes each
-    angle a turn later as fast as before.
+    `step`: of the angle, rad. `error`: the sensor's error, for which the log's angle is corrected already.
+    That error and cogging change the speed within a turn. So a speed also counts as steady if the rotor
+    passes each angle a turn later as fast as before.
     """
     for stretch in log.stretches:
         theta = log["theta"][stretch]
@@ -142,7 +142,7 @@ def steady(
 
 
 def _slow_changes(smooth: Array, sign: int) -> NDArray[np.intp]:
-    """Rows whose smoothed speed is near the median of this direction."""
+    """The longest run of rows whose smoothed speed is near the median of this direction."""
     turning = sign * smooth > 0
     if not turning.any():
         return np.zeros(0, dtype=np.intp)
@@ -151,7 +151,7 @@ def _slow_changes(smooth: Array, sign: int) -> NDArray[np.intp]:
 
 
 def _one_way(theta: Array) -> Iterator[slice]:
-    """Rows between the angles at which the rotor turns around."""
+    """Slices of rows between reversals of the rotor."""
     begin, sign = 0, 1 if theta[-1] >= theta[0] else -1
     while begin < len(theta) - 1:
         angle = sign * theta[begin:]
@@ -165,7 +165,7 @@ def _one_way(theta: Array) -> Iterator[slice]:
 
 
 def _alike_a_turn_later(angle: Array, smooth: Array) -> NDArray[np.intp]:
-    """The longest run of rows at each angle of which the speed a turn before or later is as fast.
+    """The longest run of rows in which the speed at each angle equals that of a turn before or later.
 
     `angle` grows; `smooth` is its smoothed speed.
     """

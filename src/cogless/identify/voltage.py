@@ -1,8 +1,8 @@
 """K_t and R from the voltage, u_q = R i_q + K_e omega + p omega L_d i_d, and what a bridge loses.
 
-What is not known enters the errors: below which current the bridge loses less, since the ripple of the
-current reverses it within a period, and whether the logged voltage is the one that the motor has, or that of
-a command which comes later, when the rotor has turned on.
+Two unknowns enter the errors. The bridge loses less at small currents, whose ripple reverses them within a
+period; the limit of this is unknown. And the logged voltage may be the motor's, or a command that acts later,
+when the rotor has turned on.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ CONFUSED = 0.1  # relative difference of K_t that warm magnets and the voltage's
 
 
 def told(known: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | None:
-    """K_t, N*m/A, by the back-EMF of the steady parts of these logs, and R, ohm; None: they don't tell it.
+    """K_t, N*m/A, by the back-EMF of the steady parts of these logs, and R, ohm; None: they don't show it.
 
-    Errors at 95 % have what the parts leave unexplained, 1 % for the inverter's gain, and how far the values
-    move with what is not known of the bridge and of the voltage's time.
+    The errors at 95 % have three parts: the residual of the fit, 1 % for the inverter's gain, and the change
+    of the values with the unknowns of bridge and voltage.
     """
     whole = [log for log in logs if log.dt and {"u_q", "i_q", "theta"} <= log.signals.keys()]
     parts = [part for log in whole for part in steady(log)]
@@ -66,13 +66,13 @@ def told(known: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | No
 
 
 def _lost(parts: Sequence[Steady], band: float) -> Array:
-    """Mean sign of the current in each part; within the band, A, in proportion to it."""
+    """The mean sign of each part's current. Within the band, A, current / band takes the sign's place."""
     currents = [part.log["i_q"][part.rows] for part in parts]
     return np.array([np.mean(np.clip(i / band, -1, 1) if band else np.sign(i)) for i in currents])
 
 
 def _fitted(speeds: Array, currents: Array, voltages: Array, lost: Array) -> tuple[Array, Array] | None:
-    """K_e, R and the lost voltage with their errors at 95 %; None: these parts don't tell them apart."""
+    """K_e, R and the lost voltage with their errors at 95 %; None: these parts can't separate them."""
     columns = np.column_stack((speeds, currents, lost))
     scale = np.linalg.norm(columns, axis=0)
     if np.linalg.matrix_rank(columns / scale, tol=1e-2) < 3:

@@ -1,8 +1,8 @@
-"""Waves of a rotor's motion over its angle, by joint least squares, and how far they can be seen.
+"""Waves of a rotor's motion over its angle, by joint least squares, and the orders that can be seen.
 
-The speed is the angle's difference between two rows. A wave of order n of the angle is in it as the
-difference of exp(j n theta) between them, so that nothing is lost between the rows. The steps of the angle
-leave noise in it, whose spectrum follows from the motion that was found: it counts as measurement.
+The speed is the angle's difference between two rows. A wave of order n of the angle appears in it as the
+difference of exp(j n theta) between the same rows. So nothing is lost between the rows. The steps of the
+angle leave noise in the speed, which counts as measurement. Its spectrum follows from the fitted motion.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ SEEN_SHARE = 0.01  # share of the ripple's square that an order has which can be
 
 @dataclass(frozen=True, eq=False)
 class Waves:
-    """Orders of a motion at a steady speed.
+    """Waves of a motion at a steady speed, by order n.
 
-    `amplitude`: of the angle, rad, theta = ... + Re(A exp(j n theta)); `error`: at 95 %, rad. `vibration`: of
-    no order, beyond what the steps and the noise of the angle make, rms, rad/s. `half_rate`: order at half
-    the rate of the rows. `hidden`: orders below it at which a wave with a hundredth of the ripple's square
-    would not stand out.
+    `amplitude`: A of the angle, rad, theta = ... + Re(A exp(j n theta)). `error`: of A, at 95 %, rad.
+    `vibration`: motion of no order, without the steps and noise of the angle, rms, rad/s. `half_rate`: the
+    order at half the rate of the rows. `hidden`: orders below `half_rate` at which a wave with a hundredth of
+    the ripple's square would not stand out.
     """
 
     speed: float  # rad/s
@@ -67,18 +67,18 @@ class Waves:
         return tuple(sorted(self.amplitude, key=lambda n: -abs(self.of_speed(n))))
 
     def of_speed(self, order: int) -> complex:
-        """Complex wave of the speed, rad/s."""
+        """Complex wave of an order in the speed, rad/s."""
         return 1j * order * self.speed * self.amplitude[order]
 
     @property
     def ripple(self) -> float:
-        """The motion without noise of the angle, rms, rad/s."""
+        """Ripple of the motion, with vibration and without noise of the angle, rms, rad/s."""
         waves = sum(abs(self.of_speed(n)) ** 2 / 2 for n in self.amplitude)
         return math.sqrt(waves + self.vibration**2)
 
 
 def folded(order: float, rows: float) -> float:
-    """The order as which rows, so many a turn, show an order."""
+    """The order that a log with `rows` rows a turn shows in place of an order; at most rows / 2."""
     return abs(order - rows * round(order / rows))
 
 
@@ -90,7 +90,7 @@ def slow_columns(count: int, turns: float) -> Array:
 
 
 def waves_of_signal(x: Array, theta: Array, orders: Sequence[int]) -> dict[int, complex]:
-    """Complex waves X of all these orders in a signal, x = Re(X exp(j n theta)), beside slow changes."""
+    """Complex waves X of these orders in a signal, x = Re(X exp(j n theta)), fitted with slow changes."""
     slow = slow_columns(len(x), (theta[-1] - theta[0]) / (2 * np.pi))
     size = 2 * len(orders) + slow.shape[1]
     matrix, vector = np.zeros((size, size)), np.zeros(size)
@@ -105,7 +105,7 @@ def waves_of_signal(x: Array, theta: Array, orders: Sequence[int]) -> dict[int, 
 
 
 class _Motion:
-    """The speed between rows, and normal equations of waves in it, by blocks."""
+    """The speed between rows, and the normal equations of its waves for each block of rows."""
 
     def __init__(self, theta: Array, dt: float, shown: Array) -> None:
         self.theta, self.dt, self.shown = theta, dt, shown
@@ -123,7 +123,7 @@ class _Motion:
         return np.hstack([between.real, -between.imag, self.slow[rows]])
 
     def equations(self, orders: Sequence[int]) -> tuple[Array, Array]:
-        """Normal matrix and vector of each block."""
+        """Normal matrices and vectors of these orders, one for each block."""
         matrices, vectors = [], []
         for rows in self.blocks:
             columns = self.columns(rows, orders)
@@ -136,14 +136,14 @@ class _Motion:
         return np.concatenate([self.y[rows] - self.columns(rows, orders) @ values for rows in self.blocks])
 
     def power(self, x: Array, orders: NDArray[np.intp]) -> Array:
-        """|sum of the weighed x exp(-j n theta)|^2 of each order."""
+        """Power of each order n in x: |sum of weight x exp(-j n theta)|^2."""
         cell = (np.floor(self.middle / (2 * np.pi) * ANGLE_CELLS) % ANGLE_CELLS).astype(int)
         wave = np.fft.fft(np.bincount(cell, self.weight * x, ANGLE_CELLS))
         return np.asarray(np.abs(wave[orders]) ** 2)
 
 
 def _solved(matrix: Array, vector: Array) -> Array:
-    """Solutions of normal equations, one or a stack of them; what they don't tell stays small."""
+    """Solutions of normal equations, one or a stack of them. A ridge keeps undetermined values small."""
     scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
     scaled = matrix / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(matrix.shape[-1])
     return np.asarray(np.linalg.solve(scaled, (vector / scale)[..., None])[..., 0] / scale)
@@ -152,11 +152,11 @@ def _solved(matrix: Array, vector: Array) -> Array:
 def standing_waves(
     theta: Array, dt: float, step: float, own: Sequence[int] = (), shown: Array | None = None
 ) -> Waves:
-    """The waves that stand out of an angle's motion; none by chance at a rate of 1 %.
+    """The waves that stand out of an angle's motion, at a false-alarm rate of 1 % for the whole search.
 
-    `step`: of the measured angle, rad, which is `shown`: `theta` with the sensor's error, if it has one.
-    `own`: orders of the motor, which are looked for beyond half the rows' rate, too, where the rows do not
-    show them as another order.
+    `shown`: the measured angle, which is `theta` with the sensor's error. `step`: of the measured angle, rad.
+    `own`: orders of the motor. The search also covers those above half the rows' rate that the rows do not
+    confuse with another order.
     """
     turns = abs(theta[-1] - theta[0]) / (2 * np.pi)
     speed = (theta[-1] - theta[0]) / (dt * (len(theta) - 1))
@@ -181,7 +181,7 @@ def standing_waves(
 
 
 class _Search:
-    """Orders of a motion, the strongest first, beside those that are in it already."""
+    """A search for the orders of a motion. The strongest orders join the fit first."""
 
     def __init__(self, motion: _Motion, candidates: NDArray[np.intp], top: int, step: float) -> None:
         self.motion, self.candidates, self.top, self.step = motion, candidates, top, step
@@ -191,14 +191,14 @@ class _Search:
         self.sawtooth = _sawtooth(candidates, rows, turns, step) * (motion.weight.sum() * speed / 2) ** 2
 
     def rest(self, orders: Sequence[int]) -> Array:
-        """What these orders leave of the speed, rad/s."""
+        """The speed less the fitted waves of these orders, rad/s."""
         matrices, vectors = self.motion.equations(orders)
         return self.motion.residual(orders, _solved(matrices.sum(axis=0), vectors.sum(axis=0)))
 
     def steps(self, rest: Array, width: int = SMOOTH_ROWS[0]) -> Array:
-        """The speed that steps of the angle make, rad/s, where it moves as it does but for them.
+        """The speed, rad/s, that the steps of the angle add to the smooth motion between them.
 
-        A measured angle is in the middle of its step.
+        A measured angle is taken as the middle of its step.
         """
         if not self.step:
             return np.zeros_like(rest)
@@ -208,7 +208,7 @@ class _Search:
         return np.asarray(np.diff(np.round(away / self.step) * self.step - away) / self.motion.dt)
 
     def least(self, rest: Array) -> Array:
-        """Power from which on an order stands out of the noise of this rest, at 1 % for the whole search."""
+        """The power above which an order stands out of this rest's noise, at 1 % for the whole search."""
         power = self.motion.power(rest, self.candidates)
         floor = np.full(len(power), np.median(power[: self.top]))
         floor[: self.top] = median_filter(power[: self.top], min(NEIGHBOURS, self.top), mode="mirror")
@@ -216,7 +216,7 @@ class _Search:
         return np.asarray(np.maximum(level * floor / math.log(2), self.sawtooth))
 
     def grown(self, orders: Sequence[int]) -> list[int]:
-        """These orders, and all that stand out of the noise and of the steps of the angle."""
+        """These orders, and all others that stand out of the noise and of the steps of the angle."""
         orders = list(orders)
         while True:
             rest = self.rest(orders)
@@ -235,8 +235,8 @@ class _Search:
     def significant(self, orders: Sequence[int]) -> tuple[list[int], dict[int, complex], dict[int, float]]:
         """The orders that stand out of their errors, with waves, rad, and errors at 95 %.
 
-        These are a jackknife over blocks of the rows. Each order has a Wald test of its two values, whose
-        covariance has as many degrees of freedom as blocks but one.
+        The errors are a jackknife over blocks of the rows. A Wald test judges the two values of each order.
+        Their covariance has one degree of freedom less than there are blocks.
         """
         orders = sorted(orders)
         while True:
@@ -261,7 +261,7 @@ class _Search:
 
 
 def _apart_when_folded(orders: Sequence[int], rows: float, turns: float) -> Iterator[int]:
-    """Of these orders those that rows, so many a turn, show apart from each other and from whole orders."""
+    """The orders that a log with `rows` rows a turn shows apart from each other and from whole orders."""
     shown = [folded(n, rows) for n in orders]
     for k, n in enumerate(orders):
         others = [fold for other, fold in enumerate(shown) if other != k]
@@ -273,8 +273,8 @@ def _apart_when_folded(orders: Sequence[int], rows: float, turns: float) -> Iter
 def _sawtooth(orders: NDArray[np.intp], rows: float, turns: float, step: float) -> Array:
     """Square of n times the largest wave, rad, that steps of the angle make at each order n.
 
-    A steady rotor passes the steps in a sawtooth. Its waves have the orders k 2 pi / step, and sizes step /
-    (pi k). Rows, so many a turn, show them as other orders.
+    The error of a steady rotor's angle is a sawtooth. Its waves have the orders k 2 pi / step, and sizes
+    step / (pi k). A log with `rows` rows a turn shows these waves as other orders.
     """
     waves = np.zeros(len(orders))
     for k in range(1, STEP_WAVES + 1) if step else ():
@@ -284,10 +284,10 @@ def _sawtooth(orders: NDArray[np.intp], rows: float, turns: float, step: float) 
 
 
 def _vibration(rest: Array, steps: Array, dt: float) -> float:
-    """What stands out of the noise of the angle in the rest of the speed, rms, rad/s.
+    """The part of the speed's rest that stands out of the angle's noise, rms, rad/s.
 
-    The noise is that of the angle's steps, or as much of the angle at all frequencies as in the upper half of
-    the spectrum, whichever is more.
+    The noise is the larger of two: that of the angle's steps, and white noise of the angle as strong as the
+    upper half of the spectrum.
     """
     length = min(SEGMENT_ROWS, len(rest) // SEGMENTS_LEAST)
     if length < 16:

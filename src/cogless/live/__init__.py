@@ -14,7 +14,7 @@ __all__ = ["check", "left_out", "render", "write"]
 
 
 def check(study: AnyStudy) -> None:
-    """StudyError: a study that has only laws that a page can't hold; no WebAssembly engine."""
+    """Raise StudyError if a page can hold no law of the study, or if no WebAssembly engine is installed."""
     if not held(study):
         raise StudyError(
             f"{study.source.path}: live: expected a controller that a page can hold: {left_out(study)[0]}"

@@ -1,7 +1,7 @@
 """Compile the engine and the control laws to WebAssembly: `python compile.py SOURCES FOLDER [CACHE]`.
 
-SOURCES has control/src and simulator in it. What CACHE has of the same sources is not compiled again. Only
-the standard library and ziglang are needed, so that the build of a wheel can run this file, too.
+SOURCES contains control/src and simulator. A module that CACHE holds for the same sources is not compiled
+again. The file needs only the standard library and ziglang, so the build of a wheel can run it, too.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def _zig(arguments: list[str]) -> None:
 
 
 def cached(cache: Path, sources: Path, precision: str) -> Path:
-    """Where a cache has the module of these sources and options, if it has it."""
+    """The path of the module of these sources and options in a cache. The file need not exist."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     for path in _files(sources):
         digest.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())
@@ -74,7 +74,7 @@ def _files(sources: Path) -> Iterator[Path]:
 
 
 def main(sources: Path, folder: Path, cache: Path | None = None) -> None:
-    """Write the modules of both precisions into a folder, and into the cache what it lacks."""
+    """Write the modules of both precisions into a folder, and missing ones into the cache."""
     for precision, name in NAMES.items():
         module = cached(cache, sources, precision) if cache else folder / name
         if not (cache and module.is_file()):

@@ -45,10 +45,10 @@ All = Mapping[Place, Packed]
 
 @dataclass(frozen=True)
 class Landing:
-    """A number that a key sets: the key's value in SI times `scale`, or for each stop one of `values`.
+    """A number that a key sets: the key's value in SI times `scale`, or one of `values` for each stop.
 
-    `by_pairs`: in place of `values`, where the pole pairs of one's own motor set the number, too: for each
-    stop its values from the least pole pairs on.
+    `by_pairs` replaces `values` where the number also depends on the pole pairs of one's own motor. It has a
+    row for each stop, with values from the least pole pairs on.
     """
 
     number: Number
@@ -126,7 +126,7 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
 
 
 def _numbers(key: Key, alone: bool = False) -> set[tuple[Place, int]]:
-    """The numbers that a key sets; `alone`: without the pole pairs."""
+    """The numbers that a key sets. `alone`: only numbers that don't depend on the pole pairs."""
     return {
         (place, one.number.offset)
         for place, all_of in key.lands.items()
@@ -142,7 +142,7 @@ def _of_slider(key: Key) -> Key:
 
 
 def _narrowed(study: AnyStudy, base: All, key: Key, own: OwnMotor | None) -> Key:
-    """The key with a field that takes only values with which it sets its numbers right."""
+    """The key with its field narrowed to values for which the page's numbers are right."""
 
     def is_right(value: float) -> bool:
         return not _disproved(study, base, [key], lambda _: [value] * repeats, own, alone=True)
@@ -171,7 +171,10 @@ def _candidates(study: AnyStudy, told: bool) -> Iterator[Candidate]:
 
 
 def _own_motor(study: AnyStudy, base: All, keys: Sequence[Candidate]) -> OwnMotor:
-    """What these keys set together; StudyError, with the study's file: it is no product of their powers."""
+    """The numbers that these keys set together.
+
+    StudyError, which names the study's file: a number is no product of the keys' powers.
+    """
     try:
         return own_motor(
             base, lambda values: _changed(study, values), keys, lambda key: _within_study(study, key)
@@ -188,7 +191,7 @@ def _bounded(study: AnyStudy, candidate: Candidate) -> Candidate:
 
 
 def _within_study(study: AnyStudy, candidate: Candidate) -> Candidate:
-    """The candidate with ends of its slider and of its field that the study accepts."""
+    """The candidate with the ends of slider and field moved to values that the study accepts."""
     low, high = (_accepted(study, candidate, end) for end in (candidate.low, candidate.high))
     least = low if candidate.least == candidate.low else _accepted(study, candidate, candidate.least)
     most = high if candidate.most == candidate.high else _accepted(study, candidate, candidate.most)
@@ -237,9 +240,9 @@ def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | Non
 
 
 def _with_all_runs(study: AnyStudy, base: All, candidate: Candidate) -> Candidate:
-    """The candidate of a scenario; marked if it moves numbers of other scenarios' runs, too.
+    """The candidate of a scenario, marked if it also moves numbers of other scenarios' runs.
 
-    So a reference does of which the law's learned orders depend, if it is the slowest.
+    An example is the slowest reference, if the orders that a law learns depend on it.
     """
     if candidate.scenario is None or candidate.stops:
         return candidate
@@ -250,7 +253,7 @@ def _with_all_runs(study: AnyStudy, base: All, candidate: Candidate) -> Candidat
 
 
 def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, str]:
-    """The first sample that the study accepts, what it makes, and else why it refuses the first."""
+    """The first sample that the study accepts and its descriptions, or why it refuses the first one."""
     whys = []
     for value in () if candidate.stops else _samples(candidate):
         try:
@@ -268,7 +271,7 @@ def _disproved(
     own: OwnMotor | None,
     alone: bool = False,
 ) -> list[Key]:
-    """The keys with which a page would not have the bytes of `--set`, at several values of all together.
+    """The keys for which a page's bytes would differ from those of `--set`, at several values of all keys.
 
     The pole pairs of one's own motor change with them. `alone`: also a key that the study refuses with such a
     value.
@@ -293,7 +296,7 @@ def _disproved(
 
 
 def _are_set(beside: All, made: All, group: Sequence[Key], values: Sequence[tuple[Candidate, float]]) -> bool:
-    """Whether these direct keys, set in the descriptions `beside`, give those that were made."""
+    """Whether these direct keys, written into the descriptions `beside`, give the descriptions `made`."""
     for place, blob in made.items():
         data = bytearray(beside[place].data)
         for key, (candidate, value) in zip(group, values, strict=True):
@@ -307,7 +310,7 @@ def _are_set(beside: All, made: All, group: Sequence[Key], values: Sequence[tupl
 def _accepted_values(
     study: AnyStudy, values: Sequence[tuple[Candidate, float]], pairs: Sequence[Pair] | None = None
 ) -> All | None:
-    """The descriptions with these values, as `_changed`; None if the study refuses them together."""
+    """The descriptions with these values, as of `_changed`; None if the study refuses the values together."""
     try:
         return _changed(study, values, pairs)
     except (StudyError, ValueError):
@@ -317,7 +320,7 @@ def _accepted_values(
 def _changed(
     study: AnyStudy, values: Sequence[tuple[Candidate, float]], pairs: Sequence[Pair] | None = None
 ) -> dict[Place, Packed]:
-    """The descriptions with these values, of the runs that the keys can change, or of these `pairs`."""
+    """The descriptions with these values, for `pairs`, or for all runs that the keys can change."""
     other = changed(study, {candidate.key: candidate.text(value) for candidate, value in values})
     if pairs is None:
         pairs = list(dict.fromkeys(pair for candidate, _ in values for pair in candidate.pairs(study)))
@@ -327,7 +330,7 @@ def _changed(
 def _with_stops(
     study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | None
 ) -> tuple[Key | None, str]:
-    """The key with stops, and with pole pairs where these set its numbers, too; or why there is none."""
+    """The key with a table over its stops, and over pole pairs where needed; or why there is no such key."""
     tabulated = _tabulated(study, base, candidate)
     if tabulated is None:
         return None, OTHER_SHAPE
@@ -356,7 +359,7 @@ def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
 
 
 def _apart_from_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
-    """Whether a key with stops and the pole pairs set different numbers; tried at the ends of both."""
+    """Whether a key with stops and the pole pairs set different numbers, tried at the ends of both."""
     candidate = key.candidate
     for pole_pairs in (own.pole_pairs.least, own.pole_pairs.most):
         for stop in (0, -1):
@@ -374,7 +377,7 @@ def _apart_from_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
 def _by_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> Key | None:
     """The key with a table over stops and pole pairs; None if its numbers depend on more than these.
 
-    What the study refuses takes the numbers of the nearest pole pairs that it accepts.
+    Pole pairs that the study refuses take the numbers of the nearest pole pairs that it accepts.
     """
     candidate, runs = key.candidate, key.candidate.pairs(study)
     counts = sorted(own.turned)
@@ -406,7 +409,7 @@ def _by_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> Key | None:
 
 
 def _holds_beside(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
-    """Whether a table with pole pairs holds with other values of the motor's other keys."""
+    """Whether a table over stops and pole pairs stays right when the motor's other keys change."""
     candidate = key.candidate
     for n in range(JOINT_TRIES):
         values, stop = own.together(n, 0.3), 7 * n % len(key.stops)

@@ -53,10 +53,11 @@ class Product:
 
 @dataclass(frozen=True)
 class OwnMotor:
-    """What a page needs for one's own motor.
+    """The data that a page needs for one's own motor.
 
-    `keys`: those of TOGETHER, with the values that the page takes. `ends`: R_s / L as a share of the study's.
-    `turned`: the study's descriptions by pole pairs, of all that the page takes.
+    `products`: each number as a product of powers of the keys. `keys`: the keys of TOGETHER, with the range
+    that the page accepts. `ends`: the range of R_s / L, as a share of the study's. `turned`: the study's
+    descriptions for each number of pole pairs that the page accepts.
     """
 
     products: Mapping[Place, Sequence[Product]]
@@ -74,7 +75,7 @@ class OwnMotor:
         return {(place, one.number.offset) for place, all_of in self.products.items() for one in all_of}
 
     def together(self, n: int, reach: float) -> dict[str, float]:
-        """Irregular values of all keys: shares of the study's from 1/100 to 100, to the power `reach`."""
+        """Irregular values of all keys: the study's times (1/100 to 100) to the power `reach`."""
         slow, fast = self.ends
         values = {}
         for k, (key, about) in enumerate(self.keys.items()):
@@ -90,10 +91,10 @@ class OwnMotor:
 
 
 def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Narrow) -> OwnMotor:
-    """The numbers that these keys, those of TOGETHER, set.
+    """The numbers that the keys of TOGETHER set, as products of powers.
 
-    `changed`: the descriptions with these values; StudyError or ValueError where the study refuses them.
-    `narrow`: a key with the range that the study accepts. StudyError: a number is no such product.
+    `changed` gives the descriptions with some values, or raises StudyError or ValueError if the study refuses
+    them. `narrow` gives a key with the range that the study accepts. StudyError: a number is no such product.
     """
     by_key = {key.key: key for key in keys}
     over, under = by_key[RESISTANCE], by_key[INDUCTANCE]
@@ -136,7 +137,7 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
 
 
 def nodes(ends: tuple[float, float]) -> list[float]:
-    """Chebyshev's places over log(R_s / L), as a share of the study's, from the upper end to the lower."""
+    """Chebyshev nodes over log(R_s / L), R_s / L as a share of the study's, from the upper end down."""
     low, high = map(math.log, ends)
     angles = ((2 * j + 1) * math.pi / (2 * NODES) for j in range(NODES))
     return [(low + high) / 2 + (high - low) / 2 * math.cos(angle) for angle in angles]
@@ -151,7 +152,7 @@ def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> Al
 
 
 def _turned(base: All, changed: Changed, pairs: Candidate) -> tuple[Candidate, dict[int, All]]:
-    """The pole pairs about the study's that it accepts, without a gap, and what each of them makes."""
+    """The pole pairs that the study accepts without a gap around its own, and the descriptions of each."""
     start, turned = round(pairs.start), {round(pairs.start): base}
     for numbers in (range(start - 1, round(pairs.low) - 1, -1), range(start + 1, round(pairs.high) + 1)):
         for n in numbers:
@@ -164,8 +165,10 @@ def _turned(base: All, changed: Changed, pairs: Candidate) -> tuple[Candidate, d
 
 
 def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list[tuple[float, All]]]:
-    """The ends of R_s / L within which the study accepts every node; at each, the share of L and what it
-    makes."""
+    """The ends of R_s / L within which the study accepts every node.
+
+    Each node has a share of the study's L and the descriptions with it.
+    """
     ends = [SLOW, FAST]
     while True:
         bent = []
@@ -182,7 +185,7 @@ def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list
 
 
 def _scaled(base: All, changed: Changed, *keys: Candidate) -> tuple[float, All]:
-    """The first of STEPS that the study accepts for these keys together, and what it makes; else 1."""
+    """The first of STEPS that the study accepts for these keys together, with its descriptions; else 1."""
     for share in STEPS:
         made = _accepted(changed, [(key, share * key.start) for key in keys])
         if made is not None:
@@ -216,7 +219,7 @@ def _between(nodes: Sequence[float], curve: Sequence[float], at: float) -> float
 
 
 def _power(x: float, start: float, share: float) -> float:
-    """The power of a share that makes x of the start; 0 if the study accepted no other share than 1."""
+    """The power of `share` by which x differs from `start`; 0 if the study accepted no share but 1."""
     if x == start or share == 1:
         return 0.0
     return math.log(x / start) / math.log(share) if x and start and x / start > 0 else math.nan

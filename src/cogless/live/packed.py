@@ -37,7 +37,7 @@ class Number:
         return float(struct.unpack_from(f"<{self.format}", data, self.offset)[0])
 
     def write(self, data: bytearray, value: float) -> None:
-        """Set the number; of a format for whole numbers the value is one."""
+        """Write the value, rounded if the number's format is a whole one."""
         struct.pack_into(f"<{self.format}", data, self.offset, value if self.format in "df" else round(value))
 
 

@@ -54,7 +54,7 @@ def broken(results: AnyResults, scenario: str) -> str | None:
 
 
 def limit(results: AnyResults, scenario: str) -> Remark | None:
-    """What limits a scenario's best run; None if that wasn't looked for, or nothing stands out."""
+    """What limits a scenario's best run; None if no runs looked for it, or no cause stands out."""
     if not isinstance(results, Results) or scenario not in results.limits:
         return None
     return remark(results.study, results.limits[scenario])

@@ -1,4 +1,4 @@
-"""What limits the best run of each scenario, looked for by further runs."""
+"""Further runs that find what limits the best run of each scenario."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ def with_limits(
     traces: Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Results:
-    """The results with what limits the best run of each scenario.
+    """The results, with what limits the best run of each scenario added.
 
-    It takes about a dozen further runs for each. `long`: also where a run is long, or runs a user's code.
-    `jobs`, `traces`: as in `cogless.run.limits`. `progress`: called with each scenario. Ctrl-C ends it early.
+    Each scenario takes about a dozen further runs. `long`: run them also where a run is long or executes a
+    user's code. `jobs`, `traces`: as in `cogless.run.limits`. `progress`: called with each scenario. Ctrl-C
+    ends the search early.
     """
     found: dict[str, Limits] = {}
     try:
@@ -48,7 +49,7 @@ def with_limits(
 
 
 def is_quick(study: Study, scenario: str, controller: str) -> bool:
-    """Whether a run is so short that it may be made a dozen times again without being asked for."""
+    """Whether a run is short enough to be repeated a dozen times without a request of the user."""
     if isinstance(study.controller[controller], OwnLaw):
         return False
     return (

@@ -248,7 +248,7 @@ def not_judged(lines: Sequence[Line]) -> list[str]:
 
 
 def error_metric(study: StudyBase) -> Remark:
-    """The metric that judges a speed whose reference varies, with the study's own before it."""
+    """The advice to add a metric that judges the speed where its reference varies."""
     metric = {"name": "speed_error", "kind": "rms", "signal": "omega_error"}
     own = study.source.tables.get("metric", [])
     return Remark('add a metric of kind = "rms" and signal = "omega_error"', ({"metric": [*own, metric]},))
@@ -269,16 +269,16 @@ def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
 
 
 def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
-    """How much worse than the same feedback without learning it is there, and why, by design; "" if it isn't.
+    """How much worse a law is than the same feedback without learning, and why, by design; "" if it isn't.
 
-    Without a run of that feedback nobody knows what learning does: then it is compared with a baseline that
-    doesn't learn, as what it is.
+    Without a run of that feedback the effect of learning is unknown. The sentence then compares the law with
+    a baseline that doesn't learn, and says that this has another feedback.
     """
     own = _own_feedback(study, controller, lines)
     base = study.baseline if own is None else own
     if study.controller[base].learns:
         return ""
-    # who lost the speed by it counts, too
+    # controllers that lost the speed through learning count here, too
     able = [replace(line, missed={}) for line in lines if base not in line.missed and line.kind in SPREADS]
     ratios = {line.quantity: line.ratio(controller, base) or 0.0 for line in able if line.signal in SPEEDS}
     worst = max(ratios, key=lambda quantity: ratios[quantity], default="")
@@ -292,7 +292,7 @@ def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
 
 
 def _own_feedback(study: StudyBase, controller: str, lines: Sequence[Line]) -> str | None:
-    """A controller that doesn't learn, with the same feedback; None if the lines have none."""
+    """A controller in these lines that has the same feedback and doesn't learn; None if there is none."""
     if not isinstance(study, Study):
         return None
     mine = _feedback(study, controller)

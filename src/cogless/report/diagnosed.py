@@ -51,7 +51,7 @@ def _bars(made: Diagnosis) -> str:
 
 
 def _logs(made: Diagnosis) -> str:
-    """The ripple of each log and what of it is measurement, or what else the log is used for."""
+    """The ripple of each log with the part of it that is measurement, or the log's other use."""
     ripples = [f"{log}: {sizes(made, log)}" for log in made.whole]
     return sentences([*ripples, *(f"{log}: {use}" for log, use in made.uses.items())])
 

@@ -1,4 +1,4 @@
-"""What limits a scenario's best run, in a sentence or two, and the changes that they advise."""
+"""Sentences on what limits a scenario's best run, with the changes that they advise."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OVERLAP = 1.1  # sum of shares beyond which it is told that they overlap
 
 
 def remark(study: Study, limits: Limits) -> Remark | None:
-    """What limits a run, and the setting and the part that help most, tried; None if nothing stands out."""
+    """The causes that limit a run, and the setting and part that helped most; None: no cause stands out."""
     named = limits.named
     if not named:
         return None
@@ -45,27 +45,24 @@ def remark(study: Study, limits: Limits) -> Remark | None:
 
 
 def setting(study: Study, changes: Changes) -> str:
-    """Changes as one would write them in the study; keys of the table of the first without that table.
+    """Changes in words, each with its whole key, as the study or `--set` takes it.
 
-    A table of another law is written as a whole.
+    A controller with another law is written as a whole.
     """
-    flat = {key: value for name, value in changes.items() for key, value in _new(study, split(name), value)}
-    texts, table = [], ()
-    for key, value in flat.items():
-        where = dotted(key[len(table) :] if table and key[: len(table)] == table else key)
-        texts.append(f"no {where}" if value is None else f"{where} = {toml(value)}")
-        table = table or key[:-1]
-    return ", ".join(texts)
+    new = [entry for name, value in changes.items() for entry in _new(study, split(name), value)]
+    return " and ".join(
+        f"without {dotted(key)}" if value is None else f"{dotted(key)} = {toml(value)}" for key, value in new
+    )
 
 
 def _words(cause: Cause) -> str:
-    """The cause in words, or two of them of which neither has much alone."""
+    """The cause in words; two causes that only have an effect together are named together."""
     words = " and ".join(CAUSES[name] for name in cause.names)
     return words if len(cause.names) == 1 else f"{words}, only together,"
 
 
 def _costs(cure: Cure) -> str:
-    """The metric that a cure makes worst, such as ", but 2.1 times the dip"; "" if none is clearly worse."""
+    """The metric that a cure harms most, such as ", but 2.1 times the dip"; "" if it harms none clearly."""
     if not cure.costs:
         return ""
     name, ratio = max(cure.costs.items(), key=lambda cost: cost[1])
@@ -73,7 +70,7 @@ def _costs(cure: Cure) -> str:
 
 
 def _new(study: Study, key: tuple[Any, ...], value: Any) -> list[tuple[tuple[Any, ...], Any]]:
-    """The keys of a change that differ from the study's, each with its value; None: it is left out."""
+    """The keys whose values a change replaces, with the new values; None: the change removes the key."""
     old = look_up(study.source.tables, key)
     if isinstance(value, Mapping) and "law" in value:
         return [(key, value)]

@@ -77,7 +77,7 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
 
 
 def _monitored(run: Run, rows: slice) -> str:
-    """What the monitor did to the drive in these rows, by which checks and since when; "" if little."""
+    """What the monitor did in these rows, by which checks and since when; "" if it did little."""
     for bits, effect in MONITOR_EFFECTS.items():
         acting = active(run, bits, rows)
         if not len(acting) or np.mean(acting) < MONITORED:

@@ -95,7 +95,7 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
 
 
 def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] | None:
-    """The best run of a scenario, with the metric and its order by which it is the best; None: none is."""
+    """The best run of a scenario, and the metric and order by which it is best; None if no run is."""
     runs = runs_in(results, scenario)
     basis = _basis(results, runs)
     if basis.line is None or basis.unjudged:
@@ -110,8 +110,11 @@ def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] 
 
 @dataclass(frozen=True)
 class _Basis:
-    """What a scenario can be judged by. `known`: lines of metrics that are better when lower; `lines`: those
-    of them that tell something of a controller; `line`: the one to judge by."""
+    """The lines of a scenario's table by which its controllers can be judged.
+
+    `known`: metrics that are better when lower. `lines`: the part of these that distinguishes controllers.
+    `line`: the one that judges.
+    """
 
     where: str
     known: Sequence[Line]
@@ -120,7 +123,7 @@ class _Basis:
 
     @property
     def unjudged(self) -> bool:
-        """Whether only lines that don't show the rotor are left, since the others tell nothing."""
+        """Whether every line that shows the rotor was dropped, so that none is left to judge by."""
         shows = self.line is not None and (self.line.signal or "").startswith(("omega", "theta"))
         return len(self.lines) < len(self.known) and not shows
 
@@ -177,9 +180,9 @@ def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Li
 
 
 def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = None) -> tuple[_Case, str]:
-    """The case judged by measured values if the sensor's own error dominates, and a sentence about this.
+    """The case, judged by measured values if the sensor's own error dominates, and a sentence about this.
 
-    `limited`: what limits the best, with the sensor's share by a run without its error, told before.
+    `limited`: the remark on what limits the best run. It has the sensor's share already, by a further run.
     """
     blurred = [c for c in case.held if part is not None and part.dominates(c)]
     if part is None or not blurred:

@@ -1,4 +1,4 @@
-"""Causes that may limit a run, each as the change of a study that takes it away."""
+"""Causes that may limit a run. Each is a change of the study that removes the cause."""
 
 from __future__ import annotations
 
@@ -29,8 +29,11 @@ SENSOR, INVERTER, LOOP, CURRENTS = (
 
 @dataclass(frozen=True)
 class Suspect:
-    """A cause that a study has. `without`: the study's changes that take it away. `beside`: changes that the
-    run has, too, with which the one without the cause is compared. `told`: the controller is told."""
+    """A cause in a study.
+
+    `without`: changes that remove the cause. `beside`: changes of both runs that are compared, with the cause
+    and without it. `told`: whether the controller knows that the cause is gone.
+    """
 
     name: str
     without: Changes
@@ -39,7 +42,7 @@ class Suspect:
 
 
 def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
-    """The causes that a study has in a run's scenario. `metric`: by which the run is judged."""
+    """The causes in a run's scenario. `metric`: the one that judges the run."""
     here = for_scenario(study, run.scenario)
     steps, error = _steps(here), _error(here)
     clean = {**steps, **error}
@@ -63,7 +66,7 @@ def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
 
 
 def _steps(study: Study) -> Changes:
-    """A position sensor as fine as one can be described, which is as late as the study's own."""
+    """The change to the finest position sensor that a study can describe, as late as the study's own."""
     sensor = study.drive.position_sensor
     if isinstance(sensor, Hall):
         return {SENSOR: {"kind": "ideal"}}
@@ -84,7 +87,7 @@ def _error(study: Study) -> Changes:
 
 
 def _delay(study: Study) -> Changes:
-    """No delay of the measured speed, of a bus and of the computation; a rule for the gains uses it."""
+    """The change to a drive without delay of speed, bus and computation; a rule gives gains for it."""
     drive, found = study.drive, dict[str, Any]()
     if isinstance(drive.position_sensor, Hall | Counted):
         found[SENSOR] = {"kind": "ideal", "side": drive.position_sensor.side}
@@ -125,7 +128,7 @@ def _current_error(study: Study) -> Changes:
 
 
 def longer(study: Study, scenario: str, controller: str, metric: Metric) -> Changes:
-    """A longer run, judged at its end; nothing if that can't be compared, or if the law doesn't learn."""
+    """The change to a longer run, judged at its end; empty if it isn't comparable or the law doesn't learn."""
     if not isinstance(study.controller[controller], LearnsWhileRunning):
         return {}
     return later(study, scenario, metric, (LONGER - 1) * study.scenario[scenario].duration)
@@ -148,7 +151,7 @@ def later(study: Study, scenario: str, metric: Metric, more: float) -> Changes:
 
 
 def _disturbance(study: Study, scenario: str) -> Changes:
-    """No torque that depends on the angle or on time, but that of friction."""
+    """The change that removes torques over angle or time, except friction."""
     here, found = for_scenario(study, scenario), dict[str, Any]()
     tables = here.source.tables
     empty: Mapping[str, Any] = {
@@ -167,7 +170,7 @@ def _disturbance(study: Study, scenario: str) -> Changes:
 
 
 def _friction(study: Study, run: Run) -> Changes:
-    """No sliding friction, if it changes: with the angle, with the speed, or where the rotor rests."""
+    """The change that removes sliding friction if it varies, with angle or speed or as the rotor rests."""
     body = study.mechanics
     changes = body.stribeck_speed or body.friction_harmonics or body.friction_table or body.load_side
     if not changes and len(run.trace):
@@ -188,7 +191,7 @@ def _friction(study: Study, run: Run) -> Changes:
 
 
 def _limit(study: Study, run: Run) -> Changes:
-    """Higher limits of current and voltage, if the run was at one of them in its second half."""
+    """The change to higher limits of current and voltage, if the run's second half reached one of them."""
     if "status" not in run.trace or not len(run.trace):
         return {}
     status = run.trace.part("status", slice(len(run.trace) // 2, None)).astype(int)

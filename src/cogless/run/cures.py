@@ -1,4 +1,4 @@
-"""What may help against a cause: changes of a study, each to be tried before it is told."""
+"""Changes of a study that may help against a cause. None is advised before a run has tried it."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ LEARNED_TIMES = 6  # time constants in which a table of the sensor's error is le
 
 @dataclass(frozen=True)
 class Candidate:
-    """A change that may help. `setting`: it needs no other part, only another number."""
+    """A change that may help. `setting`: it is only another number, not another part of the drive."""
 
     changes: Changes
     setting: bool = True
 
 
 def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candidate]:
-    """Changes that may help against a cause; some may be refused, and some may not help."""
+    """Changes that may help against a cause. The study may refuse some of them, and some may not help."""
     here = for_scenario(study, run.scenario)
     rules: dict[str, Callable[[], Iterable[Candidate]]] = {
         "sensor-steps": lambda: [*_observers(here), *_timed(here), *_finer(here)],
@@ -51,7 +51,7 @@ def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candi
 
 
 def _observers(study: Study, octaves: Sequence[int] = OCTAVES) -> Iterator[Candidate]:
-    """An observer for the speed, or one of another bandwidth."""
+    """Candidates with an observer for the speed, of several bandwidths."""
     sensor, rates = study.drive.position_sensor, study.drive.rates
     if not isinstance(sensor, Counted):
         return
@@ -79,7 +79,7 @@ def _finer(study: Study) -> Iterator[Candidate]:
 
 
 def _timed(study: Study) -> Iterator[Candidate]:
-    """The speed from the time between an encoder's edges."""
+    """A candidate whose speed comes from the time between an encoder's edges."""
     sensor = study.drive.position_sensor
     if isinstance(sensor, Encoder) and not sensor.timed and not sensor.latency:
         table = study.source.tables["drive"]["position_sensor"]
@@ -88,7 +88,7 @@ def _timed(study: Study) -> Iterator[Candidate]:
 
 
 def _encoder_tables(study: Study, run: Run, metric: Metric) -> Iterator[Candidate]:
-    """A table of the sensor's error, of its largest orders, learned at the scenario's own speed.
+    """A candidate with a table of the sensor's largest errors, learned at the scenario's speed.
 
     A run that is too short for the table lasts longer, if its law doesn't learn, too.
     """
@@ -119,7 +119,7 @@ def _calibrated(study: Study) -> Iterator[Candidate]:
 
 
 def _rates(study: Study) -> Iterator[Candidate]:
-    """The law twice as often, and as often as it can run."""
+    """Candidates with twice the rate of the law, and with the rate of the current loop."""
     rates = study.drive.rates
     for factor in dict.fromkeys((2, rates.divider)):
         if rates.divider % factor == 0 and factor > 1:
@@ -127,7 +127,7 @@ def _rates(study: Study) -> Iterator[Candidate]:
 
 
 def _quicker(study: Study) -> Iterator[Candidate]:
-    """A shorter window for the speed, or a higher filter."""
+    """Candidates with a shorter window for the speed, or a filter of higher frequency."""
     drive, sensor = study.drive, study.drive.position_sensor
     if isinstance(sensor, Counted) and sensor.speed_method == "average":
         for factor in FACTORS:
@@ -145,7 +145,7 @@ def _compensations(study: Study) -> Iterator[Candidate]:
 
 
 def _calmer(study: Study) -> Iterator[Candidate]:
-    """A slower current loop, whose output has less of the noise; then better sensors."""
+    """Candidates with a slower current loop, which amplifies less noise, then with better sensors."""
     loop, sensors = study.drive.current_loop, study.drive.current_sensors
     for factor in FACTORS:
         if isinstance(loop, CurrentLoop) and loop.bandwidth is not None:
@@ -160,7 +160,7 @@ def _calmer(study: Study) -> Iterator[Candidate]:
 
 
 def _laws(study: Study, controller: str) -> Iterator[Candidate]:
-    """The law that learns all orders, with the same feedback where that is a PI."""
+    """A candidate with the law that learns all orders, on the same feedback if that is a PI."""
     law = study.controller[controller]
     if isinstance(law, Harmonic) or not isinstance(law, Feedback):
         return
@@ -188,5 +188,5 @@ def _limits(study: Study) -> Iterator[Candidate]:
 
 
 def _round(value: float) -> float:
-    """The value with two digits, as one would write it."""
+    """The value rounded to two digits."""
     return float(f"{value:.2g}")

@@ -143,8 +143,10 @@ def drive_config(
 
 
 def encoder_table_config(drive: Drive, motor: StarMotor, mechanics: Mechanics) -> dict[str, Any] | None:
-    """Members of the C struct cgl_encoder_table_config, of the sensor's own revolution; None: the sensor is
-    believed."""
+    """Members of the C struct cgl_encoder_table_config, in the sensor's own revolution.
+
+    None: the study corrects no error of the sensor.
+    """
     table = drive.encoder_table
     if table is None:
         return None

@@ -1,11 +1,11 @@
-"""What limits a run now: the same run again without one cause at a time, then with what may help.
+"""What limits a run: the run is repeated without one cause at a time, then with changes that may help.
 
 A cause is a difference between the drive and an ideal one, such as the steps of its position sensor. Its
-share of a result x is 1 - (x_without / x)^2: shares of independent causes add up to one, and where causes
-act on each other they don't. The share of delay is taken between two runs whose sensor has neither steps nor
-errors, since a sensor without delay has neither.
+share of a result x is 1 - (x_without / x)^2. Shares of independent causes add up to one; shares of causes
+that act on each other don't. A sensor without delay has neither steps nor errors. So the share of delay
+compares two runs that both lack steps and errors.
 
-Where each of two causes covers the other, neither has a share alone: the largest are then taken away in
+Two causes may hide each other: then neither has a share alone. So the largest causes are also removed in
 pairs.
 
 A change that may help is tried only against a cause with a clear share. All these runs have the study's seed.
@@ -54,11 +54,11 @@ def limits(
     jobs: int | None = None,
     traces: Path | None = None,
 ) -> Limits | None:
-    """What limits a finished run, by a metric that is better when lower, or by one of its orders.
+    """What limits a finished run, judged by a metric that is better when lower, or by one of its orders.
 
     `jobs`: runs at a time, default one per core. `traces`: a folder with room for traces that are too long
-    for memory. None: the run has no such value, or next to nothing is left. KeyboardInterrupt: Ctrl-C was
-    pressed.
+    for memory. None: the run has no value of this metric, or the value is negligible. KeyboardInterrupt: the
+    user pressed Ctrl-C.
     """
     tries = _Tries(study, run, metric, order, jobs, traces)
     value = tries.value_of(run.metrics)
@@ -89,7 +89,7 @@ def limits(
 
 
 def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limits) -> list[Cure]:
-    """What was tried against the named causes, the best first."""
+    """The changes that were tried against the named causes, the best first."""
     clear = dict.fromkeys(name for cause in limited.named[:NAMED_MOST] for name in cause.names)
     options = [(cause, each) for cause in clear for each in candidates(study, run, metric, cause)]
     changes = [tries.placed(option.changes) for _, option in options]
@@ -102,7 +102,7 @@ def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limit
 
 
 def _pairs(tries: _Tries, found: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:
-    """Pairs of the largest causes that have most of the square together, as each covers the other."""
+    """Pairs of the largest causes that together, but not alone, have most of the metric's square."""
     apart = {each.name: each for each in found if not each.beside}
     largest = [apart[cause.name] for cause in causes if cause.name in apart][:PAIRED_CAUSES]
     both = [
@@ -119,7 +119,7 @@ def _pairs(tries: _Tries, found: Sequence[Suspect], causes: Sequence[Cause], val
 
 
 def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> dict[str, float]:
-    """Other metrics that are clearly worse than the run's, each with the ratio to its value before."""
+    """Metrics beside the judged one that a change made clearly worse, with the ratio to the run's value."""
     found = {}
     for metric in study.metrics_in(run.scenario):
         name = result_name(metric)
@@ -132,7 +132,7 @@ def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value])
 
 
 def _negligible(study: Study, scenario: str, metric: Metric) -> float:
-    """The value, SI, below which nothing is left to gain."""
+    """The metric's value, SI, below which a smaller one is no gain."""
     if metric.dimension is ANGULAR_SPEED:
         return SPEED_SHARE_LEAST * study.scenario[scenario].top_reference
     sensor = for_scenario(study, scenario).drive.position_sensor
@@ -142,7 +142,7 @@ def _negligible(study: Study, scenario: str, metric: Metric) -> float:
 
 
 class _Tries:
-    """Runs of one controller in one scenario of a changed study."""
+    """Runs of one controller in one scenario, each of the study with other changes."""
 
     def __init__(
         self,
@@ -158,15 +158,17 @@ class _Tries:
         self._tried: dict[str, Mapping[str, Value]] = {repr({}): run.metrics}
 
     def value_of(self, metrics: Mapping[str, Value]) -> float | None:
-        """The metric's value, SI; None if there is none, or it isn't finite."""
+        """The judged metric's value, SI; None if the metric has no finite value."""
         value = metrics.get(result_name(self._metric))
         if isinstance(value, list):
             value = value[(self._metric.order or ()).index(self._order)] if self._order is not None else None
         return value if value is not None and math.isfinite(value) else None
 
     def metrics(self, of: Sequence[Changes]) -> list[Mapping[str, Value]]:
-        """The run's metrics after each of these changes; none if a change is refused, if the run fails, or
-        if it doesn't hold the speed. Equal changes are tried once."""
+        """The run's metrics after each of these changes. Equal changes are tried once.
+
+        The metrics are empty if the study refuses the change, the run fails or the speed isn't held.
+        """
         new = {repr(changes): changes for changes in of if repr(changes) not in self._tried}
         studies = {key: made for key, changes in new.items() if (made := self._changed(changes)) is not None}
         self._tried |= {key: {} for key in new}
@@ -176,7 +178,7 @@ class _Tries:
         return [self._tried[repr(changes)] for changes in of]
 
     def _runs(self, studies: Sequence[Study]) -> list[Run | None]:
-        """The run in each of these studies; None if it fails."""
+        """The run in each of these studies; None for a run that fails."""
         only = ["/".join((self._run.scenario, self._run.controller))]
         try:
             rolled = rollout(studies, only, self._jobs, keep_traces=False, traces=self._traces)
@@ -189,7 +191,7 @@ class _Tries:
         return [next(iter(results.runs), None) for results in rolled]
 
     def fits(self, changes: Changes) -> bool:
-        """Whether the whole study, with its other scenarios and controllers, can be changed so."""
+        """Whether the whole study, with its other scenarios and controllers, accepts these changes."""
         try:
             changed(self._study, changes)
         except StudyError:
@@ -197,13 +199,13 @@ class _Tries:
         return True
 
     def without(self, suspect: Suspect) -> dict[str, Any]:
-        """The changes that take a cause away."""
+        """The changes that remove a cause."""
         return self.placed({**suspect.beside, **suspect.without}, suspect.told)
 
     def placed(self, changes: Changes, told: bool = True) -> dict[str, Any]:
-        """The changes, in the scenario's override where that has a say, too.
+        """The changes, repeated in the scenario's override where the override sets the same keys.
 
-        `told`: whether the controller is told; if not, changes of the drive are in the override alone.
+        `told`: whether the controller knows of them. If not, changes of the drive are in the override alone.
         """
         scenario, override = self._run.scenario, self._override
         over = {tuple(map(str, split(key))) for key in override}
@@ -226,9 +228,9 @@ class _Tries:
 
     @cached_property
     def _alone(self) -> Study:
-        """The study of this run alone, without numbers of the rule auto.
+        """The study of this run alone, without the numbers of the rule auto.
 
-        Its first metric is the one that the run is judged by, its last tells whether the speed is held.
+        Its first metric judges the run. Its last metric shows whether the speed is held.
         """
         study, scenario, controller = self._study, self._run.scenario, self._run.controller
         source = unfilled(study, controller).source
@@ -251,7 +253,7 @@ class _Tries:
         return alone
 
     def _changed(self, changes: Changes) -> Study | None:
-        """The changed study of this run alone; None if it is refused."""
+        """The study of this run alone with these changes; None if they are refused."""
         place, last = f"metric.{self._study.metric.index(self._metric)}.", len(self._alone.metric) - 1
         own: dict[str, Any] = {}
         for key, value in changes.items():

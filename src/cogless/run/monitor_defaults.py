@@ -31,7 +31,7 @@ HOLD = 10e-3  # s
 
 
 def sensor_ratio(drive: Drive, mechanics: Mechanics) -> float:
-    """The drive's angle over that of its position sensor: the gear's ratio, if that sits on the load."""
+    """Motor angle over position sensor's angle: the gear's ratio if the sensor is on the load, else 1."""
     return 1.0 if drive.position_sensor.side == "motor" else mechanics.ratio
 
 
@@ -46,7 +46,7 @@ def monitor_config(
     period = 1 / drive.rates.current_loop
     step, window, resolution = 0.0, 0.0, 0.0
     if isinstance(sensor, Counted):
-        # an angle jump is in the counts of one law period, and the speed from them is used in the next
+        # a jump of the angle shows in the counts of one law period; the speed from these acts in the next
         step, periods = sensor.step * sensor_ratio(drive, mechanics), sensor.periods(drive.rates.divider)
         held = 1 if sensor.speed_method == "average" else 2
         window = held * periods * period
@@ -85,8 +85,10 @@ def monitor_config(
 def _step_time(
     drive: Drive, motor: StarMotor, belief: StarBelief, mechanics: Mechanics, step: float
 ) -> float:
-    """Time, s, in which full current turns a rotor by a step of the sensor, rad, from rest, against a load
-    that leaves it `STUCK_TORQUE` of its torque; 0 if the motor has none by its magnets."""
+    """Time, s, in which full current turns a rotor from rest by a step of the sensor, rad.
+
+    The load leaves `STUCK_TORQUE` of the motor's torque to accelerate. 0: the magnets give no torque.
+    """
     torque = motor.power_factor * motor.pole_pairs * belief.psi_f * drive.current_loop.current_limit
     if torque <= 0:
         return 0.0

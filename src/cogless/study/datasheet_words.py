@@ -88,11 +88,11 @@ def check_agreement(found: Mapping[str, float]) -> None:
 
 
 def _block_commutated(found: Mapping[str, float], first: str, other: str) -> str:
-    """What to delete where K_t is that of block commutation, whose current is in two phases at a time.
+    """The words that say which key to delete where K_t is that of block commutation; "" elsewhere.
 
-    There the torque per current is the back-EMF between two lines over the speed, 1 / kv. Three sinusoidal
-    currents of the same peak make sqrt(3)/2 of it, as `PER_BACK_EMF` has it: the back-EMF is right, and K_t
-    isn't what it is here.
+    Block commutation has current in two phases at a time. Its torque per current is the back-EMF between two
+    lines over the speed, 1 / kv. Three sinusoidal currents of the same peak give sqrt(3)/2 of that torque,
+    which is K_t here (`PER_BACK_EMF`). So the back-EMF stays, and the datasheet's K_t goes.
     """
     if first != "K_t" or other not in OF_TWO_LINES:
         return ""

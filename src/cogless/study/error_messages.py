@@ -152,7 +152,7 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
 
 
 def _in_its_place(kind: str, key: Key, value: Any) -> str | None:
-    """What is expected of a mistake that shows by its place in the file; None of any other."""
+    """The expectation for a mistake that is clear from its place in the file; None for other mistakes."""
     if kind == "union_tag_not_found":
         return next((MISSING_KINDS[part] for part in reversed(key) if part in MISSING_KINDS), None)
     if kind == "tuple_type" and isinstance(value, dict):

@@ -157,9 +157,9 @@ class Metric(Table):
         return self.window if self.last is None else (max(0.0, end - self.last), end)
 
     def next_event(self, events: Iterable[float], row: float) -> float | None:
-        """Time of the first of these events behind the metric's own, s; None without either.
+        """Time of the first of these events after the metric's own, s; None without either.
 
-        `row`: time between rows, s. What is within half a row of the metric's event is the same event.
+        `row`: time between rows, s. An event within half a row of the metric's event is that event.
         """
         event = self.event
         return None if event is None else min((t for t in events if t > event + row / 2), default=None)
@@ -211,9 +211,10 @@ def result_name(metric: Named) -> str:
 
 
 def turns_held(turns: float, row: float) -> float:
-    """Revolutions that a window counts as: what it may be short of whole ones is added.
+    """The revolutions of a window, plus the shortfall that is allowed of whole revolutions.
 
-    It may be short by two rows, or by a speed that is a hair too low. `row`: revolutions from row to row.
+    The shortfall is two rows, or TURN_SHORTFALL_MOST for a speed that is slightly low. `row`: revolutions
+    from row to row.
     """
     return turns + max(2 * row, TURN_SHORTFALL_MOST)
 

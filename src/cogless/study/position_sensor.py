@@ -17,7 +17,7 @@ ORDER_MAX = 1000  # of a sensor's error
 FINE = 3600  # angles of a revolution at which a table of it is taken
 
 
-# a datasheet's words for the counts of both channels, four for each line, and for the pulses of one
+# datasheet words for the counts of both channels (four for each line), and for the pulses of one channel
 COUNTS, PULSES = (
     ("cpr", "counts", "counts_per_revolution", "resolution"),
     ("ppr", "pulses", "pulses_per_revolution"),
@@ -25,7 +25,7 @@ COUNTS, PULSES = (
 
 
 def _equals(key: str, value: Any) -> str:
-    """The end of a message: what to write, if the value is a number."""
+    """The end of a message, with key and number to write; "" for a value that isn't a positive integer."""
     return f": {key} = {value}" if isinstance(value, int) and value > 0 else ""
 
 
@@ -99,7 +99,7 @@ class Counted(Mounted):
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str | None:
-        """What is expected in place of a datasheet's word for counts or pulses a revolution."""
+        """The expectation for a datasheet's word for counts or pulses a revolution; None for other keys."""
         return None
 
     @property

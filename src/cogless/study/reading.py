@@ -181,7 +181,7 @@ def _toml(text: str) -> dict[str, Any]:
 
 
 def _unquoted(text: str, message: str) -> str:
-    """The end of a message on a value that TOML has not: the line, and what is often forgotten."""
+    """The end of a message on a value that isn't TOML: the line, and the usual mistake."""
     place = AT_LINE.match(message)
     if place is None:
         return ""

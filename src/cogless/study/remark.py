@@ -1,7 +1,7 @@
-"""What is said about a study, with each change that it advises as data.
+"""A sentence about a study, with each change that it advises as data.
 
-A sentence that tells the user to change something carries that change. Whoever prints it prints the text;
-whoever doubts it applies the change and runs the study again, as the tests do with every remark that advises.
+A sentence that advises a change carries that change as data. The tests apply each change and run the study
+again.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from cogless.study.reading import AStudy, Changes, changed
 
 @dataclass(frozen=True)
 class Remark:
-    """One line on a study, which begins with the key that it is about."""
+    """One line on a study. It begins with the key that it is about."""
 
     text: str
     cures: tuple[Changes, ...] = ()  # values by dotted key; each of these changes helps without the others
@@ -23,9 +23,9 @@ class Remark:
         return self.text
 
     def about(self, key: str) -> Remark:
-        """The same remark, said of a key."""
+        """The same remark with a key in front."""
         return replace(self, text=f"{key}: {self.text}")
 
     def cured(self, study: AStudy) -> Iterator[AStudy]:
-        """The study with each of the advised changes. StudyError: the study can't be changed so."""
+        """The study with one advised change at a time. StudyError: the study refuses the change."""
         return (changed(study, cure) for cure in self.cures)

@@ -66,7 +66,7 @@ class Table(BaseModel):
 
     @classmethod
     def other_word(cls, key: str, value: Any) -> str | None:
-        """What is expected in place of an unknown key that is no misspelling of a known one."""
+        """The expectation for an unknown key that another word replaces; None for other unknown keys."""
         word = cls.IN_PLACE.get(key.lower())
         return f'expected "{word}" in its place' if word else None
 
@@ -215,14 +215,16 @@ def nearest(key: str, known: Sequence[str]) -> str | None:
 
 
 def perhaps(name: str, known: Iterable[str]) -> str:
-    """The end of a message on a name that there isn't: the known one that was probably meant, or ""."""
+    """The end of a message on an unknown name: the nearest known name, or "" if none is near."""
     near = nearest(name, list(known))
     return f', perhaps "{near}"' if near else ""
 
 
 def _meant(key: str, known: Sequence[str]) -> list[str]:
-    """The known keys that an unknown one may be meant to be: those that it begins or ends, as L does L_d and
-    friction coulomb_friction, or the nearest."""
+    """The known keys that an unknown one may stand for.
+
+    They are those that it begins or ends (L begins L_d, friction ends coulomb_friction), or else the nearest.
+    """
     whole = [name for name in known if name.startswith(f"{key}_") or name.endswith(f"_{key}")]
     near = nearest(key, known)
     return whole or ([near] if near else [])

@@ -158,9 +158,9 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         ("all is well again", back, 0, step, plain),
     ]
     if monitor["stuck_angle"]:
-        # two cases: the reference turns by stuck_angle before stuck_time has passed, and after it. Speed and
-        # currents are as far from their references as they may be: the output is at its limit. A law that
-        # follows an angle pushes one way only, so the reference turns both ways.
+        # Two cases: the reference turns by stuck_angle before stuck_time has passed, and after it. Speed and
+        # currents are as far from their references as the monitor allows, so the output is at its limit. A
+        # law that follows an angle pushes one way only, so the reference turns both ways.
         time = _periods(monitor["stuck_time"], ts)
         away, pushed = NEAR * (monitor["omega_max"] or HUGE), NEAR * (monitor["current_max"] or 2 * limit)
         for until, periods in ((10.5, time + 15 + law), (2 * time + 10.5, 2 * time + 13)):

@@ -1,6 +1,7 @@
-"""Code for the example: angle and speed from the study's sensor, by the parts that simulated them.
+"""Code of the example for angle and speed from the study's sensor, with the parts that the simulation uses.
 
-The sensor's own error is taken out of the angle first, and the speed estimated from what is left.
+The code first corrects the angle for the sensor's own error. It then estimates the speed from the corrected
+angle.
 """
 
 from __future__ import annotations
