@@ -53,7 +53,7 @@ def run(
     from cogless.design.warnings import beyond_drive, coarse_table, too_short
     from cogless.results import Results
     from cogless.results.folder import held
-    from cogless.run.simulate import RunError, run_study, runs_of
+    from cogless.run.simulate import RunDefect, RunError, run_study, runs_of
     from cogless.study import TrialStudy
 
     arena = _arena(study, changes)
@@ -73,12 +73,15 @@ def run(
     for line in (*coarse_table(loaded), *far, *too_short(loaded, pairs)):
         say(f"Warning: {line}.")
     failures: list[StudyError] = []
+    defect: RunDefect | None = None
     with held(folder):
         with run_progress(wanted) as progress:
             try:
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=folder)
             except RunError as error:
                 failures, results = [error], error.results
+            except RunDefect as error:  # what is finished is written before it is told
+                defect, results = error, error.results
         if isinstance(results, Results):
             results = with_limits(results, limits, jobs, folder)
         if results.runs:
@@ -98,6 +101,8 @@ def run(
                 print(f"Page: {folder / 'live.html'}")
                 for line in left_out(loaded):
                     say(f"Left out of the page: {line}")
+    if defect is not None:
+        raise defect
     if failures:
         raise StudyError("\n".join(map(str, failures)))
     if results.interrupted:
