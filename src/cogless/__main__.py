@@ -6,14 +6,23 @@ import atexit
 import os
 import signal
 import sys
+import traceback
 
-from cogless.errors import INTERRUPTED, WRONG, StudyError, say
+from cogless.errors import DEFECT, INTERRUPTED, WRONG, StudyError, say
 from cogless.files import reason
 from cogless.interrupts import REQUESTS, end_as_by_ctrl_c
 
+REPORT = (
+    "This is a defect of cogless, not a mistake of yours. Please report it to the maintainers, with the "
+    "lines above, what `cogless --version` prints, and the study."
+)
+
 
 def main() -> None:
-    """Entry point. A user's mistake prints a line on stderr and exits with 2; Ctrl-C exits with 130."""
+    """Entry point. A user's mistake prints a line on stderr and exits with 2; Ctrl-C exits with 130.
+
+    A defect prints its traceback and a line that asks to report it, and exits with 1.
+    """
     code = _flushed(_code())
     from cogless.run.side_by_side import left_behind
 
@@ -42,7 +51,9 @@ def _code() -> int:
         return WRONG
     except Exception as error:
         if not hasattr(error, "format_message"):  # not an exception of typer
-            raise
+            traceback.print_exc()
+            say(REPORT)
+            return DEFECT
         line = str(error.format_message()).rstrip(".")
         if line:
             named = " ".join(["cogless", *(word for word in sys.argv[1:2] if not word.startswith("-"))])

@@ -24,6 +24,10 @@ SAME_BITS = {"f": "I", "d": "Q", "Q": "Q", "?": "B", "B": "B", "H": "H", "I": "I
 POINTER = struct.calcsize("P")
 
 
+class MisfitError(ValueError):
+    """A number that its place in a C struct can't hold; the message names the member."""
+
+
 @dataclass(frozen=True)
 class Leaf:
     """A single number within a struct.
@@ -78,8 +82,8 @@ class Layout:
     def pack(self, name: str, values: Mapping[str, Any]) -> bytes:
         """Encode a struct's members, in the form that `decode` returns, as bytes. All must be given.
 
-        A list may be shorter than its array: the rest is zero. ValueError names the member that is missing,
-        unknown or of the wrong type.
+        A list may be shorter than its array: the rest is zero. ValueError names the member that is missing or
+        unknown; MisfitError, a ValueError, one whose value its type can't hold.
         """
         numbers: list[Any] = []
         self._collect(name, values, numbers, name)
@@ -172,13 +176,13 @@ class Layout:
             end = leaf.offset + struct.calcsize(leaf.format)
         return struct.Struct("".join([*parts, f"{self.size(name) - end}x"]))
 
-    def _misfit(self, name: str, numbers: Sequence[Any]) -> ValueError:
+    def _misfit(self, name: str, numbers: Sequence[Any]) -> MisfitError:
         """The error that names the first number that its place can't hold."""
         for leaf, number in zip(self.leaves(name), numbers, strict=True):
             try:
                 struct.pack(f"={leaf.format}", number)
             except (struct.error, OverflowError, TypeError):
-                return ValueError(f"{name}.{leaf.path}: {number!r}: expected a value of {leaf.type}")
+                return MisfitError(f"{name}.{leaf.path}: {number!r}: expected a value of {leaf.type}")
         raise AssertionError(name)
 
     def _count(self, name: str) -> int:

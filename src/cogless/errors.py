@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, Self
 
-WRONG, INTERRUPTED = 2, 130  # exit codes
+DEFECT, WRONG, INTERRUPTED = 1, 2, 130  # exit codes
 
 
 class StudyError(Exception):

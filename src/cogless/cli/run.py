@@ -60,7 +60,7 @@ def run(
     from cogless.design.warnings import beyond_drive, coarse_table, too_short
     from cogless.results import Results
     from cogless.results.folder import held
-    from cogless.run.simulate import RunError, run_study, runs_of
+    from cogless.run.simulate import RunDefect, RunError, run_study, runs_of
 
     arena = _arena(study, changes)
     if arena is not None:
@@ -79,6 +79,7 @@ def run(
     for line in (*coarse_table(loaded), *far, *too_short(loaded, pairs)):
         say(f"Warning: {line}.")
     failures: list[StudyError] = []
+    defect: RunDefect | None = None
     place = folder.absolute()  # a law may change the directory
     with held(place, _names(loaded, pairs, plots, not no_traces, with_page)):
         with run_progress(wanted) as progress:
@@ -86,6 +87,8 @@ def run(
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=place)
             except RunError as error:
                 failures, results = [error], error.results
+            except RunDefect as error:  # what is finished is written before it is told
+                defect, results = error, error.results
         if isinstance(results, Results):
             results = with_limits(results, limits, jobs, place)
         with deferred(WRITING) as requests:
@@ -97,6 +100,8 @@ def run(
                 except StudyError as error:  # such as a full disk; the tables are still printed
                     failures.append(error)
                 _print(results, folder, with_page, all(isinstance(failure, RunError) for failure in failures))
+    if defect is not None:
+        raise defect
     if failures:
         raise StudyError("\n".join(map(str, failures)))
     if results.interrupted or requests.count:

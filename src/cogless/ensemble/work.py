@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cogless.ensemble.columns import Column, columns
+from cogless.ensemble.columns import columns
 from cogless.ensemble.parcel import Parcel, unpacked
 from cogless.errors import StudyError
 from cogless.results import AnyResults
-from cogless.results.metrics import Value
-from cogless.run.simulate import RunError, rollout, simulate
+from cogless.run.simulate import RunError, rollout
 from cogless.study import AnyStudy, changed
 
 Pair = tuple[str, str]  # scenario, controller
@@ -26,6 +25,7 @@ def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[P
     study = unpacked(parcel)
     wanted = columns(study)
     made = [_made(study, of_variant) for of_variant in changes]
+    errors: Sequence[Mapping[Pair, StudyError]] = []
     valid = [variant for variant in made if not isinstance(variant, str)]
     try:
         results: Sequence[AnyResults] = rollout(
@@ -34,26 +34,28 @@ def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[P
         if any(found.interrupted for found in results):
             raise Ended
     except RunError as error:
-        results = error.all_results
-    except StudyError:  # such as a design that one variant has not; the others have theirs
-        if len(made) > 1:
-            return [rows(parcel, [of_variant], pairs)[0] for of_variant in changes]
-        results = [AnyResults(valid[0], [])]
-    finished = iter(results)
+        results, errors = error.all_results, error.all_errors
+    finished = zip(results, errors or [{}] * len(valid), strict=True)
     found = []
     for variant in made:
         if isinstance(variant, str):
-            found.append([[*[None] * len(wanted), variant] for _ in pairs])
+            found.append([_failed_row(len(wanted), variant) for _ in pairs])
             continue
-        runs = {(run.scenario, run.controller): run.metrics for run in next(finished).runs}
-        found.append([_row(wanted, runs.get(pair), variant, pair) for pair in pairs])
+        of_variant, failed = next(finished)
+        runs = {(run.scenario, run.controller): run.metrics for run in of_variant.runs}
+        found.append(
+            [
+                _failed_row(len(wanted), _told(variant, failed[pair]))
+                if pair in failed
+                else [*(column.of(runs[pair]) for column in wanted), None]
+                for pair in pairs
+            ]
+        )
     return found
 
 
-def _row(columns: list[Column], metrics: Mapping[str, Value] | None, variant: AnyStudy, pair: Pair) -> Row:
-    if metrics is None:
-        return [*[None] * len(columns), _failure(variant, pair)]
-    return [*(column.of(metrics) for column in columns), None]
+def _failed_row(columns: int, why: str) -> Row:
+    return [*[None] * columns, why]
 
 
 def _made(study: AnyStudy, changes: Mapping[str, Any]) -> AnyStudy | str:
@@ -62,15 +64,6 @@ def _made(study: AnyStudy, changes: Mapping[str, Any]) -> AnyStudy | str:
         return changed(study, changes)
     except StudyError as error:
         return _told(study, error)
-
-
-def _failure(variant: AnyStudy, pair: Pair) -> str:
-    """Why a run failed. It runs again for that, since a rollout tells its first failure only."""
-    try:
-        simulate(variant, *pair)
-    except StudyError as error:
-        return _told(variant, error)
-    raise RuntimeError(f"{'/'.join(pair)}: failed in a rollout, and not alone")
 
 
 def _told(study: AnyStudy, error: StudyError) -> str:

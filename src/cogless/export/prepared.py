@@ -138,9 +138,7 @@ def prepare(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     StudyError: an unknown name, a controller without a C form, a run that can't start.
     """
     _check(study, scenario, controller)
-    with failures(study, scenario, controller):
-        planned = plan(study, scenario, controller)
-    return Prepared(**vars(planned))
+    return Prepared(**vars(plan(study, scenario, controller)))
 
 
 def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:

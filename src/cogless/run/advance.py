@@ -12,8 +12,10 @@ from cogless.errors import StudyError
 from cogless.results.trace import Trace
 from cogless.run.own_law import describe, is_failure, law_file
 from cogless.study import AnyStudy
+from cogless.study.controller import OwnLaw
 
 ENGINES = {"single": "cogless._simulator_f32", "double": "cogless._simulator_f64"}
+REFUSALS = (ValueError, RuntimeError, MemoryError)  # exactly these does the engine raise about a study
 PIECE = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
 
 Progress = Callable[[float], None]
@@ -27,15 +29,31 @@ class Stopped(Exception):  # noqa: N818, it isn't an error
 def failures(
     study: AnyStudy, scenario: str, controller: str, when: Callable[[], str] = str
 ) -> Iterator[None]:
-    """Turn any failure in a run into a StudyError of one line. `when`: returns the time in the run, or ""."""
+    """Turn what a call of the engine raises into a StudyError of one line: the engine's refusal, or any
+    exception of a user's law.
+
+    Any other exception is a defect of cogless, and goes on. So only calls of the engine belong in here.
+    `when`: returns the time in the run, or "".
+    """
     try:
         yield
     except BaseException as error:
-        if isinstance(error, StudyError | Stopped) or not is_failure(error):
+        of_user = isinstance(study.controller[controller], OwnLaw) and is_failure(error)
+        if isinstance(error, StudyError) or not (of_user or type(error) in REFUSALS):
             raise
         where = f"controller.{controller}: scenario {scenario}{when()}"
         cause = describe(error, law_file(study, controller))
         raise StudyError(f"{study.source.path}: {where}: {cause}") from error
+
+
+@contextmanager
+def memory_enough(study: AnyStudy, scenario: str, controller: str) -> Iterator[None]:
+    """Turn a MemoryError into a StudyError of one line: the run needs more memory than there is."""
+    try:
+        yield
+    except MemoryError as error:
+        where = f"controller.{controller}: scenario {scenario}"
+        raise StudyError(f"{study.source.path}: {where}: {describe(error, None)}") from error
 
 
 def advance(run: Callable[[int], None], ticks: int, progress: Progress, stop: Event) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from threading import Event
 from typing import Any
 
@@ -15,7 +14,7 @@ from cogless.results.fault_response import faults_in, responses
 from cogless.results.metrics import Conditions, Value, evaluate, result_name
 from cogless.results.trace import Trace
 from cogless.results.trace_files import TraceRoom
-from cogless.run.advance import Progress, advance, failures, trace_of
+from cogless.run.advance import Progress, advance, failures, memory_enough, trace_of
 from cogless.run.plan import Plan
 from cogless.study import AnyStudy, TrialStudy, for_scenario
 from cogless.study.controller import OwnLaw
@@ -45,8 +44,11 @@ def carried_out(planned: Plan, progress: Progress, stop: Event, room: TraceRoom 
             file.append(recorder.take())
         progress(share)
 
-    with failures(*planned.names, lambda: planned.when(state.tick)):
-        advance(partial(drive.advance, state, recorder), planned.ticks, after_a_piece, stop)
+    def run(ticks: int) -> None:
+        with failures(*planned.names, lambda: planned.when(state.tick)):
+            drive.advance(state, recorder, ticks)
+
+    advance(run, planned.ticks, after_a_piece, stop)
     trace = trace_of(drive, recorder) if file is None else file.trace()
     return _finished(planned, state, trace, 1)
 
@@ -68,11 +70,11 @@ class _Lane:
         """The finished run, or why it failed."""
         planned, state = self.planned, self.state
         try:
-            with failures(*planned.names):
-                with failures(*planned.names, lambda: planned.when(state.tick)):
-                    if self.error:
-                        raise RuntimeError(self.error)
-                file = self.file
+            with failures(*planned.names, lambda: planned.when(state.tick)):
+                if self.error:
+                    raise RuntimeError(self.error)
+            file = self.file
+            with memory_enough(*planned.names):
                 trace = trace_of(planned.drive, self.recorder) if file is None else file.trace()
                 return _finished(planned, state, trace, lanes)
         except StudyError as error:

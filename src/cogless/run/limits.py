@@ -186,8 +186,6 @@ class _Tries:
                 raise KeyboardInterrupt
         except RunError as error:
             rolled = error.all_results
-        except StudyError:  # one of them can't be prepared, and none has run
-            return [run for study in studies for run in self._runs([study])] if len(studies) > 1 else [None]
         return [next(iter(results.runs), None) for results in rolled]
 
     def fits(self, changes: Changes) -> bool:

@@ -39,9 +39,9 @@ def make_law(study: AnyStudy, name: str) -> Any | None:
     maker = getattr(module, class_name, None)
     if maker is None:
         raise StudyError(f"{where}: expected {path.name} to define {class_name}")
+    drive = known_drive(study)
     with _reporting(where, path, "expected a class that takes the controller's params"):
-        told = {"drive": known_drive(study)} if _takes_drive(maker) else {}
-        law = maker(**controller.arguments, **told)
+        law = maker(**controller.arguments, **({"drive": drive} if _takes_drive(maker) else {}))
     if not callable(getattr(law, "step", None)):
         raise StudyError(f"{where}: expected a class with a method step(inputs)")
     return law
@@ -121,8 +121,10 @@ def describe(error: BaseException, path: Path | None) -> str:
         return f"{path.name}: {RETURNS}" if path else RETURNS
     if isinstance(error, AttributeError) and type(error.obj).__name__ == "LawInput":
         message = _unknown_field(message, type(error.obj))
-    kind = "" if isinstance(error, RuntimeError) and message else f"{type(error).__name__}: "
-    return f"{_line(error, path)}{kind}{message}".rstrip(": ")
+    line = _line(error, path)
+    of_engine = isinstance(error, RuntimeError) or (type(error) is ValueError and not line)
+    kind = "" if of_engine and message else f"{type(error).__name__}: "
+    return f"{line}{kind}{message}".rstrip(": ")
 
 
 def _line(error: BaseException, path: Path | None) -> str:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib import import_module
 from threading import Event
 from typing import Any
 
+from cogless.c_layout import MisfitError
 from cogless.design.from_study import design_study
 from cogless.design.trial import TrialDesign
 from cogless.errors import StudyError
@@ -49,9 +48,9 @@ class Plan:
 
     def start(self) -> Any:
         """The state at time zero, with `learned` loaded into the law's memory."""
-        state = self.drive.start()
-        if self.learned is not None:
-            with failures(*self.names):
+        with failures(*self.names):
+            state = self.drive.start()
+            if self.learned is not None:
                 self.drive.load_map(state, self.learned)
         return state
 
@@ -95,12 +94,13 @@ def plan(
     return replace(made, learned=_commissioned(study, scenario, controller, stop or Event()))
 
 
-@contextmanager
-def _refusals(study: AnyStudy, scenario: str, controller: str) -> Iterator[None]:
-    """Turn an error of the control library or the engine into a StudyError of one line."""
+def _described(
+    study: AnyStudy, scenario: str, controller: str, description: Callable[[], dict[str, Any]]
+) -> dict[str, Any]:
+    """The description of a run. StudyError: a value of the study that a C struct can't hold."""
     try:
-        yield
-    except (ValueError, RuntimeError) as error:
+        return description()
+    except MisfitError as error:
         where = f"controller.{controller}: scenario {scenario}"
         raise StudyError(f"{study.source.path}: {where}: {error}") from error
 
@@ -108,10 +108,11 @@ def _refusals(study: AnyStudy, scenario: str, controller: str) -> Iterator[None]
 def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
     study_here, engine = for_scenario(study, scenario), import_module(ENGINES[study.drive.precision])
     rates, law = study_here.drive.rates, make_law(study, controller)
-    with _refusals(study, scenario, controller):
-        description = engine_config(study, scenario, controller, mode)
-        drive = engine.Drive(description, law)
+    description = _described(
+        study, scenario, controller, lambda: engine_config(study, scenario, controller, mode)
+    )
     with failures(study, scenario, controller):
+        drive = engine.Drive(description, law)
         drive.stored(drive.start())  # what a user's law tells may be no map: found before it runs
     return Plan(
         study,
@@ -133,9 +134,11 @@ def _trials(study: TrialStudy, scenario: str, controller: str, design: TrialDesi
         precision, divider = study.drive.precision, study.drive.rates.divider
         rate = round(study.drive.rates.current_loop)
     engine, law = import_module(ENGINES[precision]), make_law(study, controller)
-    with _refusals(study, scenario, controller):
-        description = trial_config(study, scenario, controller, design)
-        linear = study.plant is not None
+    description = _described(
+        study, scenario, controller, lambda: trial_config(study, scenario, controller, design)
+    )
+    linear = study.plant is not None
+    with failures(study, scenario, controller):
         drive = engine.LinearTrials(description) if linear else engine.Drive(description, law)
     return Plan(
         study,
@@ -161,11 +164,19 @@ def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> 
     assert isinstance(law, AntiCogging) and law.calibration is not None
     made = _speed(study, scenario, controller, "learn")
     drive, state, expected = made.drive, made.drive.start(), law.calibration.duration
+
+    def when() -> str:
+        return f", commissioning run,{made.when(state.tick)}"
+
     piece = made.divider * math.ceil(made.rate / made.divider)  # 1 s
     while state.tick < 3 * expected * made.rate:
         recorder = made.engine.Recorder(drive, made.divider)
-        with failures(study, scenario, controller, lambda: f", commissioning run,{made.when(state.tick)}"):
-            advance(partial(drive.advance, state, recorder), piece, lambda share: None, stop)
+
+        def run(ticks: int, recorder: Any = recorder) -> None:
+            with failures(study, scenario, controller, when):
+                drive.advance(state, recorder, ticks)
+
+        advance(run, piece, lambda share: None, stop)
         if not int(trace_of(drive, recorder)["status"][-1]) & Status.BUSY:
             return drive.stored(state)["values"]
     line = f"{study.source.path}: controller.{controller}.calibration: scenario {scenario}"

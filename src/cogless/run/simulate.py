@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import partial
 from importlib import import_module
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 from threading import Event
 from typing import overload
@@ -18,7 +18,7 @@ from cogless.design.from_study import Designs, design_study
 from cogless.errors import StudyError
 from cogless.results import AnyResults, Results, Run, TrialResults
 from cogless.results.trace_files import TraceRoom
-from cogless.run.advance import ENGINES, Progress, Stopped, failures
+from cogless.run.advance import ENGINES, Progress, Stopped, memory_enough
 from cogless.run.carry_out import carried_out, carried_out_together
 from cogless.run.plan import Plan, plan
 from cogless.run.side_by_side import side_by_side
@@ -27,19 +27,39 @@ from cogless.study.controller import OwnLaw, Startable
 from cogless.study.table import perhaps
 
 StudyProgress = Callable[[str, str, float], None]
+Pair = tuple[str, str]  # scenario, controller
 
 
 class RunError(StudyError):
     """A run that failed, for example because its controller returned NaN. The other runs are kept.
 
     `results`: finished runs of the first study with a failed run. `all_results`: finished runs of every study
-    of a rollout, in its order; studies that lack a run have `interrupted` set.
+    of a rollout, in its order; studies that lack a run have `interrupted` set. `all_errors`: of every study
+    of a rollout, why a run failed, by scenario and controller.
     """
 
-    def __init__(self, message: str, results: AnyResults, all_results: Sequence[AnyResults]) -> None:
+    def __init__(
+        self,
+        message: str,
+        results: AnyResults,
+        all_results: Sequence[AnyResults],
+        all_errors: Sequence[Mapping[Pair, StudyError]],
+    ) -> None:
         super().__init__(message)
         self.results = results
         self.all_results = list(all_results)
+        self.all_errors = list(all_errors)
+
+
+class RunDefect(Exception):  # noqa: N818, it says whose error it is
+    """A run that a defect of cogless ended, which is the cause of this exception. The other runs are kept.
+
+    `results`: finished runs of the first study with such a run.
+    """
+
+    def __init__(self, message: str, results: AnyResults) -> None:
+        super().__init__(message)
+        self.results = results
 
 
 def simulate(study: AnyStudy, scenario: str, controller: str, progress: Progress | None = None) -> Run:
@@ -83,7 +103,8 @@ def run_study(
     with `interrupted` set. RunError: a run failed; all others are finished.
     """
     room = TraceRoom(traces) if traces is not None else None
-    (results,) = _rollout([study], only, progress, jobs, keep_traces=True, room=room)
+    pairs = runs_of(study, only)
+    (results,) = _rollout([(study, _prepare(study, pairs), pairs)], {}, progress, jobs, True, room)
     return results
 
 
@@ -104,28 +125,35 @@ def rollout(
     `jobs`: number of runs at a time, default one per core. Without `keep_traces`, each run's trace is emptied
     once its metrics are computed, so that thousands of runs fit into memory. `traces` and Ctrl-C as in
     run_study.
-    RunError: a run failed; all others are finished, and in its `all_results`.
+    RunError: a run failed, or could not be prepared; all others are finished, and in its `all_results`.
     """
     room = TraceRoom(traces) if traces is not None else None
-    return _rollout(studies, only, None, jobs or os.cpu_count() or 1, keep_traces, room)
+    refused: dict[tuple[int, Pair], StudyError] = {}
+    prepared = []
+    for number, study in enumerate(studies):
+        pairs = runs_of(study, only)
+        designs, errors = _prepared(study, pairs)
+        prepared.append((study, designs, pairs))
+        refused |= {(number, pair): error for pair, error in errors.items()}
+    return _rollout(prepared, refused, None, jobs or os.cpu_count() or 1, keep_traces, room)
 
 
 def _rollout(
-    studies: Sequence[AnyStudy],
-    only: Sequence[str] | None,
+    studies: Sequence[tuple[AnyStudy, Designs, Sequence[Pair]]],
+    refused: Mapping[tuple[int, Pair], StudyError],
     progress: StudyProgress | None,
     jobs: int,
     keep_traces: bool,
     room: TraceRoom | None = None,
 ) -> list[AnyResults]:
+    """Run these runs of studies with their designs. `refused`: those that can't be prepared, by the study's
+    place, and why."""
     stop = Event()
-    pairs = [runs_of(study, only) for study in studies]
-    runs = [
-        _Pending(study, designs, *pair)
-        for study, of_study in zip(studies, pairs, strict=True)
-        for designs in [_prepare(study, of_study)]
-        for pair in of_study
+    all_runs = [
+        [_Pending(study, designs, *pair, outcome=refused.get((number, pair))) for pair in pairs]
+        for number, (study, designs, pairs) in enumerate(studies)
     ]
+    runs = [run for of_study in all_runs for run in of_study if run.outcome is None]
 
     def alone(run: _Pending) -> list[Run | StudyError]:
         def report(share: float) -> None:
@@ -142,16 +170,22 @@ def _rollout(
     made = side_by_side([partial(group, members) for members in groups], jobs, stop)
     for members, future in zip(groups, made, strict=True):
         _hand_over(future, members)
-    in_order = iter(run.outcome for run in runs)
-    return _collected(studies, [list(islice(in_order, len(of_study))) for of_study in pairs], stop.is_set())
+    return _collected([study for study, _, _ in studies], all_runs, stop.is_set())
 
 
 class _Pending:
     """A run to make. `outcome`: what came of it, None as long as it isn't done."""
 
-    def __init__(self, study: AnyStudy, designs: Designs, scenario: str, controller: str) -> None:
+    def __init__(
+        self,
+        study: AnyStudy,
+        designs: Designs,
+        scenario: str,
+        controller: str,
+        outcome: Run | BaseException | None = None,
+    ) -> None:
         self.study, self.designs, self.scenario, self.controller = study, designs, scenario, controller
-        self.outcome: Run | BaseException | None = None
+        self.outcome = outcome
 
 
 def _groups(runs: Sequence[_Pending], jobs: int) -> list[list[_Pending]]:
@@ -215,6 +249,21 @@ def _prepare(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     return design_study(study, runs) if isinstance(study, TrialStudy) else {}
 
 
+def _prepared(study: AnyStudy, runs: Sequence[Pair]) -> tuple[Designs, dict[Pair, StudyError]]:
+    """The designs as `_prepare` makes them, and the error of each run that can't be prepared."""
+    try:
+        return _prepare(study, runs), {}
+    except StudyError:
+        designs: Designs = {}
+        errors: dict[Pair, StudyError] = {}
+        for pair in runs:
+            try:
+                designs |= _prepare(study, [pair])
+            except StudyError as error:
+                errors[pair] = error
+        return designs, errors
+
+
 def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[str, str]]:
     """Pairs (scenario, controller) of the runs that match `only`, or of all runs, in the study's order."""
     runs = [(scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario)]
@@ -234,8 +283,7 @@ def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[st
 
 
 def _planned(study: AnyStudy, designs: Designs, scenario: str, controller: str, stop: Event) -> Plan:
-    with failures(study, scenario, controller):
-        return plan(study, scenario, controller, stop, designs.get((scenario, controller)))
+    return plan(study, scenario, controller, stop, designs.get((scenario, controller)))
 
 
 def _run(
@@ -248,36 +296,42 @@ def _run(
     room: TraceRoom | None = None,
 ) -> Run:
     planned = _planned(study, designs, scenario, controller, stop)
-    with failures(study, scenario, controller):
+    with memory_enough(study, scenario, controller):
         return carried_out(planned, progress, stop, room)
 
 
 def _collected(
-    studies: Sequence[AnyStudy], outcomes: Sequence[Sequence[Run | BaseException | None]], stopped: bool
+    studies: Sequence[AnyStudy], runs: Sequence[Sequence[_Pending]], stopped: bool
 ) -> list[AnyResults]:
     results: list[AnyResults] = []
-    failures: list[StudyError] = []
-    failed: list[AnyResults] = []
-    for study, of_study in zip(studies, outcomes, strict=True):
-        finished, before = [], len(failures)
-        for outcome in of_study:
-            if isinstance(outcome, Run):
-                finished.append(outcome)
-            elif isinstance(outcome, StudyError):
-                failures.append(outcome)
-            elif outcome is not None and not isinstance(outcome, Stopped):  # these are Ctrl-C's
-                raise outcome
-        fails = len(failures) > before
-        interrupted = stopped or fails
+    errors: list[dict[Pair, StudyError]] = []
+    defects: list[tuple[AnyResults, _Pending]] = []
+    for study, of_study in zip(studies, runs, strict=True):
+        finished = [run.outcome for run in of_study if isinstance(run.outcome, Run)]
+        errors.append(
+            {(r.scenario, r.controller): r.outcome for r in of_study if isinstance(r.outcome, StudyError)}
+        )
+        broken = [run for run in of_study if _is_defect(run.outcome)]
+        interrupted = stopped or bool(errors[-1] or broken)
         if isinstance(study, TrialStudy):
             results.append(TrialResults(study, finished, interrupted))
         else:
             results.append(Results(study, finished, interrupted))
-        failed += results[-1:] if fails else []
+        defects += [(results[-1], run) for run in broken]
+    for finished_ones, run in defects:
+        assert isinstance(run.outcome, BaseException)
+        raise RunDefect(f"{run.scenario}/{run.controller}", finished_ones) from run.outcome
+    failures = [error for of_study in errors for error in of_study.values()]
     if failures:
         more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
-        raise RunError(f"{failures[0]}{more}", failed[0], results)
+        first = next(of_study for of_study, failed in zip(results, errors, strict=True) if failed)
+        raise RunError(f"{failures[0]}{more}", first, results, errors)
     return results
+
+
+def _is_defect(outcome: Run | BaseException | None) -> bool:
+    """Whether a run ended with an error of cogless itself: no user's mistake, and not by Ctrl-C."""
+    return isinstance(outcome, BaseException) and not isinstance(outcome, StudyError | Stopped)
 
 
 def _known(study: AnyStudy, scenario: str, controller: str) -> None:

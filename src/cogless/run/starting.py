@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import numpy as np
 from cogless.errors import StudyError
 from cogless.maps import start, stored_map
 from cogless.maps.stored_map import CURRENT, MapError, StoredMap
-from cogless.run.own_law import describe, law_file
+from cogless.run.own_law import describe, is_failure, law_file
 from cogless.study import Study
 from cogless.study.controller import OwnLaw, Startable
 from cogless.study.start import Start
@@ -26,20 +28,29 @@ def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> s
     key, name = ("table", given.table) if given.map is None else ("map", given.map)
     where = f'{study.source.path}: controller.{controller}.start.{key}: "{name}": '
     try:
-        state = drive.start()
-        own = drive.stored(state)
+        with _law_failures(study, controller, where):
+            state = drive.start()
+            own = drive.stored(state)
         if own is None:
             needs = law.NEEDS if isinstance(law, OwnLaw) else "none, since the memory is over time"
             raise MapError(f"expected {needs}")
         found = _of_table(study, given) if given.map is None else _newest(study, given.map)
         entries = start.entries(found, own, law.unit)
         if isinstance(law, OwnLaw):
-            drive.load_map(state, entries)  # it may refuse it: before the first run
+            with _law_failures(study, controller, where):
+                drive.load_map(state, entries)  # it may refuse it: before the first run
         return entries
     except MapError as error:
         raise StudyError(f"{where}{error}") from None
-    except Exception as error:
-        if not isinstance(law, OwnLaw):
+
+
+@contextmanager
+def _law_failures(study: Study, controller: str, where: str) -> Iterator[None]:
+    """Turn any exception of a user's law into a StudyError that begins with `where`."""
+    try:
+        yield
+    except BaseException as error:
+        if not isinstance(study.controller[controller], OwnLaw) or not is_failure(error):
             raise
         raise StudyError(f"{where}{describe(error, law_file(study, controller))}") from error
 
