@@ -128,7 +128,7 @@ def _current_error(study: Study) -> Changes:
 
 
 def longer(study: Study, scenario: str, controller: str, metric: Metric) -> Changes:
-    """The change to a longer run, judged at its end; empty if it isn't comparable or the law doesn't learn."""
+    """The change to a longer run, judged at its end; empty if it isn't comparable or nothing learns."""
     if not isinstance(study.controller[controller], LearnsWhileRunning):
         return {}
     return later(study, scenario, metric, (LONGER - 1) * study.scenario[scenario].duration)
