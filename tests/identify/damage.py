@@ -28,7 +28,8 @@ import numpy as np
 
 ROWS = 601
 MEMORY_MOST = 3 << 29  # B beyond what the process has at its start: 1 GiB of numbers, and what reads them
-TIME_MOST = 30  # s
+TIME_MOST = 30  # s of the processor
+WAIT_MOST = 600  # s, if it only waits
 TOO_SHORT = "no log turns at a steady speed for a revolution; record one that does\n"
 ID = """
 [columns]
@@ -311,8 +312,8 @@ class Ending:
 
     def fault(self, name: str) -> str:
         """What is wrong with this ending of a command that read this file; empty if nothing is."""
-        if self.code == -signal.SIGALRM:
-            return f"still runs after {TIME_MOST} s"
+        if self.code in (-signal.SIGALRM, -signal.SIGXCPU):
+            return f"still runs after {TIME_MOST} s of the processor, or {WAIT_MOST} s"
         if self.code < 0:
             return f"ended by signal {-self.code}"
         if "Traceback" in self.err:
@@ -338,7 +339,8 @@ def diagnosed(path: Path) -> Ending:
         with said.open("wb") as file, open(os.devnull, "wb") as nothing:
             os.dup2(file.fileno(), 2)
             os.dup2(nothing.fileno(), 1)
-        signal.alarm(TIME_MOST)
+        signal.alarm(WAIT_MOST)
+        resource.setrlimit(resource.RLIMIT_CPU, (TIME_MOST, TIME_MOST + 1))
         pages = int(Path("/proc/self/statm").read_text().split()[0])
         space = 4 * MEMORY_MOST + pages * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (space, space))

@@ -61,12 +61,8 @@ def changed(tables: Mapping[str, Any], cure: Cure) -> dict[str, Any]:
         room, *path, last = key.split(".")
         if room == RECORD:
             raise ValueError(f"{key}: a log, not the file of columns")
-        table: Any = made.setdefault(room, [] if room == "log" else {})
+        table = made.setdefault(room, {})
         for name in path:
-            if isinstance(table, list):  # of rules: by number, a new one behind the last
-                table.extend([{}] * (int(name) == len(table)))
-                table = table[int(name)]
-                continue
             if isinstance(table.get(name), str):  # the heading of a column
                 table[name] = {"name": table[name]}
             table = table.setdefault(name, {})
