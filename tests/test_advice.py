@@ -60,7 +60,7 @@ current_loop = {{ bandwidth = "800 Hz", current_limit = "2 A" }}
 inverter = {{ bus_voltage = "24 V" }}
 position_sensor = {{ kind = "absolute", bits = 14, speed_method = "observer", observer_bandwidth = "200 Hz" }}
 {DRIVE}"""
-# A worm drive that follows the stars: few counts a second.
+# A worm drive that follows the stars, with few counts a second.
 TELESCOPE = f"""title = "A telescope"
 [motor]
 pole_pairs = 4
@@ -499,7 +499,7 @@ def test_what_a_refusal_advises_is_taken(producer: str, case: Refusal) -> None:
 
 
 def test_a_certificate_that_is_not_found_has_the_number_to_give(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No study is known in which the inequalities fail where the frequency response doesn't."""
+    """We know no study in which the inequalities fail and the frequency response does not."""
     with monkeypatch.context() as without:
         without.setattr(learning_gain, "_solve", lambda *_: (None, None))
         study = read(trial_studies.DRIVE, ilc())

@@ -182,7 +182,7 @@ def test_a_calibration_and_trials_have_functions_of_their_own(subject: Subject) 
 def test_parts_around_the_drive_have_their_texts_where_the_study_has_them(
     subject: Subject, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Dead time is compensated after the step; the sensor's table belongs to the example, which measures."""
+    """The step is followed by the compensation of dead time. The example has the sensor's table."""
     monkeypatch.setattr(
         "cogless.export.c.extras.initialiser", lambda headers, struct, *of: f"    /* {struct} */"
     )

@@ -323,7 +323,7 @@ def test_a_number_is_a_product_of_powers_a_factor_for_the_pole_pairs_and_a_curve
 
 
 def test_a_motor_is_tried_at_a_hundredth_to_a_hundred_times_its_values():
-    """And nearer to the study's where it refuses these, but within what the page takes."""
+    """Where the study refuses such a value, one nearer to its own is tried, within the page's range."""
     by_key, _, _ = own_motor([], "")
     wide = {key.key: replace(key, least=0, most=math.inf) for key in by_key}
     own = motor.OwnMotor({}, wide | {motor.POLE_PAIRS: by_key[0]}, RATIO_ENDS, {})
@@ -430,7 +430,7 @@ REFUSALS = {
 
 @pytest.mark.parametrize("refusal", REFUSALS)
 def test_what_the_study_refuses_narrows_the_range_of_its_key_alone(refusal):
-    """The numbers are the same products, wherever the page may go and the study does not refuse it."""
+    """The numbers stay the same products at all values that page and study accept."""
     formulas = (
         lambda p, R, L, kv, J, bus: 3 * R / L,
         lambda p, R, L, kv, J, bus: 1e4 * J * kv**2 / p,

@@ -95,7 +95,7 @@ def test_a_field_takes_more_than_its_slider_only_if_the_key_stays_right_there(ad
 
 
 def test_a_key_that_the_study_refuses_near_one_end_keeps_the_rest_of_its_slider(adjusted):
-    """The first value that is tried, 6 of 1 to 9, is refused; others show how the key sets its number."""
+    """The study refuses 6, the first value that is tried. Others show how the key sets its number."""
     (key,) = adjusted(candidate("half")).keys
     assert key.lands == {PLACE: (Landing(NUMBERS[0], 2.0),)}
 

@@ -136,8 +136,11 @@ class Harmonic:
         self.round_step, self.due = step, 0
 
     def judge_bend(self, begun: float) -> None:
-        """No bend is learned where noise makes too much of it, or most of the ripple is fast; none acts where
-        noise may make all of it."""
+        """Set the bend's rate and share for the next round.
+
+        No bend is learned if noise makes too much of it, or if fast orders have most of the ripple. No bend
+        acts if noise may make all of it.
+        """
         size, shows = self.base * self.power, self.power > self.rest
         self.calm = CALM * self.power / max(self.low, 1) * self.gain**2
         self.power = self.rest = self.bend_rate = 0.0

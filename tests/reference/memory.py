@@ -46,12 +46,12 @@ class Memory:
         self.beyond = 0.0  # share of the first of them that counts, of a line
 
     def recalled(self, values: list[float]) -> list[float]:
-        """What the law learns on from."""
+        """The values of a period ago, less what this period takes away; learning continues from these."""
         return [self.forgetting * v - lost for v, lost in zip(values, self.lost, strict=True)]
 
     @property
     def lost(self) -> list[float]:
-        """What a period takes away from the mean, beside forgetting: at most 15/16 of it is recalled."""
+        """The part of the mean that a period takes away, beside forgetting. At most 15/16 is recalled."""
         beyond = max(0.0, self.forgetting - 15 / 16)
         return [beyond * mean * (c < self.centred) for c, mean in enumerate(self.mean)]
 
@@ -288,7 +288,7 @@ class DelayLine(Memory):
         return speed > 0
 
     def gather(self, period: float) -> None:
-        """The samples of a period, of which the first and the last may count in part."""
+        """Collect the samples of a period. The first and the last may count in part."""
         self.gathered.append(list(self.value))
         weights = [self.beyond or 1.0, *[1.0] * (len(self.gathered) - 1)]
         missing = period - sum(weights[:-1]) if len(weights) > 1 else period

@@ -63,7 +63,7 @@ class Monitor:
     def step(
         self, i: list[float], theta: float, omega: float, u_dc: float, omega_ref: float, full: bool
     ) -> set[str]:
-        """Names of the status bits; fills theta, omega, safe, trusted. `full`: it is pushed at the limit."""
+        """Names of the status bits. Fills theta, omega, safe, trusted. `full`: the output is at its limit."""
         said = self._rotor(theta, omega, omega_ref, full)
         if self.phases:
             said |= set() if self.plausible_currents(i) else {"CURRENT"}

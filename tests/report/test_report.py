@@ -663,7 +663,7 @@ def test_a_speed_missed_because_the_monitor_stopped_the_drive_says_so():
 
 
 def test_the_verdict_names_the_monitor_where_it_stopped_the_drive():
-    """A hub motor from rest, its wheel blocked: more friction than full current overcomes."""
+    """A hub motor starts from rest with a blocked wheel: full current does not overcome the friction."""
     changes = {
         "scenario.walk.initial_speed": "0 rpm", "scenario.walk.duration": "8 s",
         "mechanics.coulomb_friction": "30 N*m", "scenario.walk.controllers": ["pi", "pi-ilc"],

@@ -1,4 +1,4 @@
-"""What limits the best run, in verdict, report, results.json and on the terminal."""
+"""Sentences on what limits the best run, in verdict, report, results.json and on the terminal."""
 
 import json
 from dataclasses import replace
@@ -203,7 +203,7 @@ def test_ctrl_c_keeps_what_is_there(results, monkeypatch):
 
 
 def test_the_sensors_share_is_told_once_where_a_run_has_measured_it(tmp_path):
-    """The verdict's own estimate of it, from the signals alone, gives way."""
+    """The further runs' share replaces the verdict's own estimate, which is from the signals alone."""
     text = TEXT.replace("bits = 10, window = 4", 'bits = 20, window = 4, eccentricity = "3 deg"')
     eccentric = run_study(load(studies.write(tmp_path, text)), ["*/pi"])
     (alone,), (both,) = verdicts(eccentric), verdicts(with_limits(eccentric))

@@ -207,7 +207,7 @@ def test_the_monitor_believes_what_one_step_of_the_sensor_shows(
 
 
 def test_an_observer_shows_no_more_of_a_step_than_is_said() -> None:
-    """Its third-order answer to a step of the angle: three poles at 100 rad/s, in steps of 10 us."""
+    """The observer has three poles at 100 rad/s; its answer to a step of the angle is computed in 10 us."""
     h, w, most = 1e-5, 100.0, 0.0
     theta = omega = alpha = 0.0
     for _ in range(20_000):
@@ -225,7 +225,7 @@ def test_an_observer_shows_no_more_of_a_step_than_is_said() -> None:
 def test_a_heavy_rotor_has_the_time_that_full_current_takes_to_turn_it_by_a_step(
     tmp_path: Path, kind: str, step: float
 ) -> None:
-    """A tenth of the torque that the believed flux gives at 3 A accelerates it over a step of the sensor."""
+    """The time is that in which a tenth of the torque at 3 A, by the believed flux, turns it by a step."""
     inertia = 0.1
     sensor = {"kind": "hall"} if kind == "hall" else ENCODER
     changes = {
@@ -240,7 +240,7 @@ def test_a_heavy_rotor_has_the_time_that_full_current_takes_to_turn_it_by_a_step
 
 
 def test_a_sensor_on_the_load_steps_by_the_gear_s_ratio_at_the_motor(tmp_path: Path) -> None:
-    """Its own error is told by its own revolutions: the motor's speed and acceleration are less there."""
+    """The sensor's table works in the sensor's revolutions, where speed and acceleration are lower."""
     side = {"inertia": "1e-3 kg*m^2", "stiffness": "50 N*m/rad", "damping": "0.01 N*m*s/rad", "ratio": 10}
     found = drive(
         tmp_path, {"mechanics.load_side": side, "drive.position_sensor": {**ENCODER, "side": "load"}}

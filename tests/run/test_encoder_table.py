@@ -1,4 +1,4 @@
-"""A sensor's own error of a high order at speed: learned, and out of the angle and of every kind of speed."""
+"""A sensor's error of a high order is learned at speed, and angle and every kind of speed are corrected."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What limits a run: each cause where it alone was put in, by plants and sums of our own, and what helps."""
+"""What limits a run: each cause in a study with that cause alone, beside independent plants and sums."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_the_cause_that_was_put_in_is_found_and_what_is_advised_helps(study, cau
     results = limited(of_cause, controller)
     found = results.limits["turning"]
     of_each = {each.name: each.share for each in found.causes}
-    # Delay acts by the torque ripple that it lets through; a wrong flux linkage makes learning slow.
+    # Delay lets torque ripple through; a wrong flux linkage makes learning slow. So these causes appear, too.
     others = {"delay": {"disturbance"}, "belief": {"learning-time"}}.get(cause, set())
     first = next(each.name for each in found.named if each.name not in others)
     assert first == cause and 0.5 < of_each[cause] <= 1 and cause not in found.untried
@@ -140,7 +140,7 @@ def test_a_run_with_nothing_left_to_gain_has_no_limits(study):
 def test_steps_have_the_share_that_an_own_loop_gives_them(study):
     """Euler steps of J omega' = K_t i - cogging - load, and a PI on the counts of a millisecond.
 
-    The mean share over some first angles, since what steps do depends on where they are."""
+    The share is a mean over several first angles, since the effect of the steps depends on their place."""
     angles, counts = np.array([0.0, 1.0, 2.0, 3.0]), 1 << 10
 
     def squares(counts: int | None) -> float:
@@ -172,7 +172,7 @@ def test_steps_have_the_share_that_an_own_loop_gives_them(study):
 
 
 def test_dead_time_has_all_of_the_sixth_electrical_order(study):
-    """It changes the voltage at each of the six zeros of the phase currents in an electrical revolution."""
+    """Dead time changes the voltage at the six zeros of the phase currents in an electrical revolution."""
     order = {"metric.0": {"name": "sixth", "kind": "order", "signal": "omega_m", "order": [6], "last": "2 s"}}
     order["metric.0"]["frame"] = "electrical"
     dead = {"drive.inverter.dead_time": "4 us", "scenario.turning.reference": "30 rpm"}
@@ -211,7 +211,7 @@ def test_an_overridden_sensor_is_changed_where_it_counts(study):
 
 
 def test_a_rule_gives_its_numbers_anew_for_each_change(path):
-    """What is told for a law with the rule auto is what a user finds who sets the key in the study's file."""
+    """The result for a law with the rule auto equals that of a user who sets the key in the study's file."""
     auto = {"law": "pi-ilc", "tuning": {"rule": "auto"}}
     only = {"controller.pi-ilc": auto, "drive.position_sensor": {**WORD, "bits": 12}}
     results = limited(load(path, only), "pi-ilc")
@@ -273,7 +273,7 @@ ki = "0.1 A/rpm/s"
 
 
 def test_what_other_scenarios_need_doesnt_hide_a_cause(study):
-    """They reach into a list that a cause empties, and share a window that a longer run leaves."""
+    """Another scenario overrides an entry of a list that a cause empties, and shares a window."""
     fixed = changed(study, {"scenario.turning.duration": "1.5 s", "metric.0.last": "0.5 s"})
     metric = {"name": "ripple", "kind": "ripple-rms", "signal": "omega_m", "window": ["1 s", "1.5 s"]}
     other = {**fixed.source.tables["scenario"]["turning"], "override": {"motor.cogging.0.torque": "1 mN*m"}}
@@ -293,7 +293,7 @@ def test_hall_sensors_have_shares_of_their_steps_and_of_their_places():
 
 
 def test_a_stepper_of_fifty_pole_pairs_is_limited_by_its_detent(study):
-    """Its sqrt(200 T / J) of 137 Hz lies above the crossover: without detent next to nothing is left."""
+    """The detent pulls at sqrt(200 T / J) = 137 Hz, above the crossover. It makes nearly all the ripple."""
     motor = {"pole_pairs": 50, "R_s": "1.5 ohm", "L_d": "2.8 mH", "L_q": "2.8 mH", "K_t": "0.26 N*m/A"}
     detent = {"cogging": [{"order": 200, "torque": "20 mN*m"}]}
     nema = {

@@ -1,4 +1,4 @@
-"""From rest under friction: a healthy drive reaches its speed, and a rotor that is stuck is found."""
+"""Starts from rest under friction: a healthy drive reaches its speed, and a stuck rotor is detected."""
 
 from pathlib import Path
 from typing import Any
@@ -109,7 +109,7 @@ def test_a_healthy_drive_starts_against_friction(
 
 
 def test_the_hub_motor_starts_against_a_heavy_load() -> None:
-    """From rest with 20 times its usual friction: the integral takes a second to turn it."""
+    """The friction is 20 times the usual one, so the integral takes a second to turn the rotor."""
     changes = {
         "scenario.walk.initial_speed": "0 rpm",
         "scenario.walk.duration": "8 s",
@@ -122,7 +122,7 @@ def test_the_hub_motor_starts_against_a_heavy_load() -> None:
 
 
 def test_a_speed_in_steps_beyond_every_speed_is_believed(tmp_path: Path) -> None:
-    """100 counts at 10 kHz: a count in a period is 628 rad/s, three times what the bus voltage allows."""
+    """With 100 counts and 10 kHz, a count in a period shows 628 rad/s: three times the highest speed."""
     study = start_of(
         tmp_path,
         "encoder M",
@@ -148,7 +148,7 @@ def test_a_speed_in_steps_beyond_every_speed_is_believed(tmp_path: Path) -> None
 def test_a_rotor_that_full_current_cannot_turn_is_found_in_the_stated_time(
     sensor: str, pole_pairs: int, law_rate: str, tmp_path: Path
 ) -> None:
-    """Breakaway above full current: stuck_time after the limit is reached, and never before."""
+    """The friction exceeds full current. The rotor counts as stuck stuck_time after the limit is reached."""
     blocked = {"mechanics.coulomb_friction": "1.6 N*m", "mechanics.breakaway_friction": "1.6 N*m"}
     study = start_of(tmp_path, sensor, pole_pairs, law_rate, **blocked)
     run = simulate(study, "start", "pi")

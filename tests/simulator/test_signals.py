@@ -85,7 +85,7 @@ unit = "{unit}"
 def test_a_row_with_another_unit_is_a_signal_for_every_command(
     tmp_path: Path,
 ) -> None:
-    """A copy of the sources with rows as contributing.md describes them; each command in its own process."""
+    """A copy of the sources gets rows as contributing.md describes. Each command runs in its own process."""
     table = control_sources().parents[1] / "simulator" / "signals.def"
     copy = tmp_path / "sources"
     (copy / "simulator").mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""Messages that say what to write instead: a test writes it, and sees that the study is right."""
+"""Messages that name the right text. The tests write that text, and check the study."""
 
 import math
 import re
@@ -26,7 +26,7 @@ def refused(study: str | Path, changes: dict[str, Any] | None = None) -> str:
 
 
 def written(message: str) -> dict[str, Any]:
-    """The tables of what a message shows to write, as "lines = 2048"."""
+    """The tables of the text that a message advises to write, such as "lines = 2048"."""
     (text,) = re.findall(r"\w+ = (?:\{.*?\}|\w+)", message)
     return tomllib.loads(text)
 
@@ -175,7 +175,7 @@ def test_a_bandwidth_in_rad_s_is_one_of_hz_times_two_pi() -> None:
 
 
 def test_units_of_datasheets_are_taken_in_a_study() -> None:
-    """Inertia in gram and ounces, cogging in ounces: the same motor."""
+    """Inertia in grams or ounces and cogging in ounces give the same motor."""
     study = load(MY_MOTOR, {"mechanics.inertia": "400 gcm2", "motor.cogging.0.torque": "0.56645 oz-in"})
     other = load(MY_MOTOR, {"mechanics.inertia": "2.18699 oz*in^2"})
     assert study.mechanics.inertia == pytest.approx(4e-5) == pytest.approx(other.mechanics.inertia, rel=1e-5)
@@ -278,7 +278,7 @@ def test_a_table_is_filled_once() -> None:
 def test_a_newcomer_s_mistake_is_told_with_what_makes_the_study_right(
     tmp_path: Path, right: str, wrong: str, message: str
 ) -> None:
-    """The message has the words of the file that is right."""
+    """The message names the words that a correct file has."""
     text = MY_MOTOR.read_text(encoding="utf-8")
     assert right in text
     path = tmp_path / "mine.toml"
