@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
 from cogless.live.candidates import Candidate
 from cogless.live.packed import Number, Packed
@@ -92,7 +93,7 @@ class OwnMotor:
 def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Narrow) -> OwnMotor:
     """The numbers that these keys, those of TOGETHER, set.
 
-    `changed`: the descriptions with these values; StudyError or ValueError where the study refuses them.
+    `changed`: the descriptions with these values; StudyError or MisfitError where the study refuses them.
     `narrow`: a key with the range that the study accepts. StudyError: a number is no such product.
     """
     by_key = {key.key: key for key in keys}
@@ -146,7 +147,7 @@ def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> Al
     """The descriptions with these values; None if the study refuses them."""
     try:
         return changed(values)
-    except (StudyError, ValueError):
+    except (StudyError, MisfitError):
         return None
 
 
