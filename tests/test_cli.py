@@ -24,6 +24,7 @@ from cogless.__main__ import _flushed
 from cogless.catalogue import catalogue, show
 from cogless.cli import app, logs, tables, terminal
 from cogless.results import Results
+from cogless.run import carry_out
 from cogless.study import Study, load
 from cogless.study.laws import AnyController
 from cogless.study.trial_controller import AnyTrialController
@@ -272,6 +273,27 @@ def test_a_controller_that_returns_nan_leaves_the_others(
     results = json.loads((tmp_path / "results.json").read_text())
     assert results["interrupted"] is True
     assert [run["controller"] for run in results["runs"]] == ["pi", "fair"]
+
+
+def test_a_defect_is_a_traceback_a_line_that_asks_to_report_it_and_what_is_finished(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def measure(study: Study, scenario: str, trace: Any) -> dict[str, Any]:
+        if scenario == "step":
+            raise ValueError("of cogless itself")
+        return {}
+
+    monkeypatch.setattr(carry_out, "measure", measure)
+    code, out, err = cogless(
+        capsys, "run", studies.write(tmp_path), "-o", tmp_path / "out", "--only", "*/pi", "--no-limits"
+    )
+    assert code == 1 and "Report:" in out
+    lines = err.splitlines()
+    assert lines[0] == "Traceback (most recent call last):" and "ValueError: of cogless itself" in lines
+    assert lines[-1].startswith("This is a defect of cogless, not a mistake of yours. Please report it")
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert results["interrupted"] is True
+    assert [run["scenario"] for run in results["runs"]] == ["low"]
 
 
 def test_an_order_that_no_run_yields_keeps_the_runs(

@@ -175,3 +175,32 @@ def test_a_position_sensor_has_all_that_belongs_to_one(kind: str) -> None:
 
 def test_a_kind_that_is_nowhere_is_missed() -> None:
     assert lacks("none-such", {"docs/guide/metrics.md": "### `{}`"}) == ["docs/guide/metrics.md"]
+
+
+def is_dataclass(node: ast.ClassDef) -> bool:
+    return any("dataclass" in ast.unparse(decorator) for decorator in node.decorator_list)
+
+
+def numbers_by_place(node: ast.ClassDef) -> list[str]:
+    """The numbers of a dataclass that may be given by their place alone."""
+    if any("kw_only=True" in ast.unparse(decorator) for decorator in node.decorator_list):
+        return []
+    fields = [part for part in node.body if isinstance(part, ast.AnnAssign)]
+    last = next(
+        (n for n, part in enumerate(fields) if ast.unparse(part.annotation) == "KW_ONLY"), len(fields)
+    )
+    return [
+        ast.unparse(part.target) for part in fields[:last] if ast.unparse(part.annotation) in ("float", "int")
+    ]
+
+
+def test_many_numbers_go_by_keyword() -> None:
+    """Five in a row are not told apart by who reads them, nor by a type checker."""
+    classes = [
+        (path.relative_to(ROOT), node)
+        for path in (ROOT / "src").rglob("*.py")
+        for node in ast.walk(ast.parse(text(path)))
+        if isinstance(node, ast.ClassDef) and is_dataclass(node)
+    ]
+    assert len(classes) > 100
+    assert not [(str(path), node.name) for path, node in classes if len(numbers_by_place(node)) >= 5]

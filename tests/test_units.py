@@ -280,3 +280,20 @@ def test_threads_may_be_the_first_to_ask() -> None:
     for _ in range(3):
         ran = subprocess.run([sys.executable, "-c", FROM_THREADS], capture_output=True, text=True)
         assert (ran.stdout, ran.stderr) == ("4\n", "")
+
+
+def test_a_broken_package_is_not_told_as_an_unknown_unit(monkeypatch):
+    """Such as one that pint imports, if it is there."""
+
+    def registry():
+        raise ImportError("a package is broken")
+
+    monkeypatch.setattr(units, "_registry", registry)
+    with pytest.raises(ImportError, match="a package is broken"):
+        parse("60 krad/h", units.ANGULAR_SPEED)
+
+
+@pytest.mark.parametrize("unit", ["lambda*rad", "(", "/m°V", "s**Wb", "m^^2", "or", "1/", "2**9**9", "kg)"])
+def test_what_is_no_unit_is_a_user_s_mistake(unit):
+    with pytest.raises(UnitError):
+        parse(f"1 {unit}", units.ANGLE)

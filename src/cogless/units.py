@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from threading import Lock
+from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -344,9 +345,12 @@ def _quantity(unit: str) -> Any:
     unit = _spelled_out(unit)
     if not UNIT.fullmatch(unit):
         return None
+    import pint
+
+    registry = _registry()
     try:
-        return 1.0 * _registry().parse_expression(unit) * _registry().dimensionless
-    except Exception:  # pint, its tokenizer and Python's arithmetic raise various exceptions
+        return 1.0 * registry.parse_expression(unit) * registry.dimensionless
+    except (pint.PintError, TokenError, ArithmeticError, AssertionError):  # an unknown unit, or none at all
         return None
 
 

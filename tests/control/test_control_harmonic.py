@@ -275,7 +275,7 @@ def test_the_first_period_is_nearly_enough():
 def test_the_rate_has_the_bound_that_the_design_computes(share, grows):
     """Thirty orders together, with no feedback. The law takes no rate as high as that; where it believes in
     too little acceleration it learns too fast as well."""
-    told = Learner(B, 0.0, 0.0, 2, 0, 30, 30, 1.0, 1.0)
+    told = Learner(b=B, delay=0.0, step=0.0, base=2, bends=0, orders=30, fast=30, rate=1.0, rate_min=1.0)
     bound = rate_bound(TS, told, 12.0 * 2 * np.arange(1.0, 31.0))
     reference = law(2, 30, 2.0, pi=(0.0, 0.0, 4.0), b=B * 2.0 / (share * bound))
     reference.rate_min = reference.rate

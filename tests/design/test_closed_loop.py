@@ -29,7 +29,7 @@ def test_the_largest_pole_tells_how_a_loop_grows(
 ) -> None:
     monkeypatch.setattr(closed_loop, "poles", lambda loop, feedback: np.array(poles, complex))
     loop: Any = SimpleNamespace(period=T)
-    found = closed_loop.oscillation.__wrapped__(loop, Linear(1, 1.0))
+    found = closed_loop.oscillation.__wrapped__(loop, Linear(ratio=1, k=1.0))
     assert (found is None) == (grows is None)
     if found is not None and grows is not None:
         assert (found.frequency, found.rate) == pytest.approx((grows.frequency, grows.rate))

@@ -59,7 +59,7 @@ def alone(folder: Path) -> float:
 def test_a_table_leaves_in_simulation_what_is_predicted(tmp_path: Path, speed: float, within: float) -> None:
     """Order 24 is met at 11 to 92 Hz, with a crossover of 12 Hz; fast ones record while they accelerate."""
     study = table(tmp_path, speed)
-    loop, feedback = speed_loop(study, "low"), Linear(1, PI["kp"], K_THETA, PI["ki"])
+    loop, feedback = speed_loop(study, "low"), Linear(ratio=1, k=PI["kp"], k_theta=K_THETA, k_i=PI["ki"])
     cogging = 4e-3 / (1.5 * 4 * 20e-3)  # A
     (share,) = left(loop, feedback, np.array([24 * speed]))
     predicted = math.hypot(share, unsettled(loop, feedback, speed) / cogging)

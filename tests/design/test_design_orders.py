@@ -141,7 +141,10 @@ def test_the_poles_are_those_of_resonators_beside_the_pi(sensor: dict[str, Any],
     w = np.array([3.0, 100.0, 452.0, 900.0, 5000.0])
     z, T = np.exp(1j * w * loop.period), loop.period
     with_them, without = ([Resonator(gain, math.tau * h, 1e-3) for h in ORDERS] for gain in (20.0, 0.0))
-    closed, opened = poles(loop, Linear(1, kp, k_i=ki), with_them), poles(loop, Linear(1, 0.0), without)
+    closed, opened = (
+        poles(loop, Linear(ratio=1, k=kp, k_i=ki), with_them),
+        poles(loop, Linear(ratio=1, k=0.0), without),
+    )
     ratio = np.prod((z[:, None] - closed) / (z[:, None] - opened), axis=1)
     added = sum(each.response(w, T) for each in with_them)
     assert ratio == pytest.approx(1 + loop.plant(w)[0] * (pi_response(w, T, kp, ki) + added), rel=rel)
@@ -175,7 +178,7 @@ class Orders(OrderLoop):
     """Orders 2, 5 and 9 at 4 rad/s; the loop, at 20 Hz, lags by a quarter of a turn more every 4 Hz."""
 
     plant: Any = SimpleNamespace(period=0.05)
-    feedback: Any = Linear(1, 1.0)
+    feedback: Any = Linear(ratio=1, k=1.0)
 
     def closed(self, f: Any) -> Any:
         return np.exp(-2j * np.pi * np.asarray(f) / 16)

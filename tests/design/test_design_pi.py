@@ -32,7 +32,12 @@ from cogless.study.controller import Tuning
 
 CURRENT = CurrentLoop(kp=150.0, ki=77000.0, R=15.42, L=0.03, period=1 / 15e3, delay=1)
 LOOP = SpeedLoop(b=1632.0, steps=15, window=15, current=CURRENT)
-FAST = SpeedLoop(4594.5, 4, 16, CurrentLoop(1.319, 3330.0, 0.53, 2.1e-4, 1 / 20e3, 1))
+FAST = SpeedLoop(
+    b=4594.5,
+    steps=4,
+    window=16,
+    current=CurrentLoop(kp=1.319, ki=3330.0, R=0.53, L=2.1e-4, period=1 / 20e3, delay=1),
+)
 
 
 def tuning(margin: float) -> Tuning:
@@ -134,11 +139,13 @@ def test_a_resolver_with_a_long_window_has_many_crossings_and_the_first_counts()
 def test_stability_of_any_loop_is_what_its_poles_say(
     b: float, bandwidth: float, delay: int, steps: int, window: int, kp: float, ki: float
 ) -> None:
-    current = CurrentLoop(bandwidth * 0.03, bandwidth * 15.42, 15.42, 0.03, 1e-4, delay)
+    current = CurrentLoop(
+        kp=bandwidth * 0.03, ki=bandwidth * 15.42, R=15.42, L=0.03, period=1e-4, delay=delay
+    )
     inner = radius(current_poles(current))
     if abs(inner - 1) > 1e-3:
         assert current.margins().stable == (inner < 1)
-    loop = SpeedLoop(b, steps, window, current)
+    loop = SpeedLoop(b=b, steps=steps, window=window, current=current)
     kp, ki = kp / (b * loop.period), ki * kp / (b * loop.period**2)
     outer = radius(speed_poles(loop, kp, ki))
     if abs(outer - 1) < 1e-3 or inner > 0.999:
@@ -158,8 +165,8 @@ def test_stability_of_any_loop_is_what_its_poles_say(
     margin=st.floats(math.radians(25), math.radians(75)),
 )
 def test_any_loop_gets_its_margin(b: float, bandwidth: float, steps: int, margin: float) -> None:
-    current = CurrentLoop(bandwidth * 0.03, bandwidth * 15.42, 15.42, 0.03, 1e-4, 1)
-    design = phase_margin_pi(SpeedLoop(b, steps, steps, current), tuning(margin))
+    current = CurrentLoop(kp=bandwidth * 0.03, ki=bandwidth * 15.42, R=15.42, L=0.03, period=1e-4, delay=1)
+    design = phase_margin_pi(SpeedLoop(b=b, steps=steps, window=steps, current=current), tuning(margin))
     assert design.kp > 0 and design.ki > 0
     assert design.margins.phase_margin == pytest.approx(margin, abs=1e-6)
     assert design.margins.gain_margin > 1
@@ -174,8 +181,8 @@ def test_the_crossover_lies_where_the_phase_is_largest() -> None:
 
 def test_closed_form_of_the_symmetrical_optimum() -> None:
     # Slow against the sampling, with a fast current loop: w_c = x / ((1 + x^2) T_e), T_i = x / w_c.
-    current = CurrentLoop(3e3, 3e3 * 15.42 / 0.03, 15.42, 0.03, 1e-6, 0)
-    loop = SpeedLoop(1632.0, steps=1000, window=1000, current=current)
+    current = CurrentLoop(kp=3e3, ki=3e3 * 15.42 / 0.03, R=15.42, L=0.03, period=1e-6, delay=0)
+    loop = SpeedLoop(b=1632.0, steps=1000, window=1000, current=current)
     margin = math.radians(75)
     design = phase_margin_pi(loop, tuning(margin))
     x = design.kp / design.ki * design.margins.crossover
@@ -288,7 +295,7 @@ def test_poles_leave_the_circle_at_the_gain_margin(window: int, more: dict[str, 
 
     def largest(factor: float) -> float:
         gain = factor * design.margins.gain_margin
-        return radius(poles(loop, Linear(1, gain * design.kp, k_i=gain * design.ki)))
+        return radius(poles(loop, Linear(ratio=1, k=gain * design.kp, k_i=gain * design.ki)))
 
     exact = more.get("delay", 0.0) * 1e3 % 1 == 0 and (more.get("held") or "low_pass" not in more)
     assert largest(0.999 if exact else 0.93) < 1

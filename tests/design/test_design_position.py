@@ -36,7 +36,7 @@ def tuning(degrees: float) -> Tuning:
 
 
 def linear(ratio: int, k_theta: float, k_omega: float, k_i: float) -> Linear:
-    return Linear(ratio, k_omega, k_theta, k_i)
+    return Linear(ratio=ratio, k=k_omega, k_theta=k_theta, k_i=k_i)
 
 
 def loop(changes: dict[str, Any]) -> SpeedLoop:

@@ -62,12 +62,14 @@ def test_margins_say_what_the_poles_say(on_load: bool, damping: float, window: i
     stable = []
     for k in np.geomspace(2e-3, 6.0, 5):
         found = margins(around, k, 5 * k)
-        feedback = Linear(1, k, k_i=5 * k)
+        feedback = Linear(ratio=1, k=k, k_i=5 * k)
         assert found.stable == (oscillation(around, feedback) is None), k
         stable.append(found.stable)
         if found.stable and math.isfinite(found.gain_margin):
             top = found.gain_margin
-            below, above = (poles(around, Linear(1, f * k, k_i=5 * f * k)) for f in (0.99 * top, 1.01 * top))
+            below, above = (
+                poles(around, Linear(ratio=1, k=f * k, k_i=5 * f * k)) for f in (0.99 * top, 1.01 * top)
+            )
             assert np.abs(below).max() < 1 + 1e-6 < np.abs(above).max()
     assert not stable[-1]
     assert stable[0] == (not on_load or damping > 0.0)

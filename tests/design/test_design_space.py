@@ -272,7 +272,7 @@ def test_the_corrected_bound_covers_the_proof_s_inequality_and_the_printed_one_d
     seed: int, eta_bar: float, mu: float, h_m: float, rest: float
 ) -> None:
     """W' <= 0 for |eta| >= eta_bar, with the worst delta, delta* and f that the assumptions allow."""
-    bounds = Bounds(h_m, h_m + rest, 1.0, 3.0, 1.0, 0.3, 1.0)
+    bounds = Bounds(h_m=h_m, h_M=h_m + rest, k_h=1.0, k_alpha1=3.0, k_alpha2=1.0, k_beta1=0.3, k_beta2=1.0)
     motion = Motion(1.0, 3.0, 4.0)
     law = speed_law(eta_bar=eta_bar, mu_alpha=mu, mu_beta=mu, mu_h=mu)
     limits = (bounds.delta,) * 3
@@ -295,7 +295,10 @@ def test_the_corrected_bound_covers_the_proof_s_inequality_and_the_printed_one_d
 
 def test_the_printed_bound_is_too_small() -> None:
     """A counterexample: a PMSM, so that g+ / g- is 1, whose saturated memory drives the error outward."""
-    bounds, motion = Bounds(0.1, 0.1, 0.0, 1.0, 0.0, 1.0, 0.0), Motion(1.0, 1.0, 1.0)
+    bounds, motion = (
+        Bounds(h_m=0.1, h_M=0.1, k_h=0.0, k_alpha1=1.0, k_alpha2=0.0, k_beta1=1.0, k_beta2=0.0),
+        Motion(1.0, 1.0, 1.0),
+    )
     law = speed_law(eta_bar=0.5, mu_alpha=20.0, mu_beta=20.0, mu_h=20.0)
     printed, corrected, *_ = speed_conditions(bounds, motion, law, (bounds.delta,) * 3)
     eta, omega_r = 0.5, 1.0
@@ -317,13 +320,16 @@ def test_the_printed_bound_is_too_small() -> None:
 
 
 def test_no_k_is_enough_where_eta_bar_reaches_the_slowest_reference() -> None:
-    bounds = Bounds(0.1, 0.2, 0.0, 1.0, 0.0, 0.0, 0.0)
+    bounds = Bounds(h_m=0.1, h_M=0.2, k_h=0.0, k_alpha1=1.0, k_alpha2=0.0, k_beta1=0.0, k_beta2=0.0)
     asked = speed_conditions(bounds, Motion(1.0, 2.0, 0.0), speed_law(mu_alpha=1.0), (1.0, 0.0, 0.0))
     assert asked[1].asks == math.inf
     assert asked[1].ratio(20.0) == 0.0
 
 
-LAW_6 = Bounds(0.2, 0.35, 5.0, 8.0, 30.0, 0.01, 0.15), Motion(0.2, 0.4, 1.5)
+LAW_6 = (
+    Bounds(h_m=0.2, h_M=0.35, k_h=5.0, k_alpha1=8.0, k_alpha2=30.0, k_beta1=0.01, k_beta2=0.15),
+    Motion(0.2, 0.4, 1.5),
+)
 
 
 def test_error_terms_are_those_of_footnote_6() -> None:
@@ -336,7 +342,7 @@ def test_error_terms_are_those_of_footnote_6() -> None:
 
 
 def test_without_k_theta_no_gain_of_law_6_is_enough() -> None:
-    (only,) = position_conditions(*LAW_6, Linear(1, 5.0, 0.0))
+    (only,) = position_conditions(*LAW_6, Linear(ratio=1, k=5.0, k_theta=0.0))
     assert only.needed and only.asks == math.inf
 
 
@@ -344,7 +350,7 @@ def test_without_k_theta_no_gain_of_law_6_is_enough() -> None:
 @pytest.mark.parametrize("k_v", [0.0, 0.5, 3.0, 15.0, 40.0])
 def test_what_law_6_needs_is_where_its_proof_begins_to_hold(k_v: float, k_theta: float) -> None:
     bounds, motion = LAW_6
-    footnote, needs = position_conditions(bounds, motion, Linear(1, 0.0, k_theta, k_v=k_v))
+    footnote, needs = position_conditions(bounds, motion, Linear(ratio=1, k=0.0, k_theta=k_theta, k_v=k_v))
     squares, s_1, g_2 = error_terms(bounds, motion, k_theta)
     drift = bounds.k_h * motion.top_speed / 2
 
@@ -538,8 +544,30 @@ def test_a_limit_at_its_bound_is_not_tight() -> None:
     law = study.controller["learning"]
     assert isinstance(law, SpaceSpeed)
     alpha, beta, h = learned_limits(study, law, study.scenario.values())
-    assert _tight_limits(study, law, Bounds(h, h, 0.0, alpha, 0.0, beta, 0.0)) == []
-    assert len(_tight_limits(study, law, Bounds(h, 1.01 * h, 0.0, alpha, 0.0, 1.01 * beta, 0.0))) == 2
+    assert (
+        _tight_limits(
+            study, law, Bounds(h_m=h, h_M=h, k_h=0.0, k_alpha1=alpha, k_alpha2=0.0, k_beta1=beta, k_beta2=0.0)
+        )
+        == []
+    )
+    assert (
+        len(
+            _tight_limits(
+                study,
+                law,
+                Bounds(
+                    h_m=h,
+                    h_M=1.01 * h,
+                    k_h=0.0,
+                    k_alpha1=alpha,
+                    k_alpha2=0.0,
+                    k_beta1=1.01 * beta,
+                    k_beta2=0.0,
+                ),
+            )
+        )
+        == 2
+    )
 
 
 # The criterion against simulation

@@ -331,7 +331,7 @@ def test_errors(plant: UncertainPlant, changes: dict[str, object], key: str, mes
 
 
 def test_a_trial_law_is_robust_and_learns_by_all_it_has_unless_it_is_told_otherwise() -> None:
-    left_out = vars(TrialSettings(100, np.eye(1), 1.0, [1.0], [1.0], 0.1))
+    left_out = vars(TrialSettings(samples=100, Q=np.eye(1), R=1.0, gamma=[1.0], f=[1.0], g=0.1))
     switches = [left_out[key] for key in ("integral", "learning", "feedforward")]
     assert switches == [True, True, True] and left_out["kind"] == "robust"
     chosen = ("structure", "filter_order", "filtered", "change_weight")

@@ -42,7 +42,15 @@ def motor(low: float = 5.9e-4, high: float = 10.6e-4, friction: float = 1.4e-3) 
 
 def settings(**changes) -> TrialSettings:
     same = TrialSettings(
-        400, np.eye(3), 1.0, np.ones(3), np.ones(3), 0.1, "observer", "input", integral=False
+        samples=400,
+        Q=np.eye(3),
+        R=1.0,
+        gamma=np.ones(3),
+        f=np.ones(3),
+        g=0.1,
+        kind="observer",
+        structure="input",
+        integral=False,
     )
     return replace(same, **({"filtered": "signal"} | changes))
 

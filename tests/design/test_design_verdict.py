@@ -310,12 +310,12 @@ LOOPS: list[Changes] = [
 )
 def test_poles_cross_the_circle_where_the_margins_end(changes: Changes, more: dict[str, float]) -> None:
     loop = speed_loop(section_5(changes))
-    one = Linear(50, **{"k": 3.0, "k_theta": 5.0, **more})
+    one = Linear(ratio=50, **{"k": 3.0, "k_theta": 5.0, **more})
     found = position_margins(loop, one)
     assert found.stable and oscillation(loop, one) is None
 
     def times(gain: float) -> Linear:
-        return Linear(50, one.k * gain, one.k_theta, one.k_i * gain, one.k_v * gain)
+        return Linear(ratio=50, k=one.k * gain, k_theta=one.k_theta, k_i=one.k_i * gain, k_v=one.k_v * gain)
 
     assert oscillation(loop, times(0.99 * found.gain_margin)) is None
     beyond = oscillation(loop, times(1.01 * found.gain_margin))

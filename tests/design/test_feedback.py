@@ -38,4 +38,6 @@ def test_robust_ilc_s_feedback_has_an_integral_of_its_sliding_variable() -> None
     law = RobustIlc.model_construct(b=20.0, c=30.0, eta=10.0, q=0.5, g=0.0, gamma=60.0)
     study: Any = SimpleNamespace(controller={"x": law})
     k, k_i = law.linear
-    assert feedback.feedback_of(study, "x") == Linear(1, k, 0.0, k_i, 0.0, 3.0, 30.0)
+    assert feedback.feedback_of(study, "x") == Linear(
+        ratio=1, k=k, k_theta=0.0, k_i=k_i, k_v=0.0, k_r=3.0, c=30.0
+    )

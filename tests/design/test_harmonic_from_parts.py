@@ -48,8 +48,8 @@ from cogless.study.position_sensor import Encoder, Hall, IdealSensor
 from cogless.study.step_motor import StepMotor
 
 RPM = math.pi / 30
-TOLD = Learner(800.0, 0.0, 0.0, 2, 0, 3, 3, 5.0, 0.5)
-LOOP = SpeedLoop(800.0, 1, 0, IdealLoop(1e-3))
+TOLD = Learner(b=800.0, delay=0.0, step=0.0, base=2, bends=0, orders=3, fast=3, rate=5.0, rate_min=0.5)
+LOOP = SpeedLoop(b=800.0, steps=1, window=0, current=IdealLoop(1e-3))
 HALLS = Hall.model_construct(kind="hall", edges=4)
 
 
@@ -230,7 +230,9 @@ def test_an_ideal_current_loop_has_the_delay_that_it_is_given() -> None:
 
 def test_a_current_loop_is_late_by_its_phase_less_half_its_period() -> None:
     """With kp = L / T_c and no resistance the current is its reference one period later."""
-    at_once = replace(LOOP, steps=10, current=CurrentLoop(20.0, 0.0, 0.0, 2e-3, 1e-4, 0))
+    at_once = replace(
+        LOOP, steps=10, current=CurrentLoop(kp=20.0, ki=0.0, R=0.0, L=2e-3, period=1e-4, delay=0)
+    )
     assert delay_of(at_once) == pytest.approx(0.5e-4)
     assert delay_of(replace(at_once, delay=3e-4)) == pytest.approx(3.5e-4)
 
@@ -333,7 +335,9 @@ def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(harmonic, "gamma", gamma)
     told, orders, none = replace(TOLD, held=(8.9e-3, 9.1e-3)), np.array([2.0, 4.0, 6.0, 8.0]), None
     found = harmonic._at(none, "x", LOOP, told, none, orders, 1.5)
-    assert found == Certified(1.5, 8, 0.3, 6, (6,), 5.0, 7.0, (), 0.1)
+    assert found == Certified(
+        omega_m=1.5, acting=8, gamma=0.3, late=6, held=(6,), rate=5.0, most=7.0, slow=(), swing=0.1
+    )
     late["one"][3] = 0.1
     further = harmonic._at(none, "x", LOOP, told, none, orders, 1.5)
     assert (further.late, further.most) == (8, None)
@@ -377,7 +381,18 @@ def test_the_rule_s_numbers_of_a_law(
         monkeypatch.setattr(harmonic, name, part)
     study: Any = SimpleNamespace(controller={"x": law})
     found = harmonic._learner(study, "x")
-    assert found == Learner(800.0, 2e-4, 1e-3, 4, 2, 3, 2, rate, rate_min, (0.1, 0.2))
+    assert found == Learner(
+        b=800.0,
+        delay=2e-4,
+        step=1e-3,
+        base=4,
+        bends=2,
+        orders=3,
+        fast=2,
+        rate=rate,
+        rate_min=rate_min,
+        held=(0.1, 0.2),
+    )
     assert asked == {"fastest": (3.0, 1e-3), "bands": ("pi", 0.3, 4, (1.0, 3.0))}
     monkeypatch.setattr(harmonic, "_speeds", lambda *_: [])
     still = harmonic._learner(study, "x")
@@ -427,8 +442,8 @@ def test_halls_show_orders_below_their_own() -> None:
 
 # The certificate's words
 
-SLOW = Certified(10 * RPM, 6, 0.656, 4, (4, 6), 5.0, None)
-FAST = Certified(200 * RPM, 4, -0.1, 2, (2,), 5.0, 12.345)
+SLOW = Certified(omega_m=10 * RPM, acting=6, gamma=0.656, late=4, held=(4, 6), rate=5.0, most=None)
+FAST = Certified(omega_m=200 * RPM, acting=4, gamma=-0.1, late=2, held=(2,), rate=5.0, most=12.345)
 FINE = Certificate(TOLD, 1e-3, (SLOW,), 300 * RPM, None)
 
 

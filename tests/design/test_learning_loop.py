@@ -51,7 +51,7 @@ class Loop(LearningLoop):
 
     @property
     def feedback_before(self) -> Linear:
-        return Linear(1, 0.5, k_i=2.0)
+        return Linear(ratio=1, k=0.5, k_i=2.0)
 
     @property
     def plant(self) -> Any:
@@ -103,9 +103,9 @@ def test_a_lead_is_a_later_error_s_and_what_acts_at_once_a_feedback() -> None:
     assert loop().kept(70.0, 2) == loop(lead=2).kept(70.0) == pytest.approx(1 - x(70.0, 2))
     integral = 30.0 * T / (1 - np.exp(-2j * np.pi * 70.0 * T))
     assert loop(k_i=30.0).x(70.0) == pytest.approx(x(70.0) * (1 + integral / GAIN))
-    assert loop(k_i=30.0).at_once == Linear(1, 0.5 + GAIN, k_i=32.0)
-    assert loop().at_once == Linear(1, 0.5 + GAIN, k_i=2.0)
-    assert loop(lead=2).at_once == loop().feedback == Linear(1, 0.5, k_i=2.0)
+    assert loop(k_i=30.0).at_once == Linear(ratio=1, k=0.5 + GAIN, k_i=32.0)
+    assert loop().at_once == Linear(ratio=1, k=0.5 + GAIN, k_i=2.0)
+    assert loop(lead=2).at_once == loop().feedback == Linear(ratio=1, k=0.5, k_i=2.0)
 
 
 @pytest.mark.parametrize("images", [[-230.0, 70.0, 370.0], [-400.0, -100.0, 200.0, 500.0]])
@@ -183,7 +183,7 @@ def test_the_worst_frequency_is_the_one_that_keeps_most() -> None:
 
 def test_the_sensitivity_is_that_of_all_that_feeds_back() -> None:
     """In a frame of 50: the PI acts on speed and k_theta times the angle, k_v on the angle alone."""
-    feedback = Linear(50, 0.2, 7.0, k_i=3.0, k_v=0.6)
+    feedback = Linear(ratio=50, k=0.2, k_theta=7.0, k_i=3.0, k_v=0.6)
     w, speed, angle = np.array([40.0]), np.array([0.3 - 0.1j]), np.array([-0.02j])
     pi = 0.2 + 3.0 * T / (1 - np.exp(-1j * w * T))
     assert opened(feedback, speed, angle) == pytest.approx(50 * (speed + 7.0 * angle))

@@ -159,8 +159,8 @@ def certificate(**changes: object) -> Certificate:
     numbers = {"b": 1e3, "delay": 1e-4, "step": 0.0, "rate": 20.0, "rate_min": 0.5}
     learner = Learner(**numbers, base=6, bends=0, orders=8, fast=2, held=())
     speeds = (
-        Certified(2 * math.pi, 42, 0.391, 36, (), 2.0, 5.061),
-        Certified(20 * math.pi, 12, 0.5, 6, (24, 30), 7.0, None),
+        Certified(omega_m=2 * math.pi, acting=42, gamma=0.391, late=36, held=(), rate=2.0, most=5.061),
+        Certified(omega_m=20 * math.pi, acting=12, gamma=0.5, late=6, held=(24, 30), rate=7.0, most=None),
     )
     plain = Certificate(learner, 1e-3, speeds, 100 * math.pi, None)
     return replace(plain, **changes)
@@ -176,7 +176,7 @@ def test_a_certificate_in_one_line() -> None:
         "learns at up to 3000 rpm"
     )
     assert certificate(speeds=()).words() == "not judged: no reference turns order 48 by 0.001 rad a sample"
-    one = (Certified(2 * math.pi, 42, 0.391, 36, (24,), 2.0, None),)
+    one = (Certified(omega_m=2 * math.pi, acting=42, gamma=0.391, late=36, held=(24,), rate=2.0, most=None),)
     bands = replace(learner, held=(math.tau * 0.1, math.tau * 0.2, math.tau * 0.3, math.tau * 0.4))
     more = certificate(speeds=one, learner=bands, straight=math.pi)
     assert more.words() == (
@@ -185,7 +185,7 @@ def test_a_certificate_in_one_line() -> None:
         "to 200 and from 300 "
         "to 400 Hz; learns at up to 3000 rpm; an eccentric sensor's error at up to 30 rpm"
     )
-    bad = Certified(2 * math.pi, 42, 0.0, 36, (), 2.0, None)
+    bad = Certified(omega_m=2 * math.pi, acting=42, gamma=0.0, late=36, held=(), rate=2.0, most=None)
     turned = certificate(speeds=(bad,)).words()
     assert "any rate and may not all converge with b 50 % off (Re Gamma 0.00 or more), to 36" in turned
     good = replace(bad, gamma=0.1)

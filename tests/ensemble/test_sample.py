@@ -135,6 +135,27 @@ def test_correlations_at_the_ends_and_of_one(tmp_path: Path) -> None:
     assert found == pytest.approx(np.repeat(found[:, :1], 3, axis=1))
 
 
+@pytest.mark.parametrize(
+    ("form", "least", "most"),
+    [
+        ("uniform = [62, 65]", 62, 65),
+        ("uniform = [61.2, 65.9]", 62, 65),
+        ('uniform = "3 %"', 63, 65),
+        ("log = [62, 65]", 62, 65),
+        ("normal = [64, 3]", 55, 73),
+        ("corners = [62, 65]", 62, 65),
+    ],
+)
+def test_a_key_of_whole_numbers_gets_whole_numbers(tmp_path: Path, form: str, least: int, most: int) -> None:
+    ensemble = draw(ensembles.study(tmp_path, vary=f"[vary]\ncontroller.pi-ilc.cells = {{ {form} }}"), COUNT)
+    cells = ensemble.drawn["controller.pi-ilc.cells"]
+    assert {type(value) for value in cells} == {int}
+    assert (min(cells), max(cells)) == (least, most)
+    if form.startswith("uniform = ["):  # the ends are as likely as the others
+        counts = [cells.count(value) for value in range(least, most + 1)]
+        assert max(counts) - min(counts) <= 2
+
+
 def test_a_list_is_drawn_evenly(tmp_path: Path) -> None:
     found = drawn(
         tmp_path, 'motor.pole_pairs = { list = [2, 4, 6, 8] }\nmotor.winding = { list = ["star", "delta"] }'

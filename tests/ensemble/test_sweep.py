@@ -24,7 +24,9 @@ from cogless.ensemble import executors, journal, table
 from cogless.ensemble import sweep as sweeping
 from cogless.ensemble.parcel import pack, unpacked
 from cogless.errors import StudyError
-from cogless.run.simulate import run_study
+from cogless.maps.stored_map import StoredMap
+from cogless.run import carry_out
+from cogless.run.simulate import RunDefect, run_study
 from cogless.study import changed
 from cogless.versions import versions
 
@@ -296,6 +298,83 @@ def test_a_run_that_fails_has_its_own_error(tmp_path: Path) -> None:
     assert {variant for variant, _ in found.errors} == {v for v in range(8) if gains[v] > 1}
     assert {place for _, place in found.errors} == {2}  # the others of the variant are kept
     assert all(text.startswith("study.toml: controller.own: scenario low") for text in found.errors.values())
+
+
+REFUSES = """
+class Law:
+    def __init__(self, gain):
+        if gain > 1:
+            raise ValueError("too much")
+
+    def step(self, inputs):
+        return 0.0
+"""
+OWN = '[controller.own]\nlaw = "python"\nobject = "law.py:Law"\nparams = { gain = 0.5 }\n'
+
+
+def rows_without(study: Any, folder: Path) -> dict[str, Any]:
+    """The rows of the same sweep without the controller `own`."""
+    found = sweeping.run(sweeping.plan(study, 17, ["low/pi", "low/pi-ilc"]), folder, Here())
+    assert found is not None and not found.errors
+    return {"/".join(pair): found.values[:, place] for place, pair in enumerate(found.pairs)}
+
+
+@pytest.mark.parametrize("vary", ["controller.own.params.gain = { list = [0.5, 2.0] }", "seeds = true"])
+def test_a_law_that_is_refused_in_preparation_loses_its_own_rows_only(tmp_path: Path, vary: str) -> None:
+    (tmp_path / "law.py").write_text(REFUSES)
+    own = OWN if "gain" in vary else OWN.replace("0.5", "2.0")  # of some variants, or of all
+    study = ensembles.study(tmp_path, vary=f"{own}[vary]\n{vary}")
+    folder, other = tmp_path / "all", tmp_path / "others"
+    folder.mkdir()
+    other.mkdir()
+    found = sweeping.run(sweeping.plan(study, 17), folder, Here())
+    assert found is not None
+    gains = found.ensemble.drawn.get("controller.own.params.gain", [2.0] * 17)
+    refused = {(variant, 2) for variant in range(17) if gains[variant] > 1}
+    assert set(found.errors) == refused and refused
+    where = 'study.toml: controller.own.object: "law.py:Law": law.py line 5: ValueError: too much'
+    assert all(text.startswith(where) for text in found.errors.values())
+    for place, values in enumerate(rows_without(study, other).values()):
+        assert np.array_equal(found.values[:, place], values)
+
+
+def test_a_start_map_with_a_flipped_byte_loses_the_rows_of_its_law_only(tmp_path: Path) -> None:
+    learned = StoredMap(np.full(64, 0.01, np.float32), (1,), (1.0,))
+    data = bytearray(bytes(learned))
+    data[len(data) // 2] ^= 4
+    (tmp_path / "learned.cglmap").write_bytes(data)
+    text = ensembles.TEXT.replace("cells = 64", 'cells = 64\nstart = { map = "learned.cglmap" }')
+    found = sweeping.run(sweeping.plan(studies.study(tmp_path, None, text), 5), tmp_path, Here())
+    assert found is not None
+    assert set(found.errors) == {(variant, 1) for variant in range(5)}
+    where = 'study.toml: controller.pi-ilc.start.map: "learned.cglmap": '
+    assert all(text.startswith(where) for text in found.errors.values())
+    assert np.all(np.isfinite(found.values[:, 0]))
+
+
+def test_a_map_that_fits_some_variants_loses_the_others_rows_only(tmp_path: Path) -> None:
+    """A memory over time begins with nothing."""
+    (tmp_path / "learned.cglmap").write_bytes(bytes(StoredMap(np.full(256, 0.01, np.float32), (1,), (1.0,))))
+    start = 'cells = 256\nmemory = "angle"\nstart = { map = "learned.cglmap" }'
+    text = ensembles.TEXT.replace("cells = 64", start)
+    vary = '[vary]\ncontroller.pi-ilc.memory = { list = ["angle", "time"] }\n'
+    study = studies.study(tmp_path, None, text.replace(ensembles.VARY, vary))
+    found = sweeping.run(sweeping.plan(study, 16), tmp_path, Here())
+    assert found is not None
+    memory = found.ensemble.drawn["controller.pi-ilc.memory"]
+    assert set(found.errors) == {(variant, 1) for variant in range(16) if memory[variant] == "time"}
+    assert len(found.errors) == 8
+    assert np.all(np.isfinite(found.values[:, 0]))
+
+
+def test_a_defect_of_cogless_ends_a_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def measure(study: Any, scenario: str, trace: Any) -> dict[str, Any]:
+        raise TypeError("of cogless itself")
+
+    monkeypatch.setattr(carry_out, "measure", measure)
+    with pytest.raises(RunDefect) as error:
+        sweeping.run(sweeping.plan(ensembles.study(tmp_path), 3), tmp_path, Here())
+    assert isinstance(error.value.__cause__, TypeError)
 
 
 def test_a_study_travels_with_its_files(tmp_path: Path) -> None:

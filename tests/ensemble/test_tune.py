@@ -319,6 +319,30 @@ def test_limits_are_missed_by_shares_of_themselves(tmp_path: Path) -> None:
     assert violation('"speed.24", limit = "0.2 rad/s"', '"ripple", limit = "4 rad/s"') == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(
+    ("limits", "low", "high"),
+    [("[32, 128]", 32, 128), ("[16.5, 1024]", 17, 1024), ('["-50 %", "50 %"]', 32, 96)],
+)
+def test_keys_of_whole_numbers_are_tuned(tmp_path: Path, limits: str, low: int, high: int) -> None:
+    tune = TUNE[: TUNE.index("[tune.keys]")].replace("25", "6") + "[tune.keys]\ncontroller.pi-ilc.cells = "
+    found = tuned(tmp_path, tune + limits)
+    (knob,) = found.subject.knobs
+    assert (knob.text(0.0), knob.text(1.0), knob.start_text) == (low, high, 64)
+    for share in np.linspace(0, 1, 41):
+        value = knob.text(share)
+        assert type(value) is int and low <= value <= high
+        changed(study(tmp_path), {knob.key: value})
+    (value,) = found.values.values()
+    assert type(value) is int and not found.sweep_after.errors
+    assert f"cells = {value}  # was 64" in tuning.lines(found)[0]
+
+
+def test_a_range_without_two_whole_numbers_is_refused(tmp_path: Path) -> None:
+    tune = TUNE[: TUNE.index("[tune.keys]")] + "[tune.keys]\ncontroller.pi-ilc.cells = [63.5, 64.5]"
+    with pytest.raises(StudyError, match=r"cells: \[63.5, 64.5\]: expected a range with two whole numbers"):
+        tuning.subjects(study(tmp_path, tune))
+
+
 def test_who_misses_a_limit_is_worse_than_all_who_do_not() -> None:
     good, slow, misses, grows = (
         tuning.Score(0.0, 0.5), tuning.Score(0.0, 1e9), tuning.Score(0.1, 0.1), tuning.Score(0.0, 0.1, 0.2)

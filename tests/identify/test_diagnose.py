@@ -283,7 +283,15 @@ def test_logs_that_never_turn_steadily_are_refused(tmp_path):
 
 
 def order_at(order: int, speed: float, *causes: Cause) -> Found:
-    return Found(f"{speed:g}.npz", speed, 0.1, order, 0.5, 0.9, causes or (Cause("cogging", 1.0, 0.1),))
+    return Found(
+        log=f"{speed:g}.npz",
+        speed=speed,
+        load=0.1,
+        order=order,
+        ripple=0.5,
+        share=0.9,
+        causes=causes or (Cause("cogging", 1.0, 0.1),),
+    )
 
 
 def test_one_frequency_at_two_speeds_may_be_chance_and_at_three_is_mechanics():

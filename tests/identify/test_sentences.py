@@ -475,7 +475,15 @@ def test_sessions_differ_where_their_errors_do_not_reach() -> None:
 def order_at(
     order: int, speed: float, *causes: Cause, ripple: float = 0.5, share: float = 0.9, load: float = 0.1
 ) -> Found:
-    return Found(f"{speed:g}.npz", speed, load, order, ripple, share, causes or (Cause("cogging", 1.0, 0.1),))
+    return Found(
+        log=f"{speed:g}.npz",
+        speed=speed,
+        load=load,
+        order=order,
+        ripple=ripple,
+        share=share,
+        causes=causes or (Cause("cogging", 1.0, 0.1),),
+    )
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from cogless.live import engine
+from cogless.live.compile import NAMES
 from cogless.live.page import asset
 
 NODE = shutil.which("node")
 NO_NODE = "" if NODE else "needs node"
-NO_ENGINE = "" if engine.is_there("single") else "needs the WebAssembly engine: make web"
+
+
+def missing_engines() -> str:
+    """Which of the engine's modules are not compiled, as the reason to skip a test; empty if none."""
+    missing = [precision for precision in NAMES if not engine.is_there(precision)]
+    return f"needs the WebAssembly engine, {' and '.join(missing)}: make web" if missing else ""
+
+
+NO_ENGINE = missing_engines()
 
 
 def run_node(folder: Path, assets: tuple[str, ...], script: str, given: Any) -> Any:

@@ -188,8 +188,19 @@ def test_whole_numbers_below_a_million_billions_have_no_point(value, text):
 
 def candidate(low, high, start=None, least=None, most=None, **more):
     start = low if start is None else start
-    ends = (low if least is None else least, high if most is None else most)
-    return Candidate("key", "key", "Group", "", 1.0, start, low, high, *ends, **more)
+    ends = {"least": low if least is None else least, "most": high if most is None else most}
+    return Candidate(
+        key="key",
+        label="key",
+        group="Group",
+        unit="",
+        factor=1.0,
+        start=start,
+        low=low,
+        high=high,
+        **ends,
+        **more,
+    )
 
 
 def test_a_key_is_tried_all_over_its_slider_and_its_field():
@@ -354,8 +365,20 @@ KEYS = {
 def own_motor(formulas, formats):
     """The keys of one's own motor, numbers of these formulas, and the run with other values of some keys."""
     by_key = {
-        key: Candidate(key, key, YOURS, "", 1.0, start, *ends, *ends, whole=key == motor.POLE_PAIRS)
-        for key, (start, *ends) in KEYS.items()
+        key: Candidate(
+            key=key,
+            label=key,
+            group=YOURS,
+            unit="",
+            factor=1.0,
+            start=start,
+            low=low,
+            high=high,
+            least=low,
+            most=high,
+            whole=key == motor.POLE_PAIRS,
+        )
+        for key, (start, low, high) in KEYS.items()
     }
     numbers = tuple(Number(f"n{n}", 8 * n, kind) for n, kind in enumerate(formats))
 

@@ -24,7 +24,9 @@ NUMBERS = tuple(Number(f"n{n}", 8 * n, "d") for n in range(6))
 
 def candidate(name, low=1.0, high=9.0, start=2.0, **more):
     ends = {"least": low / 100, "most": 100 * high} | more
-    return Candidate(name, name, "Group", "", 1.0, start, low, high, **ends)
+    return Candidate(
+        key=name, label=name, group="Group", unit="", factor=1.0, start=start, low=low, high=high, **ends
+    )
 
 
 def described(values):

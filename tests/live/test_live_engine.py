@@ -6,7 +6,7 @@ import hashlib
 import live_studies
 import numpy as np
 import pytest
-from node import NO_ENGINE, NO_NODE, module_file, run_node
+from node import NO_ENGINE, NO_NODE, missing_engines, module_file, run_node
 
 import studies
 from cogless.design.auto import load
@@ -200,6 +200,16 @@ def test_a_module_that_is_shipped_is_there(monkeypatch, tmp_path):
     (tmp_path / "live" / engine.NAMES["single"]).write_bytes(b"module")
     assert engine.is_there("single") and not engine.is_there("double")
     assert engine.module("single") == b"module"
+
+
+def test_tests_of_the_page_are_skipped_while_one_of_the_two_modules_is_missing(monkeypatch, tmp_path):
+    monkeypatch.setattr(engine, "package_folders", lambda: [tmp_path])
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "live").mkdir()
+    assert missing_engines() == "needs the WebAssembly engine, single and double: make web"
+    for precision, missing in (("single", "needs the WebAssembly engine, double: make web"), ("double", "")):
+        (tmp_path / "live" / engine.NAMES[precision]).write_bytes(b"module")
+        assert missing_engines() == missing
 
 
 def test_packed_numbers_lie_where_they_say(tmp_path):

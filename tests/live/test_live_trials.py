@@ -207,6 +207,7 @@ def test_a_trial_is_chosen_and_its_curves_shown(page, study):
     page.run("document.querySelector('#trial button').click()")
     time.sleep(0.2)
     assert page.run("return cogless.state.trial") == 1
+    assert "trial=1&" in page.run("return location.hash") + "&"
     assert page.run(drawing) != before
 
 

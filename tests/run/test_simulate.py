@@ -18,7 +18,7 @@ from cogless.results.results_json import to_dict
 from cogless.run import carry_out as room
 from cogless.run import side_by_side
 from cogless.run.drive_config import engine_config
-from cogless.run.simulate import RunError, rollout, run_study, runs_of, simulate
+from cogless.run.simulate import RunDefect, RunError, rollout, run_study, runs_of, simulate
 from cogless.study import Study, changed, load
 
 TABLE = {
@@ -474,6 +474,39 @@ def test_a_commissioning_run_that_fails_leaves_the_others(tmp_path: Path) -> Non
     where = "study.toml: controller.table: scenario low, commissioning run, at "
     assert line(error, tmp_path).startswith(where) and "\n" not in str(error.value)
     assert [run.controller for run in error.value.results.runs] == ["pi", "fair"]
+
+
+def test_a_defect_of_cogless_is_nobodys_mistake_and_leaves_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def measured(study: Study, scenario: str, trace: Any) -> dict[str, Any]:
+        if scenario == "step":
+            raise TypeError("of cogless itself")
+        return {}
+
+    monkeypatch.setattr(room, "measure", measured)
+    with pytest.raises(RunDefect) as error:
+        run_study(studies.study(tmp_path), ["*/pi"])
+    assert isinstance(error.value.__cause__, TypeError)
+    assert [run.scenario for run in error.value.results.runs] == ["low"]
+
+
+def test_a_defect_beside_a_user_s_law_is_not_the_law_s(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room, "measure", lambda *of: len(None))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="has no len"):
+        simulate(with_law(tmp_path, "Pi"), "low", "mine")
+
+
+def test_runs_that_cannot_be_prepared_leave_those_of_other_studies(tmp_path: Path) -> None:
+    good, bad = studies.study(tmp_path), with_law(tmp_path, "Missing", {})
+    with pytest.raises(RunError) as error:
+        rollout([good, bad], ["low/*"], jobs=1)
+    names = [[run.controller for run in results.runs] for results in error.value.all_results]
+    assert names == [["pi", "fair"], ["pi", "fair"]]
+    assert [list(errors) for errors in error.value.all_errors] == [[], [("low", "mine")]]
+    assert "expected laws.py to define Missing" in str(error.value)
 
 
 def test_whatever_fails_in_a_run_leaves_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

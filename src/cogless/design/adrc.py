@@ -16,7 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cogless.design.current_loop import NO_MARGIN
+from cogless.design.current_loop import NoMarginError
 from cogless.design.margins import Complex, Margins, Real, margins_of, root
 from cogless.design.pi import SpeedLoop
 
@@ -50,7 +50,7 @@ def adrc_margins(loop: SpeedLoop, b: float, omega_c: float, omega_o: float) -> M
 
 @lru_cache(maxsize=32)
 def bandwidths(loop: SpeedLoop, b: float, phase_margin: float) -> tuple[float, float]:
-    """omega_c and omega_o, 1/s, with this phase margin, rad; ValueError if there are none."""
+    """omega_c and omega_o, 1/s, with this phase margin, rad; NoMarginError if there are none."""
 
     def margin(omega_c: float) -> float:
         found = adrc_margins(loop, b, omega_c, RATIO * omega_c)
@@ -59,7 +59,7 @@ def bandwidths(loop: SpeedLoop, b: float, phase_margin: float) -> tuple[float, f
     tried = np.geomspace(1e-3, 1, TRIED) * FASTEST / RATIO / loop.period
     last = next((k for k in range(TRIED)[::-1] if margin(float(tried[k])) >= phase_margin), None)
     if last is None:
-        raise ValueError(NO_MARGIN)
+        raise NoMarginError
     if last + 1 == TRIED:
         omega_c = float(tried[-1])
     else:

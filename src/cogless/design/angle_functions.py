@@ -33,7 +33,7 @@ TURN = 2 * math.pi
 Rises = list[float]  # bounds of |f|, |f'|, |f''| and |f'''| of a function f
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Bounds:
     """Bounds of assumption A.3 in mechanical quantities, with those that its printed list lacks."""
 

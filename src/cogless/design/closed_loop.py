@@ -28,7 +28,7 @@ ALMOST = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its 
 ROUNDING = 1e-6  # error of the integrators' poles at z = 1: a double pole if nothing is fed back
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Linear:
     """Linear feedback of a law, in its frame: mechanical angles times `ratio`. Law (4): only k, ratio 1."""
 

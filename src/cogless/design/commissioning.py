@@ -40,7 +40,7 @@ HALF = 0.5  # share of the cogging current that a table leaves; more is hardly w
 
 def position_gain(loop: SpeedLoop, pi: tuple[float, float]) -> float:
     """A position loop that a speed loop with the gains kp and ki follows, 1/s."""
-    return position_margins(loop, Linear(1, pi[0], k_i=pi[1])).crossover / SLOWER
+    return position_margins(loop, Linear(ratio=1, k=pi[0], k_i=pi[1])).crossover / SLOWER
 
 
 def left(loop: SpeedLoop, feedback: Linear, w: Real) -> Real:
@@ -56,7 +56,7 @@ def unsettled(loop: SpeedLoop, feedback: Linear, speed: float) -> float:
     """
     found = np.abs(poles(loop, feedback))
     a = -math.log(float(np.max(found[found < 1 - 1e-9]))) / loop.period
-    w_c = position_margins(loop, Linear(1, feedback.k, k_i=feedback.k_i)).crossover
+    w_c = position_margins(loop, Linear(ratio=1, k=feedback.k, k_i=feedback.k_i)).crossover
     return 2 * speed * a**2 / (w_c * loop.b) * math.exp(-a * SETTLING * math.tau / speed)
 
 
@@ -72,7 +72,7 @@ def commissioning_warning(study: Study, name: str) -> Remark | None:
 def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Remark | None:
     loop, pi = speed_loop(study, scenario), gains(study, name)
     key = f"{dotted(('controller', name))}.calibration"
-    if oscillation(loop, Linear(1, pi[0], k_i=pi[1])):
+    if oscillation(loop, Linear(ratio=1, k=pi[0], k_i=pi[1])):
         return None  # with the run and without, which is told elsewhere
     wrong = _unrecorded(study, name, run, scenario)
     if wrong is None:
@@ -98,7 +98,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
 def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> str | None:
     """The reason, in words, why a commissioning run can't record the cogging; None if it can."""
     loop, (kp, ki), speed = speed_loop(study, scenario), gains(study, name), run.speed
-    feedback = Linear(1, kp, run.position_gain, ki)
+    feedback = Linear(ratio=1, k=kp, k_theta=run.position_gain, k_i=ki)
     swings = oscillation(loop, feedback)
     if swings:
         return f"is unstable, at {swings.frequency:.3g} Hz"

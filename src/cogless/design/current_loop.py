@@ -27,15 +27,21 @@ from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes
 from cogless.units import unit_of
 
-NO_MARGIN = "expected a loop that some gains give this phase margin"
 FACTORS = (2.0, 4.0, 8.0)  # of gains and bandwidths that are tried
 LEAST_MARGIN = 20  # deg, that a rule takes
 RATE_SHARE = 0.05  # of the loop's rate: a bandwidth at which its delay of 1.5 periods costs 27 deg
-Tuned = TypeVar("Tuned")
 LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
+Tuned = TypeVar("Tuned")
 
 
-@dataclass(frozen=True)
+class NoMarginError(ValueError):
+    """No gains give a loop the phase margin that a tuning rule asks for."""
+
+    def __init__(self) -> None:
+        super().__init__("expected a loop that some gains give this phase margin")
+
+
+@dataclass(frozen=True, kw_only=True)
 class CurrentLoop:
     """Winding and current controller of one axis."""
 
@@ -86,8 +92,8 @@ def current_loops(study: Study, scenario: str | None = None) -> dict[str, Curren
     motor = belief if scenario is None else study_here.motor.star()
     gains, delay = loop.gains(belief), inverter.computation_delay
     return {
-        "q": CurrentLoop(gains["kp_q"], gains["ki_q"], motor.R_s, motor.L_q, T, delay),
-        "d": CurrentLoop(gains["kp_d"], gains["ki_d"], motor.R_s, motor.L_d, T, delay),
+        "q": CurrentLoop(kp=gains["kp_q"], ki=gains["ki_q"], R=motor.R_s, L=motor.L_q, period=T, delay=delay),
+        "d": CurrentLoop(kp=gains["kp_d"], ki=gains["ki_d"], R=motor.R_s, L=motor.L_d, period=T, delay=delay),
     }
 
 
@@ -103,7 +109,7 @@ def weakness(margins: Margins) -> str | None:
 def tuned(study: Study, name: str, rule: Callable[[Study], Tuned]) -> Tuned:
     """The gains that a controller's tuning rule gives.
 
-    StudyError: the current loop is too weak for the rule, or the rule raises ValueError. The error
+    StudyError: the current loop is too weak for the rule, or the rule raises NoMarginError. The error
     advises the least change of loop or margin with which the rule gives gains.
     """
     for axis, loop in current_loops(study).items():
@@ -112,7 +118,7 @@ def tuned(study: Study, name: str, rule: Callable[[Study], Tuned]) -> Tuned:
             raise _too_weak(study, f"to tune controller.{name} around it; its {axis} axis {wrong}")
     try:
         return rule(study)
-    except ValueError as error:
+    except NoMarginError as error:
         raise _no_margin(study, name, rule, str(error)) from None
 
 
@@ -155,7 +161,7 @@ def _no_margin(study: Study, name: str, rule: Callable[[Study], object], why: st
             return False
         try:
             rule(other)
-        except ValueError:
+        except NoMarginError:
             return False
         return True
 

@@ -18,11 +18,11 @@ def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
         return feedback_at(study, name, omega_m)
     if isinstance(law, Harmonic):
         k_theta, kp, ki = harmonic_gains(study, name)
-        return Linear(1, kp, k_theta, ki)
+        return Linear(ratio=1, k=kp, k_theta=k_theta, k_i=ki)
     if isinstance(law, RobustIlc):
-        return Linear(1, law.linear[0], k_i=law.linear[1], k_r=law.gamma / law.b, c=law.c)
+        return Linear(ratio=1, k=law.linear[0], k_i=law.linear[1], k_r=law.gamma / law.b, c=law.c)
     pi = gains(study, name) if isinstance(law, Feedback) else law.linear
-    return None if pi is None else Linear(1, pi[0], k_i=pi[1])
+    return None if pi is None else Linear(ratio=1, k=pi[0], k_i=pi[1])
 
 
 def unstable_feedback(study: Study, name: str) -> str | None:

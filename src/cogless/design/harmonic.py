@@ -54,7 +54,17 @@ def _learner(study: Study, name: str) -> Learner:
     base, sure, highest = _orders(study, law)
     fast, orders = (max(1, min(ORDERS, top // base)) for top in (sure, highest))
     step, bends = _step(study), _bends(study, base)
-    told = Learner(loop.b, delay_of(loop), step, base, bends, orders, fast, MOST, LEAST)
+    told = Learner(
+        b=loop.b,
+        delay=delay_of(loop),
+        step=step,
+        base=base,
+        bends=bends,
+        orders=orders,
+        fast=fast,
+        rate=MOST,
+        rate_min=LEAST,
+    )
     pi = harmonic_gains(study, name)
     speeds = _speeds(study, name, told.base * told.orders * loop.period)
     if not speeds:
@@ -159,7 +169,7 @@ def delay_of(loop: SpeedLoop) -> float:
     return max(0.0, loop.delay + late - loop.current.period / 2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Certified:
     """One speed: how far the learned orders converge, whatever the inertia and the torque constant."""
 

@@ -31,7 +31,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cogless.design.current_loop import NO_MARGIN, CurrentLoop, IdealLoop, current_loops, tuned
+from cogless.design.current_loop import CurrentLoop, IdealLoop, NoMarginError, current_loops, tuned
 from cogless.design.margins import POINTS, UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.model import exponential
 from cogless.design.observer import observed
@@ -51,7 +51,7 @@ def pi_response(w: Real, T: float, k: float, k_i: float) -> Complex:
     return np.asarray(k + k_i * T * z / (z - 1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SpeedLoop:
     """The speed controller's plant: current loop, mechanics and speed measurement."""
 
@@ -272,7 +272,7 @@ def tuning_of(study: Study, name: str) -> Tuning:
 
 @lru_cache(maxsize=32)
 def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
-    """Gains for a phase margin; ValueError if no crossover below half the sampling rate has it."""
+    """Gains for a phase margin; NoMarginError if no crossover below half the sampling rate has it."""
     x = root(lambda x: math.atan(x) - x / (1 + x * x) - tuning.phase_margin, 1e-3, 1e3)
     half = loop.period / 2
     for w in (_substituted(loop, x), _bisected(loop, x)):
@@ -284,7 +284,7 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
         # A resonant current loop may let |L| cross one again at a higher frequency, with less margin.
         if math.isclose(design.margins.phase_margin, tuning.phase_margin, rel_tol=1e-6):
             return design
-    raise ValueError(NO_MARGIN)
+    raise NoMarginError
 
 
 def _lag(loop: SpeedLoop, w: Real) -> Real:

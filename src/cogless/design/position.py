@@ -22,7 +22,7 @@ from functools import lru_cache
 import numpy as np
 
 from cogless.design.closed_loop import Linear
-from cogless.design.current_loop import NO_MARGIN, CurrentLoop, tuned
+from cogless.design.current_loop import CurrentLoop, NoMarginError, tuned
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.pi import SpeedLoop, gains, speed_loop, tuning_of
 from cogless.study import Study
@@ -41,7 +41,7 @@ def feedback_at(study: Study, name: str, omega_m: float) -> Linear:
     assert isinstance(law, SpacePosition)
     ratio, (k_theta, k_omega, k_i) = law.ratio(study.motor.pole_pairs), position_gains(study, name)
     v = law.v_0 + law.v_2 * (ratio * omega_m) ** 2
-    return Linear(ratio, k_omega + v, k_theta, k_i, law.k_v)
+    return Linear(ratio=ratio, k=k_omega + v, k_theta=k_theta, k_i=k_i, k_v=law.k_v)
 
 
 def position_gains(study: Study, name: str) -> Gains:
@@ -94,7 +94,7 @@ def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
 
 @lru_cache(maxsize=32)
 def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
-    """Gains for a phase margin; ValueError if no crossover below half the sampling rate has it."""
+    """Gains for a phase margin; NoMarginError if no crossover below half the sampling rate has it."""
     half = loop.period / 2
     w = np.geomspace(1e-3, 1, POINTS) * math.pi / loop.period
     z = np.exp(1j * w * loop.period)
@@ -118,16 +118,16 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
         places = np.geomspace(places[max(k - 1, 0)], places[min(k + 1, PLACES - 1)], PLACES)
     found, last = stiffness(best)
     if found > 0:
-        unit = Linear(ratio, 1 - best * half, best, best)
+        unit = Linear(ratio=ratio, k=1 - best * half, k_theta=best, k_i=best)
         w_c = root(
             lambda w: tuning.phase_margin - float(np.angle(-open_loop(loop, unit, np.array([w]))[0])),
             float(w[last]),
             float(w[last + 1]),
         )
         K = 1 / float(abs(open_loop(loop, unit, np.array([w_c]))[0]))
-        feedback = Linear(ratio, K * unit.k, best, K * unit.k_i)
+        feedback = Linear(ratio=ratio, k=K * unit.k, k_theta=best, k_i=K * unit.k_i)
         margins = position_margins(loop, feedback)
         # With a resonant current loop, |L| may cross one again at a higher frequency, with less margin.
         if margins.stable and math.isclose(margins.phase_margin, tuning.phase_margin, rel_tol=1e-3):
             return feedback.k_theta, feedback.k, feedback.k_i
-    raise ValueError(NO_MARGIN)
+    raise NoMarginError

@@ -53,7 +53,7 @@ WEIGHTS = 7  # powers of ten
 LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TrialSettings:
     """Settings of a trial controller's design; n is the number of the plant's states without integrator."""
 

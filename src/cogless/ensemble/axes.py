@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -33,12 +34,15 @@ class Axis:
     unit: str  # of its text in the study; "" for a plain number
     spread: Callable[[Array], Array] | None
     choices: tuple[Any, ...] = ()  # instead of a spread
+    whole: bool = False  # takes whole numbers only
 
     def values(self, share: Array) -> list[Any]:
         """Values as they stand in a study's file."""
         if self.spread is None:
             last = len(self.choices) - 1
             return [self.choices[min(int(s * len(self.choices)), last)] for s in share]
+        if self.whole:
+            return [round(x) for x in self.spread(share)]
         numbers = (float(f"{x:.{DIGITS}g}") for x in self.spread(share))
         return [f"{x!r} {self.unit}" if self.unit else x for x in numbers]
 
@@ -83,13 +87,14 @@ def _axis(reader: Reader, form: str) -> Axis:
     if form == "list":
         return Axis(reader.key, reader.unit, None, tuple(reader.given))
     if form == "normal":
-        return Axis(reader.key, reader.unit, _normal(*reader.mean_and_deviation()))
+        return Axis(reader.key, reader.unit, _normal(*reader.mean_and_deviation()), whole=reader.whole)
     low, high = reader.range(ratio=form == "log")
     if form == "log" and not low > 0:
         raise reader.wrong("expected limits above zero")
-    return Axis(
-        reader.key, reader.unit, {"uniform": _uniform, "log": _log, "corners": _corners}[form](low, high)
-    )
+    spread = {"uniform": _uniform, "log": _log, "corners": _corners}[form](low, high)
+    if reader.whole and form in ("uniform", "log"):  # so that the ends are as likely as the numbers between
+        spread = _within(low, high, {"uniform": _uniform, "log": _log}[form](low - 0.5, high + 0.5))
+    return Axis(reader.key, reader.unit, spread, whole=reader.whole)
 
 
 class Reader:
@@ -111,9 +116,24 @@ class Reader:
             middle, by = self.middle(), self._above_zero(self._number(self.given, around=0.0))
             factor = 1 + by / abs(middle) if middle else math.inf
             low, high = (middle / factor, middle * factor) if ratio else (middle - by, middle + by)
+        if self.whole:
+            low, high = float(math.ceil(low)), float(math.floor(high))
+            if not low < high:
+                raise self.wrong("expected a range with two whole numbers or more")
         if not low < high:
             raise self.wrong("expected a range whose second limit is above its first")
         return low, high
+
+    @cached_property
+    def whole(self) -> bool:
+        """Whether the key takes whole numbers only: the study refuses its own value with a point."""
+        if not isinstance(self.nominal, int) or isinstance(self.nominal, bool):
+            return False
+        try:
+            changed(self.study, {self.key: float(self.nominal)})
+        except StudyError:
+            return True
+        return False
 
     def mean_and_deviation(self) -> tuple[float, float]:
         """Mean and deviation; the mean is the study's value unless it is given."""
@@ -183,6 +203,10 @@ class Reader:
 
 def _uniform(low: float, high: float) -> Callable[[Array], Array]:
     return lambda share: low + (high - low) * share
+
+
+def _within(low: float, high: float, spread: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    return lambda share: np.clip(np.floor(spread(share) + 0.5), low, high)
 
 
 def _log(low: float, high: float) -> Callable[[Array], Array]:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 CONFIDENCE = 1.96  # standard deviations, for 95 %
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Spread:
     """How a metric of one run spreads over the variants; SI, infinite where a run has no value.
 

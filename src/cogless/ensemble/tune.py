@@ -50,6 +50,7 @@ class Knob:
     low: float
     high: float
     start: float
+    whole: bool = False  # takes whole numbers only
 
     @property
     def by_ratio(self) -> bool:
@@ -61,7 +62,7 @@ class Knob:
             value = self.low * (self.high / self.low) ** share
         else:
             value = self.low + (self.high - self.low) * share
-        return self._written(float(f"{value:.4g}"))
+        return self._written(value if self.whole else float(f"{value:.4g}"))
 
     @property
     def start_text(self) -> Any:
@@ -74,6 +75,8 @@ class Knob:
         return (self.start - self.low) / (self.high - self.low)
 
     def _written(self, value: float) -> Any:
+        if self.whole:
+            return round(value)
         return f"{value!r} {self.unit}" if self.unit else value
 
 
@@ -355,7 +358,7 @@ def _knob(study: AnyStudy, key: str, limits: tuple[Any, ...]) -> Knob:
     start = reader.middle()
     if not low <= start <= high:
         raise reader.wrong(f"expected a range with the study's own value, {shown(reader.nominal)}")
-    return Knob(key, reader.unit, low, high, start)
+    return Knob(key, reader.unit, low, high, start, reader.whole)
 
 
 def column_of(study: AnyStudy, name: str, where: str) -> Column:

@@ -57,7 +57,7 @@ class Cause:
     error: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Found:
     """An order of the speed in a log, and its causes, the largest first.
 
@@ -216,7 +216,16 @@ def found_in(part: Steady, order: int, causes: Sequence[Cause]) -> Found:
         causes.append(Cause(ENCODER, own.share + measured, own.error))
     ordered = tuple(sorted(causes, key=lambda cause: -cause.share))
     share = whole / part.ripple**2
-    return Found(part.log.name, abs(part.speed), part.load, order, math.sqrt(whole), share, ordered, measured)
+    return Found(
+        log=part.log.name,
+        speed=abs(part.speed),
+        load=part.load,
+        order=order,
+        ripple=math.sqrt(whole),
+        share=share,
+        causes=ordered,
+        measured=measured,
+    )
 
 
 def _measured(made: Estimate, part: Steady, order: int) -> tuple[complex, float]:

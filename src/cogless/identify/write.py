@@ -97,9 +97,9 @@ def compensation(made: Estimate) -> StoredMap:
     limit = float(np.max(np.abs(current)))
     motor = Motor.model_validate(described.motor(made))
     return StoredMap(
-        np.asarray(current, dtype=np.float32),
-        (CURRENT,),
-        (float(np.nextafter(np.float32(limit), np.float32(np.inf))),),
+        values=np.asarray(current, dtype=np.float32),
+        units=(CURRENT,),
+        limits=(float(np.nextafter(np.float32(limit), np.float32(np.inf))),),
         law=stored_map.LAWS.index("anti-cogging"),
         motor=motor_identity(motor.star()),
     )

@@ -54,7 +54,7 @@ def blobs(study: AnyStudy, scenario: str, controller: str, like: AnyStudy | None
     """The packed descriptions of a run: "run", and "learn" if a commissioning run comes before it.
 
     `like`: the study of which this one is a changed copy. In trials its designs are reused.
-    StudyError or ValueError: the study's values don't make a run.
+    StudyError or MisfitError: the study's values don't make a run.
     """
     if isinstance(study, TrialStudy):
         return {"run": _trials(study, scenario, controller, like)}

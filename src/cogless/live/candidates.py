@@ -12,7 +12,7 @@ from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.table import Quantity
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Candidate:
     """A key that a page might change.
 
@@ -350,20 +350,20 @@ def made(
         least = low / WIDE if low > 0 else WIDE * low
         most = high / WIDE if high < 0 else WIDE * high
     yield Candidate(
-        key,
-        label,
-        group,
-        unit,
-        factor,
-        number,
-        min(low, number),
-        max(high, number),
-        min(least, number),
-        max(most, number),
-        scenario,
-        controller,
-        whole,
-        stops,
+        key=key,
+        label=label,
+        group=group,
+        unit=unit,
+        factor=factor,
+        start=number,
+        low=min(low, number),
+        high=max(high, number),
+        least=min(least, number),
+        most=max(most, number),
+        scenario=scenario,
+        controller=controller,
+        whole=whole,
+        stops=stops,
     )
 
 

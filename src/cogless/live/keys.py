@@ -21,6 +21,7 @@ from itertools import product
 
 import numpy as np
 
+from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
 from cogless.live.blobs import Pair, blobs, held
 from cogless.live.candidates import MOTOR, YOURS, Candidate, candidates
@@ -258,7 +259,7 @@ def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, 
     for value in () if candidate.stops else _samples(candidate):
         try:
             return value, _changed(study, [(candidate, value)]), ""
-        except (StudyError, ValueError) as error:
+        except (StudyError, MisfitError) as error:
             whys.append(str(error).splitlines()[0].rpartition(": ")[2])
     return candidate.start, {}, whys[0] if whys else ""
 
@@ -313,7 +314,7 @@ def _accepted_values(
     """The descriptions with these values, as of `_changed`; None if the study refuses the values together."""
     try:
         return _changed(study, values, pairs)
-    except (StudyError, ValueError):
+    except (StudyError, MisfitError):
         return None
 
 

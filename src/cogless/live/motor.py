@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
 from cogless.live.candidates import Candidate
 from cogless.live.packed import Number, Packed
@@ -93,8 +94,9 @@ class OwnMotor:
 def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Narrow) -> OwnMotor:
     """The numbers that the keys of TOGETHER set, as products of powers.
 
-    `changed` gives the descriptions with some values, or raises StudyError or ValueError if the study refuses
-    them. `narrow` gives a key with the range that the study accepts. StudyError: a number is no such product.
+    `changed` gives the descriptions with some values, or raises StudyError or MisfitError if the study
+    refuses them. `narrow` gives a key with the range that the study accepts. StudyError: a number is no such
+    product.
     """
     by_key = {key.key: key for key in keys}
     over, under = by_key[RESISTANCE], by_key[INDUCTANCE]
@@ -147,7 +149,7 @@ def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> Al
     """The descriptions with these values; None if the study refuses them."""
     try:
         return changed(values)
-    except (StudyError, ValueError):
+    except (StudyError, MisfitError):
         return None
 
 

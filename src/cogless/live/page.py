@@ -57,7 +57,7 @@ def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[st
     scripts = {
         "worker": asset("engine.js") + asset("metrics.js") + asset("worker.js"),
         "uplot_js": report_asset("uplot.min.js"),
-        "js": asset("bytes.js") + asset("live.js"),
+        "js": asset("bytes.js") + asset("state.js") + asset("live.js"),
     }
     styles = {
         "uplot_css": report_asset("uplot.min.css"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import NamedTuple
 from zlib import crc32
@@ -58,6 +58,7 @@ class StoredMap:
     values: Array
     units: tuple[int, ...]
     limits: tuple[float, ...]
+    _: KW_ONLY
     law: int = 0
     turns: int = 1
     parts: int = 1

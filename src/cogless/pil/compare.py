@@ -41,7 +41,7 @@ class Instructions:
     most: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Comparison:
     """Result for one controller: first difference from the simulation, instructions, memory.
 

@@ -12,7 +12,6 @@ from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
-from cogless.design.closed_loop import Linear
 from cogless.design.feedback import feedback_of
 from cogless.design.ripple import WORSE
 from cogless.design.warnings import likely_harm
@@ -302,16 +301,11 @@ def _own_feedback(study: StudyBase, controller: str, lines: Sequence[Line]) -> s
     return next((name for name in alike if mine is not None and _feedback(study, name) == mine), None)
 
 
-def _feedback(study: Study, name: str) -> tuple[Linear, ...] | None:
+def _feedback(study: Study, name: str) -> list[tuple[float, ...]] | None:
     """A controller's feedback at rest and at its top speed, to six digits; None for a user's own law."""
     top = max((study.scenario[key].top_reference for key in study.scenarios_of(name)), default=0.0)
     found = [feedback_of(study, name, omega) for omega in (0.0, top)]
-    rounded = [
-        Linear(each.ratio, *(float(f"{value:.6g}") for value in astuple(each)[1:]))
-        for each in found
-        if each is not None
-    ]
-    return tuple(rounded) or None
+    return [tuple(float(f"{x:.6g}") for x in astuple(each)) for each in found if each is not None] or None
 
 
 def misses(lines: Sequence[Line]) -> dict[str, str]:

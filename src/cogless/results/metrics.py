@@ -31,6 +31,10 @@ REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d
 SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms uses
 
 
+class TooFewTurnsError(ValueError):
+    """An angle that makes no whole revolution, or isn't finite."""
+
+
 @dataclass(frozen=True)
 class Conditions:
     """Data of a run that metrics need besides its trace."""
@@ -195,7 +199,7 @@ def order(m: MetricInput) -> list[float]:
     theta, electrical = m.trace.part("theta_m", m.rows), m.metric.frame == "electrical"
     try:
         return order_amplitudes(theta, m.x, orders, m.conditions.pole_pairs, electrical)
-    except ValueError:
+    except TooFewTurnsError:
         return [math.nan] * len(orders)
 
 
@@ -338,10 +342,10 @@ def onward(theta: Array, x: Array) -> tuple[Array, Array]:
 
     If an angle was passed several times on this way, only its last passage is kept. Else a signal that
     depends on the direction, such as the speed itself, would be a mix of both directions. If the rotor never
-    reverses, all rows are returned. ValueError: no rows, or an angle that isn't finite.
+    reverses, all rows are returned. TooFewTurnsError: no rows, or an angle that isn't finite.
     """
     if not len(theta) or not np.all(np.isfinite(theta)):
-        raise ValueError("expected one angle or more, all finite")
+        raise TooFewTurnsError("expected one angle or more, all finite")
     first, last = sorted((int(np.argmin(theta)), int(np.argmax(theta))))
     way = slice(first, last + 1)
     travelled = np.abs(theta[way] - theta[first])
@@ -360,7 +364,7 @@ def order_amplitudes(
     revolutions. An order that isn't an integer needs as many revolutions as make whole periods of it.
     `theta_m`: unwrapped mechanical angle, rad, in either direction.
 
-    ValueError: less than one such revolution, or an angle that isn't finite.
+    TooFewTurnsError: less than one such revolution, or an angle that isn't finite.
     """
     theta_m, x = onward(theta_m, x)
     frame = theta_m * pole_pairs if electrical else theta_m
@@ -373,7 +377,7 @@ def order_amplitudes(
             break
     else:
         name = "electrical" if electrical else "mechanical"
-        raise ValueError(f"window holds {turns:.3g} {name} revolutions, expected {periods[-1]} or more")
+        raise TooFewTurnsError(f"window holds {turns:.3g} {name} revolutions, expected {periods[-1]} or more")
     angle, x = _last_part(frame, x, min(turns, count * period) * 2 * math.pi)
     step = np.diff(angle)
     span = float(angle[-1] - angle[0])

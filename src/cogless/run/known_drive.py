@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cogless.study import AnyStudy
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class KnownDrive:
     """A drive as its controller knows it, without the overrides of a scenario; SI units.
 

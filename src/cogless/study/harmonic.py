@@ -16,7 +16,7 @@ BANDS = 4  # half of CGL_HARMONIC_EDGES
 FASTEST = 2.6  # rad a sample of an order: CGL_HARMONIC_FASTEST
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Learner:
     """The numbers of the learning part, as its rule computes them: cogless.design.harmonic."""
 

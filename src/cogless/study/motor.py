@@ -268,7 +268,7 @@ class Motor(Table):
         return [CoggingTorque(*found) for found in self.cogging_table.harmonics(K_t, self.pole_pairs)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StarMotor:
     """A motor's star equivalent, all SI."""
 

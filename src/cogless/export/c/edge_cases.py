@@ -38,7 +38,7 @@ class Stretch:
     sum: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Inputs:
     """Measurements and references of a step. `i_abc`: phase currents. NaN: a measurement is missing."""
 
@@ -123,7 +123,7 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         return (0.0, length, 0.0) if monitor["phases"] == 2 else (0.0, SIDE * length, -SIDE * length)
 
     length = 0.3 * min(limit, monitor["current_max"] or limit)
-    plain = _Inputs(currents(length), speed, 1.01 * speed, _bus(subject))
+    plain = _Inputs(i_abc=currents(length), omega_m=speed, omega_ref=1.01 * speed, u_dc=_bus(subject))
     up = replace(plain, omega_ref=HUGE, omega_m=-speed)
     plan = [
         ("a small error", whole // 2, 0, step, plain),

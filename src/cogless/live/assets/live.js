@@ -17,62 +17,15 @@
   };
   const number = (x) => (x == null || Number.isNaN(x) ? "–" : x === Infinity ? "never" : Math.abs(x) >= 1e5 || (x !== 0 && Math.abs(x) < 1e-4) ? x.toExponential(2) : String(Number(x.toPrecision(3))));
   const listed = (items) => (items.length < 2 ? items.join("") : `${items.slice(0, -1).join(", ")} and ${items.at(-1)}`);
-  const byName = (list, name) => list.find((one) => one.name === name);
+  const byName = liveState.byName;
 
   // ------------------------------------------------------------------ state
 
   const { runs, keys, described, read, ratio } = liveBytes(page);
-  const state = { scenario: page.scenarios[0].name, shown: [], values: new Map(), trial: 0 }; // values: by key, where not the study's
+  const { state, notes, scenario, controllers, usual, value, within, bounds, set, fromAddress, address } = liveState(page, keys, ratio, number);
   const ofTrials = page.kind === "trials";
   for (const part of document.querySelectorAll("[data-kind]")) part.hidden = part.dataset.kind !== page.kind;
-  const scenario = () => byName(page.scenarios, state.scenario);
-  const controllers = () => scenario().controllers.map((name) => byName(page.controllers, name));
   const shown = () => controllers().filter((c) => state.shown.includes(c.name));
-  const value = (key) => state.values.get(key.key) ?? key.start;
-  const usual = () => { // the baseline, and the first that learns
-    const here = controllers();
-    return [...new Set([here.find((c) => c.baseline), here.find((c) => c.learns), here[0]])].filter(Boolean).slice(0, 2).map((c) => c.name);
-  };
-  const notes = new Map(); // by key, what was done with a value that the key does not take
-  const within = (key) => (key.stops.length ? [key.stops[0], key.stops.at(-1)] : [key.least, key.most]);
-  const bounds = (key) => `${within(key).map(number).join(" to ")} ${key.unit}`.trim();
-  const milliseconds = (share) => `${number((1e3 * page.motor.time) / share)} ms`;
-  // Why a key can't take a value; "" if it can.
-  function refused(key, x) {
-    const [least, most] = within(key);
-    if (!(x >= least && x <= most)) return `${x} is outside ${bounds(key)}`;
-    if (!page.motor || ![page.motor.over, page.motor.under].includes(key.key)) return "";
-    const share = ratio(new Map(state.values).set(key.key, x)), [slow, fast] = page.motor.ends;
-    return share >= slow && share <= fast ? "" : `with ${x}, L / R is ${milliseconds(share)}: this page has ${milliseconds(fast)} to ${milliseconds(slow)}`;
-  }
-  // A value that a key does not take leaves the key as it is, or goes to the next one that it takes; either is told.
-  function set(key, x) {
-    const why = refused(key, x);
-    notes.delete(key.key);
-    if (why) {
-      notes.set(key.key, `${why}. It stays at ${value(key)}.`);
-      return;
-    }
-    let to = key.whole ? Math.round(x) : x;
-    if (key.stops.length) to = key.stops.reduce((a, b) => (Math.abs(b - x) < Math.abs(a - x) ? b : a));
-    if (to !== x) notes.set(key.key, `${x} became ${to}: this key has ${key.stops.length ? `${key.stops.length} values, ${bounds(key)}` : "whole numbers"}.`);
-    if (to === key.start) state.values.delete(key.key); else state.values.set(key.key, to);
-  }
-
-  function fromAddress() {
-    const given = new URLSearchParams(location.hash.slice(1));
-    state.scenario = byName(page.scenarios, given.get("scenario"))?.name ?? page.scenarios[0].name;
-    const wanted = (given.get("controllers") ?? "").split("\n").filter((name) => scenario().controllers.includes(name));
-    state.shown = wanted.length ? wanted : usual();
-    state.values.clear();
-    notes.clear();
-    for (const [name, text] of given) if (keys.has(name) && text.trim() && Number.isFinite(Number(text))) set(keys.get(name), Number(text));
-  }
-  function address() {
-    const all = new URLSearchParams({ scenario: state.scenario, controllers: state.shown.join("\n") });
-    for (const [name, x] of state.values) all.set(name, x);
-    return `#${all}`;
-  }
   let later = 0;
   const keepAddress = () => {
     clearTimeout(later);
@@ -520,15 +473,15 @@
       lines($("trials"), `trials:${m.name}`, { title: m.name, x: "trial", y: m.unit || m.kind }, (run) => ({ at: numbers(run.values[n]), values: run.values[n].map((x) => x / m.factor) }));
     });
     const choices = [...new Set([...phases.flatMap((p) => p.trials), ...all.map((run) => run.of)])].filter((n) => all.some((run) => n <= run.of));
-    if (!choices.includes(state.trial)) state.trial = choices.at(-1);
+    const trial = choices.includes(state.trial) ? state.trial : choices.at(-1);
     if (choices.join() !== $("trial").dataset.choices) {
       $("trial").dataset.choices = choices.join();
       $("trial").textContent = "";
-      choose(choices.map((n) => ({ name: n, label: String(n) })), $("trial"), (n) => { state.trial = n; draw(); });
+      choose(choices.map((n) => ({ name: n, label: String(n) })), $("trial"), (n) => { state.trial = n; keepAddress(); draw(); });
     }
-    for (const button of $("trial").children) button.setAttribute("aria-pressed", String(Number(button.dataset.name) === state.trial));
+    for (const button of $("trial").children) button.setAttribute("aria-pressed", String(Number(button.dataset.name) === trial));
     panels.forEach((panel, n) => {
-      const of = (run) => run.curves[state.trial]?.[n], scaled = (curve) => ({ at: curve?.at, values: curve?.values?.map((x) => x / panel.factor) });
+      const of = (run) => run.curves[trial]?.[n], scaled = (curve) => ({ at: curve?.at, values: curve?.values?.map((x) => x / panel.factor) });
       const reference = all.map(of).find((curve) => curve?.reference)?.reference;
       const more = reference ? [{ label: "reference", colour: style("--ink"), dash: true, ...scaled(reference) }] : [];
       lines($("within"), `within:${panel.signal}`, { title: panel.title.split(",")[0], x: "time in the trial (s)", y: `${panel.quantity}${unit(panel.unit)}` }, (run) => scaled(of(run)), more);
@@ -632,7 +585,7 @@
     $("download").href = `data:application/toml;charset=utf-8,${encodeURIComponent(toml())}`;
   });
   $("download").href = "#";
-  addEventListener("hashchange", () => { if (location.hash !== address()) { fromAddress(); another(); } });
+  addEventListener("hashchange", () => { if (location.hash !== address()) { fromAddress(location.hash); another(); } });
   let resized = 0;
   addEventListener("resize", () => {
     clearTimeout(resized);
@@ -641,7 +594,7 @@
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colours.clear(); for (const name of [...plots.keys()]) drop(name); draw(); });
 
   async function start() {
-    fromAddress();
+    fromAddress(location.hash);
     buttons();
     drawKeys();
     drawChanges();
