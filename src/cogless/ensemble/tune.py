@@ -24,7 +24,7 @@ from cogless.ensemble.sample import SEED, Ensemble, draw, seeds
 from cogless.ensemble.search import Search, Settings
 from cogless.ensemble.sweep import CHUNK
 from cogless.ensemble.table import Sweep, gathered
-from cogless.ensemble.work import Pair, rows
+from cogless.ensemble.work import Pair, needed, rows
 from cogless.errors import StudyError
 from cogless.run.simulate import runs_of
 from cogless.study import AnyStudy, TrialStudy, changed
@@ -146,7 +146,7 @@ class Evaluation:
         chunks = [changes[at : at + CHUNK] for at in range(0, len(changes), CHUNK)]
         tasks = {number: (self.parcel, chunk, self.subject.pairs) for number, chunk in enumerate(chunks)}
         found: dict[int, Any] = {}
-        run_all(self.workers, rows, tasks, found.__setitem__)
+        run_all(self.workers, rows, tasks, found.__setitem__, needed(self.study))
         in_order = [row for number in range(len(chunks)) for row in found[number]]
         return [
             gathered(self.study, self.ensemble, self.subject.pairs, in_order[at : at + count])

@@ -12,6 +12,7 @@ from cogless.results import AnyResults
 from cogless.results.metrics import Value
 from cogless.run.simulate import RunError, rollout, simulate
 from cogless.study import AnyStudy, changed
+from cogless.study.controller import LibraryLaw, PythonLaw
 
 Pair = tuple[str, str]  # scenario, controller
 Row = list[Any]  # a number for each column, and the error's text, or None
@@ -48,6 +49,16 @@ def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[P
         runs = {(run.scenario, run.controller): run.metrics for run in next(finished).runs}
         found.append([_row(wanted, runs.get(pair), variant, pair) for pair in pairs])
     return found
+
+
+def needed(study: AnyStudy) -> str:
+    """What a task needs to end: memory, and own laws that don't crash, which is the likelier cause."""
+    own = [
+        f"controller.{name} not to end the process ({study.source.folder / law.code})"
+        for name, law in study.controller.items()
+        if isinstance(law, PythonLaw | LibraryLaw)
+    ]
+    return f"{', '.join(own)}, or enough memory" if own else "enough memory for it"
 
 
 def _row(columns: list[Column], metrics: Mapping[str, Value] | None, variant: AnyStudy, pair: Pair) -> Row:

@@ -45,7 +45,7 @@ def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> s
 
 
 def _newest(study: Study, name: str) -> StoredMap:
-    path = study.source.path.parent / name
+    path = study.source.folder / name
     if not path.is_file():
         raise MapError(f"expected a file at {path}")
     found = stored_map.read(path)
