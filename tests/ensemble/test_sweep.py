@@ -429,7 +429,8 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
     with journal.opened(tmp_path / "journal.jsonl", planned.about), pytest.raises(StudyError) as error:
         sweeping.run(planned, tmp_path, Here())
     assert (
-        str(error.value) == f"{tmp_path / 'journal.jsonl'}: in use: expected no other sweep that writes here"
+        str(error.value)
+        == f"{tmp_path / 'journal.jsonl'}: in use: expected no other command that writes here"
     )
 
 
@@ -447,7 +448,7 @@ def test_a_line_that_a_kill_cut_off_is_written_anew(tmp_path: Path) -> None:
 
 def test_a_file_that_is_no_journal(tmp_path: Path) -> None:
     (tmp_path / "journal.jsonl").write_text("hello\n")
-    with pytest.raises(StudyError, match="not readable: expected a file that cogless sweep has written"):
+    with pytest.raises(StudyError, match="not readable: expected a file that this command has written"):
         sweeping.run(plan(tmp_path), tmp_path, Here())
 
 
@@ -477,7 +478,7 @@ def test_no_flipped_bit_gives_other_numbers(
         damaged[place] ^= 1 << chance.randrange(8)
         path.write_bytes(damaged)
         if place <= first_end:
-            with pytest.raises(StudyError, match="not readable: expected a file that cogless sweep"):
+            with pytest.raises(StudyError, match="not readable: expected a file that this command"):
                 sweeping.run(planned, tmp_path, Here())
             assert path.read_bytes() == damaged
         else:

@@ -21,7 +21,7 @@ from cogless.ensemble.columns import Column, columns
 from cogless.ensemble.executors import Workers, run_all
 from cogless.ensemble.parcel import pack
 from cogless.ensemble.sample import SEED, Ensemble, draw, seeds
-from cogless.ensemble.search import Search, Settings
+from cogless.ensemble.search import Settings, opened
 from cogless.ensemble.sweep import CHUNK
 from cogless.ensemble.table import Sweep, gathered
 from cogless.ensemble.work import Pair, needed, rows
@@ -219,13 +219,13 @@ def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: Progre
     study, subject, budget = searched.study, searched.subject, searched.tune.budget
     start = {knob.key: knob.start_share for knob in subject.knobs}
     about = {"study": pack(study).digest[:16], "keys": list(start)}
-    search = Search(path, about, start, study.seed)
-    searched.scores([_values(subject, start)])  # the first: the others are measured by it
-    best = search.run(
-        lambda many: [_penalised(s) for s in searched.scores([_values(subject, one) for one in many])],
-        budget,
-        lambda tried, value: progress(subject.name, tried, budget, value),
-    )
+    with opened(path, about, start, study.seed) as search:
+        searched.scores([_values(subject, start)])  # the first: the others are measured by it
+        best = search.run(
+            lambda many: [_penalised(s) for s in searched.scores([_values(subject, one) for one in many])],
+            budget,
+            lambda tried, value: progress(subject.name, tried, budget, value),
+        )
     values = _values(subject, best)
     first = _values(subject, start)
     before, after = check.sweeps([first, values])
