@@ -298,7 +298,11 @@ CallbackLaw callback(const nb::object& controller) {
     if (nb::hasattr(controller, "i_q_learned")) {
         law.learned_function = [controller] {
             const nb::gil_scoped_acquire gil;
-            return nb::cast<double>(controller.attr("i_q_learned"));
+            double current = 0.0;
+            if (!nb::try_cast(nb::object(controller.attr("i_q_learned")), current)) {
+                throw std::runtime_error("i_q_learned: expected a number");
+            }
+            return current;
         };
     }
     if (nb::hasattr(controller, "current_step")) {

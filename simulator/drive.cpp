@@ -119,8 +119,12 @@ double* put_terms(const Law& law, const LawState& state, double* row) {
             if constexpr (requires { l.terms(); }) {
                 return l.put_terms(state_of(state, l), row);
             } else if constexpr (requires { l.has_learned(); }) {
-                if (l.has_learned()) *row++ = l.learned(state_of(state, l));
-                return row;
+                if (!l.has_learned()) return row;
+                *row = l.learned(state_of(state, l));
+                if (!std::isfinite(*row)) {
+                    throw std::runtime_error("i_q_learned: " + std::to_string(*row) + ": expected a finite current");
+                }
+                return row + 1;
             } else {
                 return row;
             }

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdio>
+#include <cstdlib>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -70,11 +72,31 @@ inline std::optional<Stored> own_stored(const cogless_plugin_map& map, double li
     return stored;
 }
 
+// While a user's library is called: an exit() of its own ends the process without a word of what had happened.
+class InLibrary {
+public:
+    explicit InLibrary(const std::string& path) { path_ = path.c_str(); }
+    ~InLibrary() { path_ = nullptr; }
+    InLibrary(const InLibrary&) = delete;
+    InLibrary& operator=(const InLibrary&) = delete;
+
+    // Called by exit(), in the thread that called it.
+    static void refuse_exit() {
+        if (path_ == nullptr) return;
+        std::fprintf(stderr, "%s: called exit: expected a law that lets the command go on\n", path_);
+        std::_Exit(2);
+    }
+
+private:
+    static inline thread_local const char* path_ = nullptr;
+};
+
 // A law from a user's shared library (plugin.h).
 struct PluginLaw {
     using State = std::vector<unsigned char>;  // from operator new: aligned for any type
 
     std::shared_ptr<void> library;  // keeps it loaded
+    std::string path;
     decltype(&cogless_plugin_state_size) state_size;
     decltype(&cogless_plugin_init) init;
     decltype(&cogless_plugin_step) step_function;
@@ -91,6 +113,7 @@ struct PluginLaw {
     double ts, current_limit;
 
     State start() const {
+        const InLibrary inside(path);
         const std::size_t size = state_size();
         if (size > 1048576U) throw std::invalid_argument("the library asks for more than 1 MiB of state");
         State s(size + 1, 0);  // never empty
@@ -106,7 +129,10 @@ struct PluginLaw {
     bool has_current_step() const { return current_function != nullptr; }
     Command current_step(State& s, const LawInput& in, const Command& last) const { return call(current_function, s, in, last); }
     bool has_learned() const { return learned_function != nullptr; }
-    double learned(const State& s) const { return learned_function(s.data()); }
+    double learned(const State& s) const {
+        const InLibrary inside(path);
+        return learned_function(s.data());
+    }
     std::optional<Stored> stored(const State& s) const { return own_stored(learned_map(s), current_limit); }
     void load(State& s, const std::vector<std::vector<double>>& values) const {
         if (load_function == nullptr) throw std::runtime_error("the library does not export cogless_plugin_load_map");
@@ -120,26 +146,31 @@ struct PluginLaw {
             map.sine = values.at(1).data();
             map.order = values.at(2).data();
         }
+        const InLibrary inside(path);
         if (load_function(s.data(), &map) != 0) throw std::runtime_error("the library's cogless_plugin_load_map refuses this map");
     }
     void begin(State& s, const std::vector<cgl_real>& reference) const {
         const std::vector<double> theta_ref(reference.begin(), reference.end());
+        const InLibrary inside(path);
         if (begin_function != nullptr) begin_function(s.data(), theta_ref.data(), theta_ref.size());
     }
     void end(State& s) const {
+        const InLibrary inside(path);
         if (end_function != nullptr) end_function(s.data());
     }
 
 private:
     cogless_plugin_map learned_map(const State& s) const {
         cogless_plugin_map map = empty_map();
+        const InLibrary inside(path);
         if (map_function != nullptr) map_function(s.data(), &map);
         return map;
     }
-    static Command call(decltype(&cogless_plugin_step) function, State& s, const LawInput& in, const Command& last) {
+    Command call(decltype(&cogless_plugin_step) function, State& s, const LawInput& in, const Command& last) const {
         const cogless_plugin_input input{in.time,  in.omega_ref, in.omega_m,       in.theta_m,   in.i_d,       in.i_q,
                                          in.i_limit, in.ts,      in.learn ? 1 : 0, in.theta_ref, in.alpha_ref, in.off ? 1 : 0};
         cogless_plugin_output output{last.i_d_ref, last.i_q_ref};
+        const InLibrary inside(path);
         function(s.data(), &input, &output);
         return {output.i_d_ref, output.i_q_ref, last.status};
     }

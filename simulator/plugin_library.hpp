@@ -5,6 +5,7 @@
 #include <dlfcn.h>
 #endif
 
+#include <cstdlib>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -22,7 +23,10 @@ inline PluginLaw open_plugin(const std::string& path, std::vector<double> params
                              double current_limit) {
     void* handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (handle == nullptr) throw std::invalid_argument(dlerror());
+    static const int registered = std::atexit(InLibrary::refuse_exit);
+    (void)registered;
     PluginLaw law;
+    law.path = path;
     law.library = std::shared_ptr<void>(handle, [](void* h) { dlclose(h); });
     const auto look_for = [&](const char* name, auto& function) {
         function = reinterpret_cast<std::decay_t<decltype(function)>>(dlsym(handle, name));

@@ -19,6 +19,7 @@ import synthetic
 import trial_studies
 from commands import cogless, forked
 
+import cogless as cogless_package
 import studies
 from cogless.__main__ import _flushed
 from cogless.catalogue import catalogue, show
@@ -354,6 +355,87 @@ def test_ctrl_c_keeps_finished_runs(
     results = json.loads((folder / "results.json").read_text())
     assert results["interrupted"] is True
     assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
+
+
+def own_law(folder: Path, init: str, step: str) -> Path:
+    """A study with a law in Python whose init and step also do this, in one of its two runs."""
+    law = f"class Law:\n    def __init__(self):\n        {init}\n"
+    law += f"    def step(self, inputs):\n        {step}\n        return 0.0\n"
+    (folder / "law.py").write_text(f"import os\n\n{law}")
+    text = studies.BASE.replace('controllers = ["pi", "fair"]', 'controllers = ["pi", "own"]')
+    text += '[controller.own]\nlaw = "python"\nobject = "law.py:Law"\n[trace]\nrate = "1 kHz"\n'
+    return studies.write(folder, text)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="forks")
+@pytest.mark.parametrize("call", ["exit(0)", "os._exit(0)", "raise SystemExit(0)"])
+@pytest.mark.parametrize("at", ["init", "step"])
+def test_a_law_that_exits_fails_and_ends_nothing_else(tmp_path: Path, call: str, at: str) -> None:
+    init, step = (call, "pass") if at == "init" else ("pass", call)
+    study, folder = own_law(tmp_path, init, step), tmp_path / "out"
+    text = study.read_text().replace('controllers = ["pi", "own"]', 'controllers = ["pi", "fair", "own"]')
+    study.write_text(text)
+    run = forked(tmp_path, "run", study, "-o", folder, "--jobs=1", "--no-limits")
+    assert run.end() == 2
+    where = f"{study}: controller.own"
+    if at == "init":  # it is made before the first run
+        expected = "expected a class that takes the controller's params"
+        assert run.err == f'{where}.object: "law.py:Law": law.py line 5: calls exit(0): {expected}\n'
+        assert not folder.exists()
+    else:
+        assert re.fullmatch(rf"{where}: scenario \w+ at 0 s: law.py line 7: calls exit\(0\).*\n", run.err)
+        results = json.loads((folder / "results.json").read_text())
+        assert {each["controller"] for each in results["runs"]} == {"pi", "fair"}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="forks")
+@pytest.mark.parametrize(("init", "step"), [("os.chdir('/')", "pass"), ("pass", "os.chdir('/')")])
+def test_a_law_that_changes_the_directory_loses_nothing(tmp_path: Path, init: str, step: str) -> None:
+    """Results, the study's files and the old set are where they were named from when the command began."""
+    own_law(tmp_path, init, step)
+    for seed in (1, 2):
+        words = ("run", "study.toml", "-o", "out", "--jobs=1", "--no-limits", f"--set=seed={seed}")
+        run = forked(tmp_path, *words, first=partial(os.chdir, tmp_path))
+        assert (run.end(), run.err) == (0, "")
+        results = json.loads((tmp_path / "out" / "results.json").read_text())
+        assert results["seed"] == seed
+        assert {each["controller"] for each in results["runs"]} == {"pi", "fair", "own"}
+        assert "Report: out/report.html" in run.out
+
+
+EXITS = """
+#include "cogless/plugin.h"
+#include <stdlib.h>
+uint32_t cogless_plugin_version(void) { return COGLESS_PLUGIN_VERSION; }
+size_t cogless_plugin_state_size(void) { return 1; }
+int cogless_plugin_init(void *s, const double *p, size_t n, double ts)
+{
+    (void)s; (void)p; (void)ts;
+    if (n == 1) exit(0);
+    return 0;
+}
+void cogless_plugin_step(void *s, const cogless_plugin_input *in, cogless_plugin_output *out)
+{
+    (void)s; (void)out;
+    if (in->time > 0.01) exit(0);
+}
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="builds a library")
+@pytest.mark.parametrize("params", [[], [1]])
+def test_a_library_that_exits_says_so(tmp_path: Path, params: list[int]) -> None:
+    """Nothing can go on in that process, but it doesn't end as if all was well."""
+    study = own_law(tmp_path, "pass", "pass")
+    (tmp_path / "law.c").write_text(EXITS)
+    include = Path(cogless_package.__file__).parent / "include"
+    flags = ["-std=c99", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", f"-I{include}"]
+    subprocess.run(["cc", *flags, "law.c", "-o", "law.so"], cwd=tmp_path, check=True)
+    library = f'law = "library"\nlibrary = "law.so"\nparams = {params}'
+    study.write_text(study.read_text().replace('law = "python"\nobject = "law.py:Law"', library))
+    ended = subprocess.run([*COMMAND, "run", study, "-o", tmp_path / "out"], capture_output=True, text=True)
+    why = "called exit: expected a law that lets the command go on"
+    assert (ended.returncode, ended.stderr) == (2, f"{tmp_path / 'law.so'}: {why}\n")
 
 
 WRITING = "Interrupted: the results are being written. Press Ctrl-C again to end at once without them.\n"

@@ -93,14 +93,14 @@ def writable(directory: Path) -> Iterator[None]:
     check_utf8(directory, "a directory")
     missing = [folder for folder in (directory, *directory.parents) if not folder.exists()]
     try:
-        directory.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=directory):
-            pass
-    except OSError as error:
-        # its parent allows no new folders, such as /proc
-        why = "can't be made there" if isinstance(error, FileNotFoundError) else reason(error)
-        raise StudyError(f"{directory}: {why}: expected a directory that can be written") from error
-    try:
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=directory):
+                pass
+        except OSError as error:
+            # its parent allows no new folders, such as /proc
+            why = "can't be made there" if isinstance(error, FileNotFoundError) else reason(error)
+            raise StudyError(f"{directory}: {why}: expected a directory that can be written") from error
         yield
     finally:
         with suppress(OSError):  # one that isn't empty stays

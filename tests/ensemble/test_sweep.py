@@ -177,6 +177,37 @@ def test_a_task_that_kills_every_worker_is_given_up(tmp_path: Path) -> None:
         sweeping.run(plan(tmp_path), tmp_path, Dies(*range(99)))
 
 
+OWN = """[controller.own]
+law = "python"
+object = "law.py:Law"
+"""
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        ("os.kill(os.getpid(), 9)", "died"),
+        ("os._exit(0)", "calls exit(0)"),
+    ],
+)
+def test_a_law_that_ends_its_process_is_named(tmp_path: Path, call: str, said: str) -> None:
+    """Where that can be prevented, its runs fail and the others are kept."""
+    law = f"import os\n\nclass Law:\n    def step(self, inputs):\n        {call}\n"
+    (tmp_path / "law.py").write_text(law)
+    study = ensembles.study(tmp_path, None, OWN + ensembles.VARY)
+    planned = sweeping.plan(study, 2, ["low/pi", "low/own"])
+    with executors.processes(1) as workers:
+        if said == "died":
+            with pytest.raises(StudyError) as error:
+                sweeping.run(planned, tmp_path, workers)
+            why = f"expected controller.own not to end the process ({tmp_path / 'law.py'}), or enough memory"
+            assert str(error.value) == f"chunk 0: its worker died 3 times: {why}"
+        else:
+            swept = sweeping.run(planned, tmp_path, workers)
+            assert swept is not None and set(swept.errors) == {(0, 1), (1, 1)}
+            assert all(text.endswith("law.py line 5: calls exit(0)") for text in swept.errors.values())
+
+
 class KilledWorker(Exception):  # noqa: N818, as Dask names it
     """What Dask says of a task whose workers died."""
 
@@ -477,7 +508,8 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
     with journal.opened(tmp_path / "journal.jsonl", planned.about), pytest.raises(StudyError) as error:
         sweeping.run(planned, tmp_path, Here())
     assert (
-        str(error.value) == f"{tmp_path / 'journal.jsonl'}: in use: expected no other sweep that writes here"
+        str(error.value)
+        == f"{tmp_path / 'journal.jsonl'}: in use: expected no other command that writes here"
     )
 
 
@@ -495,7 +527,7 @@ def test_a_line_that_a_kill_cut_off_is_written_anew(tmp_path: Path) -> None:
 
 def test_a_file_that_is_no_journal(tmp_path: Path) -> None:
     (tmp_path / "journal.jsonl").write_text("hello\n")
-    with pytest.raises(StudyError, match="not readable: expected a file that cogless sweep has written"):
+    with pytest.raises(StudyError, match="not readable: expected a file that this command has written"):
         sweeping.run(plan(tmp_path), tmp_path, Here())
 
 
@@ -525,7 +557,7 @@ def test_no_flipped_bit_gives_other_numbers(
         damaged[place] ^= 1 << chance.randrange(8)
         path.write_bytes(damaged)
         if place <= first_end:
-            with pytest.raises(StudyError, match="not readable: expected a file that cogless sweep"):
+            with pytest.raises(StudyError, match="not readable: expected a file that this command"):
                 sweeping.run(planned, tmp_path, Here())
             assert path.read_bytes() == damaged
         else:

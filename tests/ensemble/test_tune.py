@@ -1,15 +1,20 @@
 """Tuning finds what is known to be best, holds what must hold, goes on after a kill, never makes worse."""
 
+import os
+import random
+import signal
+import time
 import tomllib
 from collections.abc import Mapping
 from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import ensembles
 import numpy as np
 import pytest
-from commands import cogless
+from commands import cogless, forked
 from test_sweep import Here
 
 import studies
@@ -63,10 +68,10 @@ def test_the_search_finds_the_bottom_of_a_bowl(tmp_path: Path) -> None:
         return [(one["a"] - 0.7) ** 2 + 4 * (one["b"] - 0.2) ** 2 for one in many]
 
     told: list[tuple[int, float]] = []
-    search = searching.Search(tmp_path / "s", {}, {"a": 0.1, "b": 0.9}, seed=1)
-    best = search.run(bowl, 120, lambda n, v: told.append((n, v)))
-    assert best == pytest.approx({"a": 0.7, "b": 0.2}, abs=0.03)
-    assert told[0] == (1, pytest.approx(0.36 + 4 * 0.49)) and told[-1][0] == 120  # the start comes first
+    with searching.opened(tmp_path / "s", {}, {"a": 0.1, "b": 0.9}, seed=1) as search:
+        best = search.run(bowl, 120, lambda n, v: told.append((n, v)))
+        assert best == pytest.approx({"a": 0.7, "b": 0.2}, abs=0.03)
+        assert told[0] == (1, pytest.approx(0.36 + 4 * 0.49)) and told[-1][0] == 120  # the start comes first
 
 
 def test_a_killed_search_goes_on(tmp_path: Path) -> None:
@@ -79,16 +84,74 @@ def test_a_killed_search_goes_on(tmp_path: Path) -> None:
         return [one["a"] for one in many]
 
     start = {"a": 0.5, "b": 0.5}
-    with pytest.raises(KeyboardInterrupt):
-        searching.Search(tmp_path / "s", {}, start, 1).run(
-            lambda many: score(many, 10), 40, lambda n, v: None
-        )
+    with pytest.raises(KeyboardInterrupt), searching.opened(tmp_path / "s", {}, start, 1) as search:
+        search.run(lambda many: score(many, 10), 40, lambda n, v: None)
     before = len(tried)
-    searching.Search(tmp_path / "s", {}, start, 1).run(lambda many: score(many, 99), 40, lambda n, v: None)
+    with searching.opened(tmp_path / "s", {}, start, 1) as search:
+        search.run(lambda many: score(many, 99), 40, lambda n, v: None)
     assert 10 <= before < 20 and len(tried) == 40
     assert tried.count(start) == 1
-    with pytest.raises(StudyError, match="of another study or other keys: expected another directory"):
-        searching.Search(tmp_path / "s", {"study": "x"}, start, 1)
+    wrong = "study: None: expected the same study, or another directory$"
+    with pytest.raises(StudyError, match=wrong), searching.opened(tmp_path / "s", {"study": "x"}, start, 1):
+        pass
+
+
+def test_a_search_goes_on_from_any_part_of_its_journal(tmp_path: Path) -> None:
+    """Cut where a kill may cut it, or with a flipped bit: what is damaged is tried again."""
+
+    def run(path: Path) -> tuple[int, dict[str, float]]:
+        count = 0
+
+        def score(many: Any) -> list[float]:
+            nonlocal count
+            count += len(many)
+            return [(one["a"] - 0.3) ** 2 + (one["b"] - 0.6) ** 2 for one in many]
+
+        with searching.opened(path, {"study": "x"}, {"a": 0.1, "b": 0.9}, 1) as search:
+            best = search.run(score, 25, lambda n, v: None)
+        return count, dict(best)
+
+    whole_count, whole_best = run(tmp_path / "whole")
+    assert whole_count == 25
+    whole, chance = (tmp_path / "whole").read_bytes(), random.Random(36)
+    lines = whole.count(b"\n")
+    assert lines == 26 and run(tmp_path / "whole") == (0, whole_best)
+    for number in range(8):
+        path, place = tmp_path / str(number), chance.randrange(whole.index(b"\n") + 1, len(whole) - 1)
+        path.write_bytes(whole[:place])
+        assert run(path)[0] == lines - whole[:place].count(b"\n")
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << chance.randrange(8)
+        path.write_bytes(damaged)
+        assert run(path)[0] in (1, 2)  # two, where the end of a line is damaged
+
+
+def test_one_tuning_at_a_time(tmp_path: Path) -> None:
+    path = tmp_path / "pi.tune"
+    search = partial(searching.opened, path, {}, {"a": 0.5}, 1)
+    with search(), pytest.raises(StudyError) as error, search():
+        pass
+    assert str(error.value) == f"{path}: in use: expected no other command that writes here"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGKILL")
+def test_a_killed_tuning_goes_on_by_the_same_command(tmp_path: Path) -> None:
+    text = ensembles.TEXT + TUNE.replace("budget = 25", "budget = 12")
+    study, out = studies.write(tmp_path, text), tmp_path / "out"
+    command = ("tune", study, "-o", out, "-j", 1)
+    file, tries = out / "pi.tune", 0
+    for least in (2, 8):
+        running, until = forked(tmp_path, *command), time.monotonic() + 60
+        while time.monotonic() < until and not (file.is_file() and file.read_bytes().count(b"\n") >= least):
+            time.sleep(0.01)
+        os.killpg(running.pid, signal.SIGKILL)
+        assert running.end() == -signal.SIGKILL
+        assert file.read_bytes().count(b"\n") >= max(least, tries)  # nothing is lost
+        tries = file.read_bytes().count(b"\n")
+    last = forked(tmp_path, *command)
+    assert (last.end(), last.err.count("Traceback")) == (0, 0)
+    assert file.read_bytes().count(b"\n") == 13
+    assert load(out / "study-tuned.toml").name == "study-tuned"
 
 
 def test_gains_become_better_on_variants_that_the_search_has_not_seen(

@@ -148,16 +148,16 @@ def test_a_generation_grows_with_the_logarithm_of_the_keys(tmp_path: Path) -> No
     pytest.importorskip("optuna", reason="needs the extra cogless[tune]")
     for count, batch in ((1, 4), (2, 6), (5, 8)):
         start = {f"k{n}": 0.5 for n in range(count)}
-        search = searching.Search(tmp_path / f"{count}", {}, start, seed=2**40 + 1)
-        sizes: list[int] = []
+        with searching.opened(tmp_path / f"{count}", {}, start, seed=2**40 + 1) as search:
+            sizes: list[int] = []
 
-        def score(many: Any, sizes: list[int] = sizes) -> list[float]:
-            sizes.append(len(many))
-            return [sum((x - 0.5) ** 2 for x in one.values()) for one in many]
+            def score(many: Any, sizes: list[int] = sizes) -> list[float]:
+                sizes.append(len(many))
+                return [sum((x - 0.5) ** 2 for x in one.values()) for one in many]
 
-        assert search.batch == batch
-        assert search.run(score, 2 * batch, lambda tried, best: None) == start  # nothing is better
-        assert sizes == [1, batch, batch - 1]
+            assert search.batch == batch
+            assert search.run(score, 2 * batch, lambda tried, best: None) == start  # nothing is better
+            assert sizes == [1, batch, batch - 1]
 
 
 def test_a_column_is_a_number_of_a_run() -> None:

@@ -130,7 +130,7 @@ def test_a_sweep_that_is_interrupted_kills_its_workers(monkeypatch: pytest.Monke
         def shutdown(self, wait: bool = True, cancel_futures: bool = False) -> None:
             told.append((wait, cancel_futures))
 
-    monkeypatch.setattr(executors, "ProcessPoolExecutor", Pool)
+    monkeypatch.setattr(executors, "ProcessPool", Pool)
     start = (3, executors._led)
     with executors.processes(3) as workers:
         assert workers.count() == 3 and workers.executor

@@ -221,3 +221,37 @@ def test_the_current_step_may_fail_with_its_line(folder: Path) -> None:
     study = cogless.load(folder / "study.toml", {"controller.python.object": "wrong.py:Law"})
     with pytest.raises(StudyError, match=r"wrong.py line 15: TypeError"):
         cogless.run_study(study, only=["*/python"])
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ('float("nan")', "nan: expected a finite current"),
+        ('float("-inf")', "-inf: expected a finite current"),
+        ('"many"', "expected a number"),
+        ("None", "expected a number"),
+    ],
+)
+def test_a_learned_current_that_is_no_number_ends_the_run(tmp_path: Path, value: str, said: str) -> None:
+    law = PYTHON.replace("100 * self.part * cos(inputs.theta_m)", value).replace(
+        "return self.i_q_learned", "return 0.0"
+    )
+    (tmp_path / "law.py").write_text(law)
+    (tmp_path / "study.toml").write_text(STUDY.partition("[controller.c]")[0])
+    with pytest.raises(StudyError) as error:
+        cogless.run_study(cogless.load(tmp_path / "study.toml"))
+    where = f"{tmp_path / 'study.toml'}: controller.python: scenario slow at 0 s"
+    assert str(error.value) == f"{where}: i_q_learned: {said}"
+
+
+def test_a_learned_current_of_a_library_that_is_no_number_ends_the_run(tmp_path: Path) -> None:
+    library = LIBRARY.replace("return s->field >= 0 ? s->told : s->i_q_learned;", "(void)s; return NAN;")
+    (tmp_path / "law.c").write_text(library)
+    (tmp_path / "study.toml").write_text(
+        STUDY.replace(STUDY[STUDY.index("[controller.python]") : STUDY.index("[controller.c]")], "")
+    )
+    include = Path(cogless.__file__).parent / "include"
+    flags = ["-std=c99", "-shared", "-fPIC", f"-I{include}"]
+    subprocess.run(["cc", *flags, "law.c", "-o", "law.so", "-lm"], cwd=tmp_path, check=True)
+    with pytest.raises(StudyError, match=r"at 0 s: i_q_learned: -?nan: expected a finite current$"):
+        cogless.run_study(cogless.load(tmp_path / "study.toml"))

@@ -22,9 +22,10 @@ def calibrate(
     """
     from cogless.run.calibrate import calibrate as fit_study
     from cogless.run.calibrate import residual_rows
+    from cogless.run.own_law import no_exit
 
     loaded = to_run(study, changes, no_code)
-    with new_console(stderr=True).status("Fitting") as status:
+    with new_console(stderr=True).status("Fitting") as status, no_exit():
         fit = fit_study(
             loaded, lambda n, d: status.update(f"Fitting: {n} evaluations, {100 * d:.2f} % off"), jobs
         )

@@ -60,6 +60,7 @@ def run(
     from cogless.design.warnings import beyond_drive, coarse_table, too_short
     from cogless.results import Results
     from cogless.results.folder import held
+    from cogless.run.own_law import no_exit
     from cogless.run.simulate import RunDefect, RunError, run_study, runs_of
 
     arena = _arena(study, changes)
@@ -82,7 +83,7 @@ def run(
     defect: RunDefect | None = None
     place = folder.absolute()  # a law may change the directory
     with held(place, _names(loaded, pairs, plots, not no_traces, with_page)):
-        with run_progress(wanted) as progress:
+        with run_progress(wanted) as progress, no_exit():
             try:
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=place)
             except RunError as error:
@@ -184,11 +185,12 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
     from cogless.ensemble import arena_files
     from cogless.ensemble.arena import chosen, run_arena
     from cogless.results.folder import held, new_set
+    from cogless.run.own_law import no_exit
 
     plants = len(chosen(arena, only))
     place = folder.absolute()  # a law may change the directory
     with held(place, ["results.json"]):
-        with new_bar() as bar:
+        with new_bar() as bar, no_exit():
             task = bar.add_task("", total=plants)
             results = run_arena(
                 arena,

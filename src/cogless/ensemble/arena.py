@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -19,7 +19,6 @@ from cogless.run.simulate import RunError, rollout
 from cogless.study import AnyStudy, Study, TrialStudy, changed
 from cogless.study import load as load_study
 from cogless.study.arena import Arena, ArenaPlant
-from cogless.study.base import Source
 from cogless.study.controller import AntiCogging, Feedback, LearnsWhileRunning, OwnLaw
 from cogless.study.error_messages import dotted
 from cogless.study.harmonic import Harmonic
@@ -198,7 +197,7 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
         "scenario": scenarios(base, plant),
         "controller": present,
     }
-    source = Source(base.source.path, tables, base.source.datasheet, base.source.own_motor_keys)
+    source = replace(base.source, tables=tables)
     study = checked(source)
     assert isinstance(study, Study)
     tuned, why = _tuned(study, absent)
@@ -226,7 +225,7 @@ def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]
         tables = dict(study.source.tables)
         tables["controller"] = {k: v for k, v in tables["controller"].items() if k not in lost}
         source = study.source
-        left = checked(Source(source.path, tables, source.datasheet, source.own_motor_keys))
+        left = checked(replace(source, tables=tables))
         assert isinstance(left, Study)
         study = left
     return (changed(study, found) if found else study), absent | lost

@@ -16,10 +16,12 @@ from threading import Thread
 from typing import Any, TypeVar
 
 from cogless.errors import StudyError
+from cogless.run.own_law import no_exit
 
 T = TypeVar("T")
 MOST_LOSSES = 3  # workers that one task may cost before it is given up
 AHEAD = 2  # tasks sent for each worker: one that runs, one that waits
+END_PROCESS = os._exit  # itself, while a task runs that may not call it
 PATIENCE = 10  # s that a cluster is given to answer
 
 
@@ -50,14 +52,26 @@ def given(executor: Executor) -> Workers:
     return Workers(lambda: executor, lambda: most)
 
 
+class ProcessPool(ProcessPoolExecutor):
+    """Worker processes that no law's call of os._exit ends."""
+
+    def submit(self, work: Callable[..., T], /, *arguments: Any) -> Future[T]:  # type: ignore[override]
+        return super().submit(_without_exit, work, *arguments)
+
+
+def _without_exit(work: Callable[..., T], *arguments: Any) -> T:
+    with no_exit():
+        return work(*arguments)
+
+
 @contextmanager
 def processes(count: int) -> Iterator[Workers]:
     """`count` worker processes; unlike threads they share no lock."""
-    pools: list[ProcessPoolExecutor] = []
+    pools: list[ProcessPool] = []
 
     def pool() -> Executor:
         context = multiprocessing.get_context("spawn")
-        pools.append(ProcessPoolExecutor(count, context, initializer=_led))
+        pools.append(ProcessPool(count, context, initializer=_led))
         return pools[-1]
 
     try:
@@ -81,7 +95,7 @@ def _led() -> None:
 
 def _end_after(leader: Any) -> None:
     leader.join()
-    os._exit(1)
+    END_PROCESS(1)
 
 
 @contextmanager
@@ -129,16 +143,18 @@ def run_all(
     work: Callable[..., T],
     tasks: Mapping[int, Sequence[Any]],
     finished: Callable[[int, T], None],
+    expected: str = "enough memory for it",
 ) -> None:
     """Call work(*arguments) for each task, and `finished` with its number and result, in order of ending.
 
     A task whose worker dies is sent again, and alone, since it may be what kills workers; after the third
-    time it is given up. StudyError: that, or a cluster that is gone.
+    time it is given up. StudyError: that, with what is `expected` of a task that ends, or a cluster that is
+    gone.
     """
     waiting = deque(tasks)
     losses = dict.fromkeys(tasks, 0)
     while waiting:
-        _use(workers, work, tasks, finished, waiting, losses)
+        _use(workers, work, tasks, finished, waiting, losses, expected)
         if waiting:
             workers.renew()
 
@@ -150,6 +166,7 @@ def _use(
     finished: Callable[[int, T], None],
     waiting: deque[int],
     losses: dict[int, int],
+    expected: str,
 ) -> None:
     """Run the waiting tasks until none is left or the executor is broken; what it lost waits again."""
     running: dict[Future[T], int] = {}
@@ -179,7 +196,7 @@ def _use(
                 losses[number] += 1
                 if losses[number] >= MOST_LOSSES:
                     raise StudyError(
-                        f"chunk {number}: its worker died {MOST_LOSSES} times: expected enough memory for it"
+                        f"chunk {number}: its worker died {MOST_LOSSES} times: expected {expected}"
                     ) from None
                 waiting.appendleft(number)
             else:

@@ -1,6 +1,6 @@
-"""The journal of a sweep: what is finished, kept while the rest goes on, so that an ended sweep can go on.
+"""The journal of a sweep or a search: what is finished is kept, so that one which ended goes on.
 
-A file of lines, each written in one go: first what the sweep is, then a line for each finished chunk. A line
+A file of lines, each written in one go: first what it is of, then a line for each finished chunk. A line
 is the CRC-32 of a JSON text in eight hex digits, a space, and that text. A damaged line isn't used, so that
 its chunk runs again.
 """
@@ -52,7 +52,7 @@ def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise StudyError(f"{path}: in use: expected no other sweep that writes here") from None
+            raise StudyError(f"{path}: in use: expected no other command that writes here") from None
         file.seek(0)
         content = file.read()
         lines = _whole_lines(content)
@@ -110,7 +110,7 @@ def _value(line: bytes) -> Any:
 def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chunk, Any]:
     has = _value(lines[0]) if lines else None
     if not isinstance(has, dict):
-        expected = "expected a file that cogless sweep has written"
+        expected = "expected a file that this command has written"
         if lines and lines[0].startswith(b"{"):
             expected = "has no checksums, as of an earlier cogless: expected another directory"
         raise StudyError(f"{path}: not readable: {expected}")

@@ -35,7 +35,7 @@ class Parcel:
 def pack(study: AnyStudy) -> Parcel:
     """Pack a study as it was read, with its changes."""
     source = study.source
-    files = {name: (source.path.parent / name).read_bytes() for name in sorted(_named(study))}
+    files = {name: (source.folder / name).read_bytes() for name in sorted(_named(study))}
     text = json.dumps(source.tables, sort_keys=True, default=str)
     found = hashlib.sha256(text.encode())
     for name, content in files.items():
@@ -47,7 +47,7 @@ def pack(study: AnyStudy) -> Parcel:
 def unpacked(parcel: Parcel) -> AnyStudy:
     """The study of a parcel: where it came from if its files are there, else in a folder of its own."""
     source = parcel.source
-    if all(_is(source.path.parent / name, content) for name, content in parcel.files.items()):
+    if all(_is(source.folder / name, content) for name, content in parcel.files.items()):
         return checked(source)
     up = max(name.count("../") for name in parcel.files)
     folder = Path(tempfile.mkdtemp(prefix="cogless-"), *("in",) * up)
@@ -56,7 +56,7 @@ def unpacked(parcel: Parcel) -> AnyStudy:
         place = Path(os.path.normpath(folder / name))
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_bytes(content)
-    return checked(replace(source, path=folder / source.path.name))
+    return checked(replace(source, path=folder / source.path.name, directory=folder))
 
 
 def _is(path: Path, content: bytes) -> bool:
@@ -68,7 +68,7 @@ def _is(path: Path, content: bytes) -> bool:
 
 def _named(study: AnyStudy) -> set[str]:
     """Files that a study names by a path relative to it; of a controller in Python also its neighbours."""
-    folder = study.source.path.parent
+    folder = study.source.folder
     names = set()
     for file in named_files(type(study), study.source.tables):
         path = folder / file.path

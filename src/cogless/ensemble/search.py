@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from cogless.ensemble import journal
+from cogless.ensemble.journal import Journal
 from cogless.errors import StudyError
-from cogless.files import no_device, no_link, reason
 
 Settings = Mapping[str, float]  # a share of each range, 0 to 1
 SPREAD = 0.2  # of the first settings around the start, in shares of the ranges
@@ -23,21 +24,23 @@ def require() -> None:
         raise StudyError("tune: expected the extra: pip install 'cogless[tune]'")
 
 
+@contextmanager
+def opened(path: Path, about: Mapping[str, Any], start: Settings, seed: int) -> Iterator[Search]:
+    """Open a search with its journal at `path`. StudyError: the journal is of another search than `about`."""
+    with journal.opened(path, about) as kept:
+        yield Search(kept, start, seed)
+
+
 class Search:
-    """A search that begins at `start`, in a journal at `path`; `about` tells it from others."""
+    """A search that begins at `start`, and goes on from what its journal has: parameters and value of each
+    settings that were tried, and what Optuna keeps with them."""
 
-    def __init__(self, path: Path, about: Mapping[str, Any], start: Settings, seed: int) -> None:
+    def __init__(self, kept: Journal, start: Settings, seed: int) -> None:
         import optuna
-        from optuna.storages import JournalStorage
-        from optuna.storages.journal import JournalFileBackend
 
-        try:
-            no_link(path)
-            no_device(path)
-        except OSError as error:
-            raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from None
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._states = optuna.trial.TrialState
+        self._kept = kept
         self.start = dict(start)
         self.space = {key: optuna.distributions.FloatDistribution(0.0, 1.0) for key in start}
         short = seed % 2**32  # a study's has 64 bits
@@ -49,15 +52,13 @@ class Search:
                 sampler = optuna.samplers.CmaEsSampler(
                     x0=self.start, sigma0=SPREAD, seed=short, warn_independent_sampling=False
                 )
-            storage = JournalStorage(JournalFileBackend(str(path)))
-            self.study = optuna.create_study(
-                storage=storage, sampler=sampler, study_name="tune", load_if_exists=True
-            )
-        wanted = json.dumps(about, sort_keys=True)
-        found = self.study.user_attrs.get("about", wanted)
-        if found != wanted:
-            raise StudyError(f"{path}: of another study or other keys: expected another directory")
-        self.study.set_user_attr("about", wanted)
+            self.study = optuna.create_study(sampler=sampler)
+            for _, (params, value, attributes) in sorted(kept.finished.items()):
+                self.study.add_trial(
+                    optuna.trial.create_trial(
+                        params=params, distributions=self.space, value=value, system_attrs=attributes
+                    )
+                )
 
     @property
     def batch(self) -> int:
@@ -81,6 +82,9 @@ class Search:
             ]
             for trial, value in zip(trials, score([trial.params for trial in trials]), strict=True):
                 self.study.tell(trial, value)
+                done_trial = self.study.get_trials(deepcopy=False)[trial.number]
+                number = max(self._kept.finished, default=-1) + 1
+                self._kept.add(number, [trial.params, value, done_trial.system_attrs])
             progress(len(self._finished()), self.study.best_value)
         return dict(self.study.best_params)
 

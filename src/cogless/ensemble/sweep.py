@@ -15,7 +15,7 @@ from cogless.ensemble.executors import Workers, given, run_all
 from cogless.ensemble.parcel import pack
 from cogless.ensemble.sample import Ensemble, draw
 from cogless.ensemble.table import Sweep, gathered
-from cogless.ensemble.work import Pair, rows
+from cogless.ensemble.work import Pair, needed, rows
 from cogless.errors import StudyError
 from cogless.run.simulate import runs_of
 from cogless.study import AnyStudy
@@ -115,7 +115,8 @@ def run(
 
         parcel = pack(planned.study)
         tasks = {chunk: (parcel, planned.changes(chunk), planned.pairs) for chunk in left}
-        run_all(workers if isinstance(workers, Workers) else given(workers), rows, tasks, finished)
+        at = workers if isinstance(workers, Workers) else given(workers)
+        run_all(at, rows, tasks, finished, needed(planned.study))
         return None if part.of > 1 else _gathered(planned, kept.finished)
 
 

@@ -21,10 +21,10 @@ from cogless.ensemble.columns import Column, columns
 from cogless.ensemble.executors import Workers, run_all
 from cogless.ensemble.parcel import pack
 from cogless.ensemble.sample import SEED, Ensemble, draw, seeds
-from cogless.ensemble.search import Search, Settings
+from cogless.ensemble.search import Settings, opened
 from cogless.ensemble.sweep import CHUNK
 from cogless.ensemble.table import Sweep, gathered
-from cogless.ensemble.work import Pair, rows
+from cogless.ensemble.work import Pair, needed, rows
 from cogless.errors import StudyError
 from cogless.run.simulate import runs_of
 from cogless.study import AnyStudy, TrialStudy, changed
@@ -149,7 +149,7 @@ class Evaluation:
         chunks = [changes[at : at + CHUNK] for at in range(0, len(changes), CHUNK)]
         tasks = {number: (self.parcel, chunk, self.subject.pairs) for number, chunk in enumerate(chunks)}
         found: dict[int, Any] = {}
-        run_all(self.workers, rows, tasks, found.__setitem__)
+        run_all(self.workers, rows, tasks, found.__setitem__, needed(self.study))
         in_order = [row for number in range(len(chunks)) for row in found[number]]
         return [
             gathered(self.study, self.ensemble, self.subject.pairs, in_order[at : at + count])
@@ -222,13 +222,13 @@ def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: Progre
     study, subject, budget = searched.study, searched.subject, searched.tune.budget
     start = {knob.key: knob.start_share for knob in subject.knobs}
     about = {"study": pack(study).digest[:16], "keys": list(start)}
-    search = Search(path, about, start, study.seed)
-    searched.scores([_values(subject, start)])  # the first: the others are measured by it
-    best = search.run(
-        lambda many: [_penalised(s) for s in searched.scores([_values(subject, one) for one in many])],
-        budget,
-        lambda tried, value: progress(subject.name, tried, budget, value),
-    )
+    with opened(path, about, start, study.seed) as search:
+        searched.scores([_values(subject, start)])  # the first: the others are measured by it
+        best = search.run(
+            lambda many: [_penalised(s) for s in searched.scores([_values(subject, one) for one in many])],
+            budget,
+            lambda tried, value: progress(subject.name, tried, budget, value),
+        )
     values = _values(subject, best)
     first = _values(subject, start)
     before, after = check.sweeps([first, values])

@@ -27,5 +27,5 @@ def text(study: AnyStudy, changes: Mapping[str, Any], folder: Path, about: str) 
     for file in named_files(type(study), document):
         if not os.path.isabs(file.path):
             table = look_up(document, file.key[:-1])
-            table[file.key[-1]] = os.path.relpath(source.parent / file.path, folder) + file.rest
+            table[file.key[-1]] = os.path.relpath(study.source.folder / file.path, folder) + file.rest
     return f"# {about}\n{tomlkit.dumps(document)}"

@@ -11,6 +11,7 @@ from cogless.errors import StudyError
 from cogless.results import AnyResults
 from cogless.run.simulate import RunError, rollout
 from cogless.study import AnyStudy, changed
+from cogless.study.controller import LibraryLaw, PythonLaw
 
 Pair = tuple[str, str]  # scenario, controller
 Row = list[Any]  # a number for each column, and the error's text, or None
@@ -52,6 +53,16 @@ def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[P
             ]
         )
     return found
+
+
+def needed(study: AnyStudy) -> str:
+    """What a task needs to end: memory, and own laws that don't crash, which is the likelier cause."""
+    own = [
+        f"controller.{name} not to end the process ({study.source.folder / law.code})"
+        for name, law in study.controller.items()
+        if isinstance(law, PythonLaw | LibraryLaw)
+    ]
+    return f"{', '.join(own)}, or enough memory" if own else "enough memory for it"
 
 
 def _failed_row(columns: int, why: str) -> Row:

@@ -230,7 +230,7 @@ def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
     if isinstance(law, PythonLaw):
         return _any_law(law)
     assert isinstance(law, LibraryLaw)
-    library = (study.source.path.parent / law.library).resolve()
+    library = (study.source.folder / law.library).resolve()
     return {
         "library": str(library),
         "params": law.numbers,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import os
 import sys
 import threading
 import traceback
@@ -12,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
 from cogless.errors import StudyError
 from cogless.run.known_drive import known_drive
@@ -103,7 +104,24 @@ def law_file(study: AnyStudy, name: str) -> Path | None:
     controller = study.controller[name]
     if not isinstance(controller, PythonLaw):
         return None
-    return study.source.path.parent / controller.object.rpartition(":")[0]
+    return study.source.folder / controller.object.rpartition(":")[0]
+
+
+def _raise_exit(status: int) -> NoReturn:
+    raise SystemExit(status)
+
+
+@contextmanager
+def no_exit() -> Iterator[None]:
+    """Let os._exit raise SystemExit as sys.exit does, so that a law which calls it fails and ends no process.
+
+    For a process that is a command's or a worker's own, since this is for all of its threads.
+    """
+    before, os._exit = os._exit, _raise_exit
+    try:
+        yield
+    finally:
+        os._exit = before
 
 
 def is_failure(error: BaseException) -> bool:
@@ -122,6 +140,8 @@ def describe(error: BaseException, path: Path | None) -> str:
     if isinstance(error, AttributeError) and type(error.obj).__name__ == "LawInput":
         message = _unknown_field(message, type(error.obj))
     line = _line(error, path)
+    if isinstance(error, SystemExit):
+        return f"{line}calls exit({message})"
     of_engine = isinstance(error, RuntimeError) or (type(error) is ValueError and not line)
     kind = "" if of_engine and message else f"{type(error).__name__}: "
     return f"{line}{kind}{message}".rstrip(": ")
@@ -143,7 +163,7 @@ def _unknown_field(message: str, inputs: type) -> str:
 
 def _find(study: AnyStudy, key: str, file: str, shown: str | None = None) -> Path:
     """Path of a user's file, which is given relative to the study; StudyError if there is none."""
-    path = study.source.path.parent / file
+    path = study.source.folder / file
     if not path.is_file():
         raise StudyError(f'{study.source.path}: {key}: "{shown or file}": expected a file at {path}')
     return path

@@ -56,7 +56,7 @@ def _law_failures(study: Study, controller: str, where: str) -> Iterator[None]:
 
 
 def _newest(study: Study, name: str) -> StoredMap:
-    path = study.source.path.parent / name
+    path = study.source.folder / name
     if not path.is_file():
         raise MapError(f"expected a file at {path}")
     found = stored_map.read(path)

@@ -28,13 +28,21 @@ class Assumption(Table):
 
 @dataclass(frozen=True)
 class Source:
-    """Source of a study: path of its file, its tables as read (values as texts with units), datasheet
-    path."""
+    """Source of a study: path of its file, its tables as read (values as texts with units), datasheet path.
+
+    `directory`: the file's, absolute, since a law may change the one that the command runs in.
+    """
 
     path: Path
     tables: dict[str, Any]
     datasheet: Path | None = None
     own_motor_keys: frozenset[str] = frozenset()  # keys of [motor] set in the study, not by the datasheet
+    directory: Path | None = None
+
+    @property
+    def folder(self) -> Path:
+        """The folder that the files of the study are named from."""
+        return self.directory or self.path.parent
 
 
 class TraceSettings(Table):

@@ -299,13 +299,14 @@ def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
 def with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
     motor = tables.get("motor")
     if not isinstance(motor, dict) or not isinstance(motor.get("datasheet"), str):
-        return Source(path, tables)
+        return Source(path, tables, directory=path.parent.absolute())
     where = f"{path}: motor.datasheet: "
     sheet = find(motor["datasheet"], "motors", "datasheet", path.parent, where)
     fields = read(sheet)
     said_here = replaced_by_any(motor)
     fields = {key: _beside(sheet, path, value) for key, value in fields.items() if key not in said_here}
-    return Source(path, {**tables, "motor": {**fields, **motor}}, sheet, frozenset(motor))
+    tables = {**tables, "motor": {**fields, **motor}}
+    return Source(path, tables, sheet, frozenset(motor), path.parent.absolute())
 
 
 def _beside(sheet: Path, study: Path, value: Any) -> Any:
@@ -322,7 +323,8 @@ def _replaced(source: Source, tables: dict[str, Any], changes: Iterable[str] = (
     """The source with other tables. What `changes` set in the motor is no longer the datasheet's."""
     in_motor = [tuple(map(str, key[1:2])) for key in map(split, changes) if key[0] == "motor"]
     datasheet = None if () in in_motor else source.datasheet
-    return Source(source.path, tables, datasheet, source.own_motor_keys.union(*in_motor))
+    own = source.own_motor_keys.union(*in_motor)
+    return replace(source, tables=tables, datasheet=datasheet, own_motor_keys=own)
 
 
 def checked(source: Source, like: StudyBase | None = None) -> AnyStudy:
@@ -369,14 +371,14 @@ def _hardware(study: TrialStudy, scenario: str) -> tuple[Hardware, ...]:
 
 def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
     try:
-        return model.model_validate(source.tables[key], context={"folder": source.path.parent})
+        return model.model_validate(source.tables[key], context={"folder": source.folder})
     except ValidationError as error:
         found = [replace(p, key=(key, *p.key)) for p in problems(error, source.tables[key])]
         raise _error(found, source, prefix) from None
 
 
 def _validated(model: type[AStudy], source: Source, prefix: str = "", like: AStudy | None = None) -> AStudy:
-    tables, folder, wanted = source.tables, source.path.parent, _checks(model, bool(prefix))
+    tables, folder, wanted = source.tables, source.folder, _checks(model, bool(prefix))
     if like is not None:
         with suppress(ValueError):  # it is told below, as of a study that was read
             study = reuse.derived(like, tables, wanted, folder)
