@@ -102,7 +102,7 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     swings = oscillation(loop, feedback)
     if swings:
         return f"is unstable, at {swings.frequency:.3g} Hz"
-    if math.isnan(position_margins(loop, Linear(1, kp, k_i=ki)).crossover):
+    if math.isnan(position_margins(loop, Linear(ratio=1, k=kp, k_i=ki)).crossover):
         return "records nothing: the speed loop, whose gain is nowhere one, follows no reference"
     found = swing(study, scenario, feedback, speed)
     if found is not None and found.stops:
