@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.closed_loop import Linear
-from cogless.design.pi import gains, speed_loop
+from cogless.design.pi import SpeedLoop, gains, speed_loop
 from cogless.design.ripple import orders, responses
 from cogless.study import Study
 from cogless.study.spoken import speed_text
@@ -49,12 +49,15 @@ class Swing:
         return self.size >= STOPS
 
 
-def swing(study: Study, scenario: str, feedback: Linear, omega_m: float) -> Swing | None:
-    """The swing of the speed at omega_m, rad/s; None if nothing depends on the angle."""
+def swing(
+    study: Study, scenario: str, feedback: Linear, omega_m: float, loop: SpeedLoop | None = None
+) -> Swing | None:
+    """The swing of the speed at omega_m, rad/s; None if nothing depends on the angle. `loop`: the scenario's
+    by default."""
     n, d = orders(study, scenario, omega_m)
     if not len(n) or not omega_m:
         return None
-    loop, omega = speed_loop(study, scenario), abs(omega_m)
+    loop, omega = loop or speed_loop(study, scenario), abs(omega_m)
     sizes = np.abs(responses(loop, feedback, np.asarray(n * (omega / math.tau)))[0]) * d / omega
     k = int(np.argmax(sizes))
     rate = math.sqrt(int(n[k]) * loop.b * float(d[k]))

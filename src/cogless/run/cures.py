@@ -13,13 +13,14 @@ from cogless.study.controller import Feedback, Learning
 from cogless.study.drive import CurrentLoop
 from cogless.study.harmonic import Harmonic
 from cogless.study.metric import Metric
-from cogless.study.position_sensor import Absolute, Counted, Encoder, Resolver
+from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall, Resolver
 from cogless.study.reading import Changes
 
 OCTAVES = (4, 8, 16, 32)  # an observer's bandwidth is the law's rate over one of these
 FAST_OCTAVES = (1, 2, 4)  # the same where it shall be quick
 FACTORS = (2, 4)
 MORE_BITS = (2, 6)
+HALL_EDGES = (6, 3, 1)  # intervals that the speed is taken over
 BANDS = (0.003, 0.01, 0.03)  # of the current limit, in which dead time is compensated in part
 
 
@@ -35,9 +36,14 @@ def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candi
     """Changes that may help against a cause; some may be refused, and some may not help."""
     here = for_scenario(study, run.scenario)
     rules: dict[str, Callable[[], Iterable[Candidate]]] = {
-        "sensor-steps": lambda: [*_observers(here), *_finer(here)],
-        "sensor-error": lambda: _encoder_tables(here, run.scenario),
-        "delay": lambda: [*_observers(here, FAST_OCTAVES), *_rates(here), *_quicker(here)],
+        "sensor-steps": lambda: [*_observers(here), *_hall_edges(here), *_finer(here)],
+        "sensor-error": lambda: [*_encoder_tables(here, run.scenario), *_hall_edges(here)],
+        "delay": lambda: [
+            *_observers(here, FAST_OCTAVES),
+            *_rates(here),
+            *_quicker(here),
+            *_hall_edges(here),
+        ],
         "dead-time": lambda: _compensations(here),
         "current-noise": lambda: _calmer(here),
         "learning-time": lambda: [Candidate(longer(study, run.scenario, run.controller, metric))],
@@ -73,6 +79,16 @@ def _finer(study: Study) -> Iterator[Candidate]:
             bits = getattr(sensor, "bits", None)
             fine = {f"{SENSOR}.bits": bits + more} if bits else {f"{SENSOR}.positions": sensor.counts << more}
             yield Candidate(fine, setting=False)
+
+
+def _hall_edges(study: Study) -> Iterator[Candidate]:
+    """The speed of Hall sensors over other numbers of edges: all six, whose errors of placement cancel, or
+    fewer, which is younger."""
+    sensor = study.drive.position_sensor
+    if isinstance(sensor, Hall):
+        for edges in HALL_EDGES:
+            if edges != sensor.edges:
+                yield Candidate({f"{SENSOR}.edges": edges})
 
 
 def _encoder_tables(study: Study, scenario: str) -> Iterator[Candidate]:
