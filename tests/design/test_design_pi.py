@@ -380,7 +380,11 @@ def test_no_speed_loop_is_tuned_around_a_weak_current_loop(
 @pytest.mark.parametrize(
     ("bandwidth", "note"),
     [
-        ("8 kHz", "drive.current_loop: the current loop is unstable, and every speed loop around it."),
+        (
+            "8 kHz",
+            "drive.current_loop: the current loop is unstable, and every speed loop around it; "
+            'drive.current_loop.bandwidth = "1 kHz" would do.',
+        ),
         ("2 kHz", "drive.current_loop: the current loop is weak, it has 17.0 deg of phase margin."),
         ("800 Hz", None),
     ],

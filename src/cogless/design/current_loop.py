@@ -29,6 +29,7 @@ from cogless.units import unit_of
 
 NO_MARGIN = "expected a loop that some gains give this phase margin"
 FACTORS = (2.0, 4.0, 8.0)  # of gains and bandwidths that are tried
+SLOWER_FACTORS = (*FACTORS, 16.0, 32.0, 64.0)  # by which the gains of the current loop are divided
 LEAST_MARGIN = 20  # deg, that a rule takes
 Tuned = TypeVar("Tuned")
 LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
@@ -117,18 +118,33 @@ def tuned(study: Study, name: str, rule: Callable[[Study], Tuned]) -> Tuned:
 
 def _too_weak(study: Study, what: str) -> StudyError:
     given, key = study.source.tables["drive"]["current_loop"], "drive.current_loop"
-    present = [each for each in ("kp", "ki", "bandwidth") if each in given]
-    wrong = " and ".join(f"{key}.{each}: {shown(given[each])}" for each in present)
+    wrong = " and ".join(f"{key}.{each}: {shown(given[each])}" for each in _present(study))
     expected = f"expected {math.degrees(LEAST):.0f} deg of phase margin or more {what}"
-    slower: list[Changes] = [
-        {f"{key}.{each}": _divided(given[each], factor) for each in keys}
-        for keys in (present, [each for each in present if each == "ki"])
-        for factor in FACTORS
-        if keys
-    ]
-    cures = first(study, slower, lambda other: not _weak(other))
+    cures = steady_loop(study)
     way = f"; {either(cures, key)} would do" if cures else ""
     return StudyError(f"{study.source.path}: {wrong}: {expected}{way}").advising(*cures)
+
+
+def steady_loop(study: Study) -> tuple[Changes, ...]:
+    """The least change with which the current loop is good enough for a speed loop, as one or none."""
+    return first(study, slower_loop(study), lambda other: not _weak(other))
+
+
+def slower_loop(study: Study) -> list[Changes]:
+    """Smaller gains of the current loop, or a smaller bandwidth, the least change first."""
+    given, present = study.source.tables["drive"]["current_loop"], _present(study)
+    return [
+        {f"drive.current_loop.{each}": _divided(given[each], factor) for each in keys}
+        for keys in (present, [each for each in present if each == "ki"])
+        for factor in SLOWER_FACTORS
+        if keys
+    ]
+
+
+def _present(study: Study) -> list[str]:
+    """The keys that give the current loop its gains."""
+    given = study.source.tables["drive"]["current_loop"]
+    return [each for each in ("kp", "ki", "bandwidth") if each in given]
 
 
 def _no_margin(study: Study, name: str, rule: Callable[[Study], object], why: str) -> StudyError:

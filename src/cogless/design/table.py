@@ -10,7 +10,7 @@ from cogless import units
 from cogless.design.angle_functions import Bounds
 from cogless.design.margins import Margins
 from cogless.design.summary import Design, Gain, current_loop_summary, summary
-from cogless.design.warnings import beyond_drive, coarse_table, loop_warnings, notes, shaft_notes, told_apart
+from cogless.design.warnings import beyond_drive, coarse_table, loop_remarks, notes, shaft_notes, told_apart
 from cogless.study import Study
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def design_table(study: Study) -> Group:
     own = [line for name in designs for line in notes(study, name)]
     far = beyond_drive(study, study.scenario)
     known = [
-        f"{line}." for line in (*coarse_table(study), *far, *shaft_notes(study), *loop_warnings(loops), *own)
+        f"{line}." for line in (*coarse_table(study), *far, *shaft_notes(study), *loop_remarks(study), *own)
     ]
     return Group(table, *(Text(line) for line in (*known, *_theorems(study, designs))))
 

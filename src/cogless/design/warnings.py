@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from cogless.design import verdict as learning
 from cogless.design.commissioning import commissioning_warning
 from cogless.design.cures import either, helping
+from cogless.design.current_loop import steady_loop
 from cogless.design.current_needed import too_much_current
 from cogless.design.feedback import unstable_feedback
 from cogless.design.harmonic import BENDS_FROM, learner, least_base, main_order, roomy_base
@@ -16,6 +17,7 @@ from cogless.design.pi import speed_loop
 from cogless.design.relay import relay_warning
 from cogless.design.slow_running import reads_zero, slow_warning
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weakest_margins
+from cogless.design.turning import late_angle, unstable_turning
 from cogless.design.unlearned import foreseen
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.harmonic import ORDERS, Harmonic
@@ -35,7 +37,7 @@ def warnings(study: AnyStudy, scenario: str, name: str) -> list[Remark]:
         found = trial_warnings(design_study(study, [(scenario, name)])[scenario, name])
         return [Remark(f"controller.{name}: {line}") for line in found]
     return [
-        *map(Remark, loop_warnings(current_loop_summary(study))),
+        *loop_remarks(study),
         *(remark.about(f"controller.{name}") for remark in _feedback_and_learning(study, name)),
         *notes(study, name),
     ]
@@ -71,11 +73,11 @@ def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[Remark]:
-    """Warnings of references that are too fast for the bus voltage, too slow for the position sensor, or need
-    more current than the drive gives."""
+    """Warnings of references that are too fast for bus voltage, current loop or angle, too slow for the
+    position sensor, or need more current than the drive gives."""
     if not isinstance(study, Study):
         return []
-    all_of = (_out_of_reach, too_much_current, reads_zero)
+    all_of = (_out_of_reach, unstable_turning, late_angle, too_much_current, reads_zero)
     found = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
     return [remark.about(f"scenario.{name}") for name, remark in found if remark is not None]
 
@@ -193,6 +195,15 @@ def _less_margin(study: Study, name: str) -> Remark | None:
     at = found.crossover / (2 * math.pi)
     margin = f"its phase margin is {has:.3g} deg at {at:.4g} Hz, not {asked:.3g} deg"
     return Remark(f"with the soft shaft {margin}")
+
+
+def loop_remarks(study: Study) -> list[Remark]:
+    """Warnings of a study's current loop, with the least change of an unstable one that steadies it."""
+    loops = current_loop_summary(study)
+    unstable = any(not loop.margins.stable for loop in loops.values())
+    cures = steady_loop(study) if unstable else ()
+    ways = f"; {either(cures)} would do" if cures else ""
+    return [Remark(f"{line}{ways}", cures) for line in loop_warnings(loops)]
 
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
