@@ -138,6 +138,13 @@ def current_error(study: AnyStudy, scenario: str, name: str) -> float:
     return float(np.sqrt(np.mean((trace.part("i_q", rows) - trace.part("i_q_ref", rows)) ** 2)))
 
 
+def copper(study: AnyStudy, scenario: str, name: str) -> float:
+    """RMS of the phase current in the second half of a run, A."""
+    trace = simulate(study, scenario, name).trace
+    rows = slice(len(trace) // 2, None)
+    return float(np.sqrt(np.mean(trace.part("i_d", rows) ** 2 + trace.part("i_q", rows) ** 2)))
+
+
 def last_trial(study: AnyStudy, scenario: str, name: str) -> float:
     """RMS of the error in the last trial over the first one's; a law that doesn't run leaves it infinite."""
     try:
@@ -279,6 +286,18 @@ COGGING = [{"order": 84, "torque": "4 mN*m"}, {"order": 21, "torque": "2 mN*m"}]
 FAST = {**SETTLING, "drive.inverter.bus_voltage": "400 V", "drive.rates.integration_steps": 4,
         "scenario.slow.reference": "3000 rpm", "scenario.slow.initial_speed": "3000 rpm",
         "motor.cogging": [{"order": 4, "torque": "20 mN*m"}]}  # fmt: skip
+HALLS = {**NONE, "motor.cogging": [{"order": 12, "torque": "0.5 mN*m"}], "scenario.slow.duration": "4 s",
+         "drive.position_sensor": {"kind": "hall"}, "scenario.slow.reference": "100 rpm",
+         "scenario.slow.initial_speed": "100 rpm"}  # fmt: skip
+# Seven pole pairs at 3600 r/min, sampled 4000 times a second: 9.5 samples in an electrical turn.
+FEW_SAMPLES = {"drive.rates": {"current_loop": "4 kHz", "speed_loop": "1 kHz", "integration_steps": 16},
+               "drive.current_loop.bandwidth": "360 Hz", "drive.inverter.bus_voltage": "192 V",
+               "scenario.slow.duration": "2 s",
+               "controller.pi": {"law": "pi", "kp": 0.005, "ki": 0.03}}  # fmt: skip
+LATE = {"scenario.slow.reference": "1200 rpm", "scenario.slow.initial_speed": "1200 rpm",
+        "scenario.slow.duration": "2 s", "drive.inverter.bus_voltage": "48 V", "mechanics.load": "5 mN*m",
+        "drive.rates.integration_steps": 4,
+        "controller.pi": {"law": "pi", "kp": 0.005, "ki": 0.03}}  # fmt: skip
 CASES: dict[str, list[Case]] = {
     "design.slow_running._snapping": [
         Case(NEMA, {"scenario.slow.reference": "0.5 rpm"}, "stops and snaps", left=0.1),
@@ -286,6 +305,11 @@ CASES: dict[str, list[Case]] = {
     ],
     "design.slow_running._few_edges": [
         Case(TELESCOPE, SLOW_SKY, "coasts from count to count", left=0.3, cures=2),
+        *(
+            Case(MY_MOTOR, {**HALLS, "controller.pi": {"law": "pi", "kp": kp, "ki": 4 * kp}},
+                 "leaves nothing of", left=0.1, cures=cures)
+            for kp, cures in ((0.012, 2), (0.02, 1))
+        ),
         Case(TELESCOPE, {**SLOW_SKY, **encoder(speed_method="MT")}, "phase margin", left=0.3, cures=2),
         Case(TELESCOPE, {**SLOW_SKY, **absolute(bits=14, window=10)}, "coasts", left=0.3, cures=2),
         Case(TELESCOPE, {**SLOW_SKY, **absolute(positions=20000, window=10)}, "coasts", left=0.3, cures=2),
@@ -319,10 +343,32 @@ CASES: dict[str, list[Case]] = {
         Case("liu2018", {}, "its relay switches", "robust-ilc",
              "900-rpm"),
     ],
+    "design.turning.unstable_turning": [
+        Case(MY_MOTOR, {**NONE, **FEW_SAMPLES, "scenario.slow.reference": "3600 rpm"},
+             "samples in an electrical turn", left=0.5, cures=3),
+    ],
+    "design.turning.late_angle": [
+        Case(MY_MOTOR, {**NONE, **LATE, "drive.position_sensor.latency": "2 ms"}, "turns the torque round",
+             left=0.1),
+        Case(MY_MOTOR, {**NONE, **LATE, "drive.position_sensor.latency": "1.3 ms"}, "of the torque",
+             measure=copper, left=0.8),
+        *(
+            Case(NEMA, {"drive.position_sensor.latency": latency, "scenario.slow.reference": "120 rpm",
+                        "scenario.slow.initial_speed": "120 rpm", "scenario.slow.duration": "1 s",
+                        "mechanics.inertia": "400 g*cm^2", "mechanics.load": "0.2 N*m"},
+                 "the torque", left=0.1)
+            for latency in ("2 ms", "3 ms")
+        ),
+    ],
     "design.commissioning._warning": [
         Case(TABLE, law(law="anti-cogging", kp=0.15, ki=3.0, cells=1024,
                         calibration={"speed": speed, "position_gain": gain}), "its calibration run", "x")
         for speed, gain in ((6.0, 20.0), (12.0, 20.0), (0.7, 2000.0))
+    ] + [
+        Case(TABLE, {"motor.cogging.0.torque": "16 mN*m",
+                     **law(law="anti-cogging", kp=0.05, ki=0.3, cells=1024,
+                           calibration={"speed": 0.3, "position_gain": 4.0})}, "records nothing", "x",
+             left=0.5)
     ],
     "design.verdict._remedy": [
         Case("liu2018", {"scenario.60-rpm.duration": "40 s"}, "grows", "pi-ilc-printed", "60-rpm",
@@ -355,6 +401,11 @@ CASES: dict[str, list[Case]] = {
                         "drive.current_loop": {"kp": gain, "ki": "30000 V/A/s", "current_limit": "10 A"}},
              "is unstable", "x", left=0.1, measure=current_error)
         for gain in ("30 V/A", "1000 V/A")
+    ] + [
+        Case(MY_MOTOR, {**NONE, "drive.current_loop": {"kp": "60 V/A", "ki": "3000 V/A/s",
+                        "current_limit": "1.5 A"}, "controller.pi": {"law": "pi", "kp": 0.01, "ki": 0.05},
+                        "motor.cogging": [], "scenario.slow.reference": "300 rpm"},
+             "the current loop is unstable", left=0.2),
     ],
     "design.warnings._feedback_and_learning": [
         Case(MY_MOTOR, {**NONE, **law(law="pi", kp="3 A*s/rad", ki="100 A/rad")}, "unstable", "x", left=0.1),
@@ -363,13 +414,6 @@ CASES: dict[str, list[Case]] = {
     ],
     "design.warnings._not_learned": [
         Case(MY_MOTOR, {**NONE, "motor.cogging": COGGING}, "the cogging has order 21", "harmonic", left=0.5),
-    ],
-    "design.warnings._late_angle": [
-        Case(NEMA, {"drive.position_sensor.latency": latency, "scenario.slow.reference": "120 rpm",
-                    "scenario.slow.initial_speed": "120 rpm", "scenario.slow.duration": "1 s",
-                    "mechanics.inertia": "400 g*cm^2", "mechanics.load": "0.2 N*m"},
-             "turns the current by", left=0.1)
-        for latency in ("2 ms", "3 ms")
     ],
     "design.warnings._no_room": [
         Case(MY_MOTOR, {**NONE, "drive.position_sensor.eccentricity": "0.3 deg",

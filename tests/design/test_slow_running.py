@@ -70,6 +70,8 @@ def test_edges_that_come_too_rarely_for_the_loop(
         "feedback_of": lambda study, name, speed: "feedback",
         "position_margins": lambda loop, feedback: margins,
         "swing": lambda *_: None,
+        "_late": lambda loop, source, omega: loop,
+        "younger_speeds": lambda study: [],
         "finer_sensor": lambda study, factor: factor,
         "slower_feedback": lambda study, name, factor: factor,
         "slower_proportional": lambda study, name, factor, crossover: [],

@@ -21,8 +21,10 @@ import numpy as np
 
 from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import Linear, oscillation, poles
-from cogless.design.cures import either, helping, text
+from cogless.design.cures import either, first, helping, text
+from cogless.design.current_loop import LEAST
 from cogless.design.detent import snaps, swing
+from cogless.design.gentler import slower_feedback
 from cogless.design.margins import Real
 from cogless.design.pi import SpeedLoop, gains, speed_loop
 from cogless.design.position import open_loop, position_margins
@@ -35,6 +37,7 @@ from cogless.study.spoken import speed_text
 
 SLOWER = 4.0  # the speed loop's crossover / that of the run's position loop
 SHARE = 1e-3  # of the largest order's current: smaller ones aren't looked at
+STIFFER_FACTORS = (2.0, 4.0, 8.0, 16.0)  # by which the crossover of a snapping rotor's loop is raised
 HALF = 0.5  # share of the cogging current that a table leaves; more is hardly worth a table
 
 
@@ -88,10 +91,19 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
         assert isinstance(law, AntiCogging) and law.calibration is not None
         return _unrecorded(other, name, law.calibration, scenario) is None
 
+    def stiff_enough(other: Study) -> bool:
+        kp, ki = gains(other, name)
+        margins = position_margins(speed_loop(other, scenario), Linear(1, kp, k_i=ki))
+        return margins.stable and margins.phase_margin >= LEAST and cured(other)
+
     gain: Changes = {f"{key}.position_gain": text(follows, "1/s")}
     speed: Changes | None = {f"{key}.speed": slow} if slow else None
     both = {**gain, **speed} if speed is not None else None
     cures = helping(study, (gain, speed), cured) or helping(study, (both,), cured)
+    if not cures:  # a rotor that snaps takes a loop that is stiffer than its detents
+        stiffer = (slower_feedback(study, name, 1 / factor) for factor in STIFFER_FACTORS)
+        cures = first(study, (each for each in stiffer if each is not None), stiff_enough)
+        key = dotted(("controller", name))
     return Remark(f"{said}; {either(cures, key)} would do" if cures else said, cures)
 
 

@@ -28,6 +28,7 @@ from cogless.study.reading import Changes
 from cogless.units import unit_of
 
 FACTORS = (2.0, 4.0, 8.0)  # of gains and bandwidths that are tried
+SLOWER_FACTORS = (*FACTORS, 16.0, 32.0, 64.0)  # by which the gains of the current loop are divided
 LEAST_MARGIN = 20  # deg, that a rule takes
 RATE_SHARE = 0.05  # of the loop's rate: a bandwidth at which its delay of 1.5 periods costs 27 deg
 LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
@@ -124,8 +125,7 @@ def tuned(study: Study, name: str, rule: Callable[[Study], Tuned]) -> Tuned:
 
 def _too_weak(study: Study, what: str) -> StudyError:
     given, key = study.source.tables["drive"]["current_loop"], "drive.current_loop"
-    present = [each for each in ("kp", "ki", "bandwidth") if each in given]
-    wrong = " and ".join(f"{key}.{each}: {shown(given[each])}" for each in present)
+    wrong = " and ".join(f"{key}.{each}: {shown(given[each])}" for each in _present(study))
     expected = f"expected {math.degrees(LEAST):.0f} deg of phase margin or more {what}"
     cures = gentler_loop(study)
     way = f"; {either(cures, key)} would do" if cures else ""
@@ -133,24 +133,31 @@ def _too_weak(study: Study, what: str) -> StudyError:
 
 
 def gentler_loop(study: Study) -> tuple[Changes, ...]:
-    """The least change of the current loop that makes it good enough for a speed loop, as one or none: gains
-    divided, or a bandwidth in their place."""
-    given, key = study.source.tables["drive"]["current_loop"], "drive.current_loop"
-    present = [each for each in ("kp", "ki", "bandwidth") if each in given]
-    slower: list[Changes] = [
-        {f"{key}.{each}": _divided(given[each], factor) for each in keys}
+    """The least change that makes the current loop good enough for a speed loop, as one or none.
+
+    It divides the gains, or puts a bandwidth in their place.
+    """
+    bandwidth = text(RATE_SHARE * study.drive.rates.current_loop, "Hz")
+    others = [f"drive.current_loop.{key}" for key in _present(study) if key != "bandwidth"]
+    slower = [*slower_loop(study), {"drive.current_loop.bandwidth": bandwidth, **dict.fromkeys(others)}]
+    return first(study, slower, lambda other: not _weak(other))
+
+
+def slower_loop(study: Study) -> list[Changes]:
+    """Smaller gains of the current loop, or a smaller bandwidth, the least change first."""
+    given, present = study.source.tables["drive"]["current_loop"], _present(study)
+    return [
+        {f"drive.current_loop.{each}": _divided(given[each], factor) for each in keys}
         for keys in (present, [each for each in present if each == "ki"])
-        for factor in FACTORS
+        for factor in SLOWER_FACTORS
         if keys
     ]
-    bandwidth = text(RATE_SHARE * study.drive.rates.current_loop, "Hz")
-    slower.append(
-        {
-            f"{key}.bandwidth": bandwidth,
-            **dict.fromkeys(f"{key}.{each}" for each in present if each != "bandwidth"),
-        }
-    )
-    return first(study, slower, lambda other: not _weak(other))
+
+
+def _present(study: Study) -> list[str]:
+    """The keys that give the current loop its gains."""
+    given = study.source.tables["drive"]["current_loop"]
+    return [each for each in ("kp", "ki", "bandwidth") if each in given]
 
 
 def _no_margin(study: Study, name: str, rule: Callable[[Study], object], why: str) -> StudyError:

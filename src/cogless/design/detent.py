@@ -19,12 +19,12 @@ docs/theory/detents.md has the grid of runs that this is compared with.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from cogless.design.closed_loop import Linear
-from cogless.design.pi import gains, speed_loop
+from cogless.design.pi import SpeedLoop, gains, speed_loop
 from cogless.design.ripple import orders, responses
 from cogless.study import Study
 from cogless.study.spoken import speed_text
@@ -49,17 +49,17 @@ class Swing:
         return self.size >= STOPS
 
 
-def swing(study: Study, scenario: str, feedback: Linear, omega_m: float, late: float = 0.0) -> Swing | None:
+def swing(
+    study: Study, scenario: str, feedback: Linear, omega_m: float, loop: SpeedLoop | None = None
+) -> Swing | None:
     """The swing of the speed at omega_m, rad/s; None if no torque or sensor error depends on the angle.
 
-    `late`: by which the speed is measured later than the study's sensor does, s.
+    `loop`: the scenario's by default.
     """
     n, d = orders(study, scenario, omega_m)
     if not len(n) or not omega_m:
         return None
-    loop, omega = speed_loop(study, scenario), abs(omega_m)
-    if late > 0:
-        loop = replace(loop, delay=loop.delay + late)
+    loop, omega = loop or speed_loop(study, scenario), abs(omega_m)
     sizes = np.abs(responses(loop, feedback, np.asarray(n * (omega / math.tau)))[0]) * d / omega
     k = int(np.argmax(sizes))
     rate = math.sqrt(int(n[k]) * loop.b * float(d[k]))

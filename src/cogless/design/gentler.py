@@ -1,4 +1,4 @@
-"""Changes that make a loop gentler: a finer sensor, a slower feedback, weaker learning."""
+"""Changes that make a loop gentler: a finer or younger sensor, a slower feedback, weaker learning."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cogless.study.error_messages import dotted
 from cogless.study.harmonic import Harmonic
 from cogless.study.laws import AnyController
 from cogless.study.pi_afc import PiAfc
-from cogless.study.position_sensor import Absolute, Encoder, Resolver
+from cogless.study.position_sensor import Absolute, Encoder, Hall, Resolver
 from cogless.study.reading import Changes
 from cogless.study.space_controller import SpacePosition, SpaceSpeed
 
@@ -35,6 +35,15 @@ def finer_sensor(study: Study, factor: float) -> Changes | None:
     if isinstance(sensor, Absolute | Resolver):
         return {f"{key}.bits": (sensor.counts - 1).bit_length() + math.ceil(math.log2(factor))}
     return None
+
+
+def younger_speeds(study: Study) -> list[Changes]:
+    """Speeds of Hall sensors as the mean over fewer edges, the most first; none where the sensors aren't
+    evenly placed, which such a speed would show."""
+    sensor = study.drive.position_sensor
+    if not isinstance(sensor, Hall) or any(sensor.placement):
+        return []
+    return [{"drive.position_sensor.edges": edges} for edges in range(sensor.edges - 1, 0, -1)]
 
 
 def slower_feedback(study: Study, name: str, factor: float) -> Changes | None:

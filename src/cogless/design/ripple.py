@@ -49,6 +49,17 @@ class Sampled:
     count: float  # rad
     window: float  # s
     timed: bool  # from edge to edge
+    intervals: int = 0  # between edges of Hall sensors, over which the speed is the mean; 0: no such sensors
+
+    @property
+    def hall(self) -> bool:
+        """Whether it is Hall sensors."""
+        return self.intervals > 0
+
+    @property
+    def edge(self) -> float:
+        """Angle from edge to edge, rad; less than `count` if a speed over several of them is as late."""
+        return 2 * self.count / (self.intervals + 1) if self.hall else self.count
 
     def counts(self, omega_m: float) -> float:
         """Counts per speed sample at the mechanical speed omega_m in rad/s."""
@@ -71,7 +82,7 @@ def sampled(study: Study, scenario: str) -> Sampled | None:
     if isinstance(sensor, Hall):
         # the mean over n intervals, half an interval old: as late as one edge of (n + 1) / 2 of them
         step = sensor.step(study.motor.pole_pairs) * (sensor.edges + 1) / 2
-        return Sampled(step, 1 / drive.rates.outer_loop, True)
+        return Sampled(step, 1 / drive.rates.outer_loop, True, sensor.edges)
     return None
 
 

@@ -9,7 +9,7 @@ is above one, the rotor coasts from one count to the next.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from cogless.design.cures import either, first, helping, text
 from cogless.design.current_needed import starts_after
 from cogless.design.detent import snaps, swing, turns_from
 from cogless.design.feedback import feedback_of
-from cogless.design.gentler import finer_sensor, slower_feedback, slower_proportional
+from cogless.design.gentler import finer_sensor, slower_feedback, slower_proportional, younger_speeds
 from cogless.design.margins import Margins, Real
 from cogless.design.pi import SpeedLoop, speed_loop
 from cogless.design.position import position_margins
@@ -79,6 +79,7 @@ class _Edges:
     loop: SpeedLoop
     feedback: Linear
     margins: Margins
+    late_margins: Margins  # with the speed as late as its edges are
     swing: float  # rad/s rms, of the speed, by what depends on the angle
     late_swing: float  # the same with a speed as late as its edges
 
@@ -101,17 +102,32 @@ class _Edges:
         return self.time / allowed
 
     @property
+    def enough(self) -> bool:
+        """Whether the edges come often enough: the speed's lateness takes no more than half of the margin."""
+        if not self.source.hall:
+            return self.factor <= 1
+        least = (1 - SPENT) * self.margins.phase_margin
+        return self.late_margins.stable and self.late_margins.phase_margin >= least
+
+    @property
+    def spent(self) -> bool:
+        """Whether nothing is left of the phase margin of a timed speed."""
+        if self.source.hall:
+            return not self.late_margins.stable
+        return self.margins.crossover * self.late > self.margins.phase_margin
+
+    @property
     def counts(self) -> float:
         """Speed ripple that single counts cause, rad/s rms.
 
         Each count changes the speed of a coasting rotor by w_c times the count, which makes a sawtooth. A
-        timed speed has no such ripple while its edges come in time. If their delay takes all of the phase
-        margin, the rotor stops and goes.
+        timed speed has no such ripple while its edges come in time. From then on the ripple that depends on
+        the angle is that of the later loop. With no margin left the rotor stops and goes.
         """
         if self.source.timed:
-            spent = self.margins.crossover * self.late > self.margins.phase_margin
-            more = math.sqrt(max(0.0, self.late_swing**2 - self.swing**2))
-            return 0.0 if self.factor <= 1 else self.omega if spent else more
+            if self.enough:
+                return 0.0
+            return self.omega if self.spent else math.sqrt(max(0.0, self.late_swing**2 - self.swing**2))
         kicks = self.margins.crossover * self.source.count / math.sqrt(12) if self.factor > 1 else 0.0
         return max(kicks, math.sqrt(counting(self.loop, self.feedback, self.source)))
 
@@ -130,18 +146,30 @@ def _edges(study: Study, name: str, scenario: str) -> _Edges | None:
     margins = position_margins(loop, feedback)
     if not margins.stable or math.isnan(margins.crossover):
         return None
-    late = source.count / omega - loop.period / 2 if source.timed else 0.0
-    found = [swing(study, scenario, feedback, omega, each) for each in (0.0, late)]
-    swings = (each.rms * omega if each is not None else 0.0 for each in found)
-    return _Edges(omega, source, loop, feedback, margins, *swings)
+    later = _late(loop, source, omega)
+    both = (swing(study, scenario, feedback, omega, each) for each in (loop, later))
+    sizes = [found.rms * omega if found is not None else 0.0 for found in both]
+    return _Edges(omega, source, loop, feedback, margins, position_margins(later, feedback), *sizes)
+
+
+def _late(loop: SpeedLoop, source: Sampled, omega: float) -> SpeedLoop:
+    """The loop with a timed speed as late as its edges are: a delay, or a mean over several of them."""
+    if source.hall:
+        return replace(loop, edge=source.edge / omega, edges=source.intervals)
+    late = max(0.0, source.count / omega - loop.period / 2) if source.timed else 0.0
+    return replace(loop, delay=loop.delay + late) if late else loop
 
 
 def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
     """Warning of edges that come too rarely, with enough counts, or with a feedback slow enough."""
     edges = _edges(study, name, scenario)
-    if edges is None or edges.factor <= 1:
+    if edges is None or edges.enough:
         return None
-    comes = f"at {speed_text(study, edges.omega)} an edge comes every {1e3 * edges.time:.2g} ms"
+    source = edges.source
+    every = 1e3 * source.edge / edges.omega
+    comes = f"at {speed_text(study, edges.omega)} an edge comes every {every:.2g} ms"
+    if source.intervals > 1:
+        comes += f" and the speed is the mean over {source.intervals} of them"
     comes += f", the crossover is {edges.margins.crossover / math.tau:.3g} Hz: {_costs(edges)}"
 
     late = max(
@@ -151,7 +179,7 @@ def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
 
     def cured(other: Study) -> bool:
         after = _edges(other, name, scenario)
-        enough = after is not None and after.factor <= 1 and after.ripple <= LESS * edges.ripple
+        enough = after is not None and after.enough and after.ripple <= LESS * edges.ripple
         starts = after is not None and starts_after(other, scenario, after.feedback, after.omega) <= late
         return enough and starts and _snapping(other, name, scenario) is None
 
@@ -159,7 +187,8 @@ def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
     slower = slower_feedback(study, name, factor)
     quicker = slower_proportional(study, name, factor, edges.margins.crossover)
     feedbacks = first(study, [*([slower] if slower is not None else []), *quicker], cured)
-    cures = (*helping(study, (finer_sensor(study, factor),), cured), *feedbacks)
+    finer = helping(study, (finer_sensor(study, factor),), cured)
+    cures = (*first(study, younger_speeds(study), cured), *finer, *feedbacks)
     ways = either(cures, dotted(("controller", name)))
     return Remark(f"{comes}; {ways} would do" if cures else comes, cures)
 
@@ -168,10 +197,13 @@ def _costs(edges: _Edges) -> str:
     """The effect of edges that come too rarely, in words."""
     if not edges.source.timed:
         return "the rotor coasts from count to count"
-    has, spent = edges.margins.phase_margin, edges.margins.crossover * edges.late
+    has, late = edges.margins.phase_margin, f"the speed is {1e3 * edges.late:.2g} ms late"
+    if edges.source.hall:
+        remains = "nothing" if edges.spent else f"{math.degrees(edges.late_margins.phase_margin):.0f} deg"
+        return f"{late}, which leaves {remains} of {math.degrees(has):.0f} deg of phase margin"
+    costs = f"{late}, which costs {math.degrees(edges.margins.crossover * edges.late):.0f} deg"
     high = "; where it stops and goes it reads high, by 10 % if every other edge takes twice as long"
-    costs = f"the speed is {1e3 * edges.late:.2g} ms late, which costs {math.degrees(spent):.0f} deg"
-    return f"{costs} of {math.degrees(has):.0f} deg of phase margin{high if spent > has else ''}"
+    return f"{costs} of {math.degrees(has):.0f} deg of phase margin{high if edges.spent else ''}"
 
 
 def reads_zero(study: Study, scenario: str) -> Remark | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cogless.design import verdict as learning
 from cogless.design.commissioning import commissioning_warning
-from cogless.design.cures import either, helping, text
+from cogless.design.cures import either, helping
 from cogless.design.current_loop import gentler_loop
 from cogless.design.current_needed import too_much_current
 from cogless.design.feedback import unstable_feedback
@@ -19,18 +19,16 @@ from cogless.design.pi import speed_loop
 from cogless.design.relay import relay_warning
 from cogless.design.slow_running import reads_zero, slow_warning
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weakest_margins
+from cogless.design.turning import late_angle, unstable_turning
 from cogless.design.unlearned import foreseen
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.harmonic import ORDERS, Harmonic
 from cogless.study.motion import course
 from cogless.study.numerics import voltage_reach
-from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 
 RPM = 30 / math.pi
-LAG_MOST = math.radians(20)  # electrical: 6 % of the current makes no torque
-LAG_AHEAD = 0.9  # of it: what is advised
 
 
 def warnings(study: AnyStudy, scenario: str, name: str) -> list[Remark]:
@@ -97,12 +95,12 @@ def _idle_table(study: Study, scenario: str) -> str:
 def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[Remark]:
     """Warnings of references that the drive cannot follow.
 
-    A reference may be too fast for the bus voltage or too slow for the position sensor, or need more current
-    than the limit.
+    A reference may be too fast for the bus voltage, for the current loop or for the age of the angle, too
+    slow for the position sensor, or need more current than the limit.
     """
     if not isinstance(study, Study):
         return []
-    all_of = (_out_of_reach, too_much_current, reads_zero, _late_angle)
+    all_of = (_out_of_reach, unstable_turning, late_angle, too_much_current, reads_zero)
     found = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
     return [remark.about(f"scenario.{name}") for name, remark in found if remark is not None]
 
@@ -116,30 +114,6 @@ def _out_of_reach(study: Study, scenario: str) -> Remark | None:
     needs = f"its reference of {wanted * RPM:.4g} rpm needs more voltage than there is"
     volts = here.drive.inverter.bus_voltage
     return Remark(f"{needs}: {volts:.4g} V turn this motor at {most * RPM:.4g} rpm without load")
-
-
-def _electrical_lag(study: Study, scenario: str) -> float:
-    """By which the position sensor's latency turns the current at a scenario's top speed, rad electrical."""
-    sensor = for_scenario(study, scenario).drive.position_sensor
-    latency = sensor.latency if isinstance(sensor, Counted) else 0.0
-    return study.motor.pole_pairs * study.scenario[scenario].top_reference * latency
-
-
-def _late_angle(study: Study, scenario: str) -> Remark | None:
-    """A warning of a sensor whose age turns the current so far off that much of it makes no torque."""
-    lag, fast = _electrical_lag(study, scenario), study.scenario[scenario].top_reference
-    if lag <= LAG_MOST:
-        return None
-    share = f"{100 * math.cos(lag):.0f} % of it makes" if lag < 0.45 * math.pi else "next to none of it makes"
-    text_of_lag = (
-        f"at {fast * RPM:.4g} rpm position_sensor.latency turns the current by {math.degrees(lag):.0f} deg"
-    )
-    text_of_lag += f" (electrical): {share} torque"
-    sensor = for_scenario(study, scenario).drive.position_sensor
-    assert isinstance(sensor, Counted)
-    newer = {"drive.position_sensor.latency": text(LAG_AHEAD * LAG_MOST / lag * sensor.latency, "s")}
-    cures = helping(study, (newer,), lambda other: _electrical_lag(other, scenario) <= LAG_MOST)
-    return Remark(f"{text_of_lag}; {either(cures)} would do" if cures else text_of_lag, cures)
 
 
 def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]] | None:

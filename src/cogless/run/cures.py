@@ -13,13 +13,14 @@ from cogless.study.controller import Feedback, Learning, LearnsWhileRunning
 from cogless.study.drive import CurrentLoop, EncoderTable
 from cogless.study.harmonic import Harmonic
 from cogless.study.metric import Metric
-from cogless.study.position_sensor import Absolute, Counted, Encoder, Resolver
+from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall, Resolver
 from cogless.study.reading import Changes
 
 OCTAVES = (4, 8, 16, 32)  # an observer's bandwidth is the law's rate over one of these
 FAST_OCTAVES = (1, 2, 4)  # the same where it shall be quick
 FACTORS = (2, 4)
 MORE_BITS = (2, 6)
+HALL_EDGES = (6, 3, 1)  # intervals that the speed is taken over
 BANDS = (0.003, 0.01, 0.03)  # of the current limit, in which dead time is compensated in part
 CALIBRATED_SHARE = 0.1  # of the offsets and gain errors that phase currents have with the bridge off
 LEARNED_TIMES = 6  # time constants in which a table of the sensor's error is learned
@@ -37,9 +38,14 @@ def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candi
     """Changes that may help against a cause. The study may refuse some of them, and some may not help."""
     here = for_scenario(study, run.scenario)
     rules: dict[str, Callable[[], Iterable[Candidate]]] = {
-        "sensor-steps": lambda: [*_observers(here), *_timed(here), *_finer(here)],
-        "sensor-error": lambda: _encoder_tables(study, run, metric),
-        "delay": lambda: [*_observers(here, FAST_OCTAVES), *_rates(here), *_quicker(here)],
+        "sensor-steps": lambda: [*_observers(here), *_timed(here), *_hall_edges(here), *_finer(here)],
+        "sensor-error": lambda: [*_encoder_tables(study, run, metric), *_hall_edges(here)],
+        "delay": lambda: [
+            *_observers(here, FAST_OCTAVES),
+            *_rates(here),
+            *_quicker(here),
+            *_hall_edges(here),
+        ],
         "dead-time": lambda: _compensations(here),
         "current-noise": lambda: _calmer(here),
         "current-error": lambda: [*_calibrated(here), *_laws(here, run.controller)],
@@ -85,6 +91,18 @@ def _timed(study: Study) -> Iterator[Candidate]:
         table = study.source.tables["drive"]["position_sensor"]
         own = {key: value for key, value in table.items() if key not in ("window", "observer_bandwidth")}
         yield Candidate({SENSOR: {**own, "speed_method": "MT"}})
+
+
+def _hall_edges(study: Study) -> Iterator[Candidate]:
+    """Candidates whose speed from Hall sensors is over another number of edges.
+
+    Over all six the errors of placement cancel; over fewer the speed is younger.
+    """
+    sensor = study.drive.position_sensor
+    if isinstance(sensor, Hall):
+        for edges in HALL_EDGES:
+            if edges != sensor.edges:
+                yield Candidate({f"{SENSOR}.edges": edges})
 
 
 def _encoder_tables(study: Study, run: Run, metric: Metric) -> Iterator[Candidate]:
