@@ -93,7 +93,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
 
     def stiff_enough(other: Study) -> bool:
         kp, ki = gains(other, name)
-        margins = position_margins(speed_loop(other, scenario), Linear(1, kp, k_i=ki))
+        margins = position_margins(speed_loop(other, scenario), Linear(ratio=1, k=kp, k_i=ki))
         return margins.stable and margins.phase_margin >= LEAST and cured(other)
 
     gain: Changes = {f"{key}.position_gain": text(follows, "1/s")}
