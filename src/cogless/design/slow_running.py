@@ -120,7 +120,8 @@ class _Edges:
     def counts(self) -> float:
         """Speed ripple that single counts cause, rad/s rms.
 
-        Each count changes the speed of a coasting rotor by w_c times the count, which makes a sawtooth. A
+        Edges that come later than samples make a sawtooth of the angle, one count high. Beyond the crossover
+        w_c the loop turns it into a sawtooth of the speed, w_c times as high, however often the edges come. A
         timed speed has no such ripple while its edges come in time. From then on the ripple that depends on
         the angle is that of the later loop. With no margin left the rotor stops and goes.
         """
@@ -128,8 +129,9 @@ class _Edges:
             if self.enough:
                 return 0.0
             return self.omega if self.spent else math.sqrt(max(0.0, self.late_swing**2 - self.swing**2))
-        kicks = self.margins.crossover * self.source.count / math.sqrt(12) if self.factor > 1 else 0.0
-        return max(kicks, math.sqrt(counting(self.loop, self.feedback, self.source)))
+        steps = math.sqrt(counting(self.loop, self.feedback, self.source))
+        sawtooth = self.margins.crossover * self.source.count / math.sqrt(12)
+        return max(sawtooth, steps) if self.time > self.loop.period else steps
 
     @property
     def ripple(self) -> float:
