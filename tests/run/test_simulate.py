@@ -235,7 +235,7 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         ("Text", "0 s: laws.py: step() returns i_q_ref or (i_d_ref, i_q_ref)"),
         ("Nothing", "0 s: laws.py: step() returns i_q_ref or (i_d_ref, i_q_ref)"),
         ("Three", "0 s: laws.py: step() returns i_q_ref or (i_d_ref, i_q_ref)"),
-        ("Exits", "0 s: laws.py line 41: SystemExit: enough"),
+        ("Exits", "0 s: laws.py line 41: calls exit(enough)"),
     ],
 )
 def test_a_law_that_fails_names_controller_and_time(tmp_path: Path, name: str, cause: str) -> None:
