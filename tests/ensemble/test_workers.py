@@ -118,6 +118,20 @@ def test_a_worker_leaves_ctrl_c_to_the_process_that_started_it_and_ends_with_it(
     os.close(ours)
 
 
+def test_a_worker_ends_with_its_leader_while_a_task_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though the task's law may not end it."""
+    codes: list[int] = []
+    monkeypatch.setattr(executors, "END_PROCESS", codes.append)
+    leader = SimpleNamespace(join=lambda: None)
+    assert executors._without_exit(executors._end_after, leader) is None and codes == [1]
+    with pytest.raises(SystemExit):
+        executors._without_exit(_exits)
+
+
+def _exits() -> None:
+    os._exit(0)
+
+
 def test_a_sweep_that_is_interrupted_kills_its_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that is done waits for them."""
     told: list[Any] = []

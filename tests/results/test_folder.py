@@ -194,6 +194,8 @@ def test_what_is_in_the_place_of_a_file_is_told_before_the_runs(
     what = "a directory: expected a file" if directory else "a file: expected a directory of its own"
     assert (code, said, err) == (2, "", f"{out / place}: {what}, or another directory for the results\n")
     assert sorted(out.rglob("*")) == before
+    with held(tmp_path / "another", [name]):  # as it advises
+        pass
 
 
 def test_a_name_that_no_file_can_have_is_told_before_the_runs(

@@ -235,7 +235,7 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         ("Text", "0 s: laws.py: step() returns i_q_ref or (i_d_ref, i_q_ref)"),
         ("Nothing", "0 s: laws.py: step() returns i_q_ref or (i_d_ref, i_q_ref)"),
         ("Three", "0 s: laws.py: step() returns i_q_ref or (i_d_ref, i_q_ref)"),
-        ("Exits", "0 s: laws.py line 41: SystemExit: enough"),
+        ("Exits", "0 s: laws.py line 41: calls exit(enough)"),
     ],
 )
 def test_a_law_that_fails_names_controller_and_time(tmp_path: Path, name: str, cause: str) -> None:
@@ -257,7 +257,7 @@ def test_the_line_of_a_law_is_named_whatever_the_path(
 def test_a_law_that_exits_on_import(tmp_path: Path) -> None:
     (tmp_path / "laws.py").write_text("import sys\nsys.exit(3)\n", encoding="utf-8")
     study = studies.study(tmp_path, {"controller.mine": {"law": "python", "object": "laws.py:Law"}})
-    with pytest.raises(StudyError, match=r'"laws\.py:Law": laws\.py line 2: SystemExit: 3'):
+    with pytest.raises(StudyError, match=r'"laws\.py:Law": laws\.py line 2: calls exit\(3\)'):
         simulate(study, "low", "mine")
 
 

@@ -21,6 +21,7 @@ from pathlib import Path, PurePosixPath
 
 from cogless.errors import StudyError
 from cogless.files import reason, writable
+from cogless.interrupts import deferred
 
 NEW, OLD, SET, LINK = ".cogless-new", ".cogless-old", ".cogless-set", ".cogless-link"
 TRIAL = ".cogless-try-"  # the start of a name
@@ -47,6 +48,13 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
 
     StudyError: one can't be written, so that no result is computed that can't be saved.
     """
+    with deferred() as requests:  # nothing of it stays
+        _try_names(folder, names)
+    if requests.count:
+        raise KeyboardInterrupt
+
+
+def _try_names(folder: Path, names: Iterable[str]) -> None:
     trial = None
     try:
         with _refused(folder):
