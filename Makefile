@@ -12,7 +12,7 @@ WEB_CACHE := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/cogless
 # modules are byte-compiled when first used; to rewrite a test's asserts again takes each worker 7 s
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help build demo test web axe hash lint control cppcheck misra pil proof reproof fuzz mutants keep same docs bench dist clean
+.PHONY: help build demo test web axe hash lint control cppcheck misra pil proof reproof fuzz mutants keep same docs bench dist versions clean
 
 help: ## what there is to make
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -121,7 +121,20 @@ dist: $(VENV)/tools ## sdist and wheel in build/dist, installed and used in a cl
 	  --config-setting=cmake.define.COGLESS_WEB=ON --config-setting=cmake.define.COGLESS_WEB_CACHE='$(WEB_CACHE)' .
 	$(PYTHON) -m venv build/clean
 	build/clean/bin/python -m pip install --quiet --disable-pip-version-check --no-compile build/dist/*.whl
-	cd build/clean && bin/cogless run uomodri --only slow/pi --set 'scenario.slow.duration=8 s' --live -o results
+	cd build/clean && bin/cogless design liu2018 && bin/cogless run uomodri --only slow/pi --set 'scenario.slow.duration=8 s' --live -o results
+
+# what pyproject.toml asks for, each "at least" as "exactly"
+LOWEST = $(BIN)/python -c 'import tomllib; \
+	  print(*(line.replace(">=", "==") for line in tomllib.load(open("pyproject.toml", "rb"))["project"]["dependencies"]))'
+
+# runs, designs and identifies; make dist runs with the newest versions
+versions: $(VENV)/installed ## the oldest dependencies that pyproject.toml allows do the main jobs
+	$(PYTHON) -m venv --clear build/versions
+	build/versions/bin/python -m pip install --quiet --disable-pip-version-check --no-compile $$($(LOWEST))
+	build/versions/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps $(VENV)/wheel/*.whl
+	cd build/versions && bin/cogless run uomodri --only slow/pi --set 'scenario.slow.duration=8 s' --plots -o run && \
+	  bin/cogless design liu2018 && bin/cogless identify --plan $(CURDIR)/examples/my_motor.toml -o plan && \
+	  bin/cogless run plan/study.toml --no-limits -o logs && bin/cogless identify logs/traces.nc --config plan/id.toml -o identified
 
 clean: ## all that was built
 	rm -rf build $(VENV) docs/_build

@@ -19,6 +19,8 @@ from cogless.ensemble import executors, journal, work
 from cogless.ensemble.executors import Workers, given, run_all
 from cogless.ensemble.parcel import pack
 from cogless.errors import StudyError
+from cogless.run import simulate
+from cogless.run.carry_out import carried_out_together
 
 
 class Waits(Executor):
@@ -196,25 +198,23 @@ def test_a_worker_that_is_interrupted_ends(tmp_path: Path, monkeypatch: pytest.M
 def test_a_variant_without_a_design_leaves_the_others_theirs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is run again alone, for its own error. If it does not fail there, that is a mistake of cogless."""
-    parcel, run = pack(ensembles.study(tmp_path)), work.rollout
+    """They are still computed together; of the variant, its other controller has its row."""
+    prepare, counts = simulate._prepare, list[int]()
 
-    def rollout(studies: Any, only: Any, jobs: int, keep_traces: bool) -> Any:
-        assert (only, jobs, keep_traces) == (["low/pi"], 1, False)
-        if any(study.seed == 7 for study in studies):
-            raise StudyError("no design")
-        return run(studies, only, jobs=jobs, keep_traces=keep_traces)
+    def refuses(study: Any, runs: Any) -> Any:
+        if study.seed == 7 and ("low", "pi") in runs:
+            raise StudyError(f"{study.source.path}: low/pi: no design")
+        return prepare(study, runs)
 
-    def simulate(study: Any, scenario: str, controller: str) -> None:
-        if fails:
-            raise StudyError(f"{study.source.path}: {scenario}/{controller}: no design")
+    def together(plans: Any, *of: Any) -> Any:
+        counts.append(len(plans))
+        return carried_out_together(plans, *of)
 
-    monkeypatch.setattr(work, "rollout", rollout)
-    monkeypatch.setattr(work, "simulate", simulate)
-    fails = True
-    (one,), (none,), (other,) = work.rows(parcel, [{"seed": n} for n in (6, 7, 8)], [("low", "pi")])
-    assert none == [None, None, None, "study.toml: low/pi: no design"]
-    assert one[-1] is other[-1] is None and one[0] > 0 and other[0] > 0
-    fails = False
-    with pytest.raises(RuntimeError, match=r"^low/pi: failed in a rollout, and not alone$"):
-        work.rows(parcel, [{"seed": 7}], [("low", "pi")])
+    monkeypatch.setattr(simulate, "_prepare", refuses)
+    monkeypatch.setattr(simulate, "carried_out_together", together)
+    pairs = [("low", "pi"), ("low", "pi-ilc")]
+    one, none, other = work.rows(pack(ensembles.study(tmp_path)), [{"seed": n} for n in (6, 7, 8)], pairs)
+    assert none[0] == [None, None, None, "study.toml: low/pi: no design"]
+    rows = [*one, none[1], *other]
+    assert all(row[-1] is None and row[0] > 0 for row in rows)
+    assert sum(counts) == 5
