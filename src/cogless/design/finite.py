@@ -38,7 +38,7 @@ def growth(
         return e
 
     def smooth(x: Real) -> Real:
-        return x if q_filter is None else forward_and_backward(q_filter.b, q_filter.a, x)
+        return x if q_filter is None else forward_and_backward(q_filter.b, q_filter.a, x, q_filter.odd)
 
     def ahead(e: Real) -> Real:
         return np.hstack([e[:, shift:], np.repeat(e[:, -1:], shift, axis=1)])

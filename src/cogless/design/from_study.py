@@ -214,7 +214,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         own["kind"] = "norm-optimal"
     elif isinstance(controller, FilteredLaw) and controller.q_filter is not None:
         q = controller.q_filter
-        own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on}
+        own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on, "ends": q.ends}
     return TrialSettings(
         samples=study.samples(scenario),
         Q=design.Q,
@@ -241,7 +241,7 @@ def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
     """Whether gains that were designed for `other` are right for `settings` too."""
 
     def learning(s: TrialSettings) -> tuple[Any, ...]:
-        return s.K_3, s.shift, (s.cutoff, s.filter_order) if s.filtered == "signal" else None
+        return s.K_3, s.shift, (s.cutoff, s.filter_order, s.ends) if s.filtered == "signal" else None
 
     same = _same_feedback(settings, other)
     return same and (not needs_K_3(settings) or (needs_K_3(other) and learning(settings) == learning(other)))

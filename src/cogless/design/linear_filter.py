@@ -26,17 +26,19 @@ def forward(b: Real, a: Real, x: Real) -> Real:
     return _filtered(b, a, np.zeros((len(a), a.shape[1] - 1)), x)
 
 
-def forward_and_backward(b: Real, a: Real, x: Real) -> Real:
-    """Each row of x through the filter in both directions, as scipy.signal.filtfilt does it.
+def forward_and_backward(b: Real, a: Real, x: Real, odd: bool = False) -> Real:
+    """Each row of x through the filter in both directions, as the control library's zero_phase.h does it.
 
-    Before and after, the row is extended by its reflection about the end's value, and the filter starts in
-    the steady state there.
+    Before and after, the row is extended by its even reflection as a whole, or, as scipy.signal.filtfilt does
+    it, by the odd one about the end's value; the filter starts in the steady state there.
     """
-    n, extra = len(a) - 1, 3 * len(a)
+    n, extra = len(a) - 1, 3 * len(a) if odd else x.shape[1]
     companion = np.eye(n, k=-1)
     companion[0] = -a[1:]
     steady = np.linalg.solve(np.eye(n) - companion.T, b[1:] - a[1:] * b[0])
-    before, after = 2 * x[:, :1] - x[:, extra:0:-1], 2 * x[:, -1:] - x[:, -2 : -extra - 2 : -1]
+    before = after = x[:, ::-1]
+    if odd:
+        before, after = 2 * x[:, :1] - x[:, extra:0:-1], 2 * x[:, -1:] - x[:, -2 : -extra - 2 : -1]
     rows = np.concatenate([before, x, after], axis=1)
     b, a = (np.tile(coefficients, (len(x), 1)) for coefficients in (b, a))
     for _ in range(2):

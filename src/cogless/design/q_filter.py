@@ -16,8 +16,8 @@ ENDS = 10  # cutoffs tried until the error shrinks at the trial's ends too, each
 PROPOSED = 0.95  # largest factor per trial with a proposed cutoff
 
 
-def butterworth(cutoff: float, order: int, period: float) -> Filter:
-    """A low-pass filter b, a with the cutoff in Hz, to be run forward and backward as by filtfilt."""
+def butterworth(cutoff: float, order: int, period: float, odd: bool = False) -> Filter:
+    """A low-pass filter b, a with the cutoff in Hz, to be run forward and backward."""
     half = 0.5 / period
     if not (math.isfinite(cutoff) and 0 < cutoff < half):
         raise DesignError(
@@ -26,7 +26,7 @@ def butterworth(cutoff: float, order: int, period: float) -> Filter:
         )
     if order < 1:
         raise DesignError(f"q_filter: order {order}: expected at least 1")
-    return Filter(*butterworth_polynomials(order, cutoff * period * 2))
+    return Filter(*butterworth_polynomials(order, cutoff * period * 2), odd)
 
 
 def better_shift(

@@ -43,6 +43,7 @@ from cogless.errors import StudyError
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 
+Ends = Literal["even", "odd"]
 Kind = Literal["robust", "state", "norm-optimal", "observer"]
 
 
@@ -70,6 +71,7 @@ class TrialSettings:
     feedforward: bool = True  # dynamic
     cutoff: float | None = None  # of the zero-phase filter, Hz; None: no filter
     filter_order: int = 2
+    ends: Ends = "even"  # reflection by which the filter continues the trial
     filtered: Filtered = "error"  # the filter acts on the error e, or on the signal v + K_3 e
     K_s: ArrayLike | None = None  # gains given here are certified, not designed; sized as Q
     N: float | None = None
@@ -202,7 +204,7 @@ def _parameters(
     normal = settings.kind == "norm-optimal" and settings.learning
     q_filter, cutoff = None, gains.cutoff or settings.cutoff
     if cutoff is not None and settings.learning and not normal:
-        q_filter = butterworth(cutoff, settings.filter_order, plant.period)
+        q_filter = butterworth(cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3 = gains.K_3 or 0.0
     update, matrix = None, None
     if normal:
@@ -325,7 +327,7 @@ def _by_frequency(
         note = f"K_3 by frequency, for the smallest factor a trial, {worst:.4g}"
         said = f"{note}: (35) is for a shift of {plant.relative_degree}"
         return (K_3, Remark(said)) if worst <= PROPOSED else None
-    q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period)
+    q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3, worst = best_gain(G, q_filter.gain(w))
     if worst > PROPOSED:
         return None
