@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from cogless.design.error import DesignError
-from cogless.design.finite import growth
+from cogless.design.finite import TrialMap, growth
 from cogless.design.linear_filter import butterworth_polynomials
 from cogless.design.response import Bundle, Filter, Loop, best_gain, factor
 
@@ -42,7 +42,8 @@ def better_shift(
     factors = {}
     for tried in {shift, *range(r, min(r + SHIFTS, samples - 1) + 1)}:
         K_3, worst = best_gain(Bundle(loops, tried)(w), H)
-        factors[tried] = max(worst, float(growth(loops, K_3, tried, q_filter, "signal", samples).max()))
+        trial = TrialMap(loops, K_3, tried, q_filter, "signal", samples)
+        factors[tried] = max(worst, float(growth(trial).max()))
     best = min(factors, key=lambda tried: factors[tried])
     return (factors[shift], best, factors[best]) if factors[best] < CLEARLY * factors[shift] else None
 
@@ -71,7 +72,8 @@ def workable_cutoff(
         low, high = (middle, high) if at(middle)[1] <= PROPOSED else (low, middle)
     for _ in range(ENDS):
         q_filter = butterworth(low, order, period)
-        if growth(loops, at(low)[0], shift, q_filter, "signal", samples).max() <= PROPOSED:
+        trial = TrialMap(loops, at(low)[0], shift, q_filter, "signal", samples)
+        if growth(trial).max() <= PROPOSED:
             return low
         low *= 0.8
     return None
