@@ -106,7 +106,8 @@ class ModelCertificate:
     without_filter: Learning | None  # None without learning, or if unstable along the trial
     with_filter: Learning | None  # None also if there is no filter
     growth: float | None  # factor per trial after many trials, trial ends and filter included: finite.py
-    # norms of a whole trial at the vertices and the nominal plant; None as growth, or if it grows beyond FAST
+    # norms of a whole trial at the vertices and the nominal plant; None as growth, if it grows beyond FAST,
+    # and of the design's models where exactly sampled plants are known
     finite: FiniteTrial | None = None
 
     @property
@@ -164,7 +165,7 @@ def certify(
     random, random_exact = plant.random
 
     def of(
-        corners: Sequence[Model], labels: Sequence[str], drawn: list[Model], nominal: Model
+        corners: Sequence[Model], labels: Sequence[str], drawn: list[Model], nominal: Model, decides: bool
     ) -> ModelCertificate:
         loops = [gains.closed(m, plant.C) for m in [*corners, *drawn, nominal]]
         radii = Bundle(loops, 0).radii
@@ -182,7 +183,7 @@ def certify(
             few = [*loops[: len(corners)], loops[-1]]
             trial = TrialMap(few, update.K_3, update.shift, q_filter, filtered, samples, update.matrix)
             ends = float(growth(trial).max())
-            finite = finite_trial(trial) if norms and ends < FAST else None
+            finite = finite_trial(trial) if decides and norms and ends < FAST else None
             plain = sweep.learning(None, filtered, (ends or 0.0) if q_filter is None else 0.0, phi or 0.0)
             if q_filter is not None:
                 filters = sweep.learning(q_filter, filtered, ends or 0.0)
@@ -190,13 +191,13 @@ def certify(
             float(radii[k]), names[k], stable, delayed, delayed < 1, phi, plain, filters, ends, finite
         )
 
-    design = of(plant.vertices, plant.labels, random, plant.nominal)
+    same = plant.discretisation == "exact" and plant.exact_hull
+    design = of(plant.vertices, plant.labels, random, plant.nominal, plant.exact_nominal is None or same)
     exact = None
     if plant.exact_vertices is not None and plant.exact_nominal is not None and random_exact is not None:
         corners = plant.exact_vertices
         names = plant.labels if plant.exact_hull else [f"corner {k + 1}" for k in range(len(corners))]
-        same = plant.discretisation == "exact" and plant.exact_hull
-        exact = design if same else of(corners, names, random_exact, plant.exact_nominal)
+        exact = design if same else of(corners, names, random_exact, plant.exact_nominal, True)
     return Certificate(design, exact, plant.discretisation, len(random))
 
 

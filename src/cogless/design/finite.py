@@ -32,8 +32,8 @@ from cogless.design.response import Filter, Filtered, Loop
 
 TRIALS = 80
 POWERS = (1, 2, 3, 5, 8)  # of M, whose norms are found
-SHARES = (1, 2, 4, 8, 16, 40)  # trials after which the error's largest share is found
-ITERATIONS = 8  # for each norm; the estimate is from below
+SHARES = (1, 2, 4, 8, 24)  # trials after which the error's largest share is found
+ITERATIONS = 6  # for each norm; the estimate is from below
 EXHAUSTED = 1e-12  # of the largest value: a next vector that is only rounding
 
 
