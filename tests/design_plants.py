@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from reference.trial import zero_phase
 from scipy.linalg import toeplitz
-from scipy.signal import filtfilt
 
 from cogless.design.model import Model, Real
 from cogless.design.polytope import UncertainPlant, from_parameters
@@ -96,7 +96,8 @@ def learn(design: TrialDesign, v: Real, error: Real) -> Real:
         return np.asarray(v + design.learning_matrix @ e)
 
     def smooth(x: Real) -> Real:
-        return x if design.q_filter is None else np.asarray(filtfilt(design.q_filter.b, design.q_filter.a, x))
+        q = design.q_filter
+        return x if q is None else zero_phase(q.b, q.a, x, q.odd)
 
     def ahead(x: Real) -> Real:
         return np.append(x[design.shift :], np.full(design.shift, x[-1]))

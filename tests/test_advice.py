@@ -430,7 +430,7 @@ CASES: dict[str, list[Case]] = {
                measure=growth, left=0.0),
     ],
     "design.trial._by_frequency": [
-        trials(ilc(shift=4, q_filter={"cutoff": "10 Hz", "acts_on": "signal"}), "shift = 7",
+        trials(ilc(shift=4, q_filter={"cutoff": "10 Hz", "acts_on": "signal", "ends": "odd"}), "shift = 7",
                measure=growth_with_ends, left=0.9),
         trials(ilc(shift=8, q_filter={"cutoff": "30 Hz", "acts_on": "signal"}), "shift = 3",
                measure=growth_with_ends, left=0.9),

@@ -49,6 +49,7 @@ bool law_begin(feed *from)
     }
     feed_stable(from, config.feedforward.den, config.feedforward.denominator - 1U);
     config.q_filter.order = feed_bool(from) ? 0U : feed_below(from, CGL_ZERO_PHASE_ORDER + 1U);
+    config.q_filter.odd = feed_bool(from);
     feed_stable(from, config.q_filter.a, config.q_filter.order);
     for (uint32_t i = 0; i <= config.q_filter.order; ++i) {
         config.q_filter.b[i] = feed_signed(from, CGL_R(1.0));

@@ -206,7 +206,7 @@ CONFIGS = {
 # pointers, which a table of values cannot give, and what goes only with other values
 ELSEWHERE = {"trial": {"learning_matrix", "observer"}}
 # entries that the good config needs
-WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64, "pi_afc": 9, "trial": 46,
+WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64, "pi_afc": 9, "trial": 60,
                "harmonic": 15, "space_position": 48, "space_speed": 48}  # fmt: skip
 
 

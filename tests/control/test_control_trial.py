@@ -55,13 +55,13 @@ class CTrial:
                 "den": list(law.den),
             },
             "observer": {"response": law.response, "pole": law.pole},
-            "q_filter": {"order": self.order, "b": list(law.b), "a": list(law.a)},
+            "q_filter": {"order": self.order, "b": list(law.b), "a": list(law.a), "odd": law.odd},
         }
         if matrix is not None:
             fields["learning_matrix"] = library.array([*matrix.ravel(), math.nan])[1]  # nor is more read
         self.config = library.new("cgl_trial_config", **fields)
         self.state = library.new("cgl_trial")
-        self.memory, pointer = library.array(np.full(2 * law.samples + 3 * (self.order + 1), 7.0))
+        self.memory, pointer = library.array(np.full((3 if self.order else 2) * law.samples, 7.0))
         error = self.lib.cgl_trial_init(self.state, self.config, pointer, len(self.memory))
         assert error == self.lib.CGL_OK
         self.input, self.output = library.new("cgl_trial_input"), library.new("cgl_trial_output")
@@ -107,6 +107,7 @@ def random_law(rng, real, matrix: bool = False) -> Trial:
     order = int(rng.integers(0, 5))
     # where a narrow filter of a high order loses digits, so does the oracle
     b, a = butter(order, rng.uniform([0, 0.05, 0.1, 0.12, 0.15][order], 0.8)) if order else ([1.0], [1.0])
+    odd = bool(rng.integers(2))
     numerator, denominator = int(rng.integers(0, 5)), int(rng.integers(1, 4))
     den = np.atleast_1d(np.poly(rng.uniform(-0.8, 0.8, denominator - 1)))
     scalar = draw(5, [-0.3, -2, 0.2, 5, 0.3], [0.3, 2, 0.9, 12, 2])
@@ -126,6 +127,7 @@ def random_law(rng, real, matrix: bool = False) -> Trial:
         int(rng.integers(0, 6)),
         rounded(b, real),
         rounded(a, real),
+        odd,
         bool(rng.integers(2)),
         np.array(draw((samples, samples), -0.05, 0.05)) if matrix else None,
     )

@@ -1,4 +1,4 @@
-"""The zero-phase filter of the C library against scipy.signal.filtfilt, and the stability test behind it."""
+"""The zero-phase filter of the C library against scipy.signal, and the stability test behind it."""
 
 import math
 
@@ -7,6 +7,7 @@ import pytest
 from control_library import ControlLibrary, control_library
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.fft import dct, idct
 from scipy.signal import butter, filtfilt, lfilter
 
 FOREVER = 3000  # samples in which the filters here forget
@@ -17,17 +18,17 @@ def library(request) -> ControlLibrary:
     return control_library(request.param)
 
 
-def init(library, b, a, samples, order=None):
+def init(library, b, a, samples, order=None, odd=True):
     order = len(b) - 1 if order is None else order
-    config = library.new("cgl_zero_phase_config", order=order, b=list(b), a=list(a))
+    config = library.new("cgl_zero_phase_config", order=order, b=list(b), a=list(a), odd=odd)
     return config, library.lib.cgl_zero_phase_init(config, samples)
 
 
-def run(library, b, a, x):
-    config, error = init(library, b, a, len(x))
+def run(library, b, a, x, odd=True):
+    config, error = init(library, b, a, len(x), odd=odd)
     assert error == library.lib.CGL_OK
     signal, pointer = library.array(x)
-    _, tail = library.array(np.zeros(3 * len(b)))
+    _, tail = library.array(np.zeros(len(x) if len(b) > 1 else 0))
     library.lib.cgl_zero_phase(config, pointer, len(x), tail)
     return signal.astype(float)
 
@@ -57,18 +58,25 @@ def rounding(b, a, x, eps) -> float:
     return error
 
 
+def even(b, a, x):
+    """The filter on the signal and its reflections on both sides, by scipy."""
+    whole = np.concatenate([x[::-1], x, x[::-1]])
+    return filtfilt(b, a, whole, padlen=0)[len(x) : 2 * len(x)]
+
+
 def rounded(values, real):
     return np.asarray(values).astype(real).astype(float)
 
 
+@pytest.mark.parametrize(("odd", "oracle"), [(True, filtfilt), (False, even)])
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("cutoff", [0.12, 0.15, 0.3, 0.7])
 @pytest.mark.parametrize("extra", [1, 2, 40, 1000])
-def test_equals_filtfilt(library, order, cutoff, extra):
+def test_equals_filtfilt(library, order, cutoff, extra, odd, oracle):
     rng = np.random.default_rng(order)
     b, a = (rounded(c, library.real) for c in butter(order, cutoff))
     x = rounded(np.cumsum(rng.normal(size=3 * (order + 1) + extra)), library.real)
-    error = abs(run(library, b, a, x) - filtfilt(b, a, x)).max()
+    error = abs(run(library, b, a, x, odd) - oracle(b, a, x)).max()
     assert error <= rounding(b, a, x, library.eps)
     if library.real is np.float64:
         assert error <= 1e-12 * abs(x).max()
@@ -99,6 +107,25 @@ def test_equals_filtfilt_whatever_the_filter(ba, extra, seed, precision):
         assert abs(np.roots(a)).max() > 0.9
         return
     assert abs(run(library, b, a, x) - filtfilt(b, a, x)).max() <= rounding(b, a, x, 2 * library.eps)
+    assert abs(run(library, b, a, x, odd=False) - even(b, a, x)).max() <= rounding(b, a, x, 2 * library.eps)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("cutoff", [0.02, 0.15, 0.7])
+def test_with_the_even_reflection_the_filter_is_symmetric_and_enlarges_no_signal(order, cutoff):
+    """It is diagonal in the cosine transform, with the gain |H|^2 of both passes."""
+    library, samples = control_library("double"), 120
+    b, a = butter(order, cutoff)
+    Q = np.array([run(library, b, a, column, odd=False) for column in np.eye(samples)]).T
+    w = np.pi * np.arange(samples) / samples
+    gain = abs(np.polyval(b[::-1], np.exp(-1j * w)) / np.polyval(a[::-1], np.exp(-1j * w))) ** 2
+    # the start far outside is as if it had always been so: what of that is left after a whole trial
+    left = abs(np.roots(a)).max() ** samples * samples
+    assert np.linalg.norm(Q, 2) <= 1 + 1e-9 + left
+    modes = dct(Q @ idct(np.eye(samples), axis=0), axis=0)
+    np.testing.assert_allclose(modes, np.diag(gain), atol=1e-9 + 3 * left)
+    outward = np.array([run(library, b, a, column) for column in np.eye(samples)]).T
+    assert np.linalg.norm(outward, 2) > 1.005  # with the odd one it does enlarge some
 
 
 def test_no_filter_changes_nothing(library):
@@ -106,11 +133,12 @@ def test_no_filter_changes_nothing(library):
     assert np.array_equal(run(library, [1.0], [1.0], x), x.astype(float))
 
 
-def test_the_phase_is_zero_and_the_magnitude_acts_twice(library):
+@pytest.mark.parametrize("odd", [False, True])
+def test_the_phase_is_zero_and_the_magnitude_acts_twice(library, odd):
     b, a = butter(2, 0.15)
     p = np.arange(4000)
     x = np.cos(0.15 * np.pi * p)
-    y = run(library, b, a, x)[1000:3000]
+    y = run(library, b, a, x, odd)[1000:3000]
     assert abs(y - 0.5 * x[1000:3000]).max() < 0.15 * np.pi * 4000 * library.eps  # (1/sqrt 2)^2, and x itself
 
 
@@ -121,15 +149,17 @@ def test_a_constant_and_a_line_pass_unchanged(library):
     constant, line = np.full(100, 3.0), np.linspace(-1, 2, 400)
     bound = 200 * library.eps
     assert abs(run(library, b, a, constant) - 3).max() < bound
+    assert abs(run(library, b, a, constant, odd=False) - 3).max() < bound
     # the start forgets the slope; within, the delays of both passes cancel
     assert abs(run(library, b, a, line) - line)[150:-150].max() < bound
 
 
+@pytest.mark.parametrize("odd", [False, True])
 @pytest.mark.parametrize("size", [1e30, 3e38, 1e308])
-def test_what_overflows_stays_finite(library, size):
+def test_what_overflows_stays_finite(library, size, odd):
     size = min(size, float(np.finfo(library.real).max))
     b, a = butter(4, 0.15)
-    y = run(library, 1e30 * b, a, size * np.random.default_rng(0).choice([-1.0, 1.0], 100))
+    y = run(library, 1e30 * b, a, size * np.random.default_rng(0).choice([-1.0, 1.0], 100), odd)
     assert np.isfinite(y).all()
 
 

@@ -13,7 +13,7 @@ from scipy.signal import butter, filtfilt
 from cogless.design import certificate
 from cogless.design.certificate import Certificate, Gains, Update, _Sweep, certify
 from cogless.design.feedforward import static_gain
-from cogless.design.finite import growth
+from cogless.design.finite import TrialMap, growth
 from cogless.design.lifted import impulse_response, lifted, norm_optimal
 from cogless.design.model import Model
 from cogless.design.polytope import UncertainPlant
@@ -256,7 +256,7 @@ def test_workable_cutoff() -> None:
     assert best_gain(G)[1] >= 1 - 1e-6  # none without a filter
     assert best_gain(G, butterworth(cutoff, 2, 1e-3).gain(w))[1] <= 0.95
     K = best_gain(G, butterworth(cutoff, 2, 1e-3).gain(w))[0]
-    assert growth(loops, K, 1, butterworth(cutoff, 2, 1e-3), "signal", 400).max() <= 0.95
+    assert growth(TrialMap(loops, K, 1, butterworth(cutoff, 2, 1e-3), "signal", 400)).max() <= 0.95
 
 
 def design_law(plant: UncertainPlant) -> Gains:

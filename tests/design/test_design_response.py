@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg
-from scipy.signal import filtfilt
+from reference.trial import zero_phase
 
 from cogless.design.certificate import Certificate, Gains, Update, certify
-from cogless.design.finite import growth
+from cogless.design.finite import TrialMap, growth
 from cogless.design.lifted import impulse_response
 from cogless.design.model import Real
 from cogless.design.polytope import from_vertices
@@ -104,7 +104,7 @@ def test_gains_of_a_plant_that_acts_the_other_way() -> None:
 def update(loop: Loop, K: float, shift: int, q: Filter | None, filtered: Filtered, samples: int) -> Real:
     """From v to v after a trial."""
     G, seen, ahead = parts(loop, shift, samples)
-    Q = np.eye(samples) if q is None else filtfilt(q.b, q.a, np.eye(samples), axis=0)
+    Q = np.eye(samples) if q is None else zero_phase(q.b, q.a, np.eye(samples), q.odd)
     if filtered == "error":
         return np.asarray(np.eye(samples) - K * ahead @ Q @ seen @ G)
     return np.asarray(Q @ (np.eye(samples) - K * ahead @ seen @ G))
@@ -123,9 +123,10 @@ def parts(loop: Loop, shift: int, samples: int) -> tuple[Real, Real, Real]:
 def test_growth_is_the_lifted_update_s_radius(pole: float, samples: int, shift: int) -> None:
     loop = Loop(np.array([[pole]]), np.array([[1 - pole]]), np.ones(1))
     K, q = 0.9, butterworth(20.0, 2, 0.01)
-    measured = growth([loop], K, shift, q, "signal", samples)[0]
+    measured = growth(TrialMap([loop], K, shift, q, "signal", samples))[0]
     M = update(loop, K, shift, q, "signal", samples)
-    assert measured == pytest.approx(np.abs(np.linalg.eigvals(M)).max(), rel=0.03)
+    # forty trials of a map that isn't normal: from above, within a few per cent
+    assert measured == pytest.approx(np.abs(np.linalg.eigvals(M)).max(), rel=0.05)
 
 
 @pytest.mark.parametrize("pole", [0.3, 0.6, 0.9])
@@ -133,7 +134,7 @@ def test_growth_is_the_lifted_update_s_radius(pole: float, samples: int, shift: 
 @pytest.mark.parametrize("q", [None, butterworth(20.0, 2, 0.01)])
 def test_growth_where_the_last_samples_act_on_nothing(pole: float, K: float, q: Filter | None) -> None:
     loop = Loop(np.array([[pole]]), np.array([[1 - pole]]), np.ones(1))
-    measured = growth([loop], K, 1, q, "error", 200)[0]
+    measured = growth(TrialMap([loop], K, 1, q, "error", 200))[0]
     M = update(loop, K, 1, q, "error", 200)[:-1, :-1]
     radius = np.abs(np.linalg.eigvals(M)).max()
     if q is None:  # a triangle: its radius comes late, the largest |F| first
@@ -156,7 +157,7 @@ def test_growth_is_that_of_matrices(filtered: Filtered, shift: int) -> None:
     for _ in range(80):
         sizes.append(np.linalg.norm(seen @ G @ v))
         v = M @ v
-    measured = growth([loop], 0.9, shift, q, filtered, samples)[0]
+    measured = growth(TrialMap([loop], 0.9, shift, q, filtered, samples))[0]
     assert measured == pytest.approx((sizes[79] / sizes[39]) ** (1 / 40), rel=2e-6)
 
 

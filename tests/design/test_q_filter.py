@@ -39,9 +39,9 @@ def test_another_shift_is_proposed_if_it_is_clearly_faster(
     monkeypatch.setattr(q_filter, "Bundle", Shifted)
     monkeypatch.setattr(q_filter, "best_gain", lambda shift, H: (10 * shift, by_gain.get(shift, 0.9)))
 
-    def growth(loops: Any, K: int, shift: int, q: Any, filtered: str, count: int) -> Any:
-        assert (K, filtered, count) == (10 * shift, "signal", samples)
-        return np.array([0.1, by_ends.get(shift, 0.2)])
+    def growth(trial: Any) -> Any:
+        assert (trial.K_3, trial.filtered, trial.samples) == (10 * trial.shift, "signal", samples)
+        return np.array([0.1, by_ends.get(trial.shift, 0.2)])
 
     monkeypatch.setattr(q_filter, "growth", growth)
     q: Any = SimpleNamespace(gain=lambda w: w)
@@ -71,9 +71,10 @@ def test_a_workable_cutoff_leaves_at_most_95_percent_at_the_ends_of_a_trial_too(
     monkeypatch.setattr(q_filter, "best_gain", lambda G, H: (5.0, H / worst))
     monkeypatch.setattr(q_filter, "factor", lambda G, K, H, filtered: np.array([0.0, H / worst]))
 
-    def growth(loops: Any, K: float, shift: int, q: Any, filtered: str, samples: int) -> Any:
-        assert (K, shift, filtered, samples) == (K_3 or 5.0, 2, "signal", 300)
-        return np.array([0.5, 0.96 if q.cutoff > grows_above else 0.95])
+    def growth(trial: Any) -> Any:
+        assert (trial.K_3, trial.shift, trial.filtered) == (K_3 or 5.0, 2, "signal")
+        assert trial.samples == 300
+        return np.array([0.5, 0.96 if trial.q_filter.cutoff > grows_above else 0.95])
 
     monkeypatch.setattr(q_filter, "growth", growth)
     found = workable_cutoff([], 2, 2, 1e-3, 300, K_3)

@@ -171,7 +171,11 @@ def open_loop(voltage: float, offsets: tuple[float, ...], time: float) -> dict[s
 
 
 OPEN_LOOP: dict[str, Any] = {
-    "columns": {name: name for name in ("t", "theta", "omega", "i_q", "i_d", "u_q", "i_a", "i_b", "i_c")},
+    "columns": {
+        **{name: name for name in ("t", "theta")},
+        **{name: {"name": name, "files": ["slow*", "fast*"]} for name in ("omega", "i_q", "i_d", "u_q")},
+        **{name: {"name": name, "files": ["off*"]} for name in ("i_a", "i_b", "i_c")},
+    },
     "motor": {"pole_pairs": 4, "slots": 12, "R_s": "0.3 ohm", "L_d": "0.2 mH", "L_q": "0.2 mH",
               "K_t": "50 mN*m/A"},
     "drive": {
@@ -459,7 +463,7 @@ def test_gains_of_a_current_loop_for_another_motor_are_heard_at_idle(tmp_path: P
 
     drive = study(tmp_path, SMALL, {**AS5600, "trace.rate": "8 kHz"})
     (remark,) = loop_remarks(drive)
-    assert "is unstable" in str(remark) and 'bandwidth = "400 Hz"' in str(remark)
+    assert "is unstable" in str(remark)
     loud, (cured,) = noise(drive), remark.cured(drive)
     assert noise(cured) < 0.1 * loud
     by_hand = {"drive.current_loop": {"bandwidth": "600 Hz", "current_limit": "5 A"}}
@@ -627,7 +631,7 @@ def test_hall_bursts_need_less_gain_and_an_integral_that_starts_the_rotor(tmp_pa
     mean, ripple = mean_and_ripple(drive)
     assert mean < 8.5 and ripple > 10
     remark = pi_remark(drive)
-    assert "the speed is 26 ms late, which costs 85 deg of 35 deg of phase margin" in str(remark)
+    assert "the speed is 26 ms late, which leaves nothing of 35 deg of phase margin" in str(remark)
     (cured,) = remark.cured(drive)
     after, calm = mean_and_ripple(cured)
     assert after == pytest.approx(10, rel=0.02) and calm < 0.3 * ripple

@@ -219,7 +219,7 @@ def test_a_wheel_that_waits_for_hall_edges_has_no_cure_in_its_gains(tmp_path: Pa
         for edges in (6, 3, 1):
             gains = {"controller.pi.kp": f"{kp} A*s/rad", "controller.pi.ki": f"{ki} A/rad"}
             assert speed_error(study, {**gains, "drive.position_sensor.edges": edges}) > 0.7
-    faster = changed(study, {"scenario.x.reference": "10 rpm"})
+    faster = changed(study, {"scenario.x.reference": "10 rpm", "scenario.x.duration": "12 s"})
     helps(faster, designed(faster, "an edge comes every"), 0.5)
     encoder = {"drive.position_sensor": {"kind": "absolute", "bits": 14}, "controller.pi.ki": "8 A/rad"}
     assert speed_error(study, encoder) < 0.5

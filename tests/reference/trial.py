@@ -24,6 +24,14 @@ def feedforward(num, den, preview: int, y_ref: np.ndarray, count: int) -> np.nda
     return f
 
 
+def zero_phase(b, a, x: np.ndarray, odd: bool = False) -> np.ndarray:
+    """The columns of x through the filter in both directions, continued by an even or odd reflection."""
+    if odd:
+        return np.asarray(filtfilt(b, a, x, axis=0))
+    whole = np.concatenate([x[::-1], x, x[::-1]])
+    return np.asarray(filtfilt(b, a, whole, axis=0, padlen=0))[len(x) : -len(x)]
+
+
 class TrialObserver:
     """The header's equations as matrices, on whole lists of errors and of the feedback that acted."""
 
@@ -70,6 +78,7 @@ class Trial:
     preview: int = 0
     b: list[float] = field(default_factory=lambda: [1.0])
     a: list[float] = field(default_factory=lambda: [1.0])
+    odd: bool = False
     filter_signal: bool = False
     learning_matrix: np.ndarray | None = None
     response: float = 0.0
@@ -143,4 +152,4 @@ class Trial:
         return True
 
     def filtered(self, x: np.ndarray) -> np.ndarray:
-        return filtfilt(self.b, self.a, x) if len(self.b) > 1 else x
+        return zero_phase(self.b, self.a, x, self.odd) if len(self.b) > 1 else x

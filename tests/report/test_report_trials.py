@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from test_report import Checker, data_of
 
 from cogless.design.certificate import Certificate, Learning, ModelCertificate
+from cogless.design.finite import FiniteTrial
 from cogless.design.from_study import design_study
 from cogless.design.lmi import Check
 from cogless.design.trial_summary import _proof, warnings, words
@@ -599,7 +600,7 @@ def texts(row):
 def test_certificate_table_cell_by_cell(made):
     plain = ModelCertificate(
         0.9852, "vertex 1", True, 1.273, False, 0.5, learning(0.976, 62.5, True, True),
-        learning(1.0, 200.0, True, limit=1e-4 * 0.694), 1.2,
+        learning(1.0, 200.0, True, limit=1e-4 * 0.694), 1.2, FiniteTrial(0.999, 1.04, 1.17, 1.1),
     )  # fmt: skip
     bad = ModelCertificate(1.02, "vertex 2", False, 0.9, True, None, None, None, None)
     both = with_certificates(made, plain, bad)
@@ -614,10 +615,11 @@ def test_certificate_table_cell_by_cell(made):
         "0.976 contracting at 62.5 Hz",
         "1 monotone at 200 Hz",
         "1.20 may grow",
+        "1.17",
         "1.2 none with Q filter",
     ]
     assert texts(second) == [
-        "exactly sampled", "1.02 unstable", "0.900 stable", *["–"] * 4, "–",  # noqa: RUF001
+        "exactly sampled", "1.02 unstable", "0.900 stable", *["–"] * 5, "–",  # noqa: RUF001
     ]  # fmt: skip
     assert (
         '<td title="vertex 1"><span class="value">0.985</span> <span class="tag good">stable</span>' in first
@@ -651,15 +653,25 @@ def test_a_certificate_in_lines(made):
     )
     assert warned == [line]
     assert rows == [
-        ("Euler", "0.9852", "1.273 unstable", "0.976367 at 62.5 Hz, contracting", "-", "0.99", "1.2000"),
-        ("exact", "0.9852", "1.273", "1.00032 at 198.8 Hz, may grow", "-", "0.99", "none"),
+        (
+            "Euler",
+            "0.9852",
+            "1.273 unstable",
+            "0.976367 at 62.5 Hz, contracting",
+            "-",
+            "0.99",
+            "-",
+            "-",
+            "1.2000",
+        ),
+        ("exact", "0.9852", "1.273", "1.00032 at 198.8 Hz, may grow", "-", "0.99", "-", "-", "none"),
     ]
     monotone = replace(good, without_filter=learning(1.0, 0.0, True))
     line, warned, _ = told(good, monotone)
     assert line.endswith("exact model: 1 at 0 Hz, monotone") and warned == []
     line, warned, rows = told(lost, None)
     assert line == "from trial to trial, Euler model: unstable along the trial" and warned == [line]
-    assert rows == [("Euler", "0.9852 unstable", "1.273 unstable", "-", "-", "-", "-")]
+    assert rows == [("Euler", "0.9852 unstable", "1.273 unstable", *["-"] * 6)]
     line, warned, _ = told(replace(good, without_filter=None), None)
     assert line == "from trial to trial, Euler model: no learning" and warned == []
 

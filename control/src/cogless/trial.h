@@ -105,7 +105,7 @@ typedef struct {
 } cgl_trial;
 
 /* Entries of the caller's memory, where `order` is the filter's: v, e, the filter's tail. */
-#define CGL_TRIAL_LENGTH(samples, order) (2U * (samples) + CGL_ZERO_PHASE_PAD(order))
+#define CGL_TRIAL_LENGTH(samples, order) (2U * (samples) + CGL_ZERO_PHASE_TAIL(samples, order))
 
 /* Takes the caller's memory of `length` entries and clears it. */
 cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length);

@@ -47,6 +47,9 @@ cgl_real cgl_trial_observer_step(const cgl_trial_observer_config *config, cgl_tr
 
 void cgl_trial_observer_act(const cgl_trial_observer_config *config, cgl_trial_observer *observer, cgl_real u_fb)
 {
+    if (!observer->started) {
+        return;
+    }
     const cgl_real push = observer->a - config->response * u_fb;
     observer->e += observer->s + CGL_R(0.5) * push;
     observer->s += push;

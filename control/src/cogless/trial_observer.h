@@ -52,7 +52,7 @@ void cgl_trial_observer_reset(cgl_trial_observer *observer);
 cgl_real cgl_trial_observer_step(const cgl_trial_observer_config *config, cgl_trial_observer *observer, cgl_real e_m,
                                  cgl_real *held);
 
-/* Tells the observer the feedback u - T that acts until the next sample [u]. */
+/* Tells the observer the feedback u - T that acts until the next sample [u]; before the first sample it is ignored. */
 void cgl_trial_observer_act(const cgl_trial_observer_config *config, cgl_trial_observer *observer, cgl_real u_fb);
 
 #ifdef __cplusplus

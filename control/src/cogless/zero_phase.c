@@ -60,10 +60,10 @@ static cgl_real pass(const cgl_zero_phase_config *config, cgl_real *z, cgl_real 
     return out;
 }
 
-/* Odd extension: the point mirrored at the end. */
-static cgl_real mirrored(cgl_real end, cgl_real x)
+/* The i-th sample beyond the end at x[0], i = 1, 2, ..; towards the signal's inside its samples are `inward` apart. */
+static cgl_real reflected(const cgl_real *x, int32_t inward, uint32_t i, bool odd)
 {
-    return CGL_R(2.0) * end - x;
+    return odd ? CGL_R(2.0) * x[0] - x[inward * (int32_t)i] : x[inward * ((int32_t)i - 1)];
 }
 
 CGL_SELDOM void cgl_zero_phase(const cgl_zero_phase_config *config, cgl_real *x, uint32_t samples, cgl_real *tail)
@@ -71,16 +71,18 @@ CGL_SELDOM void cgl_zero_phase(const cgl_zero_phase_config *config, cgl_real *x,
     if (config->order == 0U) {
         return;
     }
-    const uint32_t pad = CGL_ZERO_PHASE_PAD(config->order);
+    const bool odd = config->odd;
+    const uint32_t pad = odd ? CGL_ZERO_PHASE_PAD(config->order) : samples;
+    const cgl_real *const last = x + (samples - 1U);
     const cgl_real limit = ceiling(config);
     cgl_real z[CGL_ZERO_PHASE_ORDER + 1];
     for (uint32_t i = 0; i < pad; ++i) {
-        tail[i] = mirrored(x[samples - 1U], x[samples - 2U - i]);
+        tail[i] = reflected(last, -1, i + 1U, odd);
     }
 
-    start(config, z, mirrored(x[0], x[pad]), limit);
+    start(config, z, reflected(x, 1, pad, odd), limit);
     for (uint32_t i = pad; i > 0U; --i) {
-        (void)pass(config, z, mirrored(x[0], x[i]), limit);
+        (void)pass(config, z, reflected(x, 1, i, odd), limit);
     }
     for (uint32_t i = 0; i < samples; ++i) {
         x[i] = pass(config, z, x[i], limit);

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from cogless.design.finite import growth
+from cogless.design.finite import FiniteTrial, TrialMap, finite_trial, growth
 from cogless.design.learning_gain import Vertex
 from cogless.design.model import Discretisation, Model, Real
 from cogless.design.polytope import UncertainPlant
@@ -33,6 +33,7 @@ from cogless.design.trial_observer import ObserverGains
 
 Structure = Literal["input-and-integrator", "input"]
 ENDS = 1e-4  # growth per trial that counts as none: it is only estimated, from simulated trials
+FAST = 2.0  # growth per trial from which norms of many trials are no numbers any more
 AT_ONE = 1e-6  # tolerance of Phi's spectral radius: a double pole at z = 1 has this rounding error
 
 
@@ -55,6 +56,10 @@ class Gains:
         whole = np.zeros((n + 1, n + 1))
         whole[:n, :n], whole[:n, n:], whole[n, :n], whole[n, n] = A, model.B * self.K_2, -C, 1.0
         return Loop(whole, np.vstack([B, [[float(self.through_integrator)]]]), np.append(C, 0.0))
+
+    def position(self, model: Model, C: Real) -> Loop:
+        """The closed loop from v to y: what the law learns from is the error of y itself."""
+        return self.closed(model, C)
 
     def delayed(self, model: Model, C: Real) -> float:
         """Spectral radius of the closed loop with one more sample of delay at the input."""
@@ -101,6 +106,9 @@ class ModelCertificate:
     without_filter: Learning | None  # None without learning, or if unstable along the trial
     with_filter: Learning | None  # None also if there is no filter
     growth: float | None  # factor per trial after many trials, trial ends and filter included: finite.py
+    # norms of a whole trial at the vertices and the nominal plant; None as growth, if it grows beyond FAST,
+    # and of the design's models where exactly sampled plants are known
+    finite: FiniteTrial | None = None
 
     @property
     def learning(self) -> Learning | None:
@@ -126,6 +134,7 @@ class Update:
     K_3: float
     ratio: float | None = None  # norm-optimal, in place of K_3: weight of v's change / weight of the error
     nominal: Loop | None = None  # norm-optimal: the loop that L is made for
+    matrix: Real | None = None  # norm-optimal: L
 
     def on(self, G: Complex, w: Real) -> Complex:
         """The G of F = 1 - K G: the plants' G, or with norm-optimal learning its operator times G."""
@@ -147,12 +156,16 @@ def certify(
     q_filter: Filter | None,
     filtered: Filtered,
     samples: int,
+    norms: bool = True,
 ) -> Certificate:
-    """The certificate of a plant with these gains; without learning if `update` is None."""
+    """The certificate of a plant with these gains; without learning if `update` is None.
+
+    `norms`: with those of finite trials, which take most of the time.
+    """
     random, random_exact = plant.random
 
     def of(
-        corners: Sequence[Model], labels: Sequence[str], drawn: list[Model], nominal: Model
+        corners: Sequence[Model], labels: Sequence[str], drawn: list[Model], nominal: Model, decides: bool
     ) -> ModelCertificate:
         loops = [gains.closed(m, plant.C) for m in [*corners, *drawn, nominal]]
         radii = Bundle(loops, 0).radii
@@ -164,25 +177,27 @@ def certify(
             phis = [Vertex.of(loop, update.shift).phi(update.K_3) for loop in loops[: len(corners)]]
             phi = max(float(np.abs(np.linalg.eigvals(p)).max()) for p in phis)
         names = [*labels, *["a random plant"] * len(drawn), "the nominal plant"]
-        plain = filters = ends = None
+        plain = filters = ends = finite = None
         if stable and update is not None:
             sweep = _Sweep(loops, names, update, plant.period)
-            if update.ratio is None:
-                few = [*loops[: len(corners)], loops[-1]]
-                ends = float(growth(few, update.K_3, update.shift, q_filter, filtered, samples).max())
+            few = [*loops[: len(corners)], loops[-1]]
+            trial = TrialMap(few, update.K_3, update.shift, q_filter, filtered, samples, update.matrix)
+            ends = float(growth(trial).max())
+            finite = finite_trial(trial) if decides and norms and ends < FAST else None
             plain = sweep.learning(None, filtered, (ends or 0.0) if q_filter is None else 0.0, phi or 0.0)
             if q_filter is not None:
                 filters = sweep.learning(q_filter, filtered, ends or 0.0)
         return ModelCertificate(
-            float(radii[k]), names[k], stable, delayed, delayed < 1, phi, plain, filters, ends
+            float(radii[k]), names[k], stable, delayed, delayed < 1, phi, plain, filters, ends, finite
         )
 
-    design = of(plant.vertices, plant.labels, random, plant.nominal)
+    same = plant.discretisation == "exact" and plant.exact_hull
+    design = of(plant.vertices, plant.labels, random, plant.nominal, plant.exact_nominal is None or same)
     exact = None
     if plant.exact_vertices is not None and plant.exact_nominal is not None and random_exact is not None:
         corners = plant.exact_vertices
         names = plant.labels if plant.exact_hull else [f"corner {k + 1}" for k in range(len(corners))]
-        exact = of(corners, names, random_exact, plant.exact_nominal)
+        exact = design if same else of(corners, names, random_exact, plant.exact_nominal, True)
     return Certificate(design, exact, plant.discretisation, len(random))
 
 

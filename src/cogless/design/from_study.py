@@ -7,9 +7,12 @@ from contextlib import contextmanager
 from dataclasses import fields, replace
 from typing import Any
 
+import numpy as np
+
 from cogless.design.cures import either, helping
 from cogless.design.error import DesignError
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
+from cogless.design.prediction import Conditions, Prediction
 from cogless.design.trial import (
     TrialDesign,
     TrialGains,
@@ -18,6 +21,7 @@ from cogless.design.trial import (
     design_gains,
     design_trial,
     needs_K_3,
+    scenario_prediction,
     trial_parameters,
 )
 from cogless.errors import StudyError
@@ -120,8 +124,61 @@ def _designs(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
         if missing is not None:
             no_K_3 = _study_error(missing, study, scenario, name)
             notes.append(Remark(str(missing), no_K_3.cures))
-        designs[scenario, name] = replace(design, notes=tuple(notes), beyond=beyond, no_K_3=no_K_3)
+        with _as_study_error(study, scenario, name):
+            prediction = _predicted(study, scenario, plant, settings, design)
+        designs[scenario, name] = replace(
+            design,
+            notes=tuple(notes),
+            beyond=beyond,
+            no_K_3=no_K_3,
+            prediction=prediction,
+            limit=_limit(study),
+        )
     return designs
+
+
+def _predicted(
+    study: TrialStudy, scenario: str, plant: UncertainPlant, settings: TrialSettings, design: TrialDesign
+) -> Prediction | None:
+    """What the design makes of the scenario; None if a plant is unstable, or if there is no K_3 to learn."""
+    certificate = design.certificate
+    if not (certificate.exact or certificate.design).stable or (
+        design.gains.no_K_3 is not None and needs_K_3(settings)
+    ):
+        return None
+    return scenario_prediction(plant, settings, design.gains, _phases(study, scenario))
+
+
+def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
+    """The phases of a scenario as a linear plant sees them: loads in the unit of the input."""
+    found = []
+    experiment = study.scenario[scenario]
+    ends = (*experiment.starts[1:], experiment.trials + 1)
+    for index, (first, conditions) in enumerate(experiment.phases):
+        reference = study.reference(scenario, conditions)
+        load = np.zeros(len(reference))
+        unit, start = 1.0, np.zeros(study.states)
+        if study.plant is not None:
+            start[:] = conditions.initial_state or 0.0
+        else:
+            hardware = study.hardware(scenario)[index]
+            unit = hardware.motor.star().K_t
+            load += hardware.load.torque
+            angle = conditions.initial_angle
+            start[:] = reference[0] if angle is None else angle, conditions.initial_speed or 0.0
+        steps = conditions.load_steps or ()
+        for sample, amount in steps:
+            load[sample:] = amount
+        found.append(Conditions(reference, load / unit, start, ends[index] - first))
+    return found
+
+
+def _limit(study: TrialStudy) -> float:
+    """Largest input."""
+    if study.plant is not None:
+        return study.plant.input_limit
+    assert study.drive is not None
+    return study.drive.current_loop.current_limit
 
 
 def _in_study(remark: Remark, study: TrialStudy, scenario: str, controller: str) -> Remark:
@@ -217,7 +274,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         own["kind"] = "norm-optimal"
     elif isinstance(controller, FilteredLaw) and controller.q_filter is not None:
         q = controller.q_filter
-        own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on}
+        own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on, "ends": q.ends}
     return TrialSettings(
         samples=study.samples(scenario),
         Q=design.Q,
@@ -244,7 +301,7 @@ def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
     """Whether gains that were designed for `other` are right for `settings` too."""
 
     def learning(s: TrialSettings) -> tuple[Any, ...]:
-        return s.K_3, s.shift, (s.cutoff, s.filter_order) if s.filtered == "signal" else None
+        return s.K_3, s.shift, (s.cutoff, s.filter_order, s.ends) if s.filtered == "signal" else None
 
     same = _same_feedback(settings, other)
     return same and (not needs_K_3(settings) or (needs_K_3(other) and learning(settings) == learning(other)))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from cogless.design.error import DesignError
-from cogless.design.finite import growth
+from cogless.design.finite import TrialMap, growth
 from cogless.design.linear_filter import butterworth_polynomials
 from cogless.design.response import Bundle, Filter, Loop, best_gain, factor
 
@@ -16,8 +16,8 @@ ENDS = 10  # cutoffs tried until the error shrinks at the trial's ends too, each
 PROPOSED = 0.95  # largest factor per trial with a proposed cutoff
 
 
-def butterworth(cutoff: float, order: int, period: float) -> Filter:
-    """A low-pass filter b, a with the cutoff in Hz, to be run forward and backward as by filtfilt."""
+def butterworth(cutoff: float, order: int, period: float, odd: bool = False) -> Filter:
+    """A low-pass filter b, a with the cutoff in Hz, to be run forward and backward."""
     half = 0.5 / period
     if not (math.isfinite(cutoff) and 0 < cutoff < half):
         raise DesignError(
@@ -26,7 +26,7 @@ def butterworth(cutoff: float, order: int, period: float) -> Filter:
         )
     if order < 1:
         raise DesignError(f"q_filter: order {order}: expected at least 1")
-    return Filter(*butterworth_polynomials(order, cutoff * period * 2))
+    return Filter(*butterworth_polynomials(order, cutoff * period * 2), odd)
 
 
 def better_shift(
@@ -42,7 +42,8 @@ def better_shift(
     factors = {}
     for tried in {shift, *range(r, min(r + SHIFTS, samples - 1) + 1)}:
         K_3, worst = best_gain(Bundle(loops, tried)(w), H)
-        factors[tried] = max(worst, float(growth(loops, K_3, tried, q_filter, "signal", samples).max()))
+        trial = TrialMap(loops, K_3, tried, q_filter, "signal", samples)
+        factors[tried] = max(worst, float(growth(trial).max()))
     best = min(factors, key=lambda tried: factors[tried])
     return (factors[shift], best, factors[best]) if factors[best] < CLEARLY * factors[shift] else None
 
@@ -71,7 +72,8 @@ def workable_cutoff(
         low, high = (middle, high) if at(middle)[1] <= PROPOSED else (low, middle)
     for _ in range(ENDS):
         q_filter = butterworth(low, order, period)
-        if growth(loops, at(low)[0], shift, q_filter, "signal", samples).max() <= PROPOSED:
+        trial = TrialMap(loops, at(low)[0], shift, q_filter, "signal", samples)
+        if growth(trial).max() <= PROPOSED:
             return low
         low *= 0.8
     return None

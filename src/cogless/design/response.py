@@ -48,10 +48,14 @@ class Loop:
 
 @dataclass(frozen=True)
 class Filter:
-    """A digital filter b, a that runs forward and backward; its gain is |b/a|^2."""
+    """A digital filter b, a that runs forward and backward; its gain is |b/a|^2.
+
+    `odd`: at the ends the signal is continued by its odd reflection, otherwise by the even one.
+    """
 
     b: Real
     a: Real
+    odd: bool = False
 
     def gain(self, w: Real) -> Real:
         """Gain |b/a|^2 of both passes together, at w in rad per sample."""

@@ -25,10 +25,12 @@ from numpy.typing import ArrayLike
 from cogless.design.certificate import ENDS, Certificate, Gains, Structure, Update, certify
 from cogless.design.error import DesignError
 from cogless.design.feedforward import Feedforward, dynamic, static_gain
+from cogless.design.finite import TrialMap
 from cogless.design.learning_gain import LearningGain, learning_gain
 from cogless.design.lifted import norm_optimal
 from cogless.design.model import Real
 from cogless.design.polytope import UncertainPlant
+from cogless.design.prediction import Conditions, Prediction, predict
 from cogless.design.q_filter import PROPOSED, SHIFTS, better_shift, butterworth, workable_cutoff
 from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
 from cogless.design.state_feedback import StateFeedback, guaranteed_cost
@@ -43,6 +45,7 @@ from cogless.errors import StudyError
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 
+Ends = Literal["even", "odd"]
 Kind = Literal["robust", "state", "norm-optimal", "observer"]
 
 
@@ -70,6 +73,7 @@ class TrialSettings:
     feedforward: bool = True  # dynamic
     cutoff: float | None = None  # of the zero-phase filter, Hz; None: no filter
     filter_order: int = 2
+    ends: Ends = "even"  # reflection by which the filter continues the trial
     filtered: Filtered = "error"  # the filter acts on the error e, or on the signal v + K_3 e
     K_s: ArrayLike | None = None  # gains given here are certified, not designed; sized as Q
     N: float | None = None
@@ -123,6 +127,34 @@ class TrialDesign(TrialParameters):
     certificate: Certificate
     notes: tuple[Remark, ...]
     beyond: tuple[str, ...] = ()  # warnings of simulated values outside the ranges of the design
+    prediction: Prediction | None = None  # of the scenario; None if the loop is unstable
+    limit: float | None = None  # of the input
+
+    @property
+    def certified(self) -> bool:
+        """Whether learning never ends above the feedback, as far as the models know.
+
+        That is: the loop is stable and no frequency grows from trial to trial, at all plants that the
+        certificate covers; and tried on the scenario itself, at each corner, the error ends no higher than
+        without learning, and the input stays within its limit.
+        """
+        part, prediction = self.certificate.exact or self.certificate.design, self.prediction
+        return (
+            part.stable
+            and part.learning is not None
+            and part.learning.monotone
+            and not self.beyond
+            and prediction is not None
+            and not prediction.ends_above
+            and self.over_limit is None
+        )
+
+    @property
+    def over_limit(self) -> tuple[str, float] | None:
+        """The plant that needs most input and how much, if that is above the limit; None otherwise."""
+        if self.prediction is None or self.limit is None:
+            return None
+        return self.prediction.beyond(self.limit)
 
 
 def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
@@ -184,6 +216,30 @@ def design_trial(
     return TrialDesign(**vars(parameters), certificate=certificate, notes=notes)
 
 
+def scenario_prediction(
+    plant: UncertainPlant, settings: TrialSettings, gains: TrialGains, phases: Sequence[Conditions]
+) -> Prediction:
+    """What the controller makes of a scenario, at each corner and the nominal plant.
+
+    The plants are exactly sampled if that is known. DesignError as `design_trial`.
+    """
+    parameters, law, update = _parameters(plant, settings, gains)
+    held, loop, C = plant.as_held, gains.observer or law, plant.C
+    models = [*held.vertices, held.nominal]
+    trial = TrialMap(
+        [loop.closed(model, C) for model in models],
+        update.K_3 if update is not None else 0.0,
+        parameters.shift,
+        parameters.q_filter,
+        parameters.filtered,
+        settings.samples,
+        parameters.learning_matrix,
+    )
+    f = parameters.feedforward
+    ahead = None if f is None else (f.num, f.den, f.preview)
+    return predict(models, (*held.labels, "the nominal plant"), C, loop, trial, ahead, phases)
+
+
 def trial_parameters(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> TrialParameters:
     """A controller's parameters from its gains, without a certificate. DesignError as `design_trial`."""
     return _parameters(plant, settings, gains)[0]
@@ -202,7 +258,7 @@ def _parameters(
     normal = settings.kind == "norm-optimal" and settings.learning
     q_filter, cutoff = None, gains.cutoff or settings.cutoff
     if cutoff is not None and settings.learning and not normal:
-        q_filter = butterworth(cutoff, settings.filter_order, plant.period)
+        q_filter = butterworth(cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3 = gains.K_3 or 0.0
     update, matrix = None, None
     if normal:
@@ -211,7 +267,7 @@ def _parameters(
         if nominal.radius >= 1:
             raise DesignError("K_s: expected feedback that is stable at the nominal plant")
         matrix = norm_optimal(nominal, settings.samples, settings.change_weight)
-        update = Update(shift, 0.0, settings.change_weight, nominal)
+        update = Update(shift, 0.0, settings.change_weight, nominal, matrix)
     elif settings.learning and K_3:
         update = Update(shift, K_3)
     parameters = TrialParameters(
@@ -325,7 +381,7 @@ def _by_frequency(
         note = f"K_3 by frequency, for the smallest factor a trial, {worst:.4g}"
         said = f"{note}: (35) is for a shift of {plant.relative_degree}"
         return (K_3, Remark(said)) if worst <= PROPOSED else None
-    q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period)
+    q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3, worst = best_gain(G, q_filter.gain(w))
     if worst > PROPOSED:
         return None
@@ -390,9 +446,9 @@ def _calmer(plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSe
     shift = settings.shift or plant.relative_degree
     for n in range(1, WEIGHTS):
         weight = float(f"{settings.change_weight * 10.0**n:.3g}")
-        found = certify(
-            plant, law, Update(shift, 0.0, weight, nominal), None, settings.filtered, settings.samples
-        )
+        matrix = norm_optimal(nominal, settings.samples, weight)
+        update = Update(shift, 0.0, weight, nominal, matrix)
+        found = certify(plant, law, update, None, settings.filtered, settings.samples, norms=False)
         judged = found.design if found.exact is None else found.exact
         if judged.learning is not None and judged.learning.monotone:
             return weight

@@ -43,6 +43,11 @@ class ObserverGains:
         A, B, _, missing = self._rows(model, C)
         return Loop(A, B, -missing)
 
+    def position(self, model: Model, C: Real) -> Loop:
+        """The closed loop from v to y."""
+        A, B, _, _ = self._rows(model, C)
+        return Loop(A, B, np.append(C, np.zeros(MEMORY)))
+
     def delayed(self, model: Model, C: Real) -> float:
         """Spectral radius of the closed loop with one more sample of delay at the input."""
         n, size = model.order, model.order + MEMORY
@@ -82,6 +87,11 @@ def _observer(p: float) -> Real:
 def _feedback(p: float) -> Real:
     """k_e, k_s: two poles of the feedback at p."""
     return np.array([(1 - p) ** 2, (1 - p) * (3 + p) / 2])
+
+
+def observer_gains(p: float) -> tuple[Real, Real]:
+    """l_1, l_2, l_3 of the observer, and k_e, k_s of the feedback, both with their poles at p."""
+    return _observer(p), _feedback(p)
 
 
 def _controller(p: float) -> tuple[Loop, float]:

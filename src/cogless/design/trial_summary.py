@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from cogless.design.certificate import Certificate, Learning, ModelCertificate
 from cogless.design.from_study import design_study, uncertain_plant
 from cogless.design.lmi import Check
@@ -23,7 +25,11 @@ NO_GAIN = 5e-5  # largest K_3 below which the table says "none", because it woul
 LEGEND = (
     "along the trial: the loop's largest pole; one more sample: the same with another sample of delay at the "
     "input;\nfrom trial to trial: no frequency of the error grows by more than this, over vertices and "
-    "random plants;\nwith the ends: growth of the error in tried trials, with the filter if there is one"
+    "random plants;\nwith the ends: growth of the error in tried trials, with the filter if there is one;\n"
+    "norm, power: of a whole trial's map of the learned signal, and the largest of its powers;\n"
+    "largest share: of any error without learning (with an observer, of any missing input), what a trial may "
+    "have at most;\n"
+    "this scenario: of its error without learning, what a phase has left in the end, at the worst corner"
 )
 
 
@@ -104,6 +110,8 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
             },
         },
         "certificate": _certificate(design.certificate),
+        "certified": design.certified,
+        "scenario": _prediction(design),
         "notes": list(map(str, design.notes)),
     }
 
@@ -158,6 +166,26 @@ def _certificate(certificate: Certificate) -> dict[str, Any]:
     }
 
 
+def _prediction(design: TrialDesign) -> dict[str, Any] | None:
+    """The scenario as it is predicted, at the corners and the nominal plant."""
+    prediction = design.prediction
+    if prediction is None:
+        return None
+    return {
+        "plants": list(prediction.labels),
+        "largest_share_of_the_feedback_s_error": finite(prediction.share),
+        "phases": [
+            {
+                "error_rms": phase.learned[:, -1].tolist(),
+                "error_rms_without_learning": phase.feedback.tolist(),
+                "largest_input": phase.peak.tolist(),
+                "largest_input_without_learning": phase.feedback_peak.tolist(),
+            }
+            for phase in prediction.phases
+        ],
+    }
+
+
 def _models(models: ModelCertificate) -> dict[str, Any]:
     return {
         "stable_along_the_trial": models.stable,
@@ -169,6 +197,13 @@ def _models(models: ModelCertificate) -> dict[str, Any]:
         "without_filter": models.without_filter and _learning(models.without_filter),
         "with_filter": models.with_filter and _learning(models.with_filter),
         "growth_with_the_trial_s_ends": models.growth,
+        "finite_trial": models.finite
+        and {
+            "norm": finite(models.finite.norm),
+            "largest_power": finite(models.finite.power),
+            "largest_share_of_the_error": finite(models.finite.share),
+            "share_of_the_error_that_remains": finite(models.finite.remains),
+        },
     }
 
 
@@ -202,16 +237,23 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     proof = Table(title="Certificate", title_justify="left", title_style="bold", box=None, pad_edge=False)
     for heading in ("controller", "model", "along the trial", "one more sample", "from trial to trial"):
         proof.add_column(heading)
-    for heading in ("filtered", "with the ends", "largest K_3"):
+    for heading in ("filtered", "with the ends", "norm, power", "largest share", "largest K_3"):
         proof.add_column(heading)
+    share = Table(title="This scenario", title_justify="left", title_style="bold", box=None, pad_edge=False)
+    for heading in ("controller", "share left", "largest input", "learning"):
+        share.add_column(heading)
     for name, design in found.designs.items():
         gains.add_row(study.label(name), *_gains(design))
         for row in _proof(design.certificate):
             proof.add_row(study.label(name), *row)
+    for name, design in found.designs.items():
+        if design.prediction is not None and (design.K_3 or design.learning_matrix is not None):
+            word = "certified" if design.certified else "not certified"
+            share.add_row(study.label(name), f"{design.prediction.share:.4g}", _most_input(design), word)
     notes = dict.fromkeys(str(note) for design in found.designs.values() for note in design.notes)
     lines = [Text(f"Note: {note}.") for note in notes]
     legend = Text(LEGEND, style="dim")
-    return Group(Text(about), Text(), gains, Text(), proof, Text(), legend, *lines)
+    return Group(Text(about), Text(), gains, Text(), proof, Text(), share, Text(), legend, *lines)
 
 
 def _gains(design: TrialDesign) -> tuple[str, ...]:
@@ -243,6 +285,15 @@ def _gains(design: TrialDesign) -> tuple[str, ...]:
     )
 
 
+def _most_input(design: TrialDesign) -> str:
+    """The largest input that the scenario needs, and the plant where that is above the limit."""
+    assert design.prediction is not None
+    over = design.over_limit
+    if over is not None:
+        return f"{over[1]:.4g} at {over[0]}, above the limit of {design.limit:.4g}"
+    return f"{max(float(np.max(phase.peak)) for phase in design.prediction.phases):.4g}"
+
+
 def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
     for model, found in _rows(certificate):
         plain, filtered = found.without_filter, found.with_filter
@@ -254,6 +305,8 @@ def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
             _verdict(plain),
             _verdict(filtered),
             "-" if found.growth is None else f"{found.growth:.6g}",
+            "-" if found.finite is None else f"{found.finite.norm:.4g}, {found.finite.power:.4g}",
+            "-" if found.finite is None else f"{found.finite.share:.4g}",
             "-" if limit is None else f"{limit:.4f}" if abs(limit) > NO_GAIN else "none",
         )
 

@@ -32,7 +32,8 @@ class Run:
     "mechanical"}, or in trials {"learned": one number per sample}. `metrics` are SI values by their name in
     results.json. `quality` is the controller's own measure of its learning at the end, empty in trials:
     {"known", "residual": rad/s}, and for a law that learns also {"progress", "improving", "worsening"}.
-    `faults` are the responses to each fault of the scenario.
+    `faults` are the responses to each fault of the scenario. `feedback`, of a law that learns from trial to
+    trial: one trial of each phase by the same controller without learning, one row for each sample.
     """
 
     scenario: str
@@ -44,6 +45,7 @@ class Run:
     quality: Mapping[str, Any] = field(default_factory=dict)  # of learning, as the controller computes it
     faults: Sequence[Response] = ()
     map: StoredMap | None = None  # what was learned, as firmware stores it
+    feedback: Trace | None = None
     lanes: int = 1  # how many runs the engine computed in step, this one among them
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ from cogless.results.metrics import Conditions, Value, evaluate, result_name
 from cogless.results.trace import Trace
 from cogless.results.trace_files import TraceRoom
 from cogless.run.advance import Progress, advance, failures, memory_enough, trace_of
-from cogless.run.plan import Plan
+from cogless.run.plan import Plan, feedback_plan
 from cogless.study import AnyStudy, TrialStudy, for_scenario
 from cogless.study.controller import OwnLaw
 
@@ -139,6 +139,18 @@ def _outcomes(plans: Sequence[Plan], stop: Event, room: TraceRoom | None) -> lis
     return [lane.outcome(len(lanes)) for lane in lanes]
 
 
+def _feedback_trace(planned: Plan) -> Trace | None:
+    """One trial of each phase by the same controller without learning; None if there is none."""
+    alone = feedback_plan(planned)
+    if alone is None:
+        return None
+    state = alone.start()
+    recorder = alone.engine.Recorder(alone.drive, alone.decimation, alone.rows)
+    with failures(*alone.names, lambda: " without learning"):
+        alone.drive.advance(state, recorder, alone.ticks)
+    return trace_of(alone.drive, recorder)
+
+
 def _finished(planned: Plan, state: Any, trace: Trace, lanes: int) -> Run:
     study, scenario, controller = planned.names
     drive = planned.drive
@@ -163,7 +175,16 @@ def _finished(planned: Plan, state: Any, trace: Trace, lanes: int) -> Run:
     memory = learned_map.memory_of(study, scenario, controller, learned)
     stored = learned_map.of_run(study, learned, motion)
     if isinstance(study, TrialStudy):
-        return Run(scenario, controller, trace, memory, metrics, planned.design, map=stored)
+        return Run(
+            scenario,
+            controller,
+            trace,
+            memory,
+            metrics,
+            planned.design,
+            map=stored,
+            feedback=_feedback_trace(planned),
+        )
     limit = for_scenario(study, scenario).drive.current_loop.current_limit
     quality = dict(drive.quality(state))
     if not law.learns:

@@ -128,6 +128,29 @@ def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
     )
 
 
+def feedback_plan(planned: Plan) -> Plan | None:
+    """The same controller without learning, one trial in each phase; None if it doesn't learn by a design.
+
+    Faults happen at times of the whole run, so with faults there is none either.
+    """
+    study, scenario, design = planned.study, planned.scenario, planned.design
+    if not isinstance(study, TrialStudy) or design is None or study.scenario[scenario].faults:
+        return None
+    if not design.K_3 and design.learning_matrix is None:
+        return None
+    unlearned = replace(design, K_3=0.0, learning_matrix=None, q_filter=None)
+    description = trial_config(study, scenario, planned.controller, unlearned)
+    trials = description if study.plant is not None else description["trials"]
+    trials["count"] = len(trials["phases"])
+    for trial, phase in enumerate(trials["phases"]):
+        phase["from"] = trial
+    with _refusals(study, scenario, planned.controller):
+        make = planned.engine.LinearTrials if study.plant is not None else planned.engine.Drive
+        drive = make(description) if study.plant is not None else make(description, None)
+    ticks = study.samples(scenario) * trials["count"] * planned.divider
+    return replace(planned, drive=drive, description=description, ticks=ticks, decimation=planned.divider)
+
+
 def _trials(study: TrialStudy, scenario: str, controller: str, design: TrialDesign | None) -> Plan:
     precision, divider, rate = "double", 1, 1 / study.period
     if study.drive is not None:

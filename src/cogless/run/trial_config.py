@@ -82,7 +82,7 @@ def _law(study: TrialStudy, scenario: str, name: str, design: TrialParameters) -
             "num": num,
             "den": den,
         },
-        "q_filter": {"order": max(len(b) - 1, 0), "b": b, "a": a},
+        "q_filter": {"order": max(len(b) - 1, 0), "b": b, "a": a, "odd": q is not None and q.odd},
         "filter_signal": design.filtered == "signal",
         "observer": {
             "response": design.gains.observer.response if design.gains.observer else 0.0,

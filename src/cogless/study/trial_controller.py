@@ -14,6 +14,7 @@ from cogless.study.table import LawFrequency, Many, Quantity, Table, invalid
 if TYPE_CHECKING:
     import numpy as np
 
+Ends = Literal["even", "odd"]
 Weight = Many[float] | Many[Many[float]]
 
 
@@ -22,6 +23,7 @@ class QFilter(Table):
 
     cutoff: LawFrequency  # Hz
     order: Annotated[int, Field(ge=1, le=4)] = 2
+    ends: Ends = "even"  # reflection by which the filter continues the trial at both ends
     acts_on: Literal["error", "signal"] = "error"  # filter the error to learn from, or the learned signal
 
 
@@ -84,6 +86,7 @@ class ObserverIlc(TrialLaw):
         None  # of observer and feedback; default: by the rule
     )
     cutoff: LawFrequency | None = None  # of the filter on the learned signal, Hz; default: by the rule
+    ends: Ends = "even"  # as in QFilter
 
 
 AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | ObserverIlc | PythonLaw | LibraryLaw

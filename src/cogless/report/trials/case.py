@@ -11,7 +11,8 @@ import numpy as np
 
 from cogless.design.certificate import ModelCertificate
 from cogless.design.trial import TrialDesign
-from cogless.report.packing import Array
+from cogless.report.comparison import SAME
+from cogless.report.packing import Array, rms
 from cogless.report.trials.certificate import Model, models
 from cogless.report.trials.errors import Judged, judged, rms_of_trials, settled
 from cogless.report.trials.phases import Phase, phases
@@ -49,6 +50,34 @@ class Case(Contest):
     def final(self) -> dict[str, list[float]]:
         """Each controller's RMS over the second half of each phase, in the display unit."""
         return {c: [settled(self.of(c, phase)) for phase in self.phases] for c in self.rms}
+
+    @cached_property
+    def feedback(self) -> dict[str, list[float]]:
+        """RMS in each phase of each learning controller's own feedback: the same without learning."""
+        found = {}
+        for controller, run in self.runs.items():
+            trace = run.feedback
+            if trace is not None and self.about.signal in trace:
+                rows = trace[self.about.signal].reshape(len(self.phases), -1)
+                found[controller] = [float(x) for x in rms(rows) / self.about.scale]
+        return found
+
+    def above_feedback(self, controller: str) -> tuple[Phase, float, float] | None:
+        """The phase that ends furthest above the controller's own feedback, and both values; None if none
+        does.
+
+        An error below the floor doesn't count.
+        """
+        worst, least = None, (1 + SAME, self.about.floor or 0.0)
+        if controller not in self.final or controller not in self.feedback:
+            return None
+        for phase, mine, base in zip(
+            self.phases, self.final[controller], self.feedback[controller], strict=True
+        ):
+            ratio = mine / base if base > 0 else math.inf
+            if not ratio <= least[0] and not mine <= least[1]:
+                worst, least = (phase, mine, base), (ratio, least[1])
+        return worst
 
     def of(self, controller: str, phase: Phase) -> Array:
         """A controller's RMS in the trials of a phase."""

@@ -21,7 +21,8 @@ NOTE = (
     "pole of the loop, stable below 1. From trial to trial: |F|, the largest factor by which any frequency "
     "of the error is multiplied from one trial to the next; with the ends: growth a trial in tried trials, "
     "which begin and end. Neither above 1, the error doesn't grow (monotone); and |F| below 1 everywhere, "
-    "it shrinks at every frequency (contracting)."
+    "it shrinks at every frequency (contracting). Largest share: of any error without learning (with an "
+    "observer, of any missing input), what a trial may have at most."
 )
 ROUNDING = 1e-4  # of K_3
 MINUS = "−"  # noqa: RUF001
@@ -36,6 +37,7 @@ HEADINGS = (
     "|F| without Q filter",
     "|F| with Q filter",
     "Growth with the ends",
+    "Largest share of the error",
     "Monotone up to K_3",
 )
 
@@ -125,6 +127,7 @@ def _rows(results: TrialResults, run: Run) -> str:
             _learning(model.without_filter),
             _learning(model.with_filter),
             _cell(model.growth, model.growth is not None and model.growth <= 1 + ENDS, GROWS),
+            _cell(model.finite.share if model.finite is not None else None),
             f"<td>{limits}</td>",
         ]
         body.append(f"<tr>{'' if body else first}{''.join(cells)}</tr>")

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from cogless.design.certificate import ENDS, Learning, ModelCertificate
 from cogless.design.response import MONOTONE
+from cogless.design.trial import TrialDesign
 from cogless.report.comparison import SAME
 from cogless.report.packing import number
 from cogless.report.trials.case import Case, case
@@ -37,6 +38,7 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
         *[_behind(c, name, best) for name in others if name not in c.growing],
         *[_grows(c, name) for name in ranked if name in c.growing and others],
         _against_the_baseline(c, best),
+        *[_against_its_feedback(c, name, best) for name in ranked],
         *[_leaves_floor(c, name) for name in ranked],
         _at_the_limit(c),
         *_certificates(c),
@@ -208,6 +210,25 @@ def _against_the_baseline(c: Case, best: str) -> str:
     return " ".join(sentences)
 
 
+def _against_its_feedback(c: Case, name: str, best: str) -> str:
+    """A sentence on a controller that ends above the same controller without learning, or on the best."""
+    above = c.above_feedback(name)
+    if above is not None:
+        phase, mine, base = above
+        return (
+            f"{c.label(name)} is worse than without learning: {phase.after} it ends with {c.text(mine)} RMS, "
+            f"and its feedback alone leaves {c.text(base)}."
+        )
+    if name != best or name not in c.feedback or name not in c.final:
+        return ""
+    worst = max(range(len(c.phases)), key=lambda n: c.final[name][n])
+    where = f" {c.phases[worst].after}" if len(c.phases) > 1 else ""
+    return (
+        f"Without learning the same controller leaves {c.text(c.feedback[name][worst])} RMS{where}, "
+        f"against {c.text(c.final[name][worst])}."
+    )
+
+
 def _leaves_floor(c: Case, name: str) -> str:
     """A sentence on a floor that was reached early in a phase but isn't kept; "" if there is none."""
     if name not in c.counts or name not in c.final or c.about.floor is None or name in c.growing:
@@ -264,7 +285,9 @@ def _certificates(c: Case) -> list[str]:
             sentences.append(f"{label} is not certified: {_growing(found, learning)} ({model.words}).")
         elif design.beyond:
             sentences.append(f"Of {label} the certificate doesn't speak: {design.beyond[0]}.")
-        elif name in c.growing:
+        elif (reason := _not_in_this_scenario(c, design)) is not None:
+            sentences.append(f"{label} is not certified: {reason} ({model.words}).")
+        elif name in c.growing or c.above_feedback(name) is not None:
             sentences.append(
                 f"The certificate of {label} says that the error doesn't grow, but it knows no "
                 "current loop, no sensor and no limit: the run counts."
@@ -274,9 +297,22 @@ def _certificates(c: Case) -> list[str]:
     for (model, plants), names in proven.items():
         sentences.append(
             f"Certified: while nothing changes, no frequency of the error grows from trial to trial with "
-            f"{c.labels(names)} ({model.words}, at its corners and at {plants} random plants)."
+            f"{c.labels(names)} ({model.words}, at its corners and at {plants} random plants); and at each "
+            "corner the error of this scenario ends no higher than without learning."
         )
     return [*sentences, _delay(c)]
+
+
+def _not_in_this_scenario(c: Case, design: TrialDesign) -> str | None:
+    """Why learning may not help at some corner in this scenario, in words; None if it does at all."""
+    prediction, over = design.prediction, design.over_limit
+    if over is not None and design.limit is not None:
+        plant, most = over
+        return f"at {plant} the motion needs {number(most)}, above the limit of {number(design.limit)}"
+    if prediction is not None and prediction.ends_above:
+        after = c.phases[prediction.worst_phase].after
+        return f"{after} its error ends at up to {number(prediction.share)} times that without learning"
+    return None
 
 
 def _growing(found: ModelCertificate, learning: Learning) -> str:

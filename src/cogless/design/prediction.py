@@ -1,0 +1,202 @@
+"""What a trial controller makes of a scenario, by linear simulation of its plants, before anything is run.
+
+The certificate speaks of any error. But a scenario has its own: of its reference, start and load at each
+plant,
+and where the filter or the ends keep learning from some of it, the sum may end above what the feedback alone
+leaves. So the scenario itself is tried: at each corner one trial of the feedback is simulated, and from its
+error d the errors of all trials follow as R_k d (finite.py), phase after phase with what was learned before.
+
+It knows neither noise, nor the sensor and the current loop, nor friction that isn't viscous, nor the limit:
+`peak` says what the input would need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.design.certificate import Gains
+from cogless.design.finite import TrialMap
+from cogless.design.model import Model, Real
+from cogless.design.trial_observer import ObserverGains, observer_gains
+
+TRIALS = 80  # of a phase, at most: the others are like the last
+SAME = 1e-3  # of the feedback's error: no more than rounding and what the last trials still change
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """One phase of a scenario: one trial's reference and load, and how many trials it has."""
+
+    reference: Real  # (samples,)
+    load: Real  # (samples,), in the unit of the input
+    start: Real  # (n,), the plant's state at the first sample
+    trials: int
+
+
+@dataclass(frozen=True)
+class PhasePrediction:
+    """Of each plant: RMS over each trial with learning, and without; and the largest input of both."""
+
+    learned: Real  # (plants, trials)
+    feedback: Real  # (plants,)
+    peak: Real  # (plants,), |u| in the last trial
+    feedback_peak: Real  # (plants,), |u| without learning
+
+    @property
+    def share(self) -> float:
+        """The last trial's RMS / the feedback's, of the worst plant."""
+        return float(np.max(self.learned[:, -1] / np.maximum(self.feedback, 1e-300)))
+
+    @property
+    def highest_share(self) -> float:
+        """The same in the worst trial after the phase's first."""
+        later = self.learned[:, min(1, self.learned.shape[1] - 1) :]
+        return float(np.max(later / np.maximum(self.feedback, 1e-300)[:, None]))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A scenario's phases at each plant."""
+
+    labels: tuple[str, ...]  # of the plants
+    phases: tuple[PhasePrediction, ...]
+
+    @property
+    def share(self) -> float:
+        """How much of the feedback's error is left at the end of a phase, of the worst plant and phase."""
+        return max(phase.share for phase in self.phases)
+
+    @property
+    def worst_phase(self) -> int:
+        """The phase of this share, from 0."""
+        return int(np.argmax([phase.share for phase in self.phases]))
+
+    @property
+    def ends_above(self) -> bool:
+        """Whether some phase ends above the feedback's error at some plant."""
+        return not self.share <= 1 + SAME
+
+    def beyond(self, limit: float) -> tuple[str, float] | None:
+        """The plant that needs the most input and how much; None if all stay within the limit."""
+        peaks = np.max([np.maximum(phase.peak, phase.feedback_peak) for phase in self.phases], axis=0)
+        k = int(np.argmax(peaks))
+        return (self.labels[k], float(peaks[k])) if peaks[k] > limit else None
+
+
+def predict(
+    models: Sequence[Model],
+    labels: Sequence[str],
+    C: Real,
+    law: Gains | ObserverGains,
+    trial: TrialMap,
+    ahead: tuple[Real, Real, int] | None,
+    phases: Sequence[Conditions],
+) -> Prediction:
+    """The prediction for these plants.
+
+    `trial`: learning at the same plants, in their order. `ahead`: numerator, denominator and preview of the
+    feedforward.
+    """
+    position = TrialMap(
+        [law.position(m, C) for m in models], trial.K_3, trial.shift, None, "error", trial.samples
+    )
+    v = np.zeros((len(models), trial.samples))
+    found = []
+    for phase in phases:
+        f = feedforward(ahead, phase.reference)
+        error, lesson, u = simulated(models, C, law, phase, f, np.zeros_like(v))
+        added = trial.correction(lesson)
+        errors = []
+        for _ in range(min(phase.trials, TRIALS)):
+            last = v
+            errors.append(_rms(error - position.output(v)))
+            v = trial.kept(v) - trial.correction(trial.output(v)) + added
+        _, _, learned_u = simulated(models, C, law, phase, f, last)
+        found.append(
+            PhasePrediction(
+                np.array(errors).T, _rms(error), np.abs(learned_u).max(axis=1), np.abs(u).max(axis=1)
+            )
+        )
+    return Prediction(tuple(labels), tuple(found))
+
+
+def feedforward(ahead: tuple[Real, Real, int] | None, reference: Real) -> Real:
+    """f(p) of (41): the reference rests before its first and after its last sample."""
+    samples = len(reference)
+    f = np.zeros(samples)
+    if ahead is None:
+        return f
+    num, den, preview = ahead
+    rest = float(np.sum(num) / np.sum(den)) * reference[0]
+    for p in range(samples):
+        taps = reference[np.clip(p + preview - np.arange(len(num)), 0, samples - 1)]
+        before = [f[p - j] if p >= j else rest for j in range(1, len(den))]
+        f[p] = num @ taps - float(np.dot(den[1:], before))
+    return f
+
+
+def simulated(
+    models: Sequence[Model],
+    C: Real,
+    law: Gains | ObserverGains,
+    phase: Conditions,
+    f: Real,
+    v: Real,
+) -> tuple[Real, Real, Real]:
+    """One trial of each plant with v: the error, what is learned from, and the input; (plants, samples)."""
+    A, B = np.array([m.A for m in models]), np.array([m.B[:, 0] for m in models])
+    x = np.tile(phase.start, (len(models), 1))
+    error, u = np.zeros_like(v), np.zeros_like(v)
+    psi = np.zeros(len(models))
+    observer = _Observer(law, len(models)) if isinstance(law, ObserverGains) else None
+    lesson = error if observer is None else np.zeros_like(v)
+    for p in range(v.shape[1]):
+        y = x @ C
+        error[:, p] = phase.reference[p] - y
+        if observer is not None:
+            feedback, lesson[:, p] = observer.step(error[:, p])
+            observer.act(feedback)
+            u[:, p] = feedback + f[p] + v[:, p]
+        else:
+            assert isinstance(law, Gains)
+            u[:, p] = x @ law.K_1 + law.K_2 * psi + f[p] + law.N * v[:, p]
+            if law.integral:
+                psi = psi + error[:, p] + (v[:, p] if law.through_integrator else 0.0)
+        x = np.einsum("kij,kj->ki", A, x) + B * (u[:, p] - phase.load[p])[:, None]
+    return error, lesson, u
+
+
+class _Observer:
+    """The observer of the law, for several plants."""
+
+    def __init__(self, gains: ObserverGains, plants: int) -> None:
+        self._g = gains.response
+        self._l, self._k = observer_gains(gains.pole)
+        self._x = np.zeros((plants, 3))
+        self._before: list[Real] = []
+        self._acted = [np.zeros(plants)] * 2
+
+    def step(self, e: Real) -> tuple[Real, Real]:
+        """The whole feedback, and r of two samples ago."""
+        if not self._before:
+            self._x[:, 0] = e
+            self._before = [e] * 3
+        self._x = self._x + self._l * (e - self._x[:, 0])[:, None]
+        b = self._before
+        missing = self._acted[1] + (e - b[0] - b[1] + b[2]) / (2 * self._g)
+        self._before = [e, b[0], b[1]]
+        return (self._x[:, :2] @ self._k + self._x[:, 2]) / self._g, missing
+
+    def act(self, feedback: Real) -> None:
+        """Goes on to the next sample with this feedback."""
+        push = self._x[:, 2] - self._g * feedback
+        s = self._x[:, 1]
+        self._x = np.stack([self._x[:, 0] + s + push / 2, s + push, self._x[:, 2]], axis=1)
+        self._acted = [feedback, self._acted[0]]
+
+
+def _rms(rows: Real) -> Real:
+    return np.asarray(np.sqrt(np.mean(rows**2, axis=1)))

@@ -1,0 +1,177 @@
+"""A scenario's prediction against the C laws on the engine, and what is said of a scenario before it runs."""
+
+from __future__ import annotations
+
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+from trial_studies import DRIVE, loaded
+
+from cogless import run_study
+from cogless.design.from_study import design_study
+from cogless.design.trial_summary import summary, table, to_dict
+from cogless.report.trials.case import case
+from cogless.report.trials.verdict import verdict
+from cogless.results import Run
+from cogless.study import TrialStudy, load
+
+AXIS = """
+title = "An axis with a start offset"
+[plant]
+period = "2 ms"
+A = [[0, 1], [0, "-d"]]
+B = [0, "k"]
+C = [1, 0]
+input_limit = 50.0
+[plant.parameter]
+k = [450.0, 800.0]
+d = 2.0
+[design]
+state_weight = [2e4, 0.1, 4]
+input_weight = 0.9
+initial_state = [0.01, 0, 0]
+[scenario.moves]
+duration = "0.6 s"
+trials = 24
+initial_state = [0.01, 0]
+reference = [["0.05 s", 0], ["0.35 s", 2]]
+changes = [{ trial = 13, load_steps = [[100, 0.8]] }]
+[controller.error]
+law = "trial-ilc"
+q_filter = { cutoff = "30 Hz" }
+[controller.signal]
+law = "trial-ilc"
+acts_on = "input"
+q_filter = { cutoff = "25 Hz", acts_on = "signal", ends = "odd" }
+[controller.optimal]
+law = "norm-optimal"
+[controller.observer]
+law = "observer-ilc"
+[controller.feedback]
+law = "trial-ilc"
+learning = false
+[[metric]]
+name = "error"
+kind = "rms"
+signal = "y_error"
+"""
+
+
+def axis(folder: Path, changes: dict[str, Any] | None = None) -> TrialStudy:
+    path = folder / "axis.toml"
+    path.write_text(AXIS, encoding="utf-8")
+    study = load(path, changes)
+    assert isinstance(study, TrialStudy)
+    return study
+
+
+@pytest.fixture(scope="module", params=[450.0, 800.0])
+def runs(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict[str, Run]]:
+    """All controllers at one corner, and the corner's name."""
+    folder = tmp_path_factory.mktemp("axis")
+    study = axis(folder, {"scenario.moves.override": {"k": request.param}})
+    found = run_study(study).runs
+    return f"k = {request.param:g}", {run.controller: run for run in found}
+
+
+@pytest.mark.parametrize("name", ["error", "signal", "optimal", "observer", "feedback"])
+def test_it_is_what_the_engine_does(runs: tuple[str, dict[str, Run]], name: str) -> None:
+    label, found = runs
+    run = found[name]
+    assert run.design is not None and run.design.prediction is not None
+    prediction = run.design.prediction
+    at = prediction.labels.index(label)
+    learned = np.concatenate([phase.learned[at] for phase in prediction.phases])
+    measured = np.asarray(run.metrics["error"])
+    np.testing.assert_allclose(learned, measured, rtol=1e-6, atol=1e-12)
+    u = np.abs(run.trace["u"].reshape(24, -1)).max(axis=1)
+    assert prediction.phases[0].peak[at] == pytest.approx(u[11], rel=1e-6)
+    assert prediction.phases[1].peak[at] == pytest.approx(u[23], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["error", "signal", "optimal", "observer"])
+def test_a_run_has_the_trials_of_its_own_feedback(runs: tuple[str, dict[str, Run]], name: str) -> None:
+    """They equal the first trial, in which nothing is learned, and what was predicted."""
+    label, found = runs
+    run = found[name]
+    assert run.feedback is not None and run.design is not None and run.design.prediction is not None
+    alone = run.feedback["y_error"].reshape(2, -1)
+    np.testing.assert_array_equal(alone[0], run.trace["y_error"].reshape(24, -1)[0])
+    at = run.design.prediction.labels.index(label)
+    for row, phase in zip(alone, run.design.prediction.phases, strict=True):
+        assert np.sqrt(np.mean(row**2)) == pytest.approx(phase.feedback[at], rel=1e-6)
+    if name in ("error", "optimal"):  # the study's feedback is theirs
+        same = np.asarray(found["feedback"].trace["y_error"]).reshape(24, -1)
+        np.testing.assert_allclose(alone, same[[0, 12]], rtol=1e-9, atol=1e-12)
+    assert found["feedback"].feedback is None
+
+
+def test_a_feedback_that_needs_more_than_the_limit_is_not_certified_and_its_vertex_is_named(
+    tmp_path: Path,
+) -> None:
+    study = axis(tmp_path)
+    design = design_study(study, [("moves", "optimal")])["moves", "optimal"]
+    assert design.certified and design.over_limit is None
+    assert design.prediction is not None
+    most = max(float(np.max([*phase.peak, *phase.feedback_peak])) for phase in design.prediction.phases)
+    low = axis(tmp_path, {"plant.input_limit": 0.9 * most})
+    limited = design_study(low, [("moves", "optimal")])["moves", "optimal"]
+    assert not limited.certified and limited.over_limit is not None
+    plant, needed = limited.over_limit
+    assert needed == pytest.approx(most)
+    assert plant == "k = 450"  # the weakest
+    found = summary(low)
+    assert to_dict(low, found)["controllers"]["optimal"]["certified"] is False
+    console = Console(width=250, record=True, file=StringIO())
+    console.print(table(low, found))
+    assert f"at k = 450, above the limit of {0.9 * most:.4g}" in console.export_text()
+
+
+def test_certified_means_that_the_scenario_ends_no_higher_than_without_learning(tmp_path: Path) -> None:
+    """The odd reflection with a start offset: no frequency grows, yet the error ends above the feedback's.
+
+    The run and its verdict say so, and the even one doesn't do it.
+    """
+    changes = {
+        "scenario.moves.initial_state": [0.05, 0],
+        "scenario.moves.trials": 30,
+        "scenario.moves.changes": [],
+        "scenario.moves.reference": [["0.05 s", 0], ["0.35 s", 0.001]],
+        "controller.signal.q_filter.cutoff": "6 Hz",
+    }
+    said = {}
+    for ends in ("odd", "even"):
+        study = axis(tmp_path, changes | {"controller.signal.q_filter.ends": ends})
+        results = run_study(study, ["*/signal"])
+        (run,) = results.runs
+        assert run.design is not None and run.design.prediction is not None and run.feedback is not None
+        error = np.asarray(run.metrics["error"])
+        alone = float(np.sqrt(np.mean(run.feedback["y_error"] ** 2)))
+        text = verdict(results, results.runs)
+        assert text is not None
+        said[ends] = (run.design, error[-1] / alone, " ".join([text.headline, *text.details]))
+    design, share, words = said["odd"]
+    learning = (design.certificate.exact or design.certificate.design).learning
+    assert learning is not None and learning.monotone  # all that was looked at before
+    assert share > 1.05 and not design.certified
+    assert design.prediction.share >= share * (1 - 1e-6)
+    assert "is worse than without learning" in words and "is not certified" in words
+    design, share, words = said["even"]
+    assert share < 1 and design.certified
+    assert "worse than without learning" not in words and "Certified: " in words
+
+
+def test_a_floor_excuses_an_error_below_it(tmp_path: Path) -> None:
+    results = run_study(loaded(tmp_path, text=DRIVE), ["*/ilc"])
+    judged = case(results, results.runs)
+    assert judged is not None
+    judged.__dict__["final"] = {"ilc": [0.9e-3, 3e-3, 2e-3]}
+    judged.__dict__["feedback"] = {"ilc": [1e-4, 2e-3, 1.5e-3]}
+    above = judged.above_feedback("ilc")
+    assert above is not None and (above[0].start, above[1:]) == (5, (3e-3, 2e-3))
+    judged.__dict__["final"] = {"ilc": [0.9e-3, 2e-3, 1.5e-3]}
+    assert judged.above_feedback("ilc") is None
