@@ -144,7 +144,7 @@ def feedback_plan(planned: Plan) -> Plan | None:
     trials["count"] = len(trials["phases"])
     for trial, phase in enumerate(trials["phases"]):
         phase["from"] = trial
-    with _refusals(study, scenario, planned.controller):
+    with failures(study, scenario, planned.controller):
         make = planned.engine.LinearTrials if study.plant is not None else planned.engine.Drive
         drive = make(description) if study.plant is not None else make(description, None)
     ticks = study.samples(scenario) * trials["count"] * planned.divider
