@@ -162,7 +162,7 @@ def test_what_no_member_holds_is_refused(name: str, values: dict[str, Any], mess
 
 
 def test_an_array_holds_no_more_than_its_length() -> None:
-    values = {"order": 0, "b": [1.0] * 6, "a": []}
+    values = {"order": 0, "odd": False, "b": [1.0] * 6, "a": []}
     with pytest.raises(ValueError, match=r"cgl_zero_phase_config\.b: 6 entries: expected at most 5"):
         control_layout("single").pack("cgl_zero_phase_config", values)
 

@@ -340,7 +340,7 @@ class Law:
     def step(self, inputs):
         return 0.0
 """
-OWN = '[controller.own]\nlaw = "python"\nobject = "law.py:Law"\nparams = { gain = 0.5 }\n'
+WITH_GAIN = OWN + "params = { gain = 0.5 }\n"
 
 
 def rows_without(study: Any, folder: Path) -> dict[str, Any]:
@@ -353,7 +353,7 @@ def rows_without(study: Any, folder: Path) -> dict[str, Any]:
 @pytest.mark.parametrize("vary", ["controller.own.params.gain = { list = [0.5, 2.0] }", "seeds = true"])
 def test_a_law_that_is_refused_in_preparation_loses_its_own_rows_only(tmp_path: Path, vary: str) -> None:
     (tmp_path / "law.py").write_text(REFUSES)
-    own = OWN if "gain" in vary else OWN.replace("0.5", "2.0")  # of some variants, or of all
+    own = WITH_GAIN if "gain" in vary else WITH_GAIN.replace("0.5", "2.0")  # of some variants, or of all
     study = ensembles.study(tmp_path, vary=f"{own}[vary]\n{vary}")
     folder, other = tmp_path / "all", tmp_path / "others"
     folder.mkdir()

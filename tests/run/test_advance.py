@@ -92,16 +92,23 @@ def test_the_longest_runs_are_first_and_those_of_one_scenario_together(
 
 def test_failures_are_counted_and_the_first_is_told() -> None:
     study = cast(Any, SimpleNamespace())
-    failed: list[Any] = [simulate.StudyError("one"), None, simulate.StudyError("two"), Stopped()]
+    ends = (simulate.StudyError("one"), None, simulate.StudyError("two"), Stopped())
+    failed: list[Any] = [
+        SimpleNamespace(scenario="low", controller=str(number), outcome=end)
+        for number, end in enumerate(ends)
+    ]
+    unfinished: list[Any] = [failed[1]]
     for outcomes, line in (([failed], "one (and 1 more)"), ([[], failed[:2]], "one")):
         with pytest.raises(simulate.RunError) as error:
             simulate._collected([study] * len(outcomes), outcomes, False)
         assert str(error.value) == line and len(error.value.all_results) == len(outcomes)
         assert [result.interrupted for result in error.value.all_results][-1:] == [True]
     done, stopped = (
-        simulate._collected([study], [[None]], False),
-        simulate._collected([study], [[None]], True),
+        simulate._collected([study], [unfinished], False),
+        simulate._collected([study], [unfinished], True),
     )
     assert [result.interrupted for result in (*done, *stopped)] == [False, True]
-    with pytest.raises(ZeroDivisionError):
-        simulate._collected([study], [[ZeroDivisionError()]], False)
+    broken: Any = SimpleNamespace(scenario="low", controller="0", outcome=ZeroDivisionError())
+    with pytest.raises(simulate.RunDefect, match="low/0") as defect:
+        simulate._collected([study], [[broken]], False)
+    assert isinstance(defect.value.__cause__, ZeroDivisionError)

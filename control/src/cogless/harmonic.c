@@ -266,8 +266,8 @@ CGL_APART static void turn_bend(cgl_harmonic *law, uint32_t theta)
     bend->here = bend->share * here * (CGL_R(1.0) / CGL_TWO_PI);
 }
 
-/* Begins to make the gains anew: the speed of now, the orders that it leaves, the rate. */
-CGL_APART static void begin_round(cgl_harmonic *law, const cgl_law_input *in)
+/* Begins to make the gains anew: the present speed, the orders that it leaves, the rate. `speed_ref`: |omega_ref|, rad/s. */
+CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real speed_ref)
 {
     const cgl_harmonic_config *const config = &law->config;
     const cgl_real speed = cgl_abs(law->omega), step = CGL_TWO_PI * (cgl_real)config->base * law->omega;
@@ -288,9 +288,9 @@ CGL_APART static void begin_round(cgl_harmonic *law, const cgl_law_input *in)
     const cgl_real begun = full * law->time, after = begun - FULL; /* the mean begins FULL after learning */
     const cgl_real mean = after > CGL_R(0.0) ? full / (CGL_R(1.0) + CGL_R(0.5) * after) : full;
     const cgl_real rate = mean > config->rate_min ? mean : lesser(config->rate_min, shared);
-    const cgl_real asked = HUNTS * (cgl_real)config->base * law->pi.ts * cgl_abs(in->omega_ref);
+    const cgl_real asked = HUNTS * (cgl_real)config->base * law->pi.ts * speed_ref;
     const cgl_real most = lesser(asked, size) / (CGL_PI * law->pi.ts); /* leaves exp(-1) of an order after a period of the base order */
-    law->rate = cgl_gentle_gain(in->gentle, config->rate, config->rate) * lesser(rate, most);
+    law->rate = cgl_gentle_gain(gentle, config->rate, config->rate) * lesser(rate, most);
     const cgl_real turn = size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0);
     cgl_sincos_of_angle(CGL_R(0.5) * turn, &law->half[1], &law->half[0]);
     cgl_sincos_of_angle(turn * law->ahead, &law->base[1], &law->base[0]);
@@ -305,14 +305,14 @@ CGL_APART static void begin_round(cgl_harmonic *law, const cgl_law_input *in)
 
 /* The gain of the order that is due. With D = (Z - p) exp(-j Om/2), 1/G is D^3 exp(-j Om/2) / (cos(Om/2) l3) for z, and
  * D^3 / (j sin Om) for e; two z sum to 2 cos(Om/2) exp(-j Om/2) of one. The phasor that it meets is ahead by Om (1/2 + delay). */
-CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, const cgl_law_input *in)
+CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gentle, cgl_real speed_ref)
 {
     const uint32_t k = law->due, orders = law->config.orders;
     const cgl_real slow = (CGL_TWO_PI * MEAN) * (cgl_real)law->config.base * cgl_abs(law->omega);
     law->share = law->learning && slow < QUICK ? slow : QUICK;
     law->time += law->learning && law->time < CGL_R(1.0e6) ? (cgl_real)pause * law->pi.ts : CGL_R(0.0);
     if (k >= law->acting) {
-        begin_round(law, in);
+        begin_round(law, gentle, speed_ref);
         return;
     }
     const cgl_real *const held = law->config.held;
@@ -444,7 +444,7 @@ static cgl_real follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t thet
     const cgl_real error = observe(law, theta), loads = two_loads(law);
     const uint32_t pause = law->acting > FEW ? 2U : 4U;
     if (law->since % pause == 1U) {
-        make_gain(law, pause, in);
+        make_gain(law, pause, in->gentle, cgl_abs(in->omega_ref));
     }
     if (in->off) {
         return CGL_R(0.0);
@@ -480,7 +480,7 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
         if (law->config.k_theta > CGL_R(0.0)) {
             error += lag_of(law, in, theta);
         }
-        const bool turns = in->omega_ref > CGL_R(0.0) || in->omega_ref < CGL_R(0.0);
+        const bool turns = cgl_abs(in->omega_ref) > CGL_R(0.0);
         const bool may = in->learn && turns && !cgl_law_stands_by(in) && !law->pi.saturated && is_plausible(law, in, error);
         if (!CGL_OFTEN(may && law->learning)) {
             settle(law, may);
