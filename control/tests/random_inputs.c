@@ -1455,7 +1455,7 @@ void random_inputs(long configs)
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0x6ac96239U, 0xbac5265dU},
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
-        {"harmonic", try_harmonic, 0x4dcd1464U, 0x979a43bbU},
+        {"harmonic", try_harmonic, 0x9bef06e3U, 0xa35d88e0U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
