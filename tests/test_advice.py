@@ -299,9 +299,9 @@ LATE = {"scenario.slow.reference": "1200 rpm", "scenario.slow.initial_speed": "1
         "drive.rates.integration_steps": 4,
         "controller.pi": {"law": "pi", "kp": 0.005, "ki": 0.03}}  # fmt: skip
 SLOW_GIMBAL = {"motor.R_s": "10 ohm", "motor.L_d": "3.5 mH", "motor.L_q": "3.5 mH",
-                  "motor.cogging": [{"order": 84, "torque": "6 mN*m"}], "mechanics.inertia": "4e-5 kg*m^2",
-                  "mechanics.coulomb_friction": "0 N*m", "drive.position_sensor": {"kind": "absolute", "bits": 14},
-                  "scenario.slow.reference": "1 rpm", "scenario.slow.initial_speed": "0 rpm"}  # fmt: skip
+               "motor.cogging": [{"order": 84, "torque": "6 mN*m"}], "mechanics.inertia": "4e-5 kg*m^2",
+               "mechanics.coulomb_friction": "0 N*m",
+               "drive.position_sensor": {"kind": "absolute", "bits": 14}, "scenario.slow.reference": "1 rpm", "scenario.slow.initial_speed": "0 rpm"}  # fmt: skip
 CASES: dict[str, list[Case]] = {
     "design.slow_running._snapping": [
         Case(NEMA, {"scenario.slow.reference": "0.5 rpm"}, "stops and snaps", left=0.1),
@@ -314,7 +314,7 @@ CASES: dict[str, list[Case]] = {
                  "leaves nothing of", left=0.1, cures=cures)
             for kp, cures in ((0.012, 2), (0.02, 1))
         ),
-        # A slower feedback is not advised here: it would leave more of the cogging than it saves of the counts.
+        # No slower feedback is advised here: it leaves more of the cogging than it saves of the counts.
         *(Case(MY_MOTOR, SLOW_GIMBAL, "coasts", name, cures=1) for name in ("pi", "harmonic")),
         Case(TELESCOPE, {**SLOW_SKY, **encoder(speed_method="MT")}, "phase margin", left=0.3, cures=2),
         Case(TELESCOPE, {**SLOW_SKY, **absolute(bits=14, window=10)}, "coasts", left=0.3, cures=2),
