@@ -301,7 +301,8 @@ LATE = {"scenario.slow.reference": "1200 rpm", "scenario.slow.initial_speed": "1
 SLOW_GIMBAL = {"motor.R_s": "10 ohm", "motor.L_d": "3.5 mH", "motor.L_q": "3.5 mH",
                "motor.cogging": [{"order": 84, "torque": "6 mN*m"}], "mechanics.inertia": "4e-5 kg*m^2",
                "mechanics.coulomb_friction": "0 N*m",
-               "drive.position_sensor": {"kind": "absolute", "bits": 14}, "scenario.slow.reference": "1 rpm", "scenario.slow.initial_speed": "0 rpm"}  # fmt: skip
+               "drive.position_sensor": {"kind": "absolute", "bits": 14},
+               "scenario.slow.reference": "1 rpm", "scenario.slow.initial_speed": "0 rpm"}  # fmt: skip
 CASES: dict[str, list[Case]] = {
     "design.slow_running._snapping": [
         Case(NEMA, {"scenario.slow.reference": "0.5 rpm"}, "stops and snaps", left=0.1),
