@@ -35,7 +35,9 @@ COLUMNS = 80
 LINES_SHOWN = 6  # of each file that differs
 WRONG_VALUES = (-1, 1e30, "nonsense", {})
 # Run ids, SHA-256 and versions depend on when, where and by which release a file is written.
-ACCIDENTS = re.compile(r'(?<!\.)\b[0-9a-f]{16}\b|\b[0-9a-f]{64}\b|"(?:cogless|python|numpy|version)": *"[^"]*"')
+ACCIDENTS = re.compile(
+    r'(?<!\.)\b[0-9a-f]{16}\b|\b[0-9a-f]{64}\b|"(?:cogless|python|numpy|version)": *"[^"]*"'
+)
 
 
 def studies() -> dict[str, Path]:

@@ -25,9 +25,15 @@ def test_a_changed_a_missing_and_a_new_file_are_shown(
 
 
 def test_what_only_another_run_alters_is_no_difference(tmp_path: Path) -> None:
-    first = {"results.json": '"run": "0123456789abcdef", "version": "0.1.0", "ripple_rad_s": 0.2512345678901233'}
-    second = {"results.json": '"run": "fedcba9876543210", "version": "0.2.0", "ripple_rad_s": 0.2512345678901233'}
-    third = {"results.json": '"run": "fedcba9876543210", "version": "0.2.0", "ripple_rad_s": 0.2512345678901234'}
+    first = {
+        "results.json": '"run": "0123456789abcdef", "version": "0.1.0", "ripple_rad_s": 0.2512345678901233'
+    }
+    second = {
+        "results.json": '"run": "fedcba9876543210", "version": "0.2.0", "ripple_rad_s": 0.2512345678901233'
+    }
+    third = {
+        "results.json": '"run": "fedcba9876543210", "version": "0.2.0", "ripple_rad_s": 0.2512345678901234'
+    }
     kept, now, moved = (
         folder(tmp_path, name, files) for name, files in (("a", first), ("b", second), ("c", third))
     )
