@@ -31,11 +31,7 @@ MEMORY_MOST = 3 << 29  # B beyond what the process has at its start: 1 GiB of nu
 TIME_MOST = 30  # s of the processor
 WAIT_MOST = 600  # s, if it only waits
 TOO_SHORT = "no log turns at a steady speed for a revolution; record one that does\n"
-ID = """
-[columns]
-t = "time"
-theta = "angle"
-omega = "speed"
+DRIVE = """
 [motor]
 pole_pairs = 4
 R_s = "1 ohm"
@@ -47,6 +43,7 @@ rates = { current_loop = "10 kHz", speed_loop = "1 kHz" }
 current_loop = { bandwidth = "500 Hz", current_limit = "10 A" }
 inverter = { bus_voltage = "48 V" }
 """
+ID = '[columns]\nt = "time"\ntheta = "angle"\nomega = "speed"\n' + DRIVE
 
 
 def columns() -> dict[str, np.ndarray]:

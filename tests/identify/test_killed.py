@@ -9,23 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import forked
+from damage import DRIVE
 
-ID = """
-[columns]
-t = "t"
-theta = "theta"
-i_q = "i_q"
-[motor]
-pole_pairs = 4
-R_s = "1 ohm"
-L_d = "1 mH"
-L_q = "1 mH"
-K_t = "0.3 N*m/A"
-[drive]
-rates = { current_loop = "10 kHz", speed_loop = "1 kHz" }
-current_loop = { bandwidth = "500 Hz", current_limit = "10 A" }
-inverter = { bus_voltage = "48 V" }
-"""
+ID = '[columns]\nt = "t"\ntheta = "theta"\ni_q = "i_q"\n' + DRIVE
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT")
 
 

@@ -50,12 +50,6 @@ class PhasePrediction:
         """The last trial's RMS / the feedback's, of the worst plant."""
         return float(np.max(self.learned[:, -1] / np.maximum(self.feedback, 1e-300)))
 
-    @property
-    def highest_share(self) -> float:
-        """The same in the worst trial after the phase's first."""
-        later = self.learned[:, min(1, self.learned.shape[1] - 1) :]
-        return float(np.max(later / np.maximum(self.feedback, 1e-300)[:, None]))
-
 
 @dataclass(frozen=True)
 class Prediction:
