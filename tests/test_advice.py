@@ -339,6 +339,9 @@ CASES: dict[str, list[Case]] = {
     "design.slow_running.reads_zero": [
         Case(MY_MOTOR, {**NONE, **encoder(), "scenario.slow.reference": "11 rpm"}, "most read 0", name)
         for name in ("pi", "harmonic")
+    ] + [
+        Case(MY_MOTOR, {**NONE, **encoder(speed_method="average", window=2),
+                        "scenario.slow.reference": "11 rpm"}, 'speed_method = "MT" } times the edges'),
     ],
     "design.map_size.map_warning": [
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 100}, gain="0.2 A*s/rad")},

@@ -111,6 +111,7 @@ def test_a_counted_speed_of_less_than_half_a_count_reads_zero(
     monkeypatch.setattr(slow_running, "_edges", lambda *_: None)
     monkeypatch.setattr(slow_running, "speed_text", lambda study, speed: f"{speed:g} rad/s")
     study: Any = SimpleNamespace(controllers_in=lambda scenario: ["x"])
+    monkeypatch.setattr(slow_running, "timed_edges", lambda study: None)
     monkeypatch.setattr(slow_running, "helping", lambda *_: ())
     found = slow_running.reads_zero(study, "s")
     line = "at 9.8 rad/s 0.49 counts come in a speed sample: most read 0, others 20 rad/s"

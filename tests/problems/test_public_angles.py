@@ -432,7 +432,7 @@ def test_a_speed_by_counts_jumps_between_nothing_and_a_count(tmp_path: Path) -> 
     assert np.ptp(run(timed).trace.part("omega_measured", slice(1000, None))) < 0.001 * count
     assert (
         limiting.setting is not None
-        and limiting.setting.changes["drive.position_sensor"]["speed_method"] == "MT"
+        and limiting.setting.changes["drive.position_sensor.speed_method"] == "MT"
     )
     assert min(remaining(results, drive, limiting)) < 0.01
 
@@ -551,7 +551,7 @@ def test_a_damper_needs_the_time_between_edges(tmp_path: Path) -> None:
     )
     assert (
         limiting.setting is not None
-        and limiting.setting.changes["drive.position_sensor"]["speed_method"] == "MT"
+        and limiting.setting.changes["drive.position_sensor.speed_method"] == "MT"
     )
     assert value(changed(drive, limiting.setting.changes), limiting) < 0.001
     stop = {"scenario.slow.events": [{"time": "0.2 s", "load": "-1 N*m"}, {"time": "1 s", "load": "0 N*m"}]}

@@ -52,8 +52,12 @@ def either(changes: Iterable[Changes], within: str = "") -> str:
 
 
 def _words(key: str, value: Any) -> str:
-    if isinstance(value, dict):  # gains in place of a rule
-        gains = [f"{each} = {toml(value[each])}" for each in GAINS if each in value]
+    gains = (
+        [f"{each} = {toml(value[each])}" for each in GAINS if each in value]
+        if isinstance(value, dict)
+        else []
+    )
+    if gains:
         return f"{' and '.join(gains)} in place of tuning"
     if value is None:
         return f"no {key}"

@@ -37,6 +37,18 @@ def finer_sensor(study: Study, factor: float) -> Changes | None:
     return None
 
 
+def timed_edges(study: Study) -> Changes | None:
+    """The change to a speed from the time between edges; None: the sensor has none, or they are timed."""
+    sensor, key = study.drive.position_sensor, "drive.position_sensor"
+    if not isinstance(sensor, Encoder) or sensor.timed or sensor.latency:
+        return None
+    table = study.source.tables["drive"]["position_sensor"]
+    own = {part: value for part, value in table.items() if part not in ("window", "observer_bandwidth")}
+    if len(own) == len(table):
+        return {f"{key}.speed_method": "MT"}
+    return {key: {**own, "speed_method": "MT"}}  # only other methods may have these keys
+
+
 def younger_speeds(study: Study) -> list[Changes]:
     """Speeds of Hall sensors as the mean over fewer edges, the most first; none where the sensors aren't
     evenly placed, which such a speed would show."""

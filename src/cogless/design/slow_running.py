@@ -18,7 +18,13 @@ from cogless.design.cures import either, first, helping, text
 from cogless.design.current_needed import starts_after
 from cogless.design.detent import snaps, swing, turns_from
 from cogless.design.feedback import feedback_of
-from cogless.design.gentler import finer_sensor, slower_feedback, slower_proportional, younger_speeds
+from cogless.design.gentler import (
+    finer_sensor,
+    slower_feedback,
+    slower_proportional,
+    timed_edges,
+    younger_speeds,
+)
 from cogless.design.margins import Margins, Real
 from cogless.design.pi import SpeedLoop, speed_loop
 from cogless.design.position import position_margins
@@ -235,8 +241,7 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
             new is not None and new.factor <= 1 and new.ripple <= LESS * old.ripple for new, old in after
         )
 
-    timed = {"drive.position_sensor.speed_method": "MT"} if sensor.kind == "encoder" else None
-    cures = helping(study, (timed,), cured)
+    cures = helping(study, (timed_edges(study),), cured)
     return Remark(f"{reads}; {either(cures)} times the edges" if cures else reads, cures)
 
 

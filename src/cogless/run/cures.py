@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from cogless.design.gentler import timed_edges
 from cogless.results import Run
 from cogless.run.causes import CURRENTS, INVERTER, LOOP, SENSOR, later, longer
 from cogless.study import Study, for_scenario
@@ -86,11 +87,9 @@ def _finer(study: Study) -> Iterator[Candidate]:
 
 def _timed(study: Study) -> Iterator[Candidate]:
     """A candidate whose speed comes from the time between an encoder's edges."""
-    sensor = study.drive.position_sensor
-    if isinstance(sensor, Encoder) and not sensor.timed and not sensor.latency:
-        table = study.source.tables["drive"]["position_sensor"]
-        own = {key: value for key, value in table.items() if key not in ("window", "observer_bandwidth")}
-        yield Candidate({SENSOR: {**own, "speed_method": "MT"}})
+    timed = timed_edges(study)
+    if timed:
+        yield Candidate(timed)
 
 
 def _hall_edges(study: Study) -> Iterator[Candidate]:
