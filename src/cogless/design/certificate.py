@@ -33,7 +33,7 @@ from cogless.design.trial_observer import ObserverGains
 
 Structure = Literal["input-and-integrator", "input"]
 ENDS = 1e-4  # growth per trial that counts as none: it is only estimated, from simulated trials
-FAST = 2.0  # growth per trial from which norms of many trials are no numbers any more
+GROWTH_MOST = 2.0  # growth per trial from which norms of many trials are no numbers any more
 AT_ONE = 1e-6  # tolerance of Phi's spectral radius: a double pole at z = 1 has this rounding error
 
 
@@ -106,8 +106,8 @@ class ModelCertificate:
     without_filter: Learning | None  # None without learning, or if unstable along the trial
     with_filter: Learning | None  # None also if there is no filter
     growth: float | None  # factor per trial after many trials, trial ends and filter included: finite.py
-    # norms of a whole trial at the vertices and the nominal plant; None as growth, if it grows beyond FAST,
-    # and of the design's models where exactly sampled plants are known
+    # norms of a whole trial at the vertices and the nominal plant; None as growth is, beyond GROWTH_MOST, and
+    # of the design's models where exactly sampled plants are known
     finite: FiniteTrial | None = None
 
     @property
@@ -183,7 +183,7 @@ def certify(
             few = [*loops[: len(corners)], loops[-1]]
             trial = TrialMap(few, update.K_3, update.shift, q_filter, filtered, samples, update.matrix)
             ends = float(growth(trial).max())
-            finite = finite_trial(trial) if decides and norms and ends < FAST else None
+            finite = finite_trial(trial) if decides and norms and ends < GROWTH_MOST else None
             plain = sweep.learning(None, filtered, (ends or 0.0) if q_filter is None else 0.0, phi or 0.0)
             if q_filter is not None:
                 filters = sweep.learning(q_filter, filtered, ends or 0.0)

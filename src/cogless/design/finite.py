@@ -33,8 +33,8 @@ from cogless.design.response import Filter, Filtered, Loop
 TRIALS = 80
 POWERS = (1, 2, 3, 5, 8)  # of M, whose norms are found
 SHARES = (1, 2, 4, 8, 24)  # trials after which the error's largest share is found
-ITERATIONS = 6  # for each norm; the estimate is from below
-EXHAUSTED = 1e-12  # of the largest value: a next vector that is only rounding
+NORM_ITERATIONS = 6  # for each norm; the estimate is from below
+ROUNDING_SHARE = 1e-12  # of the largest value: a next vector that is only rounding
 
 
 @dataclass(frozen=True)
@@ -108,27 +108,27 @@ class TrialMap:
         e[:, : self.shift] = 0.0
         return e
 
-    def kept(self, v: Real) -> Real:
+    def recall(self, v: Real) -> Real:
         """What remains of v where there is no error: v, or Q v."""
         return self.smooth(v) if self._on_signal else v
 
     def step(self, v: Real) -> Real:
         """M v."""
         acting = v * self.acts
-        return (self.kept(acting) - self.correction(self.output(acting))) * self.acts
+        return (self.recall(acting) - self.correction(self.output(acting))) * self.acts
 
     def step_transposed(self, v: Real) -> Real:
         """M^T v."""
         acting = v * self.acts
-        kept = self.smooth_transposed(acting) if self._on_signal else acting
-        return (kept - self.output_transposed(self.correction_transposed(acting))) * self.acts
+        smoothed = self.smooth_transposed(acting) if self._on_signal else acting
+        return (smoothed - self.output_transposed(self.correction_transposed(acting))) * self.acts
 
     def learned(self, d: Real, trials: int) -> Real:
         """v after so many trials from v = 0, with the error d where v is zero."""
         added = self.correction(d)
         v = np.zeros_like(d)
         for _ in range(trials):
-            v = self.kept(v) - self.correction(self.output(v)) + added
+            v = self.recall(v) - self.correction(self.output(v)) + added
         return v
 
     def remaining(self, d: Real, trials: int) -> Real:
@@ -141,8 +141,8 @@ class TrialMap:
         total = np.zeros_like(w)
         for _ in range(trials):
             total += w
-            kept = self.smooth_transposed(w) if self._on_signal else w
-            w = kept - self.output_transposed(self.correction_transposed(w))
+            smoothed = self.smooth_transposed(w) if self._on_signal else w
+            w = smoothed - self.output_transposed(self.correction_transposed(w))
         return e - self.correction_transposed(total)
 
     def _ahead(self, e: Real) -> Real:
@@ -197,29 +197,29 @@ def finite_trial(trial: TrialMap) -> FiniteTrial:
 def _norms(there: Callable[[Real], Real], back: Callable[[Real], Real], x: Real) -> tuple[float, Real]:
     """The largest norm of several maps and the vectors that show it, by Lanczos' iteration from x."""
     basis: list[Real] = []
-    diagonal, beside = np.zeros((ITERATIONS, len(x))), np.zeros((ITERATIONS, len(x)))
+    diagonal, off_diagonal = np.zeros((NORM_ITERATIONS, len(x))), np.zeros((NORM_ITERATIONS, len(x)))
     x = x / np.linalg.norm(x, axis=1)[:, None]
-    for n in range(ITERATIONS):
+    for n in range(NORM_ITERATIONS):
         basis.append(x)
         y = back(there(x))
         diagonal[n] = np.einsum("rs,rs->r", x, y)
         for _ in range(2):  # once more, against rounding
             for other in basis:
                 y = y - np.einsum("rs,rs->r", other, y)[:, None] * other
-        beside[n] = np.linalg.norm(y, axis=1)
+        off_diagonal[n] = np.linalg.norm(y, axis=1)
         # where nothing new comes the vectors span all that matters: a zero ends the row's iteration
-        new = beside[n] > EXHAUSTED * np.abs(diagonal[: n + 1]).max(axis=0)
-        beside[n] = np.where(new, beside[n], 0.0)
-        x = np.where(new[:, None], y / np.where(new, beside[n], 1.0)[:, None], 0.0)
-    squares = np.zeros((len(x), ITERATIONS, ITERATIONS))
-    at = np.arange(ITERATIONS)
+        new = off_diagonal[n] > ROUNDING_SHARE * np.abs(diagonal[: n + 1]).max(axis=0)
+        off_diagonal[n] = np.where(new, off_diagonal[n], 0.0)
+        x = np.where(new[:, None], y / np.where(new, off_diagonal[n], 1.0)[:, None], 0.0)
+    squares = np.zeros((len(x), NORM_ITERATIONS, NORM_ITERATIONS))
+    at = np.arange(NORM_ITERATIONS)
     squares[:, at, at] = diagonal.T
-    squares[:, at[1:], at[:-1]] = squares[:, at[:-1], at[1:]] = beside[:-1].T
+    squares[:, at[1:], at[:-1]] = squares[:, at[:-1], at[1:]] = off_diagonal[:-1].T
     values, vectors = np.linalg.eigh(squares)
-    shown = np.einsum("nrs,rn->rs", np.array(basis), vectors[:, :, -1])
+    ritz = np.einsum("nrs,rn->rs", np.array(basis), vectors[:, :, -1])
     # a part of noise, so that the next map's own direction isn't missed
     noise = np.random.default_rng(1).normal(size=x.shape) / np.sqrt(x.shape[1])
-    return float(np.sqrt(max(values[:, -1].max(), 0.0))), shown + 0.3 * noise
+    return float(np.sqrt(max(values[:, -1].max(), 0.0))), ritz + 0.3 * noise
 
 
 def growth(trial: TrialMap) -> Real:
@@ -235,5 +235,5 @@ def growth(trial: TrialMap) -> Real:
         sizes[k] = np.maximum(np.linalg.norm(e, axis=1), 1e-300)
         # the update is linear: scaled to |e| = 1, many trials neither overflow nor vanish in rounding
         v, e = v / sizes[k][:, None], e / sizes[k][:, None]
-        v = (trial.kept(v) + trial.correction(e)) * trial.acts
+        v = (trial.recall(v) + trial.correction(e)) * trial.acts
     return np.asarray(np.exp(np.log(sizes[TRIALS // 2 :]).mean(axis=0)))

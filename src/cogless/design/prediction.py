@@ -22,8 +22,8 @@ from cogless.design.finite import TrialMap
 from cogless.design.model import Model, Real
 from cogless.design.trial_observer import ObserverGains, observer_gains
 
-TRIALS = 80  # of a phase, at most: the others are like the last
-SAME = 1e-3  # of the feedback's error: no more than rounding and what the last trials still change
+PHASE_TRIALS = 80  # of a phase, at most: the others are like the last
+ROUNDING_SHARE = 1e-3  # of the feedback's error: no more than rounding and what the last trials still change
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Prediction:
     @property
     def ends_above(self) -> bool:
         """Whether some phase ends above the feedback's error at some plant."""
-        return not self.share <= 1 + SAME
+        return not self.share <= 1 + ROUNDING_SHARE
 
     def beyond(self, limit: float) -> tuple[str, float] | None:
         """The plant that needs the most input and how much; None if all stay within the limit."""
@@ -98,23 +98,23 @@ def predict(
         [law.position(m, C) for m in models], trial.K_3, trial.shift, None, "error", trial.samples
     )
     v = np.zeros((len(models), trial.samples))
-    found = []
+    predictions = []
     for phase in phases:
         f = feedforward(ahead, phase.reference)
         error, lesson, u = simulated(models, C, law, phase, f, np.zeros_like(v))
         added = trial.correction(lesson)
         errors = []
-        for _ in range(min(phase.trials, TRIALS)):
+        for _ in range(min(phase.trials, PHASE_TRIALS)):
             last = v
             errors.append(_rms(error - position.output(v)))
-            v = trial.kept(v) - trial.correction(trial.output(v)) + added
+            v = trial.recall(v) - trial.correction(trial.output(v)) + added
         _, _, learned_u = simulated(models, C, law, phase, f, last)
-        found.append(
+        predictions.append(
             PhasePrediction(
                 np.array(errors).T, _rms(error), np.abs(learned_u).max(axis=1), np.abs(u).max(axis=1)
             )
         )
-    return Prediction(tuple(labels), tuple(found))
+    return Prediction(tuple(labels), tuple(predictions))
 
 
 def feedforward(ahead: tuple[Real, Real, int] | None, reference: Real) -> Real:

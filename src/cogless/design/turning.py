@@ -45,9 +45,9 @@ def growth(study: Study, scenario: str, omega_m: float) -> float:
     loops = current_loops(study, scenario)
     if not loops:
         return 0.0
-    here, (d, q) = for_scenario(study, scenario), (loops["d"], loops["q"])
-    belief = here.drive.belief.resolved(study.motor.star())
-    w, T = here.motor.star().pole_pairs * omega_m, d.period
+    study_here, (d, q) = for_scenario(study, scenario), (loops["d"], loops["q"])
+    belief = study_here.drive.belief.resolved(study.motor.star())
+    w, T = study_here.motor.star().pole_pairs * omega_m, d.period
     L = np.diag([d.L, q.L])
     rates = np.zeros((4, 4))
     rates[:2, :2] = -np.linalg.solve(L, np.diag([d.R, q.R]) + w * J @ L)
@@ -55,7 +55,7 @@ def growth(study: Study, scenario: str, omega_m: float) -> float:
     rates[2:, 2:] = -w * J
     period = exponential(rates * T)
     gain = -np.diag([d.kp, q.kp])
-    if here.drive.current_loop.decoupling:
+    if study_here.drive.current_loop.decoupling:
         gain = gain + w * J @ np.diag([belief.L_d, belief.L_q])
     ahead = math.cos(w * T / 2) * np.eye(2) + math.sin(w * T / 2) * J
     one, none = np.eye(2), np.zeros((2, 2))
@@ -82,12 +82,12 @@ def unstable_turning(study: Study, scenario: str) -> Remark | None:
         reach = SPEED_RESERVE * other.scenario[scenario].top_reference
         return all(growth(other, scenario, speed) < 1 for speed in (*speeds, reach))
 
-    here = for_scenario(study, scenario)
-    samples = math.tau * here.drive.rates.current_loop / (here.motor.star().pole_pairs * lost)
+    study_here = for_scenario(study, scenario)
+    samples = math.tau * study_here.drive.rates.current_loop / (study_here.motor.star().pole_pairs * lost)
     at = f"from {speed_text(study, lost, 2)} on, with {samples:.2g} samples in an electrical turn,"
-    said = f"{at} the current loop is unstable"
+    sentence = f"{at} the current loop is unstable"
     cures = tuple(cure for ways in _steadier(study) for cure in first(study, ways, cured))
-    return Remark(f"{said}; {either(cures)} would do" if cures else said, cures)
+    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
 
 
 def _steadier(study: Study) -> Iterator[list[Changes]]:
@@ -104,21 +104,25 @@ def late_angle(study: Study, scenario: str) -> Remark | None:
     late, top = _late(study, scenario), study.scenario[scenario].top_reference
     if late <= LATE_ANGLE_MOST:
         return None
-    degrees, left = math.degrees(late), math.cos(late)
-    costs = f"leaves {100 * left:.0f} % of the torque" if left > 0.005 else "turns the torque round"
-    said = f"at {speed_text(study, top)} the angle is {degrees:.0f} deg (electrical) late, which {costs}"
+    degrees, torque_share = math.degrees(late), math.cos(late)
+    costs = (
+        f"leaves {100 * torque_share:.0f} % of the torque"
+        if torque_share > 0.005
+        else "turns the torque round"
+    )
+    sentence = f"at {speed_text(study, top)} the angle is {degrees:.0f} deg (electrical) late, which {costs}"
     sensor = for_scenario(study, scenario).drive.position_sensor
     assert isinstance(sensor, Counted)
     younger: Changes = {
         "drive.position_sensor.latency": text(1e6 * sensor.latency * LATE_ANGLE_ADVISED / late, "us")
     }
     cures = helping(study, (younger,), lambda other: _late(other, scenario) <= LATE_ANGLE_MOST)
-    return Remark(f"{said}; {either(cures)} would do" if cures else said, cures)
+    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)
 
 
 def _late(study: Study, scenario: str) -> float:
     """Electrical angle, rad, by which the sampled angle is late at a scenario's top speed."""
-    here = for_scenario(study, scenario)
-    sensor = here.drive.position_sensor
+    study_here = for_scenario(study, scenario)
+    sensor = study_here.drive.position_sensor
     latency = sensor.latency if isinstance(sensor, Counted) else 0.0
-    return here.motor.star().pole_pairs * study.scenario[scenario].top_reference * latency
+    return study_here.motor.star().pole_pairs * study.scenario[scenario].top_reference * latency

@@ -36,14 +36,14 @@ def read_npz(path: Path, headings: list[str]) -> list[LogColumns]:
     """The arrays of these names."""
     with readable(path, "NPZ"), path.open("rb") as raw, zipfile.ZipFile(raw) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        wanted = {name: members[name] for name in headings if name in members}
+        present = {name: members[name] for name in headings if name in members}
         count = 0
-        for name, info in wanted.items():
+        for name, info in present.items():
             with archive.open(info) as member:
                 count += _npy_numbers(path, name, info.file_size, member)
             require_numbers(path, count)
         columns = {}
-        for name, info in wanted.items():
+        for name, info in present.items():
             with archive.open(info) as member:
                 columns[name] = np.lib.format.read_array(member, allow_pickle=False)
         return [LogColumns("", columns, tuple(members))]
@@ -54,12 +54,12 @@ def _npy_numbers(path: Path, name: str, size: int, member: IO[bytes]) -> int:
     shape, _, dtype = NPY_HEADERS[np.lib.format.read_magic(member)](member)
     if dtype.hasobject:
         raise no_numbers(path, name)
-    count, held = math.prod(shape), size - member.tell()
+    count, stored = math.prod(shape), size - member.tell()
     require_numbers(path, count)
-    if count * dtype.itemsize != held:
+    if count * dtype.itemsize != stored:
         raise StudyError(
             f"{path}: {name}: its header claims {count} numbers of {dtype.itemsize} bytes: "
-            f"expected as many as the archive has, {held} bytes"
+            f"expected as many as the archive has, {stored} bytes"
         )
     return count
 
@@ -72,13 +72,13 @@ def read_parquet(path: Path, headings: list[str]) -> list[LogColumns]:
         raise StudyError(f"{path}: expected the extra: pip install 'cogless[logs]'") from None
     with readable(path, "Parquet"), path.open("rb") as raw, pq.ParquetFile(raw) as file:
         names = file.schema_arrow.names
-        wanted = [name for name in headings if name in names]
-        require_numbers(path, file.metadata.num_rows * len(wanted))
+        present = [name for name in headings if name in names]
+        require_numbers(path, file.metadata.num_rows * len(present))
         # Of the metadata no column is asked for: where one is damaged, the library ends the process.
         groups = (file.metadata.row_group(group) for group in range(file.metadata.num_row_groups))
-        require_numbers(path, sum(group.num_rows for group in groups) * len(wanted))
-        table = file.read(columns=wanted, use_threads=False)
-        return [LogColumns("", {name: table[name].to_numpy() for name in wanted}, tuple(names))]
+        require_numbers(path, sum(group.num_rows for group in groups) * len(present))
+        table = file.read(columns=present, use_threads=False)
+        return [LogColumns("", {name: table[name].to_numpy() for name in present}, tuple(names))]
 
 
 def read_mat(path: Path, headings: list[str]) -> list[LogColumns]:
@@ -94,33 +94,33 @@ def read_mat(path: Path, headings: list[str]) -> list[LogColumns]:
             if order is not None:
                 require_unpacked(path, _mat_packed(file, order))
         variables = {name: (math.prod(shape), kind) for name, shape, kind in whosmat(path)}
-        wanted = [name for name in headings if name in variables]
-        for name in wanted:
+        present = [name for name in headings if name in variables]
+        for name in present:
             if variables[name][1] not in MAT_NUMBERS:
                 raise no_numbers(path, name)
-        require_numbers(path, sum(variables[name][0] for name in wanted))
-        values = loadmat(path, variable_names=wanted)
-        return [LogColumns("", {name: values[name] for name in wanted}, tuple(variables))]
+        require_numbers(path, sum(variables[name][0] for name in present))
+        values = loadmat(path, variable_names=present)
+        return [LogColumns("", {name: values[name] for name in present}, tuple(variables))]
 
 
 def _mat_packed(file: IO[bytes], order: str) -> Iterator[Iterator[bytes]]:
     """The packed elements of a MAT file of version 5, each in pieces."""
     start = MAT_HEADER
-    while len(tag := _at(file, start, 8)) == 8:
+    while len(tag := _bytes_at(file, start, 8)) == 8:
         kind, size = struct.unpack(f"{order}II", tag)
         if kind == MAT_PACKED:
             yield _pieces(file, start + 8, size)
         start += 8 + size
 
 
-def _at(file: IO[bytes], start: int, size: int) -> bytes:
+def _bytes_at(file: IO[bytes], start: int, size: int) -> bytes:
     file.seek(start)
     return file.read(size)
 
 
 def _pieces(file: IO[bytes], start: int, size: int) -> Iterator[bytes]:
     end = start + size
-    while start < end and (piece := _at(file, start, min(PIECE_BYTES, end - start))):
+    while start < end and (piece := _bytes_at(file, start, min(PIECE_BYTES, end - start))):
         yield piece
         start += len(piece)
 

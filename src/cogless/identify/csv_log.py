@@ -33,7 +33,7 @@ def _blocks(path: Path) -> Iterator[list[str]]:
     """The lines of a file, in lists of some thousands."""
     with _opened(path) as file:
         begun, size = "", 0
-        while text := _text(path, file):
+        while text := _next_text(path, file):
             size += len(text)
             require_bytes(path, size)
             *lines, begun = (begun + text).split("\n")
@@ -51,7 +51,7 @@ def _opened(path: Path) -> IO[str]:
         return opening(path, "rt", encoding="utf-8-sig")
 
 
-def _text(path: Path, file: IO[str]) -> str:
+def _next_text(path: Path, file: IO[str]) -> str:
     with readable(path, "CSV"):
         try:
             return file.read(BLOCK_CHARACTERS)
@@ -74,7 +74,7 @@ def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> Lo
     twice = next((name for name in places if heading.count(name) > 1), None)
     if twice is not None:
         raise StudyError(f"{path}: {twice}: {heading.count(twice)} columns have this heading: expected one")
-    made: list[Array] = []
+    pieces: list[Array] = []
     rows = 0
     for lines in chain([block], blocks):
         numbers = _converted(lines, delimiter, len(heading), list(places.values()))
@@ -84,8 +84,8 @@ def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> Lo
             raise StudyError(f"{path}: row {rows + 1}: {len(lines)} empty lines before it: expected rows")
         rows += len(numbers)
         require_numbers(path, rows * len(places))
-        made.append(numbers)
-    columns = {name: np.concatenate([numbers[:, k] for numbers in made]) for k, name in enumerate(places)}
+        pieces.append(numbers)
+    columns = {name: np.concatenate([numbers[:, k] for numbers in pieces]) for k, name in enumerate(places)}
     return LogColumns("", columns, tuple(heading))
 
 

@@ -60,8 +60,10 @@ def _line(error: Exception, path: Path) -> str:
 
 def printable(text: str) -> str:
     """Text of a file for a message: shortened, a question mark for each character that would not show."""
-    shown = "".join(character if character.isprintable() else "?" for character in text[: MESSAGE_MOST + 1])
-    return shown if len(shown) <= MESSAGE_MOST else f"{shown[: MESSAGE_MOST - 3]}..."
+    printable = "".join(
+        character if character.isprintable() else "?" for character in text[: MESSAGE_MOST + 1]
+    )
+    return printable if len(printable) <= MESSAGE_MOST else f"{printable[: MESSAGE_MOST - 3]}..."
 
 
 def no_numbers(path: Path, name: str) -> StudyError:

@@ -22,7 +22,7 @@ from cogless.identify.files import (
     require_unpacked,
 )
 
-HEADER = 64  # byte at which the first block begins
+HEADER_BYTE = 64  # byte at which the first block begins
 # Links of a block that lead to its parts and to the next of its kind; None: all do.
 LINKS: dict[bytes, tuple[int, ...] | None] = {
     b"##HD": (0, 1, 2, 3, 4),
@@ -39,7 +39,7 @@ LINKS: dict[bytes, tuple[int, ...] | None] = {
     b"##DL": None,
 }
 DEFLATED = (0, 1)  # ways to pack a block: deflate of its bytes, or of its columns
-TEXTS = 1  # type of a channel whose values have any length
+TEXT_CHANNEL = 1  # type of a channel whose values have any length
 
 
 def read_mdf(path: Path, headings: list[str]) -> list[LogColumns]:
@@ -56,19 +56,19 @@ def read_mdf(path: Path, headings: list[str]) -> list[LogColumns]:
         with MDF(path) as file:
             times = set(file.masters_db.items())
             names = tuple(file.channels_db)
-            wanted = [name for name in headings if name in file.channels_db]
-            places = {name: set(file.channels_db[name]) - times for name in wanted}
+            present = [name for name in headings if name in file.channels_db]
+            places = {name: set(file.channels_db[name]) - times for name in present}
             for name, of_name in places.items():
                 if len(of_name) > 1:
                     raise StudyError(f"{path}: {name}: {len(of_name)} channels have this name: expected one")
-                if any(file.groups[group].channels[k].channel_type == TEXTS for group, k in of_name):
+                if any(file.groups[group].channels[k].channel_type == TEXT_CHANNEL for group, k in of_name):
                     raise no_numbers(path, name)
             signals = {name: file.get(name, *of_name.pop()) for name, of_name in places.items() if of_name}
             if not signals:
                 return [LogColumns("", {}, names)]
             time = np.asarray(next(iter(signals.values())).timestamps, dtype=np.float64)
             at_time = {name: signal.interp(time).samples for name, signal in signals.items()}
-            return [LogColumns("", {name: at_time.get(name, time) for name in wanted}, names)]
+            return [LogColumns("", {name: at_time.get(name, time) for name in present}, names)]
 
 
 @contextmanager
@@ -85,7 +85,7 @@ def _silent(name: str) -> Iterator[None]:
 def _check_blocks(path: Path) -> None:
     """Follow the blocks of a file. StudyError: a block is its own part, or claims more than a log has."""
     with path.open("rb") as file:
-        start = file.read(HEADER)
+        start = file.read(HEADER_BYTE)
         if start[:8] not in (b"MDF     ", b"UnFinMF ") or start[8:9] != b"4":
             raise StudyError(f"{path}: it does not begin as MDF 4 does: expected a readable MDF4 file")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
@@ -107,7 +107,7 @@ def _check_blocks(path: Path) -> None:
 def _blocks(path: Path, content: Any) -> Iterator[tuple[bytes, int]]:
     """Kind of each block, and the byte at which its data begins, behind its links."""
     reached: set[int] = set()
-    ahead = [HEADER]
+    ahead = [HEADER_BYTE]
     while ahead:
         block = ahead.pop()
         kind, size, count = struct.unpack_from("<4s4xQQ", content, block)
