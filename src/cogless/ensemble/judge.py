@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cogless.ensemble.columns import Column
 from cogless.ensemble.table import Sweep
-from cogless.ensemble.work import Pair
+from cogless.run.simulate import Pair
 from cogless.study.error_messages import toml
 
 Array = NDArray[np.float64]

@@ -15,9 +15,9 @@ from cogless.ensemble.executors import Workers, given, run_all
 from cogless.ensemble.parcel import pack
 from cogless.ensemble.sample import Ensemble, draw
 from cogless.ensemble.table import Sweep, gathered
-from cogless.ensemble.work import Pair, needed, rows
+from cogless.ensemble.work import needed, rows
 from cogless.errors import StudyError
-from cogless.run.simulate import runs_of
+from cogless.run.simulate import Pair, runs_of
 from cogless.study import AnyStudy
 from cogless.versions import versions
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from cogless.ensemble.columns import Column, columns
 from cogless.ensemble.sample import Ensemble
-from cogless.ensemble.work import Pair, Row
+from cogless.ensemble.work import Row
 from cogless.errors import StudyError
 from cogless.files import replacing
+from cogless.run.simulate import Pair
 from cogless.study import AnyStudy
 from cogless.versions import versions
 

@@ -24,9 +24,9 @@ from cogless.ensemble.sample import SEED, Ensemble, draw, seeds
 from cogless.ensemble.search import Settings, opened
 from cogless.ensemble.sweep import CHUNK
 from cogless.ensemble.table import Sweep, gathered
-from cogless.ensemble.work import Pair, needed, rows
+from cogless.ensemble.work import needed, rows
 from cogless.errors import StudyError
-from cogless.run.simulate import runs_of
+from cogless.run.simulate import Pair, runs_of
 from cogless.study import AnyStudy, TrialStudy, changed
 from cogless.study.error_messages import MISSING, shown
 from cogless.study.metric import result_name

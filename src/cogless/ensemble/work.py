@@ -9,11 +9,10 @@ from cogless.ensemble.columns import columns
 from cogless.ensemble.parcel import Parcel, unpacked
 from cogless.errors import StudyError
 from cogless.results import AnyResults
-from cogless.run.simulate import RunError, rollout
+from cogless.run.simulate import Pair, RunError, rollout
 from cogless.study import AnyStudy, changed
 from cogless.study.controller import LibraryLaw, PythonLaw
 
-Pair = tuple[str, str]  # scenario, controller
 Row = list[Any]  # a number for each column, and the error's text, or None
 
 

@@ -13,14 +13,13 @@ from cogless.live.packed import Packed, pack
 from cogless.results.metrics import Conditions
 from cogless.run.drive_config import engine_config
 from cogless.run.plan import plan
+from cogless.run.simulate import Pair
 from cogless.run.trial_config import engine_config as trial_config
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.controller import AntiCogging, OwnLaw, Startable
 from cogless.study.trial_controller import NormOptimalIlc
 
 OFF = 1e9  # s, a learning_start that never comes
-
-Pair = tuple[str, str]  # scenario, controller
 
 
 def held(study: AnyStudy) -> list[Pair]:

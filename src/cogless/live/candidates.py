@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any, get_args, get_origin
 
 from cogless import units
-from cogless.live.blobs import Pair, held
+from cogless.live.blobs import held
+from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.table import Quantity
 
