@@ -98,7 +98,7 @@ def test_four_structures_share_their_gains(plant: UncertainPlant, gains: TrialGa
             replace(settings, learning=False),
         )
     )
-    assert time.process_time() - start < 4.0  # a quarter of it, for the norms, on a busy machine
+    assert time.process_time() - start < 1.0  # a third of it on a quiet machine
     assert (full.through_integrator, simplified.through_integrator) == (True, False)
     assert (proportional.K_2, proportional.through_integrator) == (0.0, False)
     assert (without.K_3, without.q_filter, without.certificate.design.without_filter) == (0.0, None, None)

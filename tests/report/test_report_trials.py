@@ -600,7 +600,7 @@ def texts(row):
 def test_certificate_table_cell_by_cell(made):
     plain = ModelCertificate(
         0.9852, "vertex 1", True, 1.273, False, 0.5, learning(0.976, 62.5, True, True),
-        learning(1.0, 200.0, True, limit=1e-4 * 0.694), 1.2, FiniteTrial(0.999, 1.04, 1.17, 1.1),
+        learning(1.0, 200.0, True, limit=1e-4 * 0.694), 1.2, lambda: FiniteTrial(0.999, 1.04, 1.17, 1.1),
     )  # fmt: skip
     bad = ModelCertificate(1.02, "vertex 2", False, 0.9, True, None, None, None, None)
     both = with_certificates(made, plain, bad)

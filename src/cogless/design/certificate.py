@@ -8,8 +8,9 @@ matters most. So each result says for which set it holds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
@@ -106,9 +107,15 @@ class ModelCertificate:
     without_filter: Learning | None  # None without learning, or if unstable along the trial
     with_filter: Learning | None  # None also if there is no filter
     growth: float | None  # factor per trial after many trials, trial ends and filter included: finite.py
-    # norms of a whole trial at the vertices and the nominal plant; None as growth is, beyond GROWTH_MOST, and
-    # of the design's models where exactly sampled plants are known
-    finite: FiniteTrial | None = None
+    norms: Callable[[], FiniteTrial] | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def finite(self) -> FiniteTrial | None:
+        """Norms of a whole trial at the vertices and the nominal plant. They take most of a design's time.
+
+        None where growth is, and beyond GROWTH_MOST; of the design only if no exactly sampled plants are known.
+        """
+        return self.norms() if self.norms is not None else None
 
     @property
     def learning(self) -> Learning | None:
@@ -156,12 +163,8 @@ def certify(
     q_filter: Filter | None,
     filtered: Filtered,
     samples: int,
-    norms: bool = True,
 ) -> Certificate:
-    """The certificate of a plant with these gains; without learning if `update` is None.
-
-    `norms`: with those of finite trials, which take most of the time.
-    """
+    """The certificate of a plant with these gains; without learning if `update` is None."""
     random, random_exact = plant.random
 
     def of(
@@ -177,18 +180,18 @@ def certify(
             phis = [Vertex.of(loop, update.shift).phi(update.K_3) for loop in loops[: len(corners)]]
             phi = max(float(np.abs(np.linalg.eigvals(p)).max()) for p in phis)
         names = [*labels, *["a random plant"] * len(drawn), "the nominal plant"]
-        plain = filters = ends = finite = None
+        plain = filters = ends = norms = None
         if stable and update is not None:
             sweep = _Sweep(loops, names, update, plant.period)
             few = [*loops[: len(corners)], loops[-1]]
             trial = TrialMap(few, update.K_3, update.shift, q_filter, filtered, samples, update.matrix)
             ends = float(growth(trial).max())
-            finite = finite_trial(trial) if decides and norms and ends < GROWTH_MOST else None
+            norms = partial(finite_trial, trial) if decides and ends < GROWTH_MOST else None
             plain = sweep.learning(None, filtered, (ends or 0.0) if q_filter is None else 0.0, phi or 0.0)
             if q_filter is not None:
                 filters = sweep.learning(q_filter, filtered, ends or 0.0)
         return ModelCertificate(
-            float(radii[k]), names[k], stable, delayed, delayed < 1, phi, plain, filters, ends, finite
+            float(radii[k]), names[k], stable, delayed, delayed < 1, phi, plain, filters, ends, norms
         )
 
     same = plant.discretisation == "exact" and plant.exact_hull

@@ -448,7 +448,7 @@ def _calmer(plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSe
         weight = float(f"{settings.change_weight * 10.0**n:.3g}")
         matrix = norm_optimal(nominal, settings.samples, weight)
         update = Update(shift, 0.0, weight, nominal, matrix)
-        found = certify(plant, law, update, None, settings.filtered, settings.samples, norms=False)
+        found = certify(plant, law, update, None, settings.filtered, settings.samples)
         judged = found.design if found.exact is None else found.exact
         if judged.learning is not None and judged.learning.monotone:
             return weight
