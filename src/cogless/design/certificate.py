@@ -113,7 +113,8 @@ class ModelCertificate:
     def finite(self) -> FiniteTrial | None:
         """Norms of a whole trial at the vertices and the nominal plant. They take most of a design's time.
 
-        None where growth is, and beyond GROWTH_MOST; of the design only if no exactly sampled plants are known.
+        None without growth and beyond GROWTH_MOST. Of the design's models only if no exactly sampled
+        plants are known.
         """
         return self.norms() if self.norms is not None else None
 
