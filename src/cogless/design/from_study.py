@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from cogless.design.cures import either, helping
 from cogless.design.error import DesignError
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.prediction import Conditions, Prediction
+from cogless.design.random_errors import Disturbances
 from cogless.design.trial import (
     TrialDesign,
     TrialGains,
@@ -21,6 +23,7 @@ from cogless.design.trial import (
     design_gains,
     design_trial,
     needs_K_3,
+    random_amplification,
     scenario_prediction,
     trial_parameters,
 )
@@ -40,6 +43,7 @@ from cogless.study.trial_controller import (
     TrialIlc,
     TrialLaw,
 )
+from cogless.study.trial_scenario import EachTrial, TrialConditions
 
 ROUNDING = 1e-9
 Designs = dict[tuple[str, str], TrialDesign]
@@ -133,6 +137,9 @@ def _designs(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
             no_K_3=no_K_3,
             prediction=prediction,
             limit=_limit(study),
+            amplify=partial(random_amplification, plant, settings, design.gains)
+            if prediction is not None and design.learns
+            else None,
         )
     return designs
 
@@ -169,8 +176,29 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
         steps = conditions.load_steps or ()
         for sample, amount in steps:
             load[sample:] = amount
-        found.append(Conditions(reference, load / unit, start, ends[index] - first))
+        random = _random(study, conditions, unit)
+        found.append(Conditions(reference, load / unit, start, ends[index] - first, random))
     return found
+
+
+def _random(study: TrialStudy, conditions: TrialConditions, unit: float) -> Disturbances | None:
+    """What differs from trial to trial as a linear plant sees it; None where all trials are alike.
+
+    `unit`: a load in the study's unit per unit of the input.
+    """
+    plant, spread = study.plant, conditions.each_trial or EachTrial()
+    start = np.zeros(study.states)
+    if plant is not None:
+        start[:] = spread.deviations("initial_state") or 0.0
+        noise, load_noise = np.array(plant.state_noise), plant.load_noise
+    else:
+        for i, key in enumerate(("initial_angle", "initial_speed")):
+            start[i] = sum(spread.deviations(key))
+        noise, load_noise = None, 0.0
+    load = sum(spread.deviations("load")) / unit
+    if not (np.any(start) or load or load_noise or (noise is not None and np.any(noise))):
+        return None
+    return Disturbances(start, load, load_noise, noise)
 
 
 def _limit(study: TrialStudy) -> float:

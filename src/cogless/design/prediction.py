@@ -6,8 +6,10 @@ and where the filter or the ends keep learning from some of it, the sum may end 
 leaves. So the scenario itself is tried: at each corner one trial of the feedback is simulated, and from its
 error d the errors of all trials follow as R_k d (finite.py), phase after phase with what was learned before.
 
-It knows neither noise, nor the sensor and the current loop, nor friction that isn't viscous, nor the limit:
-`peak` says what the input would need.
+What differs at random from trial to trial is added as a mean square (random_errors.py).
+
+It knows neither other noise, nor the sensor and the current loop, nor friction that isn't viscous, nor the
+limit: `peak` says what the input would need.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import numpy as np
 from cogless.design.certificate import Gains
 from cogless.design.finite import TrialMap
 from cogless.design.model import Model, Real
+from cogless.design.random_errors import Disturbances, Loops, random_errors
 from cogless.design.trial_observer import ObserverGains, observer_gains
 
 PHASE_TRIALS = 80  # of a phase, at most: the others are like the last
@@ -30,20 +33,26 @@ ROUNDING_SHARE = 1e-3  # of the feedback's error: no more than rounding and what
 class Conditions:
     """One phase of a scenario: one trial's reference and load, and how many trials it has."""
 
-    reference: Real  # (samples,)
-    load: Real  # (samples,), in the unit of the input
+    reference: Real  # (samples,), or (samples, plants)
+    load: Real  # likewise, in the unit of the input
     start: Real  # (n,), the plant's state at the first sample
     trials: int
+    random: Disturbances | None = None  # what differs from trial to trial
 
 
 @dataclass(frozen=True)
 class PhasePrediction:
-    """Of each plant: RMS over each trial with learning, and without; and the largest input of both."""
+    """Of each plant: RMS over each trial with learning, and without; and the largest input of both.
+
+    The inputs are without the random part.
+    """
 
     learned: Real  # (plants, trials)
     feedback: Real  # (plants,)
     peak: Real  # (plants,), |u| in the last trial
     feedback_peak: Real  # (plants,), |u| without learning
+    random: Real  # (plants,), RMS of the part of the last trial's error that differs from trial to trial
+    feedback_random: Real  # (plants,), the same without learning
 
     @property
     def share(self) -> float:
@@ -94,9 +103,8 @@ def predict(
     `trial`: learning at the same plants, in their order. `ahead`: numerator, denominator and preview of the
     feedforward.
     """
-    position = TrialMap(
-        [law.position(m, C) for m in models], trial.K_3, trial.shift, None, "error", trial.samples
-    )
+    loops = random_loops(models, C, law, trial)
+    position = loops.position
     v = np.zeros((len(models), trial.samples))
     predictions = []
     for phase in phases:
@@ -109,12 +117,37 @@ def predict(
             errors.append(_rms(error - position.output(v)))
             v = trial.recall(v) - trial.correction(trial.output(v)) + added
         _, _, learned_u = simulated(models, C, law, phase, f, last)
+        alone, random = np.zeros(len(models)), np.zeros((len(models), len(errors)))
+        if phase.random is not None:
+            alone, random = random_errors(loops, phase.random, len(errors))
         predictions.append(
             PhasePrediction(
-                np.array(errors).T, _rms(error), np.abs(learned_u).max(axis=1), np.abs(u).max(axis=1)
+                np.hypot(np.array(errors).T, np.sqrt(random)),
+                np.hypot(_rms(error), np.sqrt(alone)),
+                np.abs(learned_u).max(axis=1),
+                np.abs(u).max(axis=1),
+                np.sqrt(random[:, -1]),
+                np.sqrt(alone),
             )
         )
     return Prediction(tuple(labels), tuple(predictions))
+
+
+def random_loops(models: Sequence[Model], C: Real, law: Gains | ObserverGains, trial: TrialMap) -> Loops:
+    """The loops of these plants for errors that differ from trial to trial; `trial` as of `predict`."""
+    position = TrialMap(
+        [law.position(m, C) for m in models], trial.K_3, trial.shift, None, "error", trial.samples
+    )
+
+    def respond(reference: Real, load: Real, start: Real, probes: int) -> tuple[Real, Real]:
+        rows = [model for model in models for _ in range(probes)]
+        rest = np.zeros((len(rows), trial.samples))
+        conditions = Conditions(reference, load, start, 1)
+        error, lesson, _ = simulated(rows, C, law, conditions, np.zeros(trial.samples), rest)
+        return error, lesson
+
+    K_1 = law.K_1 if isinstance(law, Gains) else np.zeros(len(C))
+    return Loops(respond, trial, position, C, K_1)
 
 
 def feedforward(ahead: tuple[Real, Real, int] | None, reference: Real) -> Real:

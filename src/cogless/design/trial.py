@@ -15,8 +15,9 @@ then set to zero. If Q doesn't, the feedback is designed without the integrator.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -28,10 +29,11 @@ from cogless.design.feedforward import Feedforward, dynamic, static_gain
 from cogless.design.finite import TrialMap
 from cogless.design.learning_gain import LearningGain, learning_gain
 from cogless.design.lifted import norm_optimal
-from cogless.design.model import Real
+from cogless.design.model import Model, Real
 from cogless.design.polytope import UncertainPlant
-from cogless.design.prediction import Conditions, Prediction, predict
+from cogless.design.prediction import Conditions, Prediction, predict, random_loops
 from cogless.design.q_filter import PROPOSED, SHIFTS, better_shift, butterworth, workable_cutoff
+from cogless.design.random_errors import Amplification, amplification
 from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
 from cogless.design.state_feedback import StateFeedback, guaranteed_cost
 from cogless.design.trial_observer import (
@@ -119,6 +121,11 @@ class TrialParameters:
     gains: TrialGains
     no_K_3: StudyError | None = None  # why no K_3 exists for a law that needs it: it doesn't run
 
+    @property
+    def learns(self) -> bool:
+        """Whether the law learns from trial to trial."""
+        return bool(self.K_3) or self.learning_matrix is not None
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrialDesign(TrialParameters):
@@ -129,6 +136,12 @@ class TrialDesign(TrialParameters):
     beyond: tuple[str, ...] = ()  # warnings of simulated values outside the ranges of the design
     prediction: Prediction | None = None  # of the scenario; None if the loop is unstable
     limit: float | None = None  # of the input
+    amplify: Callable[[], Amplification] | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def amplification(self) -> Amplification | None:
+        """What learning makes of errors that don't repeat; None without it, or if a loop is unstable."""
+        return self.amplify() if self.amplify is not None else None
 
     @property
     def certified(self) -> bool:
@@ -224,20 +237,44 @@ def scenario_prediction(
     The plants are exactly sampled if that is known. DesignError as `design_trial`.
     """
     parameters, law, update = _parameters(plant, settings, gains)
-    held, loop, C = plant.as_held, gains.observer or law, plant.C
-    models = [*held.vertices, held.nominal]
-    trial = TrialMap(
+    held, loop = plant.as_held, gains.observer or law
+    models, labels = _corners(held)
+    trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
+    f = parameters.feedforward
+    ahead = None if f is None else (f.num, f.den, f.preview)
+    return predict(models, labels, plant.C, loop, trial, ahead, phases)
+
+
+def random_amplification(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Amplification:
+    """What learning makes of errors that don't repeat, at the plants of `scenario_prediction`."""
+    parameters, law, update = _parameters(plant, settings, gains)
+    loop = gains.observer or law
+    models, labels = _corners(plant.as_held)
+    trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
+    return amplification(labels, random_loops(models, plant.C, loop, trial))
+
+
+def _corners(held: UncertainPlant) -> tuple[list[Model], tuple[str, ...]]:
+    return [*held.vertices, held.nominal], (*held.labels, "the nominal plant")
+
+
+def _trial_map(
+    models: Sequence[Model],
+    loop: Gains | ObserverGains,
+    update: Update | None,
+    parameters: TrialParameters,
+    C: Real,
+    samples: int,
+) -> TrialMap:
+    return TrialMap(
         [loop.closed(model, C) for model in models],
         update.K_3 if update is not None else 0.0,
         parameters.shift,
         parameters.q_filter,
         parameters.filtered,
-        settings.samples,
+        samples,
         parameters.learning_matrix,
     )
-    f = parameters.feedforward
-    ahead = None if f is None else (f.num, f.den, f.preview)
-    return predict(models, (*held.labels, "the nominal plant"), C, loop, trial, ahead, phases)
 
 
 def trial_parameters(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> TrialParameters:

@@ -14,6 +14,8 @@ from cogless.design.lmi import Check
 from cogless.design.margins import finite
 from cogless.design.model import Model
 from cogless.design.polytope import UncertainPlant
+from cogless.design.prediction import Prediction
+from cogless.design.random_errors import Amplification
 from cogless.design.trial import TrialDesign
 from cogless.study import TrialStudy
 
@@ -29,7 +31,8 @@ LEGEND = (
     "norm, power: of a whole trial's map of the learned signal, and the largest of its powers;\n"
     "largest share: of any error without learning (with an observer, of any missing input), what a trial may "
     "have at most;\n"
-    "this scenario: of its error without learning, what a phase has left in the end, at the worst corner"
+    "this scenario: of its error without learning, what a phase has left in the end, at the worst corner;\n"
+    "load noise, sensor noise: error that white noise causes, with learning / without, at the worst corner"
 )
 
 
@@ -111,6 +114,7 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
         },
         "certificate": _certificate(design.certificate),
         "certified": design.certified,
+        "amplification": design.amplification and _amplification(design.amplification),
         "scenario": _prediction(design),
         "notes": list(map(str, design.notes)),
     }
@@ -180,9 +184,20 @@ def _prediction(design: TrialDesign) -> dict[str, Any] | None:
                 "error_rms_without_learning": phase.feedback.tolist(),
                 "largest_input": phase.peak.tolist(),
                 "largest_input_without_learning": phase.feedback_peak.tolist(),
+                "random_part_of_the_error_rms": phase.random.tolist(),
+                "random_part_without_learning": phase.feedback_random.tolist(),
             }
             for phase in prediction.phases
         ],
+    }
+
+
+def _amplification(amplification: Amplification) -> dict[str, Any]:
+    """RMS of a random error in the long run / its RMS without learning, of each plant."""
+    return {
+        "plants": list(amplification.labels),
+        "noise_on_the_load": [finite(x) for x in amplification.load],
+        "noise_on_the_measurement": [finite(x) for x in amplification.noise],
     }
 
 
@@ -240,16 +255,16 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     for heading in ("filtered", "with the ends", "norm, power", "largest share", "largest K_3"):
         proof.add_column(heading)
     share = Table(title="This scenario", title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for heading in ("controller", "share left", "largest input", "learning"):
+    for heading in ("controller", "share left", "largest input", "load noise", "sensor noise", "learning"):
         share.add_column(heading)
     for name, design in found.designs.items():
         gains.add_row(study.label(name), *_gains(design))
         for row in _proof(design.certificate):
             proof.add_row(study.label(name), *row)
     for name, design in found.designs.items():
-        if design.prediction is not None and (design.K_3 or design.learning_matrix is not None):
+        if design.prediction is not None and design.learns:
             word = "certified" if design.certified else "not certified"
-            share.add_row(study.label(name), f"{design.prediction.share:.4g}", _most_input(design), word)
+            share.add_row(study.label(name), *_in_scenario(design, design.prediction), word)
     notes = dict.fromkeys(str(note) for design in found.designs.values() for note in design.notes)
     lines = [Text(f"Note: {note}.") for note in notes]
     legend = Text(LEGEND, style="dim")
@@ -283,6 +298,15 @@ def _gains(design: TrialDesign) -> tuple[str, ...]:
             else "no"
         ),
     )
+
+
+def _in_scenario(design: TrialDesign, prediction: Prediction) -> tuple[str, ...]:
+    amplification = design.amplification
+    noise = ("-", "-")
+    if amplification is not None:
+        worst = (max(amplification.load), max(amplification.noise))
+        noise = (f"{worst[0]:.3f}", f"{worst[1]:.3f}")
+    return f"{prediction.share:.4g}", _most_input(design), *noise
 
 
 def _most_input(design: TrialDesign) -> str:
