@@ -35,14 +35,18 @@ LEGEND = (
 
 @dataclass(frozen=True)
 class TrialSummary:
-    """The plant that the study describes, and a design for each of its controllers."""
+    """The plant that the study describes, and of each controller its design, or why it has none."""
 
     plant: UncertainPlant
     designs: dict[str, TrialDesign]
+    without: dict[str, str]
 
 
 def summary(study: TrialStudy) -> TrialSummary:
-    """The design of each controller of a study, for the first scenario that it runs in; or StudyError."""
+    """The design of each controller of a study, for the first scenario that it runs in.
+
+    StudyError: no controller can be designed.
+    """
     first: dict[str, str] = {}
     for scenario in study.scenario:
         for name in study.controllers_in(scenario):
@@ -51,7 +55,11 @@ def summary(study: TrialStudy) -> TrialSummary:
     in_order = {
         name: designs[first[name], name] for name in study.controller if (first.get(name), name) in designs
     }
-    return TrialSummary(uncertain_plant(study), in_order)
+    if not designs and designs.without:
+        raise next(iter(designs.without.values()))
+    path = f"{study.source.path}: "
+    without = {name: str(why).removeprefix(path) for (_, name), why in designs.without.items()}
+    return TrialSummary(uncertain_plant(study), in_order, without)
 
 
 def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
@@ -72,7 +80,10 @@ def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
             "hull_of_the_corners": plant.exact_hull,
             "note": plant.note,
         },
-        "controllers": {name: design_dict(design) for name, design in found.designs.items()},
+        "controllers": {
+            **{name: design_dict(design) for name, design in found.designs.items()},
+            **{name: {"not_designed": why} for name, why in found.without.items()},
+        },
     }
 
 
@@ -250,8 +261,11 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
         if design.prediction is not None and (design.K_3 or design.learning_matrix is not None):
             word = "certified" if design.certified else "not certified"
             share.add_row(study.label(name), f"{design.prediction.share:.4g}", _most_input(design), word)
+    for name in found.without:
+        gains.add_row(study.label(name), "not designed")
+    lines = [Text(f"{study.label(name)}: not designed: {why}.") for name, why in found.without.items()]
     notes = dict.fromkeys(str(note) for design in found.designs.values() for note in design.notes)
-    lines = [Text(f"Note: {note}.") for note in notes]
+    lines += [Text(f"Note: {note}.") for note in notes]
     legend = Text(LEGEND, style="dim")
     return Group(Text(about), Text(), gains, Text(), proof, Text(), share, Text(), legend, *lines)
 
