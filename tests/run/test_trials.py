@@ -227,14 +227,14 @@ def test_the_commands_name_an_unsuitable_controller(tmp_path: Path) -> None:
         assert found.exit_code == 0 and f"observed: not designed: {UNSUITABLE}" in found.stdout
     told = json.loads(invoke("design", path, "--json").stdout)["controllers"]
     assert told["observed"] == {"not_designed": UNSUITABLE} and "certificate" in told["feedback"]
+    assert held(load(Path(path))) == [("move", "feedback")]
+    assert left_out(load(Path(path))) == [f"observed: not designed: {UNSUITABLE}."]
     text = DISCRETE.replace('[controller.feedback]\nlaw = "trial-ilc"\nlearning = false\n', "")
     alone = str(trial_studies.write(tmp_path, text))
     for command in (("design", alone), ("run", alone, "-o", folder)):
         refused = invoke(*command)
         assert isinstance(refused.exception, StudyError)  # exit code 2: cogless.cli.main
         assert str(refused.exception) == f"{alone}: {UNSUITABLE}"
-    assert held(load(Path(path))) == [("move", "feedback")]
-    assert left_out(load(Path(path))) == [f"observed: not designed: {path}: {UNSUITABLE}."]
 
 
 def test_a_rollout_says_which_variants_cannot_be_designed(tmp_path: Path) -> None:

@@ -57,8 +57,7 @@ def summary(study: TrialStudy) -> TrialSummary:
     }
     if not designs and designs.without:
         raise next(iter(designs.without.values()))
-    path = f"{study.source.path}: "
-    without = {name: str(why).removeprefix(path) for (_, name), why in designs.without.items()}
+    without = {name: why.within(study.source.path) for (_, name), why in designs.without.items()}
     return TrialSummary(uncertain_plant(study), in_order, without)
 
 

@@ -40,7 +40,7 @@ def _why_not(study: AnyStudy, name: str) -> str:
     run = next((pair for pair in every(study) if pair[1] == name), None)
     if isinstance(study, TrialStudy) and run is not None:
         refused = design_study(study, [run]).refused.get(run)
-        return "" if refused is None else f"not designed: {refused}"
+        return "" if refused is None else f"not designed: {refused.within(study.source.path)}"
     return ""
 
 

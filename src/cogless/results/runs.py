@@ -84,9 +84,8 @@ class TrialResults(AnyResults):
 
     def without_design(self, scenario: str | None = None) -> list[str]:
         """A line for each controller that was not designed, of one scenario or of all: its label and why."""
-        path = f"{self.study.source.path}: "
         found = (
-            f"{self.study.label(name)}: not designed: {str(why).removeprefix(path)}"
+            f"{self.study.label(name)}: not designed: {why.within(self.study.source.path)}"
             for (where, name), why in self.not_designed.items()
             if scenario in (None, where)
         )
