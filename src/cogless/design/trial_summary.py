@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -146,6 +146,46 @@ def warnings(design: TrialDesign) -> list[str]:
     return [] if fine and design.no_K_3 is None else [words(design)]
 
 
+def labelled_notes(study: TrialStudy, designs: Mapping[str, TrialDesign]) -> list[str]:
+    """The notes of designs as sentences, each with the labels of its controllers in front.
+
+    A note that all of several controllers have is one of the plant or the scenario, and has no label.
+    """
+    owners: dict[str, list[str]] = {}
+    for name, design in designs.items():
+        for note in dict.fromkeys(map(str, design.notes)):
+            owners.setdefault(note, []).append(study.label(name))
+    return [
+        f"{note}." if len(labels) == len(designs) > 1 else f"{'; '.join(labels)}: {note}."
+        for note, labels in owners.items()
+    ]
+
+
+def _large(study: TrialStudy, found: TrialSummary) -> Iterator[str]:
+    """A sentence on each learning matrix: a microcontroller has to store all its numbers."""
+    for name, design in found.designs.items():
+        size, flash = matrix_size(design), matrix_flash(study, design)
+        if size and flash:
+            yield f"{study.label(name)}: its learning matrix has {size} numbers: {megabytes(flash)} of flash."
+
+
+def matrix_size(design: TrialDesign) -> str:
+    """The shape of a design's learning matrix, such as "500 x 500"; "" if it has none."""
+    return "" if design.learning_matrix is None else " x ".join(map(str, design.learning_matrix.shape))
+
+
+def matrix_flash(study: TrialStudy, design: TrialDesign) -> int:
+    """Bytes of a design's learning matrix in a drive's precision; 0 without a matrix, or without a drive."""
+    if study.drive is None or design.learning_matrix is None:
+        return 0
+    return int(design.learning_matrix.size) * (8 if study.drive.precision == "double" else 4)
+
+
+def megabytes(size: int) -> str:
+    """A number of bytes as text, such as "1.00 MB"."""
+    return f"{size / 1e6:.3g} MB"
+
+
 def _rows(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
     """Yields the kinds of models that a certificate covers: the design's, and exact ones if they differ."""
     of_design = {"euler": "Euler", "exact": "exact", None: "discrete"}[certificate.discretisation]
@@ -263,8 +303,7 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     for name in found.without:
         gains.add_row(study.label(name), "not designed")
     lines = [Text(f"{study.label(name)}: not designed: {why}.") for name, why in found.without.items()]
-    notes = dict.fromkeys(str(note) for design in found.designs.values() for note in design.notes)
-    lines += [Text(f"Note: {note}.") for note in notes]
+    lines += [Text(f"Note: {note}") for note in (*labelled_notes(study, found.designs), *_large(study, found))]
     legend = Text(LEGEND, style="dim")
     return Group(Text(about), Text(), gains, Text(), proof, Text(), share, Text(), legend, *lines)
 
