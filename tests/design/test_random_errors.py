@@ -45,6 +45,7 @@ def transcribed(design: TrialDesign) -> Trial:
         shift=design.shift,
         limit=1e9,
         learned_limit=1e9,
+        unguarded=True,
         learning_matrix=design.learning_matrix,
         filter_signal=design.filtered == "signal",
         response=observer.response if observer else 0.0,

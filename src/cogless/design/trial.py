@@ -16,7 +16,7 @@ then set to zero. If Q doesn't, the feedback is designed without the integrator.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -97,9 +97,10 @@ class TrialGains:
     no_K_3: DesignError | None  # why no K_3 exists
     feedback: StateFeedback | None  # None if K_s was given
     learning: LearningGain | None  # None if K_3 was given, or wasn't found by (35)
-    notes: tuple[Remark, ...]  # their cures have the names of settings as keys
+    notes: tuple[Remark, ...]  # of the feedback; their cures have the names of settings as keys
     observer: ObserverGains | None = None  # of kind observer, in place of K_s
     cutoff: float | None = None  # of kind observer, Hz
+    learning_notes: tuple[Remark, ...] = ()  # of K_3, for the laws that learn with it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,17 +196,18 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
         N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
     forward = settings.feedforward and settings.kind != "state"
     ahead = dynamic(plant.nominal, plant.C, K_s[:n]) if forward else None
-    K_3, learned, no_K_3 = settings.K_3, None, None
+    K_3, learned, no_K_3, note = settings.K_3, None, None, None
     if K_3 is None and needs_K_3(settings):
         law = _law(K_s, n, N, integral, settings.kind != "state")
         try:
             K_3, learned, note = _learning_gain(plant, law, settings, f)
-            notes += [note] if note is not None else []
         except DesignError as error:
             if error.key not in NO_K_3:
                 raise
             no_K_3 = error
-    return TrialGains(K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes))
+    of_learning = (note,) if note is not None else ()
+    gains = TrialGains(K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes))
+    return replace(gains, learning_notes=of_learning)
 
 
 def needs_K_3(settings: TrialSettings) -> bool:
@@ -225,7 +227,9 @@ def design_trial(
     certified = plant.as_held if parameters.gains.observer else plant
     loop = parameters.gains.observer or law
     certificate = certify(certified, loop, update, parameters.q_filter, settings.filtered, settings.samples)
-    notes = (*parameters.gains.notes, *_warnings(certified, loop, certificate, update, settings))
+    of_learning = parameters.gains.learning_notes if needs_K_3(settings) else ()
+    of_certificate = _warnings(certified, loop, certificate, update, settings)
+    notes = (*parameters.gains.notes, *of_learning, *of_certificate)
     return TrialDesign(**vars(parameters), certificate=certificate, notes=notes)
 
 

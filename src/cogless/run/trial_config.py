@@ -94,6 +94,7 @@ def _law(study: TrialStudy, scenario: str, name: str, design: TrialParameters) -
         "learning_matrix": None,  # apart, below
         "limit": limit,
         "learned_limit": law.learned_limit,
+        "unguarded": not law.guard,
     }
     config = control_layout(precision).pack("cgl_trial_config", values)
     return {"law": "trial", "config": config, "learning_matrix": design.learning_matrix}
