@@ -334,6 +334,9 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         own["structure"] = controller.acts_on
     if isinstance(controller, NormOptimalIlc):
         own["kind"] = "norm-optimal"
+        if controller.q_filter is not None:
+            q = controller.q_filter
+            own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": "signal", "ends": q.ends}
     elif isinstance(controller, FilteredLaw) and controller.q_filter is not None:
         q = controller.q_filter
         own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on, "ends": q.ends}

@@ -118,7 +118,7 @@ class TrialParameters:
     shift: int
     q_filter: Filter | None
     filtered: Filtered
-    learning_matrix: Real | None  # (samples, samples), instead of K_3, shift and filter
+    learning_matrix: Real | None  # (samples, samples), instead of K_3, shift and a filter on the error
     gains: TrialGains
     no_K_3: StudyError | None = None  # why no K_3 exists for a law that needs it: it doesn't run
 
@@ -228,7 +228,7 @@ def design_trial(
     loop = parameters.gains.observer or law
     certificate = certify(certified, loop, update, parameters.q_filter, settings.filtered, settings.samples)
     of_learning = parameters.gains.learning_notes if needs_K_3(settings) else ()
-    of_certificate = _warnings(certified, loop, certificate, update, settings)
+    of_certificate = _warnings(certified, loop, certificate, update, settings, parameters.q_filter)
     notes = (*parameters.gains.notes, *of_learning, *of_certificate)
     return TrialDesign(**vars(parameters), certificate=certificate, notes=notes)
 
@@ -298,7 +298,7 @@ def _parameters(
     law = _law(gains.K_s, n, gains.N, integral, through)
     normal = settings.kind == "norm-optimal" and settings.learning
     q_filter, cutoff = None, gains.cutoff or settings.cutoff
-    if cutoff is not None and settings.learning and not normal:
+    if cutoff is not None and settings.learning and (settings.filtered == "signal" or not normal):
         q_filter = butterworth(cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3 = gains.K_3 or 0.0
     update, matrix = None, None
@@ -442,6 +442,7 @@ def _warnings(
     certificate: Certificate,
     update: Update | None,
     settings: TrialSettings,
+    q_filter: Filter | None = None,
 ) -> list[Remark]:
     """Warnings that the error can grow along the trial or from trial to trial, with the remedy."""
     notes: list[Remark] = []
@@ -474,14 +475,16 @@ def _warnings(
                 note += f"; a zero-phase low-pass filter of {cutoff:.3g} Hz or less on the learned signal "
                 note, cures = f"{note}prevents it", (_filter(cutoff, settings),)
         else:
-            weight = _calmer(plant, law, settings)
+            weight = _calmer(plant, law, settings, q_filter)
             if weight is not None:
                 note, cures = f"{note}; change_weight = {weight:g} prevents it", ({"change_weight": weight},)
         notes.append(Remark(note, cures))
     return notes
 
 
-def _calmer(plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSettings) -> float | None:
+def _calmer(
+    plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSettings, q_filter: Filter | None
+) -> float | None:
     """A weight of the change with which no error grows from trial to trial; None if none is."""
     nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
     shift = settings.shift or plant.relative_degree
@@ -489,7 +492,7 @@ def _calmer(plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSe
         weight = float(f"{settings.change_weight * 10.0**n:.3g}")
         matrix = norm_optimal(nominal, settings.samples, weight)
         update = Update(shift, 0.0, weight, nominal, matrix)
-        found = certify(plant, law, update, None, settings.filtered, settings.samples)
+        found = certify(plant, law, update, q_filter, settings.filtered, settings.samples)
         judged = found.design if found.exact is None else found.exact
         if judged.learning is not None and judged.learning.monotone:
             return weight
