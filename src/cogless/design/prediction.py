@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cogless.design.basis import carried
 from cogless.design.certificate import Gains
 from cogless.design.finite import TrialMap
 from cogless.design.model import Model, Real
@@ -97,17 +98,22 @@ def predict(
     trial: TrialMap,
     ahead: tuple[Real, Real, int] | None,
     phases: Sequence[Conditions],
+    basis_functions: bool = False,
 ) -> Prediction:
     """The prediction for these plants.
 
     `trial`: learning at the same plants, in their order. `ahead`: numerator, denominator and preview of the
-    feedforward.
+    feedforward. `basis_functions`: what was learned moves along with a changed reference.
     """
     loops = random_loops(models, C, law, trial)
     position = loops.position
     v = np.zeros((len(models), trial.samples))
     predictions = []
-    for phase in phases:
+    for index, phase in enumerate(phases):
+        if basis_functions and index:
+            integral = law.K_2 if isinstance(law, Gains) and law.through_integrator else 0.0
+            n = law.N if isinstance(law, Gains) else 1.0
+            v = carried(v, phases[index - 1].reference, phase.reference, n, integral)
         f = feedforward(ahead, phase.reference)
         error, lesson, u = simulated(models, C, law, phase, f, np.zeros_like(v))
         added = trial.correction(lesson)

@@ -82,6 +82,7 @@ class TrialSettings:
     K_3: float | None = None
     shift: int | None = None  # v(p) learns from e(p + shift), samples; None: the relative degree
     pole: float | None = None  # of kind observer; None: by its rule
+    basis_functions: bool = False  # what was learned moves along with a changed reference
     change_weight: float = 1e-2  # for norm-optimal learning: weight of v's change; the error's is 1
 
 
@@ -246,7 +247,7 @@ def scenario_prediction(
     trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
     f = parameters.feedforward
     ahead = None if f is None else (f.num, f.den, f.preview)
-    return predict(models, labels, plant.C, loop, trial, ahead, phases)
+    return predict(models, labels, plant.C, loop, trial, ahead, phases, settings.basis_functions)
 
 
 def random_amplification(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Amplification:
