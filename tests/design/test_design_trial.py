@@ -198,19 +198,26 @@ def test_two_mass_drive_train() -> None:
     with pytest.raises(DesignError) as error:
         design_trial(plant, settings, unfiltered)
     assert error.value.key == "q_filter"
-    cutoff = float(str(error.value).split(" signal of ")[1].split(" Hz")[0])
-    design = design_trial(plant, replace(settings, K_s=unfiltered.K_s, cutoff=cutoff, filtered="signal"))
-    assert str(design.notes[-1]).startswith("K_3 by frequency")
+    assert error.value.cures == ({"q_filter": "auto", "shift": "auto"},)
+    design = design_trial(plant, replace(settings, K_s=unfiltered.K_s, cutoff="auto", shift="auto"))
+    chosen = f"shift = {design.shift} and {design.gains.cutoff:.3g} Hz are chosen together with K_3"
+    assert str(design.notes[-1]).startswith(chosen) and str(error.value).endswith(
+        f'q_filter = "auto" and shift = "auto" choose {design.gains.cutoff:.3g} Hz and {design.shift}'
+    )
     part = design.certificate.exact
     assert part is not None and part.with_filter is not None and part.without_filter is not None
     assert part.with_filter.contracting
     assert not part.without_filter.monotone
     errors = design_errors(design, plant, 25)
     # with the filter on the signal the error settles at what the filter takes out of v: its changes shrink
-    assert part.growth is not None and part.growth <= part.with_filter.norm < 1
-    _holds(np.diff(errors, axis=1), part.with_filter.norm, ends=0.02)
-    # without it, learning first helps and then destroys
-    grown = design_errors(replace(design, q_filter=None), plant, 90)
+    assert part.growth is not None
+    factor = max(part.with_filter.norm, part.growth)
+    assert factor < 0.951
+    _holds(np.diff(errors, axis=1), factor, ends=0.02)
+    # with the smallest shift and without the filter, learning first helps and then destroys
+    least = design_trial(plant, replace(settings, K_s=unfiltered.K_s, cutoff=20.0, filtered="signal"))
+    assert least.shift == plant.relative_degree < design.shift
+    grown = design_errors(replace(least, q_filter=None), plant, 90)
     assert np.all(rms(grown)[:, -1] > 3 * rms(grown).min(axis=1))
 
 
@@ -309,8 +316,7 @@ def _holds(errors: Real, norm: float, ends: float = 1e-9) -> None:
         ),
         ({"N": float("inf")}, "N", "N: expected a finite number"),
         ({"K_s": [1.0, float("nan"), 2.0]}, "K_s", "K_s: expected 3 finite numbers"),
-        ({"shift": 1}, "shift", "shift: 1: expected 2, the relative degree, to 32"),
-        ({"shift": 33}, "shift", "shift: 33: expected 2, the relative degree, to 32"),
+        ({"shift": 1}, "shift", "shift: 1: expected 2, the relative degree, or more"),
         ({"shift": 32, "samples": 32}, "shift", "shift: 32: expected less than the 32 samples"),
         (
             {"samples": 12, "cutoff": 30.0, "filter_order": 3},
@@ -546,24 +552,6 @@ def test_a_static_gain_points_where_the_loop_does(
     with pytest.raises(DesignError) as error:
         trial._check_sign(*of)
     assert str(error.value) == told
-
-
-@pytest.mark.parametrize(
-    ("works", "said"),
-    [
-        ({2: 12.3456, 3: 20.0}, " of 12.3 Hz or less"),
-        ({3: 20.0}, " of 20 Hz or less, and shift = 3"),
-        ({8: 20.0}, " of 20 Hz or less, and shift = 8"),
-        ({9: 20.0}, "; with this feedback none makes it fast, though"),
-    ],
-)
-def test_a_filter_that_would_do_is_told(
-    monkeypatch: pytest.MonkeyPatch, works: dict[int, float], said: str
-) -> None:
-    monkeypatch.setattr(trial, "workable_cutoff", lambda loops, shift, *_: works.get(shift))
-    plant, settings = SimpleNamespace(period=1e-3), SimpleNamespace(filter_order=2, samples=100)
-    told, *cures = trial._low_pass([], plant, settings, 2)
-    assert told == said and len(cures) == ("Hz" in said)
 
 
 FASTEST = "K_3 by frequency, for the smallest factor a trial"

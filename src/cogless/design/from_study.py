@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from cogless.design.trial import (
     TrialGains,
     TrialParameters,
     TrialSettings,
+    choices,
     design_gains,
     design_trial,
     needs_K_3,
@@ -36,12 +38,14 @@ from cogless.study.trial_controller import (
     FilteredLaw,
     NormOptimalIlc,
     ObserverIlc,
+    QFilter,
     StateIlc,
     TrialIlc,
     TrialLaw,
 )
 
 ROUNDING = 1e-9
+OTHER_CHOICES = 4  # of shift and filter, tried where the best one would end above the feedback
 Designs = dict[tuple[str, str], TrialDesign]
 
 # Settings of a design that a study has in a controller's table; the others are in "plant" or "design".
@@ -126,6 +130,12 @@ def _designs(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
             notes.append(Remark(str(missing), no_K_3.cures))
         with _as_study_error(study, scenario, name):
             prediction = _predicted(study, scenario, plant, settings, design)
+        if missing is None and settings.chooses and prediction is not None and prediction.ends_above:
+            for other in islice(choices(plant, settings, gains), OTHER_CHOICES):
+                predicted = scenario_prediction(plant, settings, other, _phases(study, scenario))
+                if not predicted.ends_above:
+                    design, prediction = design_trial(plant, settings, other), predicted
+                    break
         designs[scenario, name] = replace(
             design,
             notes=tuple(notes),
@@ -201,7 +211,8 @@ def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialP
     settings, before = settings_of(study, *run), settings_of(like, *run)
     if alike and study.period == like.period and _same_feedback(settings, before):
         gains = design_study(like, [run])[run].gains
-        if settings.K_3 is not None:
+        chooses_otherwise = (settings.chooses or before.chooses) and _update(settings) != _update(before)
+        if settings.K_3 is not None and not chooses_otherwise:
             gains = replace(gains, K_3=settings.K_3)
         elif not same_gains(settings, before):
             return design_study(study, [run])[run]
@@ -272,9 +283,12 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         own["structure"] = controller.acts_on
     if isinstance(controller, NormOptimalIlc):
         own["kind"] = "norm-optimal"
-    elif isinstance(controller, FilteredLaw) and controller.q_filter is not None:
-        q = controller.q_filter
-        own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on, "ends": q.ends}
+    elif isinstance(controller, FilteredLaw):
+        q, own["shift"] = controller.choice
+        if isinstance(q, QFilter):
+            own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on, "ends": q.ends}
+        elif q is not None:
+            own["cutoff"] = q
     return TrialSettings(
         samples=study.samples(scenario),
         Q=design.Q,
@@ -301,10 +315,17 @@ def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
     """Whether gains that were designed for `other` are right for `settings` too."""
 
     def learning(s: TrialSettings) -> tuple[Any, ...]:
-        return s.K_3, s.shift, (s.cutoff, s.filter_order, s.ends) if s.filtered == "signal" else None
+        return s.K_3, *_update(s)
 
     same = _same_feedback(settings, other)
     return same and (not needs_K_3(settings) or (needs_K_3(other) and learning(settings) == learning(other)))
+
+
+def _update(s: TrialSettings) -> tuple[Any, ...]:
+    """What K_3 is designed for. A shift or filter that is chosen suits one length of trials."""
+    on_signal = s.filter_acts_on == "signal" or s.chooses
+    q_filter = (s.cutoff, s.filter_order, s.ends, s.filter_acts_on) if on_signal else None
+    return s.shift, q_filter, s.samples if s.chooses else None
 
 
 def _same_feedback(settings: TrialSettings, other: TrialSettings) -> bool:

@@ -15,8 +15,8 @@ then set to zero. If Q doesn't, the feedback is designed without the integrator.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -26,12 +26,13 @@ from cogless.design.certificate import ENDS, Certificate, Gains, Structure, Upda
 from cogless.design.error import DesignError
 from cogless.design.feedforward import Feedforward, dynamic, static_gain
 from cogless.design.finite import TrialMap
+from cogless.design.learning_filter import JUDGED_TRIALS, Bench, Choice, learning_filters
 from cogless.design.learning_gain import LearningGain, learning_gain
 from cogless.design.lifted import norm_optimal
-from cogless.design.model import Real
+from cogless.design.model import Model, Real
 from cogless.design.polytope import UncertainPlant
 from cogless.design.prediction import Conditions, Prediction, predict
-from cogless.design.q_filter import PROPOSED, SHIFTS, better_shift, butterworth, workable_cutoff
+from cogless.design.q_filter import PROPOSED, better_shift, butterworth, workable_cutoff
 from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
 from cogless.design.state_feedback import StateFeedback, guaranteed_cost
 from cogless.design.trial_observer import (
@@ -49,7 +50,6 @@ Ends = Literal["even", "odd"]
 Kind = Literal["robust", "state", "norm-optimal", "observer"]
 
 
-LARGEST_SHIFT = 32  # of the control law
 NO_K_3 = ("q_filter", "shift", "K_3")  # keys of errors after which the feedback can be kept, without a K_3
 BELOW = 0.97  # of a cutoff: what is advised is rounded
 WEIGHTS = 7  # powers of ten
@@ -71,16 +71,27 @@ class TrialSettings:
     integral: bool = True
     learning: bool = True
     feedforward: bool = True  # dynamic
-    cutoff: float | None = None  # of the zero-phase filter, Hz; None: no filter
+    cutoff: float | Literal["auto"] | None = None  # of the zero-phase filter, Hz; None: no filter
     filter_order: int = 2
     ends: Ends = "even"  # reflection by which the filter continues the trial
     filtered: Filtered = "error"  # the filter acts on the error e, or on the signal v + K_3 e
     K_s: ArrayLike | None = None  # gains given here are certified, not designed; sized as Q
     N: float | None = None
     K_3: float | None = None
-    shift: int | None = None  # v(p) learns from e(p + shift), samples; None: the relative degree
+    # v(p) learns from e(p + shift), samples; None: the relative degree
+    shift: int | Literal["auto"] | None = None
     pole: float | None = None  # of kind observer; None: by its rule
     change_weight: float = 1e-2  # for norm-optimal learning: weight of v's change; the error's is 1
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the design chooses the shift or the filter."""
+        return "auto" in (self.shift, self.cutoff)
+
+    @property
+    def filter_acts_on(self) -> Filtered:
+        """What is filtered: a filter that the design chooses acts on the signal."""
+        return "signal" if self.cutoff == "auto" else self.filtered
 
 
 @dataclass(frozen=True)
@@ -97,7 +108,8 @@ class TrialGains:
     learning: LearningGain | None  # None if K_3 was given, or wasn't found by (35)
     notes: tuple[Remark, ...]  # their cures have the names of settings as keys
     observer: ObserverGains | None = None  # of kind observer, in place of K_s
-    cutoff: float | None = None  # of kind observer, Hz
+    cutoff: float | None = None  # of kind observer, Hz, or chosen: None is then no filter
+    shift: int | None = None  # that was chosen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,17 +194,23 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
         N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
     forward = settings.feedforward and settings.kind != "state"
     ahead = dynamic(plant.nominal, plant.C, K_s[:n]) if forward else None
-    K_3, learned, no_K_3 = settings.K_3, None, None
-    if K_3 is None and needs_K_3(settings):
+    K_3, learned, no_K_3, choice = settings.K_3, None, None, None
+    if needs_K_3(settings) and (K_3 is None or settings.chooses):
         law = _law(K_s, n, N, integral, settings.kind != "state")
         try:
-            K_3, learned, note = _learning_gain(plant, law, settings, f)
+            note: Remark | None
+            if settings.chooses:
+                choice, note = _chosen(plant, law, settings)
+                K_3 = choice.K_3 if K_3 is None else K_3
+            else:
+                K_3, learned, note = _learning_gain(plant, law, settings, f)
             notes += [note] if note is not None else []
         except DesignError as error:
             if error.key not in NO_K_3:
                 raise
             no_K_3 = error
-    return TrialGains(K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes))
+    gains = TrialGains(K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes))
+    return gains if choice is None else replace(gains, shift=choice.shift, cutoff=choice.cutoff)
 
 
 def needs_K_3(settings: TrialSettings) -> bool:
@@ -211,7 +229,9 @@ def design_trial(
     parameters, law, update = _parameters(plant, settings, gains or design_gains(plant, settings))
     certified = plant.as_held if parameters.gains.observer else plant
     loop = parameters.gains.observer or law
-    certificate = certify(certified, loop, update, parameters.q_filter, settings.filtered, settings.samples)
+    certificate = certify(
+        certified, loop, update, parameters.q_filter, settings.filter_acts_on, settings.samples
+    )
     notes = (*parameters.gains.notes, *_warnings(certified, loop, certificate, update, settings))
     return TrialDesign(**vars(parameters), certificate=certificate, notes=notes)
 
@@ -251,12 +271,13 @@ def _parameters(
     _check(plant, settings)
     if gains.no_K_3 is not None and needs_K_3(settings):
         raise gains.no_K_3
-    n, shift = plant.order, SHIFT if gains.observer else settings.shift or plant.relative_degree
+    n, shift = plant.order, SHIFT if gains.observer else _shift(plant, settings, gains)
     integral = gains.integral and settings.integral
     through = settings.structure == "input-and-integrator" and integral and settings.learning
     law = _law(gains.K_s, n, gains.N, integral, through)
     normal = settings.kind == "norm-optimal" and settings.learning
-    q_filter, cutoff = None, gains.cutoff or settings.cutoff
+    cutoff = gains.cutoff if gains.observer or settings.cutoff == "auto" else settings.cutoff
+    q_filter = None
     if cutoff is not None and settings.learning and not normal:
         q_filter = butterworth(cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3 = gains.K_3 or 0.0
@@ -281,17 +302,25 @@ def _parameters(
         K_3=K_3 if update is not None and not normal else 0.0,
         shift=shift,
         q_filter=q_filter,
-        filtered=settings.filtered,
+        filtered=settings.filter_acts_on,
         learning_matrix=matrix,
         gains=gains,
     )
     return parameters, law, update
 
 
+def _shift(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains | None = None) -> int:
+    """The shift in samples: given, chosen, or the relative degree."""
+    shift = gains.shift if settings.shift == "auto" and gains is not None else settings.shift
+    return shift if isinstance(shift, int) else plant.relative_degree
+
+
 def _observer_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     """The gains of kind observer: K_s is zero, and K_3 one."""
     observer = design_observer(plant, settings.pole)
-    cutoff = settings.cutoff or highest_cutoff(plant, observer, settings.filter_order)
+    cutoff = settings.cutoff
+    if not isinstance(cutoff, float):
+        cutoff = highest_cutoff(plant, observer, settings.filter_order)
     ahead = inverse(plant) if settings.feedforward else None
     notes = (Remark(plant.note),) if plant.note else ()
     none = np.zeros(plant.order)
@@ -307,13 +336,8 @@ def _learning_gain(
 ) -> tuple[float, LearningGain | None, Remark | None]:
     """K_3 by (35). It is found by frequency response if (35) gives none, or if the shift isn't r."""
     r = plant.relative_degree
-    shift = settings.shift or r
-    loops = [law.closed(m, plant.C) for m in plant.vertices]
-    for label, loop in zip(plant.labels, loops, strict=True):
-        if loop.radius >= 1:
-            raise DesignError(
-                f"K_s: expected feedback that is stable at {label}; its largest pole is {loop.radius:.4g}"
-            )
+    shift = _shift(plant, settings)
+    loops = _stable_loops(plant, law)
     try:
         if shift != r:
             line = f"shift: {shift}: no gain shrinks the error at every frequency; {LOW_PASS}"
@@ -330,8 +354,79 @@ def _learning_gain(
         if by_frequency is not None:
             K_3, note = by_frequency
             return K_3, None, note
-        end, *cures = _low_pass(everywhere, plant, settings, shift)
+        end, *cures = _together(plant, law, settings)
         raise DesignError(f"{error}{end}").advising(*cures) from None
+
+
+def _stable_loops(plant: UncertainPlant, law: Gains) -> list[Loop]:
+    """The closed loops at the vertices; DesignError if one is unstable."""
+    loops = [law.closed(m, plant.C) for m in plant.vertices]
+    for label, loop in zip(plant.labels, loops, strict=True):
+        if loop.radius >= 1:
+            raise DesignError(
+                f"K_s: expected feedback that is stable at {label}; its largest pole is {loop.radius:.4g}"
+            )
+    return loops
+
+
+def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> tuple[Choice, Remark]:
+    """Shift, cut-off and K_3 by learning_filter.py, and a note; DesignError if nothing works."""
+    _stable_loops(plant, law)
+    bench = _bench(plant, law, settings)
+    choice = next(learning_filters(bench), None)
+    if choice is None:
+        _check_sign(plant, law, settings)
+        raise DesignError(
+            "q_filter: no shift, filter and K_3 make the error shrink at every frequency and at the trial's "
+            "ends; expected a feedback with less lag"
+        )
+    passes = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
+    left = 100 * bench.left(choice)
+    return choice, Remark(
+        f"shift = {choice.shift} and {passes} are chosen together with K_3: {JUDGED_TRIALS} trials leave "
+        f"{left:.2g} % of the error of a load step, at the worst corner"
+    )
+
+
+def choices(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Iterator[TrialGains]:
+    """The same gains with other shifts, filters and K_3 than those chosen, the best first."""
+    law = _law(gains.K_s, plant.order, gains.N, gains.integral, settings.kind != "state")
+    for choice in learning_filters(_bench(plant, law, settings)):
+        if (choice.shift, choice.cutoff) != (gains.shift, gains.cutoff):
+            K_3 = choice.K_3 if settings.K_3 is None else settings.K_3
+            yield replace(gains, K_3=K_3, shift=choice.shift, cutoff=choice.cutoff)
+
+
+def _bench(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> Bench:
+    """The loops of a feedback: judged are those exactly sampled, if they are known and stable."""
+
+    def stable(models: Sequence[Model]) -> list[Loop]:
+        return [loop for loop in (law.closed(m, plant.C) for m in models) if loop.radius < 1]
+
+    held = plant.as_held
+    judged = [*held.vertices, held.nominal]
+    if len(stable(judged)) < len(judged):
+        judged = [*plant.vertices, plant.nominal]
+    learning = [law.closed(m, plant.C) for m in judged]
+    loaded = [
+        Loop(loop.A, np.pad(m.B, ((0, len(loop.A) - m.order), (0, 0))), loop.C)
+        for m, loop in zip(judged, learning, strict=True)
+    ]
+    design, exact = plant.random
+    return Bench(
+        learning=learning,
+        loaded=loaded,
+        others=stable([*plant.vertices, plant.nominal]),
+        drawn=stable([*design, *(exact or ())]),
+        least_shift=plant.relative_degree,
+        period=plant.period,
+        samples=settings.samples,
+        order=settings.filter_order,
+        shift=plant.relative_degree if settings.shift is None else settings.shift,
+        cutoff=settings.cutoff,
+        filtered=settings.filter_acts_on,
+        odd=settings.ends == "odd",
+    )
 
 
 def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> None:
@@ -349,18 +444,15 @@ def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> N
         )
 
 
-def _low_pass(
-    loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int
-) -> tuple[str, *tuple[Changes, ...]]:
-    """The end of a message, and the change that it advises: the filter's cutoff, and another shift if needed,
-    with which learning is fast."""
-    for tried in range(shift, shift + SHIFTS + 1):
-        cutoff = workable_cutoff(loops, tried, settings.filter_order, plant.period, settings.samples)
-        if cutoff is not None:
-            other: Changes = {"shift": tried} if tried != shift else {}
-            end = f" of {cutoff:.3g} Hz or less" + (f", and shift = {tried}" if other else "")
-            return end, {**_filter(cutoff, settings), **other}
-    return ("; with this feedback none makes it fast, though",)
+def _together(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> tuple[str, *tuple[Changes, ...]]:
+    """The end of a message, and the change that it advises: a shift and a filter that are chosen together."""
+    auto = replace(settings, shift="auto", cutoff="auto", filter_order=2, ends="even")
+    choice = next(learning_filters(_bench(plant, law, auto)), None)
+    if choice is None:
+        return ("; with this feedback none makes it fast, though",)
+    of = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
+    end = f', and a shift that suits it: q_filter = "auto" and shift = "auto" choose {of} and {choice.shift}'
+    return end, {"q_filter": "auto", "shift": "auto"}
 
 
 def _filter(cutoff: float, settings: TrialSettings) -> Changes:
@@ -381,6 +473,7 @@ def _by_frequency(
         note = f"K_3 by frequency, for the smallest factor a trial, {worst:.4g}"
         said = f"{note}: (35) is for a shift of {plant.relative_degree}"
         return (K_3, Remark(said)) if worst <= PROPOSED else None
+    assert isinstance(settings.cutoff, float)
     q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3, worst = best_gain(G, q_filter.gain(w))
     if worst > PROPOSED:
@@ -443,12 +536,12 @@ def _warnings(
 def _calmer(plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSettings) -> float | None:
     """A weight of the change with which no error grows from trial to trial; None if none is."""
     nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
-    shift = settings.shift or plant.relative_degree
+    shift = _shift(plant, settings)
     for n in range(1, WEIGHTS):
         weight = float(f"{settings.change_weight * 10.0**n:.3g}")
         matrix = norm_optimal(nominal, settings.samples, weight)
         update = Update(shift, 0.0, weight, nominal, matrix)
-        found = certify(plant, law, update, None, settings.filtered, settings.samples)
+        found = certify(plant, law, update, None, settings.filter_acts_on, settings.samples)
         judged = found.design if found.exact is None else found.exact
         if judged.learning is not None and judged.learning.monotone:
             return weight
@@ -462,10 +555,9 @@ def _factor(value: float) -> str:
 
 def _check(plant: UncertainPlant, settings: TrialSettings) -> None:
     n, r = plant.order, plant.relative_degree
-    if settings.shift is not None and not r <= settings.shift <= LARGEST_SHIFT:
-        expected = f"expected {r}, the relative degree, to {LARGEST_SHIFT}"
-        raise DesignError(f"shift: {settings.shift}: {expected}")
-    if settings.shift is not None and settings.samples <= settings.shift:
+    if isinstance(settings.shift, int) and settings.shift < r:
+        raise DesignError(f"shift: {settings.shift}: expected {r}, the relative degree, or more")
+    if isinstance(settings.shift, int) and settings.samples <= settings.shift:
         expected = f"expected less than the {settings.samples} samples"
         raise DesignError(f"shift: {settings.shift}: {expected}")
     if settings.samples <= r:

@@ -11,7 +11,7 @@ from cogless.live.candidates import PLANT, Candidate, looked_up, made, quoted
 from cogless.study import TrialStudy
 from cogless.study.drive import IdealCurrentLoop
 from cogless.study.plant import LinearPlant
-from cogless.study.trial_controller import FilteredLaw, StateIlc, TrialIlc
+from cogless.study.trial_controller import FilteredLaw, QFilter, StateIlc, TrialIlc
 
 OF_TRIALS = "Trials"
 
@@ -37,10 +37,12 @@ def _of_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
     run = next(pair for pair in held(study) if pair[1] == name)
     gain = "K_ilc" if isinstance(law, StateIlc) else "K_3"
     K_3 = design_study(study, [run])[run].K_3
-    if K_3:
+    # of an update that the design chooses as a whole, since the study says nothing of it, K_3 is only a part
+    chosen = "auto" in law.choice and law.q_filter is None and law.shift is None
+    if K_3 and not chosen:
         yield from made(f"{where}.{gain}", gain, name, law, gain, K_3, (0.0, 2.0), controller=name)
     q = law.q_filter
-    if q is not None and q.acts_on == "error" and (not isinstance(law, TrialIlc) or law.learning):
+    if isinstance(q, QFilter) and q.acts_on == "error" and (not isinstance(law, TrialIlc) or law.learning):
         cutoff = study.source.tables["controller"][name]["q_filter"]["cutoff"]
         key = f"{where}.q_filter.cutoff"
         yield from made(key, "q_filter.cutoff", name, q, "cutoff", cutoff, (0.3, 2.0), controller=name)
