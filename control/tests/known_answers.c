@@ -12,6 +12,7 @@
 #include "cogless/feedforward.h"
 #include "cogless/harmonic.h"
 #include "cogless/map.h"
+#include "cogless/turns.h"
 
 /* Numbers that logs and other programs know. */
 static void keep_the_numbers(void)
@@ -76,6 +77,21 @@ static void average_offsets(void)
     }
     CHECK(within(offsets.mean[0] - CGL_R(0.104), CGL_R(1.0e-6)) && within(offsets.mean[1] + CGL_R(0.196), CGL_R(1.0e-6)));
     CHECK(within(offsets.mean[2] - CGL_R(0.304), CGL_R(1.0e-6)));
+}
+
+/* Parts of a turn in 32 bits are what a division of 64 bits makes of them. */
+static void divide_a_turn(void)
+{
+    for (uint32_t parts = 2U; parts <= 65536U; parts += 1U + parts / 64U) {
+        for (uint32_t part = 0U; part < parts; part += 1U + parts / 97U) {
+            CHECK(cgl_share_of_turn(part, parts) == (uint32_t)(((uint64_t)part << 32U) / parts));
+        }
+        CHECK(cgl_share_of_turn(parts - 1U, parts) == (uint32_t)(((uint64_t)(parts - 1U) << 32U) / parts));
+        CHECK(cgl_share_of_turn(1U, 255U * parts) == (uint32_t)(((uint64_t)1U << 32U) / (255U * parts)));
+        const cgl_encoder_config config = {.counts = UINT32_MAX / parts * 3U};
+        cgl_encoder encoder;
+        CHECK(cgl_encoder_init(&encoder, &config, 0U) == CGL_OK && encoder.per_count == UINT64_MAX / config.counts);
+    }
 }
 
 /* A sensor off its middle, at a speed that the current does not change: its error is learned, and taken out of the angle, and of a
@@ -222,6 +238,7 @@ void known_answers(void)
 {
     keep_the_numbers();
     turn_an_encoder();
+    divide_a_turn();
     average_offsets();
     see_through_a_sensor();
     reject_a_load();

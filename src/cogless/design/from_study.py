@@ -19,10 +19,10 @@ from cogless.design.trial import (
     TrialGains,
     TrialParameters,
     TrialSettings,
-    choices,
     design_gains,
     design_trial,
     needs_K_3,
+    other_choices,
     scenario_prediction,
     trial_parameters,
 )
@@ -46,7 +46,27 @@ from cogless.study.trial_controller import (
 
 ROUNDING = 1e-9
 OTHER_CHOICES = 4  # of shift and filter, tried where the best one would end above the feedback
-Designs = dict[tuple[str, str], TrialDesign]
+Pair = tuple[str, str]  # scenario, controller
+
+
+class Designs(dict[Pair, TrialDesign]):
+    """Designs by (scenario, controller). `without`: why the others have none; asked for, one raises that."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.without: dict[Pair, StudyError] = {}
+
+    def __missing__(self, pair: Pair) -> TrialDesign:
+        if pair in self.without:
+            raise self.without[pair]
+        raise KeyError(pair)
+
+    @property
+    def refused(self) -> dict[Pair, StudyError]:
+        """Why a controller can't run: it has no design, or its design has no learning gain."""
+        gainless = {pair: design.no_K_3 for pair, design in self.items() if design.no_K_3 is not None}
+        return {**self.without, **gainless}
+
 
 # Settings of a design that a study has in a controller's table; the others are in "plant" or "design".
 OF_CONTROLLER = (
@@ -62,14 +82,15 @@ OF_CONTROLLER = (
 )
 OF_STATE_ILC = {"K_s": "K_stab", "K_3": "K_ilc"}
 # The key of a study's linear plant for each setting of a design.
-OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
+OF_PLANT = {"model": "model", "range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
 
 
 def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     """A design for each (scenario, controller) whose law learns over trials. Equal settings share one.
 
-    If no learning gain K_3 exists, the design has everything else and the reason. StudyError names the file
-    and the key.
+    A controller that can't be designed is in `without`, with an error that names the file and the key. If
+    only the learning gain K_3 doesn't exist, the design has everything else and the reason. StudyError: the
+    plant's description is wrong for all of them.
     """
     return study.once(_design, tuple(runs))
 
@@ -108,43 +129,57 @@ def _better_sampled(study: TrialStudy, run: tuple[str, str]) -> Remark | None:
 def _designs(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     with _as_study_error(study):
         plant = uncertain_plant(study)
-    designs: Designs = {}
-    known: list[tuple[TrialSettings, TrialGains]] = []
+    designs = Designs()
+    known: list[tuple[TrialSettings, TrialGains | DesignError]] = []
     outside = {scenario: _outside(study, scenario) for scenario, _ in runs}
     wanted = {run: settings_of(study, *run) for run in runs if isinstance(study.controller[run[1]], TrialLaw)}
     # designs that need K_3 come first: the others can then reuse their gains without K_3
     for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not needs_K_3(item[1])):
-        with _as_study_error(study, scenario, name):
-            gains = next((g for other, g in known if same_gains(settings, other)), None)
-            if gains is None:
-                gains = design_gains(plant, settings)
-                known.append((settings, gains))
-            missing = gains.no_K_3 if needs_K_3(settings) else None
-            design = design_trial(plant, replace(settings, learning=False) if missing else settings, gains)
+        try:
+            with _as_study_error(study, scenario, name):
+                design = _designed(study, scenario, name, plant, settings, known)
+        except StudyError as error:
+            designs.without[scenario, name] = error
+            continue
         beyond = outside[scenario]
         notes = [_in_study(remark, study, scenario, name) for remark in design.notes]
         notes += map(Remark, beyond)
-        no_K_3 = None
-        if missing is not None:
-            no_K_3 = _study_error(missing, study, scenario, name)
-            notes.append(Remark(str(missing), no_K_3.cures))
-        with _as_study_error(study, scenario, name):
-            prediction = _predicted(study, scenario, plant, settings, design)
-        if missing is None and settings.chooses and prediction is not None and prediction.ends_above:
-            for other in islice(choices(plant, settings, gains), OTHER_CHOICES):
-                predicted = scenario_prediction(plant, settings, other, _phases(study, scenario))
-                if not predicted.ends_above:
-                    design, prediction = design_trial(plant, settings, other), predicted
-                    break
-        designs[scenario, name] = replace(
-            design,
-            notes=tuple(notes),
-            beyond=beyond,
-            no_K_3=no_K_3,
-            prediction=prediction,
-            limit=_limit(study),
-        )
+        if design.no_K_3 is not None:
+            notes.append(Remark(str(design.gains.no_K_3), design.no_K_3.cures))
+        designs[scenario, name] = replace(design, notes=tuple(notes), beyond=beyond, limit=_limit(study))
     return designs
+
+
+def _designed(
+    study: TrialStudy,
+    scenario: str,
+    name: str,
+    plant: UncertainPlant,
+    settings: TrialSettings,
+    known: list[tuple[TrialSettings, TrialGains | DesignError]],
+) -> TrialDesign:
+    """The design of one controller. `known`: settings whose gains are found already, or why they aren't."""
+    gains = next((g for other, g in known if same_gains(settings, other)), None)
+    if gains is None:
+        try:
+            gains = design_gains(plant, settings)
+        except DesignError as error:
+            gains = error
+        known.append((settings, gains))
+    if isinstance(gains, DesignError):
+        raise gains
+    missing = gains.no_K_3 if needs_K_3(settings) else None
+    design = design_trial(plant, replace(settings, learning=False) if missing else settings, gains)
+    no_K_3 = None if missing is None else _study_error(missing, study, scenario, name)
+    prediction = _predicted(study, scenario, plant, settings, design)
+    if settings.chooses and prediction is not None and prediction.ends_above:
+        for other in islice(other_choices(plant, settings, gains), OTHER_CHOICES):
+            tried = design_trial(plant, settings, other)
+            predicted = _predicted(study, scenario, plant, settings, tried)
+            if predicted is not None and not predicted.ends_above:
+                design, prediction = tried, predicted
+                break
+    return replace(design, no_K_3=no_K_3, prediction=prediction)
 
 
 def _predicted(
@@ -359,6 +394,8 @@ def _key(of: str, study: TrialStudy, scenario: str, controller: str) -> str:
     if of in OF_CONTROLLER and controller:
         own = OF_STATE_ILC if isinstance(study.controller[controller], StateIlc) else {"static_gain": "N"}
         return f"controller.{controller}.{own.get(of, of)}"
-    if study.plant is not None and of.startswith("vertex"):
-        return "plant.vertex" if study.plant.vertex else "plant"
+    if study.plant is not None:
+        without_parameters = OF_PLANT.get(of) == "parameter" and not study.plant.parameter
+        if of.startswith("vertex") or without_parameters:
+            return "plant.vertex" if study.plant.vertex else "plant"
     return f"plant.{OF_PLANT[of]}" if study.plant is not None and of in OF_PLANT else f"design.{of}"

@@ -106,10 +106,11 @@ class TrialGains:
     no_K_3: DesignError | None  # why no K_3 exists
     feedback: StateFeedback | None  # None if K_s was given
     learning: LearningGain | None  # None if K_3 was given, or wasn't found by (35)
-    notes: tuple[Remark, ...]  # their cures have the names of settings as keys
+    notes: tuple[Remark, ...]  # of the feedback; their cures have the names of settings as keys
     observer: ObserverGains | None = None  # of kind observer, in place of K_s
     cutoff: float | None = None  # of kind observer, Hz, or chosen: None is then no filter
     shift: int | None = None  # that was chosen
+    learning_notes: tuple[Remark, ...] = ()  # of K_3, for the laws that learn with it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,22 +195,25 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
         N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
     forward = settings.feedforward and settings.kind != "state"
     ahead = dynamic(plant.nominal, plant.C, K_s[:n]) if forward else None
-    K_3, learned, no_K_3, choice = settings.K_3, None, None, None
+    K_3, learned, no_K_3 = settings.K_3, None, None
+    choice: Choice | None = None
+    note: Remark | None = None
     if needs_K_3(settings) and (K_3 is None or settings.chooses):
         law = _law(K_s, n, N, integral, settings.kind != "state")
         try:
-            note: Remark | None
             if settings.chooses:
-                choice, note = _chosen(plant, law, settings)
-                K_3 = choice.K_3 if K_3 is None else K_3
+                bench = _bench(plant, law, settings)
+                choice = _chosen(plant, law, settings, bench)
+                K_3, note = choice.K_3 if K_3 is None else K_3, _choice_note(bench, choice)
             else:
                 K_3, learned, note = _learning_gain(plant, law, settings, f)
-            notes += [note] if note is not None else []
         except DesignError as error:
             if error.key not in NO_K_3:
                 raise
             no_K_3 = error
+    of_learning = (note,) if note is not None else ()
     gains = TrialGains(K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes))
+    gains = replace(gains, learning_notes=of_learning)
     return gains if choice is None else replace(gains, shift=choice.shift, cutoff=choice.cutoff)
 
 
@@ -232,7 +236,9 @@ def design_trial(
     certificate = certify(
         certified, loop, update, parameters.q_filter, settings.filter_acts_on, settings.samples
     )
-    notes = (*parameters.gains.notes, *_warnings(certified, loop, certificate, update, settings))
+    of_learning = parameters.gains.learning_notes if needs_K_3(settings) else ()
+    of_certificate = _warnings(certified, loop, certificate, update, settings)
+    notes = (*parameters.gains.notes, *of_learning, *of_certificate)
     return TrialDesign(**vars(parameters), certificate=certificate, notes=notes)
 
 
@@ -369,10 +375,9 @@ def _stable_loops(plant: UncertainPlant, law: Gains) -> list[Loop]:
     return loops
 
 
-def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> tuple[Choice, Remark]:
-    """Shift, cut-off and K_3 by learning_filter.py, and a note; DesignError if nothing works."""
+def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings, bench: Bench) -> Choice:
+    """Shift, cut-off and K_3 by learning_filter.py; DesignError if nothing works."""
     _stable_loops(plant, law)
-    bench = _bench(plant, law, settings)
     choice = next(learning_filters(bench), None)
     if choice is None:
         _check_sign(plant, law, settings)
@@ -380,21 +385,26 @@ def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> tuple
             "q_filter: no shift, filter and K_3 make the error shrink at every frequency and at the trial's "
             "ends; expected a feedback with less lag"
         )
+    return choice
+
+
+def _choice_note(bench: Bench, choice: Choice) -> Remark:
     passes = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
-    left = 100 * bench.left(choice)
-    return choice, Remark(
+    return Remark(
         f"shift = {choice.shift} and {passes} are chosen together with K_3: {JUDGED_TRIALS} trials leave "
-        f"{left:.2g} % of the error of a load step, at the worst corner"
+        f"{100 * bench.left(choice):.2g} % of the error of a load step, at the worst corner"
     )
 
 
-def choices(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Iterator[TrialGains]:
+def other_choices(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Iterator[TrialGains]:
     """The same gains with other shifts, filters and K_3 than those chosen, the best first."""
     law = _law(gains.K_s, plant.order, gains.N, gains.integral, settings.kind != "state")
-    for choice in learning_filters(_bench(plant, law, settings)):
+    bench = _bench(plant, law, settings)
+    for choice in learning_filters(bench):
         if (choice.shift, choice.cutoff) != (gains.shift, gains.cutoff):
             K_3 = choice.K_3 if settings.K_3 is None else settings.K_3
-            yield replace(gains, K_3=K_3, shift=choice.shift, cutoff=choice.cutoff)
+            notes = (_choice_note(bench, choice),)
+            yield replace(gains, K_3=K_3, shift=choice.shift, cutoff=choice.cutoff, learning_notes=notes)
 
 
 def _bench(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> Bench:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -35,14 +35,18 @@ LEGEND = (
 
 @dataclass(frozen=True)
 class TrialSummary:
-    """The plant that the study describes, and a design for each of its controllers."""
+    """The plant that the study describes, and of each controller its design, or why it has none."""
 
     plant: UncertainPlant
     designs: dict[str, TrialDesign]
+    without: dict[str, str]
 
 
 def summary(study: TrialStudy) -> TrialSummary:
-    """The design of each controller of a study, for the first scenario that it runs in; or StudyError."""
+    """The design of each controller of a study, for the first scenario that it runs in.
+
+    StudyError: no controller can be designed.
+    """
     first: dict[str, str] = {}
     for scenario in study.scenario:
         for name in study.controllers_in(scenario):
@@ -51,7 +55,10 @@ def summary(study: TrialStudy) -> TrialSummary:
     in_order = {
         name: designs[first[name], name] for name in study.controller if (first.get(name), name) in designs
     }
-    return TrialSummary(uncertain_plant(study), in_order)
+    if not designs and designs.without:
+        raise next(iter(designs.without.values()))
+    without = {name: why.within(study.source.path) for (_, name), why in designs.without.items()}
+    return TrialSummary(uncertain_plant(study), in_order, without)
 
 
 def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
@@ -72,7 +79,10 @@ def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
             "hull_of_the_corners": plant.exact_hull,
             "note": plant.note,
         },
-        "controllers": {name: design_dict(design) for name, design in found.designs.items()},
+        "controllers": {
+            **{name: design_dict(design) for name, design in found.designs.items()},
+            **{name: {"not_designed": why} for name, why in found.without.items()},
+        },
     }
 
 
@@ -134,6 +144,46 @@ def warnings(design: TrialDesign) -> list[str]:
     rows = [found for _, found in _rows(design.certificate)]
     fine = all(each.stable and (each.learning is None or each.learning.monotone) for each in rows)
     return [] if fine and design.no_K_3 is None else [words(design)]
+
+
+def labelled_notes(study: TrialStudy, designs: Mapping[str, TrialDesign]) -> list[str]:
+    """The notes of designs as sentences, each with the labels of its controllers in front.
+
+    A note that all of several controllers have is one of the plant or the scenario, and has no label.
+    """
+    owners: dict[str, list[str]] = {}
+    for name, design in designs.items():
+        for note in dict.fromkeys(map(str, design.notes)):
+            owners.setdefault(note, []).append(study.label(name))
+    return [
+        f"{note}." if len(labels) == len(designs) > 1 else f"{'; '.join(labels)}: {note}."
+        for note, labels in owners.items()
+    ]
+
+
+def _large(study: TrialStudy, found: TrialSummary) -> Iterator[str]:
+    """A sentence on each learning matrix: a microcontroller has to store all its numbers."""
+    for name, design in found.designs.items():
+        size, flash = matrix_size(design), matrix_flash(study, design)
+        if size and flash:
+            yield f"{study.label(name)}: its learning matrix has {size} numbers: {megabytes(flash)} of flash."
+
+
+def matrix_size(design: TrialDesign) -> str:
+    """The shape of a design's learning matrix, such as "500 x 500"; "" if it has none."""
+    return "" if design.learning_matrix is None else " x ".join(map(str, design.learning_matrix.shape))
+
+
+def matrix_flash(study: TrialStudy, design: TrialDesign) -> int:
+    """Bytes of a design's learning matrix in a drive's precision; 0 without a matrix, or without a drive."""
+    if study.drive is None or design.learning_matrix is None:
+        return 0
+    return int(design.learning_matrix.size) * (8 if study.drive.precision == "double" else 4)
+
+
+def megabytes(size: int) -> str:
+    """A number of bytes as text, such as "1.00 MB"."""
+    return f"{size / 1e6:.3g} MB"
 
 
 def _rows(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
@@ -250,8 +300,10 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
         if design.prediction is not None and (design.K_3 or design.learning_matrix is not None):
             word = "certified" if design.certified else "not certified"
             share.add_row(study.label(name), f"{design.prediction.share:.4g}", _most_input(design), word)
-    notes = dict.fromkeys(str(note) for design in found.designs.values() for note in design.notes)
-    lines = [Text(f"Note: {note}.") for note in notes]
+    for name in found.without:
+        gains.add_row(study.label(name), "not designed")
+    lines = [Text(f"{study.label(name)}: not designed: {why}.") for name, why in found.without.items()]
+    lines += [Text(f"Note: {note}") for note in (*labelled_notes(study, found.designs), *_large(study, found))]
     legend = Text(LEGEND, style="dim")
     return Group(Text(about), Text(), gains, Text(), proof, Text(), share, Text(), legend, *lines)
 
