@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
@@ -12,6 +13,7 @@ import numpy as np
 
 from cogless.design.cures import either, helping
 from cogless.design.error import DesignError
+from cogless.design.model import Model, sampled
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.prediction import Conditions, Prediction
 from cogless.design.trial import (
@@ -31,6 +33,7 @@ from cogless.study import TrialStudy
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
 from cogless.study.plant import LinearPlant
+from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 from cogless.study.trial_controller import (
@@ -43,6 +46,7 @@ from cogless.study.trial_controller import (
     TrialIlc,
     TrialLaw,
 )
+from cogless.study.trial_scenario import TrialConditions
 
 ROUNDING = 1e-9
 OTHER_CHOICES = 4  # of shift and filter, tried where the best one would end above the feedback
@@ -191,12 +195,29 @@ def _predicted(
         design.gains.no_K_3 is not None and needs_K_3(settings)
     ):
         return None
-    return scenario_prediction(plant, settings, design.gains, _phases(study, scenario))
+    prediction = scenario_prediction(plant, settings, design.gains, _phases(study, scenario))
+    return replace(prediction, sensor=_sensor_error(study))
+
+
+def _sensor_error(study: TrialStudy) -> float:
+    """RMS of the angle's rounding to the sensor's steps, rad; 0 for a linear plant and without such a sensor.
+
+    Its true value lies anywhere within a step, so that it is the step over sqrt(12).
+    """
+    sensor = study.drive.position_sensor if study.drive is not None else None
+    if isinstance(sensor, Hall):
+        assert study.motor is not None
+        return sensor.step(study.motor.pole_pairs) / math.sqrt(12)
+    return sensor.step / math.sqrt(12) if isinstance(sensor, Counted) else 0.0
 
 
 def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
-    """The phases of a scenario as a linear plant sees them: loads in the unit of the input."""
+    """The phases of a scenario as a linear plant sees them: loads in the unit of the input.
+
+    Each has its own plant, if that is within the design's ranges.
+    """
     found = []
+    inside = not _outside(study, scenario)
     experiment = study.scenario[scenario]
     ends = (*experiment.starts[1:], experiment.trials + 1)
     for index, (first, conditions) in enumerate(experiment.phases):
@@ -214,8 +235,27 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
         steps = conditions.load_steps or ()
         for sample, amount in steps:
             load[sample:] = amount
-        found.append(Conditions(reference, load / unit, start, ends[index] - first))
+        simulated = _simulated(study, scenario, index, conditions) if inside else None
+        found.append(Conditions(reference, load / unit, start, ends[index] - first, simulated))
     return found
+
+
+def _simulated(study: TrialStudy, scenario: str, index: int, conditions: TrialConditions) -> Model:
+    """The plant of a phase, exactly sampled."""
+    if study.plant is not None:
+        A, B = study.plant.at(conditions.override or {})
+        if study.plant.model == "discrete":
+            return Model.of(A, B)
+    else:
+        hardware = study.hardware(scenario)[index]
+        A, B = _axis(_uncertain(hardware.mechanics, hardware.motor))
+    return sampled(Model.of(A, B), study.period, "exact")
+
+
+def _axis(values: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
+    """(37) of Mandra 2019: angle and speed of a drive with these `_uncertain` values."""
+    J, B, K_t = values.values()
+    return [[0.0, 1.0], [0.0, -B / J]], [0.0, K_t / J]
 
 
 def _limit(study: TrialStudy) -> float:
@@ -290,8 +330,7 @@ def _uncertain_plant(study: TrialStudy, _: tuple[()]) -> UncertainPlant:
     values = _uncertain(study.mechanics, study.motor)
 
     def model(ranged: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
-        J, B, K_t = (ranged.get(key, value) for key, value in values.items())
-        return [[0.0, 1.0], [0.0, -B / J]], [0.0, K_t / J]
+        return _axis({key: ranged.get(key, value) for key, value in values.items()})
 
     return from_parameters(model, study.design.range, [1.0, 0.0], study.period, study.design.discretisation)
 

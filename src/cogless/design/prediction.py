@@ -6,6 +6,8 @@ and where the filter or the ends keep learning from some of it, the sum may end 
 leaves. So the scenario itself is tried: at each corner one trial of the feedback is simulated, and from its
 error d the errors of all trials follow as R_k d (finite.py), phase after phase with what was learned before.
 
+The last plant is the one that the scenario simulates, phase by phase, if that is within the design's ranges.
+
 It knows neither noise, nor the sensor and the current loop, nor friction that isn't viscous, nor the limit:
 `peak` says what the input would need.
 """
@@ -13,7 +15,7 @@ It knows neither noise, nor the sensor and the current loop, nor friction that i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +25,9 @@ from cogless.design.model import Model, Real
 from cogless.design.trial_observer import ObserverGains, observer_gains
 
 PHASE_TRIALS = 80  # of a phase, at most: the others are like the last
+FINAL_TRIALS = 5  # of a phase, over which its final error is the RMS
+FLOOR_RATIO = 1.1  # times the final error: what is below is at the floor
+STILL_FALLS = 0.98  # of the error FINAL_TRIALS before the last that was tried: more trials are needed
 ROUNDING_SHARE = 1e-3  # of the feedback's error: no more than rounding and what the last trials still change
 
 
@@ -34,6 +39,7 @@ class Conditions:
     load: Real  # (samples,), in the unit of the input
     start: Real  # (n,), the plant's state at the first sample
     trials: int
+    plant: Model | None = None  # exactly sampled, where it is known and within the design's ranges
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,20 @@ class PhasePrediction:
     feedback: Real  # (plants,)
     peak: Real  # (plants,), |u| in the last trial
     feedback_peak: Real  # (plants,), |u| without learning
+    trials: int  # of the phase; `learned` has PHASE_TRIALS at most
+
+    def trials_to_floor(self, sensor: float) -> tuple[int | None, ...]:
+        """Of each plant the trial from which the error stays at its floor; None if it isn't there yet.
+
+        sensor: RMS of an error below which the sensor measures nothing.
+        """
+        rows = np.hypot(self.learned, sensor)
+        falls = rows[:, -1] < STILL_FALLS * rows[:, -min(FINAL_TRIALS, rows.shape[1])]
+        ends_early = self.trials > rows.shape[1]
+        return tuple(
+            None if ends_early and falling else trials_to_floor(row)
+            for row, falling in zip(rows, falls, strict=True)
+        )
 
     @property
     def share(self) -> float:
@@ -57,6 +77,17 @@ class Prediction:
 
     labels: tuple[str, ...]  # of the plants
     phases: tuple[PhasePrediction, ...]
+    sensor: float = 0.0  # RMS of an error below which the sensor measures nothing
+
+    @property
+    def trials_to_floor(self) -> tuple[int | None, ...]:
+        """Of each phase, at the simulated plant; None if that needs more trials than were tried."""
+        return tuple(phase.trials_to_floor(self.sensor)[-1] for phase in self.phases)
+
+    @property
+    def floor(self) -> tuple[float, ...]:
+        """RMS that each phase ends with, at the same plant."""
+        return tuple(float(np.hypot(phase.learned[-1, -1], self.sensor)) for phase in self.phases)
 
     @property
     def share(self) -> float:
@@ -92,14 +123,16 @@ def predict(
     """The prediction for these plants.
 
     `trial`: learning at the same plants, in their order. `ahead`: numerator, denominator and preview of the
-    feedforward.
+    feedforward. The last plant is that of each phase, if that is known.
     """
-    position = TrialMap(
-        [law.position(m, C) for m in models], trial.K_3, trial.shift, None, "error", trial.samples
-    )
     v = np.zeros((len(models), trial.samples))
     predictions = []
     for phase in phases:
+        models = [*models[:-1], phase.plant or models[-1]]
+        trial = replace(trial, loops=[*trial.loops[:-1], law.closed(models[-1], C)])
+        position = TrialMap(
+            [law.position(m, C) for m in models], trial.K_3, trial.shift, None, "error", trial.samples
+        )
         f = feedforward(ahead, phase.reference)
         error, lesson, u = simulated(models, C, law, phase, f, np.zeros_like(v))
         added = trial.correction(lesson)
@@ -111,10 +144,25 @@ def predict(
         _, _, learned_u = simulated(models, C, law, phase, f, last)
         predictions.append(
             PhasePrediction(
-                np.array(errors).T, _rms(error), np.abs(learned_u).max(axis=1), np.abs(u).max(axis=1)
+                np.array(errors).T,
+                _rms(error),
+                np.abs(learned_u).max(axis=1),
+                np.abs(u).max(axis=1),
+                phase.trials,
             )
         )
     return Prediction(tuple(labels), tuple(predictions))
+
+
+def trials_to_floor(errors: Real) -> int | None:
+    """The trial, counted from 1, from which the RMS of a phase's trials stays within FLOOR_RATIO of the end.
+
+    None if even the last one isn't: it still grows.
+    """
+    final = float(np.sqrt(np.mean(errors[-FINAL_TRIALS:] ** 2)))
+    above = np.flatnonzero(~(errors <= FLOOR_RATIO * final))
+    first = int(above[-1]) + 2 if len(above) else 1
+    return first if first <= len(errors) else None
 
 
 def feedforward(ahead: tuple[Real, Real, int] | None, reference: Real) -> Real:

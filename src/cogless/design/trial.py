@@ -245,13 +245,15 @@ def design_trial(
 def scenario_prediction(
     plant: UncertainPlant, settings: TrialSettings, gains: TrialGains, phases: Sequence[Conditions]
 ) -> Prediction:
-    """What the controller makes of a scenario, at each corner and the nominal plant.
+    """What the controller makes of a scenario, at each corner, the nominal and the simulated plant.
 
     The plants are exactly sampled if that is known. DesignError as `design_trial`.
     """
     parameters, law, update = _parameters(plant, settings, gains)
     held, loop, C = plant.as_held, gains.observer or law, plant.C
-    models = [*held.vertices, held.nominal]
+    models, labels = [*held.vertices, held.nominal], [*held.labels, "the nominal plant"]
+    if all(phase.plant is not None for phase in phases):
+        models, labels = [*models, held.nominal], [*labels, "the simulated plant"]
     trial = TrialMap(
         [loop.closed(model, C) for model in models],
         update.K_3 if update is not None else 0.0,
@@ -263,7 +265,7 @@ def scenario_prediction(
     )
     f = parameters.feedforward
     ahead = None if f is None else (f.num, f.den, f.preview)
-    return predict(models, (*held.labels, "the nominal plant"), C, loop, trial, ahead, phases)
+    return predict(models, labels, C, loop, trial, ahead, phases)
 
 
 def trial_parameters(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> TrialParameters:

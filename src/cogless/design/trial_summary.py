@@ -14,6 +14,7 @@ from cogless.design.lmi import Check
 from cogless.design.margins import finite
 from cogless.design.model import Model
 from cogless.design.polytope import UncertainPlant
+from cogless.design.prediction import PHASE_TRIALS, Prediction
 from cogless.design.trial import TrialDesign
 from cogless.study import TrialStudy
 
@@ -29,7 +30,9 @@ LEGEND = (
     "norm, power: of a whole trial's map of the learned signal, and the largest of its powers;\n"
     "largest share: of any error without learning (with an observer, of any missing input), what a trial may "
     "have at most;\n"
-    "this scenario: of its error without learning, what a phase has left in the end, at the worst corner"
+    "this scenario: of its error without learning, what a phase has left in the end, at the worst corner;\n"
+    "trials to the floor: of each phase, until the simulated plant's error stays within 1.1 of its final RMS;"
+    "\nfloor: that RMS, with what the sensor rounds"
 )
 
 
@@ -228,6 +231,7 @@ def _prediction(design: TrialDesign) -> dict[str, Any] | None:
             {
                 "error_rms": phase.learned[:, -1].tolist(),
                 "error_rms_without_learning": phase.feedback.tolist(),
+                "trials_to_floor": list(phase.trials_to_floor(prediction.sensor)),
                 "largest_input": phase.peak.tolist(),
                 "largest_input_without_learning": phase.feedback_peak.tolist(),
             }
@@ -290,7 +294,7 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     for heading in ("filtered", "with the ends", "norm, power", "largest share", "largest K_3"):
         proof.add_column(heading)
     share = Table(title="This scenario", title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for heading in ("controller", "share left", "largest input", "learning"):
+    for heading in ("controller", "share left", "trials to the floor", "floor", "largest input", "learning"):
         share.add_column(heading)
     for name, design in found.designs.items():
         gains.add_row(study.label(name), *_gains(design))
@@ -299,11 +303,14 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     for name, design in found.designs.items():
         if design.prediction is not None and (design.K_3 or design.learning_matrix is not None):
             word = "certified" if design.certified else "not certified"
-            share.add_row(study.label(name), f"{design.prediction.share:.4g}", _most_input(design), word)
+            left, floor = f"{design.prediction.share:.4g}", _floor(design.prediction)
+            share.add_row(study.label(name), left, *floor, _most_input(design), word)
     for name in found.without:
         gains.add_row(study.label(name), "not designed")
     lines = [Text(f"{study.label(name)}: not designed: {why}.") for name, why in found.without.items()]
-    lines += [Text(f"Note: {note}") for note in (*labelled_notes(study, found.designs), *_large(study, found))]
+    lines += [
+        Text(f"Note: {note}") for note in (*labelled_notes(study, found.designs), *_large(study, found))
+    ]
     legend = Text(LEGEND, style="dim")
     return Group(Text(about), Text(), gains, Text(), proof, Text(), share, Text(), legend, *lines)
 
@@ -335,6 +342,12 @@ def _gains(design: TrialDesign) -> tuple[str, ...]:
             else "no"
         ),
     )
+
+
+def _floor(prediction: Prediction) -> tuple[str, str]:
+    """The trials to the floor of each phase, and the floor."""
+    trials = (f"> {PHASE_TRIALS}" if count is None else f"{count}" for count in prediction.trials_to_floor)
+    return ", ".join(trials), ", ".join(f"{floor:.3g}" for floor in prediction.floor)
 
 
 def _most_input(design: TrialDesign) -> str:
