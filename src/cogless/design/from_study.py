@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -16,6 +17,7 @@ from cogless.design.error import DesignError
 from cogless.design.model import Model, sampled
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.prediction import Conditions, Prediction
+from cogless.design.random_errors import Disturbances
 from cogless.design.trial import (
     TrialDesign,
     TrialGains,
@@ -25,6 +27,7 @@ from cogless.design.trial import (
     design_trial,
     needs_K_3,
     other_choices,
+    random_amplification,
     scenario_prediction,
     trial_parameters,
 )
@@ -46,7 +49,7 @@ from cogless.study.trial_controller import (
     TrialIlc,
     TrialLaw,
 )
-from cogless.study.trial_scenario import TrialConditions
+from cogless.study.trial_scenario import EachTrial, TrialConditions
 
 ROUNDING = 1e-9
 OTHER_CHOICES = 4  # of shift and filter, tried where the best one would end above the feedback
@@ -183,7 +186,10 @@ def _designed(
             if predicted is not None and not predicted.ends_above:
                 design, prediction = tried, predicted
                 break
-    return replace(design, no_K_3=no_K_3, prediction=prediction)
+    amplify = None
+    if prediction is not None and design.learns:
+        amplify = partial(random_amplification, plant, settings, design.gains)
+    return replace(design, no_K_3=no_K_3, prediction=prediction, amplify=amplify)
 
 
 def _predicted(
@@ -236,7 +242,8 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
         for sample, amount in steps:
             load[sample:] = amount
         simulated = _simulated(study, scenario, index, conditions) if inside else None
-        found.append(Conditions(reference, load / unit, start, ends[index] - first, simulated))
+        random = _random(study, conditions, unit)
+        found.append(Conditions(reference, load / unit, start, ends[index] - first, simulated, random))
     return found
 
 
@@ -256,6 +263,26 @@ def _axis(values: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
     """(37) of Mandra 2019: angle and speed of a drive with these `_uncertain` values."""
     J, B, K_t = values.values()
     return [[0.0, 1.0], [0.0, -B / J]], [0.0, K_t / J]
+
+
+def _random(study: TrialStudy, conditions: TrialConditions, unit: float) -> Disturbances | None:
+    """What differs from trial to trial as a linear plant sees it; None where all trials are alike.
+
+    `unit`: a load in the study's unit per unit of the input.
+    """
+    plant, spread = study.plant, conditions.each_trial or EachTrial()
+    start = np.zeros(study.states)
+    if plant is not None:
+        start[:] = spread.deviations("initial_state") or 0.0
+        noise, load_noise = np.array(plant.state_noise), plant.load_noise
+    else:
+        for i, key in enumerate(("initial_angle", "initial_speed")):
+            start[i] = sum(spread.deviations(key))
+        noise, load_noise = None, 0.0
+    load = sum(spread.deviations("load")) / unit
+    if not (np.any(start) or load or load_noise or (noise is not None and np.any(noise))):
+        return None
+    return Disturbances(start, load, load_noise, noise)
 
 
 def _limit(study: TrialStudy) -> float:
@@ -357,6 +384,10 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         own["structure"] = controller.acts_on
     if isinstance(controller, NormOptimalIlc):
         own["kind"] = "norm-optimal"
+        signal = controller.q_filter
+        if signal is not None:
+            own |= {"cutoff": signal.cutoff, "filter_order": signal.order, "filtered": "signal"}
+            own["ends"] = signal.ends
     elif isinstance(controller, FilteredLaw):
         q, own["shift"] = controller.choice
         if isinstance(q, QFilter):
