@@ -345,7 +345,7 @@ def certified(made, name, **changes):
 def test_verdict_tells_what_the_certificate_says(made):
     details = verdicts(made)[0].details
     assert any(
-        d.startswith("ILC into the input is not certified: at 200 Hz its error may grow") for d in details
+        d.startswith("ILC into the input is not certified: at 200 Hz the error may grow") for d in details
     )
     assert any(
         d.startswith("Certified: while nothing changes, no frequency of the error grows")
@@ -354,16 +354,16 @@ def test_verdict_tells_what_the_certificate_says(made):
     )
     assert details[-1] == "With one more sample of delay at the input no loop is stable at every corner."
     details = verdicts(certified(made, "ilc", norm=1.7, monotone=False, frequency=12.0))[0].details
-    expected = f"{ILC} is not certified: at 12.0 Hz its error may grow by the factor 1.70"
+    expected = f"{ILC} is not certified: at 12.0 Hz the error may grow by the factor 1.70"
     assert any(d.startswith(expected) for d in details)
     details = verdicts(certified(made, "ilc", radius=1.1, stable=False, worst="vertex 2"))[0].details
-    assert any("along the trial its loop is unstable for vertex 2 (largest pole 1.10" in d for d in details)
+    assert any("along the trial the loop is unstable for vertex 2 (largest pole 1.10" in d for d in details)
 
 
 @pytest.mark.parametrize(
     ("growth", "why"),
     [
-        (1.5, "from the trial's ends its error may grow by the factor 1.50 from one trial to the next"),
+        (1.5, "from the trial's ends the error may grow by the factor 1.50 from one trial to the next"),
         (0.9, "Φ has a pole outside the unit circle"),
     ],
 )

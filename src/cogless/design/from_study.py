@@ -311,16 +311,34 @@ def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialP
         getattr(study, key) == getattr(like, key) for key in ("plant", "motor", "mechanics", "design")
     )
     settings, before = settings_of(study, *run), settings_of(like, *run)
-    if alike and study.period == like.period and _same_feedback(settings, before):
-        gains = design_study(like, [run])[run].gains
-        chooses_otherwise = (settings.chooses or before.chooses) and _update(settings) != _update(before)
-        if settings.K_3 is not None and not chooses_otherwise:
-            gains = replace(gains, K_3=settings.K_3)
-        elif not same_gains(settings, before):
-            return design_study(study, [run])[run]
-        with _as_study_error(study, *run):
+    alike = alike and study.period == like.period and _same_feedback(settings, before)
+    chooses_otherwise = (settings.chooses or before.chooses) and _update(settings) != _update(before)
+    other_K_3 = settings.K_3 is not None and not chooses_otherwise
+    with _as_study_error(study, *run):
+        if alike and (other_K_3 or same_gains(settings, before)):
+            gains = design_study(like, [run])[run].gains
+            if settings.K_3 is not None:
+                gains = replace(gains, K_3=settings.K_3)
             return trial_parameters(uncertain_plant(like), settings, gains)  # the same, and made once
-    return design_study(study, [run])[run]
+        return trial_parameters(uncertain_plant(study), settings, _gains_alone(study, settings))
+
+
+def _gains_alone(study: TrialStudy, settings: TrialSettings) -> TrialGains:
+    """A controller's gains as `design_study` finds them; feedback that controllers share is designed once.
+
+    DesignError as `design_gains`.
+    """
+    chosen = settings.K_3 is None or settings.chooses
+    if settings.kind == "observer" or (chosen and needs_K_3(settings)):
+        return design_gains(uncertain_plant(study), settings)
+    runs = ((scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario))
+    laws = (run for run in runs if isinstance(study.controller[run[1]], TrialLaw))
+    first = next(run for run in laws if _same_feedback(settings, settings_of(study, *run)))
+    return replace(study.once(_feedback_gains, first), K_3=settings.K_3)
+
+
+def _feedback_gains(study: TrialStudy, run: tuple[str, str]) -> TrialGains:
+    return design_gains(uncertain_plant(study), replace(settings_of(study, *run), learning=False))
 
 
 def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
