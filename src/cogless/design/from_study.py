@@ -11,6 +11,7 @@ import numpy as np
 
 from cogless.design.cures import either, helping
 from cogless.design.error import DesignError
+from cogless.design.model import Discretisation
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.prediction import Conditions, Prediction
 from cogless.design.trial import (
@@ -116,7 +117,7 @@ def _better_sampled(study: TrialStudy, run: tuple[str, str]) -> Remark | None:
 
     def cured(other: TrialStudy) -> bool:
         found = _designs(other, [run])[run].certificate
-        return (found.exact or found.design).stable
+        return found.deciding.stable
 
     cures = helping(study, (exact, faster), cured)
     return Remark(f"{either(cures)} makes it stable along the trial", cures) if cures else None
@@ -175,9 +176,7 @@ def _predicted(
 ) -> Prediction | None:
     """What the design makes of the scenario; None if a plant is unstable, or if there is no K_3 to learn."""
     certificate = design.certificate
-    if not (certificate.exact or certificate.design).stable or (
-        design.gains.no_K_3 is not None and needs_K_3(settings)
-    ):
+    if not certificate.deciding.stable or (design.gains.no_K_3 is not None and needs_K_3(settings)):
         return None
     return scenario_prediction(plant, settings, design.gains, _phases(study, scenario))
 
@@ -280,7 +279,7 @@ def _uncertain_plant(study: TrialStudy, _: tuple[()]) -> UncertainPlant:
         J, B, K_t = (ranged.get(key, value) for key, value in values.items())
         return [[0.0, 1.0], [0.0, -B / J]], [0.0, K_t / J]
 
-    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, study.design.discretisation)
+    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, _inequalities(study))
 
 
 def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
@@ -315,6 +314,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         gamma=design.initial_state,
         f=design.initial_state if design.initial_change is None else design.initial_change,
         g=design.initial_error,
+        inverted=design.discretisation or "exact",
         **own,
     )
 
@@ -323,11 +323,16 @@ def _linear(plant: LinearPlant, study: TrialStudy) -> UncertainPlant:
     if plant.vertex:
         vertices = [(vertex.A, vertex.B) for vertex in plant.vertex]
         continuous = plant.model == "continuous"
-        return from_vertices(vertices, plant.C, plant.period, continuous, study.design.discretisation)
+        return from_vertices(vertices, plant.C, plant.period, continuous, _inequalities(study))
     ranges = {name: p.range for name, p in plant.parameter.items() if p.range is not None}
     nominal = {name: plant.parameter[name].nominal for name in ranges}
-    how = study.design.discretisation if plant.model == "continuous" else None
+    how = _inequalities(study) if plant.model == "continuous" else None
     return from_parameters(plant.at, ranges, plant.C, plant.period, how, nominal)
+
+
+def _inequalities(study: TrialStudy) -> Discretisation:
+    """How the models in the inequalities are sampled: by Euler, with which a polytope stays one."""
+    return study.design.discretisation or "euler"
 
 
 def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
@@ -343,7 +348,7 @@ def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
 def _same_feedback(settings: TrialSettings, other: TrialSettings) -> bool:
     def feedback(s: TrialSettings) -> tuple[Any, ...]:
         kind = s.kind if s.kind in ("state", "observer") else None
-        return kind, s.K_s, s.N, s.feedforward, s.pole
+        return kind, s.K_s, s.N, s.feedforward, s.inverted, s.pole
 
     return feedback(settings) == feedback(other)
 
