@@ -14,7 +14,7 @@ import numpy as np
 
 from cogless.design.cures import either, helping
 from cogless.design.error import DesignError
-from cogless.design.model import Model, sampled
+from cogless.design.model import Discretisation, Model, sampled
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.prediction import Conditions, Prediction
 from cogless.design.random_errors import Disturbances
@@ -127,7 +127,7 @@ def _better_sampled(study: TrialStudy, run: tuple[str, str]) -> Remark | None:
 
     def cured(other: TrialStudy) -> bool:
         found = _designs(other, [run])[run].certificate
-        return (found.exact or found.design).stable
+        return found.deciding.stable
 
     cures = helping(study, (exact, faster), cured)
     return Remark(f"{either(cures)} makes it stable along the trial", cures) if cures else None
@@ -197,9 +197,7 @@ def _predicted(
 ) -> Prediction | None:
     """What the design makes of the scenario; None if a plant is unstable, or if there is no K_3 to learn."""
     certificate = design.certificate
-    if not (certificate.exact or certificate.design).stable or (
-        design.gains.no_K_3 is not None and needs_K_3(settings)
-    ):
+    if not certificate.deciding.stable or (design.gains.no_K_3 is not None and needs_K_3(settings)):
         return None
     prediction = scenario_prediction(plant, settings, design.gains, _phases(study, scenario))
     return replace(prediction, sensor=_sensor_error(study))
@@ -377,7 +375,7 @@ def _uncertain_plant(study: TrialStudy, _: tuple[()]) -> UncertainPlant:
     def model(ranged: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         return _axis({key: ranged.get(key, value) for key, value in values.items()})
 
-    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, study.design.discretisation)
+    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, _inequalities(study))
 
 
 def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
@@ -419,6 +417,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         gamma=design.initial_state,
         f=design.initial_state if design.initial_change is None else design.initial_change,
         g=design.initial_error,
+        inverted=design.discretisation or "exact",
         **own,
     )
 
@@ -427,11 +426,16 @@ def _linear(plant: LinearPlant, study: TrialStudy) -> UncertainPlant:
     if plant.vertex:
         vertices = [(vertex.A, vertex.B) for vertex in plant.vertex]
         continuous = plant.model == "continuous"
-        return from_vertices(vertices, plant.C, plant.period, continuous, study.design.discretisation)
+        return from_vertices(vertices, plant.C, plant.period, continuous, _inequalities(study))
     ranges = {name: p.range for name, p in plant.parameter.items() if p.range is not None}
     nominal = {name: plant.parameter[name].nominal for name in ranges}
-    how = study.design.discretisation if plant.model == "continuous" else None
+    how = _inequalities(study) if plant.model == "continuous" else None
     return from_parameters(plant.at, ranges, plant.C, plant.period, how, nominal)
+
+
+def _inequalities(study: TrialStudy) -> Discretisation:
+    """How the models in the inequalities are sampled: by Euler, with which a polytope stays one."""
+    return study.design.discretisation or "euler"
 
 
 def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
@@ -454,7 +458,7 @@ def _update(s: TrialSettings) -> tuple[Any, ...]:
 def _same_feedback(settings: TrialSettings, other: TrialSettings) -> bool:
     def feedback(s: TrialSettings) -> tuple[Any, ...]:
         kind = s.kind if s.kind in ("state", "observer") else None
-        return kind, s.K_s, s.N, s.feedforward, s.pole
+        return kind, s.K_s, s.N, s.feedforward, s.inverted, s.pole
 
     return feedback(settings) == feedback(other)
 

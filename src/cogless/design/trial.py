@@ -30,7 +30,7 @@ from cogless.design.finite import TrialMap
 from cogless.design.learning_filter import JUDGED_TRIALS, Bench, Choice, learning_filters
 from cogless.design.learning_gain import LearningGain, learning_gain
 from cogless.design.lifted import norm_optimal
-from cogless.design.model import Model, Real
+from cogless.design.model import Discretisation, Model, Real
 from cogless.design.polytope import UncertainPlant
 from cogless.design.prediction import Conditions, Prediction, predict, random_loops
 from cogless.design.q_filter import PROPOSED, better_shift, butterworth, workable_cutoff
@@ -73,6 +73,7 @@ class TrialSettings:
     integral: bool = True
     learning: bool = True
     feedforward: bool = True  # dynamic
+    inverted: Discretisation = "exact"  # nominal plant that it inverts; exact: if the sampling is known
     cutoff: float | Literal["auto"] | None = None  # of the zero-phase filter, Hz; None: no filter
     filter_order: int = 2
     ends: Ends = "even"  # reflection by which the filter continues the trial
@@ -164,7 +165,7 @@ class TrialDesign(TrialParameters):
         certificate covers; and tried on the scenario itself, at each corner, the error ends no higher than
         without learning, and the input stays within its limit.
         """
-        part, prediction = self.certificate.exact or self.certificate.design, self.prediction
+        part, prediction = self.certificate.deciding, self.prediction
         return (
             part.stable
             and part.learning is not None
@@ -207,7 +208,8 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     if N is None:
         N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
     forward = settings.feedforward and settings.kind != "state"
-    ahead = dynamic(plant.nominal, plant.C, K_s[:n]) if forward else None
+    inverted = plant.exact_nominal if settings.inverted == "exact" else None
+    ahead = dynamic(inverted or plant.nominal, plant.C, K_s[:n]) if forward else None
     K_3, learned, no_K_3 = settings.K_3, None, None
     choice: Choice | None = None
     note: Remark | None = None
@@ -545,42 +547,40 @@ def _warnings(
     settings: TrialSettings,
     q_filter: Filter | None = None,
 ) -> list[Remark]:
-    """Warnings that the error can grow along the trial or from trial to trial, with the remedy."""
+    """Warnings that the error can grow along the trial or from trial to trial, with the remedy.
+
+    They are of the models that decide.
+    """
     notes: list[Remark] = []
-    exact = certificate.exact
-    parts = [("design", plant.vertices, certificate.design)]
-    parts += [("exact", plant.exact_vertices or (), exact)] if exact is not None else []
-    for kind, models, part in parts:
-        if not part.stable:
-            where = f"at {part.worst}, with a pole of {part.radius:.4g}"
-            notes.append(Remark(f"{kind} model: unstable along the trial {where}"))
-        learning = part.learning
-        if update is None or learning is None or learning.monotone:
-            continue
-        if update.ratio is not None and kind == "design" and exact is not None:
-            continue  # L is designed for the exact model
-        note, cures = f"{kind} model: the error can grow by a factor of ", tuple[Changes, ...]()
-        if learning.norm > 1 + MONOTONE:
-            note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
-        elif part.growth is not None and part.growth > 1 + ENDS:
-            note += f"{_factor(part.growth)} a trial, from the ends of the "
-            note += "filter" if part.with_filter else "trial"
-        else:
-            note += f"{_factor(part.phi_radius or 1.0)} a sample, by Phi's largest pole"
-        if update.ratio is None:
-            loops = [law.closed(m, plant.C) for m in models]
-            cutoff = workable_cutoff(
-                loops, update.shift, settings.filter_order, plant.period, settings.samples, update.K_3
-            )
-            if cutoff is not None:
-                note += f"; a zero-phase low-pass filter of {cutoff:.3g} Hz or less on the learned signal "
-                note, cures = f"{note}prevents it", (_filter(cutoff, settings),)
-        else:
-            weight = _calmer(plant, law, settings, q_filter)
-            if weight is not None:
-                note, cures = f"{note}; change_weight = {weight:g} prevents it", ({"change_weight": weight},)
-        notes.append(Remark(note, cures))
-    return notes
+    kind, part = certificate.decides, certificate.deciding
+    models = plant.vertices if kind == "design" else plant.exact_vertices or ()
+    if not part.stable:
+        where = f"at {part.worst}, with a pole of {part.radius:.4g}"
+        notes.append(Remark(f"{kind} model: unstable along the trial {where}"))
+    learning = part.learning
+    if update is None or learning is None or learning.monotone:
+        return notes
+    note, cures = f"{kind} model: the error can grow by a factor of ", tuple[Changes, ...]()
+    if learning.norm > 1 + MONOTONE:
+        note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
+    elif part.growth is not None and part.growth > 1 + ENDS:
+        note += f"{_factor(part.growth)} a trial, from the ends of the "
+        note += "filter" if part.with_filter else "trial"
+    else:
+        note += f"{_factor(part.phi_radius or 1.0)} a sample, by Phi's largest pole"
+    if update.ratio is None:
+        loops = [law.closed(m, plant.C) for m in models]
+        cutoff = workable_cutoff(
+            loops, update.shift, settings.filter_order, plant.period, settings.samples, update.K_3
+        )
+        if cutoff is not None:
+            note += f"; a zero-phase low-pass filter of {cutoff:.3g} Hz or less on the learned signal "
+            note, cures = f"{note}prevents it", (_filter(cutoff, settings),)
+    else:
+        weight = _calmer(plant, law, settings, q_filter)
+        if weight is not None:
+            note, cures = f"{note}; change_weight = {weight:g} prevents it", ({"change_weight": weight},)
+    return [*notes, Remark(note, cures)]
 
 
 def _calmer(
@@ -594,7 +594,7 @@ def _calmer(
         matrix = norm_optimal(nominal, settings.samples, weight)
         update = Update(shift, 0.0, weight, nominal, matrix)
         found = certify(plant, law, update, q_filter, settings.filter_acts_on, settings.samples)
-        judged = found.design if found.exact is None else found.exact
+        judged = found.deciding
         if judged.learning is not None and judged.learning.monotone:
             return weight
     return None

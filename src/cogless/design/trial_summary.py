@@ -147,8 +147,8 @@ def warnings(design: TrialDesign) -> list[str]:
 
     The design's notes have the changes that would help.
     """
-    rows = [found for _, found in _rows(design.certificate)]
-    fine = all(each.stable and (each.learning is None or each.learning.monotone) for each in rows)
+    part = design.certificate.deciding
+    fine = part.stable and (part.learning is None or part.learning.monotone)
     return [] if fine and design.no_K_3 is None else [words(design)]
 
 
@@ -219,6 +219,7 @@ def _certificate(certificate: Certificate) -> dict[str, Any]:
         "design_model": _models(certificate.design),
         "exactly_sampled": certificate.exact and _models(certificate.exact),
         "random_plants": certificate.samples,
+        "decides": {"design": "design_model", "exact": "exactly_sampled"}[certificate.decides],
     }
 
 
@@ -383,11 +384,12 @@ def _most_input(design: TrialDesign) -> str:
 
 
 def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
-    for model, found in _rows(certificate):
+    rows = list(_rows(certificate))
+    for model, found in rows:
         plain, filtered = found.without_filter, found.with_filter
         limit = plain.K_3_limit if plain else None
         yield (
-            model,
+            f"{model}, decides" if len(rows) > 1 and found is certificate.deciding else model,
             f"{found.radius:.4f}" + ("" if found.stable else " unstable"),
             f"{found.delayed_radius:.3f}" + ("" if found.delayed_stable else " unstable"),
             _verdict(plain),

@@ -133,7 +133,8 @@ UNCERTAIN = {
 class DesignSettings(Table):
     """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
 
-    discretisation: Literal["euler", "exact"] = "euler"
+    # of all models; default: Euler's in the inequalities, exact for the feedforward and whatever is judged
+    discretisation: Literal["euler", "exact"] | None = None
     state_weight: Weight  # Q of (8), for states and integrator: its diagonal, or all its rows
     input_weight: Annotated[float, Field(gt=0)]  # R of (8)
     initial_state: Many[float]  # gamma of (10): states and integrator where the cost begins
