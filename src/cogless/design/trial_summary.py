@@ -14,7 +14,7 @@ from cogless.design.lmi import Check
 from cogless.design.margins import finite
 from cogless.design.model import Model
 from cogless.design.polytope import UncertainPlant
-from cogless.design.prediction import Prediction
+from cogless.design.prediction import PHASE_TRIALS, Prediction
 from cogless.design.random_errors import Amplification
 from cogless.design.trial import TrialDesign
 from cogless.study import TrialStudy
@@ -32,6 +32,8 @@ LEGEND = (
     "largest share: of any error without learning (with an observer, of any missing input), what a trial may "
     "have at most;\n"
     "this scenario: of its error without learning, what a phase has left in the end, at the worst corner;\n"
+    "trials to the floor: of each phase, until the simulated plant's error stays within 1.1 of its final RMS;"
+    "\nfloor: that RMS, with what the sensor rounds;\n"
     "load noise, sensor noise: error that white noise causes, with learning / without, at the worst corner"
 )
 
@@ -145,8 +147,8 @@ def warnings(design: TrialDesign) -> list[str]:
 
     The design's notes have the changes that would help.
     """
-    rows = [found for _, found in _rows(design.certificate)]
-    fine = all(each.stable and (each.learning is None or each.learning.monotone) for each in rows)
+    part = design.certificate.deciding
+    fine = part.stable and (part.learning is None or part.learning.monotone)
     return [] if fine and design.no_K_3 is None else [words(design)]
 
 
@@ -217,6 +219,7 @@ def _certificate(certificate: Certificate) -> dict[str, Any]:
         "design_model": _models(certificate.design),
         "exactly_sampled": certificate.exact and _models(certificate.exact),
         "random_plants": certificate.samples,
+        "decides": {"design": "design_model", "exact": "exactly_sampled"}[certificate.decides],
     }
 
 
@@ -232,6 +235,7 @@ def _prediction(design: TrialDesign) -> dict[str, Any] | None:
             {
                 "error_rms": phase.learned[:, -1].tolist(),
                 "error_rms_without_learning": phase.feedback.tolist(),
+                "trials_to_floor": list(phase.trials_to_floor(prediction.sensor)),
                 "largest_input": phase.peak.tolist(),
                 "largest_input_without_learning": phase.feedback_peak.tolist(),
                 "random_part_of_the_error_rms": phase.random.tolist(),
@@ -305,7 +309,8 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     for heading in ("filtered", "with the ends", "norm, power", "largest share", "largest K_3"):
         proof.add_column(heading)
     share = Table(title="This scenario", title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for heading in ("controller", "share left", "largest input", "load noise", "sensor noise", "learning"):
+    headings = ("share left", "trials to the floor", "floor", "largest input", "load noise", "sensor noise")
+    for heading in ("controller", *headings, "learning"):
         share.add_column(heading)
     for name, design in found.designs.items():
         gains.add_row(study.label(name), *_gains(design))
@@ -354,13 +359,19 @@ def _gains(design: TrialDesign) -> tuple[str, ...]:
     )
 
 
+def _floor(prediction: Prediction) -> tuple[str, str]:
+    """The trials to the floor of each phase, and the floor."""
+    trials = (f"> {PHASE_TRIALS}" if count is None else f"{count}" for count in prediction.trials_to_floor)
+    return ", ".join(trials), ", ".join(f"{floor:.3g}" for floor in prediction.floor)
+
+
 def _in_scenario(design: TrialDesign, prediction: Prediction) -> tuple[str, ...]:
     amplification = design.amplification
     noise = ("-", "-")
     if amplification is not None:
         worst = (max(amplification.load), max(amplification.noise))
         noise = (f"{worst[0]:.3f}", f"{worst[1]:.3f}")
-    return f"{prediction.share:.4g}", _most_input(design), *noise
+    return f"{prediction.share:.4g}", *_floor(prediction), _most_input(design), *noise
 
 
 def _most_input(design: TrialDesign) -> str:
@@ -373,11 +384,12 @@ def _most_input(design: TrialDesign) -> str:
 
 
 def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
-    for model, found in _rows(certificate):
+    rows = list(_rows(certificate))
+    for model, found in rows:
         plain, filtered = found.without_filter, found.with_filter
         limit = plain.K_3_limit if plain else None
         yield (
-            model,
+            f"{model}, decides" if len(rows) > 1 and found is certificate.deciding else model,
             f"{found.radius:.4f}" + ("" if found.stable else " unstable"),
             f"{found.delayed_radius:.3f}" + ("" if found.delayed_stable else " unstable"),
             _verdict(plain),

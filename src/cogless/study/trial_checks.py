@@ -11,7 +11,14 @@ from pydantic_core import PydanticCustomError
 
 from cogless.study import checks, fault_checks, metric_checks, numerics
 from cogless.study.table import invalid
-from cogless.study.trial_controller import FilteredLaw, NormOptimalIlc, ObserverIlc, StateIlc, TrialLaw
+from cogless.study.trial_controller import (
+    FilteredLaw,
+    NormOptimalIlc,
+    ObserverIlc,
+    SignalFilter,
+    StateIlc,
+    TrialLaw,
+)
 from cogless.study.trial_scenario import Deviations, TrialConditions, WithUnit
 
 if TYPE_CHECKING:
@@ -208,7 +215,7 @@ def controllers(study: TrialStudy) -> None:
         elif controller.K_s is None and controller.integral and size == n:
             raise invalid(f'{whole}, which "{name}" has', "design", "state_weight")
         q = controller.q_filter if isinstance(controller, FilteredLaw | NormOptimalIlc) else None
-        if q is not None and q.cutoff >= 0.5 / study.period:
+        if isinstance(q, SignalFilter) and q.cutoff >= 0.5 / study.period:
             expected = f"expected less than half the sampling rate, {0.5 / study.period:g} Hz"
             raise invalid(expected, "controller", name, "q_filter", "cutoff")
 
