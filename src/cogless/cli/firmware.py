@@ -33,7 +33,7 @@ def export(
     """Write a controller for firmware (c), or for other simulators (fmu).
 
     c: its constants, the code, a self-test, an example. The folder appears whole or not at all. What the
-    self-test repeats is the beginning of the scenario.
+    self-test repeats is the beginning of the scenario. For a linear plant the law alone.
 
     fmu: the controller, and the drive in the scenario as its plant, each for FMI 2.0 and 3.0 (co-simulation),
     built by your C and C++ compilers (CC and CXX).
