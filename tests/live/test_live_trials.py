@@ -116,8 +116,7 @@ OF_TRIALS = {  # what the page calls a key, its group, and its slider's ends as 
         'scenario.move.override."motor.K_t"': ("motor.K_t", "Motor", 0.7, 1.3),
         "drive.position_sensor.bits": ("drive.position_sensor.bits", "Sensors", 8 / 14, 20 / 14),
     },
-    "linear": {
-        "controller.ilc.K_3": ("K_3", "ilc", 0.0, 2.0),
+    "linear": {  # its update is chosen as a whole
         "scenario.cycle.trials": ("trials", "Trials", 4 / 6, 2.0),
         "scenario.cycle.load_steps.0.1": ("load", "Trials", 0.0, 2.0),
         "scenario.cycle.changes.0.override.a": ("a, from trial 4", "Trials", 0.5, 2.0),

@@ -98,7 +98,7 @@ def test_gains_have_their_names_and_units(made):
         "K_2, integrator (A/rad)": [f"{ilc.K_2:.6g}"] * 3,
         "N (A/rad)": [f"{ilc.N:.6g}"] * 3,
         "K_3": ["–", "0.694", "0.694"],  # noqa: RUF001
-        "feedforward": ["perfect tracking, 2 samples ahead"] * 3,
+        "feedforward": ["zero-phase error tracking, 2 samples ahead"] * 3,
         "feedforward num (A/rad)": [", ".join(f"{x:.6g}" for x in ilc.feedforward.num)] * 3,
         "feedforward den": ["1"] * 3,
         "K_1 and K_2 from": ["given"] * 3,
@@ -618,7 +618,7 @@ def test_certificate_table_cell_by_cell(made):
         "1.2 none with Q filter",
     ]
     assert texts(second) == [
-        "exactly sampled", "1.02 unstable", "0.900 stable", *["–"] * 5, "–",  # noqa: RUF001
+        "exactly sampled, decides", "1.02 unstable", "0.900 stable", *["–"] * 5, "–",  # noqa: RUF001
     ]  # fmt: skip
     assert (
         '<td title="vertex 1"><span class="value">0.985</span> <span class="tag good">stable</span>' in first
@@ -663,7 +663,7 @@ def test_a_certificate_in_lines(made):
             "-",
             "1.2000",
         ),
-        ("exact", "0.9852", "1.273", "1.00032 at 198.8 Hz, may grow", "-", "0.99", "-", "-", "none"),
+        ("exact, decides", "0.9852", "1.273", "1.00032 at 198.8 Hz, may grow", "-", "0.99", "-", "-", "none"),
     ]
     monotone = replace(good, without_filter=learning(1.0, 0.0, True))
     line, warned, _ = told(good, monotone)

@@ -24,6 +24,7 @@ def print_tables(results: AnyResults) -> None:
 
     from cogless import report
     from cogless.report.comparison import remarks
+    from cogless.results import TrialResults
 
     study, console, shown = results.study, new_console(), set[str]()
     for scenario in results.scenarios:
@@ -52,6 +53,9 @@ def print_tables(results: AnyResults) -> None:
         if limit is not None:
             console.print(str(limit), highlight=False, markup=False)
         console.print()
+    if isinstance(results, TrialResults):
+        for text in results.without_design():
+            console.print(f"! {text}\n", highlight=False, markup=False)
     if len(shown) > 1:  # with one controller there are no marks to explain
         ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in shown else ""
         console.print(f"* best{ratio}", highlight=False, markup=False)

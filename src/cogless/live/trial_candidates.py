@@ -111,11 +111,14 @@ def _of_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
     run = next(pair for pair in held(study) if pair[1] == name)
     gain = _gain(law)
     given, K_3 = getattr(law, gain) is not None, design_study(study, [run])[run].K_3
-    if K_3:
+    # Of an update that the design chooses as a whole, since the study says nothing of it, K_3 is only a part.
+    chosen = "auto" in law.choice and law.q_filter is None and law.shift is None
+    if K_3 and not chosen:
         yield from made(f"{where}.{gain}", gain, name, law, gain, K_3, (0.0, 2.0), controller=name)
     q = law.q_filter
     stays = f" ({gain} stays)" if given else ""
-    if isinstance(q, QFilter) and isinstance(q.cutoff, float) and (given or q.acts_on == "error"):
+    learns = not isinstance(law, TrialIlc) or law.learning
+    if isinstance(q, QFilter) and (given or q.acts_on == "error") and learns:
         own = study.source.tables["controller"][name]["q_filter"]
         key, label = f"{where}.q_filter.cutoff", "q_filter.cutoff" + stays * (q.acts_on == "signal")
         yield from made(key, label, name, q, "cutoff", own["cutoff"], (0.3, 2.0), controller=name)

@@ -58,8 +58,12 @@ class Case(Contest):
         for controller, run in self.runs.items():
             trace = run.feedback
             if trace is not None and self.about.signal in trace:
-                rows = trace[self.about.signal].reshape(len(self.phases), -1)
-                found[controller] = [float(x) for x in rms(rows) / self.about.scale]
+                rows = trace[self.about.signal].reshape(-1, self.study.samples(self.scenario))
+                of_trials = rms(rows) / self.about.scale
+                if len(of_trials) == len(self.phases):  # one of each
+                    found[controller] = [float(x) for x in of_trials]
+                else:
+                    found[controller] = [settled(of_trials[p.start - 1 : p.stop - 1]) for p in self.phases]
         return found
 
     def above_feedback(self, controller: str) -> tuple[Phase, float, float] | None:

@@ -142,4 +142,6 @@ def _changed(change: Change) -> tuple[str, ...]:
     told += [key for key in change.override or {}]
     if any(getattr(change, key) is not None for key in ("initial_angle", "initial_speed", "initial_state")):
         told.append("start")
+    if change.each_trial is not None:
+        told.append("spread of the trials")
     return tuple(told) or ("nothing",)

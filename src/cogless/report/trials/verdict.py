@@ -52,6 +52,7 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
         *_certificates(c),
     ]
     sentences = [_capital(c, text) for text in details if text]
+    sentences += [f"{line}." for line in results.without_design(c.scenario)]
     return ScenarioVerdict(c.scenario, tone, _capital(c, headline), sentences)
 
 
