@@ -162,7 +162,9 @@ def test_the_command_exports_a_linear_plant_and_says_how_large_a_matrix_is(tmp_p
 
     assert said("ilc") == f"Export: {tmp_path / 'ilc' / 'README.md'}\n"
     size, export = said("matrix").splitlines()
-    whole = sum(p.stat().st_size for p in (tmp_path / "matrix").rglob("*") if p.name != "export.json")
+    whole = sum(
+        p.stat().st_size for p in (tmp_path / "matrix").rglob("*") if p.is_file() and p.name != "export.json"
+    )
     source = (tmp_path / "matrix" / "matrix_controller.c").stat().st_size
     assert size == (
         f"Size: {whole / 1e6:.3g} MB of files, {source / 1e6:.3g} MB of them matrix_controller.c; "
