@@ -86,8 +86,9 @@ class Prediction:
 
     @property
     def floor(self) -> tuple[float, ...]:
-        """RMS that each phase ends with, at the same plant."""
-        return tuple(float(np.hypot(phase.learned[-1, -1], self.sensor)) for phase in self.phases)
+        """The final error of each phase at the same plant: the largest RMS of its last FINAL_TRIALS."""
+        rows = [np.hypot(phase.learned[-1], self.sensor) for phase in self.phases]
+        return tuple(float(np.max(row[-_final_trials(row) :])) for row in rows)
 
     @property
     def share(self) -> float:
