@@ -557,7 +557,7 @@ def test_a_certificate_that_is_not_found_has_the_number_to_give(monkeypatch: pyt
     """We know no study in which the inequalities fail and the frequency response does not."""
     with monkeypatch.context() as without:
         without.setattr(learning_gain, "_solve", lambda *_: (None, None))
-        study = read(trial_studies.DRIVE, ilc(shift=2))
+        study = read(trial_studies.DRIVE, {**ilc(shift=2), "drive.position_sensor.bits": 20})
         missing = design_study(study, [("move", "ilc")])["move", "ilc"].no_K_3
     assert missing is not None and "K_3: missing: expected a number" in str(missing)
     (cure,) = missing.cures

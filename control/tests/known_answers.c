@@ -12,6 +12,7 @@
 #include "cogless/feedforward.h"
 #include "cogless/harmonic.h"
 #include "cogless/map.h"
+#include "cogless/sine.h"
 #include "cogless/turns.h"
 
 /* Numbers that logs and other programs know. */
@@ -91,6 +92,40 @@ static void divide_a_turn(void)
         const cgl_encoder_config config = {.counts = UINT32_MAX / parts * 3U};
         cgl_encoder encoder;
         CHECK(cgl_encoder_init(&encoder, &config, 0U) == CGL_OK && encoder.per_count == UINT64_MAX / config.counts);
+    }
+}
+
+#ifdef COGLESS_DOUBLE
+#define PHASOR_ERROR CGL_R(1.3e-15) /* of an order, times the order */
+#else
+#define PHASOR_ERROR CGL_R(2.9e-7)
+#endif
+
+static void compare_phasors(cgl_phasor one, cgl_phasor other, cgl_real bound)
+{
+    CHECK(within(one.cosine - other.cosine, bound) && within(one.sine - other.sine, bound));
+}
+
+/* The phasors of 420 orders by products alone, one by one and by doubling, at 97 angles; and the phasor of an angle up to 100 rad,
+ * which is halved up to nine times. */
+static void turn_phasors(void)
+{
+    for (uint32_t n = 0U; n < 97U; ++n) {
+        const uint32_t turns = n * 44278013U + 12345U;
+        const cgl_phasor first = cgl_phasor_of(turns);
+        cgl_phasor phasor = first, doubled = first;
+        for (uint32_t order = 2U; order <= 420U; ++order) {
+            phasor = cgl_product(phasor, first);
+            compare_phasors(phasor, cgl_phasor_of(order * turns), (cgl_real)(order + 1U) * PHASOR_ERROR);
+            if ((order & (order - 1U)) == 0U) {
+                doubled = cgl_product(doubled, doubled);
+                compare_phasors(doubled, cgl_phasor_of(order * turns), (cgl_real)(order + 1U) * PHASOR_ERROR);
+            }
+        }
+        const cgl_real angle = (cgl_real)n * (cgl_real)n * CGL_R(0.01) - CGL_R(2.0);
+        cgl_phasor direct;
+        cgl_sincos(angle, &direct.sine, &direct.cosine);
+        compare_phasors(cgl_phasor_ahead(angle), direct, (CGL_R(2.0) + CGL_R(8.0) * cgl_abs(angle)) * PHASOR_ERROR);
     }
 }
 
@@ -239,6 +274,7 @@ void known_answers(void)
     keep_the_numbers();
     turn_an_encoder();
     divide_a_turn();
+    turn_phasors();
     average_offsets();
     see_through_a_sensor();
     reject_a_load();

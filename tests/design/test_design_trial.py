@@ -24,12 +24,13 @@ from design_plants import (
     speed,
     two_masses,
 )
+from scipy.linalg import expm
 
 from cogless.design import (
     from_study,
     trial,
 )
-from cogless.design.certificate import Learning, Update
+from cogless.design.certificate import Certificate, Learning, Update
 from cogless.design.error import DesignError
 from cogless.design.from_study import design_study, retuned, same_gains, settings_of
 from cogless.design.model import Real
@@ -473,11 +474,43 @@ def test_a_law_s_keys_are_its_design_s_settings(
     assert found.f == found.gamma and study.design.initial_change is None
 
 
+def test_the_default_feedforward_is_of_the_plant_as_it_is_sampled() -> None:
+    """An own simulation of the motor under a held input: the plant's exponential by SciPy, no integrator.
+
+    What is left is the zero at the unit circle, which the feedforward doesn't cancel: y is a mean of three
+    samples of the reference. Euler's inverse leaves many times more.
+    """
+    J, B, K_t = 8.25e-4, 1.4e-3, 0.37
+    step = expm(2.5e-3 * np.array([[0, 1, 0], [0, -B / J, K_t / J], [0, 0, 0]]))
+    A, b = step[:2, :2], step[:2, 2]
+    y_ref = np.concatenate([np.zeros(50), smooth_step(300), np.ones(50)])
+
+    def moved(**changes: object) -> Real:
+        design = design_trial(mandra(), mandra_settings(learning=False, **changes))
+        ahead = design.feedforward
+        assert ahead is not None and np.allclose(ahead.den[1:], 0)
+        padded = np.concatenate([y_ref, np.ones(ahead.preview)])
+        x, y = np.zeros(2), np.zeros(len(y_ref))
+        for p in range(len(y_ref)):
+            y[p] = x[0]
+            taps = [padded[max(0, p + ahead.preview - i)] for i in range(len(ahead.num))]
+            x = A @ x + b * (design.K_1 @ x + ahead.num @ taps)
+        return y
+
+    default, paper = moved(inverted="exact"), moved()
+    zero = A[1, 1] - A[0, 1] * b[1] / b[0]
+    mean = np.convolve(y_ref, [-zero, 1 + zero**2, -zero])[1:-1] / (1 - zero) ** 2
+    assert default[50:-5] == pytest.approx(mean[50:-5], abs=1e-9)
+    assert np.abs(default - y_ref).max() < 0.2 * np.abs(paper - y_ref).max()
+
+
 T = 1e-3
 
 
 def part(**more: Any) -> Any:
-    learning = SimpleNamespace(monotone=False, norm=more.pop("norm", 1.0), frequency=12.3456)
+    learning = SimpleNamespace(
+        monotone=more.pop("monotone", False), norm=more.pop("norm", 1.0), frequency=12.3456
+    )
     own = {"stable": True, "worst": "corner 2", "radius": 1.23456, "growth": None, "with_filter": None}
     return SimpleNamespace(**{**own, "learning": learning, "phi_radius": 1.5, **more})
 
@@ -495,7 +528,7 @@ def part(**more: Any) -> Any:
 def test_what_can_grow_is_told_with_what_prevents_it(
     monkeypatch: pytest.MonkeyPatch, found: Any, told: str
 ) -> None:
-    """What helps is a filter of so many Hz or a larger change_weight. Each of two models has its own note."""
+    """What helps is a filter of so many Hz or a larger change_weight. It is of the models that decide."""
     cutoffs: list[float | None] = [12.345, None, 5.0, 5.0]
     monkeypatch.setattr(trial, "workable_cutoff", lambda *_: cutoffs.pop(0))
     plant: Any = SimpleNamespace(vertices=(), exact_vertices=None, C=None, period=T)
@@ -503,7 +536,7 @@ def test_what_can_grow_is_told_with_what_prevents_it(
     law: Any = None
 
     def notes(update: Any, design: Any, exact: Any = None) -> list[str]:
-        certificate: Any = SimpleNamespace(design=design, exact=exact)
+        certificate = Certificate(design, exact, None, 0)
         return [*map(str, trial._warnings(plant, law, certificate, update, settings))]
 
     grows = "the error can grow by a factor of "
@@ -514,11 +547,12 @@ def test_what_can_grow_is_told_with_what_prevents_it(
     monkeypatch.setattr(trial, "_calmer", lambda *_: 0.1)
     larger = "; change_weight = 0.1 prevents it"
     assert notes(optimal, found) == [f"design model: {grows}{told}{larger}"]
-    assert notes(optimal, found, found) == [f"exact model: {grows}{told}{larger}"]  # L is for this model
-    assert len(notes(Update(1, 0.5), found, found)) == 2 and notes(None, found) == []
+    assert notes(optimal, part(), found) == [f"exact model: {grows}{told}{larger}"]
+    assert notes(optimal, found, part(monotone=True)) == [] and notes(None, found) == []
     shaking = "unstable along the trial at corner 2, with a pole of 1.235"
     unstable = part(stable=False, learning=None)
-    assert notes(None, unstable, unstable) == [f"{kind} model: {shaking}" for kind in ("design", "exact")]
+    assert notes(None, unstable) == [f"design model: {shaking}"]
+    assert notes(None, part(), unstable) == [f"exact model: {shaking}"]
 
 
 @pytest.mark.parametrize(

@@ -257,8 +257,8 @@ def learning(**values):
 @pytest.mark.parametrize(
     ("norm", "growth", "why"),
     [
-        (1 + 2 * MONOTONE, None, "at 12.0 Hz its error may grow by the factor 1 + 2.0e-09"),
-        (1 + MONOTONE, 1 + 2 * ENDS, "from the trial's ends its error may grow by the factor 1 + 2.0e-04"),
+        (1 + 2 * MONOTONE, None, "at 12.0 Hz the error may grow by the factor 1 + 2.0e-09"),
+        (1 + MONOTONE, 1 + 2 * ENDS, "from the trial's ends the error may grow by the factor 1 + 2.0e-04"),
         (1 + MONOTONE, 1 + ENDS, "Φ has a pole outside the unit circle"),
         (1 + MONOTONE, None, "Φ has a pole outside the unit circle"),
     ],

@@ -1,6 +1,8 @@
 """What a study of trials says of many changes, of runs that diverge or saturate, and of how runs ended."""
 
+import re
 from dataclasses import replace
+from importlib import import_module
 from itertools import pairwise
 
 import numpy as np
@@ -13,13 +15,14 @@ from cogless.design.from_study import design_study
 from cogless.design.trial_summary import labelled_notes, megabytes
 from cogless.report import lines, outcome, render, verdicts
 from cogless.report.trials.case import case
-from cogless.report.trials.outcome import input_lines, same_size, than
+from cogless.report.trials.outcome import own_lines, same_size, than
 from cogless.report.trials.overtrials import over_trials
 from cogless.report.trials.phases import NAMED_MOST, Phase, after, groups, phases
 from cogless.report.trials.waveforms import waveforms
 from cogless.results.trace import Trace
 from cogless.run.simulate import run_study
 
+room = import_module("cogless.report.trials.verdict")  # its package has a function of this name
 ILC = "“ILC, Fig. 1”"
 TRIALS = 60
 FALLS = np.tile(np.hypot(3e-3 * 0.3 ** np.arange(20.0), 0.5e-3), 3)
@@ -134,12 +137,60 @@ def test_the_table_has_current_and_trials_at_the_limit(study):
     length = len(made.runs[0].trace)
     steps = np.repeat([2.0, 9.0, 3.0, 4.0, 9.0, 1.0], length // 6)  # halves of three phases
     made = with_signals(made, i_q_ref=lambda _: steps, status=lambda _: at_limit(length, 7))
-    rms, limited = input_lines(case(made, made.runs))
+    rms, limited = own_lines(case(made, made.runs))[-2:]
     assert (rms.title, rms.text("ilc")) == ("current rms at the end, worst phase", "9.00 A")
     assert (limited.title, limited.text("ilc")) == ("trials at the current limit, of 60", "7")
     assert not rms.best and rms.ratio("ilc", "none") is None
     page = render(made)
     assert page.index("first error") < page.index(rms.title) < page.index(limited.title)
+
+
+def test_what_is_left_without_learning_stands_in_the_table(tmp_path):
+    """Of a law that learns, in the phase where it is worst itself."""
+    results = run_study(trial_studies.loaded(tmp_path))
+    judged = case(results, results.runs)
+    line = own_lines(judged)[0]
+    assert line.title == "error rms without learning at the end, worst phase"
+    (ilc,) = (run for run in results.runs if run.controller == "ilc")
+    rms = np.sqrt(np.mean(ilc.feedback["theta_error"].reshape(3, -1) ** 2, axis=1))
+    assert line.values == {"ilc": pytest.approx(rms[judged.worst_phase("ilc")])}
+
+
+def test_many_trials_above_the_feedback_are_said_though_the_end_is_below(study):
+    """Up to five in a row are none too many; an end above is said by another sentence."""
+
+    def said(rms):
+        made = synthetic.trial_results(study, {"ilc": rms, "none": STAYS}, designed=False)
+        judged = case(made, made.runs)
+        judged.__dict__["feedback"] = {"ilc": [4.0, 4.0, 4.0]}
+        return room._above_for_long(judged, "ilc")
+
+    rms = FALLS.copy()
+    rms[22:28] = 7e-3, 8e-3, 9e-3, 8e-3, 7e-3, 4.3e-3
+    assert said(rms) == (
+        f"{ILC} is worse than its feedback alone in 6 trials in a row: up to 9.00 mrad RMS in trial 25, "
+        "against 4.00 mrad."
+    )
+    rms[27] = 4.1e-3  # as much
+    assert said(rms) == ""
+    rms[22:40] = 9e-3
+    assert said(rms) == ""
+
+
+def test_controllers_that_lack_a_certificate_for_one_reason_share_a_sentence(tmp_path):
+    """The motion needs more current than there is, for any controller; the number has its unit."""
+    limit = {
+        "drive.current_loop.current_limit": "1.6 A",
+        "controller.twin": {"law": "trial-ilc", "q_filter": {"cutoff": "30 Hz"}},
+    }
+    results = run_study(trial_studies.loaded(tmp_path, limit))
+    (verdict,) = verdicts(results)
+    (sentence,) = (each for each in verdict.details if "not certified" in each)
+    assert re.fullmatch(
+        r"(ilc and twin|twin and ilc) are not certified: by the models the motion needs \d\.\d\d A at "
+        r"mechanics\.inertia = \S+, and the limit is 1\.60 A\.",
+        sentence,
+    )
 
 
 # --- many changes

@@ -35,7 +35,8 @@ def run(folder: Path, changes: dict[str, Any] | None = None, text: str = DRIVE) 
 
 
 def test_learning_lowers_the_error_that_feedback_leaves(tmp_path: Path) -> None:
-    error = {r.controller: r.metrics["error_rad"] for r in run(tmp_path).runs}
+    fine = {"drive.position_sensor.bits": 20}
+    error = {r.controller: r.metrics["error_rad"] for r in run(tmp_path, fine).runs}
     learned, feedback = error["ilc"], error["feedback"]
     assert isinstance(learned, list) and isinstance(feedback, list)
     assert len(learned) == len(feedback) == 12

@@ -18,7 +18,7 @@ import cogless.study
 from cogless.study.arena import GivenFeedback
 from cogless.study.controller import Base, Commissioning, Tuning
 from cogless.study.table import Quantity, Table
-from cogless.study.trial_controller import QFilter
+from cogless.study.trial_controller import SignalFilter
 from cogless.study.trial_scenario import EitherWay
 
 GIVEN: dict[str, float | bool] = {
@@ -67,7 +67,7 @@ GIVEN: dict[str, float | bool] = {
     "study.trial_controller.NormOptimalIlc.integral": True,
     "study.trial_controller.ObserverIlc.feedforward": True,
     "study.trial_controller.ObserverIlc.learning": True,
-    "study.trial_controller.QFilter.order": 2,
+    "study.trial_controller.SignalFilter.order": 2,
     "study.trial_controller.TrialIlc.feedforward": True,
     "study.trial_controller.TrialIlc.integral": True,
     "study.trial_controller.TrialIlc.learning": True,
@@ -123,7 +123,7 @@ BOUNDS = {
     "study.trial_controller.FilteredLaw.shift": "ge 1 le 65534",
     "study.trial_controller.NormOptimalIlc.change_weight": "gt 0",
     "study.trial_controller.ObserverIlc.pole": "ge 0 lt 1",
-    "study.trial_controller.QFilter.order": "ge 1 le 4",
+    "study.trial_controller.SignalFilter.order": "ge 1 le 4",
     "study.trial_controller.TrialLaw.learned_limit": "gt 0 le 1000000000000",
     "study.trial_scenario.Change.trial": "ge 2",
     "study.trial_scenario.Deviations.initial_state": "ge 0 le 1000000000000",
@@ -195,7 +195,7 @@ def test_a_number_is_in_si_in_a_controller_s_table_and_needs_a_unit_elsewhere(
 ) -> None:
     """In trials both are right, since their plant may be a drive, with units, or one without."""
     for table, model in shipped.items():
-        si = issubclass(model, (Base, Commissioning, GivenFeedback, QFilter, Tuning))
+        si = issubclass(model, (Base, Commissioning, GivenFeedback, SignalFilter, Tuning))
         for name, field in model.model_fields.items():
             for each in marks(field.annotation, field.metadata):
                 if isinstance(each, Quantity):

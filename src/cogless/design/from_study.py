@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -13,9 +14,11 @@ import numpy as np
 
 from cogless.design.cures import either, helping
 from cogless.design.error import DesignError
-from cogless.design.model import Model, sampled
+from cogless.design.model import Discretisation, Model, Real, sampled
+from cogless.design.observer import counting_window
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.prediction import Conditions, Prediction
+from cogless.design.random_errors import Disturbances
 from cogless.design.trial import (
     TrialDesign,
     TrialGains,
@@ -25,6 +28,7 @@ from cogless.design.trial import (
     design_trial,
     needs_K_3,
     other_choices,
+    random_amplification,
     scenario_prediction,
     trial_parameters,
 )
@@ -46,7 +50,7 @@ from cogless.study.trial_controller import (
     TrialIlc,
     TrialLaw,
 )
-from cogless.study.trial_scenario import TrialConditions
+from cogless.study.trial_scenario import EachTrial, TrialConditions
 
 ROUNDING = 1e-9
 OTHER_CHOICES = 4  # of shift and filter, tried where the best one would end above the feedback
@@ -124,7 +128,7 @@ def _better_sampled(study: TrialStudy, run: tuple[str, str]) -> Remark | None:
 
     def cured(other: TrialStudy) -> bool:
         found = _designs(other, [run])[run].certificate
-        return (found.exact or found.design).stable
+        return found.deciding.stable
 
     cures = helping(study, (exact, faster), cured)
     return Remark(f"{either(cures)} makes it stable along the trial", cures) if cures else None
@@ -183,7 +187,10 @@ def _designed(
             if predicted is not None and not predicted.ends_above:
                 design, prediction = tried, predicted
                 break
-    return replace(design, no_K_3=no_K_3, prediction=prediction)
+    amplify = None
+    if prediction is not None and design.learns:
+        amplify = partial(random_amplification, plant, settings, design.gains)
+    return replace(design, no_K_3=no_K_3, prediction=prediction, amplify=amplify)
 
 
 def _predicted(
@@ -191,24 +198,29 @@ def _predicted(
 ) -> Prediction | None:
     """What the design makes of the scenario; None if a plant is unstable, or if there is no K_3 to learn."""
     certificate = design.certificate
-    if not (certificate.exact or certificate.design).stable or (
-        design.gains.no_K_3 is not None and needs_K_3(settings)
-    ):
+    if not certificate.deciding.stable or (design.gains.no_K_3 is not None and needs_K_3(settings)):
         return None
-    prediction = scenario_prediction(plant, settings, design.gains, _phases(study, scenario))
-    return replace(prediction, sensor=_sensor_error(study))
+    return scenario_prediction(plant, settings, design.gains, _phases(study, scenario), _rounding(study))
 
 
-def _sensor_error(study: TrialStudy) -> float:
-    """RMS of the angle's rounding to the sensor's steps, rad; 0 for a linear plant and without such a sensor.
+def _rounding(study: TrialStudy) -> Real | None:
+    """RMS of what the sensor rounds of angle and speed, rad and rad/s; None if it rounds nothing.
 
-    Its true value lies anywhere within a step, so that it is the step over sqrt(12).
+    The angle lies anywhere within a step: step / sqrt(12). A speed that is the difference of two angles over
+    a window has both their errors, over the window. A timed one has hardly any.
     """
-    sensor = study.drive.position_sensor if study.drive is not None else None
+    drive = study.drive
+    if drive is None or not isinstance(drive.position_sensor, Counted | Hall):
+        return None
+    sensor, rates = drive.position_sensor, drive.rates
     if isinstance(sensor, Hall):
         assert study.motor is not None
-        return sensor.step(study.motor.pole_pairs) / math.sqrt(12)
-    return sensor.step / math.sqrt(12) if isinstance(sensor, Counted) else 0.0
+        return np.array([sensor.step(study.motor.pole_pairs), 0.0]) / math.sqrt(12)
+    window = sensor.periods(rates.divider) / rates.current_loop
+    if sensor.bandwidth:
+        window = counting_window(sensor.bandwidth, 1 / rates.current_loop)
+    speed = 0.0 if sensor.timed else math.sqrt(2) / window
+    return np.array([1.0, speed]) * sensor.step / math.sqrt(12)
 
 
 def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
@@ -236,7 +248,8 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
         for sample, amount in steps:
             load[sample:] = amount
         simulated = _simulated(study, scenario, index, conditions) if inside else None
-        found.append(Conditions(reference, load / unit, start, ends[index] - first, simulated))
+        random = _random(study, conditions, unit)
+        found.append(Conditions(reference, load / unit, start, ends[index] - first, simulated, random))
     return found
 
 
@@ -256,6 +269,26 @@ def _axis(values: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
     """(37) of Mandra 2019: angle and speed of a drive with these `_uncertain` values."""
     J, B, K_t = values.values()
     return [[0.0, 1.0], [0.0, -B / J]], [0.0, K_t / J]
+
+
+def _random(study: TrialStudy, conditions: TrialConditions, unit: float) -> Disturbances | None:
+    """What differs from trial to trial as a linear plant sees it; None where all trials are alike.
+
+    `unit`: a load in the study's unit per unit of the input.
+    """
+    plant, spread = study.plant, conditions.each_trial or EachTrial()
+    start = np.zeros(study.states)
+    if plant is not None:
+        start[:] = spread.deviations("initial_state") or 0.0
+        noise, load_noise = np.array(plant.state_noise), plant.load_noise
+    else:
+        for i, key in enumerate(("initial_angle", "initial_speed")):
+            start[i] = sum(spread.deviations(key))
+        noise, load_noise = None, 0.0
+    load = sum(spread.deviations("load")) / unit
+    if not (np.any(start) or load or load_noise or (noise is not None and np.any(noise))):
+        return None
+    return Disturbances(start, load, load_noise, noise)
 
 
 def _limit(study: TrialStudy) -> float:
@@ -284,16 +317,34 @@ def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialP
         getattr(study, key) == getattr(like, key) for key in ("plant", "motor", "mechanics", "design")
     )
     settings, before = settings_of(study, *run), settings_of(like, *run)
-    if alike and study.period == like.period and _same_feedback(settings, before):
-        gains = design_study(like, [run])[run].gains
-        chooses_otherwise = (settings.chooses or before.chooses) and _update(settings) != _update(before)
-        if settings.K_3 is not None and not chooses_otherwise:
-            gains = replace(gains, K_3=settings.K_3)
-        elif not same_gains(settings, before):
-            return design_study(study, [run])[run]
-        with _as_study_error(study, *run):
+    alike = alike and study.period == like.period and _same_feedback(settings, before)
+    chooses_otherwise = (settings.chooses or before.chooses) and _update(settings) != _update(before)
+    other_K_3 = settings.K_3 is not None and not chooses_otherwise
+    with _as_study_error(study, *run):
+        if alike and (other_K_3 or same_gains(settings, before)):
+            gains = design_study(like, [run])[run].gains
+            if settings.K_3 is not None:
+                gains = replace(gains, K_3=settings.K_3)
             return trial_parameters(uncertain_plant(like), settings, gains)  # the same, and made once
-    return design_study(study, [run])[run]
+        return trial_parameters(uncertain_plant(study), settings, _gains_alone(study, settings))
+
+
+def _gains_alone(study: TrialStudy, settings: TrialSettings) -> TrialGains:
+    """A controller's gains as `design_study` finds them; feedback that controllers share is designed once.
+
+    DesignError as `design_gains`.
+    """
+    chosen = settings.K_3 is None or settings.chooses
+    if settings.kind == "observer" or (chosen and needs_K_3(settings)):
+        return design_gains(uncertain_plant(study), settings)
+    runs = ((scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario))
+    laws = (run for run in runs if isinstance(study.controller[run[1]], TrialLaw))
+    first = next(run for run in laws if _same_feedback(settings, settings_of(study, *run)))
+    return replace(study.once(_feedback_gains, first), K_3=settings.K_3)
+
+
+def _feedback_gains(study: TrialStudy, run: tuple[str, str]) -> TrialGains:
+    return design_gains(uncertain_plant(study), replace(settings_of(study, *run), learning=False))
 
 
 def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
@@ -332,7 +383,7 @@ def _uncertain_plant(study: TrialStudy, _: tuple[()]) -> UncertainPlant:
     def model(ranged: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         return _axis({key: ranged.get(key, value) for key, value in values.items()})
 
-    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, study.design.discretisation)
+    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, _inequalities(study))
 
 
 def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
@@ -357,6 +408,10 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         own["structure"] = controller.acts_on
     if isinstance(controller, NormOptimalIlc):
         own["kind"] = "norm-optimal"
+        signal = controller.q_filter
+        if signal is not None:
+            own |= {"cutoff": signal.cutoff, "filter_order": signal.order, "filtered": "signal"}
+            own["ends"] = signal.ends
     elif isinstance(controller, FilteredLaw):
         q, own["shift"] = controller.choice
         if isinstance(q, QFilter):
@@ -370,6 +425,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         gamma=design.initial_state,
         f=design.initial_state if design.initial_change is None else design.initial_change,
         g=design.initial_error,
+        inverted=design.discretisation or "exact",
         **own,
     )
 
@@ -378,11 +434,16 @@ def _linear(plant: LinearPlant, study: TrialStudy) -> UncertainPlant:
     if plant.vertex:
         vertices = [(vertex.A, vertex.B) for vertex in plant.vertex]
         continuous = plant.model == "continuous"
-        return from_vertices(vertices, plant.C, plant.period, continuous, study.design.discretisation)
+        return from_vertices(vertices, plant.C, plant.period, continuous, _inequalities(study))
     ranges = {name: p.range for name, p in plant.parameter.items() if p.range is not None}
     nominal = {name: plant.parameter[name].nominal for name in ranges}
-    how = study.design.discretisation if plant.model == "continuous" else None
+    how = _inequalities(study) if plant.model == "continuous" else None
     return from_parameters(plant.at, ranges, plant.C, plant.period, how, nominal)
+
+
+def _inequalities(study: TrialStudy) -> Discretisation:
+    """How the models in the inequalities are sampled: by Euler, with which a polytope stays one."""
+    return study.design.discretisation or "euler"
 
 
 def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
@@ -405,7 +466,7 @@ def _update(s: TrialSettings) -> tuple[Any, ...]:
 def _same_feedback(settings: TrialSettings, other: TrialSettings) -> bool:
     def feedback(s: TrialSettings) -> tuple[Any, ...]:
         kind = s.kind if s.kind in ("state", "observer") else None
-        return kind, s.K_s, s.N, s.feedforward, s.pole
+        return kind, s.K_s, s.N, s.feedforward, s.inverted, s.pole
 
     return feedback(settings) == feedback(other)
 

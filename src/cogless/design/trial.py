@@ -15,8 +15,9 @@ then set to zero. If Q doesn't, the feedback is designed without the integrator.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -29,10 +30,11 @@ from cogless.design.finite import TrialMap
 from cogless.design.learning_filter import JUDGED_TRIALS, Bench, Choice, learning_filters
 from cogless.design.learning_gain import LearningGain, learning_gain
 from cogless.design.lifted import norm_optimal
-from cogless.design.model import Model, Real
+from cogless.design.model import Discretisation, Model, Real
 from cogless.design.polytope import UncertainPlant
-from cogless.design.prediction import Conditions, Prediction, predict
+from cogless.design.prediction import PHASE_TRIALS, Conditions, Prediction, predict, random_loops
 from cogless.design.q_filter import PROPOSED, better_shift, butterworth, workable_cutoff
+from cogless.design.random_errors import Amplification, Disturbances, amplification, random_errors
 from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
 from cogless.design.state_feedback import StateFeedback, guaranteed_cost
 from cogless.design.trial_observer import (
@@ -71,6 +73,7 @@ class TrialSettings:
     integral: bool = True
     learning: bool = True
     feedforward: bool = True  # dynamic
+    inverted: Discretisation = "exact"  # nominal plant that it inverts; exact: if the sampling is known
     cutoff: float | Literal["auto"] | None = None  # of the zero-phase filter, Hz; None: no filter
     filter_order: int = 2
     ends: Ends = "even"  # reflection by which the filter continues the trial
@@ -128,9 +131,14 @@ class TrialParameters:
     shift: int
     q_filter: Filter | None
     filtered: Filtered
-    learning_matrix: Real | None  # (samples, samples), instead of K_3, shift and filter
+    learning_matrix: Real | None  # (samples, samples), instead of K_3, shift and a filter on the error
     gains: TrialGains
     no_K_3: StudyError | None = None  # why no K_3 exists for a law that needs it: it doesn't run
+
+    @property
+    def learns(self) -> bool:
+        """Whether the law learns from trial to trial."""
+        return bool(self.K_3) or self.learning_matrix is not None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,6 +150,12 @@ class TrialDesign(TrialParameters):
     beyond: tuple[str, ...] = ()  # warnings of simulated values outside the ranges of the design
     prediction: Prediction | None = None  # of the scenario; None if the loop is unstable
     limit: float | None = None  # of the input
+    amplify: Callable[[], Amplification] | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def amplification(self) -> Amplification | None:
+        """What learning makes of errors that don't repeat; None without it, or if a loop is unstable."""
+        return self.amplify() if self.amplify is not None else None
 
     @property
     def certified(self) -> bool:
@@ -151,7 +165,7 @@ class TrialDesign(TrialParameters):
         certificate covers; and tried on the scenario itself, at each corner, the error ends no higher than
         without learning, and the input stays within its limit.
         """
-        part, prediction = self.certificate.exact or self.certificate.design, self.prediction
+        part, prediction = self.certificate.deciding, self.prediction
         return (
             part.stable
             and part.learning is not None
@@ -194,7 +208,8 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     if N is None:
         N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
     forward = settings.feedforward and settings.kind != "state"
-    ahead = dynamic(plant.nominal, plant.C, K_s[:n]) if forward else None
+    inverted = plant.exact_nominal if settings.inverted == "exact" else None
+    ahead = dynamic(inverted or plant.nominal, plant.C, K_s[:n]) if forward else None
     K_3, learned, no_K_3 = settings.K_3, None, None
     choice: Choice | None = None
     note: Remark | None = None
@@ -237,35 +252,70 @@ def design_trial(
         certified, loop, update, parameters.q_filter, settings.filter_acts_on, settings.samples
     )
     of_learning = parameters.gains.learning_notes if needs_K_3(settings) else ()
-    of_certificate = _warnings(certified, loop, certificate, update, settings)
+    of_certificate = _warnings(certified, loop, certificate, update, settings, parameters.q_filter)
     notes = (*parameters.gains.notes, *of_learning, *of_certificate)
     return TrialDesign(**vars(parameters), certificate=certificate, notes=notes)
 
 
 def scenario_prediction(
-    plant: UncertainPlant, settings: TrialSettings, gains: TrialGains, phases: Sequence[Conditions]
+    plant: UncertainPlant,
+    settings: TrialSettings,
+    gains: TrialGains,
+    phases: Sequence[Conditions],
+    rounding: Real | None = None,
 ) -> Prediction:
     """What the controller makes of a scenario, at each corner, the nominal and the simulated plant.
 
-    The plants are exactly sampled if that is known. DesignError as `design_trial`.
+    The plants are exactly sampled if that is known. rounding: (n,), RMS of what the sensor rounds of each
+    state. DesignError as `design_trial`.
     """
     parameters, law, update = _parameters(plant, settings, gains)
-    held, loop, C = plant.as_held, gains.observer or law, plant.C
-    models, labels = [*held.vertices, held.nominal], [*held.labels, "the nominal plant"]
+    held, loop = plant.as_held, gains.observer or law
+    models, labels = _corners(held)
     if all(phase.plant is not None for phase in phases):
-        models, labels = [*models, held.nominal], [*labels, "the simulated plant"]
-    trial = TrialMap(
+        models, labels = [*models, held.nominal], (*labels, "the simulated plant")
+    trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
+    f = parameters.feedforward
+    ahead = None if f is None else (f.num, f.den, f.preview)
+    prediction = predict(models, labels, plant.C, loop, trial, ahead, phases)
+    if rounding is None:
+        return prediction
+    last = phases[-1].plant or held.nominal
+    alone = random_loops([last], plant.C, loop, replace(trial, loops=[loop.closed(last, plant.C)]))
+    _, squares = random_errors(alone, Disturbances(np.zeros(plant.order), noise=rounding), PHASE_TRIALS)
+    return replace(prediction, sensor=float(np.sqrt(squares[0, -1])))
+
+
+def random_amplification(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Amplification:
+    """What learning makes of errors that don't repeat, at the corners and the nominal plant."""
+    parameters, law, update = _parameters(plant, settings, gains)
+    loop = gains.observer or law
+    models, labels = _corners(plant.as_held)
+    trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
+    return amplification(labels, random_loops(models, plant.C, loop, trial))
+
+
+def _corners(held: UncertainPlant) -> tuple[list[Model], tuple[str, ...]]:
+    return [*held.vertices, held.nominal], (*held.labels, "the nominal plant")
+
+
+def _trial_map(
+    models: Sequence[Model],
+    loop: Gains | ObserverGains,
+    update: Update | None,
+    parameters: TrialParameters,
+    C: Real,
+    samples: int,
+) -> TrialMap:
+    return TrialMap(
         [loop.closed(model, C) for model in models],
         update.K_3 if update is not None else 0.0,
         parameters.shift,
         parameters.q_filter,
         parameters.filtered,
-        settings.samples,
+        samples,
         parameters.learning_matrix,
     )
-    f = parameters.feedforward
-    ahead = None if f is None else (f.num, f.den, f.preview)
-    return predict(models, labels, C, loop, trial, ahead, phases)
 
 
 def trial_parameters(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> TrialParameters:
@@ -286,7 +336,7 @@ def _parameters(
     normal = settings.kind == "norm-optimal" and settings.learning
     cutoff = gains.cutoff if gains.observer or settings.cutoff == "auto" else settings.cutoff
     q_filter = None
-    if cutoff is not None and settings.learning and not normal:
+    if cutoff is not None and settings.learning and (settings.filter_acts_on == "signal" or not normal):
         q_filter = butterworth(cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3 = gains.K_3 or 0.0
     update, matrix = None, None
@@ -506,46 +556,47 @@ def _warnings(
     certificate: Certificate,
     update: Update | None,
     settings: TrialSettings,
+    q_filter: Filter | None = None,
 ) -> list[Remark]:
-    """Warnings that the error can grow along the trial or from trial to trial, with the remedy."""
+    """Warnings that the error can grow along the trial or from trial to trial, with the remedy.
+
+    They are of the models that decide.
+    """
     notes: list[Remark] = []
-    exact = certificate.exact
-    parts = [("design", plant.vertices, certificate.design)]
-    parts += [("exact", plant.exact_vertices or (), exact)] if exact is not None else []
-    for kind, models, part in parts:
-        if not part.stable:
-            where = f"at {part.worst}, with a pole of {part.radius:.4g}"
-            notes.append(Remark(f"{kind} model: unstable along the trial {where}"))
-        learning = part.learning
-        if update is None or learning is None or learning.monotone:
-            continue
-        if update.ratio is not None and kind == "design" and exact is not None:
-            continue  # L is designed for the exact model
-        note, cures = f"{kind} model: the error can grow by a factor of ", tuple[Changes, ...]()
-        if learning.norm > 1 + MONOTONE:
-            note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
-        elif part.growth is not None and part.growth > 1 + ENDS:
-            note += f"{_factor(part.growth)} a trial, from the ends of the "
-            note += "filter" if part.with_filter else "trial"
-        else:
-            note += f"{_factor(part.phi_radius or 1.0)} a sample, by Phi's largest pole"
-        if update.ratio is None:
-            loops = [law.closed(m, plant.C) for m in models]
-            cutoff = workable_cutoff(
-                loops, update.shift, settings.filter_order, plant.period, settings.samples, update.K_3
-            )
-            if cutoff is not None:
-                note += f"; a zero-phase low-pass filter of {cutoff:.3g} Hz or less on the learned signal "
-                note, cures = f"{note}prevents it", (_filter(cutoff, settings),)
-        else:
-            weight = _calmer(plant, law, settings)
-            if weight is not None:
-                note, cures = f"{note}; change_weight = {weight:g} prevents it", ({"change_weight": weight},)
-        notes.append(Remark(note, cures))
-    return notes
+    kind, part = certificate.decides, certificate.deciding
+    models = plant.vertices if kind == "design" else plant.exact_vertices or ()
+    if not part.stable:
+        where = f"at {part.worst}, with a pole of {part.radius:.4g}"
+        notes.append(Remark(f"{kind} model: unstable along the trial {where}"))
+    learning = part.learning
+    if update is None or learning is None or learning.monotone:
+        return notes
+    note, cures = f"{kind} model: the error can grow by a factor of ", tuple[Changes, ...]()
+    if learning.norm > 1 + MONOTONE:
+        note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
+    elif part.growth is not None and part.growth > 1 + ENDS:
+        note += f"{_factor(part.growth)} a trial, from the ends of the "
+        note += "filter" if part.with_filter else "trial"
+    else:
+        note += f"{_factor(part.phi_radius or 1.0)} a sample, by Phi's largest pole"
+    if update.ratio is None:
+        loops = [law.closed(m, plant.C) for m in models]
+        cutoff = workable_cutoff(
+            loops, update.shift, settings.filter_order, plant.period, settings.samples, update.K_3
+        )
+        if cutoff is not None:
+            note += f"; a zero-phase low-pass filter of {cutoff:.3g} Hz or less on the learned signal "
+            note, cures = f"{note}prevents it", (_filter(cutoff, settings),)
+    else:
+        weight = _calmer(plant, law, settings, q_filter)
+        if weight is not None:
+            note, cures = f"{note}; change_weight = {weight:g} prevents it", ({"change_weight": weight},)
+    return [*notes, Remark(note, cures)]
 
 
-def _calmer(plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSettings) -> float | None:
+def _calmer(
+    plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSettings, q_filter: Filter | None
+) -> float | None:
     """A weight of the change with which no error grows from trial to trial; None if none is."""
     nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
     shift = _shift(plant, settings)
@@ -553,8 +604,8 @@ def _calmer(plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSe
         weight = float(f"{settings.change_weight * 10.0**n:.3g}")
         matrix = norm_optimal(nominal, settings.samples, weight)
         update = Update(shift, 0.0, weight, nominal, matrix)
-        found = certify(plant, law, update, None, settings.filter_acts_on, settings.samples)
-        judged = found.design if found.exact is None else found.exact
+        found = certify(plant, law, update, q_filter, settings.filter_acts_on, settings.samples)
+        judged = found.deciding
         if judged.learning is not None and judged.learning.monotone:
             return weight
     return None

@@ -15,6 +15,7 @@ from cogless.design.margins import finite
 from cogless.design.model import Model
 from cogless.design.polytope import UncertainPlant
 from cogless.design.prediction import PHASE_TRIALS, Prediction
+from cogless.design.random_errors import Amplification
 from cogless.design.trial import TrialDesign
 from cogless.study import TrialStudy
 
@@ -32,7 +33,8 @@ LEGEND = (
     "have at most;\n"
     "this scenario: of its error without learning, what a phase has left in the end, at the worst corner;\n"
     "trials to the floor: of each phase, until the simulated plant's error is within a tenth of its floor;\n"
-    "floor: its final RMS, with what the sensor rounds"
+    "floor: its final RMS, with what the sensor rounds;\n"
+    "load noise, sensor noise: error that white noise causes, with learning / without, at the worst corner"
 )
 
 
@@ -124,6 +126,7 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
         },
         "certificate": _certificate(design.certificate),
         "certified": design.certified,
+        "amplification": design.amplification and _amplification(design.amplification),
         "scenario": _prediction(design),
         "notes": list(map(str, design.notes)),
     }
@@ -144,8 +147,8 @@ def warnings(design: TrialDesign) -> list[str]:
 
     The design's notes have the changes that would help.
     """
-    rows = [found for _, found in _rows(design.certificate)]
-    fine = all(each.stable and (each.learning is None or each.learning.monotone) for each in rows)
+    part = design.certificate.deciding
+    fine = part.stable and (part.learning is None or part.learning.monotone)
     return [] if fine and design.no_K_3 is None else [words(design)]
 
 
@@ -216,6 +219,7 @@ def _certificate(certificate: Certificate) -> dict[str, Any]:
         "design_model": _models(certificate.design),
         "exactly_sampled": certificate.exact and _models(certificate.exact),
         "random_plants": certificate.samples,
+        "decides": {"design": "design_model", "exact": "exactly_sampled"}[certificate.decides],
     }
 
 
@@ -235,9 +239,20 @@ def _prediction(design: TrialDesign) -> dict[str, Any] | None:
                 "error_rms_without_learning": phase.feedback.tolist(),
                 "largest_input": phase.peak.tolist(),
                 "largest_input_without_learning": phase.feedback_peak.tolist(),
+                "random_part_of_the_error_rms": phase.random.tolist(),
+                "random_part_without_learning": phase.feedback_random.tolist(),
             }
             for phase in prediction.phases
         ],
+    }
+
+
+def _amplification(amplification: Amplification) -> dict[str, Any]:
+    """RMS of a random error in the long run / its RMS without learning, of each plant."""
+    return {
+        "plants": list(amplification.labels),
+        "noise_on_the_load": [finite(x) for x in amplification.load],
+        "noise_on_the_measurement": [finite(x) for x in amplification.noise],
     }
 
 
@@ -295,17 +310,17 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     for heading in ("filtered", "with the ends", "norm, power", "largest share", "largest K_3"):
         proof.add_column(heading)
     share = Table(title="This scenario", title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for heading in ("controller", "share left", "trials to the floor", "floor", "largest input", "learning"):
+    headings = ("share left", "trials to the floor", "floor", "largest input", "load noise", "sensor noise")
+    for heading in ("controller", *headings, "learning"):
         share.add_column(heading)
     for name, design in found.designs.items():
         gains.add_row(study.label(name), *_gains(design))
         for row in _proof(design.certificate):
             proof.add_row(study.label(name), *row)
     for name, design in found.designs.items():
-        if design.prediction is not None and (design.K_3 or design.learning_matrix is not None):
+        if design.prediction is not None and design.learns:
             word = "certified" if design.certified else "not certified"
-            left, floor = f"{design.prediction.share:.4g}", _floor(design.prediction)
-            share.add_row(study.label(name), left, *floor, _most_input(design), word)
+            share.add_row(study.label(name), *_in_scenario(design, design.prediction), word)
     for name in found.without:
         gains.add_row(study.label(name), "not designed")
     lines = [Text(f"{study.label(name)}: not designed: {why}.") for name, why in found.without.items()]
@@ -351,6 +366,15 @@ def _floor(prediction: Prediction) -> tuple[str, str]:
     return ", ".join(trials), ", ".join(f"{floor:.4g}" for floor in prediction.floor)
 
 
+def _in_scenario(design: TrialDesign, prediction: Prediction) -> tuple[str, ...]:
+    amplification = design.amplification
+    noise = ("-", "-")
+    if amplification is not None:
+        worst = (max(amplification.load), max(amplification.noise))
+        noise = (f"{worst[0]:.3f}", f"{worst[1]:.3f}")
+    return f"{prediction.share:.4g}", *_floor(prediction), _most_input(design), *noise
+
+
 def _most_input(design: TrialDesign) -> str:
     """The largest input that the scenario needs, and the plant where that is above the limit."""
     assert design.prediction is not None
@@ -361,11 +385,12 @@ def _most_input(design: TrialDesign) -> str:
 
 
 def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
-    for model, found in _rows(certificate):
+    rows = list(_rows(certificate))
+    for model, found in rows:
         plain, filtered = found.without_filter, found.with_filter
         limit = plain.K_3_limit if plain else None
         yield (
-            model,
+            f"{model}, decides" if len(rows) > 1 and found is certificate.deciding else model,
             f"{found.radius:.4f}" + ("" if found.stable else " unstable"),
             f"{found.delayed_radius:.3f}" + ("" if found.delayed_stable else " unstable"),
             _verdict(plain),

@@ -123,7 +123,7 @@ def _drive_phase(
 
 
 def _each_trial(conditions: TrialConditions, states: int) -> dict[str, Any] | None:
-    """Deviations of each trial; None where all are alike. `states`: those of a linear plant, 0 for a drive."""
+    """Deviations of each trial; None where all are alike. `states`: of a linear plant, or 0."""
     spread = conditions.each_trial
     if spread is None or spread.empty:
         return None

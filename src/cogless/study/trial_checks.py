@@ -15,7 +15,7 @@ from cogless.study.trial_controller import (
     FilteredLaw,
     NormOptimalIlc,
     ObserverIlc,
-    QFilter,
+    SignalFilter,
     StateIlc,
     TrialLaw,
 )
@@ -214,8 +214,8 @@ def controllers(study: TrialStudy) -> None:
             raise invalid(whole, "controller", name, "K_s")
         elif controller.K_s is None and controller.integral and size == n:
             raise invalid(f'{whole}, which "{name}" has', "design", "state_weight")
-        q = controller.q_filter if isinstance(controller, FilteredLaw) else None
-        if isinstance(q, QFilter) and q.cutoff >= 0.5 / study.period:
+        q = controller.q_filter if isinstance(controller, FilteredLaw | NormOptimalIlc) else None
+        if isinstance(q, SignalFilter) and q.cutoff >= 0.5 / study.period:
             expected = f"expected less than half the sampling rate, {0.5 / study.period:g} Hz"
             raise invalid(expected, "controller", name, "q_filter", "cutoff")
 

@@ -18,12 +18,17 @@ Ends = Literal["even", "odd"]
 Weight = Many[float] | Many[Many[float]]
 
 
-class QFilter(Table):
+class SignalFilter(Table):
     """A Butterworth low-pass, run forwards and backwards after each trial, so that it has no phase shift."""
 
     cutoff: LawFrequency  # Hz
     order: Annotated[int, Field(ge=1, le=4)] = 2
     ends: Ends = "even"  # reflection by which the filter continues the trial at both ends
+
+
+class QFilter(SignalFilter):
+    """The filter of a law that learns with a single gain."""
+
     acts_on: Literal["error", "signal"] = "error"  # filter the error to learn from, or the learned signal
 
 
@@ -93,6 +98,9 @@ class NormOptimalIlc(TrialLaw):
     feedforward: bool = True
     K_s: Many[float] | None = None
     N: float | None = None
+    q_filter: SignalFilter | None = (
+        None  # on the learned signal: a weight of the signal itself over frequency
+    )
     # weight of the learned signal's change in the cost, where the error's weight is 1
     change_weight: Annotated[float, Field(gt=0)] = 0.01
 
@@ -125,7 +133,8 @@ UNCERTAIN = {
 class DesignSettings(Table):
     """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
 
-    discretisation: Literal["euler", "exact"] = "euler"
+    # of all models; default: Euler's in the inequalities, exact for the feedforward and whatever is judged
+    discretisation: Literal["euler", "exact"] | None = None
     state_weight: Weight  # Q of (8), for states and integrator: its diagonal, or all its rows
     input_weight: Annotated[float, Field(gt=0)]  # R of (8)
     initial_state: Many[float]  # gamma of (10): states and integrator where the cost begins

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import sqrt
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -107,11 +108,11 @@ class EachTrial(Table):
         size = getattr(self.uniform, key)
         return ("normal", getattr(self.normal, key)) if size is None else ("uniform", size)
 
-    def variances(self, key: str) -> tuple[float, ...]:
-        """Variance of a key's deviation, of initial_state one a state; () for none."""
+    def deviations(self, key: str) -> tuple[float, ...]:
+        """Standard deviation of a key's deviation, of initial_state one a state; () for none."""
         form, size = self.form_of(key)
         sizes = () if size is None else size if isinstance(size, tuple) else (size,)
-        return tuple(one**2 / (1 if form == "normal" else 3) for one in sizes)
+        return tuple(one / (1 if form == "normal" else sqrt(3)) for one in sizes)
 
     def most(self, key: str) -> float:
         """The largest deviation of an angle or speed that is to be expected."""
@@ -121,7 +122,7 @@ class EachTrial(Table):
     @property
     def empty(self) -> bool:
         """Whether all trials are alike."""
-        return not any(any(self.variances(key)) for key in Deviations.model_fields)
+        return not any(any(self.deviations(key)) for key in Deviations.model_fields)
 
 
 class TrialConditions(Table):

@@ -13,7 +13,7 @@ from cogless.report.tables import line_table
 from cogless.report.trials import certificate, overtrials, waveforms
 from cogless.report.trials.case import case
 from cogless.report.trials.gains import gain_table
-from cogless.report.trials.outcome import input_lines, outcome
+from cogless.report.trials.outcome import outcome, own_lines
 from cogless.report.trials.phases import groups, phases
 from cogless.report.trials.plots import PICTURES
 from cogless.report.trials.verdict import verdict
@@ -59,7 +59,7 @@ def _charts(results: TrialResults, runs: Runs) -> dict[str, Any]:
 
 def _parts(results: TrialResults, runs: Runs) -> dict[str, str]:
     judged = case(results, runs)
-    lines = [*_lines(results, runs[0].scenario), *(input_lines(judged) if judged is not None else [])]
+    lines = [*_lines(results, runs[0].scenario), *(own_lines(judged) if judged is not None else [])]
     return {
         "tables": line_table(results, runs, lines),
         "certificates": certificate.certificate_table(results, runs),

@@ -82,6 +82,25 @@ class Case(Contest):
         floor = self.about.floor or 0.0
         return [end for end in ends if not end[1] <= floor and not end[1] <= (1 + SAME) * end[2]]
 
+    def longest_above_feedback(self, controller: str) -> tuple[int, tuple[int, float, float]]:
+        """The most trials in a row of a phase with more error than the controller's own feedback has.
+
+        Their number, and of the worst of them the trial, its RMS and the feedback's. An error below the floor
+        doesn't count.
+        """
+        longest, peak = 0, (0, 0.0, 0.0)
+        floor = self.about.floor or 0.0
+        if controller not in self.rms or controller not in self.feedback:
+            return longest, peak
+        for phase, base in zip(self.phases, self.feedback[controller], strict=True):
+            row: list[tuple[int, float, float]] = []
+            for trial, error in enumerate(self.of(controller, phase), start=phase.start):
+                within = error <= max(floor, (1 + SAME) * base)
+                row = [] if within else [*row, (trial, float(error), base)]
+                if len(row) > longest:
+                    longest, peak = len(row), max(row, key=lambda each: each[1])
+        return longest, peak
+
     def of(self, controller: str, phase: Phase) -> Array:
         """A controller's RMS in the trials of a phase."""
         return self.rms[controller][phase.start - 1 : phase.stop - 1]

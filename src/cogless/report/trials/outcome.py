@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from cogless.report.comparison import SAME, Line
 from cogless.report.markup import NONE
@@ -31,19 +31,27 @@ def outcome(results: TrialResults, runs: Sequence[Run]) -> Outcome | None:
     return Outcome(note, columns, [(name, _cells(c, name)) for name in c.runs if name in c.final])
 
 
-def input_lines(c: Case) -> list[Line]:
-    """The lines that every study of trials has: RMS of the input, and trials in which it was at its limit."""
+def own_lines(c: Case) -> list[Line]:
+    """The lines that every study of trials has: what the same controllers leave without learning, the RMS of
+    the input, and trials in which it was at its limit."""
     quantity, unit = ("current", "A") if c.study.plant is None else ("input", "")
-    end = f"{quantity} rms at the end{', worst phase' if len(c.phases) > 1 else ''}"
-    inputs = {name: x if math.isfinite(x) else None for name, x in c.input_rms.items()}
+    end = f"at the end{', worst phase' if len(c.phases) > 1 else ''}"
+    alone = {name: c.feedback[name][c.worst_phase(name)] for name in c.final if name in c.feedback}
     limited = {name: float(count) for name, count in c.at_limit.items()}
-    at_limit = f"trials at the {quantity} limit, of {c.trials}"
-    named = ((end, "input-rms", unit, inputs), (at_limit, "trials-at-limit", "", limited))
+    named = (
+        (f"{c.about.quantity} rms without learning {end}", "rms", c.about.unit, alone),
+        (f"{quantity} rms {end}", "rms", unit, c.input_rms),
+        (f"trials at the {quantity} limit, of {c.trials}", "trials-at-limit", "", limited),
+    )
     return [
-        Line(name, kind, None, None, "mechanical", "none", shown, values)
+        Line(name, kind, None, None, "mechanical", "none", shown, _finite(values))
         for name, kind, shown, values in named
         if values
     ]
+
+
+def _finite(values: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
 def _cells(c: Case, name: str) -> list[str]:

@@ -20,6 +20,8 @@ from cogless.report.trials.phases import Phase, after
 from cogless.report.verdict import CLEARLY, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Run, TrialResults
 
+FEW_TRIALS = 5  # in a row above the feedback alone: no sentence is said of so few
+
 
 def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | None:
     """The verdict on a trial scenario; None if it has no values to judge by."""
@@ -44,6 +46,7 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
         _against_the_baseline(c, best),
         _input(c, best),
         *[_against_its_feedback(c, name, best) for name in ranked],
+        *[_above_for_long(c, name) for name in ranked if name not in c.growing],
         *[_leaves_floor(c, name) for name in ranked],
         _at_the_limit(c),
         *_certificates(c),
@@ -258,6 +261,18 @@ def _against_its_feedback(c: Case, name: str, best: str) -> str:
     )
 
 
+def _above_for_long(c: Case, name: str) -> str:
+    """A sentence on a controller that was above its own feedback in many trials in a row, but ends below."""
+    row, peak = c.longest_above_feedback(name)
+    if row <= FEW_TRIALS or c.all_above_feedback(name):
+        return ""
+    trial, error, base = peak
+    return (
+        f"{c.label(name)} is worse than its feedback alone in {row} trials in a row: up to {c.text(error)} "
+        f"RMS in trial {trial}, against {c.text(base)}."
+    )
+
+
 def _input(c: Case, best: str) -> str:
     """A sentence on the RMS of the best controller's input, beside the baseline's or the next's."""
     others = [name for name in c.input_rms if name != best]
@@ -312,32 +327,40 @@ def _at_the_limit(c: Case) -> str:
 
 def _certificates(c: Case) -> list[str]:
     """Sentences on the certificates of learning controllers, for the exactly sampled plant if known."""
-    sentences: list[str] = []
+    uncertified: dict[str, list[str]] = {}
+    outside: dict[str, list[str]] = {}
     refuted: list[str] = []
     proven: dict[tuple[Model, int], list[str]] = {}
     for name, (design, model, found) in c.certified.items():
-        label, learning = c.label(name), found.learning
+        learning = found.learning
         if not found.stable:
-            sentences.append(
-                f"{label} is not certified: along the trial its loop is unstable for {found.worst} "
-                f"(largest pole {close_to_one(found.radius)}; {model.words})."
+            reason = (
+                f"along the trial the loop is unstable for {found.worst} "
+                f"(largest pole {close_to_one(found.radius)}; {model.words})"
             )
+            uncertified.setdefault(reason, []).append(name)
         elif learning is None:
             continue
         elif not learning.monotone:
-            sentences.append(f"{label} is not certified: {_growing(found, learning)} ({model.words}).")
+            uncertified.setdefault(f"{_growing(found, learning)} ({model.words})", []).append(name)
         elif design.beyond:
-            sentences.append(f"Of {label} the certificate doesn't speak: {design.beyond[0]}.")
-        elif (reason := _not_in_this_scenario(c, name, design)) is not None:
-            sentences.append(f"{label} is not certified: {reason}.")
+            outside.setdefault(design.beyond[0], []).append(name)
+        elif (why := _not_in_this_scenario(c, name, design)) is not None:
+            uncertified.setdefault(why, []).append(name)
         elif name in c.growing or c.above_feedback(name) is not None:
             refuted.append(name)
         else:
             proven.setdefault((model, design.certificate.samples), []).append(name)
+    sentences = [
+        f"{c.labels(names)} {_are(names)} not certified: {reason}." for reason, names in uncertified.items()
+    ]
+    sentences += [
+        f"Of {c.labels(names)} the certificate doesn't speak: {reason}." for reason, names in outside.items()
+    ]
     if refuted:
         sentences.append(
-            f"{c.labels(refuted)} {'is' if len(refuted) == 1 else 'are'} certified by models without current "
-            "loop, sensor and limit: the run counts."
+            f"{c.labels(refuted)} {_are(refuted)} certified by models without current loop, sensor and "
+            "limit: the run counts."
         )
     for (model, plants), names in proven.items():
         sentences.append(
@@ -348,6 +371,10 @@ def _certificates(c: Case) -> list[str]:
     return [*sentences, _delay(c)]
 
 
+def _are(names: Sequence[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
 def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None:
     """Why learning may not help at some corner in this scenario, by the models, in words; None if it does at
     all. Beside a predicted error stands the run's."""
@@ -356,13 +383,13 @@ def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None
         plant, most = over_limit
         unit = " A" if c.study.plant is None else ""
         return (
-            f"by its models the motion needs {number(most)}{unit} at {plant}, and the limit is "
+            f"by the models the motion needs {number(most)}{unit} at {plant}, and the limit is "
             f"{number(design.limit)}{unit}"
         )
     if prediction is not None and prediction.ends_above:
         index = prediction.worst_phase
         reason = (
-            f"by its models the error may end at {number(prediction.share)} times that without learning, "
+            f"by the models the error may end at {number(prediction.share)} times that without learning, "
             f"{c.phases[index].after}"
         )
         if name in c.feedback and name in c.final:
@@ -375,9 +402,9 @@ def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None
 def _growing(found: ModelCertificate, learning: Learning) -> str:
     """Why a certificate doesn't hold, in words."""
     if learning.norm > 1 + MONOTONE:
-        where, factor = f"at {number(learning.frequency)} Hz its error", learning.norm
+        where, factor = f"at {number(learning.frequency)} Hz the error", learning.norm
     elif found.growth is not None and found.growth > 1 + ENDS:
-        where, factor = "from the trial's ends its error", found.growth
+        where, factor = "from the trial's ends the error", found.growth
     else:
         return "Φ has a pole outside the unit circle"
     return f"{where} may grow by the factor {close_to_one(factor)} from one trial to the next"
