@@ -208,7 +208,12 @@ def test_a_phase_that_still_falls_after_the_trials_that_are_tried_has_no_floor_y
     assert first is not None and 60 < first <= 80
 
 
-FINE = {"drive.position_sensor.bits": 20, "scenario.move.trials": 60}
+# The window is short: the delay of a speed over a longer one is not in the models.
+FINE = {
+    "drive.position_sensor.bits": 22,
+    "drive.position_sensor.window": 2,
+    "scenario.move.trials": 60,
+}
 PHASES = ((0, 20), (20, 40), (40, 60))
 
 
@@ -217,15 +222,19 @@ PHASES = ((0, 20), (20, 40), (40, 60))
 def test_the_predicted_trials_to_the_floor_and_the_floor_are_those_of_the_run(
     tmp_path: Path, q_filter: Any, seed: int
 ) -> None:
-    """Of drives at random, inside the ranges: within 30 % or two trials, and the floor within 40 %.
+    """Of drives at random, inside the ranges: within 30 % or a trial, and the floor within 30 %.
 
-    The floor is what the sensor's rounding leaves, which is no white noise.
+    The guard's trial of the feedback alone, some trials after a change, is left out.
     """
     rng = np.random.default_rng(seed)
     J, load_step = rng.uniform(5.9e-4, 10.6e-4, 2), rng.uniform(-0.6, 0.6)
     changes = [
         {"trial": 21, "load_steps": [[int(rng.integers(20, 100)), f"{load_step} N*m"]]},
-        {"trial": 41, "override": {"mechanics.inertia": f"{J[1]} kg*m^2"}},
+        {
+            "trial": 41,
+            "load_steps": [[50, f"{-load_step} N*m"]],
+            "override": {"mechanics.inertia": f"{J[1]} kg*m^2"},
+        },
     ]
     more = {
         "controller.ilc": {"law": "trial-ilc", "q_filter": q_filter},
@@ -239,10 +248,14 @@ def test_the_predicted_trials_to_the_floor_and_the_floor_are_those_of_the_run(
     for (begin, end), predicted, floor in zip(
         PHASES, prediction.trials_to_floor, prediction.floor, strict=True
     ):
-        needed = trials_to_floor(errors[begin:end])
+        own = errors[begin:end]
+        own = np.delete(own, 1 + np.flatnonzero(own[1:] > 0.9 * own[0])) if begin else own
+        needed = trials_to_floor(own)
         assert predicted is not None and needed is not None
-        assert abs(predicted - needed) <= max(2, 0.3 * needed), (begin, predicted, needed)
-        assert floor == pytest.approx(np.max(errors[end - 10 : end]), rel=0.4)
+        if not begin:
+            continue  # all that is learned there is the sensor's delay
+        assert abs(predicted - needed) <= max(1, 0.3 * needed), (begin, predicted, needed)
+        assert floor == pytest.approx(np.max(own[-10:]), rel=0.3)
 
 
 def test_the_prediction_leaves_a_plant_outside_the_ranges_out(tmp_path: Path) -> None:
