@@ -14,6 +14,7 @@ from cogless.design.error import DesignError
 from cogless.design.model import Discretisation
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.prediction import Conditions, Prediction
+from cogless.design.sensing import Sensor
 from cogless.design.trial import (
     TrialDesign,
     TrialGains,
@@ -30,6 +31,7 @@ from cogless.study import TrialStudy
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
 from cogless.study.plant import LinearPlant
+from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 from cogless.study.trial_controller import (
@@ -231,6 +233,7 @@ def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialP
         getattr(study, key) == getattr(like, key) for key in ("plant", "motor", "mechanics", "design")
     )
     settings, before = settings_of(study, *run), settings_of(like, *run)
+    alike = alike and sensor_of(study) == sensor_of(like)
     if alike and study.period == like.period and _same_feedback(settings, before):
         gains = design_study(like, [run])[run].gains
         if settings.K_3 is not None:
@@ -279,7 +282,24 @@ def _uncertain_plant(study: TrialStudy, _: tuple[()]) -> UncertainPlant:
         J, B, K_t = (ranged.get(key, value) for key, value in values.items())
         return [[0.0, 1.0], [0.0, -B / J]], [0.0, K_t / J]
 
-    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, _inequalities(study))
+    plant = from_parameters(model, study.design.range, [1.0, 0.0], study.period, _inequalities(study))
+    return plant.seen_by(sensor_of(study))
+
+
+def sensor_of(study: TrialStudy) -> Sensor:
+    """What the design knows of the drive's position sensor, and of a bus before the law."""
+    drive = study.drive
+    if drive is None or not study.design.sensor:
+        return Sensor()
+    sensor, late = drive.position_sensor, 0.0 if drive.bus is None else drive.bus.mean_delay
+    smoothed = 2 * np.pi * (drive.speed_filter or 0.0)
+    if isinstance(sensor, Hall):
+        assert study.motor is not None
+        return Sensor(late, speed_filter=smoothed, step=sensor.step(study.motor.pole_pairs))
+    if not isinstance(sensor, Counted):
+        return Sensor(late, speed_filter=smoothed)
+    window = sensor.periods(drive.rates.divider) / drive.rates.current_loop
+    return Sensor(late + sensor.latency, window, sensor.bandwidth, smoothed, sensor.step)
 
 
 def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
@@ -315,6 +335,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         f=design.initial_state if design.initial_change is None else design.initial_change,
         g=design.initial_error,
         inverted=design.discretisation or "exact",
+        limit=_limit(study),
         **own,
     )
 
@@ -348,7 +369,8 @@ def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
 def _same_feedback(settings: TrialSettings, other: TrialSettings) -> bool:
     def feedback(s: TrialSettings) -> tuple[Any, ...]:
         kind = s.kind if s.kind in ("state", "observer") else None
-        return kind, s.K_s, s.N, s.feedforward, s.inverted, s.pole
+        limit = s.limit if s.kind == "observer" else None
+        return kind, s.K_s, s.N, s.feedforward, s.inverted, s.pole, limit
 
     return feedback(settings) == feedback(other)
 

@@ -6,8 +6,8 @@ and where the filter or the ends keep learning from some of it, the sum may end 
 leaves. So the scenario itself is tried: at each corner one trial of the feedback is simulated, and from its
 error d the errors of all trials follow as R_k d (finite.py), phase after phase with what was learned before.
 
-It knows neither noise, nor the sensor and the current loop, nor friction that isn't viscous, nor the limit:
-`peak` says what the input would need.
+It knows the sensor's delay and, as noise, its steps (quantisation.py). It knows no other noise, nor the
+current loop, nor friction that isn't viscous, nor the limit: `peak` says what the input would need.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from cogless.design.certificate import Gains
 from cogless.design.finite import TrialMap
 from cogless.design.model import Model, Real
+from cogless.design.quantisation import Steps
 from cogless.design.trial_observer import ObserverGains, observer_gains
 
 PHASE_TRIALS = 80  # of a phase, at most: the others are like the last
@@ -38,17 +39,23 @@ class Conditions:
 
 @dataclass(frozen=True)
 class PhasePrediction:
-    """Of each plant: RMS over each trial with learning, and without; and the largest input of both."""
+    """Of each plant: RMS over each trial with learning, and without; and the largest input of both.
+
+    The steps of a position sensor leave a further RMS, which is a spread and no certainty.
+    """
 
     learned: Real  # (plants, trials)
     feedback: Real  # (plants,)
     peak: Real  # (plants,), |u| in the last trial
     feedback_peak: Real  # (plants,), |u| without learning
+    steps: Real  # (plants,), RMS that the sensor's steps leave in the last trial
+    feedback_steps: Real  # (plants,), the same without learning
 
     @property
     def share(self) -> float:
-        """The last trial's RMS / the feedback's, of the worst plant."""
-        return float(np.max(self.learned[:, -1] / np.maximum(self.feedback, 1e-300)))
+        """The last trial's RMS / the feedback's, of the worst plant, with what the steps leave of both."""
+        learned = np.hypot(self.learned[:, -1], self.steps)
+        return float(np.max(learned / np.maximum(np.hypot(self.feedback, self.feedback_steps), 1e-300)))
 
 
 @dataclass(frozen=True)
@@ -88,18 +95,19 @@ def predict(
     trial: TrialMap,
     ahead: tuple[Real, Real, int] | None,
     phases: Sequence[Conditions],
+    left: Steps,
 ) -> Prediction:
     """The prediction for these plants.
 
     `trial`: learning at the same plants, in their order. `ahead`: numerator, denominator and preview of the
-    feedforward.
+    feedforward. `left`: what the sensor's steps leave, at the end of each phase.
     """
     position = TrialMap(
         [law.position(m, C) for m in models], trial.K_3, trial.shift, None, "error", trial.samples
     )
     v = np.zeros((len(models), trial.samples))
     predictions = []
-    for phase in phases:
+    for index, phase in enumerate(phases):
         f = feedforward(ahead, phase.reference)
         error, lesson, u = simulated(models, C, law, phase, f, np.zeros_like(v))
         added = trial.correction(lesson)
@@ -111,7 +119,12 @@ def predict(
         _, _, learned_u = simulated(models, C, law, phase, f, last)
         predictions.append(
             PhasePrediction(
-                np.array(errors).T, _rms(error), np.abs(learned_u).max(axis=1), np.abs(u).max(axis=1)
+                learned=np.array(errors).T,
+                feedback=_rms(error),
+                peak=np.abs(learned_u).max(axis=1),
+                feedback_peak=np.abs(u).max(axis=1),
+                steps=left.learned[:, index],
+                feedback_steps=left.feedback,
             )
         )
     return Prediction(tuple(labels), tuple(predictions))
@@ -142,23 +155,25 @@ def simulated(
 ) -> tuple[Real, Real, Real]:
     """One trial of each plant with v: the error, what is learned from, and the input; (plants, samples)."""
     A, B = np.array([m.A for m in models]), np.array([m.B[:, 0] for m in models])
-    x = np.tile(phase.start, (len(models), 1))
+    x, view = np.array([m.started(phase.start) for m in models]), models[0].view
+    true, seen = models[0].output(C), C @ view
     error, u = np.zeros_like(v), np.zeros_like(v)
     psi = np.zeros(len(models))
     observer = _Observer(law, len(models)) if isinstance(law, ObserverGains) else None
-    lesson = error if observer is None else np.zeros_like(v)
+    lesson = np.zeros_like(v)
     for p in range(v.shape[1]):
-        y = x @ C
-        error[:, p] = phase.reference[p] - y
+        error[:, p] = phase.reference[p] - x @ true
+        e = phase.reference[p] - x @ seen
         if observer is not None:
-            feedback, lesson[:, p] = observer.step(error[:, p])
+            feedback, lesson[:, p] = observer.step(e)
             observer.act(feedback)
             u[:, p] = feedback + f[p] + v[:, p]
         else:
             assert isinstance(law, Gains)
-            u[:, p] = x @ law.K_1 + law.K_2 * psi + f[p] + law.N * v[:, p]
+            lesson[:, p] = e
+            u[:, p] = x @ (law.K_1 @ view) + law.K_2 * psi + f[p] + law.N * v[:, p]
             if law.integral:
-                psi = psi + error[:, p] + (v[:, p] if law.through_integrator else 0.0)
+                psi = psi + e + (v[:, p] if law.through_integrator else 0.0)
         x = np.einsum("kij,kj->ki", A, x) + B * (u[:, p] - phase.load[p])[:, None]
     return error, lesson, u
 

@@ -32,7 +32,8 @@ from cogless.design.model import Discretisation, Real
 from cogless.design.polytope import UncertainPlant
 from cogless.design.prediction import Conditions, Prediction, predict
 from cogless.design.q_filter import PROPOSED, SHIFTS, better_shift, butterworth, workable_cutoff
-from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
+from cogless.design.quantisation import steps
+from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain, padded
 from cogless.design.state_feedback import StateFeedback, guaranteed_cost
 from cogless.design.trial_observer import (
     SHIFT,
@@ -81,6 +82,7 @@ class TrialSettings:
     K_3: float | None = None
     shift: int | None = None  # v(p) learns from e(p + shift), samples; None: the relative degree
     pole: float | None = None  # of kind observer; None: by its rule
+    limit: float | None = None  # of the input
     change_weight: float = 1e-2  # for norm-optimal learning: weight of v's change; the error's is 1
 
 
@@ -183,7 +185,7 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
         N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
     forward = settings.feedforward and settings.kind != "state"
     inverted = plant.exact_nominal if settings.inverted == "exact" else None
-    ahead = dynamic(inverted or plant.nominal, plant.C, K_s[:n]) if forward else None
+    ahead = dynamic((inverted or plant.nominal).plant, plant.C, K_s[:n]) if forward else None
     K_3, learned, no_K_3 = settings.K_3, None, None
     if K_3 is None and needs_K_3(settings):
         law = _law(K_s, n, N, integral, settings.kind != "state")
@@ -211,7 +213,8 @@ def design_trial(
     DesignError if the design fails.
     """
     parameters, law, update = _parameters(plant, settings, gains or design_gains(plant, settings))
-    certified = plant.as_held if parameters.gains.observer else plant
+    held = plant.discretisation == "exact" and not plant.sensor.at_once  # one row: what the law gets of it
+    certified = plant.as_held if parameters.gains.observer or held else plant
     loop = parameters.gains.observer or law
     certificate = certify(certified, loop, update, parameters.q_filter, settings.filtered, settings.samples)
     notes = (*parameters.gains.notes, *_warnings(certified, loop, certificate, update, settings))
@@ -237,9 +240,20 @@ def scenario_prediction(
         settings.samples,
         parameters.learning_matrix,
     )
+    left = steps(
+        models,
+        C,
+        loop,
+        update,
+        parameters.q_filter,
+        parameters.filtered,
+        sensor=plant.sensor,
+        period=plant.period,
+        trials=np.cumsum([phase.trials for phase in phases]).tolist(),
+    )
     f = parameters.feedforward
     ahead = None if f is None else (f.num, f.den, f.preview)
-    return predict(models, (*held.labels, "the nominal plant"), C, loop, trial, ahead, phases)
+    return predict(models, (*held.labels, "the nominal plant"), C, loop, trial, ahead, phases, left)
 
 
 def trial_parameters(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> TrialParameters:
@@ -292,7 +306,7 @@ def _parameters(
 
 def _observer_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     """The gains of kind observer: K_s is zero, and K_3 one."""
-    observer = design_observer(plant, settings.pole)
+    observer = design_observer(plant, settings.pole, settings.limit)
     cutoff = settings.cutoff or highest_cutoff(plant, observer, settings.filter_order)
     ahead = inverse(plant) if settings.feedforward else None
     notes = (Remark(plant.note),) if plant.note else ()
@@ -327,7 +341,7 @@ def _learning_gain(
             raise
         _check_sign(plant, law, settings)
         exact = [law.closed(m, plant.C) for m in plant.exact_vertices or ()]
-        everywhere = [*loops, *(loop for loop in exact if loop.radius < 1)]
+        everywhere = padded([*loops, *(loop for loop in exact if loop.radius < 1)])
         by_frequency = _by_frequency(everywhere, plant, settings, shift)
         if by_frequency is not None:
             K_3, note = by_frequency
