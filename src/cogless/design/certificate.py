@@ -216,7 +216,8 @@ def certify(
             float(radii[k]), names[k], stable, delayed, delayed < 1, phi, plain, filters, ends, norms
         )
 
-    same = plant.discretisation == "exact" and plant.exact_hull
+    held = plant.exact_hull or plant.vertices is plant.exact_vertices
+    same = plant.discretisation == "exact" and held
     design = of(plant.vertices, plant.labels, random, plant.nominal, plant.exact_nominal is None or same)
     exact = None
     if plant.exact_vertices is not None and plant.exact_nominal is not None and random_exact is not None:

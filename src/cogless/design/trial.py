@@ -281,7 +281,8 @@ def _parameters(
         # for a fair comparison, with the model that is closest to the drive
         nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
         if nominal.radius >= 1:
-            raise DesignError("K_s: expected feedback that is stable at the nominal plant")
+            late = "" if plant.sensor.at_once else ", of which it gets a late state"
+            raise DesignError(f"K_s: expected feedback that is stable at the nominal plant{late}")
         matrix = norm_optimal(nominal, settings.samples, settings.change_weight)
         update = Update(shift, 0.0, settings.change_weight, nominal, matrix)
     elif settings.learning and K_3:

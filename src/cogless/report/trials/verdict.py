@@ -291,7 +291,7 @@ def _certificates(c: Case) -> list[str]:
         elif name in c.growing or c.above_feedback(name) is not None:
             sentences.append(
                 f"The certificate of {label} says that the error doesn't grow, but it knows no "
-                "current loop, no sensor and no limit: the run counts."
+                "current loop, and the steps of a sensor at most as noise: the run counts."
             )
         else:
             proven.setdefault((model, design.certificate.samples), []).append(name)
