@@ -60,6 +60,7 @@ GIVEN: dict[str, float | bool] = {
     "study.step_motor.StepMotor.i_f": 1.0,
     "study.temperature.MotorTemperature.reference": 20.0,
     "study.temperature.MotorTemperature.resistance_coefficient": 0.00393,
+    "study.trial_controller.DesignSettings.sensor": True,
     "study.trial_controller.DesignSettings.initial_error": 0.1,
     "study.trial_controller.FilteredLaw.shift": "ge 1 le 65534",
     "study.trial_controller.NormOptimalIlc.change_weight": 0.01,

@@ -23,6 +23,7 @@ from cogless.design.response import (
     MONOTONE,
     Bundle,
     Complex,
+    Disturbed,
     Filter,
     Filtered,
     Loop,
@@ -49,18 +50,28 @@ class Gains:
     integral: bool
 
     def closed(self, model: Model, C: Real) -> Loop:
-        """The closed loop from v to y: (14), (15) of Mandra 2019."""
-        n = model.order
-        A, B = model.A + model.B @ self.K_1[None, :], model.B * self.N
+        """The closed loop from v to the y that the law gets: (14), (15) of Mandra 2019."""
+        n, seen = model.order, C @ model.view
+        A, B = model.A + model.B @ (self.K_1 @ model.view)[None, :], model.B * self.N
         if not self.integral:
-            return Loop(A, B, C)
+            return Loop(A, B, seen)
         whole = np.zeros((n + 1, n + 1))
-        whole[:n, :n], whole[:n, n:], whole[n, :n], whole[n, n] = A, model.B * self.K_2, -C, 1.0
-        return Loop(whole, np.vstack([B, [[float(self.through_integrator)]]]), np.append(C, 0.0))
+        whole[:n, :n], whole[:n, n:], whole[n, :n], whole[n, n] = A, model.B * self.K_2, -seen, 1.0
+        return Loop(whole, np.vstack([B, [[float(self.through_integrator)]]]), np.append(seen, 0.0))
 
     def position(self, model: Model, C: Real) -> Loop:
-        """The closed loop from v to y: what the law learns from is the error of y itself."""
-        return self.closed(model, C)
+        """The closed loop from v to the true y."""
+        loop = self.closed(model, C)
+        return Loop(loop.A, loop.B, np.append(model.output(C), np.zeros(int(self.integral))))
+
+    def disturbed(self, model: Model, C: Real) -> Disturbed:
+        """The closed loop from an error of the angle and the speed that the law gets."""
+        closed, n = self.closed(model, C), model.order
+        acts = np.vstack([model.B, np.zeros((int(self.integral), 1))]) @ self.K_1[None, :2]
+        if self.integral:
+            acts[n, 0] = -1.0
+        row = np.append(self.K_1 @ model.view, [self.K_2] * self.integral)
+        return Disturbed(closed.A, acts, -closed.C, -1.0, self.position(model, C).C, row, self.K_1[:2])
 
     def delayed(self, model: Model, C: Real) -> float:
         """Spectral radius of the closed loop with one more sample of delay at the input."""
@@ -68,9 +79,9 @@ class Gains:
         size = n + self.integral
         A = np.zeros((size + 1, size + 1))
         A[:n, :n], A[:n, size:] = model.A, model.B
-        A[size, :n] = self.K_1
+        A[size, :n] = self.K_1 @ model.view
         if self.integral:
-            A[n, :n], A[n, n], A[size, n] = -C, 1.0, self.K_2
+            A[n, :n], A[n, n], A[size, n] = -C @ model.view, 1.0, self.K_2
         return float(np.abs(np.linalg.eigvals(A)).max())
 
 
@@ -205,7 +216,8 @@ def certify(
             float(radii[k]), names[k], stable, delayed, delayed < 1, phi, plain, filters, ends, norms
         )
 
-    same = plant.discretisation == "exact" and plant.exact_hull
+    held = plant.exact_hull or plant.vertices is plant.exact_vertices
+    same = plant.discretisation == "exact" and held
     design = of(plant.vertices, plant.labels, random, plant.nominal, plant.exact_nominal is None or same)
     exact = None
     if plant.exact_vertices is not None and plant.exact_nominal is not None and random_exact is not None:

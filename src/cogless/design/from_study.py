@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
@@ -14,11 +13,11 @@ import numpy as np
 
 from cogless.design.cures import either, helping
 from cogless.design.error import DesignError
-from cogless.design.model import Discretisation, Model, Real, sampled
-from cogless.design.observer import counting_window
+from cogless.design.model import Discretisation, Model, sampled
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.prediction import Conditions, Prediction
 from cogless.design.random_errors import Disturbances
+from cogless.design.sensing import Sensor, sensed
 from cogless.design.trial import (
     TrialDesign,
     TrialGains,
@@ -53,6 +52,7 @@ from cogless.study.trial_controller import (
 from cogless.study.trial_scenario import EachTrial, TrialConditions
 
 ROUNDING = 1e-9
+ANGLE = np.array([1.0, 0.0])  # C of a drive, whose states are angle and speed
 OTHER_CHOICES = 4  # of shift and filter, tried where the best one would end above the feedback
 Pair = tuple[str, str]  # scenario, controller
 
@@ -200,27 +200,7 @@ def _predicted(
     certificate = design.certificate
     if not certificate.deciding.stable or (design.gains.no_K_3 is not None and needs_K_3(settings)):
         return None
-    return scenario_prediction(plant, settings, design.gains, _phases(study, scenario), _rounding(study))
-
-
-def _rounding(study: TrialStudy) -> Real | None:
-    """RMS of what the sensor rounds of angle and speed, rad and rad/s; None if it rounds nothing.
-
-    The angle lies anywhere within a step: step / sqrt(12). A speed that is the difference of two angles over
-    a window has both their errors, over the window. A timed one has hardly any.
-    """
-    drive = study.drive
-    if drive is None or not isinstance(drive.position_sensor, Counted | Hall):
-        return None
-    sensor, rates = drive.position_sensor, drive.rates
-    if isinstance(sensor, Hall):
-        assert study.motor is not None
-        return np.array([sensor.step(study.motor.pole_pairs), 0.0]) / math.sqrt(12)
-    window = sensor.periods(rates.divider) / rates.current_loop
-    if sensor.bandwidth:
-        window = counting_window(sensor.bandwidth, 1 / rates.current_loop)
-    speed = 0.0 if sensor.timed else math.sqrt(2) / window
-    return np.array([1.0, speed]) * sensor.step / math.sqrt(12)
+    return scenario_prediction(plant, settings, design.gains, _phases(study, scenario))
 
 
 def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
@@ -254,7 +234,7 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
 
 
 def _simulated(study: TrialStudy, scenario: str, index: int, conditions: TrialConditions) -> Model:
-    """The plant of a phase, exactly sampled."""
+    """The plant of a phase, exactly sampled; of a drive as its law sees it."""
     if study.plant is not None:
         A, B = study.plant.at(conditions.override or {})
         if study.plant.model == "discrete":
@@ -262,7 +242,8 @@ def _simulated(study: TrialStudy, scenario: str, index: int, conditions: TrialCo
     else:
         hardware = study.hardware(scenario)[index]
         A, B = _axis(_uncertain(hardware.mechanics, hardware.motor))
-    return sampled(Model.of(A, B), study.period, "exact")
+    plant = sampled(Model.of(A, B), study.period, "exact")
+    return plant if study.drive is None else sensed(plant, ANGLE, study.period, sensor_of(study))
 
 
 def _axis(values: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
@@ -317,6 +298,7 @@ def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialP
         getattr(study, key) == getattr(like, key) for key in ("plant", "motor", "mechanics", "design")
     )
     settings, before = settings_of(study, *run), settings_of(like, *run)
+    alike = alike and sensor_of(study) == sensor_of(like)
     alike = alike and study.period == like.period and _same_feedback(settings, before)
     chooses_otherwise = (settings.chooses or before.chooses) and _update(settings) != _update(before)
     other_K_3 = settings.K_3 is not None and not chooses_otherwise
@@ -383,7 +365,26 @@ def _uncertain_plant(study: TrialStudy, _: tuple[()]) -> UncertainPlant:
     def model(ranged: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         return _axis({key: ranged.get(key, value) for key, value in values.items()})
 
-    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, _inequalities(study))
+    plant = from_parameters(model, study.design.range, ANGLE, study.period, _inequalities(study))
+    return plant.seen_by(sensor_of(study))
+
+
+def sensor_of(study: TrialStudy) -> Sensor:
+    """What the design knows of the drive's position sensor, and of a bus before the law."""
+    drive = study.drive
+    if drive is None or not study.design.sensor:
+        return Sensor()
+    sensor, late = drive.position_sensor, 0.0 if drive.bus is None else drive.bus.mean_delay
+    smoothed = 2 * np.pi * (drive.speed_filter or 0.0)
+    if isinstance(sensor, Hall):
+        assert study.motor is not None
+        return Sensor(late, speed_filter=smoothed, step=sensor.step(study.motor.pole_pairs))
+    if not isinstance(sensor, Counted):
+        return Sensor(late, speed_filter=smoothed)
+    window = sensor.periods(drive.rates.divider) / drive.rates.current_loop
+    return Sensor(
+        late + sensor.latency, window, sensor.bandwidth, smoothed, step=sensor.step, timed=sensor.timed
+    )
 
 
 def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
@@ -426,6 +427,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         f=design.initial_state if design.initial_change is None else design.initial_change,
         g=design.initial_error,
         inverted=design.discretisation or "exact",
+        limit=_limit(study),
         **own,
     )
 
@@ -466,7 +468,8 @@ def _update(s: TrialSettings) -> tuple[Any, ...]:
 def _same_feedback(settings: TrialSettings, other: TrialSettings) -> bool:
     def feedback(s: TrialSettings) -> tuple[Any, ...]:
         kind = s.kind if s.kind in ("state", "observer") else None
-        return kind, s.K_s, s.N, s.feedforward, s.inverted, s.pole
+        limit = s.limit if s.kind == "observer" else None
+        return kind, s.K_s, s.N, s.feedforward, s.inverted, s.pole, limit
 
     return feedback(settings) == feedback(other)
 

@@ -26,7 +26,17 @@ import numpy as np
 from cogless.design.finite import TrialMap, growth
 from cogless.design.model import Real
 from cogless.design.q_filter import PROPOSED, SHIFTS_TRIED, butterworth
-from cogless.design.response import MONOTONE, Bundle, Complex, Filter, Filtered, Loop, direction, longest_lag
+from cogless.design.response import (
+    MONOTONE,
+    Bundle,
+    Complex,
+    Filter,
+    Filtered,
+    Loop,
+    direction,
+    longest_lag,
+    padded,
+)
 
 JUDGED_TRIALS = 10  # trials after which the error that is left is compared
 SLOWEST_FACTOR = 0.999  # |F| that is accepted where no choice keeps to PROPOSED
@@ -72,7 +82,7 @@ class Bench:
     @cached_property
     def everywhere(self) -> Bundle:
         """All loops from v to y but the random ones, those that are judged first."""
-        return Bundle([*self.learning, *self.others], 0)
+        return Bundle(padded([*self.learning, *self.others]), 0)
 
     @cached_property
     def grid(self) -> Real:
@@ -170,7 +180,7 @@ class Bench:
 
     @cached_property
     def _drawn_response(self) -> Complex:
-        return Bundle(self.drawn, 0)(self.grid)
+        return Bundle(padded(self.drawn), 0)(self.grid)
 
     def _shrinks(self, G: Complex, choice: Choice, most: float) -> bool:
         w = self.grid

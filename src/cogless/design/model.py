@@ -27,6 +27,28 @@ class Model:
 
     A: Real
     B: Real
+    continuous: Model | None = None  # the plant that is exactly sampled; None: not known, or another
+    seen: Real | None = None  # (plant's order, n): the plant's state as a law gets it; None: as it is
+    lift: Real | None = None  # (n, plant's order): the state of an axis that came at its speed
+    base: Model | None = None  # the plant alone, without what a sensor adds; None: this
+
+    @property
+    def plant(self) -> Model:
+        """The plant alone."""
+        return self if self.base is None else self.base
+
+    @property
+    def view(self) -> Real:
+        """(plant's order, n): the plant's state as a law gets it."""
+        return np.eye(self.order) if self.seen is None else self.seen
+
+    def output(self, C: Real) -> Real:
+        """(n,): the true output, of the plant's C."""
+        return np.append(C, np.zeros(self.order - len(C)))
+
+    def started(self, x: Real) -> Real:
+        """The state at the start of a trial, of the plant's state."""
+        return x if self.lift is None else np.asarray(self.lift @ x)
 
     @property
     def order(self) -> int:
@@ -68,7 +90,7 @@ def sampled(continuous: Model, period: float, how: Discretisation) -> Model:
     rates = np.zeros((n + 1, n + 1))
     rates[:n, :n], rates[:n, n:] = continuous.A, continuous.B
     step = exponential(rates * period)
-    return Model(step[:n, :n].copy(), step[:n, n:].copy())
+    return Model(step[:n, :n].copy(), step[:n, n:].copy(), continuous)
 
 
 def exponential(M: Real) -> Real:

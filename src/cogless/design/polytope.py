@@ -29,6 +29,7 @@ from cogless.design.model import (
     relative_degree,
     sampled,
 )
+from cogless.design.sensing import Sensor, sensed
 
 Parameters = Mapping[str, float]
 Range = tuple[float, float]
@@ -54,13 +55,14 @@ class UncertainPlant:
     relative_degree: int  # r
     exact_hull: bool  # the polytope is the corners' hull, and that contains all samples
     note: str
+    sensor: Sensor = field(default=Sensor(), kw_only=True)  # through which a law gets the exact ones
     #: draws a number of random discrete models within the uncertainty, and the same plants sampled exactly
     sample: Draw = field(repr=False, compare=False)
 
     @property
     def order(self) -> int:
         """Number of states, n."""
-        return self.nominal.order
+        return len(self.C)
 
     @cached_property
     def random(self) -> Models:
@@ -91,7 +93,27 @@ class UncertainPlant:
             vertices=self.exact_vertices,
             labels=labels,
             nominal=self.exact_nominal,
-            relative_degree=relative_degree(self.exact_nominal, self.C),
+            relative_degree=relative_degree(self.exact_nominal.plant, self.C),
+            sample=sample,
+        )
+
+    def seen_by(self, sensor: Sensor) -> UncertainPlant:
+        """The same plants, of which a law gets the exactly sampled ones by this sensor."""
+        if self.exact_vertices is None or self.exact_nominal is None or sensor.at_once:
+            return replace(self, sensor=sensor)
+
+        def behind(model: Model) -> Model:
+            return sensed(model.plant, self.C, self.period, sensor)
+
+        def sample(rng: Generator, count: int) -> Models:
+            designed, exact = self.sample(rng, count)
+            return designed, [behind(model) for model in exact or ()]
+
+        return replace(
+            self,
+            exact_vertices=tuple(map(behind, self.exact_vertices)),
+            exact_nominal=behind(self.exact_nominal),
+            sensor=sensor,
             sample=sample,
         )
 
@@ -215,9 +237,10 @@ def _designed(models: Sequence[Model], period: float, how: Discretisation | None
 
 def _mixtures(corners: Sequence[Model], rng: Generator, count: int) -> list[Model]:
     rows = np.array([m.entries for m in corners])
-    return [
+    mixed = (
         Model.from_entries(row, corners[0].order) for row in rng.dirichlet(np.ones(len(rows)), count) @ rows
-    ]
+    )
+    return [replace(corners[0], A=model.A, B=model.B) for model in mixed]
 
 
 def _plant(

@@ -9,8 +9,8 @@ error d the errors of all trials follow as R_k d (finite.py), phase after phase 
 What differs at random from trial to trial is added as a mean square (random_errors.py). The last plant is the
 one that the scenario simulates, phase by phase, if that is within the design's ranges.
 
-It knows neither other noise, nor the sensor and the current loop, nor friction that isn't viscous, nor the
-limit: `peak` says what the input would need.
+It knows the sensor's delay and, as noise, its steps (quantisation.py). It knows neither other noise, nor the
+current loop, nor friction that isn't viscous, nor the limit: `peak` says what the input would need.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from cogless.design.basis import carried
 from cogless.design.certificate import Gains
 from cogless.design.finite import TrialMap
 from cogless.design.model import Model, Real
+from cogless.design.quantisation import Steps
 from cogless.design.random_errors import Disturbances, Loops, random_errors
 from cogless.design.trial_observer import ObserverGains, observer_gains
 
@@ -50,7 +51,8 @@ class Conditions:
 class PhasePrediction:
     """Of each plant: RMS over each trial with learning, and without; and the largest input of both.
 
-    The inputs are without the random part.
+    The inputs are without the random part. The steps of a position sensor leave a further RMS, which is a
+    spread and no certainty.
     """
 
     learned: Real  # (plants, trials)
@@ -59,14 +61,14 @@ class PhasePrediction:
     feedback_peak: Real  # (plants,), |u| without learning
     random: Real  # (plants,), RMS of the part of the last trial's error that differs from trial to trial
     feedback_random: Real  # (plants,), the same without learning
+    steps: Real  # (plants,), RMS that the sensor's steps leave in the last trial
+    feedback_steps: Real  # (plants,), the same without learning
     trials: int  # of the phase; `learned` has PHASE_TRIALS at most
 
-    def trials_to_floor(self, sensor: float) -> tuple[int | None, ...]:
-        """Of each plant the trial from which the error stays at its floor; None if it isn't there yet.
-
-        sensor: RMS of the error that the rounding of the sensor leaves.
-        """
-        rows = np.hypot(self.learned, sensor)
+    @property
+    def trials_to_floor(self) -> tuple[int | None, ...]:
+        """Of each plant the trial from which the error stays at its floor; None if it isn't there yet."""
+        rows = self.with_steps
         falls = rows[:, -1] < STILL_FALLS * rows[:, -_final_trials(rows)]
         ends_early = self.trials > rows.shape[1]
         return tuple(
@@ -75,9 +77,15 @@ class PhasePrediction:
         )
 
     @property
+    def with_steps(self) -> Real:
+        """(plants, trials): RMS over each trial with learning, and with what the sensor's steps leave."""
+        return np.asarray(np.hypot(self.learned, self.steps[:, None]))
+
+    @property
     def share(self) -> float:
-        """The last trial's RMS / the feedback's, of the worst plant."""
-        return float(np.max(self.learned[:, -1] / np.maximum(self.feedback, 1e-300)))
+        """The last trial's RMS / the feedback's, of the worst plant, with what the steps leave of both."""
+        learned = np.hypot(self.learned[:, -1], self.steps)
+        return float(np.max(learned / np.maximum(np.hypot(self.feedback, self.feedback_steps), 1e-300)))
 
 
 @dataclass(frozen=True)
@@ -86,17 +94,16 @@ class Prediction:
 
     labels: tuple[str, ...]  # of the plants
     phases: tuple[PhasePrediction, ...]
-    sensor: float = 0.0  # RMS of the error that the rounding of the sensor leaves
 
     @property
     def trials_to_floor(self) -> tuple[int | None, ...]:
         """Of each phase, at the simulated plant; None if that needs more trials than were tried."""
-        return tuple(phase.trials_to_floor(self.sensor)[-1] for phase in self.phases)
+        return tuple(phase.trials_to_floor[-1] for phase in self.phases)
 
     @property
     def floor(self) -> tuple[float, ...]:
         """The final error of each phase at the same plant: the largest RMS of its last FINAL_TRIALS."""
-        rows = [np.hypot(phase.learned[-1], self.sensor) for phase in self.phases]
+        rows = [phase.with_steps[-1] for phase in self.phases]
         return tuple(float(np.max(row[-_final_trials(row) :])) for row in rows)
 
     @property
@@ -129,13 +136,14 @@ def predict(
     trial: TrialMap,
     ahead: tuple[Real, Real, int] | None,
     phases: Sequence[Conditions],
+    left: Sequence[Steps],
     basis_functions: bool = False,
 ) -> Prediction:
     """The prediction for these plants.
 
     `trial`: learning at the same plants, in their order. `ahead`: numerator, denominator and preview of the
-    feedforward. The last plant is that of each phase, if that is known. `basis_functions`: what was learned
-    moves along with a changed reference.
+    feedforward. The last plant is that of each phase, if that is known. `left`: what the sensor's steps leave
+    at the end of each phase. `basis_functions`: what was learned moves along with a changed reference.
     """
     v = np.zeros((len(models), trial.samples))
     predictions = []
@@ -162,13 +170,15 @@ def predict(
             alone, random = random_errors(loops, phase.random, len(errors))
         predictions.append(
             PhasePrediction(
-                np.hypot(np.array(errors).T, np.sqrt(random)),
-                np.hypot(_rms(error), np.sqrt(alone)),
-                np.abs(learned_u).max(axis=1),
-                np.abs(u).max(axis=1),
-                np.sqrt(random[:, -1]),
-                np.sqrt(alone),
-                phase.trials,
+                learned=np.hypot(np.array(errors).T, np.sqrt(random)),
+                feedback=np.hypot(_rms(error), np.sqrt(alone)),
+                peak=np.abs(learned_u).max(axis=1),
+                feedback_peak=np.abs(u).max(axis=1),
+                random=np.sqrt(random[:, -1]),
+                feedback_random=np.sqrt(alone),
+                steps=left[index].learned[:, 0],
+                feedback_steps=left[index].feedback,
+                trials=phase.trials,
             )
         )
     return Prediction(tuple(labels), tuple(predictions))
@@ -230,23 +240,25 @@ def simulated(
 ) -> tuple[Real, Real, Real]:
     """One trial of each plant with v: the error, what is learned from, and the input; (plants, samples)."""
     A, B = np.array([m.A for m in models]), np.array([m.B[:, 0] for m in models])
-    x = np.tile(phase.start, (len(models), 1))
+    x, view = np.array([m.started(phase.start) for m in models]), models[0].view
+    true, seen = models[0].output(C), C @ view
     error, u = np.zeros_like(v), np.zeros_like(v)
     psi = np.zeros(len(models))
     observer = _Observer(law, len(models)) if isinstance(law, ObserverGains) else None
-    lesson = error if observer is None else np.zeros_like(v)
+    lesson = np.zeros_like(v)
     for p in range(v.shape[1]):
-        y = x @ C
-        error[:, p] = phase.reference[p] - y
+        error[:, p] = phase.reference[p] - x @ true
+        e = phase.reference[p] - x @ seen
         if observer is not None:
-            feedback, lesson[:, p] = observer.step(error[:, p])
+            feedback, lesson[:, p] = observer.step(e)
             observer.act(feedback)
             u[:, p] = feedback + f[p] + v[:, p]
         else:
             assert isinstance(law, Gains)
-            u[:, p] = x @ law.K_1 + law.K_2 * psi + f[p] + law.N * v[:, p]
+            lesson[:, p] = e
+            u[:, p] = x @ (law.K_1 @ view) + law.K_2 * psi + f[p] + law.N * v[:, p]
             if law.integral:
-                psi = psi + error[:, p] + (v[:, p] if law.through_integrator else 0.0)
+                psi = psi + e + (v[:, p] if law.through_integrator else 0.0)
         x = np.einsum("kij,kj->ki", A, x) + B * (u[:, p] - phase.load[p])[:, None]
     return error, lesson, u
 

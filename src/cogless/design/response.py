@@ -47,6 +47,42 @@ class Loop:
 
 
 @dataclass(frozen=True)
+class Disturbed:
+    """A closed loop from errors of the angle and the speed that its law gets; n states."""
+
+    A: Real
+    B: Real  # (n, 2), of the two errors
+    lesson: Real  # (n,), what is learned from
+    lesson_at_once: float  # of the angle's error
+    position: Real  # (n,), the true output
+    u: Real  # (n,), the input
+    u_at_once: Real  # (2,), of the two errors
+
+    def through(self, errors: Complex, w: Real) -> tuple[Complex, Complex, Complex]:
+        """Output, lesson and input at w in rad per sample, of these two errors at w, (2, len(w))."""
+        z = np.exp(1j * w)[:, None, None] * np.eye(len(self.A))
+        x = np.linalg.solve(z - self.A, (self.B @ errors).T[..., None])[..., 0]
+        return (
+            np.asarray(x @ self.position),
+            np.asarray(x @ self.lesson + self.lesson_at_once * errors[0]),
+            np.asarray(x @ self.u + self.u_at_once @ errors),
+        )
+
+
+def padded(loops: Sequence[Loop]) -> list[Loop]:
+    """The same loops, all of one order: their additional states do nothing."""
+    order = max((len(loop.A) for loop in loops), default=0)
+
+    def wider(loop: Loop) -> Loop:
+        more = order - len(loop.A)
+        if not more:
+            return loop
+        return Loop(np.pad(loop.A, (0, more)), np.pad(loop.B, ((0, more), (0, 0))), np.pad(loop.C, (0, more)))
+
+    return [wider(loop) for loop in loops]
+
+
+@dataclass(frozen=True)
 class Filter:
     """A digital filter b, a that runs forward and backward; its gain is |b/a|^2.
 

@@ -32,10 +32,11 @@ from cogless.design.learning_gain import LearningGain, learning_gain
 from cogless.design.lifted import norm_optimal
 from cogless.design.model import Discretisation, Model, Real
 from cogless.design.polytope import UncertainPlant
-from cogless.design.prediction import PHASE_TRIALS, Conditions, Prediction, predict, random_loops
+from cogless.design.prediction import Conditions, Prediction, predict, random_loops
 from cogless.design.q_filter import PROPOSED, better_shift, butterworth, workable_cutoff
-from cogless.design.random_errors import Amplification, Disturbances, amplification, random_errors
-from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
+from cogless.design.quantisation import Steps, steps
+from cogless.design.random_errors import Amplification, amplification
+from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain, padded
 from cogless.design.state_feedback import StateFeedback, guaranteed_cost
 from cogless.design.trial_observer import (
     SHIFT,
@@ -85,6 +86,7 @@ class TrialSettings:
     shift: int | Literal["auto"] | None = None
     pole: float | None = None  # of kind observer; None: by its rule
     basis_functions: bool = False  # what was learned moves along with a changed reference
+    limit: float | None = None  # of the input
     change_weight: float = 1e-2  # for norm-optimal learning: weight of v's change; the error's is 1
 
     @property
@@ -210,7 +212,7 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
         N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
     forward = settings.feedforward and settings.kind != "state"
     inverted = plant.exact_nominal if settings.inverted == "exact" else None
-    ahead = dynamic(inverted or plant.nominal, plant.C, K_s[:n]) if forward else None
+    ahead = dynamic((inverted or plant.nominal).plant, plant.C, K_s[:n]) if forward else None
     K_3, learned, no_K_3 = settings.K_3, None, None
     choice: Choice | None = None
     note: Remark | None = None
@@ -247,7 +249,8 @@ def design_trial(
     DesignError if the design fails.
     """
     parameters, law, update = _parameters(plant, settings, gains or design_gains(plant, settings))
-    certified = plant.as_held if parameters.gains.observer else plant
+    held = plant.discretisation == "exact" and not plant.sensor.at_once  # one row: what the law gets of it
+    certified = plant.as_held if parameters.gains.observer or held else plant
     loop = parameters.gains.observer or law
     certificate = certify(
         certified, loop, update, parameters.q_filter, settings.filter_acts_on, settings.samples
@@ -259,32 +262,48 @@ def design_trial(
 
 
 def scenario_prediction(
-    plant: UncertainPlant,
-    settings: TrialSettings,
-    gains: TrialGains,
-    phases: Sequence[Conditions],
-    rounding: Real | None = None,
+    plant: UncertainPlant, settings: TrialSettings, gains: TrialGains, phases: Sequence[Conditions]
 ) -> Prediction:
     """What the controller makes of a scenario, at each corner, the nominal and the simulated plant.
 
-    The plants are exactly sampled if that is known. rounding: (n,), RMS of what the sensor rounds of each
-    state. DesignError as `design_trial`.
+    The plants are exactly sampled if that is known. DesignError as `design_trial`.
     """
     parameters, law, update = _parameters(plant, settings, gains)
     held, loop = plant.as_held, gains.observer or law
     models, labels = _corners(held)
-    if all(phase.plant is not None for phase in phases):
+    simulated = [phase.plant for phase in phases if phase.plant is not None]
+    if len(simulated) == len(phases):
         models, labels = [*models, held.nominal], (*labels, "the simulated plant")
     trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
     f = parameters.feedforward
     ahead = None if f is None else (f.num, f.den, f.preview)
-    prediction = predict(models, labels, plant.C, loop, trial, ahead, phases, settings.basis_functions)
-    if rounding is None:
-        return prediction
-    last = phases[-1].plant or held.nominal
-    alone = random_loops([last], plant.C, loop, replace(trial, loops=[loop.closed(last, plant.C)]))
-    _, squares = random_errors(alone, Disturbances(np.zeros(plant.order), noise=rounding), PHASE_TRIALS)
-    return replace(prediction, sensor=float(np.sqrt(squares[0, -1])))
+    left = _steps_of_phases(plant, models, loop, update, parameters, phases)
+    return predict(models, labels, plant.C, loop, trial, ahead, phases, left, settings.basis_functions)
+
+
+def _steps_of_phases(
+    plant: UncertainPlant,
+    models: Sequence[Model],
+    loop: Gains | ObserverGains,
+    update: Update | None,
+    parameters: TrialParameters,
+    phases: Sequence[Conditions],
+) -> list[Steps]:
+    """What the sensor's steps leave at the end of each phase; the last model is that of the phase."""
+    fixed = models[:-1]
+    each = steps(
+        [*fixed, *(phase.plant or models[-1] for phase in phases)],
+        plant.C,
+        loop,
+        update,
+        parameters.q_filter,
+        parameters.filtered,
+        sensor=plant.sensor,
+        period=plant.period,
+        trials=np.cumsum([phase.trials for phase in phases]).tolist(),
+    )
+    rows = [[*range(len(fixed)), len(fixed) + index] for index in range(len(phases))]
+    return [Steps(each.feedback[row], each.learned[row][:, [k]]) for k, row in enumerate(rows)]
 
 
 def random_amplification(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Amplification:
@@ -345,7 +364,8 @@ def _parameters(
         # for a fair comparison, with the model that is closest to the drive
         nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
         if nominal.radius >= 1:
-            raise DesignError("K_s: expected feedback that is stable at the nominal plant")
+            late = "" if plant.sensor.at_once else ", of which it gets a late state"
+            raise DesignError(f"K_s: expected feedback that is stable at the nominal plant{late}")
         matrix = norm_optimal(nominal, settings.samples, settings.change_weight)
         update = Update(shift, 0.0, settings.change_weight, nominal, matrix)
     elif settings.learning and K_3:
@@ -376,7 +396,7 @@ def _shift(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains | N
 
 def _observer_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     """The gains of kind observer: K_s is zero, and K_3 one."""
-    observer = design_observer(plant, settings.pole)
+    observer = design_observer(plant, settings.pole, settings.limit)
     cutoff = settings.cutoff
     if not isinstance(cutoff, float):
         cutoff = highest_cutoff(plant, observer, settings.filter_order)
@@ -408,7 +428,7 @@ def _learning_gain(
             raise
         _check_sign(plant, law, settings)
         exact = [law.closed(m, plant.C) for m in plant.exact_vertices or ()]
-        everywhere = [*loops, *(loop for loop in exact if loop.radius < 1)]
+        everywhere = padded([*loops, *(loop for loop in exact if loop.radius < 1)])
         by_frequency = _by_frequency(everywhere, plant, settings, shift)
         if by_frequency is not None:
             K_3, note = by_frequency

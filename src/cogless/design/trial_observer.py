@@ -4,7 +4,8 @@ docs/theory/trial-design.md#learning-the-missing-input derives it. All gains fol
 pole p of observer and feedback, the response g, and the cut-off of the filter on the learned signal. The rule
 finds them without a weight. It uses the exactly sampled plants, at the corners and at random parameters:
 
-    p, g      the fastest p for which some g keeps the sensitivity |S| within SENSITIVITY at every plant
+    p, g      the fastest p for which some g keeps the sensitivity |S| within SENSITIVITY at every plant, and
+              with which the sensor's steps make at most QUIET of the limit at the input, RMS
     cut-off   the highest with which a trial leaves at most LEFT of what was missing, at each frequency
 """
 
@@ -20,11 +21,13 @@ from cogless.design.feedforward import Feedforward
 from cogless.design.model import Model, Real
 from cogless.design.polytope import UncertainPlant
 from cogless.design.q_filter import butterworth
-from cogless.design.response import Bundle, Complex, Loop, grid
+from cogless.design.response import Bundle, Complex, Disturbed, Loop, grid
 
 SHIFT = 2  # samples after which the law knows what was missing
 SENSITIVITY = 3.0
 LEFT = 2 / 3
+QUIET = 1 / 30  # three times of it are a tenth of the limit
+NOISE_FREQUENCIES = 200
 POLES = np.arange(0.95, 0.045, -0.01)
 RESPONSES = 25  # responses tried at each pole, from half the weakest plant's to twice the strongest's
 NEAR_ONE = 0.2  # the plant counts as a double integrator if two poles are at most this far from z = 1
@@ -46,7 +49,15 @@ class ObserverGains:
     def position(self, model: Model, C: Real) -> Loop:
         """The closed loop from v to y."""
         A, B, _, _ = self._rows(model, C)
-        return Loop(A, B, np.append(C, np.zeros(MEMORY)))
+        return Loop(A, B, np.append(model.output(C), np.zeros(MEMORY)))
+
+    def disturbed(self, model: Model, C: Real) -> Disturbed:
+        """The closed loop from an error of the angle and the speed that the law gets; it doesn't use this."""
+        A, _, u_fb, missing = self._rows_with_error(model, C)
+        acts = np.column_stack([A[:, -1], np.zeros(len(A))])
+        position = np.append(model.output(C), np.zeros(MEMORY))
+        at_once = np.array([u_fb[-1], 0.0])
+        return Disturbed(A[:, :-1], acts, missing[:-1], float(missing[-1]), position, u_fb[:-1], at_once)
 
     def delayed(self, model: Model, C: Real) -> float:
         """Spectral radius of the closed loop with one more sample of delay at the input."""
@@ -64,9 +75,14 @@ class ObserverGains:
 
     def _rows(self, model: Model, C: Real) -> tuple[Real, Real, Real, Real]:
         """The loop's A and B, and as rows over its states u_fb and r(p - 2)."""
+        A, B, u_fb, missing = self._rows_with_error(model, C)
+        return A[:, :-1], B, u_fb[:-1], missing[:-1]
+
+    def _rows_with_error(self, model: Model, C: Real) -> tuple[Real, Real, Real, Real]:
+        """The same with a last column, of an error of the angle that the law gets."""
         n, g = model.order, self.response
-        states = np.eye(n + MEMORY)
-        e = np.append(-C, np.zeros(MEMORY))
+        states = np.eye(n + MEMORY, n + MEMORY + 1)
+        e = np.concatenate([-C @ model.view, np.zeros(MEMORY), [-1.0]])
         innovation = e - states[n]
         corrected = states[n : n + 3] + np.outer(_observer(self.pole), innovation)
         u_fb = np.append(_feedback(self.pole), 1.0) @ corrected / g
@@ -74,7 +90,7 @@ class ObserverGains:
         missing = acted[1] + (e - before[0] - before[1] + before[2]) / (2 * g)
         push = corrected[2] - g * u_fb
         predicted = [corrected[0] + corrected[1] + push / 2, corrected[1] + push, corrected[2]]
-        plant = np.hstack([model.A, np.zeros((n, MEMORY))]) + model.B @ u_fb[None, :]
+        plant = np.hstack([model.A, np.zeros((n, MEMORY + 1))]) + model.B @ u_fb[None, :]
         A = np.vstack([plant, *predicted, e, before[0], before[1], u_fb, acted[0]])
         return A, np.vstack([model.B, np.zeros((MEMORY, 1))]), u_fb, missing
 
@@ -103,14 +119,17 @@ def _controller(p: float) -> tuple[Loop, float]:
     return Loop(A, (step @ l_123)[:, None], k - at_once * np.array([1, 0, 0])), at_once
 
 
-def design_observer(plant: UncertainPlant, pole: float | None) -> ObserverGains:
-    """p and g by the rule, or g alone for a given p. DesignError: the plant doesn't suit, or no p does."""
+def design_observer(plant: UncertainPlant, pole: float | None, limit: float | None = None) -> ObserverGains:
+    """p and g by the rule, or g alone for a given p. `limit`: of the input; None: the steps don't matter.
+
+    DesignError: the plant doesn't suit, or no p does.
+    """
     models = _exact(plant)
     strengths = np.array([_strength(model, plant.C) for model in models])
     if min(strengths) <= 0:
         raise DesignError("nominal: expected an input that raises y at every plant")
     w = grid()[1::3]  # |S| has no narrow peak within its bound
-    G = Bundle([Loop(m.A, m.B, plant.C) for m in models], 0)(w)
+    G = Bundle([Loop(m.A, m.B, plant.C @ m.view) for m in models], 0)(w)
     tried = np.geomspace(min(strengths) / 2, 2 * max(strengths), RESPONSES)
     poles = [float(p) for p in POLES] if pole is None else [pole]
     loops, at_once = zip(*(_controller(p) for p in poles), strict=True)
@@ -132,10 +151,21 @@ def design_observer(plant: UncertainPlant, pole: float | None) -> ObserverGains:
         else:
             held = []
     best = fastest(held)
+    if best is not None and pole is None and limit is not None and plant.sensor.step:
+        quiet = [gains for gains in held if input_by_steps(plant, gains) <= QUIET * limit]
+        best = fastest(quiet) or fastest(held[:1]) or best
     if best is None:
         expected = "expected ranges that the observer's feedback holds as a whole"
         raise DesignError(f"range: {expected}" + ("" if pole is None else f" with pole = {pole:g}"))
     return best
+
+
+def input_by_steps(plant: UncertainPlant, gains: ObserverGains) -> float:
+    """RMS of the input that the sensor's steps make at the nominal plant; see quantisation.py."""
+    assert plant.exact_nominal is not None
+    w = (np.arange(NOISE_FREQUENCIES) + 0.5) * np.pi / NOISE_FREQUENCIES
+    _, _, u = plant.sensor.powers(gains.disturbed(plant.exact_nominal, plant.C), w, plant.period)
+    return plant.sensor.step * float(np.sqrt(np.mean(u) / 12))
 
 
 def _best_response(L: Complex, tried: Real) -> tuple[float, float]:
@@ -166,7 +196,7 @@ def inverse(plant: UncertainPlant) -> Feedforward:
     Centred in the sample over which the input acts, like r.
     """
     assert plant.exact_nominal is not None
-    model = plant.exact_nominal
+    model = plant.exact_nominal.plant
     poles = np.linalg.eigvals(model.A)
     slow = poles[np.argsort(np.abs(poles - 1))[:2]]
     damping = -float(np.log(np.abs(np.prod(slow))))
@@ -182,8 +212,8 @@ def _exact(plant: UncertainPlant) -> Sequence[Model]:
         raise DesignError("model: expected a continuous plant, which this law is designed for")
     models = [*plant.exact_vertices, *random, plant.exact_nominal]
     for model in models:
-        distance = np.sort(np.abs(np.linalg.eigvals(model.A) - 1))
-        if model.order < 2 or distance[1] > NEAR_ONE:
+        distance = np.sort(np.abs(np.linalg.eigvals(model.plant.A) - 1))
+        if model.plant.order < 2 or distance[1] > NEAR_ONE:
             raise DesignError(
                 "nominal: expected a plant that integrates its input twice, such as a motor's angle"
             )
@@ -192,4 +222,5 @@ def _exact(plant: UncertainPlant) -> Sequence[Model]:
 
 def _strength(model: Model, C: Real) -> float:
     """g: how much one unit of input, held for a sample, changes the change of y per sample."""
-    return float(C @ model.B[:, 0] + C @ model.A @ model.B[:, 0]) / 2
+    A, b = model.plant.A, model.plant.B[:, 0]
+    return float(C @ b + C @ A @ b) / 2

@@ -237,6 +237,8 @@ def _prediction(design: TrialDesign) -> dict[str, Any] | None:
             {
                 "error_rms": phase.learned[:, -1].tolist(),
                 "error_rms_without_learning": phase.feedback.tolist(),
+                "sensor_steps_rms": phase.steps.tolist(),
+                "sensor_steps_rms_without_learning": phase.feedback_steps.tolist(),
                 "largest_input": phase.peak.tolist(),
                 "largest_input_without_learning": phase.feedback_peak.tolist(),
                 "random_part_of_the_error_rms": phase.random.tolist(),

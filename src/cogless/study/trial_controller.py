@@ -137,6 +137,8 @@ class DesignSettings(Table):
 
     # of all models; default: Euler's in the inequalities, exact for the feedforward and whatever is judged
     discretisation: Literal["euler", "exact"] | None = None
+    # whether certificate, prediction and rules know the drive's position sensor
+    sensor: bool = True
     state_weight: Weight  # Q of (8), for states and integrator: its diagonal, or all its rows
     input_weight: Annotated[float, Field(gt=0)]  # R of (8)
     initial_state: Many[float]  # gamma of (10): states and integrator where the cost begins

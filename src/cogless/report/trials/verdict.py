@@ -359,8 +359,8 @@ def _certificates(c: Case) -> list[str]:
     ]
     if refuted:
         sentences.append(
-            f"{c.labels(refuted)} {_are(refuted)} certified by models without current loop, sensor and "
-            "limit: the run counts."
+            f"{c.labels(refuted)} {_are(refuted)} certified by models without current loop and "
+            "limit, and with the steps of a sensor at most as noise: the run counts."
         )
     for (model, plants), names in proven.items():
         sentences.append(
