@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cogless.design.basis import carried
 from cogless.design.certificate import Gains
 from cogless.design.finite import TrialMap
 from cogless.design.model import Model, Real
@@ -128,15 +129,21 @@ def predict(
     trial: TrialMap,
     ahead: tuple[Real, Real, int] | None,
     phases: Sequence[Conditions],
+    basis_functions: bool = False,
 ) -> Prediction:
     """The prediction for these plants.
 
     `trial`: learning at the same plants, in their order. `ahead`: numerator, denominator and preview of the
-    feedforward. The last plant is that of each phase, if that is known.
+    feedforward. The last plant is that of each phase, if that is known. `basis_functions`: what was learned
+    moves along with a changed reference.
     """
     v = np.zeros((len(models), trial.samples))
     predictions = []
-    for phase in phases:
+    for index, phase in enumerate(phases):
+        if basis_functions and index:
+            integral = law.K_2 if isinstance(law, Gains) and law.through_integrator else 0.0
+            n = law.N if isinstance(law, Gains) else 1.0
+            v = carried(v, phases[index - 1].reference, phase.reference, n, integral)
         models = [*models[:-1], phase.plant or models[-1]]
         trial = replace(trial, loops=[*trial.loops[:-1], law.closed(models[-1], C)])
         loops = random_loops(models, C, law, trial)

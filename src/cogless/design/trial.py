@@ -84,6 +84,7 @@ class TrialSettings:
     # v(p) learns from e(p + shift), samples; None: the relative degree
     shift: int | Literal["auto"] | None = None
     pole: float | None = None  # of kind observer; None: by its rule
+    basis_functions: bool = False  # what was learned moves along with a changed reference
     change_weight: float = 1e-2  # for norm-optimal learning: weight of v's change; the error's is 1
 
     @property
@@ -277,7 +278,7 @@ def scenario_prediction(
     trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
     f = parameters.feedforward
     ahead = None if f is None else (f.num, f.den, f.preview)
-    prediction = predict(models, labels, plant.C, loop, trial, ahead, phases)
+    prediction = predict(models, labels, plant.C, loop, trial, ahead, phases, settings.basis_functions)
     if rounding is None:
         return prediction
     last = phases[-1].plant or held.nominal
