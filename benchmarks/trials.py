@@ -1,12 +1,16 @@
 """Whether a controller that is called certified ends above its own feedback: random axes in trials.
 
-    python benchmarks/trials.py [--cases 200] [--seed 1] [--write]
+    python benchmarks/trials.py [--cases 200] [--seed 1] [--write | --floors]
 
 Each case is an axis drawn at random: inertia within 30 %, torque constant within 5 %, rates, a sensor of 10
 to 20 bits, up to a sample of latency, the same start offset in each trial, a limit that the motion may need
 more than, and at a change a payload and a load step. Each law runs beside the same controller with
 learning = false. A phase is worse if the RMS of the true error over its second half is above 1.05 times the
 feedback's, or five trials in a row are. --write puts the table into docs/laws/trial.md.
+
+--floors compares the predicted trials to the floor with those of the run instead, at certified controllers:
+how many phases are within 30 % or a trial. A trial of the feedback alone, with which the law's guard
+compares, doesn't count.
 """
 
 from __future__ import annotations
@@ -22,10 +26,12 @@ from typing import Any
 import numpy as np
 
 import cogless
+from cogless.design.prediction import trials_to_floor
 from cogless.design.trial import TrialDesign
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.study import load
+from cogless.study import TrialStudy, load
+from cogless.study.position_sensor import Resolver
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "docs"))
@@ -35,7 +41,10 @@ PAGE = HERE.parent / "docs" / "laws" / "trial.md"
 WORSE = 1.05  # times the feedback's error
 TRIALS_WORSE = 5  # in a row that may be worse
 CHANGE, TRIALS = 41, 80
+NEAR_SHARE = 0.3  # of the run's trials to the floor
+FINE_BITS = 15  # of a sensor whose rounding is small beside what most laws leave
 LAWS = {
+    "trial-ilc, auto": {"law": "trial-ilc"},
     "trial-ilc": {"law": "trial-ilc", "q_filter": "error"},
     "trial-ilc, signal": {"law": "trial-ilc", "q_filter": "signal"},
     "norm-optimal": {"law": "norm-optimal"},
@@ -150,6 +159,54 @@ def case(rng: np.random.Generator, folder: Path) -> Iterator[tuple[str, bool, st
         yield name, certified, "", max(ratio for ratio, _ in phases), max(most for _, most in phases)
 
 
+def floors(cases: int, seed: int) -> Iterator[tuple[str, bool, int, int | None, int | None]]:
+    """Of each certified law and phase: without latency, bits, predicted trials to the floor and the run's."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "study.toml"
+        for number in range(cases):
+            text, bandwidth = axis(np.random.default_rng([seed, number]))
+            for name, law in LAWS.items():
+                path.write_text(text + controllers(law, bandwidth), encoding="utf-8")
+                try:
+                    study = load(path)
+                    runs = {run.controller: run for run in cogless.run_study(study, ["*/learned"]).runs}
+                except StudyError:
+                    continue
+                design = runs["learned"].design if "learned" in runs else None
+                if design is None or design.prediction is None or not design.certified:
+                    continue
+                assert isinstance(study, TrialStudy) and study.drive is not None
+                sensor, errors = study.drive.position_sensor, runs["learned"].metrics["error_rad"]
+                assert isinstance(sensor, Resolver)
+                phases = ((0, CHANGE - 1), (CHANGE - 1, TRIALS))
+                for (begin, end), predicted in zip(phases, design.prediction.trials_to_floor, strict=True):
+                    own = np.asarray(errors, dtype=float)[begin:end]
+                    alone = 1 + np.flatnonzero(own[1:] > 0.9 * own[0]) if begin else []
+                    yield (
+                        name,
+                        not sensor.latency,
+                        sensor.bits,
+                        predicted,
+                        trials_to_floor(np.delete(own, alone)),
+                    )
+
+
+def print_floors(cases: int, seed: int) -> None:
+    """A table: of each law the phases whose prediction is near the run, of all that were predicted."""
+    near: dict[str, Counter[str]] = {name: Counter() for name in LAWS}
+    for name, prompt, bits, predicted, needed in floors(cases, seed):
+        known = predicted is not None and needed is not None
+        right = known and abs(predicted - needed) <= max(1, NEAR_SHARE * needed)
+        kind = ("no latency" if prompt else "latency") + (", fine" if bits >= FINE_BITS else ", coarse")
+        near[name][kind] += right
+        near[name][f"{kind}: all"] += 1
+    kinds = ("no latency, fine", "no latency, coarse", "latency, fine", "latency, coarse")
+    print(f"| law | {' | '.join(kinds)} |", "|---" * (len(kinds) + 1) + "|", sep="\n")
+    for name, count in near.items():
+        cells = (f"{count[kind]} of {count[kind + ': all']}" for kind in kinds)
+        print(f"| {name} | {' | '.join(cells)} |")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -158,7 +215,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--each", action="store_true", help="a line for each case that is worse")
+    parser.add_argument(
+        "--floors", action="store_true", help="compare predicted trials to the floor with runs"
+    )
     options = parser.parse_args()
+    if options.floors:
+        print_floors(options.cases, options.seed)
+        return
     counts: dict[str, Counter[str]] = {name: Counter() for name in LAWS}
     worst: dict[str, float] = dict.fromkeys(LAWS, 0.0)
     with TemporaryDirectory() as folder:

@@ -62,7 +62,6 @@ GIVEN: dict[str, float | bool] = {
     "study.temperature.MotorTemperature.resistance_coefficient": 0.00393,
     "study.trial_controller.DesignSettings.sensor": True,
     "study.trial_controller.DesignSettings.initial_error": 0.1,
-    "study.trial_controller.FilteredLaw.shift": "ge 1 le 65534",
     "study.trial_controller.NormOptimalIlc.change_weight": 0.01,
     "study.trial_controller.NormOptimalIlc.feedforward": True,
     "study.trial_controller.NormOptimalIlc.integral": True,
