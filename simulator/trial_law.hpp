@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "c_law.hpp"
+#include "cogless/trial_basis.h"
 
 namespace cogless {
 
@@ -20,6 +21,7 @@ struct TrialLaw : CLaw<trial_row> {
         cgl_trial_input input;  // input of the last step, if the plant is not a drive
     };
     std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // null, or the matrix that config points to
+    bool basis_functions = false;  // what is learned moves along with another reference
 
     // Throws std::invalid_argument as CLaw does.
     static TrialLaw of(const Section& s, cgl_real ts) {
@@ -27,6 +29,7 @@ struct TrialLaw : CLaw<trial_row> {
         law.ts = ts;
         law.config = s.packed<cgl_trial_config>("config");
         law.config.learning_matrix = nullptr;
+        law.basis_functions = s.has("basis_functions") && s.get<bool>("basis_functions");
         require_config<trial_row>(law.config, ts);
         if (s.has("learning_matrix")) {
             const auto matrix = s.get<Value::Matrix>("learning_matrix");
@@ -46,8 +49,9 @@ struct TrialLaw : CLaw<trial_row> {
 
     // reference: one number for each sample.
     void begin(State& s, const std::vector<cgl_real>& reference) const {
-        std::copy(reference.begin(), reference.end(), s.reference.begin());
         set_pointers(s);
+        if (basis_functions && reference != s.reference) cgl_trial_carry(&s.law, reference.data());
+        std::copy(reference.begin(), reference.end(), s.reference.begin());
         cgl_trial_begin(&s.law, s.reference.data());
     }
 

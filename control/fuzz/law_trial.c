@@ -1,9 +1,10 @@
 #include "cogless/trial.h"
+#include "cogless/trial_basis.h"
 #include "law.h"
 
 static cgl_trial_config config;
 static cgl_trial law;
-static cgl_real *memory, *y_ref, *matrix;
+static cgl_real *memory, *y_ref, *next_ref, *matrix;
 static bool good;
 
 static cgl_real feed_signed(feed *from, cgl_real usual)
@@ -66,6 +67,7 @@ bool law_begin(feed *from)
     const uint32_t length = CGL_TRIAL_LENGTH(config.samples, config.q_filter.order);
     memory = borrow(length);
     y_ref = borrow(config.samples);
+    next_ref = borrow(config.samples);
     matrix = 0;
     if (feed_below(from, 8U) == 0U) {
         matrix = borrow(config.samples * config.samples);
@@ -106,8 +108,15 @@ void law_other(feed *from)
         return;
     }
     for (uint32_t p = 0; p < config.samples; ++p) {
-        y_ref[p] = p % 5U == 0U ? feed_real(from, CGL_R(3.0)) : (p > 0U ? y_ref[p - 1U] : CGL_R(0.0));
+        next_ref[p] = p % 5U == 0U ? feed_real(from, CGL_R(3.0)) : (p > 0U ? next_ref[p - 1U] : CGL_R(0.0));
     }
+    if (feed_bool(from)) {
+        (void)cgl_trial_carry(&law, next_ref);
+        check_entries(memory, config.samples, config.learned_limit);
+    }
+    cgl_real *const last_ref = y_ref;
+    y_ref = next_ref;
+    next_ref = last_ref;
     cgl_trial_begin(&law, feed_below(from, 8U) ? y_ref : 0);
 }
 
@@ -118,6 +127,7 @@ void law_end(void)
     }
     free(memory);
     free(y_ref);
+    free(next_ref);
     free(matrix);
 }
 

@@ -54,7 +54,7 @@ PARTS = {
     "harmonic": "law range angle pi harmonic",
     "space_position": "law angle memory delay_line range space_position",
     "space_speed": "law angle memory delay_line range space_speed",
-    "trial": "law angle feedforward polynomial zero_phase trial_guard trial_observer trial",
+    "trial": "law angle feedforward polynomial zero_phase trial_guard trial_observer trial trial_basis",
     "map_store": "map map_store crc32",
 }
 

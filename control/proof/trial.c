@@ -1,6 +1,7 @@
 /* Trials of SAMPLES samples with a Q filter of ORDER and a feedforward of TAPS coefficients, begun, stepped and ended in any
  * order. */
 #include "cogless/trial.h"
+#include "cogless/trial_basis.h"
 
 #include "memories.h"
 
@@ -42,6 +43,8 @@ int main(void)
             (void)cgl_trial_end(&law);
         } else if (any_bool()) {
             cgl_trial_reset(&law);
+        } else if (any_bool()) {
+            (void)cgl_trial_carry(&law, any_bool() ? y_ref : 0);
         } else if (any_bool()) {
             const cgl_law_input of_drive = any_input();
             cgl_law_output command;

@@ -21,6 +21,7 @@
 #include "cogless/space_speed.h"
 #include "cogless/speed_pi.h"
 #include "cogless/trial.h"
+#include "cogless/trial_basis.h"
 
 #define CELLS_MAX 200U
 #define GUARD 8U
@@ -1094,6 +1095,38 @@ static void try_trial(void)
     }
 }
 
+/* What was learned for one reference, moved to another. */
+static void try_trial_basis(void)
+{
+    static cgl_real matrix[SAMPLES_MAX * SAMPLES_MAX], y_ref[2][SAMPLES_MAX];
+    cgl_trial_config config;
+    cgl_trial law;
+    uint32_t length;
+    do {
+        config = random_trial(matrix);
+        config.unguarded = random_below(2) != 0U;
+        length = CGL_TRIAL_LENGTH(config.samples, config.q_filter.order);
+    } while (cgl_trial_init(&law, &config, fence(length), length) != CGL_OK);
+    for (int trial = 0; trial < 8; ++trial) {
+        const bool calm = random_below(4) != 0U;
+        for (uint32_t p = 0; p < config.samples; ++p) {
+            const cgl_real step = calm ? gain_of_any_sign(CGL_R(0.1)) : random_real(CGL_R(3.0));
+            y_ref[trial % 2][p] = random_below(4) != 0U && p > 0U ? y_ref[trial % 2][p - 1U] + step : step;
+            law.learned[p] = cgl_clamped(gain_of_any_sign(config.learned_limit), config.learned_limit);
+        }
+        const bool carried = cgl_trial_carry(&law, random_below(16) ? y_ref[trial % 2] : NULL);
+        CHECK(trial > 0 || !carried);
+        CHECK(!carried || !cgl_trial_end(&law));
+        hear_bits(carried ? 1U : 0U);
+        for (uint32_t p = 0; p < config.samples; ++p) {
+            hear(law.learned[p]);
+        }
+        check_cells(config.samples, config.learned_limit);
+        check_fence(length);
+        cgl_trial_begin(&law, y_ref[trial % 2]);
+    }
+}
+
 /* ---- the controller around a law ---- */
 
 static cgl_monitor_config random_monitor(cgl_real ts, uint32_t phases)
@@ -1457,6 +1490,7 @@ void random_inputs(long configs)
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
         {"harmonic", try_harmonic, 0x9bef06e3U, 0xa35d88e0U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
+        {"trial_basis", try_trial_basis, 0x7eed6f43U, 0x35ffb751U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
 }

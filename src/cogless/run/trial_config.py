@@ -97,7 +97,12 @@ def _law(study: TrialStudy, scenario: str, name: str, design: TrialParameters) -
         "unguarded": not law.guard,
     }
     config = control_layout(precision).pack("cgl_trial_config", values)
-    return {"law": "trial", "config": config, "learning_matrix": design.learning_matrix}
+    return {
+        "law": "trial",
+        "config": config,
+        "learning_matrix": design.learning_matrix,
+        "basis_functions": law.basis_functions,
+    }
 
 
 def _drive_phase(

@@ -37,6 +37,8 @@ class TrialLaw(Base):
 
     # bound of the learned signal, rad or the unit of y
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
+    # what was learned moves along with a changed reference, by functions of it
+    basis_functions: bool = False
     guard: bool = True  # what is learned goes back where it leaves more error than the feedback alone
 
 
