@@ -86,8 +86,8 @@ def test_how_soon_the_floor_is_reached(of, counts, said, short):
         ([5, 20, 9], [3, 3, 8], f"takes 20 {LOAD}, against 3", 1),
         ([9, 20, 9], [3, 19, 8], f"takes 9 {START}, against 3", 0),  # where most differ
         ([3, 2, 3], [3, 3, 3], "", None),
-        ([inf, 2, inf], [3, 3, 3], f"never reaches it {START} and {SECOND}", 0),
-        ([inf, inf, 2], [inf, 3, 3], f"never reaches it {LOAD}, where {ILC} does", 1),
+        ([inf, 2, inf], [3, 3, 3], f"never reaches the floor {START} and {SECOND}", 0),
+        ([inf, inf, 2], [inf, 3, 3], f"never reaches the floor {LOAD}, where {ILC} does", 1),
         ([inf, inf, inf], [3, 3, 3], "never reaches the floor", None),
     ],
 )

@@ -177,6 +177,26 @@ def test_many_trials_above_the_feedback_are_said_though_the_end_is_below(study):
     assert said(rms) == ""
 
 
+@pytest.mark.parametrize(
+    ("final", "where"),
+    [
+        ([2.0, 5.0, 6.0], " in 2 of 3 phases, most after the change of reference and inertia (trial 41)"),
+        ([2.0, 3.0, 6.0], " in 1 of 3 phases, after the change of reference and inertia (trial 41)"),
+        ([9.0, 9.0, 6.0], " in 3 of 3 phases, most after the change of reference and inertia (trial 41)"),
+    ],
+)
+def test_one_that_ends_above_its_feedback_says_in_how_many_phases(study, final, where):
+    """And where it is worst, by the ratio to that feedback."""
+    made = synthetic.trial_results(study, designed=False)
+    judged = case(made, made.runs)
+    judged.__dict__["final"] = {"ilc": final}
+    judged.__dict__["feedback"] = {"ilc": [4.0, 4.0, 2.0]}
+    assert room._against_its_feedback(judged, "ilc", "none") == (
+        f"{ILC} is worse than without learning{where}: it ends with 6.00 mrad RMS, and its feedback alone "
+        "with 2.00 mrad."
+    )
+
+
 def test_controllers_that_lack_a_certificate_for_one_reason_share_a_sentence(tmp_path):
     """The motion needs more current than there is, for any controller; the number has its unit."""
     limit = {

@@ -171,7 +171,7 @@ def test_phases_in_which_the_floor_is_never_reached_are_named(study):
     worse = f"its first trial there is 1.64 times worse than with {ILC} (5.00 mrad against 3.04 mrad)."
     for rms, where in ((start, f"{load} and {change}"), (middle, load)):
         told = alone(study, {"ilc": falls(3.0), "input": rms, "none": STAYS}).details[0]
-        assert told == f"ILC into the input never reaches it {where}; {worse}"
+        assert told == f"ILC into the input never reaches the floor {where}; {worse}"
     quick = alone(study, {"ilc": np.full(60, 0.5), "input": STAYS, "none": start}).headline
     expected = (
         f"{ILC} is at {FLOOR} in the first trial after every change; no learning never is after a change."
@@ -374,9 +374,9 @@ def test_a_certificate_may_fail_though_no_frequency_grows(made, growth, why):
 
 def test_a_run_that_diverges_is_told_beside_its_certificate(study):
     growing = synthetic.trial_results(study, {"ilc": 4e-4 * 1.1 ** np.arange(60.0)})
-    assert (
-        f"{ILC} is certified by models without current loop, sensor and limit: the run counts."
-    ) in verdicts(growing)[0].details
+    assert (f"The models certify {ILC}, but this run does not: the run counts.") in verdicts(growing)[
+        0
+    ].details
 
 
 def test_loops_that_a_sample_of_delay_makes_unstable_are_named(made):

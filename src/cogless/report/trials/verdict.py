@@ -211,7 +211,7 @@ def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
         return "never reaches the floor", None
     if never:
         alone = f", where {c.label(best)} does" if c.never(best) else ""
-        return f"never reaches it {after(never, c.phases)}{alone}", never[0]
+        return f"never reaches the floor {after(never, c.phases)}{alone}", never[0]
     if not behind:
         return "", None
     _, phase, n, m = max(behind, key=lambda found: found[0])
@@ -242,12 +242,10 @@ def _against_its_feedback(c: Case, name: str, best: str) -> str:
     above = c.all_above_feedback(name)
     if above:
         phase, mine, base = max(above, key=lambda end: over(*end[1:]))
-        where = after([end[0] for end in above], c.phases)
-        rest = len(c.phases) - len(above)
-        others = f", not in the other {f'{rest} phases' if rest > 1 else 'phase'}" if rest else ""
-        at_worst = f"; most {phase.after}, where" if len(above) > 1 else ":"
+        count, every = len(above), len(c.phases)
+        share = f" in {count} of {every} phases, {'most ' if count > 1 else ''}{phase.after}"
         return (
-            f"{c.label(name)} is worse than without learning {where}{others}{at_worst} it ends with "
+            f"{c.label(name)} is worse than without learning{share if every > 1 else ''}: it ends with "
             f"{c.text(mine)} RMS, and its feedback alone with {c.text(base)}."
         )
     if name != best or name not in c.feedback or name not in c.final:
@@ -358,10 +356,7 @@ def _certificates(c: Case) -> list[str]:
         f"Of {c.labels(names)} the certificate doesn't speak: {reason}." for reason, names in outside.items()
     ]
     if refuted:
-        sentences.append(
-            f"{c.labels(refuted)} {_are(refuted)} certified by models without current loop and "
-            "limit, and with the steps of a sensor at most as noise: the run counts."
-        )
+        sentences.append(f"The models certify {c.labels(refuted)}, but this run does not: the run counts.")
     for (model, plants), names in proven.items():
         sentences.append(
             f"Certified: while nothing changes, no frequency of the error grows from trial to trial with "
