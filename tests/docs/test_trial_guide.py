@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from cogless import load, run_study
 from cogless.cli import app
 from cogless.design.trial_summary import summary
+from cogless.report import outcome
 from cogless.study import TrialStudy
 
 GUIDE = (Path(__file__).parents[2] / "docs" / "guide" / "trial-studies.md").read_text(encoding="utf-8")
@@ -56,6 +57,26 @@ def test_the_errors_are_those_that_the_guide_shows(axis: Path, change: str, line
     assert found.exception is not None
     told = "[0-9.e-]+".join(re.escape(part) for part in line.split("..."))
     assert re.fullmatch(re.escape(f"{axis}: ") + told, str(found.exception))
+
+
+def test_the_commands_of_the_example_end_well(axis: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each line below the study: design, run, live and export."""
+    monkeypatch.chdir(axis.parent)
+    lines = re.findall(r"^    cogless (\w+ axis\.toml[^#\n]*)", GUIDE, re.MULTILINE)
+    assert [line.split()[0] for line in lines[:4]] == ["design", "run", "live", "export"]
+    for line in dict.fromkeys(line.strip() for line in lines if not line.startswith("live")):
+        found = CliRunner().invoke(app, line.split())
+        assert found.exit_code == 0, (line, found.exception)
+    assert (axis.parent / "axis-c" / "ilc_controller.c").is_file()
+
+
+def test_the_terminal_has_the_columns_of_the_guide(axis: Path) -> None:
+    results = run_study(load(axis))
+    found = outcome(results, "move")
+    assert found is not None
+    columns = re.findall(r"^\| ([a-z1 ()]+) \|", GUIDE[GUIDE.index("## On the terminal") :], re.MULTILINE)
+    shown = [" ".join(column.split()) for column in found[1].columns]
+    assert columns[1:7] == [*shown[:4], f"current ({shown[4]})", shown[5]]
 
 
 def test_noise_is_amplified_as_the_theory_says(axis: Path) -> None:

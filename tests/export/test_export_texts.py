@@ -19,14 +19,14 @@ from cogless.export.c.command import self_test_ticks, subject_of
 from cogless.export.c.extras import extras, parts
 from cogless.export.c.subject import Subject
 from cogless.export.c.texts import (
-    _figures,
     _left_out_check,
-    _matrix,
     _precision_check,
     _reset_comment,
-    _safe,
-    _verdict_comment,
     _words,
+    figure_lines,
+    matrix_array,
+    plain_comment,
+    verdict_comment,
 )
 from cogless.export.fmu.variables import duties, measurements
 from cogless.export.prepared import prepare
@@ -228,17 +228,17 @@ def test_a_law_that_learns_nothing_has_no_memory(subject: Subject) -> None:
 
 
 def test_texts_of_a_study_end_no_comment_of_c() -> None:
-    assert _safe(" a /* b\n */ c") == "a / * b * / c"
-    (first, second) = _figures([("gain", "word " * 24 + "*/"), ("a", "1")]).rsplit("\n", 1)
+    assert plain_comment(" a /* b\n */ c") == "a / * b * / c"
+    (first, second) = figure_lines([("gain", "word " * 24 + "*/"), ("a", "1")]).rsplit("\n", 1)
     assert second == " * a = 1"
     assert first.splitlines()[0].startswith(" * gain = word word")
     assert (
         first.splitlines()[1:] == [" *     word word word * /"] and max(map(len, first.splitlines())) <= 118
     )
-    assert _verdict_comment("settles") == " * learning         settles\n" and _verdict_comment("") == ""
-    wrapped = _verdict_comment("word " * 25).splitlines()
+    assert verdict_comment("settles") == " * learning         settles\n" and verdict_comment("") == ""
+    wrapped = verdict_comment("word " * 25).splitlines()
     assert wrapped[1].startswith(" *                  word") and len(wrapped) == 2
-    assert _matrix("pi", None, "f") == ""
+    assert matrix_array("pi", None, "f") == ""
 
 
 def test_the_precision_is_checked_by_the_compiler() -> None:

@@ -14,7 +14,7 @@ from test_live_page import same, sets_of, settle, show, text, type_into
 
 from cogless.design.from_study import design_study, retuned
 from cogless.errors import StudyError
-from cogless.live import left_out, write
+from cogless.live import left_out, toml, write
 from cogless.live.blobs import blobs, held, precision
 from cogless.live.keys import Found
 from cogless.live.page import data
@@ -22,7 +22,7 @@ from cogless.live.trial_candidates import pinned, trial_candidates
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import load
-from cogless.study.reading import changed
+from cogless.study.reading import changed, changes_from
 
 NORM_OPTIMAL = '[controller.matrix]\nlaw = "norm-optimal"\n'
 LONG = 60  # s, for all trials of all controllers
@@ -191,6 +191,25 @@ def test_what_the_designs_chose_is_written_out_and_changes_no_bit(learners):
     assert pins["controller.signal.K_3"] == designs["move", "signal"].K_3
     for pair in held(study):
         assert blobs(held_still, *pair)["run"].data == blobs(study, *pair)["run"].data
+
+
+def test_what_auto_chose_has_knobs_too(tmp_path):
+    """A controller of which nothing is said: the page holds the filter and the shift that were chosen."""
+    silent = trial_studies.DRIVE.replace('q_filter = { cutoff = "30 Hz" }', "")
+    study = trial_studies.loaded(tmp_path, text=silent)
+    run = ("move", "ilc")
+    design, (held_still, pins) = design_study(study, [run])[run], pinned(study)
+    chosen = held_still.controller["ilc"]
+    assert (chosen.K_3, chosen.shift, chosen.q_filter.cutoff) == (
+        design.K_3, design.shift, design.gains.cutoff
+    )  # fmt: skip
+    assert blobs(held_still, *run)["run"].data == blobs(study, *run)["run"].data
+    keys = {one.key for one in trial_candidates(held_still) if one.controller == "ilc"}
+    assert keys == {f"controller.ilc.{key}" for key in ("K_3", "shift", "q_filter.cutoff")}
+    by_command = [f"{key}={toml.text(value)}" for key, value in pins.items()]
+    other = changed(study, changes_from([*by_command, 'controller.ilc.q_filter.cutoff="20 Hz"']))
+    assert other.controller["ilc"].q_filter.cutoff == 20
+    assert (other.controller["ilc"].K_3, other.controller["ilc"].shift) == (chosen.K_3, chosen.shift)
 
 
 def test_filter_shift_and_weight_have_knobs(knobs):

@@ -33,14 +33,15 @@ def export(
     """Write a controller for firmware (c), or for other simulators (fmu).
 
     c: its constants, the code, a self-test, an example. The folder appears whole or not at all. What the
-    self-test repeats is the beginning of the scenario.
+    self-test repeats is the beginning of the scenario. For a linear plant the law alone.
 
     fmu: the controller, and the drive in the scenario as its plant, each for FMI 2.0 and 3.0 (co-simulation),
     built by your C and C++ compilers (CC and CXX).
     """
+    from cogless.export.prepared import first_scenario
+
     if to == "fmu":
         from cogless.export.fmu import write_fmus
-        from cogless.export.prepared import first_scenario
 
         loaded = load(study, changes)
         with new_console(stderr=True).status("Compiling"):
@@ -52,16 +53,23 @@ def export(
     if to != "c":
         raise StudyError(f'--to: "{to}": expected c or fmu')
     from cogless.export.c.command import export_c
+    from cogless.export.c.linear import export_linear
+    from cogless.study import TrialStudy
 
     options = ["--controller", controller, "--to", to, *(["--scenario", scenario] if scenario else [])]
     options += ["-o", str(output)]
     command = command_line("export", study, changes, options)
     loaded = load(study, changes)
-    subject = export_c(
-        loaded, controller, output, scenario, command, lambda size: print(f"Size: {size}", flush=True)
-    )
+
+    def announce(size: str) -> None:
+        print(f"Size: {size}.", flush=True)
+
+    if isinstance(loaded, TrialStudy) and loaded.plant is not None:
+        export_linear(loaded, controller, output, scenario, command, announce)
+    else:
+        export_c(loaded, controller, output, scenario, command, announce)
     print(f"Export: {output / 'README.md'}")
-    print_warnings(loaded, [(subject.scenario, controller)])
+    print_warnings(loaded, [(first_scenario(loaded, controller, scenario), controller)])
 
 
 def pil(

@@ -14,7 +14,8 @@ import numpy as np
 
 from cogless.design.cures import either, helping
 from cogless.design.error import DesignError
-from cogless.design.model import Discretisation, Model, sampled
+from cogless.design.model import Discretisation, Model, Real, sampled
+from cogless.design.observer import counting_window
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.prediction import Conditions, Prediction
 from cogless.design.random_errors import Disturbances
@@ -199,20 +200,27 @@ def _predicted(
     certificate = design.certificate
     if not certificate.deciding.stable or (design.gains.no_K_3 is not None and needs_K_3(settings)):
         return None
-    prediction = scenario_prediction(plant, settings, design.gains, _phases(study, scenario))
-    return replace(prediction, sensor=_sensor_error(study))
+    return scenario_prediction(plant, settings, design.gains, _phases(study, scenario), _rounding(study))
 
 
-def _sensor_error(study: TrialStudy) -> float:
-    """RMS of the angle's rounding to the sensor's steps, rad; 0 for a linear plant and without such a sensor.
+def _rounding(study: TrialStudy) -> Real | None:
+    """RMS of what the sensor rounds of angle and speed, rad and rad/s; None if it rounds nothing.
 
-    Its true value lies anywhere within a step, so that it is the step over sqrt(12).
+    The angle lies anywhere within a step: step / sqrt(12). A speed that is the difference of two angles over
+    a window has both their errors, over the window. A timed one has hardly any.
     """
-    sensor = study.drive.position_sensor if study.drive is not None else None
+    drive = study.drive
+    if drive is None or not isinstance(drive.position_sensor, Counted | Hall):
+        return None
+    sensor, rates = drive.position_sensor, drive.rates
     if isinstance(sensor, Hall):
         assert study.motor is not None
-        return sensor.step(study.motor.pole_pairs) / math.sqrt(12)
-    return sensor.step / math.sqrt(12) if isinstance(sensor, Counted) else 0.0
+        return np.array([sensor.step(study.motor.pole_pairs), 0.0]) / math.sqrt(12)
+    window = sensor.periods(rates.divider) / rates.current_loop
+    if sensor.bandwidth:
+        window = counting_window(sensor.bandwidth, 1 / rates.current_loop)
+    speed = 0.0 if sensor.timed else math.sqrt(2) / window
+    return np.array([1.0, speed]) * sensor.step / math.sqrt(12)
 
 
 def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:

@@ -28,7 +28,7 @@ from cogless.design.random_errors import Disturbances, Loops, random_errors
 from cogless.design.trial_observer import ObserverGains, observer_gains
 
 PHASE_TRIALS = 80  # of a phase, at most: the others are like the last
-FINAL_TRIALS = 5  # of a phase, over which its final error is the RMS
+FINAL_TRIALS = 10  # of a phase, or half of it: the largest RMS of these is its final error
 FLOOR_RATIO = 1.1  # times the final error: what is below is at the floor
 STILL_FALLS = 0.98  # of the error FINAL_TRIALS before the last that was tried: more trials are needed
 ROUNDING_SHARE = 1e-3  # of the feedback's error: no more than rounding and what the last trials still change
@@ -64,10 +64,10 @@ class PhasePrediction:
     def trials_to_floor(self, sensor: float) -> tuple[int | None, ...]:
         """Of each plant the trial from which the error stays at its floor; None if it isn't there yet.
 
-        sensor: RMS of an error below which the sensor measures nothing.
+        sensor: RMS of the error that the rounding of the sensor leaves.
         """
         rows = np.hypot(self.learned, sensor)
-        falls = rows[:, -1] < STILL_FALLS * rows[:, -min(FINAL_TRIALS, rows.shape[1])]
+        falls = rows[:, -1] < STILL_FALLS * rows[:, -_final_trials(rows)]
         ends_early = self.trials > rows.shape[1]
         return tuple(
             None if ends_early and falling else trials_to_floor(row)
@@ -86,7 +86,7 @@ class Prediction:
 
     labels: tuple[str, ...]  # of the plants
     phases: tuple[PhasePrediction, ...]
-    sensor: float = 0.0  # RMS of an error below which the sensor measures nothing
+    sensor: float = 0.0  # RMS of the error that the rounding of the sensor leaves
 
     @property
     def trials_to_floor(self) -> tuple[int | None, ...]:
@@ -95,8 +95,9 @@ class Prediction:
 
     @property
     def floor(self) -> tuple[float, ...]:
-        """RMS that each phase ends with, at the same plant."""
-        return tuple(float(np.hypot(phase.learned[-1, -1], self.sensor)) for phase in self.phases)
+        """The final error of each phase at the same plant: the largest RMS of its last FINAL_TRIALS."""
+        rows = [np.hypot(phase.learned[-1], self.sensor) for phase in self.phases]
+        return tuple(float(np.max(row[-_final_trials(row) :])) for row in rows)
 
     @property
     def share(self) -> float:
@@ -176,12 +177,15 @@ def predict(
 def trials_to_floor(errors: Real) -> int | None:
     """The trial, counted from 1, from which the RMS of a phase's trials stays within FLOOR_RATIO of the end.
 
-    None if even the last one isn't: it still grows.
+    None if there is no such trial: the errors aren't finite.
     """
-    final = float(np.sqrt(np.mean(errors[-FINAL_TRIALS:] ** 2)))
-    above = np.flatnonzero(~(errors <= FLOOR_RATIO * final))
+    above = np.flatnonzero(~(errors <= FLOOR_RATIO * np.max(errors[-_final_trials(errors) :])))
     first = int(above[-1]) + 2 if len(above) else 1
     return first if first <= len(errors) else None
+
+
+def _final_trials(errors: Real) -> int:
+    return max(1, min(FINAL_TRIALS, int(errors.shape[-1]) // 2))
 
 
 def random_loops(models: Sequence[Model], C: Real, law: Gains | ObserverGains, trial: TrialMap) -> Loops:

@@ -32,9 +32,9 @@ from cogless.design.learning_gain import LearningGain, learning_gain
 from cogless.design.lifted import norm_optimal
 from cogless.design.model import Discretisation, Model, Real
 from cogless.design.polytope import UncertainPlant
-from cogless.design.prediction import Conditions, Prediction, predict, random_loops
+from cogless.design.prediction import PHASE_TRIALS, Conditions, Prediction, predict, random_loops
 from cogless.design.q_filter import PROPOSED, better_shift, butterworth, workable_cutoff
-from cogless.design.random_errors import Amplification, amplification
+from cogless.design.random_errors import Amplification, Disturbances, amplification, random_errors
 from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
 from cogless.design.state_feedback import StateFeedback, guaranteed_cost
 from cogless.design.trial_observer import (
@@ -259,11 +259,16 @@ def design_trial(
 
 
 def scenario_prediction(
-    plant: UncertainPlant, settings: TrialSettings, gains: TrialGains, phases: Sequence[Conditions]
+    plant: UncertainPlant,
+    settings: TrialSettings,
+    gains: TrialGains,
+    phases: Sequence[Conditions],
+    rounding: Real | None = None,
 ) -> Prediction:
     """What the controller makes of a scenario, at each corner, the nominal and the simulated plant.
 
-    The plants are exactly sampled if that is known. DesignError as `design_trial`.
+    The plants are exactly sampled if that is known. rounding: (n,), RMS of what the sensor rounds of each
+    state. DesignError as `design_trial`.
     """
     parameters, law, update = _parameters(plant, settings, gains)
     held, loop = plant.as_held, gains.observer or law
@@ -273,7 +278,13 @@ def scenario_prediction(
     trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
     f = parameters.feedforward
     ahead = None if f is None else (f.num, f.den, f.preview)
-    return predict(models, labels, plant.C, loop, trial, ahead, phases, settings.basis_functions)
+    prediction = predict(models, labels, plant.C, loop, trial, ahead, phases, settings.basis_functions)
+    if rounding is None:
+        return prediction
+    last = phases[-1].plant or held.nominal
+    alone = random_loops([last], plant.C, loop, replace(trial, loops=[loop.closed(last, plant.C)]))
+    _, squares = random_errors(alone, Disturbances(np.zeros(plant.order), noise=rounding), PHASE_TRIALS)
+    return replace(prediction, sensor=float(np.sqrt(squares[0, -1])))
 
 
 def random_amplification(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Amplification:

@@ -32,8 +32,8 @@ LEGEND = (
     "largest share: of any error without learning (with an observer, of any missing input), what a trial may "
     "have at most;\n"
     "this scenario: of its error without learning, what a phase has left in the end, at the worst corner;\n"
-    "trials to the floor: of each phase, until the simulated plant's error stays within 1.1 of its final RMS;"
-    "\nfloor: that RMS, with what the sensor rounds;\n"
+    "trials to the floor: of each phase, until the simulated plant's error is within a tenth of its floor;\n"
+    "floor: its final RMS, with what the sensor rounds;\n"
     "load noise, sensor noise: error that white noise causes, with learning / without, at the worst corner"
 )
 
@@ -231,11 +231,12 @@ def _prediction(design: TrialDesign) -> dict[str, Any] | None:
     return {
         "plants": list(prediction.labels),
         "largest_share_of_the_feedback_s_error": finite(prediction.share),
+        "trials_to_floor": list(prediction.trials_to_floor),
+        "floor": [finite(floor) for floor in prediction.floor],
         "phases": [
             {
                 "error_rms": phase.learned[:, -1].tolist(),
                 "error_rms_without_learning": phase.feedback.tolist(),
-                "trials_to_floor": list(phase.trials_to_floor(prediction.sensor)),
                 "largest_input": phase.peak.tolist(),
                 "largest_input_without_learning": phase.feedback_peak.tolist(),
                 "random_part_of_the_error_rms": phase.random.tolist(),
@@ -362,7 +363,7 @@ def _gains(design: TrialDesign) -> tuple[str, ...]:
 def _floor(prediction: Prediction) -> tuple[str, str]:
     """The trials to the floor of each phase, and the floor."""
     trials = (f"> {PHASE_TRIALS}" if count is None else f"{count}" for count in prediction.trials_to_floor)
-    return ", ".join(trials), ", ".join(f"{floor:.3g}" for floor in prediction.floor)
+    return ", ".join(trials), ", ".join(f"{floor:.4g}" for floor in prediction.floor)
 
 
 def _in_scenario(design: TrialDesign, prediction: Prediction) -> tuple[str, ...]:

@@ -61,6 +61,15 @@ def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) ->
         raise StudyError(f"{folder}: {reason(error)}: expected a folder that can be written") from error
 
 
+def size(files: Mapping[str, bytes], matrix: int) -> str:
+    """How large an export with a learning matrix of so many bytes is, for a line before it is written."""
+    whole, largest = sum(map(len, files.values())), max(files, key=lambda name: len(files[name]))
+    return (
+        f"{whole / 1e6:.3g} MB of files, {len(files[largest]) / 1e6:.3g} MB of them {largest}; "
+        f"its learning matrix takes {matrix / 1e6:.3g} MB of flash"
+    )
+
+
 def _swap(made: Path, target: Path, old: Path) -> None:
     """Replace the target by the new folder, and move it to `old`; if that fails, it is put back."""
     if not target.exists():

@@ -203,6 +203,6 @@ def _check(study: AnyStudy, scenario: str, controller: str) -> None:
         )
     if isinstance(study, TrialStudy) and study.drive is None:
         raise StudyError(
-            f"{study.source.path}: plant: an export has a drive around the law, and a linear plant none: "
-            "expected [motor], [mechanics] and [drive] in place of [plant]"
+            f"{study.source.path}: plant: a linear plant has no drive: expected a study with a drive; "
+            "`cogless export --to c` writes the law alone"
         )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.c_laws import C_LAWS
 from cogless.c_layout import Layout, control_layout
@@ -56,18 +55,9 @@ def export_c(
     }
     written = contents(subject, prepared, recording)
     if subject.learning_matrix is not None:
-        announce(_size(subject.learning_matrix, written))
+        announce(folder.size(written, subject.learning_matrix.nbytes))
     folder.write(target, written, about)
     return subject
-
-
-def _size(matrix: NDArray[np.floating[Any]], written: Mapping[str, bytes]) -> str:
-    """How large an export with a learning matrix is."""
-    whole, largest = sum(map(len, written.values())), max(written, key=lambda name: len(written[name]))
-    return (
-        f"{whole / 1e6:.3g} MB of files, {len(written[largest]) / 1e6:.3g} MB of them {largest}; "
-        f"its learning matrix takes {matrix.nbytes / 1e6:.3g} MB of flash"
-    )
 
 
 def self_test_ticks(subject: Subject, prepared: Prepared) -> int:

@@ -65,9 +65,9 @@ def _words(subject: Subject) -> dict[str, str]:
         "controller": s.controller,
         "scenario": s.scenario,
         "study": s.study.name,
-        "title": _safe(s.study.title).rstrip("."),
+        "title": plain_comment(s.study.title).rstrip("."),
         "title_comment": textwrap.fill(
-            _safe(s.study.title), 118, initial_indent=" * ", subsequent_indent=" * "
+            plain_comment(s.study.title), 118, initial_indent=" * ", subsequent_indent=" * "
         ),
         "hash": study_hash(s.study),
         "version": versions()["cogless"],
@@ -94,10 +94,10 @@ def _words(subject: Subject) -> dict[str, str]:
         "memory_define": f"#define {length} {entries} /* numbers */\n" if entries else "",
         "memory_member": f"    cgl_real memory[{length}]; /* what is learned */\n" if entries else "",
         "memory_text": f"{s.memory_length} numbers, within `{name}_controller`" if entries else "none",
-        "matrix": _matrix(name, s.learning_matrix, s.precision),
+        "matrix": matrix_array(name, s.learning_matrix, s.precision),
         "verdict_row": f"| what `cogless design` says of it | {s.verdict} |\n" if s.verdict else "",
-        "verdict_comment": _verdict_comment(s.verdict),
-        "figures": _figures(s.figures),
+        "verdict_comment": verdict_comment(s.verdict),
+        "figures": figure_lines(s.figures),
         **board(s),
         **extras(s),
         **parts(s),
@@ -105,14 +105,14 @@ def _words(subject: Subject) -> dict[str, str]:
     }
 
 
-def _verdict_comment(verdict: str) -> str:
+def verdict_comment(verdict: str) -> str:
     """What `cogless design` says of learning, as lines of the header's comment; empty without learning."""
     start, indent = " * learning         ", " *                  "
-    said = textwrap.fill(_safe(verdict), 118, initial_indent=start, subsequent_indent=indent)
+    said = textwrap.fill(plain_comment(verdict), 118, initial_indent=start, subsequent_indent=indent)
     return f"{said}\n" if verdict else ""
 
 
-def _safe(text: str) -> str:
+def plain_comment(text: str) -> str:
     """The text made safe for a C comment."""
     return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
 
@@ -141,15 +141,15 @@ def _reset_comment(subject: Subject) -> str:
     return "As after init: forgets what was learned, too."
 
 
-def _matrix(name: str, matrix: Reals | None, precision: str) -> str:
+def matrix_array(name: str, matrix: Reals | None, precision: str) -> str:
     if matrix is None:
         return ""
     numbers = array(matrix.ravel(), precision)
     return f"\nstatic const cgl_real {name}_learning_matrix[] = {{\n{numbers}\n}};\n"
 
 
-def _figures(figures: list[tuple[str, str]]) -> str:
+def figure_lines(figures: list[tuple[str, str]]) -> str:
     lines = []
     for name, value in figures:
-        lines += textwrap.wrap(f" * {name} = {_safe(value)}", 118, subsequent_indent=" *     ")
+        lines += textwrap.wrap(f" * {name} = {plain_comment(value)}", 118, subsequent_indent=" *     ")
     return "\n".join(lines)

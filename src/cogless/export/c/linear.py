@@ -1,0 +1,146 @@
+"""Write the folder of `cogless export --to c` for a linear plant: the law alone, without a drive."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from cogless.c_laws import C_LAWS
+from cogless.c_layout import control_layout
+from cogless.export import folder, sources
+from cogless.export.c.figures import figures
+from cogless.export.c.literals import initialiser
+from cogless.export.c.names import identifier, stem
+from cogless.export.c.subject import study_hash
+from cogless.export.c.texts import FLAGS, figure_lines, matrix_array, plain_comment, verdict_comment
+from cogless.export.prepared import first_scenario
+from cogless.files import control_sources
+from cogless.results.trace import Trace
+from cogless.run.advance import failures, trace_of
+from cogless.run.plan import Plan, plan
+from cogless.study import TrialStudy
+from cogless.versions import versions
+
+TEST_SAMPLES = 2000  # of a self-test: it has as many whole trials as are within these, but two at least
+TEST_TRIALS = 3
+
+
+def export_linear(
+    study: TrialStudy,
+    controller: str,
+    target: Path,
+    scenario: str | None = None,
+    command: str = "",
+    announce: Callable[[str], None] = lambda _: None,
+) -> None:
+    """Write a controller of a linear plant as C, completely or not at all. Arguments as of `export_c`.
+
+    StudyError: the export can't be made or written.
+    """
+    folder.check(target)
+    where = first_scenario(study, controller, scenario)
+    planned = plan(study, where, controller)
+    trials = min(study.scenario[where].trials, max(2, min(TEST_TRIALS, TEST_SAMPLES // study.samples(where))))
+    written = contents(planned, recorded(planned, trials), trials, command)
+    about = {
+        "study": study.name,
+        "sha256": study_hash(study),
+        "scenario": where,
+        "controller": controller,
+        "law": "trial",
+        "version": versions()["cogless"],
+    }
+    if planned.description["controller"]["learning_matrix"] is not None:
+        announce(folder.size(written, planned.description["controller"]["learning_matrix"].nbytes))
+    folder.write(target, written, about)
+
+
+def recorded(planned: Plan, trials: int) -> Trace:
+    """The first trials of a run, a row for each sample. StudyError: the run fails."""
+    assert isinstance(planned.study, TrialStudy)
+    ticks = trials * planned.study.samples(planned.scenario)
+    recorder = planned.engine.Recorder(planned.drive, 1, ticks)
+    with failures(*planned.names):
+        planned.drive.advance(planned.start(), recorder, ticks)
+    return trace_of(planned.drive, recorder)
+
+
+def contents(planned: Plan, trace: Trace, trials: int, command: str) -> dict[str, bytes]:
+    """Contents of the exported files, by their path in the folder."""
+    words = _words(planned, command) | {"trials": str(trials), "rows": _rows(trace)}
+    assets = {
+        f"{words['stem']}.h": "linear.h",
+        f"{words['stem']}.c": "linear.c",
+        "self_test.c": "linear_test.c",
+        "self_test_data.h": "linear_data.h",
+        "README.md": "linear_README.md",
+    }
+    folder_of_assets = files("cogless.export").joinpath("assets", "c")
+    texts = {
+        name: Template(folder_of_assets.joinpath(asset).read_text(encoding="utf-8")).substitute(words)
+        for name, asset in assets.items()
+    }
+    library = control_sources() / "cogless"
+    copied = {f"cogless/{name}": (library / name).read_bytes() for name in sources.closure(["trial.h"])}
+    written = {name: text.encode() for name, text in texts.items()}
+    return written | copied | {"cogless/LICENSE": sources.licence().read_bytes()}
+
+
+def _words(planned: Plan, command: str) -> dict[str, str]:
+    """What fills the templates' placeholders."""
+    study, scenario, controller = planned.names
+    assert isinstance(study, TrialStudy) and study.plant is not None
+    layout, law = control_layout("double"), C_LAWS["trial"]
+    description = planned.description["controller"]
+    config: dict[str, Any] = layout.decode(law.config, description["config"])
+    name, matrix = identifier(controller), description["learning_matrix"]
+    own = {} if matrix is None else {"learning_matrix": f"{name}_learning_matrix"}
+    shown, verdict = figures(study, scenario, controller)
+    entries = law.entries(config)
+    assert entries is not None
+    title = plain_comment(study.title)
+    return {
+        "name": name,
+        "stem": stem(name),
+        "NAME": name.upper(),
+        "controller": controller,
+        "scenario": scenario,
+        "study": study.name,
+        "title": title.rstrip("."),
+        "title_comment": textwrap.fill(title, 118, initial_indent=" * ", subsequent_indent=" * "),
+        "hash": study_hash(study),
+        "version": versions()["cogless"],
+        "command": command,
+        "law": str(getattr(study.controller[controller], "law", law.name)),
+        "flags": f"{FLAGS} -DCOGLESS_DOUBLE",
+        "period": f"{study.period:g}",
+        "samples": str(study.samples(scenario)),
+        "states": str(study.states),
+        "state_names": ", ".join(study.plant.names),
+        "entries": entries,
+        "limit": f"{study.plant.input_limit:g}",
+        "law_values": initialiser(layout.headers, law.config, config | own, "d"),
+        "matrix": matrix_array(name, None if matrix is None else np.asarray(matrix), "d"),
+        "verdict_comment": verdict_comment(verdict),
+        "verdict_row": f"| what `cogless design` says of it | {verdict} |\n" if verdict else "",
+        "figures": figure_lines(shown),
+    }
+
+
+def _rows(trace: Trace) -> str:
+    """A line of bit patterns for each sample."""
+    names = ["y_ref", *(name for name in trace.names if name.startswith("x_")), "u"]
+    bits = np.column_stack([trace[name] for name in names]).astype(np.float64).view(np.uint64)
+    status = trace["status"].astype(int)
+
+    def line(row: list[int], code: int) -> str:
+        y_ref, *x, u = (f"0x{word:016x}U" for word in row)
+        return f"    {{{y_ref}, {{{', '.join(x)}}}, {u}, {code}U}},"
+
+    return "\n".join(line(row, code) for row, code in zip(bits.tolist(), status.tolist(), strict=True))
