@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,11 @@ def test_friction_and_inertia_of_a_drive_move_along(tmp_path: Path) -> None:
         found.append(np.asarray(run.metrics["error_rad"]))
     assert np.array_equal(found[0][:30], found[1][:30])
     assert found[0][30] > 2 * alone[1]  # what was learned for the other motion
-    assert found[1][30] < 0.5 * alone[1] and found[1][30] < 1.5 * found[1][29]
+    assert found[1][30] < 0.7 * alone[1] and found[1][30] < 1.5 * found[1][29]
+    guide = (Path(__file__).parents[2] / "docs" / "guide" / "trial-studies.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| .* \| ([\d.]+) mrad \| ([\d.]+) mrad \|$", guide, re.MULTILINE)
+    for row, rms in zip(rows, (alone, found[0][29:31], found[1][29:31]), strict=True):
+        assert [float(x) for x in row] == pytest.approx(1e3 * rms, rel=0.05)
 
 
 def test_the_design_moves_as_the_transcription() -> None:

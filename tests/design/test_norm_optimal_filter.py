@@ -39,7 +39,7 @@ def test_the_law_does_what_is_predicted(tmp_path: Path, ends: str) -> None:
     at = run.design.prediction.labels.index("k = 800")
     learned = np.concatenate([phase.learned[at] for phase in run.design.prediction.phases])
     np.testing.assert_allclose(learned, np.asarray(run.metrics["error"]), rtol=1e-6)
-    assert learned[1] < 0.7 * learned[0]
+    assert learned[1] < 0.9 * learned[0]
 
 
 def test_the_update_is_q_of_v_and_l_e(tmp_path: Path) -> None:

@@ -112,7 +112,13 @@ def test_the_amplification_is_the_stationary_covariance(tmp_path: Path, name: st
 def test_runs_with_noise_have_it(tmp_path: Path, name: str) -> None:
     """600 trials at a corner: the error of the noise, with learning and without, is what was predicted."""
     for noise in ({"plant.noise": [1e-3, 0]}, {"plant.load_noise": 0.5}):
-        changes = {**SHORT, **noise, "scenario.moves.override": {"k": 800.0}, "scenario.moves.trials": 600}
+        changes = {
+            **SHORT,
+            **noise,
+            f"controller.{name}.guard": False,
+            "scenario.moves.override": {"k": 800.0},
+            "scenario.moves.trials": 600,
+        }
         quiet = {**changes, "plant.noise": [0, 0], "plant.load_noise": 0}
         (run,), (without,) = (run_study(axis(tmp_path, c), [f"*/{name}"]).runs for c in (changes, quiet))
         assert run.design is not None and run.feedback is not None and without.feedback is not None

@@ -78,7 +78,7 @@ def test_normal_starts_and_loads_of_a_linear_plant(tmp_path: Path) -> None:
     """Their mean and spread over 2000 trials, and that neither follows the other."""
     changes = {
         f"{CYCLE}.trials": 2000,
-        f"{CYCLE}.duration": "0.5 s",
+        f"{CYCLE}.duration": "1 s",
         f"{CYCLE}.reference": [["0 s", 0], ["0.4 s", 0.1]],
         f"{CYCLE}.load_steps": [],
         f"{CYCLE}.changes": [],
@@ -87,7 +87,7 @@ def test_normal_starts_and_loads_of_a_linear_plant(tmp_path: Path) -> None:
         "controller.ilc.learning": False,
     }
     (found,) = run(tmp_path, changes, LINEAR).runs
-    x_1, x_2, loads = (found.trace[name].reshape(2000, 5)[:, 0] for name in ("x_1", "x_2", "load"))
+    x_1, x_2, loads = (found.trace[name].reshape(2000, 10)[:, 0] for name in ("x_1", "x_2", "load"))
     for draws, mean, spread in ((x_1, 0.5, 0.2), (loads, 0.0, 0.3)):
         assert abs(np.mean(draws) - mean) < 5 * spread / np.sqrt(2000)
         assert np.std(draws) == pytest.approx(spread, rel=5 / np.sqrt(4000))
