@@ -363,6 +363,9 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
         if (part == 0U) {
             law->bend.moved += moved;
         }
+        if (k >= law->acting) {
+            break;
+        }
         begin = low;
         end = law->acting;
         seen = error;
