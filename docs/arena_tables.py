@@ -45,7 +45,7 @@ def costs() -> dict[str, tuple[str, str]]:
     for name, study, _, controller, changes in CASES:
         law = getattr(cogless.load(study, changes).controller[controller], "law", "")
         if name in rows["time"] and name in rows["memory"]:
-            found.setdefault(law, (rows["time"][name]["law"], rows["memory"][name]["RAM"]))
+            found.setdefault(law, (rows["time"][name]["law"].split(" / ")[0], rows["memory"][name]["RAM"]))
     return found
 
 

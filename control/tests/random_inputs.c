@@ -1473,7 +1473,7 @@ void random_inputs(long configs)
     static const random_subject subjects[] = {
         {"angle", try_angle, 0x24552c34U, 0x32ee43c6U},
         {"modulation", try_modulation, 0x3f9fb973U, 0x03e77d72U},
-        {"foc", try_foc, 0xadfffd67U, 0xc3a5aa68U},
+        {"foc", try_foc, 0x8af6019bU, 0xa69561d0U},
         {"pi", try_pi, 0x9c475f64U, 0xb1f1788bU},
         {"memory", try_memory, 0x2d03223fU, 0xd98b4ef0U},
         {"pi_ilc", try_pi_ilc, 0x3f0b4c32U, 0x5212b844U},
@@ -1486,7 +1486,7 @@ void random_inputs(long configs)
         {"trial", try_trial, 0x84270215U, 0x184cae0eU},
         {"monitor", try_monitor, 0x203e3558U, 0xac5eaeb9U},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
-        {"drive", try_drive, 0x047dcb93U, 0x44528d09U},
+        {"drive", try_drive, 0xcd5d80eeU, 0x24eed528U},
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
         {"harmonic", try_harmonic, 0x9bef06e3U, 0xa35d88e0U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},

@@ -131,6 +131,27 @@ def run(one, motor, speed, seconds):
 RIPPLE = ((6, 0.3, 0.4), (24, 0.2, -1.0))
 
 
+@pytest.mark.parametrize(
+    "orders",
+    [
+        [12, 18, 24, 36, 54, 72, 90, 108, 144, 216, 288, 360, 432],
+        [27 * k for k in range(1, 17)],
+        [1, 2, 4, 8, 16, 32, 64, 128, 256, 420],
+        [1, 419, 420],
+    ],
+)
+def test_products_of_phasors_are_as_exact_as_the_angle(orders: list[int]) -> None:
+    """angle.h: order h is off by at most h 2.9e-7; the angle itself is rounded twice, to 2^-25 of a turn."""
+    c = CPiAfc(control_library("float"), law(orders, gain=0.0, real=np.float32))
+    h, size = np.array(orders), 0.03
+    c.memory[: 2 * len(h)] = size
+    bound = size * float(np.sum(h * (2.9e-7 + 2 * math.tau * 2**-25))) + 1e-6
+    for theta in np.random.default_rng(420).uniform(0, math.tau, 300).astype(np.float32).tolist():
+        c.step(1.0, 1.0, theta, learn=False)
+        exact = np.float32(size) * np.sum(np.cos(h * theta) + np.sin(h * theta))
+        assert abs(c.state.learned - exact) < bound
+
+
 @pytest.mark.parametrize("speed", [10.0, -10.0])
 def test_chosen_orders_go_and_others_stay(speed):
     library = control_library("float")

@@ -87,6 +87,8 @@ def test_both_compilers_agree_with_the_simulation(compiler: str) -> None:
     mean = (found.with_law.mean + (divider - 1) * found.without_law.mean) / divider
     assert found.all.mean == pytest.approx(mean)
     assert sum(found.by_source_with_law.values()) == pytest.approx(found.with_law.mean)
+    assert all(mean <= found.most_by_source_with_law[name] for name, mean in found.by_source_with_law.items())
+    assert found.with_law.most <= sum(found.most_by_source_with_law.values())
     assert found.memory == 4 * 257
     assert found.memory < found.ram < found.memory + 1152  # states, with their configs and the guard's
     assert 100 < found.constants < found.flash < 24_576

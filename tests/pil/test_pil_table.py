@@ -13,6 +13,7 @@ import pytest
 
 from cogless.c_layout import control_layout
 from cogless.export.prepared import Recording
+from cogless.export.sources import defined_in
 from cogless.pil.compare import (
     Comparison,
     Difference,
@@ -41,6 +42,7 @@ FOUND = Comparison(
     end_of_trial=1234,
     by_source_with_law={"foc": 600.4, "drive": 249.5, "crc32": 0.5, "memory": 0.4},
     by_source_without_law={},
+    most_by_source_with_law={"foc": 640, "drive": 260, "crc32": 1, "memory": 40},
     stack=200,
     flash=9000,
     constants=500,
@@ -108,8 +110,11 @@ def test_pages_hold_segments_and_symbols_and_join_where_they_meet() -> None:
 
 def processor(code: bytes) -> Any:
     """As much of a processor as counting needs, with the same code everywhere."""
-    own = SimpleNamespace(_image=IMAGE, _lengths={}, _visits=[], read=lambda address, size: code[:size])
+    own = SimpleNamespace(_image=IMAGE, _lengths={}, _owners={}, _visits=[])
+    own.read = lambda address, size: code[:size]
     own._count = lambda address, size: Processor._count(own, address, size)
+    own._length = lambda visit: Processor._length(own, visit)
+    own._owner = lambda address: Processor._owner(own, address)
     return own
 
 
@@ -159,10 +164,38 @@ def test_instructions_by_source_are_means_of_the_periods_with_the_law_and_of_the
         _with_law={foc: 30, step: 36, Function(0x2040, "pil_law", None): 9, clamp: 3, double: 6},
         _without_law={foc: 40},
     )
+    own._sources, own._homes = {}, defined_in()
+    own._source = lambda function: Target._source(own, function)
+    own._instructions_of = lambda tally: Target._instructions_of(own, tally)
     own._by_source = lambda tally, ticks: Target._by_source(own, tally, ticks)
     with_law, without = Target.by_source(own)
     assert list(with_law.items()) == [("pi_controller", 15.0), ("foc", 11.0), (COMPILERS, 2.0)]
     assert without == {"foc": 10.0}
+
+
+def test_the_most_of_a_source_is_that_of_one_period_with_the_law() -> None:
+    foc, step, clamp, _ = FUNCTIONS
+    # the law runs in the first and the last
+    periods = [{foc: 9, step: 1}, {foc: 99}, {foc: 4, clamp: 8, step: 2}]
+    own = SimpleNamespace(
+        _subject=SimpleNamespace(name="pi", divider=2),
+        _processor=SimpleNamespace(by_function=dict, read=lambda address, size: b""),
+        _sources={}, _homes=defined_in(), _with_law=Counter(), _without_law=Counter(),
+        _out=0, _out_size=0, counts=[], most_with_law={},
+    )  # fmt: skip
+    own._source = lambda function: Target._source(own, function)
+    own._instructions_of = lambda tally: Target._instructions_of(own, tally)
+    visited = iter(periods)
+
+    def take_instructions(tally: Counter[Function]) -> int:
+        tally.update(period := next(visited))
+        return sum(period.values())
+
+    own._processor.take_instructions = take_instructions
+    for _ in periods:
+        Target._output(own)
+    assert own.most_with_law == {"foc": 12, "pi_controller": 2}
+    assert (own.counts, own._without_law[foc]) == ([10, 99, 14], 99)
 
 
 @pytest.mark.parametrize("divider", [3, 1])
@@ -176,7 +209,7 @@ def test_a_comparison_tells_periods_with_the_law_from_the_others(divider: int) -
                                   layout=SimpleNamespace(size={"cgl_real": 4}.get))),
         image,
         cast(Any, SimpleNamespace(counts=[9, 1, 2, 8, 3, 4, 10], ends=ends, stack=120,
-                                  by_source=lambda: ({"foc": 1.0}, {"pi": 2.0}))),
+                                  most_with_law={"foc": 3}, by_source=lambda: ({"foc": 1.0}, {"pi": 2.0}))),
         None,
         Toolchain(("cc",), "gcc 12", ("-O2", "-g"), ()),
     )  # fmt: skip
@@ -188,6 +221,7 @@ def test_a_comparison_tells_periods_with_the_law_from_the_others(divider: int) -
     else:
         assert (found.with_law, found.without_law, found.end_of_trial) == (found.all, None, None)
     assert (found.by_source_with_law, found.by_source_without_law) == ({"foc": 1.0}, {"pi": 2.0})
+    assert found.most_by_source_with_law == {"foc": 3}
     assert (found.stack, found.flash, found.constants, found.ram, found.memory) == (120, 76, 120, 300, 28)
     assert (found.compiler, found.flags) == ("gcc 12", "-O2 -g")
 

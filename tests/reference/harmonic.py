@@ -21,6 +21,7 @@ BENT, SURE, STAYS, DOUBTED, CALM = 0.05, 2.5e-7, 1 / 8, 64.0, 0.02
 TURN_OF_BEND, PARTS, FEW = 8, 2, 8
 HUNTS = 2.0
 
+
 @dataclass
 class Harmonic:
     pi: Pi

@@ -18,7 +18,10 @@ void cgl_sincos(cgl_real theta, cgl_real *sine, cgl_real *cosine)
         *cosine = CGL_R(1.0);
         return;
     }
-    cgl_sincos_of_angle(theta, sine, cosine);
+    cgl_real s, c;
+    cgl_sincos_of_angle(theta, &s, &c);
+    *sine = s;
+    *cosine = c;
 }
 
 CGL_APART cgl_phasor cgl_phasor_of(uint32_t turns)

@@ -23,13 +23,22 @@ CGL_SELDOM static bool is_valid(const cgl_foc_config *config)
            && (config->phases == 0U || config->phases == 2U || config->phases == 3U);
 }
 
+/* What follows from a config that is valid. */
+CGL_SELDOM static void take(cgl_foc *foc, const cgl_foc_config *config)
+{
+    foc->config = *config;
+    foc->ahead = config->advance * foc->ts;
+    foc->rise_d = config->ki_d * foc->ts;
+    foc->rise_q = config->ki_q * foc->ts;
+}
+
 cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
 {
     if (!(is_valid(config) && cgl_is_positive(ts))) {
         return CGL_ERROR_CONFIG;
     }
-    foc->config = *config;
     foc->ts = ts;
+    take(foc, config);
     cgl_foc_reset(foc);
     return CGL_OK;
 }
@@ -39,7 +48,7 @@ cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config)
     if (!(is_valid(config) && (config->phases == 2U) == (foc->config.phases == 2U))) {
         return CGL_ERROR_CONFIG;
     }
-    foc->config = *config;
+    take(foc, config);
     return CGL_OK;
 }
 
@@ -47,6 +56,7 @@ CGL_SELDOM void cgl_foc_reset(cgl_foc *foc)
 {
     foc->integral_d = CGL_R(0.0);
     foc->integral_q = CGL_R(0.0);
+    foc->lost_d = foc->lost_q = CGL_R(0.0);
 }
 
 typedef struct {
@@ -113,7 +123,7 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
     const bool two_phases = config->phases == 2U;
     const cgl_real omega_e = in->omega_e, u_dc = in->u_dc;
     /* the rotor turns on until the voltage acts */
-    const cgl_real ahead = config->advance * foc->ts * omega_e;
+    const cgl_real ahead = foc->ahead * omega_e;
     if (!(cgl_is_angle(in->theta_e) && cgl_is_angle(in->theta_e + ahead) && u_dc >= BUS_MIN
           && cgl_is_finite(u_dc))) {
         safe(foc, in, out);
@@ -162,8 +172,8 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
         e_q = taken_back(e_q, config->kp_q, u.q - wanted.q);
         out->status = CGL_STATUS_SATURATED;
     }
-    foc->integral_d = cgl_clamp(foc->integral_d + config->ki_d * foc->ts * e_d, u_max);
-    foc->integral_q = cgl_clamp(foc->integral_q + config->ki_q * foc->ts * e_q, u_max);
+    foc->integral_d = cgl_add(foc->integral_d, foc->rise_d * e_d, u_max, &foc->lost_d);
+    foc->integral_q = cgl_add(foc->integral_q, foc->rise_q * e_q, u_max, &foc->lost_q);
     out->i_d = i_d;
     out->i_q = i_q;
     out->u_d = u.d;

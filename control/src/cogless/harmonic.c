@@ -117,10 +117,8 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     clear(law->cosine + 3U * orders, 2U * orders);
     clear(law->later, 2U);
     law->last = CGL_R(0.0);
-    clear(law->base, 2U);
-    clear(law->half, 2U);
-    clear(law->delayed, 2U);
-    clear(law->turned, 2U);
+    const cgl_phasor none = {CGL_R(0.0), CGL_R(0.0)};
+    law->base = law->half = law->delayed = law->turned = none;
     clear(law->bend.part, 4U);
     law->bend.share = law->bend.rate = law->bend.power = law->bend.rest = law->bend.doubt = CGL_R(0.0);
     law->bend.calm = law->bend.moved = law->bend.before = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
@@ -186,13 +184,6 @@ static cgl_real two_loads(cgl_harmonic *law)
     return sum;
 }
 
-static void multiply(cgl_real of[2], const cgl_real by[2])
-{
-    const cgl_real real = of[0] * by[0] - of[1] * by[1];
-    of[1] = of[0] * by[1] + of[1] * by[0];
-    of[0] = real;
-}
-
 static uint32_t smaller(uint32_t a, uint32_t b)
 {
     return a < b ? a : b;
@@ -245,10 +236,8 @@ CGL_APART static void turn_bend(cgl_harmonic *law, uint32_t theta)
 {
     cgl_harmonic_bend *const bend = &law->bend;
     cgl_real *const part = bend->part;
-    cgl_real x[2], y[2];
-    cgl_sincos_of_turns(theta, &y[0], &x[0]);
-    x[1] = x[0] * x[0] - y[0] * y[0];
-    y[1] = CGL_R(2.0) * x[0] * y[0];
+    const cgl_phasor once = cgl_phasor_of(theta), twice = cgl_product(once, once);
+    const cgl_real x[2] = {once.cosine, twice.cosine}, y[2] = {once.sine, twice.sine};
     if (law->learning && law->drift * law->drift < bend->calm) {
         const cgl_real moved = cgl_clamp(bend->moved, CGL_R(1.0e9)), step = bend->rate * moved;
         const cgl_real rate = law->rate * law->pi.ts, most = CGL_R(1.0) / (cgl_real)TURN; /* beyond it no mean */
@@ -292,13 +281,11 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real s
     const cgl_real most = lesser(asked, size) / (CGL_PI * law->pi.ts); /* leaves exp(-1) of an order after a period of the base order */
     law->rate = cgl_gentle_gain(gentle, config->rate, config->rate) * lesser(rate, most);
     const cgl_real turn = size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0);
-    cgl_sincos_of_angle(CGL_R(0.5) * turn, &law->half[1], &law->half[0]);
-    cgl_sincos_of_angle(turn * law->ahead, &law->base[1], &law->base[0]);
+    cgl_sincos(CGL_R(0.5) * turn, &law->half.sine, &law->half.cosine);
+    cgl_sincos(turn * law->ahead, &law->base.sine, &law->base.cosine);
     judge_bend(law, begun);
-    law->turned[0] = law->half[0];
-    law->turned[1] = law->half[1];
-    law->delayed[0] = law->base[0];
-    law->delayed[1] = law->base[1];
+    law->turned = law->half;
+    law->delayed = law->base;
     law->step = size;
     law->due = law->band = 0U;
 }
@@ -321,32 +308,28 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
         law->band += 2U;
     }
     const bool holds = law->band < CGL_HARMONIC_EDGES && frequency >= held[law->band];
-    const cgl_real c = law->turned[0], s = law->turned[1];
-    const cgl_real d[2] = {(CGL_R(1.0) - POLE) * c, (CGL_R(1.0) + POLE) * s};
-    cgl_real w[2] = {d[0], d[1]};
-    multiply(w, d);
-    multiply(w, d);
-    multiply(w, law->delayed);
+    const cgl_real c = law->turned.cosine, s = law->turned.sine;
+    const cgl_phasor d = {(CGL_R(1.0) - POLE) * c, (CGL_R(1.0) + POLE) * s};
+    cgl_phasor w = cgl_product(cgl_product(cgl_product(d, d), d), law->delayed);
     cgl_real scale = (holds ? CGL_R(0.0) : law->rate) * law->pi.ts / law->gain;
     const cgl_real a = law->cosine[k], b = law->cosine[orders + k], power = (cgl_real)(k + 1U) * (a * a + b * b);
     if (k < law->low) {
         law->bend.power += holds ? CGL_R(0.0) : power;
         scale /= GAIN_3 * c * c;
         const cgl_real lost = (law->omega < CGL_R(0.0) ? MEAN : -MEAN) / (cgl_real)(k + 1U); /* what the mean takes away */
-        const cgl_real without[2] = {CGL_R(1.0), lost};
-        multiply(w, without);
+        const cgl_phasor without = {CGL_R(1.0), lost};
+        w = cgl_product(w, without);
     } else {
         law->bend.rest += power;
-        const cgl_real real = w[0]; /* times -j */
-        w[0] = w[1];
-        w[1] = -real;
+        const cgl_phasor back = {w.sine, -w.cosine}; /* times -j */
+        w = back;
         scale /= CGL_R(2.0) * s * c;
     }
     cgl_real *const weight = law->cosine + 3U * orders + 2U * k;
-    weight[0] = cgl_clamp(scale * w[0], CGL_R(1.0e9));
-    weight[1] = cgl_clamp(scale * w[1], CGL_R(1.0e9));
-    multiply(law->turned, law->half);
-    multiply(law->delayed, law->base);
+    weight[0] = cgl_clamp(scale * w.cosine, CGL_R(1.0e9));
+    weight[1] = cgl_clamp(scale * w.sine, CGL_R(1.0e9));
+    law->turned = cgl_product(law->turned, law->half);
+    law->delayed = cgl_product(law->delayed, law->base);
     law->due = k + 1U;
 }
 
@@ -357,31 +340,31 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
     const cgl_real limit = law->config.limit;
     cgl_real *const a = law->cosine, *const b = a + orders;
     const cgl_real *const w = b + 2U * orders;
-    cgl_real x1, y1, sum = CGL_R(0.0), moved = CGL_R(0.0), seen = loads;
-    cgl_sincos_of_turns(law->config.base * angle, &y1, &x1);
-    cgl_real x = x1, y = y1;
+    cgl_real sum = CGL_R(0.0), moved = CGL_R(0.0), seen = loads;
+    cgl_phasor first;
+    cgl_sincos_of_turns(law->config.base * angle, &first.sine, &first.cosine);
+    cgl_phasor at = first;
     uint32_t k = 0U, begin = low * turn / PARTS, end = low * (turn + 1U) / PARTS;
     for (uint32_t part = 0U; part < 2U; ++part) {
         for (; k < begin; ++k) {
-            sum += a[k] * x + b[k] * y;
-            const cgl_real next = x * x1 - y * y1;
-            y = x * y1 + y * x1;
-            x = next;
+            sum += a[k] * at.cosine + b[k] * at.sine;
+            at = cgl_product(at, first);
         }
         for (; k < end; ++k) {
             const cgl_real p = seen * w[2U * k], q = seen * w[2U * k + 1U];
-            const cgl_real less = p * x + q * y, more = q * x - p * y;
+            const cgl_real less = p * at.cosine + q * at.sine, more = q * at.cosine - p * at.sine;
             moved += a[k] * more + b[k] * less;
             const cgl_real cosine = cgl_clamp_here(a[k] - less, limit), sine = cgl_clamp_here(b[k] + more, limit);
             a[k] = cosine;
             b[k] = sine;
-            sum += cosine * x + sine * y;
-            const cgl_real next = x * x1 - y * y1;
-            y = x * y1 + y * x1;
-            x = next;
+            sum += cosine * at.cosine + sine * at.sine;
+            at = cgl_product(at, first);
         }
         if (part == 0U) {
             law->bend.moved += moved;
+        }
+        if (k >= law->acting) {
+            break;
         }
         begin = low;
         end = law->acting;
@@ -390,11 +373,11 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
     return cgl_clamp(sum, limit);
 }
 
-/* Whether the inputs that make this error can be true. */
+/* Whether a law that has an angle has all that it needs. */
 static bool is_plausible(const cgl_harmonic *law, const cgl_law_input *in, cgl_real error)
 {
     const bool placed = !(law->config.k_theta > CGL_R(0.0)) || cgl_is_angle(in->theta_ref);
-    return cgl_is_finite(error) && placed && cgl_is_angle(in->theta_m);
+    return cgl_is_finite(error) && placed;
 }
 
 /* A step in which something is at its limit, not plausible, or not learning. */
@@ -407,7 +390,7 @@ CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in
     out->i_q_ref = cgl_pi_step(&law->pi, error, law->learned);
     out->status = (law->pi.saturated ? (unsigned)CGL_STATUS_SATURATED : 0U)
                   | (law->learning ? 0U : (unsigned)CGL_STATUS_FROZEN)
-                  | (is_plausible(law, in, error) ? 0U : (unsigned)CGL_STATUS_FAULT);
+                  | (cgl_is_angle(in->theta_m) && is_plausible(law, in, error) ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
 /* What is learned is cleared, as the guard says. */
@@ -442,8 +425,8 @@ static cgl_real follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t thet
         seat(law, theta, in->omega_m);
     }
     const cgl_real error = observe(law, theta), loads = two_loads(law);
-    const uint32_t pause = law->acting > FEW ? 2U : 4U;
-    if (law->since % pause == 1U) {
+    const uint32_t pause = law->acting > FEW ? 2U : 4U; /* a power of two: what follows is a remainder */
+    if ((law->since & (pause - 1U)) == 1U) {
         make_gain(law, pause, in->gentle, cgl_abs(in->omega_ref));
     }
     if (in->off) {

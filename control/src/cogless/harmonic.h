@@ -25,6 +25,7 @@
 
 #include <stdint.h>
 
+#include "angle.h"
 #include "law.h"
 #include "pi.h"
 
@@ -100,8 +101,8 @@ typedef struct {
     cgl_real slowest, fastest; /* span of speeds; a speed a quarter beyond it is new [turns/ts] */
     cgl_real rate;           /* of learning at present [1/s] */
     cgl_real step;           /* of the base order, when the gains were begun [rad] */
-    cgl_real base[2], half[2]; /* phasors of the base order: as far ahead as it acts, by half a period; */
-    cgl_real delayed[2], turned[2]; /* and those of the order `due`, whose gain is made anew next */
+    cgl_phasor base, half;   /* phasors of the base order: as far ahead as it acts, by half a period; */
+    cgl_phasor delayed, turned; /* and those of the order `due`, whose gain is made anew next */
     cgl_harmonic_bend bend;
     uint32_t bends;          /* parts of it that are learned, in pairs */
     uint32_t since;          /* steps since its turn, even where it has none */

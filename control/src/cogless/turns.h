@@ -24,11 +24,11 @@ static inline uint32_t cgl_share_of_turn(uint32_t part, uint32_t parts)
     return part * (UINT32_MAX / parts) + part * (UINT32_MAX % parts + 1U) / parts;
 }
 
-/* How far `to` is ahead of `from`, the short way round: in [-2^31, 2^31). */
+/* How far `to` is ahead of `from`, the short way round: in [-2^31, 2^31). Compilers make one conversion of it. */
 static inline cgl_real cgl_steps(uint32_t from, uint32_t to)
 {
     const uint32_t ahead = to - from;
-    return ahead < 0x80000000U ? (cgl_real)ahead : -(cgl_real)(0U - ahead);
+    return (cgl_real)(ahead < 0x80000000U ? (int32_t)ahead : -1 - (int32_t)(UINT32_MAX - ahead));
 }
 
 /* The angle, in turns, that is `by` revolutions ahead; |by| < 1/2, else as far as that. */

@@ -46,7 +46,8 @@ class Comparison:
     """Result for one controller: first difference from the simulation, instructions, memory.
 
     Instructions per tick are counted over all ticks, over those in which the law runs, and over the others.
-    By source file they are means; a function that the compiler inlined counts for its caller's file.
+    By source file they are means, and the most in a period in which the law runs; a function that the
+    compiler inlined counts for its caller's file.
 
     Sizes are in bytes. `flash`: code and constants; `constants`: the part of it that is the controller's
     configuration. `ram`: the controller's struct; `memory`: the part of it that the law learns into.
@@ -64,6 +65,7 @@ class Comparison:
     end_of_trial: int | None  # instructions, at most
     by_source_with_law: dict[str, float]
     by_source_without_law: dict[str, float]
+    most_by_source_with_law: dict[str, int]
     stack: int
     flash: int
     constants: int
@@ -186,6 +188,7 @@ def _comparison(
         end_of_trial=max(target.ends, default=None),
         by_source_with_law=by_source[0],
         by_source_without_law=by_source[1],
+        most_by_source_with_law=target.most_with_law,
         stack=target.stack,
         flash=image.flash,
         constants=sum(image.symbols[name].size for name in configs if name in image.symbols),

@@ -41,6 +41,7 @@ class Processor:
         self._uc.ctl_set_cpu_model(arm.UC_CPU_ARM_CORTEX_M4)
         self._visits: list[tuple[int, int]] = []
         self._lengths: dict[tuple[int, int], int] = {}
+        self._owners: dict[int, Function] = {}
         for start, end in _pages(image):
             self._uc.mem_map(start, end - start)
         for address, data in image.segments.items():
@@ -75,11 +76,7 @@ class Processor:
 
         Instructions that an IT block skips are counted, too, since they are fetched.
         """
-        lengths, total = self._lengths, 0
-        for visit in self._visits:
-            if visit not in lengths:
-                lengths[visit] = self._count(*visit)
-            total += lengths[visit]
+        total = sum(map(self._length, self._visits))
         if tally is not None:
             tally.update(self._visits)
         self._visits.clear()
@@ -87,12 +84,10 @@ class Processor:
 
     def by_function(self, tally: Visits) -> dict[Function, int]:
         """Instructions in a tally, summed for each function that contains them."""
-        functions = self._image.functions
-        addresses = [function.address for function in functions]
         found: dict[Function, int] = {}
-        for (address, size), times in tally.items():
-            function = functions[bisect_right(addresses, address) - 1]
-            found[function] = found.get(function, 0) + times * self._count(address, size)
+        for visit, times in tally.items():
+            function = self._owner(visit[0])
+            found[function] = found.get(function, 0) + times * self._length(visit)
         return found
 
     def read(self, address: int, size: int) -> bytes:
@@ -106,6 +101,19 @@ class Processor:
         """Largest use of the stack so far, bytes."""
         painted = self.read(STACK_TOP - STACK_SIZE, STACK_SIZE)
         return len(painted.lstrip(bytes([PAINT])))
+
+    def _owner(self, address: int) -> Function:
+        """The function that contains an address."""
+        if address not in self._owners:
+            place = bisect_right(self._image.functions, address, key=lambda function: function.address)
+            self._owners[address] = self._image.functions[place - 1]
+        return self._owners[address]
+
+    def _length(self, visit: tuple[int, int]) -> int:
+        """Number of instructions of a block; flash stays as it is, so each block is counted once."""
+        if visit not in self._lengths:
+            self._lengths[visit] = self._count(*visit)
+        return self._lengths[visit]
 
     def _count(self, address: int, size: int) -> int:
         """Number of Thumb instructions in a block.

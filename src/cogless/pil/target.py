@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections import Counter
 from contextlib import ExitStack
+from functools import cached_property
 from importlib.resources import as_file, files
 from pathlib import Path
 from string import Template
@@ -18,7 +19,7 @@ from cogless.export.c.names import stem
 from cogless.export.c.subject import Subject
 from cogless.export.prepared import Prepared, Reals, Recording
 from cogless.export.sources import defined_in
-from cogless.pil.image import Image, read
+from cogless.pil.image import Function, Image, read
 from cogless.pil.processor import Processor, Visits
 from cogless.pil.toolchain import Toolchain
 
@@ -76,8 +77,9 @@ COMPILERS = "compiler's library"
 class Target:
     """The exported controller on the emulated processor, as an object that `Drive.advance` takes.
 
-    `counts`, `ends`: instructions of each step, and of each end of a trial. The law runs in the first tick of
-    a trial, and a trial is a whole number of its periods long.
+    `counts`, `ends`: instructions of each step, and of each end of a trial. `most_with_law`: the most of each
+    source file in a period in which the law runs. The law runs in the first tick of a trial, and a trial is a
+    whole number of its periods long.
     """
 
     def __init__(self, subject: Subject, image: Image, memory: Reals) -> None:
@@ -97,6 +99,8 @@ class Target:
         self.ends: list[int] = []
         self._with_law: Visits = Counter()
         self._without_law: Visits = Counter()
+        self.most_with_law: dict[str, int] = {}
+        self._sources: dict[Function, str] = {}
         error = self._call("init", self._controller)
         if error != 0:
             raise StudyError(f"pil: {subject.name}_init returned {error}: expected CGL_OK, 0")
@@ -112,8 +116,12 @@ class Target:
     def _output(self) -> bytes:
         """The output of the step that has just been made, whose instructions are counted."""
         due = len(self.counts) % self._subject.divider == 0
-        tally = self._with_law if due else self._without_law
-        self.counts.append(self._processor.take_instructions(tally))
+        visits: Visits = Counter()
+        self.counts.append(self._processor.take_instructions(visits))
+        (self._with_law if due else self._without_law).update(visits)
+        if due:
+            for source, count in self._instructions_of(visits).items():
+                self.most_with_law[source] = max(count, self.most_with_law.get(source, 0))
         return self._processor.read(self._out, self._out_size)
 
     def measure(self, measurement: bytes, reference: bytes) -> tuple[bool, float, float]:
@@ -154,14 +162,28 @@ class Target:
         )
 
     def _by_source(self, tally: Visits, ticks: int) -> dict[str, float]:
-        found: dict[str, float] = {}
-        home = defined_in()
-        for function, count in self._processor.by_function(tally).items():
-            own = function.name.startswith((f"{self._subject.name}_", "pil_"))
-            known = stem(self._subject.name) if own else home.get(function.name, COMPILERS)
-            source = function.file or known
-            found[source] = found.get(source, 0.0) + count / ticks
+        found = {source: count / ticks for source, count in self._instructions_of(tally).items()}
         return dict(sorted(found.items(), key=lambda entry: -entry[1]))
+
+    def _instructions_of(self, tally: Visits) -> dict[str, int]:
+        """Instructions in a tally, summed for each source file."""
+        found: dict[str, int] = {}
+        for function, count in self._processor.by_function(tally).items():
+            source = self._source(function)
+            found[source] = found.get(source, 0) + count
+        return found
+
+    @cached_property
+    def _homes(self) -> dict[str, str]:
+        return defined_in()
+
+    def _source(self, function: Function) -> str:
+        """The source file of a function, without suffix."""
+        if function not in self._sources:
+            own = function.name.startswith((f"{self._subject.name}_", "pil_"))
+            home = stem(self._subject.name) if own else self._homes.get(function.name, COMPILERS)
+            self._sources[function] = function.file or home
+        return self._sources[function]
 
     @property
     def memory(self) -> Reals:
