@@ -35,7 +35,8 @@ def zero_phase(b, a, x: np.ndarray, odd: bool = False) -> np.ndarray:
 class TrialObserver:
     """The header's equations as matrices, on whole lists of errors and of the feedback that acted."""
 
-    def __init__(self, g: float, p: float) -> None:
+    def __init__(self, g: float, p: float, limit: float) -> None:
+        self.most = g * limit * (3 + p) ** 2 / 4
         self.g, self.L = g, np.array([1 - p**3, 1.5 * (1 - p) ** 2 * (1 + p), (1 - p) ** 3])
         self.K = np.array([(1 - p) ** 2, (1 - p) * (3 + p) / 2])
         self.e: list[float] = []
@@ -48,7 +49,8 @@ class TrialObserver:
             self.e, self.u, self.x = [e] * 3, [0.0] * 2, np.array([e, 0.0, 0.0])
         self.e.append(e)
         self.x = self.x + self.L * (e - self.x[0])
-        return float(self.K @ self.x[:2]) / self.g, self.x[2] / self.g
+        braked = clip(self.K[0] * self.x[0], self.most)
+        return float(braked + self.K[1] * self.x[1]) / self.g, self.x[2] / self.g
 
     def act(self, u_fb: float) -> None:
         self.u.append(u_fb)
@@ -191,7 +193,7 @@ class Trial:
         self.acting = np.zeros(self.samples) if self.guard.phase == "COMPARE" else self.v
         self.limited = np.zeros(self.samples, dtype=bool)
         self.saturated = self.fault = False
-        self.observer = TrialObserver(self.response, self.pole) if self.response else None
+        self.observer = TrialObserver(self.response, self.pole, self.limit) if self.response else None
 
     def step(self, x: np.ndarray, learn: bool = True) -> float:
         p, held = self.p, min(self.p, self.samples - 1)

@@ -106,9 +106,10 @@ def expected(settings: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarra
         x = np.array(phase["initial_state"])
         law.begin(phase["reference"])
         for p in range(SAMPLES):
-            v, y, load = law.v[p], np.dot(settings["C"], x), phase["load"][p]
+            v, y, load = law.acting[p], np.dot(settings["C"], x), phase["load"][p]
             u = law.step(x)
-            status = 5 * law.saturated
+            gentle = law.guard.phase != "LEARN" or law.guard.strikes > 0
+            status = 5 * law.saturated + 2048 * gentle
             rows.append([phase["reference"][p], y, u, load, *x, status, v])
             x = phase["A"] @ x + phase["B"] * (u - load)
         law.end()
