@@ -72,7 +72,7 @@ class TrialGuard:
         self.last = self.jump = math.nan
         self.first = True
 
-    def is_too_much(self, J: float, growth: float = 4.0) -> bool:
+    def is_too_much(self, J: float, growth: float = 1.21) -> bool:
         return J > growth * self.best or J > 1.1025 * self.feedback
 
     def strike(self) -> None:
@@ -89,7 +89,7 @@ class TrialGuard:
 
     def decide(self, J: float, none: bool, limited: bool) -> set[str]:
         """J: of the trial; none: v was zero; limited: u was at its limit. Of {"store", "back", "clear", "learn"}."""
-        self.growth = 1.1025 if limited else 4.0
+        self.growth = 1.1025 if limited else 2.25
         verdict = getattr(self, self.phase.lower())(J, none)
         if none:
             self.feedback = J
@@ -118,7 +118,7 @@ class TrialGuard:
         return {"back"}
 
     def replay(self, J: float, none: bool) -> set[str]:
-        if self.is_too_much(J) or 4 * J < self.best:
+        if self.is_too_much(J) or 1.21 * J < self.best:
             self.jump = J
             self.accept(J)
             if none:

@@ -2,18 +2,18 @@
  *
  * It knows no plant. It compares J, the sum of e^2 over a trial, e = y_ref - y as measured, with two that it has measured: that
  * of the best v so far, and F, that of the feedback alone, v = 0. J is too much beyond 1.1025 F, which is 1.05 times the RMS,
- * and beyond 4 times the best, twice the RMS; beyond 1.1025 times the best if u was at its limit, where no law of learning
- * holds.
+ * and beyond 2.25 times the best, 1.5 times the RMS; beyond 1.1025 times the best if u was at its limit, where no law of
+ * learning holds.
  *
  * Too much has two causes: learning, or another plant. The best v tells them apart, as it runs again for a trial: if its J is
- * not too much now, learning was wrong. If it is, the plant has changed, and what was measured has expired.
+ * what it was, within a factor of 1.21, learning was wrong. If not, the plant has changed, and what was measured has expired.
  *
  *   LEARN   J is too much, and no less than 0.91 of the trial before -> v is the best again, REPLAY. As long as J falls, which
  *           is what learning does after the plant has changed, it goes on, for five trials. Then, or as soon as it does not
  *           fall any more and the RMS is half of the first, v is the best, and -> COMPARE
- *   REPLAY  the best v runs. Its J is not too much: a strike, -> HOLD. It is: -> COMPARE
- *   HOLD    the best v runs, and nothing is learned, for 4^strikes trials with that of REPLAY -> LEARN; too much, or less than
- *           a quarter -> COMPARE
+ *   REPLAY  the best v runs. Its J is what it was: a strike, -> HOLD. It is not: -> COMPARE
+ *   HOLD    the best v runs, and nothing is learned, for 4^strikes trials with that of REPLAY -> LEARN; J is not what it was
+ *           -> COMPARE
  *   COMPARE v = 0 runs, which measures F: the better of the two goes on -> LEARN. If F is what it was, the plant is too, and a v
  *           that is worse than none is a strike, -> HOLD
  *
