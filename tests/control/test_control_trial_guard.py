@@ -1,4 +1,4 @@
-"""The guard of the trial law on axes of a few lines, which it does not know: saturation, payloads, wrong models."""
+"""The guard of the trial law on axes of a few lines that it does not know: limits, payloads, wrong models."""
 
 import math
 import re
@@ -19,7 +19,7 @@ WORSE = 1.05
 
 @dataclass
 class Axis:
-    """strength: rad/s^2 by one unit of the input; damping: 1/s; load: units of the input, from the middle on."""
+    """strength: rad/s^2 by one unit of the input; damping: 1/s; load: of the input, in the second half."""
 
     strength: float = 2000.0
     damping: float = 2.0
@@ -48,7 +48,8 @@ def motion(angle: float = 20.0) -> np.ndarray:
 
 
 NOMINAL = Axis()
-NEED = float(np.abs(np.diff(motion(), 2)).max()) / PERIOD**2 / NOMINAL.strength  # of the input, without friction
+# of the input, without friction
+NEED = float(np.abs(np.diff(motion(), 2)).max()) / PERIOD**2 / NOMINAL.strength
 
 
 def law(kind: str, limit: float, guarded: bool = True, learning: bool = True) -> Trial:
@@ -133,7 +134,8 @@ def test_learning_never_leaves_more_than_the_feedback_for_long(kind, case):
 def test_without_the_guard_the_matrix_diverges(case):
     """The cases are hard enough: several times the feedback's error, and for as long as they last."""
     limit, axes = CASES[case]
-    errors, feedback = run(law("matrix", limit, guarded=False), axes), run(law("matrix", limit, learning=False), axes)
+    errors = run(law("matrix", limit, guarded=False), axes)
+    feedback = run(law("matrix", limit, learning=False), axes)
     assert longest_above(errors, feedback) > 30 and errors[-1] > 3 * feedback[-1]
 
 
@@ -213,7 +215,7 @@ class Both(CTrial):
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("kind", KINDS)
 def test_random_axes(kind, seed):
-    """Inertia within 40 %, friction, start offsets, loads, a limit that may be short: five trials, and in the end none."""
+    """Inertia within 40 %, friction, start offsets, loads, a limit that may be short: five trials."""
     rng = np.random.default_rng([37, seed])
     limit = NEED * float(rng.choice([0.85, 0.95, 1.1, 1.5]))
     start = float(rng.choice([0.0, 0.02]))
@@ -395,7 +397,7 @@ def test_the_memory_is_as_long_as_the_header_says(unguarded):
 
 
 def test_the_observer_s_feedback_can_brake_what_it_asks_for():
-    """A step of two radians: from any error the speed towards the reference is one that the limit stops in time."""
+    """A step of two radians: the speed towards the reference is one that the limit brakes."""
     limit = 1.0
     of = replace(law("observer", limit, learning=False), num=[], den=[1.0])
     c = CTrial(control_library("double"), of)

@@ -64,7 +64,7 @@ class TrialObserver:
 
 
 class TrialGuard:
-    """The header's rules on the sums of e^2 over trials. `decide` says what becomes of v and of the best v."""
+    """The header's rules on the sums of e^2 over trials. `decide` says what becomes of v and the best v."""
 
     def __init__(self) -> None:
         self.phase, self.best, self.feedback = "LEARN", math.inf, math.nan
@@ -73,7 +73,7 @@ class TrialGuard:
         self.first = True
 
     def is_too_much(self, J: float, growth: float = 1.21) -> bool:
-        return J > growth * self.best or J > 1.1025 * self.feedback
+        return growth * self.best < J or 1.1025 * self.feedback < J
 
     def strike(self) -> None:
         self.strikes = min(self.strikes + 1, 6)
@@ -88,7 +88,7 @@ class TrialGuard:
             self.phase = "COMPARE"
 
     def decide(self, J: float, none: bool, limited: bool) -> set[str]:
-        """J: of the trial; none: v was zero; limited: u was at its limit. Of {"store", "back", "clear", "learn"}."""
+        """J: of the trial; none: v was zero; limited: u was at its limit. What is to be done with v."""
         self.growth = 1.1025 if limited else 2.25
         verdict = getattr(self, self.phase.lower())(J, none)
         if none:
@@ -99,16 +99,16 @@ class TrialGuard:
     def learn(self, J: float, _none: bool) -> set[str]:
         if self.first or not self.is_too_much(J, self.growth):
             self.above = 0
-            if J >= self.best:
+            if self.best <= J:
                 return {"learn"}
-            self.strikes -= self.strikes > 0 and 1.1025 * J < self.best
+            self.strikes -= self.strikes > 0 and self.best > 1.1025 * J
             self.best = J
             return {"store", "learn"}
         self.above += 1
         if self.above == 1:
             self.jump = J
-        goes_on = self.strikes == 0 if self.above == 1 else 1.1025 * J <= self.last
-        if self.above == 5 or (not goes_on and 4 * J <= self.jump):
+        goes_on = self.strikes == 0 if self.above == 1 else self.last >= 1.1025 * J
+        if self.above == 5 or (not goes_on and self.jump >= 4 * J):
             self.accept(J)
             return {"store", "learn"}
         if goes_on:
@@ -118,7 +118,7 @@ class TrialGuard:
         return {"back"}
 
     def replay(self, J: float, none: bool) -> set[str]:
-        if self.is_too_much(J) or 1.21 * J < self.best:
+        if self.is_too_much(J) or self.best > 1.21 * J:
             self.jump = J
             self.accept(J)
             if none:
@@ -137,7 +137,7 @@ class TrialGuard:
     hold = replay
 
     def compare(self, J: float, _none: bool) -> set[str]:
-        same = J <= 1.1025 * self.feedback and self.feedback <= 1.1025 * J
+        same = 1.1025 * self.feedback >= J and self.feedback <= 1.1025 * J
         self.feedback, self.phase = J, "LEARN"
         if not same:
             self.strikes = 0
