@@ -189,7 +189,7 @@ def test_the_guard_equals_its_transcription(kind, case):
 
 
 class Both(CTrial):
-    """Steps the transcription with what the C law measures. It takes over v, so that roundings do not add up."""
+    """Steps the transcription with what the C law measures, and with its v, so that roundings don't add up."""
 
     def __init__(self, c: CTrial, reference: Trial) -> None:
         self.c, self.reference = c, reference
@@ -273,6 +273,18 @@ def test_growth_that_goes_on_brings_the_best_back(guard):
     assert [guard.judge(2.1) for _ in range(15)] == [set()] * 14 + [{"learn"}]
 
 
+def test_a_quarter_of_the_error_takes_a_strike_back(guard):
+    guard.judge(10.0, none=True)
+    assert [guard.judge(11.0), guard.judge(11.0), guard.judge(10.0, none=True)][-1] == set()
+    while guard.phase != guard.lib.CGL_TRIAL_LEARN:
+        guard.judge(10.0, none=True)
+    strikes = []
+    for rms in (9.0, 8.0, 6.0, 5.1, 4.9):
+        guard.judge(rms)
+        strikes.append(guard.state.strikes)
+    assert strikes == [1, 1, 1, 1, 0] and guard.state.share == 1.0
+
+
 @pytest.mark.parametrize(("rms", "changed"), [(1.8, True), (1.83, False), (2.18, False), (2.25, True)])
 def test_held_v_tells_another_plant(guard, rms, changed):
     """Also one that would be easier now, which no growth shows."""
@@ -290,7 +302,7 @@ def test_at_the_limit_a_little_growth_is_enough(guard):
 
 
 def test_falling_after_a_jump_is_not_disturbed(guard):
-    """The feedback's error is known to be above: J is below that of old, and the change was small beside it."""
+    """The feedback's error is surely above: J is below that of old, and the change was small beside it."""
     guard.judge(100.0, none=True)
     for rms in (10.0, 1.0, 0.1):
         guard.judge(rms)

@@ -77,7 +77,7 @@ class TrialGuard:
 
     def strike(self) -> None:
         self.strikes = min(self.strikes + 1, 6)
-        self.phase, self.wait = "HOLD", 4**self.strikes - 1
+        self.phase, self.wait, self.mark = "HOLD", 4**self.strikes - 1, self.best
 
     def accept(self, J: float) -> None:
         old, self.best, self.above = self.best, J, 0
@@ -101,7 +101,8 @@ class TrialGuard:
             self.above = 0
             if self.best <= J:
                 return {"learn"}
-            self.strikes -= self.strikes > 0 and self.best > 1.1025 * J
+            if self.strikes and self.mark >= 4 * J:
+                self.strikes, self.mark = self.strikes - 1, J
             self.best = J
             return {"store", "learn"}
         self.above += 1

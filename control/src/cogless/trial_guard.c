@@ -10,8 +10,8 @@
 void cgl_trial_guard_reset(cgl_trial_guard *guard)
 {
     const cgl_real unknown = CGL_R(-1.0);
-    const cgl_trial_guard fresh = {CGL_R(0.0), CGL_R(0.0), unknown, unknown, CGL_R(0.0), CGL_R(1.0), 0U, 0U, 0U, 0U,
-                                   CGL_TRIAL_LEARN, false};
+    const cgl_trial_guard fresh = {CGL_R(0.0), CGL_R(0.0), unknown, unknown, CGL_R(0.0), CGL_R(0.0), CGL_R(1.0), 0U, 0U, 0U,
+                                   0U, CGL_TRIAL_LEARN, false};
     *guard = fresh;
 }
 
@@ -28,6 +28,7 @@ static void set_strikes(cgl_trial_guard *guard, uint32_t strikes)
 static void strike(cgl_trial_guard *guard)
 {
     set_strikes(guard, guard->strikes + 1U);
+    guard->mark = guard->best;
     guard->wait = (1U << (2U * guard->strikes)) - 1U;
     guard->phase = CGL_TRIAL_HOLD;
 }
@@ -63,8 +64,9 @@ static void judge_learned(cgl_trial_guard *guard, cgl_trial_verdict *verdict)
     if (best < CGL_R(0.0) || !is_too_much(guard, error, growth)) {
         guard->above = 0U;
         if (best < CGL_R(0.0) || error < best) {
-            if (guard->strikes > 0U && WORSE * error < best) {
+            if (guard->strikes > 0U && FAR * error <= guard->mark) {
                 set_strikes(guard, guard->strikes - 1U);
+                guard->mark = error;
             }
             guard->best = error;
             verdict->store = true;

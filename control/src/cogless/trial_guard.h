@@ -17,8 +17,8 @@
  *   COMPARE v = 0 runs, which measures F: the better of the two goes on -> LEARN. If F is what it was, the plant is too, and a v
  *           that is worse than none is a strike, -> HOLD
  *
- * Strikes also make learning gentle: only the share 8^-strikes of what it would add to the best v is added. The best falling by
- * a tenth takes one back, another plant all of them. So the harm comes to nothing, in number of trials and in size, as long as
+ * Strikes also make learning gentle: only the share 8^-strikes of what it would add to the best v is added. The best falling to
+ * a quarter takes one back, another plant all of them. So the harm comes to nothing, in number of trials and in size, as long as
  * the plant stays.
  *
  * COMPARE costs a trial, and is left out where F is surely more than J. If the plant is as it was, it is for J <= F. If not, let
@@ -56,6 +56,7 @@ typedef struct {
     cgl_real best;       /* with the best v, as last measured; below 0: there is none */
     cgl_real feedback;   /* F; below 0: not yet measured */
     cgl_real jump;       /* in the first of the trials that were too much */
+    cgl_real mark;       /* the best when the last strike came or was taken back */
     cgl_real share;      /* 8^-strikes */
     uint32_t above;      /* trials in a row that were too much, in LEARN */
     uint32_t wait;       /* trials that HOLD still lasts */
