@@ -189,7 +189,7 @@ def test_the_guard_equals_its_transcription(kind, case):
 
 
 class Both(CTrial):
-    """Steps the transcription with what the C law measures, and with its v, so that roundings don't add up."""
+    """Steps the transcription with what the C law measures, and with its v, so that roundings stay small."""
 
     def __init__(self, c: CTrial, reference: Trial) -> None:
         self.c, self.reference = c, reference
