@@ -3,7 +3,6 @@
 #include "angle.h"
 
 #define SAMPLES_MAX 16777216U
-#define SHIFT_MAX 32U
 
 static const cgl_trial_terms no_terms = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
 
@@ -40,8 +39,8 @@ CGL_SELDOM static bool is_valid(const cgl_trial_config *config)
     return config->samples >= 2U && config->samples <= SAMPLES_MAX && config->states >= 1U
            && config->states <= CGL_TRIAL_STATES && all_finite(config->k_1, config->states)
            && all_finite(config->c, config->states) && cgl_is_finite(config->k_2) && cgl_is_finite(config->n)
-           && cgl_is_finite(config->k_3) && config->shift >= 1U && config->shift <= SHIFT_MAX
-           && config->shift < config->samples && cgl_is_positive(config->limit)
+           && cgl_is_finite(config->k_3) && config->shift >= 1U && config->shift < config->samples
+           && cgl_is_positive(config->limit)
            && cgl_is_positive(config->learned_limit) && cgl_is_finite(config->n * config->learned_limit)
            && cgl_feedforward_init(&config->feedforward, &unused) == CGL_OK
            && cgl_zero_phase_init(&config->q_filter, config->samples) == CGL_OK && is_valid_observer(config)
@@ -115,7 +114,6 @@ CGL_SELDOM void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref)
     law->theta = y_ref != 0 ? cgl_clamped(y_ref[0], CGL_REAL_MAX) : CGL_R(0.0);
     cgl_feedforward_reset(&config->feedforward, &law->feedforward, y_ref != 0 ? y_ref[0] : CGL_R(0.0));
     law->sample = 0U;
-    law->blocked = 0xFFFFFFFFU;
     law->spoilt = false;
     law->guard.error = CGL_R(0.0);
     law->guard.limited = false;
@@ -188,10 +186,13 @@ static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plaus
     }
     if (within) {
         const cgl_real lesson = observes(config) ? law->observer.missing : e;
-        law->error[p] = ((law->blocked >> (config->shift - 1U)) & 1U) != 0U ? CGL_R(0.0) : lesson;
+        const bool blocked = p < config->shift || law->error[p] != CGL_R(0.0);
+        law->error[p] = blocked ? CGL_R(0.0) : lesson;
+        if (config->shift < config->samples - p) {
+            law->error[p + config->shift] = saturated ? CGL_R(1.0) : CGL_R(0.0);
+        }
         law->guard.error += e * e;
         law->guard.limited = law->guard.limited || saturated;
-        law->blocked = (law->blocked << 1) | (saturated ? 1U : 0U);
         law->spoilt = law->spoilt || !learn;
     }
     out->status |= !within || law->spoilt ? (unsigned)CGL_STATUS_FROZEN : 0U;

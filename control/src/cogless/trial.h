@@ -62,7 +62,7 @@ typedef struct {
     cgl_real c[CGL_TRIAL_STATES];   /* y = C x [y/x], finite */
     bool through_integrator;        /* v also acts through the integral, as in Fig. 1; false: at the input only */
     cgl_real k_3;                   /* learning gain [v/y], finite; 0: no learning */
-    uint32_t shift;                 /* relative degree r [samples], 1 to 32, < samples */
+    uint32_t shift;                 /* relative degree r, or more for a loop that lags [samples], 1 to samples - 1 */
     cgl_feedforward_config feedforward;  /* from y_ref to u; default none */
     cgl_zero_phase_config q_filter;      /* between trials; default none */
     bool filter_signal;                  /* false: Q filters e; true: Q filters v; default false */
@@ -97,7 +97,8 @@ typedef struct {
     cgl_trial_config config;
     cgl_real *learned;           /* v: caller's memory, `samples` entries within +-learned_limit; may be saved, and
                                     restored, between trials */
-    cgl_real *error;             /* e of this trial, behind v; then the filter's tail; then the best v of the guard */
+    cgl_real *error;             /* e of this trial, behind v; of the next `shift` samples: not 0 where u, `shift` samples
+                                    before, was saturated. Then the filter's tail; then the best v of the guard */
     const cgl_real *y_ref;       /* of this trial; NULL before the first one */
     cgl_real psi;                /* psi(p - 1) */
     cgl_trial_observer observer;
@@ -106,7 +107,6 @@ typedef struct {
     cgl_real theta;              /* drive: the angle without its jumps [rad] */
     cgl_feedforward feedforward;
     uint32_t sample;             /* p of the next step; goes on a little beyond the end */
-    uint32_t blocked;            /* bit i: u of i + 1 samples ago was saturated, or before the trial */
     bool spoilt;                 /* nothing is learned from this trial */
     cgl_trial_terms terms;       /* of the last step */
 } cgl_trial;
