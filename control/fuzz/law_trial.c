@@ -64,7 +64,8 @@ bool law_begin(feed *from)
     }
     config.limit = feed_gain(from, CGL_R(5.0));
     config.learned_limit = feed_gain(from, CGL_R(5.0));
-    const uint32_t length = CGL_TRIAL_LENGTH(config.samples, config.q_filter.order);
+    config.unguarded = feed_bool(from);
+    const uint32_t length = CGL_TRIAL_LENGTH(config.samples, config.q_filter.order) - (config.unguarded ? config.samples : 0U);
     memory = borrow(length);
     y_ref = borrow(config.samples);
     next_ref = borrow(config.samples);

@@ -65,7 +65,7 @@ PRECISE = """
     cgl_delay_is_valid cgl_space_position_init cgl_space_speed_init
     cgl_encoder_init cgl_hall_init cgl_low_pass_init cgl_low_pass_retune cgl_angle_observer_init
     cgl_angle_observer_retune cgl_speed_timed_init
-    cgl_feedforward_init cgl_zero_phase_init cgl_trial_init cgl_trial_reset cgl_trial_end correct step
+    cgl_feedforward_init cgl_zero_phase_init cgl_trial_init cgl_trial_reset learn learn_guarded correct step
     cgl_trial_step cgl_trial_drive_step cgl_space_speed_step cgl_space_position_step cgl_robust_ilc_step
     follow learn_on repeat cgl_memory_step find_time find_angle cgl_delay_step write_bytes check_step
     check_mark take_entries smaller cgl_pi_afc_step cgl_harmonic_step

@@ -27,6 +27,7 @@ int main(void)
     config.limit = config.learned_limit = ANY_LIMIT;
     config.through_integrator = any_bool();
     config.filter_signal = any_bool();
+    config.unguarded = any_bool();
     config.q_filter.odd = ODD; /* which samples the reflection reads depends on it */
     config.learning_matrix = any_bool() ? matrix : 0;
     Frama_C_make_unknown((char *)y_ref, sizeof y_ref);

@@ -981,6 +981,7 @@ static cgl_trial_config random_trial(cgl_real *matrix)
     }
     config.limit = random_gain(CGL_R(20.0));
     config.learned_limit = random_gain(CGL_R(5.0));
+    config.unguarded = random_below(4) == 0U;
     config.observer.response = config.observer.pole = CGL_R(0.0);
     if (random_below(3) == 0U) {
         config.observer.response = random_gain(CGL_R(0.1));
@@ -1058,7 +1059,7 @@ static void try_trial(void)
     uint32_t length;
     do {
         config = random_trial(matrix);
-        length = CGL_TRIAL_LENGTH(config.samples, config.q_filter.order);
+        length = CGL_TRIAL_LENGTH(config.samples, config.q_filter.order) - (config.unguarded ? config.samples : 0U);
     } while (cgl_trial_init(&law, &config, fence(length), length) != CGL_OK);
     for (int trial = 0; trial < 8; ++trial) {
         const bool calm = random_below(4) != 0U;
@@ -1087,6 +1088,7 @@ static void try_trial(void)
             other.samples = config.samples + (random_below(8) == 0U ? 1U : 0U);
             other.states = config.states;
             other.q_filter = config.q_filter;
+            other.unguarded = config.unguarded;
             config = cgl_trial_retune(&law, &other) == CGL_OK ? other : config;
             check_cells(config.samples, config.learned_limit);
             CHECK(within(law.v, config.learned_limit));
@@ -1427,7 +1429,7 @@ static void try_any_config(void)
     *(random_below(2) ? &trial.states : &trial.q_filter.order) = random_word();
     cgl_trial trials;
     if (cgl_trial_init(&trials, &trial, fence(length), length) == CGL_OK) {
-        CHECK(CGL_TRIAL_LENGTH(trial.samples, trial.q_filter.order) <= length);
+        CHECK(CGL_TRIAL_LENGTH(trial.samples, trial.q_filter.order) - (trial.unguarded ? trial.samples : 0U) <= length);
     }
     check_fence(length);
 }
@@ -1483,7 +1485,7 @@ void random_inputs(long configs)
         {"anti_cogging", try_anti_cogging, 0x49d06b15U, 0x1eddd603U},
         {"pi_afc", try_pi_afc, 0xa7ee582dU, 0x1ad1d681U},
         {"zero_phase", try_zero_phase, 0xa150822aU, 0x9e6668c9U},
-        {"trial", try_trial, 0x84270215U, 0x184cae0eU},
+        {"trial", try_trial, 0x21fcec74U, 0x68eebc9bU},
         {"monitor", try_monitor, 0x203e3558U, 0xac5eaeb9U},
         {"quality", try_quality, 0xa14b6b73U, 0xa1db5fafU},
         {"drive", try_drive, 0xcd5d80eeU, 0x24eed528U},

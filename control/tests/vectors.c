@@ -359,6 +359,7 @@ static void trial(void)
     static cgl_real y_ref[100];
     cgl_trial law;
     config.samples = 40U;
+    config.unguarded = true;
     config.states = 2U;
     reals(config.k_1, 2U);
     config.k_2 = real();

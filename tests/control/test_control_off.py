@@ -175,8 +175,8 @@ class Trial:
     def __init__(self, library: ControlLibrary, start: float = 0.0):
         self.library = library
         self.config, self.state = library.new("cgl_trial_config", **TRIAL), library.new("cgl_trial")
-        self.memory, pointer = library.array(np.zeros(110))
-        assert library.lib.cgl_trial_init(self.state, self.config, pointer, 110) == library.lib.CGL_OK
+        self.memory, pointer = library.array(np.zeros(160))
+        assert library.lib.cgl_trial_init(self.state, self.config, pointer, 160) == library.lib.CGL_OK
         self.y_ref, pointer = library.array(start + np.linspace(0, 9, 50))
         self.out = library.new("cgl_law_output")
         library.lib.cgl_trial_begin(self.state, pointer)

@@ -26,6 +26,7 @@ SAME = (
     "limit",
     "learned_limit",
     "filter_signal",
+    "unguarded",
 )
 TERMS = ("feedback", "integral", "feedforward", "learned")
 
@@ -33,6 +34,11 @@ TERMS = ("feedback", "integral", "feedforward", "learned")
 @pytest.fixture(params=["float", "double"])
 def library(request) -> ControlLibrary:
     return control_library(request.param)
+
+
+def entries(law: Trial) -> int:
+    """Of the memory: v, e, the filter's tail, the best v."""
+    return (2 + (len(law.b) > 1) + (not law.unguarded)) * law.samples
 
 
 class CTrial:
@@ -61,7 +67,7 @@ class CTrial:
             fields["learning_matrix"] = library.array([*matrix.ravel(), math.nan])[1]  # nor is more read
         self.config = library.new("cgl_trial_config", **fields)
         self.state = library.new("cgl_trial")
-        self.memory, pointer = library.array(np.full((3 if self.order else 2) * law.samples, 7.0))
+        self.memory, pointer = library.array(np.full(entries(law), 7.0))
         error = self.lib.cgl_trial_init(self.state, self.config, pointer, len(self.memory))
         assert error == self.lib.CGL_OK
         self.input, self.output = library.new("cgl_trial_input"), library.new("cgl_trial_output")
@@ -130,6 +136,7 @@ def random_law(rng, real, matrix: bool = False) -> Trial:
         odd,
         bool(rng.integers(2)),
         np.array(draw((samples, samples), -0.05, 0.05)) if matrix else None,
+        unguarded=bool(rng.integers(2)),
     )
 
 
@@ -139,10 +146,12 @@ def random_reference(rng, samples, real):
 
 def expected_status(lib, law: Trial) -> int:
     frozen = not law.within or law.spoilt or law.saturated or law.fault
+    gentle = law.guard.phase != "LEARN" or law.guard.strikes > 0
     return (
         lib.CGL_STATUS_SATURATED * law.saturated
         | lib.CGL_STATUS_FAULT * law.fault
         | lib.CGL_STATUS_FROZEN * frozen
+        | lib.CGL_STATUS_GUARDED * (gentle and not law.fault)
     )
 
 
@@ -340,6 +349,7 @@ def test_single_stays_within_rounding(seed, matrix):
     rng = np.random.default_rng([100 + seed, matrix])
     library = control_library("float")
     law = random_law(rng, np.float32, matrix)
+    law.unguarded = True
     c, bound = CTrial(library, law), Rounding(law, library.eps)
     for _ in range(4):
         y_ref = random_reference(rng, law.samples, np.float32)
@@ -364,10 +374,10 @@ def test_single_stays_within_rounding(seed, matrix):
 
 
 def plain(samples: int = 20, states: int = 1, **changes: Any) -> Trial:
-    """u = v, y = x_1, v <- v + e(p + 1) / 2, unless changed."""
+    """u = v, y = x_1, v <- v + e(p + 1) / 2, unless changed; no guard."""
     one = [1.0] + [0.0] * (states - 1)
     fields = {"k_1": [0.0] * states, "k_2": 0.0, "n": 1.0, "c": one, "through_integrator": False}
-    fields |= {"k_3": 0.5, "shift": 1, "limit": 100.0, "learned_limit": 50.0}
+    fields |= {"k_3": 0.5, "shift": 1, "limit": 100.0, "learned_limit": 50.0, "unguarded": True}
     return Trial(samples, **(fields | changes))
 
 

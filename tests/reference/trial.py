@@ -35,7 +35,8 @@ def zero_phase(b, a, x: np.ndarray, odd: bool = False) -> np.ndarray:
 class TrialObserver:
     """The header's equations as matrices, on whole lists of errors and of the feedback that acted."""
 
-    def __init__(self, g: float, p: float) -> None:
+    def __init__(self, g: float, p: float, limit: float) -> None:
+        self.most = g * limit * (3 + p) ** 2 / 4
         self.g, self.L = g, np.array([1 - p**3, 1.5 * (1 - p) ** 2 * (1 + p), (1 - p) ** 3])
         self.K = np.array([(1 - p) ** 2, (1 - p) * (3 + p) / 2])
         self.e: list[float] = []
@@ -48,7 +49,8 @@ class TrialObserver:
             self.e, self.u, self.x = [e] * 3, [0.0] * 2, np.array([e, 0.0, 0.0])
         self.e.append(e)
         self.x = self.x + self.L * (e - self.x[0])
-        return float(self.K @ self.x[:2]) / self.g, self.x[2] / self.g
+        braked = clip(self.K[0] * self.x[0], self.most)
+        return float(braked + self.K[1] * self.x[1]) / self.g, self.x[2] / self.g
 
     def act(self, u_fb: float) -> None:
         self.u.append(u_fb)
@@ -62,7 +64,7 @@ class TrialObserver:
 
 
 class TrialGuard:
-    """The header's rules on the sums of e^2 over trials. `decide` says what becomes of v and of the best v."""
+    """The header's rules on the sums of e^2 over trials. `decide` says what becomes of v and the best v."""
 
     def __init__(self) -> None:
         self.phase, self.best, self.feedback = "LEARN", math.inf, math.nan
@@ -70,12 +72,12 @@ class TrialGuard:
         self.last = self.jump = math.nan
         self.first = True
 
-    def is_too_much(self, J: float, growth: float = 4.0) -> bool:
-        return J > growth * self.best or J > 1.1025 * self.feedback
+    def is_too_much(self, J: float, growth: float = 1.21) -> bool:
+        return growth * self.best < J or 1.1025 * self.feedback < J
 
     def strike(self) -> None:
         self.strikes = min(self.strikes + 1, 6)
-        self.phase, self.wait = "HOLD", 4**self.strikes - 1
+        self.phase, self.wait, self.mark = "HOLD", 4**self.strikes - 1, self.best
 
     def accept(self, J: float) -> None:
         old, self.best, self.above = self.best, J, 0
@@ -86,8 +88,8 @@ class TrialGuard:
             self.phase = "COMPARE"
 
     def decide(self, J: float, none: bool, limited: bool) -> set[str]:
-        """J: of the trial; none: v was zero; limited: u was at its limit. Of {"store", "back", "clear", "learn"}."""
-        self.growth = 1.1025 if limited else 4.0
+        """J: of the trial; none: v was zero; limited: u was at its limit. What is to be done with v."""
+        self.growth = 1.1025 if limited else 2.25
         verdict = getattr(self, self.phase.lower())(J, none)
         if none:
             self.feedback = J
@@ -97,16 +99,17 @@ class TrialGuard:
     def learn(self, J: float, _none: bool) -> set[str]:
         if self.first or not self.is_too_much(J, self.growth):
             self.above = 0
-            if J >= self.best:
+            if self.best <= J:
                 return {"learn"}
-            self.strikes -= self.strikes > 0 and 1.1025 * J < self.best
+            if self.strikes and self.mark >= 4 * J:
+                self.strikes, self.mark = self.strikes - 1, J
             self.best = J
             return {"store", "learn"}
         self.above += 1
         if self.above == 1:
             self.jump = J
-        goes_on = self.strikes == 0 if self.above == 1 else 1.1025 * J <= self.last
-        if self.above == 5 or (not goes_on and 4 * J <= self.jump):
+        goes_on = self.strikes == 0 if self.above == 1 else self.last >= 1.1025 * J
+        if self.above == 5 or (not goes_on and self.jump >= 4 * J):
             self.accept(J)
             return {"store", "learn"}
         if goes_on:
@@ -116,7 +119,7 @@ class TrialGuard:
         return {"back"}
 
     def replay(self, J: float, none: bool) -> set[str]:
-        if self.is_too_much(J) or 4 * J < self.best:
+        if self.is_too_much(J) or self.best > 1.21 * J:
             self.jump = J
             self.accept(J)
             if none:
@@ -135,7 +138,7 @@ class TrialGuard:
     hold = replay
 
     def compare(self, J: float, _none: bool) -> set[str]:
-        same = J <= 1.1025 * self.feedback and self.feedback <= 1.1025 * J
+        same = 1.1025 * self.feedback >= J and self.feedback <= 1.1025 * J
         self.feedback, self.phase = J, "LEARN"
         if not same:
             self.strikes = 0
@@ -191,7 +194,7 @@ class Trial:
         self.acting = np.zeros(self.samples) if self.guard.phase == "COMPARE" else self.v
         self.limited = np.zeros(self.samples, dtype=bool)
         self.saturated = self.fault = False
-        self.observer = TrialObserver(self.response, self.pole) if self.response else None
+        self.observer = TrialObserver(self.response, self.pole, self.limit) if self.response else None
 
     def step(self, x: np.ndarray, learn: bool = True) -> float:
         p, held = self.p, min(self.p, self.samples - 1)

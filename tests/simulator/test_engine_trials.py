@@ -94,7 +94,7 @@ def expected(settings: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarra
         for p in range(trials["samples"]):
             for step in now["load_steps"]:
                 load = step["torque"] if step["sample"] == p else load
-            v = law.v[p]
+            v = law.acting[p]
             i_q = law.step(state)
             row = (*state, now["reference"][p], i_q, K_T * i_q, load, v)
             for name, value in zip(names, row, strict=True):

@@ -116,9 +116,10 @@ def expected(
         law.begin(phase["reference"])
         for p in range(SAMPLES):
             tick = trial * SAMPLES + p
-            v, y, load = law.v[p], np.dot(settings["C"], x), phase["load"][p] + load_noise[tick]
+            v, y, load = law.acting[p], np.dot(settings["C"], x), phase["load"][p] + load_noise[tick]
             u = law.step(x + noise[tick])
-            status = 5 * law.saturated
+            gentle = law.guard.phase != "LEARN" or law.guard.strikes > 0
+            status = 5 * law.saturated + 2048 * gentle
             rows.append([phase["reference"][p], y, u, load, *x, status, v])
             x = phase["A"] @ x + phase["B"] * (u - load)
         law.end()

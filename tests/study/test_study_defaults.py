@@ -71,6 +71,7 @@ GIVEN: dict[str, float | bool] = {
     "study.trial_controller.TrialIlc.feedforward": True,
     "study.trial_controller.TrialIlc.integral": True,
     "study.trial_controller.TrialIlc.learning": True,
+    "study.trial_controller.TrialLaw.guard": True,
     "study.trial_controller.TrialLaw.learned_limit": 1000000.0,
     "study.vary.Hold.share": 1.0,
     "study.vary.Tune.budget": 200,

@@ -159,7 +159,7 @@ static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plaus
     cgl_real feedback = state_feedback;
     cgl_real integral = config->k_2 * law->psi;
     if (observes(config) && plausible && cgl_is_finite(state_feedback + e)) {
-        feedback = cgl_trial_observer_step(&config->observer, &law->observer, e, &integral);
+        feedback = cgl_trial_observer_step(&config->observer, &law->observer, e, config->limit, &integral);
     }
     const cgl_real learned = config->n * law->v;
     const cgl_real wanted = feedback + integral + f + learned;                    /* Fig. 1 */
@@ -292,7 +292,9 @@ CGL_SELDOM static void learn_guarded(cgl_trial *law)
     const cgl_trial_verdict verdict = cgl_trial_guard_judge(guard, has_learned_nothing(law));
     for (uint32_t p = 0; p < config->samples; ++p) {
         best[p] = verdict.clear ? CGL_R(0.0) : verdict.store ? law->learned[p] : best[p];
-        law->learned[p] = verdict.clear || verdict.back ? best[p] : law->learned[p];
+        if (verdict.clear || verdict.back) {
+            law->learned[p] = cgl_clamped(best[p], config->learned_limit);
+        }
     }
     if (!verdict.learn) {
         return;

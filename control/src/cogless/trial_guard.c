@@ -1,15 +1,17 @@
 #include "trial_guard.h"
 
 #define WORSE CGL_R(1.1025)       /* times F is too much, and the best at the limit of u: 1.05^2 */
-#define GROWN CGL_R(4.0)          /* times the best is too much: 2^2 */
+#define GROWN CGL_R(2.25)         /* times the best is too much: 1.5^2 */
+#define CHANGED CGL_R(1.21)       /* factor on what the best v leaves that is another plant: 1.1^2 */
+#define FAR CGL_R(4.0)            /* factor by which errors are surely apart: 2^2 */
 #define TRIALS_ABOVE 5U           /* in a row, and falling, before v = 0 is compared */
 #define SHARE_FACTOR CGL_R(0.125) /* on the share, by a strike */
 
 void cgl_trial_guard_reset(cgl_trial_guard *guard)
 {
     const cgl_real unknown = CGL_R(-1.0);
-    const cgl_trial_guard fresh = {CGL_R(0.0), CGL_R(0.0), unknown, unknown, CGL_R(0.0), CGL_R(1.0), 0U, 0U, 0U, 0U,
-                                   CGL_TRIAL_LEARN, false};
+    const cgl_trial_guard fresh = {CGL_R(0.0), CGL_R(0.0), unknown, unknown, CGL_R(0.0), CGL_R(0.0), CGL_R(1.0), 0U, 0U, 0U,
+                                   0U, CGL_TRIAL_LEARN, false};
     *guard = fresh;
 }
 
@@ -26,11 +28,12 @@ static void set_strikes(cgl_trial_guard *guard, uint32_t strikes)
 static void strike(cgl_trial_guard *guard)
 {
     set_strikes(guard, guard->strikes + 1U);
+    guard->mark = guard->best;
     guard->wait = (1U << (2U * guard->strikes)) - 1U;
     guard->phase = CGL_TRIAL_HOLD;
 }
 
-/* growth: of the best that is too much. */
+/* growth: the factor on the best that is too much. */
 static bool is_too_much(const cgl_trial_guard *guard, cgl_real error, cgl_real growth)
 {
     return error > growth * guard->best || (guard->feedback >= CGL_R(0.0) && error > WORSE * guard->feedback);
@@ -42,7 +45,7 @@ static void accept(cgl_trial_guard *guard, cgl_real error, cgl_real best)
     const cgl_real f = guard->feedback;
     const cgl_real more = f > guard->jump ? f : guard->jump;
     const cgl_real less = f > guard->jump ? guard->jump : f;
-    const bool is_better = error <= f && GROWN * less <= more && CGL_R(8.0) * (error + best) <= more;
+    const bool is_better = error <= f && FAR * less <= more && CGL_R(8.0) * (error + best) <= more;
     guard->best = error;
     guard->above = 0U;
     if (is_better) {
@@ -61,8 +64,9 @@ static void judge_learned(cgl_trial_guard *guard, cgl_trial_verdict *verdict)
     if (best < CGL_R(0.0) || !is_too_much(guard, error, growth)) {
         guard->above = 0U;
         if (best < CGL_R(0.0) || error < best) {
-            if (guard->strikes > 0U && WORSE * error < best) {
+            if (guard->strikes > 0U && FAR * error <= guard->mark) {
                 set_strikes(guard, guard->strikes - 1U);
+                guard->mark = error;
             }
             guard->best = error;
             verdict->store = true;
@@ -74,7 +78,7 @@ static void judge_learned(cgl_trial_guard *guard, cgl_trial_verdict *verdict)
         guard->jump = error;
     }
     const bool goes_on = guard->above == 1U ? guard->strikes == 0U : WORSE * error <= guard->last;
-    const bool has_halved = !goes_on && GROWN * error <= guard->jump;
+    const bool has_halved = !goes_on && FAR * error <= guard->jump;
     if (guard->above >= TRIALS_ABOVE || has_halved) {
         accept(guard, error, best);
         verdict->store = true;
@@ -91,7 +95,7 @@ static void judge_learned(cgl_trial_guard *guard, cgl_trial_verdict *verdict)
 static void judge_best(cgl_trial_guard *guard, bool none, cgl_trial_verdict *verdict)
 {
     const cgl_real error = guard->error, best = guard->best;
-    if (is_too_much(guard, error, GROWN) || GROWN * error < best) {
+    if (is_too_much(guard, error, CHANGED) || CHANGED * error < best) {
         guard->jump = error;
         accept(guard, error, best);
         if (none) { /* nothing to compare */

@@ -2,23 +2,23 @@
  *
  * It knows no plant. It compares J, the sum of e^2 over a trial, e = y_ref - y as measured, with two that it has measured: that
  * of the best v so far, and F, that of the feedback alone, v = 0. J is too much beyond 1.1025 F, which is 1.05 times the RMS,
- * and beyond 4 times the best, twice the RMS; beyond 1.1025 times the best if u was at its limit, where no law of learning
- * holds.
+ * and beyond 2.25 times the best, 1.5 times the RMS; beyond 1.1025 times the best if u was at its limit, where no law of
+ * learning holds.
  *
  * Too much has two causes: learning, or another plant. The best v tells them apart, as it runs again for a trial: if its J is
- * not too much now, learning was wrong. If it is, the plant has changed, and what was measured has expired.
+ * what it was, within a factor of 1.21, learning was wrong. If not, the plant has changed, and what was measured has expired.
  *
  *   LEARN   J is too much, and no less than 0.91 of the trial before -> v is the best again, REPLAY. As long as J falls, which
  *           is what learning does after the plant has changed, it goes on, for five trials. Then, or as soon as it does not
  *           fall any more and the RMS is half of the first, v is the best, and -> COMPARE
- *   REPLAY  the best v runs. Its J is not too much: a strike, -> HOLD. It is: -> COMPARE
- *   HOLD    the best v runs, and nothing is learned, for 4^strikes trials with that of REPLAY -> LEARN; too much, or less than
- *           a quarter -> COMPARE
+ *   REPLAY  the best v runs. Its J is what it was: a strike, -> HOLD. It is not: -> COMPARE
+ *   HOLD    the best v runs, and nothing is learned, for 4^strikes trials with that of REPLAY -> LEARN; J is not what it was
+ *           -> COMPARE
  *   COMPARE v = 0 runs, which measures F: the better of the two goes on -> LEARN. If F is what it was, the plant is too, and a v
  *           that is worse than none is a strike, -> HOLD
  *
- * Strikes also make learning gentle: only the share 8^-strikes of what it would add to the best v is added. The best falling by
- * a tenth takes one back, another plant all of them. So the harm comes to nothing, in number of trials and in size, as long as
+ * Strikes also make learning gentle: only the share 8^-strikes of what it would add to the best v is added. The best falling to
+ * a quarter takes one back, another plant all of them. So the harm comes to nothing, in number of trials and in size, as long as
  * the plant stays.
  *
  * COMPARE costs a trial, and is left out where F is surely more than J. If the plant is as it was, it is for J <= F. If not, let
@@ -56,6 +56,7 @@ typedef struct {
     cgl_real best;       /* with the best v, as last measured; below 0: there is none */
     cgl_real feedback;   /* F; below 0: not yet measured */
     cgl_real jump;       /* in the first of the trials that were too much */
+    cgl_real mark;       /* the best when the last strike came or was taken back */
     cgl_real share;      /* 8^-strikes */
     uint32_t above;      /* trials in a row that were too much, in LEARN */
     uint32_t wait;       /* trials that HOLD still lasts */

@@ -20,7 +20,7 @@ void cgl_trial_observer_reset(cgl_trial_observer *observer)
 }
 
 cgl_real cgl_trial_observer_step(const cgl_trial_observer_config *config, cgl_trial_observer *observer, cgl_real e_m,
-                                 cgl_real *held)
+                                 cgl_real limit, cgl_real *held)
 {
     const cgl_real p = config->pole;
     const cgl_real q = CGL_R(1.0) - p;
@@ -42,7 +42,8 @@ cgl_real cgl_trial_observer_step(const cgl_trial_observer_config *config, cgl_tr
     before[0] = e_m;
 
     *held = observer->a / config->response;
-    return (q * q * observer->e + CGL_R(0.5) * q * (CGL_R(3.0) + p) * observer->s) / config->response;
+    const cgl_real most = CGL_R(0.25) * (CGL_R(3.0) + p) * (CGL_R(3.0) + p) * config->response * limit;
+    return (cgl_clamp(q * q * observer->e, most) + CGL_R(0.5) * q * (CGL_R(3.0) + p) * observer->s) / config->response;
 }
 
 void cgl_trial_observer_act(const cgl_trial_observer_config *config, cgl_trial_observer *observer, cgl_real u_fb)

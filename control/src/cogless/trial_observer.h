@@ -10,6 +10,10 @@
  *   l_1 = 1 - p^3,  l_2 = 1.5 (1 - p)^2 (1 + p),  l_3 = (1 - p)^3              three poles at p
  *   u_fb = (k_e e + k_s s + a) / g,  k_e = (1 - p)^2,  k_s = (1 - p) (3 + p) / 2      two poles at p
  *
+ * The feedback makes e fall by (k_e / k_s) e a sample. What one can brake with half the limit of u within e is at most
+ * sqrt(g limit e), so beyond e = g limit (k_s / k_e)^2 the motion would overshoot, by the more the longer u was at its limit.
+ * So k_e e stays within +-g limit (3 + p)^2 / 4, which is more than twice what the limit lets through.
+ *
  * e'' also says what was missing. Centred in the sample over which u acts:
  *
  *   r(p) = T*(p) - T(p) = u_fb(p) + (e(p + 2) - e(p + 1) - e(p) + e(p - 1)) / (2 g)
@@ -48,9 +52,10 @@ cgl_error cgl_trial_observer_init(const cgl_trial_observer_config *config, cgl_r
 /* Forgets the trial. */
 void cgl_trial_observer_reset(cgl_trial_observer *observer);
 
-/* Takes the measured error e_m, finite, and returns k_e e + k_s s over g [u]; the disturbance's share is *held. */
+/* Takes the measured error e_m, finite, and the limit of u, and returns k_e e + k_s s over g [u]; the disturbance's share is
+ * *held. */
 cgl_real cgl_trial_observer_step(const cgl_trial_observer_config *config, cgl_trial_observer *observer, cgl_real e_m,
-                                 cgl_real *held);
+                                 cgl_real limit, cgl_real *held);
 
 /* Tells the observer the feedback u - T that acts until the next sample [u]; before the first sample it is ignored. */
 void cgl_trial_observer_act(const cgl_trial_observer_config *config, cgl_trial_observer *observer, cgl_real u_fb);

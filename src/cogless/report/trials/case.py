@@ -156,11 +156,18 @@ class Case(Contest):
     @cached_property
     def at_limit(self) -> dict[str, int]:
         """The number of trials in which each controller's input was at its limit, where it is known."""
+        return self._trials_with(Status.SATURATED)
+
+    @cached_property
+    def held_back(self) -> dict[str, int]:
+        """The number of trials in which the guard held each controller's learning back, where it is known."""
+        return self._trials_with(Status.GUARDED)
+
+    def _trials_with(self, bit: Status) -> dict[str, int]:
         status = {
             c: rows for c, run in self.runs.items() if (rows := self._trials(run, "status")) is not None
         }
-        limited = {c: rows.astype(int) & Status.SATURATED for c, rows in status.items()}
-        return {c: int(np.any(rows, axis=1).sum()) for c, rows in limited.items()}
+        return {c: int(np.any(rows.astype(int) & bit, axis=1).sum()) for c, rows in status.items()}
 
     @cached_property
     def input_rms(self) -> dict[str, float]:

@@ -6,7 +6,7 @@ If no metric has a floor, the controllers are judged by the remaining RMS.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from cogless.design.certificate import ENDS, Learning, ModelCertificate
 from cogless.design.response import MONOTONE
@@ -49,6 +49,7 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
         *[_above_for_long(c, name) for name in ranked if name not in c.growing],
         *[_leaves_floor(c, name) for name in ranked],
         _at_the_limit(c),
+        _held_back(c),
         *_certificates(c),
     ]
     sentences = [_capital(c, text) for text in details if text]
@@ -316,8 +317,19 @@ def _at_the_limit(c: Case) -> str:
     limited = {name: trials for name, trials in c.at_limit.items() if trials}
     if not limited:
         return ""
-    parts = [f"{c.label(name)} in {trials} of {c.trials} trials" for name, trials in limited.items()]
-    return f"The input is at its limit, where nothing is learned: {listed(parts)}."
+    return f"The input is at its limit, where nothing is learned: {_trials(c, limited)}."
+
+
+def _held_back(c: Case) -> str:
+    """A sentence on controllers whose learning the guard held back."""
+    held = {name: trials for name, trials in c.held_back.items() if trials}
+    if not held:
+        return ""
+    return f"The guard holds learning back, since it left more error than before: {_trials(c, held)}."
+
+
+def _trials(c: Case, counts: Mapping[str, int]) -> str:
+    return listed([f"{c.label(name)} in {trials} of {c.trials} trials" for name, trials in counts.items()])
 
 
 # --- the certificates
