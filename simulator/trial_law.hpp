@@ -22,12 +22,12 @@ struct TrialLaw : CLaw<trial_row> {
     std::shared_ptr<const std::vector<cgl_real>> learning_matrix;  // null, or the matrix that config points to
 
     // Throws std::invalid_argument as CLaw does.
-    static TrialLaw of(const Section& s, cgl_real ts) {
+    static TrialLaw of(const Section& s, const cgl_loop& loop) {
         TrialLaw law;
-        law.ts = ts;
+        law.loop = loop;
         law.config = s.packed<cgl_trial_config>("config");
         law.config.learning_matrix = nullptr;
-        require_config<trial_row>(law.config, ts);
+        require_config<trial_row>(law.config, law.loop);
         if (s.has("learning_matrix")) {
             const auto matrix = s.get<Value::Matrix>("learning_matrix");
             if (matrix.rows != law.config.samples || matrix.columns != law.config.samples) {

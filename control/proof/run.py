@@ -60,7 +60,10 @@ PARTS = {
 
 # Functions whose paths are kept apart further than others': those whose answer says what is valid.
 PRECISE = """
-    is_valid cgl_map_is_valid cgl_pi_init cgl_adrc_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
+    is_valid cgl_foc_bad_field cgl_monitor_bad_field cgl_quality_bad_field cgl_drive_bad_field cgl_pi_bad_field
+    cgl_adrc_bad_field cgl_memory_bad_field cgl_pi_ilc_bad_field cgl_robust_ilc_bad_field cgl_anti_cogging_bad_field
+    cgl_pi_afc_bad_field cgl_harmonic_bad_field cgl_space_position_bad_field cgl_space_speed_bad_field
+    cgl_map_is_valid cgl_pi_init cgl_adrc_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
     cgl_anti_cogging_init cgl_pi_afc_init cgl_harmonic_init
     cgl_delay_is_valid cgl_space_position_init cgl_space_speed_init
     cgl_encoder_init cgl_hall_init cgl_low_pass_init cgl_low_pass_retune cgl_angle_observer_init
