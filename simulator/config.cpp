@@ -234,6 +234,11 @@ std::vector<PhaseConfig> trial_phases(const Section& s, const Trials& trials, st
             last = sample;
             p.load_steps.push_back({sample * speed_divider, step.number("torque")});
         }
+        if (section.has("each_trial")) {
+            const Section spread = section.section("each_trial");
+            p.each_trial = {deviation(spread.section("initial_angle")), deviation(spread.section("initial_speed")),
+                            deviation(spread.section("load"))};
+        }
         all.push_back(std::move(p));
     }
     if (all.empty()) s.refuse("phases", "expected one or more");

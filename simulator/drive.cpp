@@ -212,24 +212,39 @@ DriveState Drive::start() const {
     s.encoder_table = encoder_table_start_;
     s.bus.random = Random(~config_.seed);  // of its own: the noise of the sensors stays as it is
     if (const auto& thermal = phases_.front().config.motor.thermal) s.temperature = thermal->start;
-    restart(s, phases_.front());
+    restart(s, phases_.front(), 0);
     s.random = Random(config_.seed);
     s.law = start_of(config_.law);
     s.reference_filter = reference_.start();
     return s;
 }
 
-void Drive::restart(DriveState& s, const Phase& phase) const {
+void Drive::restart(DriveState& s, const Phase& phase, std::int64_t trial) const {
+    double angle = phase.config.initial_angle, speed = phase.config.initial_speed;
     s.plant = phase.plant_start;
-    s.plant.load.torque += s.added_load;
-    s.plant.load.target += s.added_load;
-    if (const auto& thermal = phase.config.motor.thermal; thermal && !thermal->drifts) s.temperature = thermal->start;
     s.position = phase.position_start;
+    s.load_deviation = 0.0;
+    if (const auto& spread = phase.config.each_trial) {
+        Random random = random_of_trial(config_.seed, trial);
+        angle += spread->initial_angle.draw(random);
+        speed += spread->initial_speed.draw(random);
+        s.load_deviation = spread->load.draw(random);
+        s.plant = phase.plant.start(angle, speed);
+        if (config_.sensor_on_load) {
+            position_sensor_.restart(s.position, s.plant.side.theta, s.plant.side.omega);
+        } else {
+            position_sensor_.restart(s.position, angle, speed);
+        }
+    }
+    const double more = s.added_load + s.load_deviation;
+    s.plant.load.torque += more;
+    s.plant.load.target += more;
+    if (const auto& thermal = phase.config.motor.thermal; thermal && !thermal->drifts) s.temperature = thermal->start;
     cgl_drive_reset(&s.control);
     s.dead_time = dead_time_start_;
     s.speed_filter = speed_filter_start_;
-    cgl_low_pass_reset(&s.speed_filter, static_cast<cgl_real>(phase.config.initial_speed));
-    if (bus_) bus_->restart(s.bus, phase.config.initial_angle, phase.config.initial_speed);
+    cgl_low_pass_reset(&s.speed_filter, static_cast<cgl_real>(speed));
+    if (bus_) bus_->restart(s.bus, angle, speed);
     s.asked = {};
     s.output = {};
     s.duty = {0.5, 0.5, 0.5};
@@ -261,7 +276,7 @@ void Drive::advance_trials(DriveState& s, Recorder& recorder, std::int64_t end, 
         const std::int64_t trial = s.tick / length, origin = trial * length;
         const Phase& phase = phases_[phase_of(config_.phases, trial)];
         if (s.tick == origin) {
-            restart(s, phase);
+            restart(s, phase, trial);
             begin_law(s, phase.config.trajectory);
             if (other != nullptr) other->begin(phase.config.trajectory);
         }
@@ -394,7 +409,7 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, Phase* wa
                                                     double& target) {
     const std::vector<LoadStep>& steps = phase.config.load_steps;
     while (s.next_load_step < steps.size() && steps[s.next_load_step].tick <= s.tick - origin) {
-        target = steps[s.next_load_step++].torque + s.added_load;
+        target = steps[s.next_load_step++].torque + (s.added_load + s.load_deviation);
         if (phase.config.load.lag <= 0.0) torque = target;
     }
 }

@@ -49,6 +49,11 @@ struct TorqueMode {
     Table current;       // A over s
 };
 
+// What differs from trial to trial at random: deviations of the start, and of the load's constant part.
+struct Spread {
+    Deviation initial_angle, initial_speed, load;  // rad, rad/s, N m
+};
+
 // A phase of trials: the plant from the trial `from` on, and its initial state at each trial's start.
 struct PhaseConfig {
     PmsmConfig motor;
@@ -58,6 +63,7 @@ struct PhaseConfig {
     double initial_speed, initial_angle;    // mechanical, rad/s, rad
     std::int64_t from = 0;                  // the first trial of this phase
     std::vector<cgl_real> trajectory = {};  // rad, the reference at each sample of a trial
+    std::optional<Spread> each_trial = {};
 };
 
 struct DriveConfig {
@@ -108,6 +114,7 @@ struct DriveState {
     bool open = false;           // true: the inverter's transistors are off instead
     std::size_t next_load_step = 0;
     double added_load = 0.0;                     // N m, by add_load()
+    double load_deviation = 0.0;                 // N m, of this trial
     Temperatures temperature{};                  // of a motor with temperatures; goes on from trial to trial
     std::optional<Motion> given_reference = {};  // replaces the described reference; not in trials
 };
@@ -199,8 +206,8 @@ private:
     // And after it.
     void actuate(DriveState& state) const;
     void begin_law(DriveState& state, const std::vector<cgl_real>& trajectory) const;
-    // Resets everything but the law and the noise to the initial state of this phase of the run.
-    void restart(DriveState& state, const Phase& phase) const;
+    // Resets everything but the law and the noise to the initial state of this trial, from 0, of this phase of the run.
+    void restart(DriveState& state, const Phase& phase, std::int64_t trial) const;
     void advance_trials(DriveState& state, Recorder& recorder, std::int64_t end, Controller* other) const;
     void advance_within(DriveState& state, Recorder& recorder, const Phase& phase, std::int64_t origin, std::int64_t end,
                         Controller* other) const;

@@ -17,6 +17,8 @@ std::vector<Signal> signals_of(const LinearTrialsConfig& config) {
     return all;
 }
 
+const Normal normal;
+
 }  // namespace
 
 LinearTrials::LinearTrials(const LinearTrialsConfig& config) : config_(config), signals_(signals_of(config)) {
@@ -26,7 +28,17 @@ LinearTrials::LinearTrials(const LinearTrialsConfig& config) : config_(config), 
 LinearTrialsState LinearTrials::start() const {
     LinearTrialsState s;
     s.law = config_.law.start();
+    s.random = Random(config_.seed);
     return s;
+}
+
+void LinearTrials::restart(LinearTrialsState& s, const LinearPhase& phase, std::int64_t trial) const {
+    std::copy(phase.initial_state.begin(), phase.initial_state.end(), s.x.begin());
+    s.load_deviation = 0.0;
+    if (!phase.each_trial) return;
+    Random random = random_of_trial(config_.seed, trial);
+    for (std::size_t n = 0; n < config_.C.size(); ++n) s.x[n] += phase.each_trial->initial_state[n].draw(random);
+    s.load_deviation = phase.each_trial->load.draw(random);
 }
 
 void LinearTrials::advance(LinearTrialsState& s, Recorder& recorder, std::int64_t ticks) const {
@@ -37,7 +49,7 @@ void LinearTrials::advance(LinearTrialsState& s, Recorder& recorder, std::int64_
         const std::int64_t trial = s.tick / samples, origin = trial * samples;
         const LinearPhase& phase = config_.phases[phase_of(config_.phases, trial)];
         if (s.tick == origin) {
-            std::copy(phase.initial_state.begin(), phase.initial_state.end(), s.x.begin());
+            restart(s, phase, trial);
             config_.law.begin(s.law, phase.reference);
         }
         for (const std::int64_t until = std::min(end, origin + samples); s.tick < until; ++s.tick) {
@@ -54,8 +66,12 @@ void LinearTrials::step(LinearTrialsState& s, Recorder& recorder, const LinearPh
     for (std::size_t n = 0; n < states; ++n) {
         if (!std::isfinite(s.x[n])) fail_in_trial(trial, "the plant's states grew beyond all numbers: expected smaller gains");
         y += config_.C[n] * s.x[n];
-        s.law.input.x[n] = static_cast<cgl_real>(s.x[n]);
+        double measured = s.x[n];
+        if (config_.noise[n] > 0.0) measured += config_.noise[n] * normal.draw(s.random);
+        s.law.input.x[n] = static_cast<cgl_real>(measured);
     }
+    double load = phase.load[p] + s.load_deviation;
+    if (config_.load_noise > 0.0) load += config_.load_noise * normal.draw(s.random);
     s.law.input.learn = true;
     const cgl_trial_output out = config_.law.step(s.law);
     const auto u = static_cast<double>(out.u);
@@ -63,7 +79,7 @@ void LinearTrials::step(LinearTrialsState& s, Recorder& recorder, const LinearPh
     if (recorder.wants(s.tick)) {
         double* row = recorder.next_row();
         const double first[] = {static_cast<double>(s.tick) * config_.period, static_cast<double>(trial + 1),
-                                static_cast<double>(phase.reference[p]), y, u, phase.load[p]};
+                                static_cast<double>(phase.reference[p]), y, u, load};
         row = std::copy(std::begin(first), std::end(first), row);
         row = std::copy_n(s.x.begin(), states, row);
         *row++ = static_cast<double>(out.status);
@@ -75,7 +91,7 @@ void LinearTrials::step(LinearTrialsState& s, Recorder& recorder, const LinearPh
     for (std::size_t n = 0; n < states; ++n) {
         const double* a = phase.A.data() + n * states;
         for (std::size_t m = 0; m < states; ++m) next[n] += a[m] * s.x[m];
-        next[n] += phase.B[n] * (u - phase.load[p]);
+        next[n] += phase.B[n] * (u - load);
     }
     s.x = next;
 }

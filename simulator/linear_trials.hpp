@@ -1,17 +1,25 @@
 // Any linear plant in discrete time under the trial law: x(p + 1) = A x(p) + B (u(p) - d(p)), y = C x.
 //
-// One tick is one sample. This tries designs on plants that are not drives.
+// One tick is one sample. The law sees the states with noise; a row has the true ones. This tries designs on plants that are not drives.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "random.hpp"
 #include "recorder.hpp"
 #include "trial_law.hpp"
 #include "trials.hpp"
 
 namespace cogless {
+
+// What differs from trial to trial at random: deviations of the initial state, one a state, and of the load.
+struct LinearSpread {
+    std::vector<Deviation> initial_state;
+    Deviation load;
+};
 
 // A phase: the plant from some trial on, and the initial state of each of its trials.
 struct LinearPhase {
@@ -20,12 +28,16 @@ struct LinearPhase {
     std::vector<double> B, initial_state;
     std::vector<double> load;         // d, at each sample of a trial
     std::vector<cgl_real> reference;  // likewise
+    std::optional<LinearSpread> each_trial;
 };
 
 struct LinearTrialsConfig {
     std::vector<LinearPhase> phases;  // by `from`
     std::vector<double> C;
     double period;  // s
+    std::vector<double> noise;  // standard deviation of the white noise on each measured state
+    double load_noise;          // standard deviation of white noise on d
+    std::uint64_t seed;
     Trials trials;
     TrialLaw law;
 };
@@ -33,6 +45,8 @@ struct LinearTrialsConfig {
 struct LinearTrialsState {
     std::int64_t tick = 0;
     std::array<double, CGL_TRIAL_STATES> x{};
+    double load_deviation = 0.0;  // of this trial
+    Random random{0};             // of the noise
     TrialLaw::State law;
 };
 
@@ -52,6 +66,8 @@ public:
     const LinearTrialsConfig& config() const { return config_; }
 
 private:
+    // The initial state of a trial, and its load.
+    void restart(LinearTrialsState& state, const LinearPhase& phase, std::int64_t trial) const;
     // Sample p of a trial: steps the law, records a row and moves to the next sample.
     void step(LinearTrialsState& state, Recorder& recorder, const LinearPhase& phase, std::int64_t trial,
               std::size_t p) const;

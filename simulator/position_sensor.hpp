@@ -100,8 +100,15 @@ public:
     }
 
     State start(double theta_m, double omega_m) const {
-        State s = start_;
-        if (config_.kind == PositionSensorKind::ideal) return s;
+        State s;
+        restart(s, theta_m, omega_m);
+        return s;
+    }
+
+    // The same in a state that this sensor has had, which has the memory.
+    void restart(State& s, double theta_m, double omega_m) const {
+        s = start_;
+        if (config_.kind == PositionSensorKind::ideal) return;
         // as if the rotor had turned at this speed before
         for (std::size_t n = 0; n < s.past.size(); ++n) {
             s.past[s.past.size() - 1 - n] = {theta_m - omega_m * current_period_ * static_cast<double>(n + 1), omega_m};
@@ -123,7 +130,6 @@ public:
         cgl_encoder_place(&s.encoder, position(s.count));
         cgl_angle_observer_reset(&s.observer, s.encoder.turns, static_cast<cgl_real>(omega_m));
         if (config_.kind == PositionSensorKind::hall) start_hall(s, theta_m, omega_m, edge_period);
-        return s;
     }
 
     // Whether edges must be timed between samples.

@@ -15,17 +15,22 @@ public:
     explicit Random(std::uint64_t seed) : state_(seed) {}
 
     std::uint64_t bits() {
-        state_ += 0x9e3779b97f4a7c15U;
+        state_ += step;
         std::uint64_t z = state_;
         z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9U;
         z = (z ^ (z >> 27U)) * 0x94d049bb133111ebU;
         return z ^ (z >> 31U);
     }
 
+    // Goes on as if so many numbers had been drawn.
+    void skip(std::uint64_t count) { state_ += count * step; }
+
     // In (0, 1].
     double uniform() { return static_cast<double>((bits() >> 11U) + 1) * 0x1p-53; }
 
 private:
+    static constexpr std::uint64_t step = 0x9e3779b97f4a7c15U;
+
     std::uint64_t state_;
 };
 

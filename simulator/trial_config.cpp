@@ -24,6 +24,15 @@ std::vector<double> matrix(const Section& s, const char* key, std::size_t size) 
     return all;
 }
 
+std::optional<LinearSpread> spread(const Section& phase, std::size_t states) {
+    if (!phase.has("each_trial")) return {};
+    const Section s = phase.section("each_trial");
+    LinearSpread all{{}, deviation(s.section("load"))};
+    for (const Section& one : s.sections("initial_state")) all.initial_state.push_back(deviation(one));
+    if (all.initial_state.size() != states) s.refuse("initial_state", "expected " + std::to_string(states) + " deviations");
+    return all;
+}
+
 }  // namespace
 
 std::vector<cgl_real> reals(const std::vector<double>& values) { return {values.begin(), values.end()}; }
@@ -41,6 +50,12 @@ std::int64_t first_trial(const Section& phase, std::int64_t before, const Trials
     if (from <= before) phase.refuse("from", "expected more than in the phase before");
     if (from >= trials.count) phase.refuse("from", "expected less than the number of trials");
     return from;
+}
+
+Deviation deviation(const Section& s) {
+    const Deviation d{s.choice<bool>("form", {{"normal", true}, {"uniform", false}}), s.number("size")};
+    if (!(d.size >= 0.0 && std::isfinite(d.size))) s.refuse("size", "expected 0 or more");
+    return d;
 }
 
 TrialLaw trial_law(const Section& s, std::size_t states, const Trials& trials) {
@@ -61,14 +76,15 @@ LinearTrialsConfig read_linear_trials(const Value& description) {
         top.refuse("C", "expected 1 to " + std::to_string(CGL_TRIAL_STATES) + " numbers");
     }
     if (!(top.number("period") > 0.0)) top.refuse("period", "expected more than 0");
-    LinearTrialsConfig result{{}, top.numbers("C", states), top.number("period"), trials,
+    LinearTrialsConfig result{{}, top.numbers("C", states), top.number("period"), top.numbers("noise", states),
+                              top.number("load_noise"), top.get<std::uint64_t>("seed"), trials,
                               trial_law(top.section("controller"), states, trials)};
     std::int64_t before = -1;
     for (const Section& s : top.sections("phases")) {
         before = first_trial(s, before, trials);
         result.phases.push_back({before, matrix(s, "A", states), s.numbers("B", states),
                                  s.numbers("initial_state", states), s.numbers("load", samples),
-                                 reals(s.numbers("reference", samples))});
+                                 reals(s.numbers("reference", samples)), spread(s, states)});
     }
     if (result.phases.empty()) top.refuse("phases", "expected one or more");
     return result;

@@ -22,6 +22,9 @@ Trials read_trials(const Section& s);
 // `before` is -1 and the trial is 0.
 std::int64_t first_trial(const Section& phase, std::int64_t before, const Trials& trials);
 
+// A deviation of each trial.
+Deviation deviation(const Section& s);
+
 // states: number of states of the controlled plant.
 TrialLaw trial_law(const Section& s, std::size_t states, const Trials& trials);
 

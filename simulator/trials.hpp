@@ -8,12 +8,35 @@
 #include <string>
 #include <vector>
 
+#include "random.hpp"
+
 namespace cogless {
 
 struct Trials {
     std::int64_t samples;  // samples of the law in a trial
     std::int64_t count;
 };
+
+// A deviation that is drawn anew in each trial, around zero.
+struct Deviation {
+    bool normal;  // false: uniform
+    double size;  // standard deviation; of a uniform one the largest
+
+    double draw(Random& random) const {
+        return size * (normal ? distribution_.draw(random) : 2.0 * random.uniform() - 1.0);
+    }
+
+private:
+    inline static const Normal distribution_;
+};
+
+// A trial's own stream of random numbers. It depends on nothing but the seed and the trial, from 0, so all controllers get
+// the same starts and loads. It is none of the streams of sensors and bus.
+inline Random random_of_trial(std::uint64_t seed, std::int64_t trial) {
+    Random seeds(seed ^ 0x747269616c73U);
+    seeds.skip(static_cast<std::uint64_t>(trial));
+    return Random(seeds.bits());
+}
 
 // Throws std::invalid_argument if the trials have fewer than `samples` samples in total.
 inline void require_trials(const Trials& trials, std::int64_t samples) {

@@ -435,13 +435,13 @@ CASES: dict[str, list[Case]] = {
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "20 mA"}, "its motion and load"),
     ],
     "design.trial._warnings": [
-        trials(ilc(), "can grow", measure=growth, left=0.0),
+        trials(ilc(shift=2), "can grow", measure=growth, left=0.0),
         trials({**ilc(), "controller.ilc": {"law": "norm-optimal", "change_weight": 1e-9}}, "can grow",
                measure=growth, left=0.0),
     ],
     "design.trial._by_frequency": [
-        trials(ilc(shift=4, q_filter={"cutoff": "10 Hz", "acts_on": "signal", "ends": "odd"}), "shift = 7",
-               measure=growth_with_ends, left=0.9),
+        trials({**ilc(shift=2, q_filter={"cutoff": "25 Hz", "acts_on": "signal"}),
+                "design.state_weight": [1e3, 0.1, 0.05]}, "shift = ", measure=growth_with_ends, left=0.9),
         trials(ilc(shift=8, q_filter={"cutoff": "30 Hz", "acts_on": "signal"}), "shift = 3",
                measure=growth_with_ends, left=0.9),
     ],
@@ -449,7 +449,7 @@ CASES: dict[str, list[Case]] = {
         trials(ilc(shift=4), "low-pass filter"),
     ],
     "design.trial._learning_gain": [
-        trials({}, "low-pass filter", study=ZERO),
+        trials({"controller.ilc.shift": 1}, "low-pass filter", study=ZERO, left=0.2),
     ],
     "design.from_study._better_sampled": [
         trials({}, "makes it stable along the trial", study=SHAFT, cures=2, measure=trial, left=0.1),
@@ -488,7 +488,8 @@ REFUSALS: dict[str, list[Refusal]] = {
                 "phase_margin": "70 deg"}}, NO_MARGIN, "x", "fast"),
     ],
     "design.from_study._study_error": [
-        Refusal(ZERO, {}, "expected a zero-phase low-pass filter", "ilc", "move", measure=last_trial),
+        Refusal(ZERO, {"controller.ilc.shift": 1}, "expected a zero-phase low-pass filter", "ilc", "move",
+                most=0.2, measure=last_trial),
     ],
     "design.feedforward.dynamic": [
         Refusal(ZERO, {**NEAR_ONE, "scenario.move.trials": 2}, "expected false", "ilc", "move", most=1.1,
@@ -556,7 +557,7 @@ def test_a_certificate_that_is_not_found_has_the_number_to_give(monkeypatch: pyt
     """We know no study in which the inequalities fail and the frequency response does not."""
     with monkeypatch.context() as without:
         without.setattr(learning_gain, "_solve", lambda *_: (None, None))
-        study = read(trial_studies.DRIVE, ilc())
+        study = read(trial_studies.DRIVE, {**ilc(shift=2), "drive.position_sensor.bits": 20})
         missing = design_study(study, [("move", "ilc")])["move", "ilc"].no_K_3
     assert missing is not None and "K_3: missing: expected a number" in str(missing)
     (cure,) = missing.cures

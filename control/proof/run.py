@@ -54,15 +54,16 @@ PARTS = {
     "harmonic": "law range angle pi harmonic",
     "space_position": "law angle memory delay_line range space_position",
     "space_speed": "law angle memory delay_line range space_speed",
-    "trial": "law angle feedforward polynomial zero_phase trial_observer trial",
+    "trial": "law angle feedforward polynomial zero_phase trial_guard trial_observer trial",
     "map_store": "map map_store crc32",
 }
 
 # Functions whose paths are kept apart further than others': those whose answer says what is valid.
 PRECISE = """
-    is_valid cgl_foc_bad_field cgl_monitor_bad_field cgl_quality_bad_field cgl_drive_bad_field cgl_pi_bad_field
-    cgl_adrc_bad_field cgl_memory_bad_field cgl_pi_ilc_bad_field cgl_robust_ilc_bad_field cgl_anti_cogging_bad_field
-    cgl_pi_afc_bad_field cgl_harmonic_bad_field cgl_space_position_bad_field cgl_space_speed_bad_field
+    is_valid cgl_foc_bad_field cgl_monitor_bad_field cgl_quality_bad_field cgl_drive_bad_field
+    cgl_pi_bad_field cgl_adrc_bad_field cgl_memory_bad_field cgl_pi_ilc_bad_field
+    cgl_robust_ilc_bad_field cgl_anti_cogging_bad_field cgl_pi_afc_bad_field
+    cgl_harmonic_bad_field cgl_space_position_bad_field cgl_space_speed_bad_field
     cgl_map_is_valid cgl_pi_init cgl_adrc_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
     cgl_anti_cogging_init cgl_pi_afc_init cgl_harmonic_init
     cgl_delay_is_valid cgl_space_position_init cgl_space_speed_init

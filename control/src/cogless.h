@@ -39,6 +39,7 @@
 #include "cogless/telemetry.h"
 #include "cogless/transform.h"
 #include "cogless/trial.h"
+#include "cogless/trial_guard.h"
 #include "cogless/trial_observer.h"
 #include "cogless/turns.h"
 #include "cogless/version.h"

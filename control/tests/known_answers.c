@@ -12,6 +12,8 @@
 #include "cogless/feedforward.h"
 #include "cogless/harmonic.h"
 #include "cogless/map.h"
+#include "cogless/sine.h"
+#include "cogless/turns.h"
 
 /* Numbers that logs and other programs know. */
 static void keep_the_numbers(void)
@@ -76,6 +78,55 @@ static void average_offsets(void)
     }
     CHECK(within(offsets.mean[0] - CGL_R(0.104), CGL_R(1.0e-6)) && within(offsets.mean[1] + CGL_R(0.196), CGL_R(1.0e-6)));
     CHECK(within(offsets.mean[2] - CGL_R(0.304), CGL_R(1.0e-6)));
+}
+
+/* Parts of a turn in 32 bits are what a division of 64 bits makes of them. */
+static void divide_a_turn(void)
+{
+    for (uint32_t parts = 2U; parts <= 65536U; parts += 1U + parts / 64U) {
+        for (uint32_t part = 0U; part < parts; part += 1U + parts / 97U) {
+            CHECK(cgl_share_of_turn(part, parts) == (uint32_t)(((uint64_t)part << 32U) / parts));
+        }
+        CHECK(cgl_share_of_turn(parts - 1U, parts) == (uint32_t)(((uint64_t)(parts - 1U) << 32U) / parts));
+        CHECK(cgl_share_of_turn(1U, 255U * parts) == (uint32_t)(((uint64_t)1U << 32U) / (255U * parts)));
+        const cgl_encoder_config config = {.counts = UINT32_MAX / parts * 3U};
+        cgl_encoder encoder;
+        CHECK(cgl_encoder_init(&encoder, &config, 0U) == CGL_OK && encoder.per_count == UINT64_MAX / config.counts);
+    }
+}
+
+#ifdef COGLESS_DOUBLE
+#define PHASOR_ERROR CGL_R(1.3e-15) /* of an order, times the order */
+#else
+#define PHASOR_ERROR CGL_R(2.9e-7)
+#endif
+
+static void compare_phasors(cgl_phasor one, cgl_phasor other, cgl_real bound)
+{
+    CHECK(within(one.cosine - other.cosine, bound) && within(one.sine - other.sine, bound));
+}
+
+/* The phasors of 420 orders by products alone, one by one and by doubling, at 97 angles; and the phasor of an angle up to 100 rad,
+ * which is halved up to nine times. */
+static void turn_phasors(void)
+{
+    for (uint32_t n = 0U; n < 97U; ++n) {
+        const uint32_t turns = n * 44278013U + 12345U;
+        const cgl_phasor first = cgl_phasor_of(turns);
+        cgl_phasor phasor = first, doubled = first;
+        for (uint32_t order = 2U; order <= 420U; ++order) {
+            phasor = cgl_product(phasor, first);
+            compare_phasors(phasor, cgl_phasor_of(order * turns), (cgl_real)(order + 1U) * PHASOR_ERROR);
+            if ((order & (order - 1U)) == 0U) {
+                doubled = cgl_product(doubled, doubled);
+                compare_phasors(doubled, cgl_phasor_of(order * turns), (cgl_real)(order + 1U) * PHASOR_ERROR);
+            }
+        }
+        const cgl_real angle = (cgl_real)n * (cgl_real)n * CGL_R(0.01) - CGL_R(2.0);
+        cgl_phasor direct;
+        cgl_sincos(angle, &direct.sine, &direct.cosine);
+        compare_phasors(cgl_phasor_ahead(angle), direct, (CGL_R(2.0) + CGL_R(8.0) * cgl_abs(angle)) * PHASOR_ERROR);
+    }
 }
 
 /* A sensor off its middle, at a speed that the current does not change: its error is learned, and taken out of the angle, and of a
@@ -224,6 +275,8 @@ void known_answers(void)
 {
     keep_the_numbers();
     turn_an_encoder();
+    divide_a_turn();
+    turn_phasors();
     average_offsets();
     see_through_a_sensor();
     reject_a_load();

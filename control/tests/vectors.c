@@ -383,6 +383,7 @@ static void trial(void)
     config.shift = count();
     config.limit = real();
     config.learned_limit = real();
+    config.unguarded = true;
     config.observer.response = real();
     config.observer.pole = real();
     reals(y_ref, config.samples);

@@ -24,6 +24,10 @@ class StudyError(Exception):
         self.cures = cures
         return self
 
+    def within(self, file: object) -> str:
+        """The text without the name of this file, for where that is known."""
+        return str(self).removeprefix(f"{file}: ")
+
 
 def say(line: str) -> None:
     """Print a line on stderr, if that can be written."""

@@ -513,7 +513,7 @@ def test_the_ends_are_as_in_the_paper(library, shift):
     assert c.v.tolist() == [0.0] * shift + e[shift:].tolist()
 
 
-@pytest.mark.parametrize("shift", [1, 3, 32])
+@pytest.mark.parametrize("shift", [1, 3, 32, 47])
 def test_a_saturated_sample_teaches_nothing(library, shift):
     """u(p) at its limit: e(p + r) says nothing about v(p)."""
     samples, limited = 50, {0, 4, 5, 17, 49 - shift}

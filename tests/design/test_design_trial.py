@@ -24,12 +24,13 @@ from design_plants import (
     speed,
     two_masses,
 )
+from scipy.linalg import expm
 
 from cogless.design import (
     from_study,
     trial,
 )
-from cogless.design.certificate import Learning, Update
+from cogless.design.certificate import Certificate, Learning, Update
 from cogless.design.error import DesignError
 from cogless.design.from_study import design_study, retuned, same_gains, settings_of
 from cogless.design.model import Real
@@ -198,19 +199,26 @@ def test_two_mass_drive_train() -> None:
     with pytest.raises(DesignError) as error:
         design_trial(plant, settings, unfiltered)
     assert error.value.key == "q_filter"
-    cutoff = float(str(error.value).split(" signal of ")[1].split(" Hz")[0])
-    design = design_trial(plant, replace(settings, K_s=unfiltered.K_s, cutoff=cutoff, filtered="signal"))
-    assert str(design.notes[-1]).startswith("K_3 by frequency")
+    assert error.value.cures == ({"q_filter": "auto", "shift": "auto"},)
+    design = design_trial(plant, replace(settings, K_s=unfiltered.K_s, cutoff="auto", shift="auto"))
+    chosen = f"shift = {design.shift} and {design.gains.cutoff:.3g} Hz are chosen together with K_3"
+    assert str(design.notes[-1]).startswith(chosen) and str(error.value).endswith(
+        f'q_filter = "auto" and shift = "auto" choose {design.gains.cutoff:.3g} Hz and {design.shift}'
+    )
     part = design.certificate.exact
     assert part is not None and part.with_filter is not None and part.without_filter is not None
     assert part.with_filter.contracting
     assert not part.without_filter.monotone
     errors = design_errors(design, plant, 25)
     # with the filter on the signal the error settles at what the filter takes out of v: its changes shrink
-    assert part.growth is not None and part.growth <= part.with_filter.norm < 1
-    _holds(np.diff(errors, axis=1), part.with_filter.norm, ends=0.02)
-    # without it, learning first helps and then destroys
-    grown = design_errors(replace(design, q_filter=None), plant, 90)
+    assert part.growth is not None
+    factor = max(part.with_filter.norm, part.growth)
+    assert factor < 0.951
+    _holds(np.diff(errors, axis=1), factor, ends=0.02)
+    # with the smallest shift and without the filter, learning first helps and then destroys
+    least = design_trial(plant, replace(settings, K_s=unfiltered.K_s, cutoff=20.0, filtered="signal"))
+    assert least.shift == plant.relative_degree < design.shift
+    grown = design_errors(replace(least, q_filter=None), plant, 90)
     assert np.all(rms(grown)[:, -1] > 3 * rms(grown).min(axis=1))
 
 
@@ -309,8 +317,7 @@ def _holds(errors: Real, norm: float, ends: float = 1e-9) -> None:
         ),
         ({"N": float("inf")}, "N", "N: expected a finite number"),
         ({"K_s": [1.0, float("nan"), 2.0]}, "K_s", "K_s: expected 3 finite numbers"),
-        ({"shift": 1}, "shift", "shift: 1: expected 2, the relative degree, to 32"),
-        ({"shift": 33}, "shift", "shift: 33: expected 2, the relative degree, to 32"),
+        ({"shift": 1}, "shift", "shift: 1: expected 2, the relative degree, or more"),
         ({"shift": 32, "samples": 32}, "shift", "shift: 32: expected less than the 32 samples"),
         (
             {"samples": 12, "cutoff": 30.0, "filter_order": 3},
@@ -467,11 +474,43 @@ def test_a_law_s_keys_are_its_design_s_settings(
     assert found.f == found.gamma and study.design.initial_change is None
 
 
+def test_the_default_feedforward_is_of_the_plant_as_it_is_sampled() -> None:
+    """An own simulation of the motor under a held input: the plant's exponential by SciPy, no integrator.
+
+    What is left is the zero at the unit circle, which the feedforward doesn't cancel: y is a mean of three
+    samples of the reference. Euler's inverse leaves many times more.
+    """
+    J, B, K_t = 8.25e-4, 1.4e-3, 0.37
+    step = expm(2.5e-3 * np.array([[0, 1, 0], [0, -B / J, K_t / J], [0, 0, 0]]))
+    A, b = step[:2, :2], step[:2, 2]
+    y_ref = np.concatenate([np.zeros(50), smooth_step(300), np.ones(50)])
+
+    def moved(**changes: object) -> Real:
+        design = design_trial(mandra(), mandra_settings(learning=False, **changes))
+        ahead = design.feedforward
+        assert ahead is not None and np.allclose(ahead.den[1:], 0)
+        padded = np.concatenate([y_ref, np.ones(ahead.preview)])
+        x, y = np.zeros(2), np.zeros(len(y_ref))
+        for p in range(len(y_ref)):
+            y[p] = x[0]
+            taps = [padded[max(0, p + ahead.preview - i)] for i in range(len(ahead.num))]
+            x = A @ x + b * (design.K_1 @ x + ahead.num @ taps)
+        return y
+
+    default, paper = moved(inverted="exact"), moved()
+    zero = A[1, 1] - A[0, 1] * b[1] / b[0]
+    mean = np.convolve(y_ref, [-zero, 1 + zero**2, -zero])[1:-1] / (1 - zero) ** 2
+    assert default[50:-5] == pytest.approx(mean[50:-5], abs=1e-9)
+    assert np.abs(default - y_ref).max() < 0.2 * np.abs(paper - y_ref).max()
+
+
 T = 1e-3
 
 
 def part(**more: Any) -> Any:
-    learning = SimpleNamespace(monotone=False, norm=more.pop("norm", 1.0), frequency=12.3456)
+    learning = SimpleNamespace(
+        monotone=more.pop("monotone", False), norm=more.pop("norm", 1.0), frequency=12.3456
+    )
     own = {"stable": True, "worst": "corner 2", "radius": 1.23456, "growth": None, "with_filter": None}
     return SimpleNamespace(**{**own, "learning": learning, "phi_radius": 1.5, **more})
 
@@ -489,7 +528,7 @@ def part(**more: Any) -> Any:
 def test_what_can_grow_is_told_with_what_prevents_it(
     monkeypatch: pytest.MonkeyPatch, found: Any, told: str
 ) -> None:
-    """What helps is a filter of so many Hz or a larger change_weight. Each of two models has its own note."""
+    """What helps is a filter of so many Hz or a larger change_weight. It is of the models that decide."""
     cutoffs: list[float | None] = [12.345, None, 5.0, 5.0]
     monkeypatch.setattr(trial, "workable_cutoff", lambda *_: cutoffs.pop(0))
     plant: Any = SimpleNamespace(vertices=(), exact_vertices=None, C=None, period=T)
@@ -497,7 +536,7 @@ def test_what_can_grow_is_told_with_what_prevents_it(
     law: Any = None
 
     def notes(update: Any, design: Any, exact: Any = None) -> list[str]:
-        certificate: Any = SimpleNamespace(design=design, exact=exact)
+        certificate = Certificate(design, exact, None, 0)
         return [*map(str, trial._warnings(plant, law, certificate, update, settings))]
 
     grows = "the error can grow by a factor of "
@@ -508,11 +547,12 @@ def test_what_can_grow_is_told_with_what_prevents_it(
     monkeypatch.setattr(trial, "_calmer", lambda *_: 0.1)
     larger = "; change_weight = 0.1 prevents it"
     assert notes(optimal, found) == [f"design model: {grows}{told}{larger}"]
-    assert notes(optimal, found, found) == [f"exact model: {grows}{told}{larger}"]  # L is for this model
-    assert len(notes(Update(1, 0.5), found, found)) == 2 and notes(None, found) == []
+    assert notes(optimal, part(), found) == [f"exact model: {grows}{told}{larger}"]
+    assert notes(optimal, found, part(monotone=True)) == [] and notes(None, found) == []
     shaking = "unstable along the trial at corner 2, with a pole of 1.235"
     unstable = part(stable=False, learning=None)
-    assert notes(None, unstable, unstable) == [f"{kind} model: {shaking}" for kind in ("design", "exact")]
+    assert notes(None, unstable) == [f"design model: {shaking}"]
+    assert notes(None, part(), unstable) == [f"exact model: {shaking}"]
 
 
 @pytest.mark.parametrize(
@@ -546,24 +586,6 @@ def test_a_static_gain_points_where_the_loop_does(
     with pytest.raises(DesignError) as error:
         trial._check_sign(*of)
     assert str(error.value) == told
-
-
-@pytest.mark.parametrize(
-    ("works", "said"),
-    [
-        ({2: 12.3456, 3: 20.0}, " of 12.3 Hz or less"),
-        ({3: 20.0}, " of 20 Hz or less, and shift = 3"),
-        ({8: 20.0}, " of 20 Hz or less, and shift = 8"),
-        ({9: 20.0}, "; with this feedback none makes it fast, though"),
-    ],
-)
-def test_a_filter_that_would_do_is_told(
-    monkeypatch: pytest.MonkeyPatch, works: dict[int, float], said: str
-) -> None:
-    monkeypatch.setattr(trial, "workable_cutoff", lambda loops, shift, *_: works.get(shift))
-    plant, settings = SimpleNamespace(period=1e-3), SimpleNamespace(filter_order=2, samples=100)
-    told, *cures = trial._low_pass([], plant, settings, 2)
-    assert told == said and len(cures) == ("Hz" in said)
 
 
 FASTEST = "K_3 by frequency, for the smallest factor a trial"

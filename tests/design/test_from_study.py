@@ -22,6 +22,8 @@ from cogless.study.trial_controller import StateIlc
         ("state_weight: expected more", None, "design.state_weight"),
         ("nominal: expected more", None, "design.nominal"),
         ("nominal: expected more", [], "plant.parameter"),
+        ("nominal: expected more", [1], "plant.vertex"),
+        ("model: expected more", [1], "plant.model"),
         ("range.J: expected more", [], "design.range.J"),
         ("range: expected more", [], "plant.parameter"),
         ("output: expected more", [], "plant.C"),
@@ -32,7 +34,7 @@ from cogless.study.trial_controller import StateIlc
     ],
 )
 def test_a_design_s_error_names_the_study_s_own_key(message: str, plant: Any, key: str) -> None:
-    given = None if plant is None else SimpleNamespace(vertex=plant)
+    given = None if plant is None else SimpleNamespace(vertex=plant, parameter=[] if plant else ["J"])
     laws = {"ilc": None, "older": StateIlc.model_construct()}
     study: Any = SimpleNamespace(source=SimpleNamespace(path="a.toml"), plant=given, controller=laws)
     text = message.partition(": ")[2]

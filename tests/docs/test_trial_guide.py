@@ -50,7 +50,27 @@ def errors() -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("change", "line"), errors())
 def test_the_errors_are_those_that_the_guide_shows(axis: Path, change: str, line: str) -> None:
-    found = CliRunner().invoke(app, ["run", str(axis), "-o", str(axis.parent / "out"), "--set", change])
+    out = str(axis.parent / "out")
+    command = ["run", str(axis), "-o", out, "--only", "*/ilc", "--set", change]
+    found = CliRunner().invoke(app, command)
     assert found.exception is not None
     told = "[0-9.e-]+".join(re.escape(part) for part in line.split("..."))
     assert re.fullmatch(re.escape(f"{axis}: ") + told, str(found.exception))
+
+
+def test_noise_is_amplified_as_the_theory_says(axis: Path) -> None:
+    theory = (Path(__file__).parents[2] / "docs" / "theory" / "trial-design.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.*) \| ([\d.]+) \| ([\d.]+) \|$", theory, re.MULTILINE)
+    laws = (
+        {},
+        {"controller.ilc": {"law": "norm-optimal"}},
+        {"controller.ilc": {"law": "norm-optimal", "change_weight": 1.0}},
+        {"controller.ilc": {"law": "observer-ilc"}},
+    )
+    for (about, *told), law in zip(rows, laws, strict=True):
+        study = load(axis, law)
+        assert isinstance(study, TrialStudy)
+        assert study.controller["ilc"].law in about or about == "`ilc` of the guide"
+        found = summary(study).designs["ilc"].amplification
+        assert found is not None
+        assert [float(x) for x in told] == pytest.approx([max(found.load), max(found.noise)], abs=0.01)

@@ -625,7 +625,9 @@ def test_mistakes(
 
 def test_a_linear_plant_has_no_drive(tmp_path: Path) -> None:
     study = load(trial_studies.write(tmp_path, trial_studies.LINEAR))
-    with pytest.raises(StudyError, match="plant: a linear plant: expected a study with a drive"):
+    with pytest.raises(
+        StudyError, match="plant: an export has a drive around the law, and a linear plant none: expected"
+    ):
         export_c(study, next(iter(study.controller)), tmp_path / "out")
 
 

@@ -12,11 +12,13 @@ from test_live_engine import RUN, each_met, native
 from test_live_keys import same_bytes
 from test_live_page import same, sets_of, settle, show, text, type_into
 
-from cogless.design.from_study import design_study
+from cogless.design.from_study import design_study, retuned
 from cogless.errors import StudyError
 from cogless.live import left_out, write
 from cogless.live.blobs import blobs, held, precision
-from cogless.live.trial_candidates import trial_candidates
+from cogless.live.keys import Found
+from cogless.live.page import data
+from cogless.live.trial_candidates import pinned, trial_candidates
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import load
@@ -114,8 +116,7 @@ OF_TRIALS = {  # what the page calls a key, its group, and its slider's ends as 
         'scenario.move.override."motor.K_t"': ("motor.K_t", "Motor", 0.7, 1.3),
         "drive.position_sensor.bits": ("drive.position_sensor.bits", "Sensors", 8 / 14, 20 / 14),
     },
-    "linear": {
-        "controller.ilc.K_3": ("K_3", "ilc", 0.0, 2.0),
+    "linear": {  # its update is chosen as a whole
         "scenario.cycle.trials": ("trials", "Trials", 4 / 6, 2.0),
         "scenario.cycle.load_steps.0.1": ("load", "Trials", 0.0, 2.0),
         "scenario.cycle.changes.0.override.a": ("a, from trial 4", "Trials", 0.5, 2.0),
@@ -159,6 +160,94 @@ def test_a_study_that_has_nothing_else_is_refused(tmp_path):
         write(study, tmp_path / "page.html", "cogless run x")
 
 
+LEARNERS = """
+[controller.signal]
+law = "trial-ilc"
+K_s = [-99.4, -0.927, 1.39]
+q_filter = { cutoff = "12 Hz", acts_on = "signal" }
+[controller.observer]
+law = "observer-ilc"
+"""
+
+
+@pytest.fixture(scope="module")
+def learners(tmp_path_factory):
+    """A study with a law of each kind that a page tunes, and what its designs chose."""
+    text = trial_studies.DRIVE.replace("[[metric]]", LEARNERS + "[[metric]]", 1)
+    study = trial_studies.loaded(tmp_path_factory.mktemp("learners"), text=text)
+    return study, *pinned(study)
+
+
+@pytest.fixture(scope="module")
+def knobs(learners):
+    return live_studies.found(learners[1])
+
+
+def test_what_the_designs_chose_is_written_out_and_changes_no_bit(learners):
+    study, held_still, pins = learners
+    chosen = {"ilc.K_3", "ilc.shift", "signal.K_3", "signal.shift", "observer.pole", "observer.cutoff"}
+    assert set(pins) == {f"controller.{key}" for key in chosen}
+    designs = design_study(study, list(held(study)))
+    assert pins["controller.signal.K_3"] == designs["move", "signal"].K_3
+    for pair in held(study):
+        assert blobs(held_still, *pair)["run"].data == blobs(study, *pair)["run"].data
+
+
+def test_filter_shift_and_weight_have_knobs(knobs):
+    keys = {key.candidate.key: key for key in knobs.keys}
+    for name in (
+        "controller.signal.q_filter.cutoff",
+        "controller.ilc.q_filter.cutoff",
+        "controller.observer.cutoff",
+    ):
+        assert len(keys[name].stops) > 15  # fmt: skip
+    assert keys["controller.signal.q_filter.cutoff"].candidate.label == "q_filter.cutoff (K_3 stays)"
+    shift = keys["controller.ilc.shift"]
+    assert (shift.candidate.low, shift.candidate.high, shift.stops) == (2, 16, ())
+    assert "controller.observer.pole" in keys
+    weight = keys["design.input_weight"]
+    assert weight.stops == (0.09, 0.18, 0.45, 0.9, 1.8, 4.5, 9.0)
+    assert {place[1] for place, lands in weight.lands.items() if lands} == {"ilc", "feedback"}
+    assert knobs.left_out == []
+
+
+@pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
+def test_changed_filters_shifts_and_weights_give_the_bytes_of_set(tmp_path, learners, knobs):
+    same_bytes(tmp_path, learners[1], knobs, seed=5, count=4)
+
+
+@pytest.mark.parametrize("weight", [0.18, 4.5])
+def test_a_weight_of_the_page_gives_the_gains_of_a_whole_design(learners, weight):
+    _, held_still, _ = learners
+    other = changed(held_still, {"design.input_weight": weight})
+    for run in held(held_still):
+        quick, whole = retuned(other, run, held_still), design_study(other, [run])[run]
+        assert (quick.K_1.tolist(), quick.K_2, quick.N) == (whole.K_1.tolist(), whole.K_2, whole.N)
+        assert (quick.K_3, quick.shift) == (whole.K_3, whole.shift)
+
+
+def test_gains_of_a_filter_are_found_anew_where_nothing_is_given(learners):
+    """Without a given K_3 a filter on the signal changes it, where it is found by frequency."""
+    study = changed(learners[0], {"controller.signal.shift": 3})
+    run, other = ("move", "signal"), changed(study, {"controller.signal.q_filter.cutoff": "8 Hz"})
+    quick, whole = retuned(other, run, study), design_study(other, [run])[run]
+    assert quick.K_3 == whole.K_3 != design_study(study, [run])[run].K_3
+
+
+def test_thirty_changes_are_one_row_and_no_thirty_sliders(tmp_path):
+    text = trial_studies.DRIVE
+    begin, end = text.index("changes = ["), text.index("[controller.ilc]")
+    loads = ",".join(f'{{ trial = {n + 2}, load_steps = [[40, "{0.01 * n:.2f} N*m"]] }}' for n in range(30))
+    text = (text[:begin] + f"changes = [{loads}]\n" + text[end:]).replace("trials = 12", "trials = 40")
+    study = trial_studies.loaded(tmp_path, text=text)
+    assert not any("load_steps" in one.key for one in trial_candidates(study))
+    (scenario,) = data(study, Found(), "")["scenarios"]
+    floor = next(metric for metric in scenario["metrics"] if metric["name"] == "to_floor")
+    assert floor["titles"] == ["to floor, from trial 1", "to floor, worst of 30 load changes from trial 2"]
+    assert floor["groups"] == [(0, 1), (1, 31)]
+    assert [phase["name"] for phase in scenario["phases"]] == ["start", "trial 2: load", "trial 31: load"]
+
+
 @pytest.fixture
 def page(window, path):
     show(window, path, LONG)
@@ -185,7 +274,7 @@ def test_the_page_has_the_numbers_of_set(page, study):
     same(flat(numbers(page, "ilc", True)), flat(unlearned.metrics.values()))
     type_into(page, "controller.ilc.K_3", 0.3)
     settle(page, LONG)
-    assert sets_of(page) == {"controller.ilc.K_3": 0.3}
+    assert sets_of(page) == {"controller.ilc.K_3": 0.3, "controller.ilc.shift": 2}
     other = changed(study, sets_of(page))
     same(flat(numbers(page, "ilc")), flat(simulate(other, scenario, "ilc").metrics.values()))
     assert numbers(page, "ilc") != wanted
@@ -195,6 +284,21 @@ def test_the_page_has_the_numbers_of_set(page, study):
     assert {"Learned signal", "Position error" if study.plant is None else "Error"} <= set(titles)
     assert "Orders" not in text(page, "#shown")
     assert page.run("return document.documentElement.scrollWidth") <= 1300
+
+
+@needs_browser
+def test_the_page_has_the_numbers_of_set_with_another_shift_and_weight(page, study):
+    """With the learning gain that the design chose before, which the page's command gives, too."""
+    (scenario,) = study.scenario
+    type_into(page, "controller.ilc.shift", 4)
+    page.run(f"cogless.set('design.input_weight', {2 * study.design.input_weight})")
+    settle(page, LONG)
+    sets = sets_of(page)
+    assert set(sets) == {"controller.ilc.K_3", "controller.ilc.shift", "design.input_weight"}
+    other = changed(study, sets)
+    same(flat(numbers(page, "ilc")), flat(simulate(other, scenario, "ilc").metrics.values()))
+    again = simulate(study, scenario, "ilc").metrics.values()
+    assert flat(numbers(page, "ilc")) != pytest.approx(flat(again))
 
 
 @needs_browser

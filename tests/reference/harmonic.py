@@ -11,6 +11,7 @@ import numpy as np
 
 from .limits import clip, finite_or_zero, is_angle
 from .pi import Pi
+from .turns import TURN, parts, parts_of_angle, turned
 
 P = math.exp(-0.5)
 L1, L2, L3 = 1 - P**3, 1.5 * (1 - P) ** 2 * (1 + P), (1 - P) ** 3
@@ -19,18 +20,6 @@ TOGETHER = 1 / 16
 BENT, SURE, STAYS, DOUBTED, CALM = 0.05, 2.5e-7, 1 / 8, 64.0, 0.02
 TURN_OF_BEND, PARTS, FEW = 8, 2, 8
 HUNTS = 2.0
-
-TURN = 1 << 32  # parts of a turn
-
-
-def parts(revolutions: float) -> int:
-    return int(revolutions * TURN)
-
-
-def turned(angle: int, radians: float) -> int:
-    """The angle, in parts of a turn, that is ahead by so much."""
-    return (angle + parts(clip(radians / math.tau, 0.4999))) % TURN
-
 
 @dataclass
 class Harmonic:
@@ -236,7 +225,7 @@ class Harmonic:
     def angle_of(self, theta_m: float, omega_m: float) -> int | None:
         if not is_angle(theta_m):
             return None
-        return self.within_step(parts(math.fmod(theta_m / math.tau, 1)) % TURN, omega_m)
+        return self.within_step(parts_of_angle(theta_m), omega_m)
 
     def take_turn(self, theta: int | None) -> None:
         """The bend goes on by its slope, and once in a while it has its turn."""
@@ -259,7 +248,7 @@ class Harmonic:
         if self.k_theta:
             plausible &= is_angle(theta_ref)
             if theta is not None and is_angle(theta_ref):
-                asked = parts(math.fmod(theta_ref / math.tau, 1))
+                asked = parts_of_angle(theta_ref)
                 way = ((asked - theta + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
                 error += self.k_theta * (way + self.here)
         may = learn and omega_ref != 0 and plausible and not self.pi.saturated

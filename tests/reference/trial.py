@@ -61,6 +61,94 @@ class TrialObserver:
         return self.u[-3] + (self.e[-1] - self.e[-2] - self.e[-3] + self.e[-4]) / (2 * self.g)
 
 
+class TrialGuard:
+    """The header's rules on the sums of e^2 over trials. `decide` says what becomes of v and of the best v."""
+
+    def __init__(self) -> None:
+        self.phase, self.best, self.feedback = "LEARN", math.inf, math.nan
+        self.strikes = self.above = self.wait = self.returns = 0
+        self.last = self.jump = math.nan
+        self.first = True
+
+    def is_too_much(self, J: float, growth: float = 4.0) -> bool:
+        return J > growth * self.best or J > 1.1025 * self.feedback
+
+    def strike(self) -> None:
+        self.strikes = min(self.strikes + 1, 6)
+        self.phase, self.wait = "HOLD", 4**self.strikes - 1
+
+    def accept(self, J: float) -> None:
+        old, self.best, self.above = self.best, J, 0
+        less, more = sorted((self.feedback, self.jump)) if self.feedback >= 0 else (math.inf, 0.0)
+        if self.feedback >= J and 4 * less <= more and 8 * (J + old) <= more:
+            self.feedback, self.strikes, self.phase = more, 0, "LEARN"
+        else:
+            self.phase = "COMPARE"
+
+    def decide(self, J: float, none: bool, limited: bool) -> set[str]:
+        """J: of the trial; none: v was zero; limited: u was at its limit. Of {"store", "back", "clear", "learn"}."""
+        self.growth = 1.1025 if limited else 4.0
+        verdict = getattr(self, self.phase.lower())(J, none)
+        if none:
+            self.feedback = J
+        self.last, self.first = J, False
+        return verdict
+
+    def learn(self, J: float, _none: bool) -> set[str]:
+        if self.first or not self.is_too_much(J, self.growth):
+            self.above = 0
+            if J >= self.best:
+                return {"learn"}
+            self.strikes -= self.strikes > 0 and 1.1025 * J < self.best
+            self.best = J
+            return {"store", "learn"}
+        self.above += 1
+        if self.above == 1:
+            self.jump = J
+        goes_on = self.strikes == 0 if self.above == 1 else 1.1025 * J <= self.last
+        if self.above == 5 or (not goes_on and 4 * J <= self.jump):
+            self.accept(J)
+            return {"store", "learn"}
+        if goes_on:
+            return {"learn"}
+        self.above, self.phase = 0, "REPLAY"
+        self.returns += 1
+        return {"back"}
+
+    def replay(self, J: float, none: bool) -> set[str]:
+        if self.is_too_much(J) or 4 * J < self.best:
+            self.jump = J
+            self.accept(J)
+            if none:
+                self.strikes, self.phase = 0, "LEARN"
+            return {"learn"}
+        if self.phase == "REPLAY":
+            self.best = J
+            self.strike()
+            return set()
+        if self.wait > 1:
+            self.wait -= 1
+            return set()
+        self.phase = "LEARN"
+        return {"learn"}
+
+    hold = replay
+
+    def compare(self, J: float, _none: bool) -> set[str]:
+        same = J <= 1.1025 * self.feedback and self.feedback <= 1.1025 * J
+        self.feedback, self.phase = J, "LEARN"
+        if not same:
+            self.strikes = 0
+        if self.best <= J:
+            return set()
+        self.returns += 1
+        self.best = J
+        if same:
+            self.strike()
+            return {"clear"}
+        return {"clear", "learn"}
+
+
 @dataclass
 class Trial:
     samples: int
@@ -83,15 +171,24 @@ class Trial:
     learning_matrix: np.ndarray | None = None
     response: float = 0.0
     pole: float = 0.0
+    unguarded: bool = False
 
     def __post_init__(self) -> None:
         self.v = np.zeros(self.samples)
+        self.best_v = np.zeros(self.samples)
+        self.guard = TrialGuard()
+
+    @property
+    def guarded(self) -> bool:
+        return not self.unguarded and (self.k_3 != 0 or self.learning_matrix is not None)
 
     def begin(self, y_ref: np.ndarray) -> None:
         self.y_ref = np.asarray(y_ref, dtype=float)
         self.f = feedforward(self.num, self.den, self.preview, self.y_ref, self.samples + 50)
         self.psi, self.p, self.spoilt = 0.0, 0, False
         self.e = np.zeros(self.samples)
+        self.J = 0.0
+        self.acting = np.zeros(self.samples) if self.guard.phase == "COMPARE" else self.v
         self.limited = np.zeros(self.samples, dtype=bool)
         self.saturated = self.fault = False
         self.observer = TrialObserver(self.response, self.pole) if self.response else None
@@ -105,7 +202,7 @@ class Trial:
         if self.fault:
             self.spoilt |= self.within
             if self.observer:
-                self.observer.act(-float(self.f[min(p, len(self.f) - 1)]) - self.n * self.v[held])
+                self.observer.act(-float(self.f[min(p, len(self.f) - 1)]) - self.n * self.acting[held])
             self.terms = dict.fromkeys(("feedback", "integral", "feedforward", "learned"), 0.0)
             return 0.0
         y = float(np.dot(self.c, x))
@@ -113,7 +210,7 @@ class Trial:
             "feedback": float(np.dot(self.k_1, x)),
             "integral": self.k_2 * self.psi,
             "feedforward": float(self.f[min(p, len(self.f) - 1)]),
-            "learned": self.n * self.v[held],
+            "learned": self.n * self.acting[held],
         }
         e = self.y_ref[held] - y
         if self.observer:
@@ -123,11 +220,12 @@ class Trial:
         self.saturated = abs(self.wanted) >= self.limit
         if self.observer:
             self.observer.act(u - self.terms["feedforward"] - self.terms["learned"])
-        epsilon = e + self.v[held] * self.through_integrator
+        epsilon = e + self.acting[held] * self.through_integrator
         if not self.saturated or self.k_2 * epsilon * u < 0:
             self.psi += epsilon  # (4)
         if self.within:
             self.e[p] = self.observer.missing if self.observer else e
+            self.J += e * e
             self.limited[p] = self.saturated
             self.spoilt |= not learn
         return u
@@ -136,6 +234,23 @@ class Trial:
         if self.p < self.samples or self.spoilt:
             return False
         self.spoilt = True
+        if not self.guarded:
+            self.learn()
+            return True
+        verdict = self.guard.decide(self.J, not self.v.any(), bool(self.limited.any()))
+        if "store" in verdict:
+            self.best_v = self.v.copy()
+        if "clear" in verdict:
+            self.best_v = np.zeros(self.samples)
+        if verdict & {"back", "clear"}:
+            self.v = self.best_v.copy()
+        if "learn" in verdict:
+            self.learn()
+            share = 8.0**-self.guard.strikes
+            self.v = (1 - share) * self.best_v + share * self.v if self.guard.strikes else self.v
+        return True
+
+    def learn(self) -> None:
         r, last = self.shift, self.samples - 1
         e = self.e
         e[r:][self.limited[:-r]] = 0  # what u(p) could not do shows in e(p + r)
@@ -149,7 +264,6 @@ class Trial:
         if self.filter_signal:
             v = np.clip(self.filtered(v), -self.learned_limit, self.learned_limit)
         self.v = v
-        return True
 
     def filtered(self, x: np.ndarray) -> np.ndarray:
         return zero_phase(self.b, self.a, x, self.odd) if len(self.b) > 1 else x

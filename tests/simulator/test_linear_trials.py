@@ -50,6 +50,9 @@ def description(plant: dict[str, Any], matrix: Any = None, **law: Any) -> dict[s
         "period": 0.02,
         "samples": SAMPLES,
         "count": 7,
+        "noise": [0.0] * len(B),
+        "load_noise": 0.0,
+        "seed": 0,
         "phases": [
             {"from": 0, "reference": RISE, "A": A, "B": B, "load": 0 * LOAD, "initial_state": start},
             {"from": 3, "reference": RISE, "A": 0.98 * A, "B": 1.1 * B, "load": LOAD, "initial_state": start},
@@ -90,7 +93,10 @@ def trials_of(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> 
     return module.LinearTrials({**settings, "controller": law})
 
 
-def expected(settings: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarray]:
+def expected(
+    settings: dict[str, Any], noise: Any = 0.0, load_noise: Any = 0.0
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Signals and the last v. `noise`, `load_noise`: (samples of all trials, states) and (samples,)."""
     c = settings["controller"]["config"]
     same = ("samples", "k_1", "k_2", "n", "c", "k_3", "through_integrator", "shift", "limit", "learned_limit")
     law = Trial(
@@ -99,6 +105,9 @@ def expected(settings: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarra
         **({key: c["q_filter"][key] for key in ("b", "a")} if c["q_filter"]["b"] else {}),
         learning_matrix=settings["controller"]["learning_matrix"],
     )
+    ticks, states = settings["count"] * SAMPLES, len(c["k_1"])
+    noise = np.broadcast_to(noise, (ticks, states))
+    load_noise = np.broadcast_to(load_noise, ticks)
     names = ["y_ref", "y", "u", "load", *(f"x_{n + 1}" for n in range(len(c["k_1"]))), "status", "learned"]
     rows = []
     for trial in range(settings["count"]):
@@ -106,8 +115,9 @@ def expected(settings: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarra
         x = np.array(phase["initial_state"])
         law.begin(phase["reference"])
         for p in range(SAMPLES):
-            v, y, load = law.v[p], np.dot(settings["C"], x), phase["load"][p]
-            u = law.step(x)
+            tick = trial * SAMPLES + p
+            v, y, load = law.v[p], np.dot(settings["C"], x), phase["load"][p] + load_noise[tick]
+            u = law.step(x + noise[tick])
             status = 5 * law.saturated
             rows.append([phase["reference"][p], y, u, load, *x, status, v])
             x = phase["A"] @ x + phase["B"] * (u - load)
@@ -168,6 +178,36 @@ def test_pieces_and_copies_are_the_same_run() -> None:
         rows(copy, 1)
 
 
+def test_the_noise_is_white_and_the_same_for_each_law() -> None:
+    """A law with nothing but a gain shows the noise; the full law then does what its transcription does."""
+    noisy = {"noise": [0.02], "load_noise": 0.3, "seed": 7}
+    plain = {
+        "k_2": 0.0,
+        "n": 0.0,
+        "k_3": 0.0,
+        "feedforward": {"numerator": 0, "denominator": 0, "preview": 0},
+    }
+    bare = {**description(FIRST, **plain), **noisy}
+    x = signals(trials_of(bare), _simulator_f64, 7 * SAMPLES)
+    measured = x["u"] / FIRST["K_1"][0] - x["x_1"]
+    loads = [np.tile(p["load"], n) for p, n in zip(bare["phases"], (3, 2, 2), strict=True)]
+    load = x["load"] - np.concatenate(loads)
+    for white, size in ((measured, 0.02), (load, 0.3)):
+        assert np.std(white) == pytest.approx(size, rel=5 / np.sqrt(2 * len(white)))
+        assert abs(np.mean(white)) < 5 * size / np.sqrt(len(white))
+        for lag in (1, 2, SAMPLES):
+            assert abs(np.mean(white[lag:] * white[:-lag])) < 5 * size**2 / np.sqrt(len(white) - lag)
+    assert abs(np.corrcoef(measured, load)[0, 1]) < 5 / np.sqrt(len(load))
+
+    full = {**description(FIRST), **noisy}
+    found = signals(trials_of(full), _simulator_f64, 7 * SAMPLES)
+    wanted, _ = expected(full, measured[:, None], load)
+    for name, signal in wanted.items():
+        assert np.abs(found[name] - signal).max() <= 1e-9 * max(1.0, np.abs(signal).max()), name
+    other = signals(trials_of({**full, "seed": 8}), _simulator_f64, 7 * SAMPLES)
+    assert not np.array_equal(other["load"], found["load"])
+
+
 def test_growth_beyond_all_numbers_names_the_trial() -> None:
     settings = description(FIRST)
     settings["phases"][1]["A"] = [[1e3]]
@@ -180,7 +220,7 @@ def test_growth_beyond_all_numbers_names_the_trial() -> None:
     ("change", "message"),
     [
         ({"C": []}, r"^C: expected 1 to 8 numbers"),
-        ({"C": [1.0, 0.0, 0.0]}, r"controller.config: expected 3 states"),
+        ({"C": [1.0, 0.0, 0.0], "noise": [0.0] * 3}, r"controller.config: expected 3 states"),
         ({"count": 3}, r"phases.1.from: expected less than the number of trials"),
         ({"samples": 1}, r"controller.config: expected 1 samples"),
         ({"phases": []}, r"^phases: expected one or more"),
@@ -190,6 +230,7 @@ def test_growth_beyond_all_numbers_names_the_trial() -> None:
         ({"phases": [{"load": RISE[:-1]}]}, r"phases.0.load: expected 150 numbers"),
         ({"phases": [{"initial_state": [0.0]}]}, r"phases.0.initial_state: expected 2 numbers"),
         ({"period": 0.0}, r"^period: expected more than 0"),
+        ({"noise": [0.0]}, r"^noise: expected 2 numbers"),
     ],
 )
 def test_a_wrong_description_is_refused(change: dict[str, Any], message: str) -> None:

@@ -18,7 +18,7 @@ import cogless.study
 from cogless.study.arena import GivenFeedback
 from cogless.study.controller import Base, Commissioning, Tuning
 from cogless.study.table import Quantity, Table
-from cogless.study.trial_controller import QFilter
+from cogless.study.trial_controller import SignalFilter
 from cogless.study.trial_scenario import EitherWay
 
 GIVEN: dict[str, float | bool] = {
@@ -61,12 +61,13 @@ GIVEN: dict[str, float | bool] = {
     "study.temperature.MotorTemperature.reference": 20.0,
     "study.temperature.MotorTemperature.resistance_coefficient": 0.00393,
     "study.trial_controller.DesignSettings.initial_error": 0.1,
+    "study.trial_controller.FilteredLaw.shift": "ge 1 le 65534",
     "study.trial_controller.NormOptimalIlc.change_weight": 0.01,
     "study.trial_controller.NormOptimalIlc.feedforward": True,
     "study.trial_controller.NormOptimalIlc.integral": True,
     "study.trial_controller.ObserverIlc.feedforward": True,
     "study.trial_controller.ObserverIlc.learning": True,
-    "study.trial_controller.QFilter.order": 2,
+    "study.trial_controller.SignalFilter.order": 2,
     "study.trial_controller.TrialIlc.feedforward": True,
     "study.trial_controller.TrialIlc.integral": True,
     "study.trial_controller.TrialIlc.learning": True,
@@ -103,6 +104,8 @@ BOUNDS = {
     "study.motor.TorqueRipple.order": "ge 1 le 10000",
     "study.motor_tables.AngleFile.orders": "ge 1 le 10000",
     "study.plant.LinearPlant.input_limit": "gt 0 le 1000000000000",
+    "study.plant.LinearPlant.load_noise": "ge 0 le 1000000000000",
+    "study.plant.LinearPlant.noise": "ge 0 le 1000000000000",
     "study.position_sensor.Absolute.bits": "ge 1 le 31",
     "study.position_sensor.Absolute.positions": "ge 2 le 2147483648",
     "study.position_sensor.AngleOrder.order": "ge 1 le 1000",
@@ -117,12 +120,13 @@ BOUNDS = {
     "study.step_motor.StepMotor.teeth": "ge 1 le 1000",
     "study.trial_controller.DesignSettings.initial_error": "gt 0",
     "study.trial_controller.DesignSettings.input_weight": "gt 0",
+    "study.trial_controller.FilteredLaw.shift": "ge 1 le 65534",
     "study.trial_controller.NormOptimalIlc.change_weight": "gt 0",
     "study.trial_controller.ObserverIlc.pole": "ge 0 lt 1",
-    "study.trial_controller.QFilter.order": "ge 1 le 4",
-    "study.trial_controller.TrialIlc.shift": "ge 1 le 32",
+    "study.trial_controller.SignalFilter.order": "ge 1 le 4",
     "study.trial_controller.TrialLaw.learned_limit": "gt 0 le 1000000000000",
     "study.trial_scenario.Change.trial": "ge 2",
+    "study.trial_scenario.Deviations.initial_state": "ge 0 le 1000000000000",
     "study.trial_scenario.TrialConditions.load_steps": "ge 0",
     "study.trial_scenario.TrialScenario.trials": "ge 1 le 100000",
     "study.vary.Hold.share": "gt 0 le 1",
@@ -191,7 +195,7 @@ def test_a_number_is_in_si_in_a_controller_s_table_and_needs_a_unit_elsewhere(
 ) -> None:
     """In trials both are right, since their plant may be a drive, with units, or one without."""
     for table, model in shipped.items():
-        si = issubclass(model, (Base, Commissioning, GivenFeedback, QFilter, Tuning))
+        si = issubclass(model, (Base, Commissioning, GivenFeedback, SignalFilter, Tuning))
         for name, field in model.model_fields.items():
             for each in marks(field.annotation, field.metadata):
                 if isinstance(each, Quantity):

@@ -21,6 +21,13 @@ void cgl_sincos(cgl_real theta, cgl_real *sine, cgl_real *cosine)
     cgl_sincos_of_angle(theta, sine, cosine);
 }
 
+CGL_APART cgl_phasor cgl_phasor_of(uint32_t turns)
+{
+    cgl_phasor phasor;
+    cgl_sincos_of_turns(turns, &phasor.sine, &phasor.cosine);
+    return phasor;
+}
+
 cgl_real cgl_fraction(cgl_real x)
 {
     if (!cgl_is_below(x, CGL_R(1.0e9))) {

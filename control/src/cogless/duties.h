@@ -23,9 +23,9 @@ static inline void cgl_centred(cgl_real alpha, cgl_real beta, cgl_real part[3])
 /* Duty cycles in [0, 1] for these; not finite: 0.5. */
 static inline void cgl_duties(const cgl_real part[3], cgl_real duty[3])
 {
-    duty[0] = CGL_R(0.5) + cgl_clamp_here(part[0], CGL_R(0.5));
-    duty[1] = CGL_R(0.5) + cgl_clamp_here(part[1], CGL_R(0.5));
-    duty[2] = CGL_R(0.5) + cgl_clamp_here(part[2], CGL_R(0.5));
+    duty[0] = CGL_R(0.5) + cgl_clamp(part[0], CGL_R(0.5));
+    duty[1] = CGL_R(0.5) + cgl_clamp(part[1], CGL_R(0.5));
+    duty[2] = CGL_R(0.5) + cgl_clamp(part[2], CGL_R(0.5));
 }
 
 #endif

@@ -1,5 +1,21 @@
 #include "encoder.h"
 
+/* 2^64 / counts, digit by digit: a processor of 32 bits has no division for it. */
+CGL_SELDOM static uint64_t turns_per_count(uint32_t counts)
+{
+    uint32_t rest = UINT32_MAX % counts, low = 0U;
+    for (uint32_t digit = 0U; digit < 32U; ++digit) {
+        const bool carries = rest >= 0x80000000U;
+        rest = 2U * rest + 1U;
+        low *= 2U;
+        if (carries || rest >= counts) {
+            rest -= counts;
+            ++low;
+        }
+    }
+    return ((uint64_t)(UINT32_MAX / counts) << 32U) + low;
+}
+
 CGL_SELDOM cgl_error cgl_encoder_init(cgl_encoder *encoder, const cgl_encoder_config *config, uint32_t reading)
 {
     if (!(config->counts >= 2U && config->zero < config->counts && (config->range == 0U || config->range >= 4U)
@@ -7,7 +23,7 @@ CGL_SELDOM cgl_error cgl_encoder_init(cgl_encoder *encoder, const cgl_encoder_co
         return CGL_ERROR_CONFIG;
     }
     encoder->config = *config;
-    encoder->per_count = UINT64_MAX / config->counts;
+    encoder->per_count = turns_per_count(config->counts);
     cgl_encoder_reset(encoder, reading);
     return CGL_OK;
 }

@@ -56,7 +56,6 @@ CGL_SELDOM void cgl_foc_reset(cgl_foc *foc)
 {
     foc->integral_d = CGL_R(0.0);
     foc->integral_q = CGL_R(0.0);
-    foc->lost_d = foc->lost_q = CGL_R(0.0);
 }
 
 typedef struct {
@@ -172,8 +171,8 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
         e_q = taken_back(e_q, config->kp_q, u.q - wanted.q);
         out->status = CGL_STATUS_SATURATED;
     }
-    foc->integral_d = cgl_add(foc->integral_d, config->ki_d * foc->ts * e_d, u_max, &foc->lost_d);
-    foc->integral_q = cgl_add(foc->integral_q, config->ki_q * foc->ts * e_q, u_max, &foc->lost_q);
+    foc->integral_d = cgl_clamp(foc->integral_d + config->ki_d * foc->ts * e_d, u_max);
+    foc->integral_q = cgl_clamp(foc->integral_q + config->ki_q * foc->ts * e_q, u_max);
     out->i_d = i_d;
     out->i_q = i_q;
     out->u_d = u.d;
@@ -181,19 +180,8 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
     out->i_d_ref = ref.d;
     out->i_q_ref = ref.q;
 
-    if (cgl_is_within(ahead, CGL_QUARTER)) {
-        cgl_real s, c;
-        cgl_sincos_of_small(ahead, &s, &c);
-        const cgl_real before = sine;
-        sine = before * c + cosine * s;
-        cosine = cosine * c - before * s;
-    } else {
-        cgl_real s, c;
-        cgl_sincos(in->theta_e + ahead, &s, &c);
-        sine = s;
-        cosine = c;
-    }
-    cgl_park_inverse(part_d, part_q, sine, cosine, &alpha, &beta);
+    const cgl_phasor measured = {cosine, sine}, acting = cgl_product(measured, cgl_phasor_ahead(ahead));
+    cgl_park_inverse(part_d, part_q, acting.sine, acting.cosine, &alpha, &beta);
     cgl_real part[3] = {CGL_R(0.5) * alpha, CGL_R(0.5) * beta, CGL_R(0.0)}; /* of two H-bridges */
     if (!two_phases) {
         cgl_centred(alpha, beta, part);

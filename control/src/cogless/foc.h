@@ -29,7 +29,6 @@ typedef struct {
     cgl_foc_config config;
     cgl_real ts;                     /* sampling period [s] */
     cgl_real integral_d, integral_q; /* [V] */
-    cgl_real lost_d, lost_q;         /* what rounding kept from them [V] */
 } cgl_foc;
 
 typedef struct {
@@ -62,7 +61,8 @@ void cgl_foc_reset(cgl_foc *foc);
  * vector is shortened to u_dc / sqrt(3), with two phases to u_dc, and keeps its angle; the integrals follow what was
  * realised (back calculation). A current, angle, speed or bus that is not finite, an angle beyond CGL_ANGLE_MAX (the
  * measured one, or that at which the voltage will act) or a bus below 1e-30 V gives zero voltage, holds the integrals and
- * sets CGL_STATUS_FAULT. A reference that is not finite counts as zero. */
+ * sets CGL_STATUS_FAULT. A reference that is not finite counts as zero. In float an integral of u [V] stands still where the error is below
+ * 2^-24 u / (ki ts) [A]. For ki = R bandwidth that is 2^-24 / (bandwidth ts) of the current u / R, about a millionth. */
 void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out);
 
 #ifdef __cplusplus

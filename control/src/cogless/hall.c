@@ -31,8 +31,7 @@ static uint32_t sum(uint32_t a, uint32_t b)
 static void put(cgl_hall *hall, cgl_real share)
 {
     const uint32_t sector = UINT32_MAX / hall->sectors;
-    const uint32_t begin = (uint32_t)(((uint64_t)hall->position << 32U) / hall->sectors);
-    hall->turns = begin + (uint32_t)(cgl_clamp(share, CGL_R(0.9999)) * (cgl_real)sector);
+    hall->turns = cgl_share_of_turn(hall->position, hall->sectors) + (uint32_t)(cgl_clamp(share, CGL_R(0.9999)) * (cgl_real)sector);
 }
 
 CGL_SELDOM void cgl_hall_reset(cgl_hall *hall, uint32_t position)

@@ -2,6 +2,7 @@
 
 #include "angle.h"
 #include "range.h"
+#include "turns.h"
 #ifndef COGLESS_NO_DELAY_LINE
 #include "delay_line.h"
 #endif
@@ -90,7 +91,7 @@ CGL_SELDOM static void take(cgl_memory *memory, const cgl_memory_config *wanted)
     fill_defaults(config);
     const uint32_t within_quarter = 4U * (config->lead > 0U ? config->lead : 1U), wide = config->q_half_width + 1U;
     memory->fewest = config->kind != CGL_MEMORY_ANGLE && within_quarter < wide ? wide : within_quarter;
-    memory->map.most = (uint32_t)(0x100000000U / memory->fewest);
+    memory->map.most = cgl_share_of_turn(1U, memory->fewest);
     cgl_memory_soften(memory, CGL_R(1.0));
     for (uint32_t c = 0; c < (uint32_t)CGL_CHANNELS; ++c) {
         memory->channel[c].limit = config->limit[c];
@@ -112,7 +113,7 @@ CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config
     memory->centred = 0U;
     memory->periods = ratio * memory->config.parts;
     memory->cell = cell;
-    memory->map.width = (uint32_t)(0x100000000U / config->cells);
+    memory->map.width = cgl_share_of_turn(1U, config->cells);
     memory->map.per_cell = CGL_R(4294967296.0) / (cgl_real)config->cells;
     memory->row = CGL_MEMORY_ROW(config->cells, config->q_half_width);
     memory->per_entry = CGL_R(1.0) / (cgl_real)config->cells;
@@ -215,7 +216,7 @@ CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
     /* (turn + angle) periods / turns, of which whole periods fall off: in parts whose products fit */
     const uint32_t whole = memory->periods / turns, over = memory->periods % turns;
     const uint32_t from = map->turn * over % turns, rest = angle % turns;
-    return from * (0xFFFFFFFFU / turns) + from * (0xFFFFFFFFU % turns + 1U) / turns /* from / turns of 2^32 */
+    return cgl_share_of_turn(from, turns)
            + angle / turns * memory->periods + rest * whole + rest * over / turns;
 }
 

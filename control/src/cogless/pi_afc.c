@@ -2,7 +2,6 @@
 
 #include "angle.h"
 #include "range.h"
-#include "sine.h"
 
 #define LEAK CGL_R(12.5) /* 2.5 / (1 - 0.8): 2.5 gain / kp where the guard's step leaves 0.8 of what is learned */
 
@@ -94,33 +93,52 @@ void cgl_pi_afc_reset(cgl_pi_afc *law)
     law->learning = false;
 }
 
-/* Sine and cosine of order h of an angle, 0 <= turns < 1, of which only the part behind the point counts. */
-static void sincos_of_order(cgl_real h, cgl_real turns, cgl_real *sine, cgl_real *cosine)
+/* How many orders pass in more than two samples, where the rotor turns by `moved` [rad] in one. */
+static uint32_t slow_orders(const cgl_pi_afc_config *config, cgl_real moved)
 {
-    cgl_sincos_of_angle(CGL_TWO_PI * cgl_rest(h * turns), sine, cosine);
+    uint32_t count = config->orders;
+    while (count > 0U && (cgl_real)config->order[count - 1U] * cgl_abs(moved) >= CGL_PI) {
+        --count;
+    }
+    return count;
 }
 
-/* The orders' sum at an angle, after what `correction` [A] adds to each at the angle that it belongs to. */
-static cgl_real sum_of_orders(cgl_pi_afc *law, cgl_real turns, cgl_real turns_before,
-                              cgl_real moved, cgl_real correction, cgl_real kept)
+/* Phasor of `gap` orders at an angle [turns of 2^32]; `half`: that of half as many, if `doubled`. */
+static cgl_phasor phasor_of_gap(uint32_t gap, uint32_t turns, bool doubled, cgl_phasor half)
 {
-    const cgl_pi_afc_config *const config = &law->config;
-    cgl_real *const a = law->coefficient, *const b = a + config->orders;
-    cgl_real sum = CGL_R(0.0), sine, cosine;
-    for (uint32_t k = 0; k < config->orders; ++k) {
-        const cgl_real h = (cgl_real)config->order[k];
-        if (cgl_abs(h * moved) >= CGL_PI) {
-            continue;
+    return doubled ? cgl_product(half, half) : cgl_phasor_of(gap * turns);
+}
+
+/* The orders' sum at an angle [turns of 2^32], after what `correction` [A] adds to each at the angle that it belongs to. From one
+ * order to the next both phasors turn by what lies between the two, whose sine is taken only where it is another gap. */
+static cgl_real sum_of_orders(cgl_pi_afc *law, uint32_t turns, uint32_t turns_before,
+                              uint32_t count, cgl_real correction, cgl_real kept)
+{
+    const cgl_real limit = law->config.limit;
+    const bool learning = law->learning;
+    const uint32_t *order = law->config.order;
+    cgl_real *a = law->coefficient, *b = a + law->config.orders;
+    cgl_real sum = CGL_R(0.0);
+    cgl_phasor now = {CGL_R(1.0), CGL_R(0.0)}, before = now, gap_now = now, gap_before = now;
+    uint32_t last = 0U, gap = 0U;
+    for (const cgl_real *const end = a + count; a < end; ++a, ++b, ++order) {
+        const uint32_t wide = *order - last;
+        if (wide != gap) {
+            const bool doubled = wide == 2U * gap;
+            gap_now = phasor_of_gap(wide, turns, doubled, gap_now);
+            gap_before = phasor_of_gap(wide, turns_before, doubled, gap_before);
+            gap = wide;
         }
-        if (law->learning) {
-            sincos_of_order(h, turns_before, &sine, &cosine);
-            a[k] = cgl_clamp_here(kept * a[k] + correction * cosine, config->limit);
-            b[k] = cgl_clamp_here(kept * b[k] + correction * sine, config->limit);
+        last = *order;
+        now = cgl_product(now, gap_now);
+        if (learning) {
+            before = cgl_product(before, gap_before);
+            *a = cgl_clamp_here(kept * *a + correction * before.cosine, limit);
+            *b = cgl_clamp_here(kept * *b + correction * before.sine, limit);
         }
-        sincos_of_order(h, turns, &sine, &cosine);
-        sum += a[k] * cosine + b[k] * sine;
+        sum += *a * now.cosine + *b * now.sine;
     }
-    return cgl_clamp(sum, config->limit);
+    return cgl_clamp(sum, limit);
 }
 
 /* A step in which something is at its limit, not plausible, or not learning. */
@@ -167,9 +185,8 @@ void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *o
                     && cgl_abs(in->omega_ref) >= config->omega_min;
     law->learned = CGL_R(0.0);
     if (is_angle && !in->off) {
-        const cgl_real turns = cgl_fraction(in->theta_m * (CGL_R(1.0) / CGL_TWO_PI));
-        const cgl_real turns_before = cgl_fraction(before * (CGL_R(1.0) / CGL_TWO_PI));
-        law->learned = cgl_law_share(in) * sum_of_orders(law, turns, turns_before, in->omega_ref * law->pi.loop.ts,
+        const uint32_t turns = cgl_turns(in->theta_m), turns_before = law->learning ? cgl_turns(before) : turns;
+        law->learned = cgl_law_share(in) * sum_of_orders(law, turns, turns_before, slow_orders(config, in->omega_ref * law->pi.loop.ts),
                                      cgl_clamp(gain * law->pi.loop.ts * error, CGL_REAL_MAX), kept);
     }
     if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {

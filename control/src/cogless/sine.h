@@ -4,6 +4,7 @@
 
 #include <stdint.h>
 
+#include "angle.h"
 #include "real.h"
 
 /* Bound within which the series below hold [rad]. */
@@ -73,6 +74,36 @@ static inline void cgl_sincos_of_angle(cgl_real theta, cgl_real *sine, cgl_real 
     const cgl_real a = odd ? c : s, b = odd ? s : c;
     *sine = (quadrant & 2U) != 0U ? -a : a;
     *cosine = ((quadrant + 1U) & 2U) != 0U ? -b : b;
+}
+
+#ifdef COGLESS_DOUBLE
+#define CGL_SHORT CGL_QUARTER
+#else
+#define CGL_SHORT 0.25f
+#endif
+
+/* Phasor of an angle [rad] that is mostly below CGL_SHORT, and finite. A longer one is halved until the series holds, then the
+ * phasor is squared as often; that doubles its error each time, as rounding does the angle's. */
+static inline cgl_phasor cgl_phasor_ahead(cgl_real angle)
+{
+    cgl_phasor phasor;
+    uint32_t halvings = 0U;
+    while (cgl_abs(angle) > CGL_SHORT) {
+        angle *= CGL_R(0.5);
+        ++halvings;
+    }
+#ifdef COGLESS_DOUBLE
+    cgl_sincos_of_small(angle, &phasor.sine, &phasor.cosine);
+#else /* Taylor's series, errors 1.3e-8 and 4e-10 */
+    const cgl_real square = angle * angle;
+    phasor.sine = angle + angle * square * (-0.16666667f + square * 0.0083333333f);
+    phasor.cosine = 1.0f + square * (-0.5f + square * (0.041666667f + square * -0.0013888889f));
+#endif
+    while (halvings > 0U) {
+        phasor = cgl_product(phasor, phasor);
+        --halvings;
+    }
+    return phasor;
 }
 
 /* Sine and cosine of an angle [turns, of 2^32]: the quarter of the turn is in its first two bits. */

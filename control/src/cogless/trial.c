@@ -3,7 +3,6 @@
 #include "angle.h"
 
 #define SAMPLES_MAX 16777216U
-#define SHIFT_MAX 32U
 
 static const cgl_trial_terms no_terms = {CGL_R(0.0), CGL_R(0.0), CGL_R(0.0), CGL_R(0.0)};
 
@@ -40,12 +39,30 @@ CGL_SELDOM static bool is_valid(const cgl_trial_config *config)
     return config->samples >= 2U && config->samples <= SAMPLES_MAX && config->states >= 1U
            && config->states <= CGL_TRIAL_STATES && all_finite(config->k_1, config->states)
            && all_finite(config->c, config->states) && cgl_is_finite(config->k_2) && cgl_is_finite(config->n)
-           && cgl_is_finite(config->k_3) && config->shift >= 1U && config->shift <= SHIFT_MAX
-           && config->shift < config->samples && cgl_is_positive(config->limit)
+           && cgl_is_finite(config->k_3) && config->shift >= 1U && config->shift < config->samples
+           && cgl_is_positive(config->limit)
            && cgl_is_positive(config->learned_limit) && cgl_is_finite(config->n * config->learned_limit)
            && cgl_feedforward_init(&config->feedforward, &unused) == CGL_OK
            && cgl_zero_phase_init(&config->q_filter, config->samples) == CGL_OK && is_valid_observer(config)
            && (config->learning_matrix == 0 || is_finite_matrix(config->learning_matrix, config->samples));
+}
+
+/* Entries of the caller's memory, and of it those before the best v. */
+static uint32_t entries(const cgl_trial_config *config)
+{
+    return CGL_TRIAL_LENGTH(config->samples, config->q_filter.order) - (config->unguarded ? config->samples : 0U);
+}
+
+static cgl_real *best_v(const cgl_trial *law)
+{
+    const cgl_trial_config *const config = &law->config;
+    return law->error + config->samples + CGL_ZERO_PHASE_TAIL(config->samples, config->q_filter.order);
+}
+
+/* Whether the law has a guard: with nothing to learn there is nothing to guard. */
+static bool is_guarded(const cgl_trial_config *config)
+{
+    return !config->unguarded && (config->k_3 != CGL_R(0.0) || config->learning_matrix != 0);
 }
 
 cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length)
@@ -53,7 +70,7 @@ cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_rea
     if (!is_valid(config)) {
         return CGL_ERROR_CONFIG;
     }
-    if (memory == 0 || length < CGL_TRIAL_LENGTH(config->samples, config->q_filter.order)) {
+    if (memory == 0 || length < entries(config)) {
         return CGL_ERROR_MEMORY;
     }
     law->config = *config;
@@ -66,7 +83,7 @@ cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_rea
 cgl_error cgl_trial_retune(cgl_trial *law, const cgl_trial_config *config)
 {
     if (!(is_valid(config) && config->samples == law->config.samples && config->states == law->config.states
-          && config->q_filter.order == law->config.q_filter.order)) {
+          && config->q_filter.order == law->config.q_filter.order && config->unguarded == law->config.unguarded)) {
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
@@ -74,15 +91,17 @@ cgl_error cgl_trial_retune(cgl_trial *law, const cgl_trial_config *config)
         law->learned[p] = cgl_clamped(law->learned[p], config->learned_limit);
     }
     law->v = cgl_clamped(law->v, config->learned_limit);
+    cgl_trial_guard_reset(&law->guard);
     return CGL_OK;
 }
 
 void cgl_trial_reset(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
-    for (uint32_t p = 0; p < CGL_TRIAL_LENGTH(config->samples, config->q_filter.order); ++p) {
+    for (uint32_t p = 0, count = entries(config); p < count; ++p) {
         law->learned[p] = CGL_R(0.0);
     }
+    cgl_trial_guard_reset(&law->guard);
     cgl_trial_begin(law, 0);
 }
 
@@ -95,8 +114,9 @@ CGL_SELDOM void cgl_trial_begin(cgl_trial *law, const cgl_real *y_ref)
     law->theta = y_ref != 0 ? cgl_clamped(y_ref[0], CGL_REAL_MAX) : CGL_R(0.0);
     cgl_feedforward_reset(&config->feedforward, &law->feedforward, y_ref != 0 ? y_ref[0] : CGL_R(0.0));
     law->sample = 0U;
-    law->blocked = 0xFFFFFFFFU;
     law->spoilt = false;
+    law->guard.error = CGL_R(0.0);
+    law->guard.limited = false;
     law->terms = no_terms;
 }
 
@@ -130,7 +150,7 @@ static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plaus
     const uint32_t p = law->sample;
     const bool within = p < config->samples;
     if (within) {
-        law->v = law->learned[p];
+        law->v = law->guard.phase == CGL_TRIAL_COMPARE ? CGL_R(0.0) : law->learned[p];
     }
     const cgl_real e = law->y_ref[within ? p : config->samples - 1U] - y;
     const cgl_real f = cgl_feedforward_step(&config->feedforward, &law->feedforward, law->y_ref, config->samples, p);
@@ -166,11 +186,18 @@ static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plaus
     }
     if (within) {
         const cgl_real lesson = observes(config) ? law->observer.missing : e;
-        law->error[p] = ((law->blocked >> (config->shift - 1U)) & 1U) != 0U ? CGL_R(0.0) : lesson;
-        law->blocked = (law->blocked << 1) | (saturated ? 1U : 0U);
+        const bool blocked = p < config->shift || law->error[p] != CGL_R(0.0);
+        law->error[p] = blocked ? CGL_R(0.0) : lesson;
+        if (config->shift < config->samples - p) {
+            law->error[p + config->shift] = saturated ? CGL_R(1.0) : CGL_R(0.0);
+        }
+        law->guard.error += e * e;
+        law->guard.limited = law->guard.limited || saturated;
         law->spoilt = law->spoilt || !learn;
     }
     out->status |= !within || law->spoilt ? (unsigned)CGL_STATUS_FROZEN : 0U;
+    const bool gentle = law->guard.phase != CGL_TRIAL_LEARN || law->guard.strikes > 0U;
+    out->status |= gentle ? (unsigned)CGL_STATUS_GUARDED : 0U;
 }
 
 void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output *out)
@@ -230,14 +257,10 @@ CGL_SELDOM static void correct(cgl_trial *law)
     }
 }
 
-bool cgl_trial_end(cgl_trial *law)
+/* Learns from the trial. */
+static void learn(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
-    const bool whole = law->y_ref != 0 && law->sample >= config->samples && !law->spoilt;
-    law->spoilt = true; /* a second end learns nothing */
-    if (!whole) {
-        return false;
-    }
     cgl_real *tail = law->error + config->samples;
     if (config->learning_matrix == 0 && !config->filter_signal) {
         cgl_zero_phase(&config->q_filter, law->error, config->samples, tail);
@@ -248,6 +271,51 @@ bool cgl_trial_end(cgl_trial *law)
         for (uint32_t p = 0; p < config->samples; ++p) {
             law->learned[p] = cgl_clamped(law->learned[p], config->learned_limit);
         }
+    }
+}
+
+static bool has_learned_nothing(const cgl_trial *law)
+{
+    for (uint32_t p = 0; p < law->config.samples; ++p) {
+        if (law->learned[p] != CGL_R(0.0)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+CGL_SELDOM static void learn_guarded(cgl_trial *law)
+{
+    const cgl_trial_config *const config = &law->config;
+    cgl_trial_guard *const guard = &law->guard;
+    cgl_real *const best = best_v(law);
+    const cgl_trial_verdict verdict = cgl_trial_guard_judge(guard, has_learned_nothing(law));
+    for (uint32_t p = 0; p < config->samples; ++p) {
+        best[p] = verdict.clear ? CGL_R(0.0) : verdict.store ? law->learned[p] : best[p];
+        law->learned[p] = verdict.clear || verdict.back ? best[p] : law->learned[p];
+    }
+    if (!verdict.learn) {
+        return;
+    }
+    learn(law);
+    for (uint32_t p = 0; guard->strikes > 0U && p < config->samples; ++p) {
+        const cgl_real mixed = (CGL_R(1.0) - guard->share) * best[p] + guard->share * law->learned[p];
+        law->learned[p] = cgl_clamped(mixed, config->learned_limit);
+    }
+}
+
+bool cgl_trial_end(cgl_trial *law)
+{
+    const cgl_trial_config *const config = &law->config;
+    const bool whole = law->y_ref != 0 && law->sample >= config->samples && !law->spoilt;
+    law->spoilt = true; /* a second end learns nothing */
+    if (!whole) {
+        return false;
+    }
+    if (is_guarded(config)) {
+        learn_guarded(law);
+    } else {
+        learn(law);
     }
     return true;
 }

@@ -21,6 +21,9 @@
  * is an input: the law stores r(p - 2) of the observer, the input that was missing, in place of e(p). With n = 1,
  * k_3 = 1, shift = 2 and Q on the sum, v <- Q (v + r).
  *
+ * A guard (trial_guard.h) judges the error of every trial that counts. Where learning leaves more of it than the best v so
+ * far, or than v = 0, v goes back to the better of these.
+ *
  * The unit of x, y and u is the plant's; v has the unit of what it is added to: that of y as a rule (with N a gain),
  * that of u where N = 1 and v does not go through the integrator.
  *
@@ -40,6 +43,7 @@
 #include "law.h"
 #include "real.h"
 #include "status.h"
+#include "trial_guard.h"
 #include "trial_observer.h"
 #include "zero_phase.h"
 
@@ -58,7 +62,7 @@ typedef struct {
     cgl_real c[CGL_TRIAL_STATES];   /* y = C x [y/x], finite */
     bool through_integrator;        /* v also acts through the integral, as in Fig. 1; false: at the input only */
     cgl_real k_3;                   /* learning gain [v/y], finite; 0: no learning */
-    uint32_t shift;                 /* relative degree r [samples], 1 to 32, < samples */
+    uint32_t shift;                 /* relative degree r, or more for a loop that lags [samples], 1 to samples - 1 */
     cgl_feedforward_config feedforward;  /* from y_ref to u; default none */
     cgl_zero_phase_config q_filter;      /* between trials; default none */
     bool filter_signal;                  /* false: Q filters e; true: Q filters v; default false */
@@ -68,6 +72,7 @@ typedef struct {
                                             finite, the caller's; default NULL */
     cgl_real limit;                      /* u stays within +-limit [u], > 0 */
     cgl_real learned_limit;              /* v stays within +-learned_limit [v], > 0 */
+    bool unguarded;                      /* true: no guard, and `samples` entries of memory fewer; default false */
 } cgl_trial_config;
 
 typedef struct {
@@ -77,7 +82,8 @@ typedef struct {
 
 typedef struct {
     cgl_real u;      /* input of the plant, within +-limit */
-    unsigned status; /* CGL_STATUS_SATURATED, CGL_STATUS_FAULT; CGL_STATUS_FROZEN: this sample teaches nothing */
+    unsigned status; /* CGL_STATUS_SATURATED, CGL_STATUS_FAULT; CGL_STATUS_FROZEN: this sample teaches nothing;
+                        CGL_STATUS_GUARDED: the guard holds learning back in this trial */
 } cgl_trial_output;
 
 typedef struct {
@@ -91,27 +97,29 @@ typedef struct {
     cgl_trial_config config;
     cgl_real *learned;           /* v: caller's memory, `samples` entries within +-learned_limit; may be saved, and
                                     restored, between trials */
-    cgl_real *error;             /* e of this trial, behind v; then the filter's tail */
+    cgl_real *error;             /* e of this trial, behind v; of the next `shift` samples: not 0 where u, `shift` samples
+                                    before, was saturated. Then the filter's tail; then the best v of the guard */
     const cgl_real *y_ref;       /* of this trial; NULL before the first one */
     cgl_real psi;                /* psi(p - 1) */
     cgl_trial_observer observer;
+    cgl_trial_guard guard;
     cgl_real v;                  /* of the last step */
     cgl_real theta;              /* drive: the angle without its jumps [rad] */
     cgl_feedforward feedforward;
     uint32_t sample;             /* p of the next step; goes on a little beyond the end */
-    uint32_t blocked;            /* bit i: u of i + 1 samples ago was saturated, or before the trial */
     bool spoilt;                 /* nothing is learned from this trial */
     cgl_trial_terms terms;       /* of the last step */
 } cgl_trial;
 
-/* Entries of the caller's memory, where `order` is the filter's: v, e, the filter's tail. */
-#define CGL_TRIAL_LENGTH(samples, order) (2U * (samples) + CGL_ZERO_PHASE_TAIL(samples, order))
+/* Entries of the caller's memory, where `order` is the filter's: v, e, the filter's tail, the guard's best v. An unguarded law
+ * needs `samples` fewer. */
+#define CGL_TRIAL_LENGTH(samples, order) (3U * (samples) + CGL_ZERO_PHASE_TAIL(samples, order))
 
 /* Takes the caller's memory of `length` entries and clears it. */
 cgl_error cgl_trial_init(cgl_trial *law, const cgl_trial_config *config, cgl_real *memory, uint32_t length);
 
-/* Takes other gains and limits, between two trials as a rule. What is learned stays, within learned_limit; samples, states and
- * the order of q_filter must stay. */
+/* Takes other gains and limits, between two trials as a rule. What is learned stays, within learned_limit; the guard forgets
+ * what it measured. samples, states, the order of q_filter and unguarded must stay. */
 cgl_error cgl_trial_retune(cgl_trial *law, const cgl_trial_config *config);
 
 /* Forgets everything learned, and ends the trial: steps give u = 0 until the next begin. */
@@ -134,8 +142,8 @@ void cgl_trial_step(cgl_trial *law, const cgl_trial_input *in, cgl_trial_output 
 void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in,
                           cgl_law_output *out);
 
-/* Ends the trial and learns from it. Returns false, and leaves v as it is, if the trial was cut short, had a fault or a
- * sample with learning off, or has ended before. Takes a time that grows with the samples (with a matrix, with their
+/* Ends the trial and learns from it, or does with v what the guard decides. Returns false, and leaves v as it is, if the trial
+ * was cut short, had a fault or a sample with learning off, or has ended before. Takes a time that grows with the samples (with a matrix, with their
  * square): call it from the background. */
 bool cgl_trial_end(cgl_trial *law);
 

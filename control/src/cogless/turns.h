@@ -18,6 +18,12 @@ static inline cgl_real cgl_radians(uint32_t turns)
 #endif
 }
 
+/* 2^32 part / parts, rounded down; part < parts, and part parts < 2^32. A division of 64 bits would be a function of 700 bytes. */
+static inline uint32_t cgl_share_of_turn(uint32_t part, uint32_t parts)
+{
+    return part * (UINT32_MAX / parts) + part * (UINT32_MAX % parts + 1U) / parts;
+}
+
 /* How far `to` is ahead of `from`, the short way round: in [-2^31, 2^31). */
 static inline cgl_real cgl_steps(uint32_t from, uint32_t to)
 {

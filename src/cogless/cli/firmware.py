@@ -57,7 +57,9 @@ def export(
     options += ["-o", str(output)]
     command = command_line("export", study, changes, options)
     loaded = load(study, changes)
-    subject = export_c(loaded, controller, output, scenario, command)
+    subject = export_c(
+        loaded, controller, output, scenario, command, lambda size: print(f"Size: {size}", flush=True)
+    )
     print(f"Export: {output / 'README.md'}")
     print_warnings(loaded, [(subject.scenario, controller)])
 

@@ -9,9 +9,10 @@ from cogless.cli.terminal import new_console
 from cogless.errors import say
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.text import Text
 
-    from cogless.report import Line
+    from cogless.report import Line, Outcome
     from cogless.results import AnyResults
     from cogless.study import AnyStudy
     from cogless.study.remark import Remark
@@ -23,8 +24,9 @@ def print_tables(results: AnyResults) -> None:
 
     from cogless import report
     from cogless.report.comparison import remarks
+    from cogless.results import TrialResults
 
-    study, console = results.study, new_console()
+    study, console, shown = results.study, new_console(), set[str]()
     for scenario in results.scenarios:
         controllers = [run.controller for run in results.runs if run.scenario == scenario]
         lines = report.lines(results, scenario)
@@ -37,22 +39,45 @@ def print_tables(results: AnyResults) -> None:
         for line in lines:
             cells = [_cell(line, name, study.baseline) for name in controllers]
             table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)
-        console.print(table if lines else Text(f"{scenario}: no metric"))
+        shown |= {*controllers} if lines else set()
+        ends = report.outcome(results, scenario)
+        console.print(table if lines else Text(scenario if ends else f"{scenario}: no metric"))
         for remark in remarks(study, lines):
             console.print(f"! {remark}", highlight=False, markup=False)
         broken = report.broken(results, scenario)
         if broken is not None:
             console.print(broken, highlight=False, markup=False)
+        if ends is not None:
+            _print_outcome(console, study, *ends)
         limit = report.limit(results, scenario)
         if limit is not None:
             console.print(str(limit), highlight=False, markup=False)
         console.print()
-    shown = {run.controller for run in results.runs if study.metrics_in(run.scenario)}
+    if isinstance(results, TrialResults):
+        for text in results.without_design():
+            console.print(f"! {text}\n", highlight=False, markup=False)
     if len(shown) > 1:  # with one controller there are no marks to explain
         ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in shown else ""
         console.print(f"* best{ratio}", highlight=False, markup=False)
     if not study.metric:
         console.print(f"{a_metric(study)}\n", highlight=False, markup=False, soft_wrap=True)
+
+
+def _print_outcome(console: Console, study: AnyStudy, headline: str, ends: Outcome) -> None:
+    """Print how each controller ended, a row for each, and the verdict's first sentences."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, padding=(0, 1))
+    table.add_column("", overflow="fold")
+    for heading in ends.columns:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, cells in ends.rows:
+        table.add_row(Text(study.label(name)), *cells)
+    console.print()
+    console.print(table)
+    for line in (ends.note, headline):
+        console.print(line, highlight=False, markup=False)
 
 
 def a_metric(study: AnyStudy) -> Remark:

@@ -133,6 +133,16 @@ class Certificate:
     discretisation: Discretisation | None  # of the design's models
     samples: int  # random plants
 
+    @property
+    def decides(self) -> Literal["design", "exact"]:
+        """Which of the two sets decides: that of the plants exactly sampled, as they are, if it is known."""
+        return "design" if self.exact is None else "exact"
+
+    @property
+    def deciding(self) -> ModelCertificate:
+        """The certificate that decides."""
+        return self.exact or self.design
+
 
 @dataclass(frozen=True)
 class Update:

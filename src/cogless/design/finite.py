@@ -8,6 +8,7 @@ is the factor of the signal's change, not of the error. Over N samples one trial
     v <- M v + B d     M = I - B G,  B = K_3 S Q Z     filter on the error, or none
                        M = Q - B G,  B = K_3 Q S Z     filter on the signal
                        M = I - B G,  B = L Z           norm-optimal
+                       M = Q - B G,  B = Q L Z         with the filter on the signal
 
 with the lifted loop G, the filter Q, the shift S and Z, which leaves out the first samples, that no input can
 reach. So after k trials the error is R_k d, R_k = I - G (I + M + .. + M^(k-1)) B.
@@ -47,7 +48,7 @@ class TrialMap:
     q_filter: Filter | None
     filtered: Filtered
     samples: int
-    matrix: Real | None = None  # L, in place of K_3, shift and filter
+    matrix: Real | None = None  # L, in place of K_3, shift and a filter on the error
 
     @cached_property
     def _polynomials(self) -> tuple[Real, Real]:
@@ -66,7 +67,7 @@ class TrialMap:
 
     @property
     def _on_signal(self) -> bool:
-        return self.q_filter is not None and self.filtered == "signal" and self.matrix is None
+        return self.q_filter is not None and self.filtered == "signal"
 
     def output(self, v: Real) -> Real:
         """G v. In the time domain: a product of spectra spreads the largest samples' rounding over all."""
@@ -92,7 +93,8 @@ class TrialMap:
         seen = e.copy()
         seen[:, : self.shift] = 0.0
         if self.matrix is not None:
-            return seen @ self.matrix.T
+            added = seen @ self.matrix.T
+            return self.smooth(added) if self._on_signal else added
         if self._on_signal:
             return self.smooth(self.K_3 * self._ahead(seen))
         return self.K_3 * self._ahead(self.smooth(seen))
@@ -100,7 +102,7 @@ class TrialMap:
     def correction_transposed(self, v: Real) -> Real:
         """B^T v."""
         if self.matrix is not None:
-            e = v @ self.matrix
+            e = (self.smooth_transposed(v) if self._on_signal else v) @ self.matrix
         elif self._on_signal:
             e = self.K_3 * self._ahead_transposed(self.smooth_transposed(v))
         else:

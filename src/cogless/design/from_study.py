@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
+from functools import partial
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from cogless.design.cures import either, helping
 from cogless.design.error import DesignError
+from cogless.design.model import Discretisation, Model, sampled
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
 from cogless.design.prediction import Conditions, Prediction
+from cogless.design.random_errors import Disturbances
 from cogless.design.trial import (
     TrialDesign,
     TrialGains,
@@ -21,6 +26,8 @@ from cogless.design.trial import (
     design_gains,
     design_trial,
     needs_K_3,
+    other_choices,
+    random_amplification,
     scenario_prediction,
     trial_parameters,
 )
@@ -29,6 +36,7 @@ from cogless.study import TrialStudy
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
 from cogless.study.plant import LinearPlant
+from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 from cogless.study.trial_controller import (
@@ -36,13 +44,36 @@ from cogless.study.trial_controller import (
     FilteredLaw,
     NormOptimalIlc,
     ObserverIlc,
+    QFilter,
     StateIlc,
     TrialIlc,
     TrialLaw,
 )
+from cogless.study.trial_scenario import EachTrial, TrialConditions
 
 ROUNDING = 1e-9
-Designs = dict[tuple[str, str], TrialDesign]
+OTHER_CHOICES = 4  # of shift and filter, tried where the best one would end above the feedback
+Pair = tuple[str, str]  # scenario, controller
+
+
+class Designs(dict[Pair, TrialDesign]):
+    """Designs by (scenario, controller). `without`: why the others have none; asked for, one raises that."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.without: dict[Pair, StudyError] = {}
+
+    def __missing__(self, pair: Pair) -> TrialDesign:
+        if pair in self.without:
+            raise self.without[pair]
+        raise KeyError(pair)
+
+    @property
+    def refused(self) -> dict[Pair, StudyError]:
+        """Why a controller can't run: it has no design, or its design has no learning gain."""
+        gainless = {pair: design.no_K_3 for pair, design in self.items() if design.no_K_3 is not None}
+        return {**self.without, **gainless}
+
 
 # Settings of a design that a study has in a controller's table; the others are in "plant" or "design".
 OF_CONTROLLER = (
@@ -58,14 +89,15 @@ OF_CONTROLLER = (
 )
 OF_STATE_ILC = {"K_s": "K_stab", "K_3": "K_ilc"}
 # The key of a study's linear plant for each setting of a design.
-OF_PLANT = {"range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
+OF_PLANT = {"model": "model", "range": "parameter", "nominal": "parameter", "output": "C", "period": "period"}
 
 
 def design_study(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     """A design for each (scenario, controller) whose law learns over trials. Equal settings share one.
 
-    If no learning gain K_3 exists, the design has everything else and the reason. StudyError names the file
-    and the key.
+    A controller that can't be designed is in `without`, with an error that names the file and the key. If
+    only the learning gain K_3 doesn't exist, the design has everything else and the reason. StudyError: the
+    plant's description is wrong for all of them.
     """
     return study.once(_design, tuple(runs))
 
@@ -95,7 +127,7 @@ def _better_sampled(study: TrialStudy, run: tuple[str, str]) -> Remark | None:
 
     def cured(other: TrialStudy) -> bool:
         found = _designs(other, [run])[run].certificate
-        return (found.exact or found.design).stable
+        return found.deciding.stable
 
     cures = helping(study, (exact, faster), cured)
     return Remark(f"{either(cures)} makes it stable along the trial", cures) if cures else None
@@ -104,37 +136,60 @@ def _better_sampled(study: TrialStudy, run: tuple[str, str]) -> Remark | None:
 def _designs(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     with _as_study_error(study):
         plant = uncertain_plant(study)
-    designs: Designs = {}
-    known: list[tuple[TrialSettings, TrialGains]] = []
+    designs = Designs()
+    known: list[tuple[TrialSettings, TrialGains | DesignError]] = []
     outside = {scenario: _outside(study, scenario) for scenario, _ in runs}
     wanted = {run: settings_of(study, *run) for run in runs if isinstance(study.controller[run[1]], TrialLaw)}
     # designs that need K_3 come first: the others can then reuse their gains without K_3
     for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not needs_K_3(item[1])):
-        with _as_study_error(study, scenario, name):
-            gains = next((g for other, g in known if same_gains(settings, other)), None)
-            if gains is None:
-                gains = design_gains(plant, settings)
-                known.append((settings, gains))
-            missing = gains.no_K_3 if needs_K_3(settings) else None
-            design = design_trial(plant, replace(settings, learning=False) if missing else settings, gains)
+        try:
+            with _as_study_error(study, scenario, name):
+                design = _designed(study, scenario, name, plant, settings, known)
+        except StudyError as error:
+            designs.without[scenario, name] = error
+            continue
         beyond = outside[scenario]
         notes = [_in_study(remark, study, scenario, name) for remark in design.notes]
         notes += map(Remark, beyond)
-        no_K_3 = None
-        if missing is not None:
-            no_K_3 = _study_error(missing, study, scenario, name)
-            notes.append(Remark(str(missing), no_K_3.cures))
-        with _as_study_error(study, scenario, name):
-            prediction = _predicted(study, scenario, plant, settings, design)
-        designs[scenario, name] = replace(
-            design,
-            notes=tuple(notes),
-            beyond=beyond,
-            no_K_3=no_K_3,
-            prediction=prediction,
-            limit=_limit(study),
-        )
+        if design.no_K_3 is not None:
+            notes.append(Remark(str(design.gains.no_K_3), design.no_K_3.cures))
+        designs[scenario, name] = replace(design, notes=tuple(notes), beyond=beyond, limit=_limit(study))
     return designs
+
+
+def _designed(
+    study: TrialStudy,
+    scenario: str,
+    name: str,
+    plant: UncertainPlant,
+    settings: TrialSettings,
+    known: list[tuple[TrialSettings, TrialGains | DesignError]],
+) -> TrialDesign:
+    """The design of one controller. `known`: settings whose gains are found already, or why they aren't."""
+    gains = next((g for other, g in known if same_gains(settings, other)), None)
+    if gains is None:
+        try:
+            gains = design_gains(plant, settings)
+        except DesignError as error:
+            gains = error
+        known.append((settings, gains))
+    if isinstance(gains, DesignError):
+        raise gains
+    missing = gains.no_K_3 if needs_K_3(settings) else None
+    design = design_trial(plant, replace(settings, learning=False) if missing else settings, gains)
+    no_K_3 = None if missing is None else _study_error(missing, study, scenario, name)
+    prediction = _predicted(study, scenario, plant, settings, design)
+    if settings.chooses and prediction is not None and prediction.ends_above:
+        for other in islice(other_choices(plant, settings, gains), OTHER_CHOICES):
+            tried = design_trial(plant, settings, other)
+            predicted = _predicted(study, scenario, plant, settings, tried)
+            if predicted is not None and not predicted.ends_above:
+                design, prediction = tried, predicted
+                break
+    amplify = None
+    if prediction is not None and design.learns:
+        amplify = partial(random_amplification, plant, settings, design.gains)
+    return replace(design, no_K_3=no_K_3, prediction=prediction, amplify=amplify)
 
 
 def _predicted(
@@ -142,16 +197,31 @@ def _predicted(
 ) -> Prediction | None:
     """What the design makes of the scenario; None if a plant is unstable, or if there is no K_3 to learn."""
     certificate = design.certificate
-    if not (certificate.exact or certificate.design).stable or (
-        design.gains.no_K_3 is not None and needs_K_3(settings)
-    ):
+    if not certificate.deciding.stable or (design.gains.no_K_3 is not None and needs_K_3(settings)):
         return None
-    return scenario_prediction(plant, settings, design.gains, _phases(study, scenario))
+    prediction = scenario_prediction(plant, settings, design.gains, _phases(study, scenario))
+    return replace(prediction, sensor=_sensor_error(study))
+
+
+def _sensor_error(study: TrialStudy) -> float:
+    """RMS of the angle's rounding to the sensor's steps, rad; 0 for a linear plant and without such a sensor.
+
+    Its true value lies anywhere within a step, so that it is the step over sqrt(12).
+    """
+    sensor = study.drive.position_sensor if study.drive is not None else None
+    if isinstance(sensor, Hall):
+        assert study.motor is not None
+        return sensor.step(study.motor.pole_pairs) / math.sqrt(12)
+    return sensor.step / math.sqrt(12) if isinstance(sensor, Counted) else 0.0
 
 
 def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
-    """The phases of a scenario as a linear plant sees them: loads in the unit of the input."""
+    """The phases of a scenario as a linear plant sees them: loads in the unit of the input.
+
+    Each has its own plant, if that is within the design's ranges.
+    """
     found = []
+    inside = not _outside(study, scenario)
     experiment = study.scenario[scenario]
     ends = (*experiment.starts[1:], experiment.trials + 1)
     for index, (first, conditions) in enumerate(experiment.phases):
@@ -169,8 +239,48 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
         steps = conditions.load_steps or ()
         for sample, amount in steps:
             load[sample:] = amount
-        found.append(Conditions(reference, load / unit, start, ends[index] - first))
+        simulated = _simulated(study, scenario, index, conditions) if inside else None
+        random = _random(study, conditions, unit)
+        found.append(Conditions(reference, load / unit, start, ends[index] - first, simulated, random))
     return found
+
+
+def _simulated(study: TrialStudy, scenario: str, index: int, conditions: TrialConditions) -> Model:
+    """The plant of a phase, exactly sampled."""
+    if study.plant is not None:
+        A, B = study.plant.at(conditions.override or {})
+        if study.plant.model == "discrete":
+            return Model.of(A, B)
+    else:
+        hardware = study.hardware(scenario)[index]
+        A, B = _axis(_uncertain(hardware.mechanics, hardware.motor))
+    return sampled(Model.of(A, B), study.period, "exact")
+
+
+def _axis(values: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
+    """(37) of Mandra 2019: angle and speed of a drive with these `_uncertain` values."""
+    J, B, K_t = values.values()
+    return [[0.0, 1.0], [0.0, -B / J]], [0.0, K_t / J]
+
+
+def _random(study: TrialStudy, conditions: TrialConditions, unit: float) -> Disturbances | None:
+    """What differs from trial to trial as a linear plant sees it; None where all trials are alike.
+
+    `unit`: a load in the study's unit per unit of the input.
+    """
+    plant, spread = study.plant, conditions.each_trial or EachTrial()
+    start = np.zeros(study.states)
+    if plant is not None:
+        start[:] = spread.deviations("initial_state") or 0.0
+        noise, load_noise = np.array(plant.state_noise), plant.load_noise
+    else:
+        for i, key in enumerate(("initial_angle", "initial_speed")):
+            start[i] = sum(spread.deviations(key))
+        noise, load_noise = None, 0.0
+    load = sum(spread.deviations("load")) / unit
+    if not (np.any(start) or load or load_noise or (noise is not None and np.any(noise))):
+        return None
+    return Disturbances(start, load, load_noise, noise)
 
 
 def _limit(study: TrialStudy) -> float:
@@ -199,15 +309,34 @@ def retuned(study: TrialStudy, run: tuple[str, str], like: TrialStudy) -> TrialP
         getattr(study, key) == getattr(like, key) for key in ("plant", "motor", "mechanics", "design")
     )
     settings, before = settings_of(study, *run), settings_of(like, *run)
-    if alike and study.period == like.period and _same_feedback(settings, before):
-        gains = design_study(like, [run])[run].gains
-        if settings.K_3 is not None:
-            gains = replace(gains, K_3=settings.K_3)
-        elif not same_gains(settings, before):
-            return design_study(study, [run])[run]
-        with _as_study_error(study, *run):
+    alike = alike and study.period == like.period and _same_feedback(settings, before)
+    chooses_otherwise = (settings.chooses or before.chooses) and _update(settings) != _update(before)
+    other_K_3 = settings.K_3 is not None and not chooses_otherwise
+    with _as_study_error(study, *run):
+        if alike and (other_K_3 or same_gains(settings, before)):
+            gains = design_study(like, [run])[run].gains
+            if settings.K_3 is not None:
+                gains = replace(gains, K_3=settings.K_3)
             return trial_parameters(uncertain_plant(like), settings, gains)  # the same, and made once
-    return design_study(study, [run])[run]
+        return trial_parameters(uncertain_plant(study), settings, _gains_alone(study, settings))
+
+
+def _gains_alone(study: TrialStudy, settings: TrialSettings) -> TrialGains:
+    """A controller's gains as `design_study` finds them; feedback that controllers share is designed once.
+
+    DesignError as `design_gains`.
+    """
+    chosen = settings.K_3 is None or settings.chooses
+    if settings.kind == "observer" or (chosen and needs_K_3(settings)):
+        return design_gains(uncertain_plant(study), settings)
+    runs = ((scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario))
+    laws = (run for run in runs if isinstance(study.controller[run[1]], TrialLaw))
+    first = next(run for run in laws if _same_feedback(settings, settings_of(study, *run)))
+    return replace(study.once(_feedback_gains, first), K_3=settings.K_3)
+
+
+def _feedback_gains(study: TrialStudy, run: tuple[str, str]) -> TrialGains:
+    return design_gains(uncertain_plant(study), replace(settings_of(study, *run), learning=False))
 
 
 def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
@@ -244,10 +373,9 @@ def _uncertain_plant(study: TrialStudy, _: tuple[()]) -> UncertainPlant:
     values = _uncertain(study.mechanics, study.motor)
 
     def model(ranged: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
-        J, B, K_t = (ranged.get(key, value) for key, value in values.items())
-        return [[0.0, 1.0], [0.0, -B / J]], [0.0, K_t / J]
+        return _axis({key: ranged.get(key, value) for key, value in values.items()})
 
-    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, study.design.discretisation)
+    return from_parameters(model, study.design.range, [1.0, 0.0], study.period, _inequalities(study))
 
 
 def _uncertain(mechanics: Mechanics, motor: Motor) -> dict[str, float]:
@@ -272,9 +400,16 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         own["structure"] = controller.acts_on
     if isinstance(controller, NormOptimalIlc):
         own["kind"] = "norm-optimal"
-    elif isinstance(controller, FilteredLaw) and controller.q_filter is not None:
-        q = controller.q_filter
-        own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on, "ends": q.ends}
+        signal = controller.q_filter
+        if signal is not None:
+            own |= {"cutoff": signal.cutoff, "filter_order": signal.order, "filtered": "signal"}
+            own["ends"] = signal.ends
+    elif isinstance(controller, FilteredLaw):
+        q, own["shift"] = controller.choice
+        if isinstance(q, QFilter):
+            own |= {"cutoff": q.cutoff, "filter_order": q.order, "filtered": q.acts_on, "ends": q.ends}
+        elif q is not None:
+            own["cutoff"] = q
     return TrialSettings(
         samples=study.samples(scenario),
         Q=design.Q,
@@ -282,6 +417,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         gamma=design.initial_state,
         f=design.initial_state if design.initial_change is None else design.initial_change,
         g=design.initial_error,
+        inverted=design.discretisation or "exact",
         **own,
     )
 
@@ -290,27 +426,39 @@ def _linear(plant: LinearPlant, study: TrialStudy) -> UncertainPlant:
     if plant.vertex:
         vertices = [(vertex.A, vertex.B) for vertex in plant.vertex]
         continuous = plant.model == "continuous"
-        return from_vertices(vertices, plant.C, plant.period, continuous, study.design.discretisation)
+        return from_vertices(vertices, plant.C, plant.period, continuous, _inequalities(study))
     ranges = {name: p.range for name, p in plant.parameter.items() if p.range is not None}
     nominal = {name: plant.parameter[name].nominal for name in ranges}
-    how = study.design.discretisation if plant.model == "continuous" else None
+    how = _inequalities(study) if plant.model == "continuous" else None
     return from_parameters(plant.at, ranges, plant.C, plant.period, how, nominal)
+
+
+def _inequalities(study: TrialStudy) -> Discretisation:
+    """How the models in the inequalities are sampled: by Euler, with which a polytope stays one."""
+    return study.design.discretisation or "euler"
 
 
 def same_gains(settings: TrialSettings, other: TrialSettings) -> bool:
     """Whether gains that were designed for `other` are right for `settings` too."""
 
     def learning(s: TrialSettings) -> tuple[Any, ...]:
-        return s.K_3, s.shift, (s.cutoff, s.filter_order, s.ends) if s.filtered == "signal" else None
+        return s.K_3, *_update(s)
 
     same = _same_feedback(settings, other)
     return same and (not needs_K_3(settings) or (needs_K_3(other) and learning(settings) == learning(other)))
 
 
+def _update(s: TrialSettings) -> tuple[Any, ...]:
+    """What K_3 is designed for. A shift or filter that is chosen suits one length of trials."""
+    on_signal = s.filter_acts_on == "signal" or s.chooses
+    q_filter = (s.cutoff, s.filter_order, s.ends, s.filter_acts_on) if on_signal else None
+    return s.shift, q_filter, s.samples if s.chooses else None
+
+
 def _same_feedback(settings: TrialSettings, other: TrialSettings) -> bool:
     def feedback(s: TrialSettings) -> tuple[Any, ...]:
         kind = s.kind if s.kind in ("state", "observer") else None
-        return kind, s.K_s, s.N, s.feedforward, s.pole
+        return kind, s.K_s, s.N, s.feedforward, s.inverted, s.pole
 
     return feedback(settings) == feedback(other)
 
@@ -338,6 +486,8 @@ def _key(of: str, study: TrialStudy, scenario: str, controller: str) -> str:
     if of in OF_CONTROLLER and controller:
         own = OF_STATE_ILC if isinstance(study.controller[controller], StateIlc) else {"static_gain": "N"}
         return f"controller.{controller}.{own.get(of, of)}"
-    if study.plant is not None and of.startswith("vertex"):
-        return "plant.vertex" if study.plant.vertex else "plant"
+    if study.plant is not None:
+        without_parameters = OF_PLANT.get(of) == "parameter" and not study.plant.parameter
+        if of.startswith("vertex") or without_parameters:
+            return "plant.vertex" if study.plant.vertex else "plant"
     return f"plant.{OF_PLANT[of]}" if study.plant is not None and of in OF_PLANT else f"design.{of}"

@@ -6,23 +6,30 @@ and where the filter or the ends keep learning from some of it, the sum may end 
 leaves. So the scenario itself is tried: at each corner one trial of the feedback is simulated, and from its
 error d the errors of all trials follow as R_k d (finite.py), phase after phase with what was learned before.
 
-It knows neither noise, nor the sensor and the current loop, nor friction that isn't viscous, nor the limit:
-`peak` says what the input would need.
+What differs at random from trial to trial is added as a mean square (random_errors.py). The last plant is the
+one that the scenario simulates, phase by phase, if that is within the design's ranges.
+
+It knows neither other noise, nor the sensor and the current loop, nor friction that isn't viscous, nor the
+limit: `peak` says what the input would need.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cogless.design.certificate import Gains
 from cogless.design.finite import TrialMap
 from cogless.design.model import Model, Real
+from cogless.design.random_errors import Disturbances, Loops, random_errors
 from cogless.design.trial_observer import ObserverGains, observer_gains
 
 PHASE_TRIALS = 80  # of a phase, at most: the others are like the last
+FINAL_TRIALS = 5  # of a phase, over which its final error is the RMS
+FLOOR_RATIO = 1.1  # times the final error: what is below is at the floor
+STILL_FALLS = 0.98  # of the error FINAL_TRIALS before the last that was tried: more trials are needed
 ROUNDING_SHARE = 1e-3  # of the feedback's error: no more than rounding and what the last trials still change
 
 
@@ -30,20 +37,41 @@ ROUNDING_SHARE = 1e-3  # of the feedback's error: no more than rounding and what
 class Conditions:
     """One phase of a scenario: one trial's reference and load, and how many trials it has."""
 
-    reference: Real  # (samples,)
-    load: Real  # (samples,), in the unit of the input
+    reference: Real  # (samples,), or (samples, plants)
+    load: Real  # likewise, in the unit of the input
     start: Real  # (n,), the plant's state at the first sample
     trials: int
+    plant: Model | None = None  # exactly sampled, where it is known and within the design's ranges
+    random: Disturbances | None = None  # what differs from trial to trial
 
 
 @dataclass(frozen=True)
 class PhasePrediction:
-    """Of each plant: RMS over each trial with learning, and without; and the largest input of both."""
+    """Of each plant: RMS over each trial with learning, and without; and the largest input of both.
+
+    The inputs are without the random part.
+    """
 
     learned: Real  # (plants, trials)
     feedback: Real  # (plants,)
     peak: Real  # (plants,), |u| in the last trial
     feedback_peak: Real  # (plants,), |u| without learning
+    random: Real  # (plants,), RMS of the part of the last trial's error that differs from trial to trial
+    feedback_random: Real  # (plants,), the same without learning
+    trials: int  # of the phase; `learned` has PHASE_TRIALS at most
+
+    def trials_to_floor(self, sensor: float) -> tuple[int | None, ...]:
+        """Of each plant the trial from which the error stays at its floor; None if it isn't there yet.
+
+        sensor: RMS of an error below which the sensor measures nothing.
+        """
+        rows = np.hypot(self.learned, sensor)
+        falls = rows[:, -1] < STILL_FALLS * rows[:, -min(FINAL_TRIALS, rows.shape[1])]
+        ends_early = self.trials > rows.shape[1]
+        return tuple(
+            None if ends_early and falling else trials_to_floor(row)
+            for row, falling in zip(rows, falls, strict=True)
+        )
 
     @property
     def share(self) -> float:
@@ -57,6 +85,17 @@ class Prediction:
 
     labels: tuple[str, ...]  # of the plants
     phases: tuple[PhasePrediction, ...]
+    sensor: float = 0.0  # RMS of an error below which the sensor measures nothing
+
+    @property
+    def trials_to_floor(self) -> tuple[int | None, ...]:
+        """Of each phase, at the simulated plant; None if that needs more trials than were tried."""
+        return tuple(phase.trials_to_floor(self.sensor)[-1] for phase in self.phases)
+
+    @property
+    def floor(self) -> tuple[float, ...]:
+        """RMS that each phase ends with, at the same plant."""
+        return tuple(float(np.hypot(phase.learned[-1, -1], self.sensor)) for phase in self.phases)
 
     @property
     def share(self) -> float:
@@ -92,14 +131,15 @@ def predict(
     """The prediction for these plants.
 
     `trial`: learning at the same plants, in their order. `ahead`: numerator, denominator and preview of the
-    feedforward.
+    feedforward. The last plant is that of each phase, if that is known.
     """
-    position = TrialMap(
-        [law.position(m, C) for m in models], trial.K_3, trial.shift, None, "error", trial.samples
-    )
     v = np.zeros((len(models), trial.samples))
     predictions = []
     for phase in phases:
+        models = [*models[:-1], phase.plant or models[-1]]
+        trial = replace(trial, loops=[*trial.loops[:-1], law.closed(models[-1], C)])
+        loops = random_loops(models, C, law, trial)
+        position = loops.position
         f = feedforward(ahead, phase.reference)
         error, lesson, u = simulated(models, C, law, phase, f, np.zeros_like(v))
         added = trial.correction(lesson)
@@ -109,12 +149,49 @@ def predict(
             errors.append(_rms(error - position.output(v)))
             v = trial.recall(v) - trial.correction(trial.output(v)) + added
         _, _, learned_u = simulated(models, C, law, phase, f, last)
+        alone, random = np.zeros(len(models)), np.zeros((len(models), len(errors)))
+        if phase.random is not None:
+            alone, random = random_errors(loops, phase.random, len(errors))
         predictions.append(
             PhasePrediction(
-                np.array(errors).T, _rms(error), np.abs(learned_u).max(axis=1), np.abs(u).max(axis=1)
+                np.hypot(np.array(errors).T, np.sqrt(random)),
+                np.hypot(_rms(error), np.sqrt(alone)),
+                np.abs(learned_u).max(axis=1),
+                np.abs(u).max(axis=1),
+                np.sqrt(random[:, -1]),
+                np.sqrt(alone),
+                phase.trials,
             )
         )
     return Prediction(tuple(labels), tuple(predictions))
+
+
+def trials_to_floor(errors: Real) -> int | None:
+    """The trial, counted from 1, from which the RMS of a phase's trials stays within FLOOR_RATIO of the end.
+
+    None if even the last one isn't: it still grows.
+    """
+    final = float(np.sqrt(np.mean(errors[-FINAL_TRIALS:] ** 2)))
+    above = np.flatnonzero(~(errors <= FLOOR_RATIO * final))
+    first = int(above[-1]) + 2 if len(above) else 1
+    return first if first <= len(errors) else None
+
+
+def random_loops(models: Sequence[Model], C: Real, law: Gains | ObserverGains, trial: TrialMap) -> Loops:
+    """The loops of these plants for errors that differ from trial to trial; `trial` as of `predict`."""
+    position = TrialMap(
+        [law.position(m, C) for m in models], trial.K_3, trial.shift, None, "error", trial.samples
+    )
+
+    def respond(reference: Real, load: Real, start: Real, probes: int) -> tuple[Real, Real]:
+        rows = [model for model in models for _ in range(probes)]
+        rest = np.zeros((len(rows), trial.samples))
+        conditions = Conditions(reference, load, start, 1)
+        error, lesson, _ = simulated(rows, C, law, conditions, np.zeros(trial.samples), rest)
+        return error, lesson
+
+    K_1 = law.K_1 if isinstance(law, Gains) else np.zeros(len(C))
+    return Loops(respond, trial, position, C, K_1)
 
 
 def feedforward(ahead: tuple[Real, Real, int] | None, reference: Real) -> Real:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from cogless.design.error import DesignError
 from cogless.design.finite import TrialMap, growth
 from cogless.design.linear_filter import butterworth_polynomials
-from cogless.design.response import Bundle, Filter, Loop, best_gain, factor
+from cogless.design.response import Bundle, Filter, Loop, best_gain, factor, longest_lag
 
-SHIFTS = 6  # shifts tried, from the relative degree upwards
+SHIFTS_TRIED = 13  # from the relative degree to the longest lag
 CLEARLY = 0.95  # another shift is proposed if its factor is less than this share
 ENDS = 10  # cutoffs tried until the error shrinks at the trial's ends too, each 0.8 times the last
 PROPOSED = 0.95  # largest factor per trial with a proposed cutoff
@@ -37,15 +39,26 @@ def better_shift(
     Each shift is tried with its best gain and this filter on the learned signal. The trial's ends are
     included. None if no shift is clearly faster.
     """
-    w = Bundle(loops, shift).grid
-    H = q_filter.gain(w)
-    factors = {}
-    for tried in {shift, *range(r, min(r + SHIFTS, samples - 1) + 1)}:
-        K_3, worst = best_gain(Bundle(loops, tried)(w), H)
-        trial = TrialMap(loops, K_3, tried, q_filter, "signal", samples)
-        factors[tried] = max(worst, float(growth(trial).max()))
-    best = min(factors, key=lambda tried: factors[tried])
-    return (factors[shift], best, factors[best]) if factors[best] < CLEARLY * factors[shift] else None
+    bundle = Bundle(loops, 0)
+    w = bundle.grid
+    G, H = bundle(w), q_filter.gain(w)
+    longest = int(np.clip(longest_lag(G, w), r, samples - 1))
+    spread = {shift, *map(int, np.linspace(r, longest, SHIFTS_TRIED).round())}
+    gains = {tried: best_gain(G * np.exp(1j * w * tried), H) for tried in spread}
+
+    def with_ends(tried: int) -> float:
+        K_3, worst = gains[tried]
+        return max(worst, float(growth(TrialMap(loops, K_3, tried, q_filter, "signal", samples)).max()))
+
+    now = with_ends(shift)
+    best, factor_best = shift, now
+    for tried in sorted(spread - {shift}, key=lambda tried: gains[tried][1]):
+        if gains[tried][1] >= factor_best:
+            break  # the ends only add to it
+        factor_tried = with_ends(tried)
+        if factor_tried < factor_best:
+            best, factor_best = tried, factor_tried
+    return (now, best, factor_best) if factor_best < CLEARLY * now else None
 
 
 def workable_cutoff(

@@ -131,6 +131,15 @@ def direction(G: Complex) -> float:
     return -1.0 if at_rest < -1e-9 * float(np.abs(G).max()) else 1.0
 
 
+def longest_lag(G: Complex, w: Real) -> int:
+    """The longest lag of all models, phase over frequency, in samples; a larger shift only leads.
+
+    G is (models, frequencies) without a shift, and its first frequency is zero.
+    """
+    phase = np.unwrap(np.angle(direction(G) * G), axis=1)[:, 1:]
+    return int(np.ceil(np.max(-phase / w[1:])))
+
+
 def best_gain(G: Complex, H: Real | float = 1.0) -> tuple[float, float]:
     """The K with the smallest max |H (1 - K G)|, and that maximum. K has the sign of `direction`.
 

@@ -15,8 +15,9 @@ then set to zero. If Q doesn't, the feedback is designed without the integrator.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -26,12 +27,14 @@ from cogless.design.certificate import ENDS, Certificate, Gains, Structure, Upda
 from cogless.design.error import DesignError
 from cogless.design.feedforward import Feedforward, dynamic, static_gain
 from cogless.design.finite import TrialMap
+from cogless.design.learning_filter import JUDGED_TRIALS, Bench, Choice, learning_filters
 from cogless.design.learning_gain import LearningGain, learning_gain
 from cogless.design.lifted import norm_optimal
-from cogless.design.model import Real
+from cogless.design.model import Discretisation, Model, Real
 from cogless.design.polytope import UncertainPlant
-from cogless.design.prediction import Conditions, Prediction, predict
-from cogless.design.q_filter import PROPOSED, SHIFTS, better_shift, butterworth, workable_cutoff
+from cogless.design.prediction import Conditions, Prediction, predict, random_loops
+from cogless.design.q_filter import PROPOSED, better_shift, butterworth, workable_cutoff
+from cogless.design.random_errors import Amplification, amplification
 from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain
 from cogless.design.state_feedback import StateFeedback, guaranteed_cost
 from cogless.design.trial_observer import (
@@ -49,7 +52,6 @@ Ends = Literal["even", "odd"]
 Kind = Literal["robust", "state", "norm-optimal", "observer"]
 
 
-LARGEST_SHIFT = 32  # of the control law
 NO_K_3 = ("q_filter", "shift", "K_3")  # keys of errors after which the feedback can be kept, without a K_3
 BELOW = 0.97  # of a cutoff: what is advised is rounded
 WEIGHTS = 7  # powers of ten
@@ -71,16 +73,28 @@ class TrialSettings:
     integral: bool = True
     learning: bool = True
     feedforward: bool = True  # dynamic
-    cutoff: float | None = None  # of the zero-phase filter, Hz; None: no filter
+    inverted: Discretisation = "exact"  # nominal plant that it inverts; exact: if the sampling is known
+    cutoff: float | Literal["auto"] | None = None  # of the zero-phase filter, Hz; None: no filter
     filter_order: int = 2
     ends: Ends = "even"  # reflection by which the filter continues the trial
     filtered: Filtered = "error"  # the filter acts on the error e, or on the signal v + K_3 e
     K_s: ArrayLike | None = None  # gains given here are certified, not designed; sized as Q
     N: float | None = None
     K_3: float | None = None
-    shift: int | None = None  # v(p) learns from e(p + shift), samples; None: the relative degree
+    # v(p) learns from e(p + shift), samples; None: the relative degree
+    shift: int | Literal["auto"] | None = None
     pole: float | None = None  # of kind observer; None: by its rule
     change_weight: float = 1e-2  # for norm-optimal learning: weight of v's change; the error's is 1
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the design chooses the shift or the filter."""
+        return "auto" in (self.shift, self.cutoff)
+
+    @property
+    def filter_acts_on(self) -> Filtered:
+        """What is filtered: a filter that the design chooses acts on the signal."""
+        return "signal" if self.cutoff == "auto" else self.filtered
 
 
 @dataclass(frozen=True)
@@ -95,9 +109,11 @@ class TrialGains:
     no_K_3: DesignError | None  # why no K_3 exists
     feedback: StateFeedback | None  # None if K_s was given
     learning: LearningGain | None  # None if K_3 was given, or wasn't found by (35)
-    notes: tuple[Remark, ...]  # their cures have the names of settings as keys
+    notes: tuple[Remark, ...]  # of the feedback; their cures have the names of settings as keys
     observer: ObserverGains | None = None  # of kind observer, in place of K_s
-    cutoff: float | None = None  # of kind observer, Hz
+    cutoff: float | None = None  # of kind observer, Hz, or chosen: None is then no filter
+    shift: int | None = None  # that was chosen
+    learning_notes: tuple[Remark, ...] = ()  # of K_3, for the laws that learn with it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,9 +131,14 @@ class TrialParameters:
     shift: int
     q_filter: Filter | None
     filtered: Filtered
-    learning_matrix: Real | None  # (samples, samples), instead of K_3, shift and filter
+    learning_matrix: Real | None  # (samples, samples), instead of K_3, shift and a filter on the error
     gains: TrialGains
     no_K_3: StudyError | None = None  # why no K_3 exists for a law that needs it: it doesn't run
+
+    @property
+    def learns(self) -> bool:
+        """Whether the law learns from trial to trial."""
+        return bool(self.K_3) or self.learning_matrix is not None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +150,12 @@ class TrialDesign(TrialParameters):
     beyond: tuple[str, ...] = ()  # warnings of simulated values outside the ranges of the design
     prediction: Prediction | None = None  # of the scenario; None if the loop is unstable
     limit: float | None = None  # of the input
+    amplify: Callable[[], Amplification] | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def amplification(self) -> Amplification | None:
+        """What learning makes of errors that don't repeat; None without it, or if a loop is unstable."""
+        return self.amplify() if self.amplify is not None else None
 
     @property
     def certified(self) -> bool:
@@ -138,7 +165,7 @@ class TrialDesign(TrialParameters):
         certificate covers; and tried on the scenario itself, at each corner, the error ends no higher than
         without learning, and the input stays within its limit.
         """
-        part, prediction = self.certificate.exact or self.certificate.design, self.prediction
+        part, prediction = self.certificate.deciding, self.prediction
         return (
             part.stable
             and part.learning is not None
@@ -181,18 +208,28 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     if N is None:
         N = 1.0 if settings.kind == "state" else static_gain(plant.nominal, plant.C, K_s[:n])
     forward = settings.feedforward and settings.kind != "state"
-    ahead = dynamic(plant.nominal, plant.C, K_s[:n]) if forward else None
+    inverted = plant.exact_nominal if settings.inverted == "exact" else None
+    ahead = dynamic(inverted or plant.nominal, plant.C, K_s[:n]) if forward else None
     K_3, learned, no_K_3 = settings.K_3, None, None
-    if K_3 is None and needs_K_3(settings):
+    choice: Choice | None = None
+    note: Remark | None = None
+    if needs_K_3(settings) and (K_3 is None or settings.chooses):
         law = _law(K_s, n, N, integral, settings.kind != "state")
         try:
-            K_3, learned, note = _learning_gain(plant, law, settings, f)
-            notes += [note] if note is not None else []
+            if settings.chooses:
+                bench = _bench(plant, law, settings)
+                choice = _chosen(plant, law, settings, bench)
+                K_3, note = choice.K_3 if K_3 is None else K_3, _choice_note(bench, choice)
+            else:
+                K_3, learned, note = _learning_gain(plant, law, settings, f)
         except DesignError as error:
             if error.key not in NO_K_3:
                 raise
             no_K_3 = error
-    return TrialGains(K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes))
+    of_learning = (note,) if note is not None else ()
+    gains = TrialGains(K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes))
+    gains = replace(gains, learning_notes=of_learning)
+    return gains if choice is None else replace(gains, shift=choice.shift, cutoff=choice.cutoff)
 
 
 def needs_K_3(settings: TrialSettings) -> bool:
@@ -211,33 +248,63 @@ def design_trial(
     parameters, law, update = _parameters(plant, settings, gains or design_gains(plant, settings))
     certified = plant.as_held if parameters.gains.observer else plant
     loop = parameters.gains.observer or law
-    certificate = certify(certified, loop, update, parameters.q_filter, settings.filtered, settings.samples)
-    notes = (*parameters.gains.notes, *_warnings(certified, loop, certificate, update, settings))
+    certificate = certify(
+        certified, loop, update, parameters.q_filter, settings.filter_acts_on, settings.samples
+    )
+    of_learning = parameters.gains.learning_notes if needs_K_3(settings) else ()
+    of_certificate = _warnings(certified, loop, certificate, update, settings, parameters.q_filter)
+    notes = (*parameters.gains.notes, *of_learning, *of_certificate)
     return TrialDesign(**vars(parameters), certificate=certificate, notes=notes)
 
 
 def scenario_prediction(
     plant: UncertainPlant, settings: TrialSettings, gains: TrialGains, phases: Sequence[Conditions]
 ) -> Prediction:
-    """What the controller makes of a scenario, at each corner and the nominal plant.
+    """What the controller makes of a scenario, at each corner, the nominal and the simulated plant.
 
     The plants are exactly sampled if that is known. DesignError as `design_trial`.
     """
     parameters, law, update = _parameters(plant, settings, gains)
-    held, loop, C = plant.as_held, gains.observer or law, plant.C
-    models = [*held.vertices, held.nominal]
-    trial = TrialMap(
+    held, loop = plant.as_held, gains.observer or law
+    models, labels = _corners(held)
+    if all(phase.plant is not None for phase in phases):
+        models, labels = [*models, held.nominal], (*labels, "the simulated plant")
+    trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
+    f = parameters.feedforward
+    ahead = None if f is None else (f.num, f.den, f.preview)
+    return predict(models, labels, plant.C, loop, trial, ahead, phases)
+
+
+def random_amplification(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Amplification:
+    """What learning makes of errors that don't repeat, at the corners and the nominal plant."""
+    parameters, law, update = _parameters(plant, settings, gains)
+    loop = gains.observer or law
+    models, labels = _corners(plant.as_held)
+    trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
+    return amplification(labels, random_loops(models, plant.C, loop, trial))
+
+
+def _corners(held: UncertainPlant) -> tuple[list[Model], tuple[str, ...]]:
+    return [*held.vertices, held.nominal], (*held.labels, "the nominal plant")
+
+
+def _trial_map(
+    models: Sequence[Model],
+    loop: Gains | ObserverGains,
+    update: Update | None,
+    parameters: TrialParameters,
+    C: Real,
+    samples: int,
+) -> TrialMap:
+    return TrialMap(
         [loop.closed(model, C) for model in models],
         update.K_3 if update is not None else 0.0,
         parameters.shift,
         parameters.q_filter,
         parameters.filtered,
-        settings.samples,
+        samples,
         parameters.learning_matrix,
     )
-    f = parameters.feedforward
-    ahead = None if f is None else (f.num, f.den, f.preview)
-    return predict(models, (*held.labels, "the nominal plant"), C, loop, trial, ahead, phases)
 
 
 def trial_parameters(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> TrialParameters:
@@ -251,13 +318,14 @@ def _parameters(
     _check(plant, settings)
     if gains.no_K_3 is not None and needs_K_3(settings):
         raise gains.no_K_3
-    n, shift = plant.order, SHIFT if gains.observer else settings.shift or plant.relative_degree
+    n, shift = plant.order, SHIFT if gains.observer else _shift(plant, settings, gains)
     integral = gains.integral and settings.integral
     through = settings.structure == "input-and-integrator" and integral and settings.learning
     law = _law(gains.K_s, n, gains.N, integral, through)
     normal = settings.kind == "norm-optimal" and settings.learning
-    q_filter, cutoff = None, gains.cutoff or settings.cutoff
-    if cutoff is not None and settings.learning and not normal:
+    cutoff = gains.cutoff if gains.observer or settings.cutoff == "auto" else settings.cutoff
+    q_filter = None
+    if cutoff is not None and settings.learning and (settings.filter_acts_on == "signal" or not normal):
         q_filter = butterworth(cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3 = gains.K_3 or 0.0
     update, matrix = None, None
@@ -281,17 +349,25 @@ def _parameters(
         K_3=K_3 if update is not None and not normal else 0.0,
         shift=shift,
         q_filter=q_filter,
-        filtered=settings.filtered,
+        filtered=settings.filter_acts_on,
         learning_matrix=matrix,
         gains=gains,
     )
     return parameters, law, update
 
 
+def _shift(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains | None = None) -> int:
+    """The shift in samples: given, chosen, or the relative degree."""
+    shift = gains.shift if settings.shift == "auto" and gains is not None else settings.shift
+    return shift if isinstance(shift, int) else plant.relative_degree
+
+
 def _observer_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
     """The gains of kind observer: K_s is zero, and K_3 one."""
     observer = design_observer(plant, settings.pole)
-    cutoff = settings.cutoff or highest_cutoff(plant, observer, settings.filter_order)
+    cutoff = settings.cutoff
+    if not isinstance(cutoff, float):
+        cutoff = highest_cutoff(plant, observer, settings.filter_order)
     ahead = inverse(plant) if settings.feedforward else None
     notes = (Remark(plant.note),) if plant.note else ()
     none = np.zeros(plant.order)
@@ -307,13 +383,8 @@ def _learning_gain(
 ) -> tuple[float, LearningGain | None, Remark | None]:
     """K_3 by (35). It is found by frequency response if (35) gives none, or if the shift isn't r."""
     r = plant.relative_degree
-    shift = settings.shift or r
-    loops = [law.closed(m, plant.C) for m in plant.vertices]
-    for label, loop in zip(plant.labels, loops, strict=True):
-        if loop.radius >= 1:
-            raise DesignError(
-                f"K_s: expected feedback that is stable at {label}; its largest pole is {loop.radius:.4g}"
-            )
+    shift = _shift(plant, settings)
+    loops = _stable_loops(plant, law)
     try:
         if shift != r:
             line = f"shift: {shift}: no gain shrinks the error at every frequency; {LOW_PASS}"
@@ -330,8 +401,83 @@ def _learning_gain(
         if by_frequency is not None:
             K_3, note = by_frequency
             return K_3, None, note
-        end, *cures = _low_pass(everywhere, plant, settings, shift)
+        end, *cures = _together(plant, law, settings)
         raise DesignError(f"{error}{end}").advising(*cures) from None
+
+
+def _stable_loops(plant: UncertainPlant, law: Gains) -> list[Loop]:
+    """The closed loops at the vertices; DesignError if one is unstable."""
+    loops = [law.closed(m, plant.C) for m in plant.vertices]
+    for label, loop in zip(plant.labels, loops, strict=True):
+        if loop.radius >= 1:
+            raise DesignError(
+                f"K_s: expected feedback that is stable at {label}; its largest pole is {loop.radius:.4g}"
+            )
+    return loops
+
+
+def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings, bench: Bench) -> Choice:
+    """Shift, cut-off and K_3 by learning_filter.py; DesignError if nothing works."""
+    _stable_loops(plant, law)
+    choice = next(learning_filters(bench), None)
+    if choice is None:
+        _check_sign(plant, law, settings)
+        raise DesignError(
+            "q_filter: no shift, filter and K_3 make the error shrink at every frequency and at the trial's "
+            "ends; expected a feedback with less lag"
+        )
+    return choice
+
+
+def _choice_note(bench: Bench, choice: Choice) -> Remark:
+    passes = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
+    return Remark(
+        f"shift = {choice.shift} and {passes} are chosen together with K_3: {JUDGED_TRIALS} trials leave "
+        f"{100 * bench.left(choice):.2g} % of the error of a load step, at the worst corner"
+    )
+
+
+def other_choices(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Iterator[TrialGains]:
+    """The same gains with other shifts, filters and K_3 than those chosen, the best first."""
+    law = _law(gains.K_s, plant.order, gains.N, gains.integral, settings.kind != "state")
+    bench = _bench(plant, law, settings)
+    for choice in learning_filters(bench):
+        if (choice.shift, choice.cutoff) != (gains.shift, gains.cutoff):
+            K_3 = choice.K_3 if settings.K_3 is None else settings.K_3
+            notes = (_choice_note(bench, choice),)
+            yield replace(gains, K_3=K_3, shift=choice.shift, cutoff=choice.cutoff, learning_notes=notes)
+
+
+def _bench(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> Bench:
+    """The loops of a feedback: judged are those exactly sampled, if they are known and stable."""
+
+    def stable(models: Sequence[Model]) -> list[Loop]:
+        return [loop for loop in (law.closed(m, plant.C) for m in models) if loop.radius < 1]
+
+    held = plant.as_held
+    judged = [*held.vertices, held.nominal]
+    if len(stable(judged)) < len(judged):
+        judged = [*plant.vertices, plant.nominal]
+    learning = [law.closed(m, plant.C) for m in judged]
+    loaded = [
+        Loop(loop.A, np.pad(m.B, ((0, len(loop.A) - m.order), (0, 0))), loop.C)
+        for m, loop in zip(judged, learning, strict=True)
+    ]
+    design, exact = plant.random
+    return Bench(
+        learning=learning,
+        loaded=loaded,
+        others=stable([*plant.vertices, plant.nominal]),
+        drawn=stable([*design, *(exact or ())]),
+        least_shift=plant.relative_degree,
+        period=plant.period,
+        samples=settings.samples,
+        order=settings.filter_order,
+        shift=plant.relative_degree if settings.shift is None else settings.shift,
+        cutoff=settings.cutoff,
+        filtered=settings.filter_acts_on,
+        odd=settings.ends == "odd",
+    )
 
 
 def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> None:
@@ -349,18 +495,15 @@ def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> N
         )
 
 
-def _low_pass(
-    loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int
-) -> tuple[str, *tuple[Changes, ...]]:
-    """The end of a message, and the change that it advises: the filter's cutoff, and another shift if needed,
-    with which learning is fast."""
-    for tried in range(shift, shift + SHIFTS + 1):
-        cutoff = workable_cutoff(loops, tried, settings.filter_order, plant.period, settings.samples)
-        if cutoff is not None:
-            other: Changes = {"shift": tried} if tried != shift else {}
-            end = f" of {cutoff:.3g} Hz or less" + (f", and shift = {tried}" if other else "")
-            return end, {**_filter(cutoff, settings), **other}
-    return ("; with this feedback none makes it fast, though",)
+def _together(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> tuple[str, *tuple[Changes, ...]]:
+    """The end of a message, and the change that it advises: a shift and a filter that are chosen together."""
+    auto = replace(settings, shift="auto", cutoff="auto", filter_order=2, ends="even")
+    choice = next(learning_filters(_bench(plant, law, auto)), None)
+    if choice is None:
+        return ("; with this feedback none makes it fast, though",)
+    of = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
+    end = f', and a shift that suits it: q_filter = "auto" and shift = "auto" choose {of} and {choice.shift}'
+    return end, {"q_filter": "auto", "shift": "auto"}
 
 
 def _filter(cutoff: float, settings: TrialSettings) -> Changes:
@@ -381,6 +524,7 @@ def _by_frequency(
         note = f"K_3 by frequency, for the smallest factor a trial, {worst:.4g}"
         said = f"{note}: (35) is for a shift of {plant.relative_degree}"
         return (K_3, Remark(said)) if worst <= PROPOSED else None
+    assert isinstance(settings.cutoff, float)
     q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3, worst = best_gain(G, q_filter.gain(w))
     if worst > PROPOSED:
@@ -401,55 +545,56 @@ def _warnings(
     certificate: Certificate,
     update: Update | None,
     settings: TrialSettings,
+    q_filter: Filter | None = None,
 ) -> list[Remark]:
-    """Warnings that the error can grow along the trial or from trial to trial, with the remedy."""
+    """Warnings that the error can grow along the trial or from trial to trial, with the remedy.
+
+    They are of the models that decide.
+    """
     notes: list[Remark] = []
-    exact = certificate.exact
-    parts = [("design", plant.vertices, certificate.design)]
-    parts += [("exact", plant.exact_vertices or (), exact)] if exact is not None else []
-    for kind, models, part in parts:
-        if not part.stable:
-            where = f"at {part.worst}, with a pole of {part.radius:.4g}"
-            notes.append(Remark(f"{kind} model: unstable along the trial {where}"))
-        learning = part.learning
-        if update is None or learning is None or learning.monotone:
-            continue
-        if update.ratio is not None and kind == "design" and exact is not None:
-            continue  # L is designed for the exact model
-        note, cures = f"{kind} model: the error can grow by a factor of ", tuple[Changes, ...]()
-        if learning.norm > 1 + MONOTONE:
-            note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
-        elif part.growth is not None and part.growth > 1 + ENDS:
-            note += f"{_factor(part.growth)} a trial, from the ends of the "
-            note += "filter" if part.with_filter else "trial"
-        else:
-            note += f"{_factor(part.phi_radius or 1.0)} a sample, by Phi's largest pole"
-        if update.ratio is None:
-            loops = [law.closed(m, plant.C) for m in models]
-            cutoff = workable_cutoff(
-                loops, update.shift, settings.filter_order, plant.period, settings.samples, update.K_3
-            )
-            if cutoff is not None:
-                note += f"; a zero-phase low-pass filter of {cutoff:.3g} Hz or less on the learned signal "
-                note, cures = f"{note}prevents it", (_filter(cutoff, settings),)
-        else:
-            weight = _calmer(plant, law, settings)
-            if weight is not None:
-                note, cures = f"{note}; change_weight = {weight:g} prevents it", ({"change_weight": weight},)
-        notes.append(Remark(note, cures))
-    return notes
+    kind, part = certificate.decides, certificate.deciding
+    models = plant.vertices if kind == "design" else plant.exact_vertices or ()
+    if not part.stable:
+        where = f"at {part.worst}, with a pole of {part.radius:.4g}"
+        notes.append(Remark(f"{kind} model: unstable along the trial {where}"))
+    learning = part.learning
+    if update is None or learning is None or learning.monotone:
+        return notes
+    note, cures = f"{kind} model: the error can grow by a factor of ", tuple[Changes, ...]()
+    if learning.norm > 1 + MONOTONE:
+        note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
+    elif part.growth is not None and part.growth > 1 + ENDS:
+        note += f"{_factor(part.growth)} a trial, from the ends of the "
+        note += "filter" if part.with_filter else "trial"
+    else:
+        note += f"{_factor(part.phi_radius or 1.0)} a sample, by Phi's largest pole"
+    if update.ratio is None:
+        loops = [law.closed(m, plant.C) for m in models]
+        cutoff = workable_cutoff(
+            loops, update.shift, settings.filter_order, plant.period, settings.samples, update.K_3
+        )
+        if cutoff is not None:
+            note += f"; a zero-phase low-pass filter of {cutoff:.3g} Hz or less on the learned signal "
+            note, cures = f"{note}prevents it", (_filter(cutoff, settings),)
+    else:
+        weight = _calmer(plant, law, settings, q_filter)
+        if weight is not None:
+            note, cures = f"{note}; change_weight = {weight:g} prevents it", ({"change_weight": weight},)
+    return [*notes, Remark(note, cures)]
 
 
-def _calmer(plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSettings) -> float | None:
+def _calmer(
+    plant: UncertainPlant, law: Gains | ObserverGains, settings: TrialSettings, q_filter: Filter | None
+) -> float | None:
     """A weight of the change with which no error grows from trial to trial; None if none is."""
     nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
-    shift = settings.shift or plant.relative_degree
+    shift = _shift(plant, settings)
     for n in range(1, WEIGHTS):
         weight = float(f"{settings.change_weight * 10.0**n:.3g}")
         matrix = norm_optimal(nominal, settings.samples, weight)
         update = Update(shift, 0.0, weight, nominal, matrix)
-        found = certify(plant, law, update, None, settings.filtered, settings.samples)
-        judged = found.design if found.exact is None else found.exact
+        found = certify(plant, law, update, q_filter, settings.filter_acts_on, settings.samples)
+        judged = found.deciding
         if judged.learning is not None and judged.learning.monotone:
             return weight
     return None
@@ -462,10 +607,9 @@ def _factor(value: float) -> str:
 
 def _check(plant: UncertainPlant, settings: TrialSettings) -> None:
     n, r = plant.order, plant.relative_degree
-    if settings.shift is not None and not r <= settings.shift <= LARGEST_SHIFT:
-        expected = f"expected {r}, the relative degree, to {LARGEST_SHIFT}"
-        raise DesignError(f"shift: {settings.shift}: {expected}")
-    if settings.shift is not None and settings.samples <= settings.shift:
+    if isinstance(settings.shift, int) and settings.shift < r:
+        raise DesignError(f"shift: {settings.shift}: expected {r}, the relative degree, or more")
+    if isinstance(settings.shift, int) and settings.samples <= settings.shift:
         expected = f"expected less than the {settings.samples} samples"
         raise DesignError(f"shift: {settings.shift}: {expected}")
     if settings.samples <= r:

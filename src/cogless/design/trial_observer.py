@@ -179,7 +179,7 @@ def _exact(plant: UncertainPlant) -> Sequence[Model]:
     """The exactly sampled plants; DesignError if they aren't double integrators."""
     random = plant.random[1]
     if plant.exact_vertices is None or plant.exact_nominal is None or random is None:
-        raise DesignError("nominal: expected a continuous plant, which this law is designed for")
+        raise DesignError("model: expected a continuous plant, which this law is designed for")
     models = [*plant.exact_vertices, *random, plant.exact_nominal]
     for model in models:
         distance = np.sort(np.abs(np.linalg.eigvals(model.A) - 1))

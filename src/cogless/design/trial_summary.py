@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,8 @@ from cogless.design.lmi import Check
 from cogless.design.margins import finite
 from cogless.design.model import Model
 from cogless.design.polytope import UncertainPlant
+from cogless.design.prediction import PHASE_TRIALS, Prediction
+from cogless.design.random_errors import Amplification
 from cogless.design.trial import TrialDesign
 from cogless.study import TrialStudy
 
@@ -29,20 +31,27 @@ LEGEND = (
     "norm, power: of a whole trial's map of the learned signal, and the largest of its powers;\n"
     "largest share: of any error without learning (with an observer, of any missing input), what a trial may "
     "have at most;\n"
-    "this scenario: of its error without learning, what a phase has left in the end, at the worst corner"
+    "this scenario: of its error without learning, what a phase has left in the end, at the worst corner;\n"
+    "trials to the floor: of each phase, until the simulated plant's error stays within 1.1 of its final RMS;"
+    "\nfloor: that RMS, with what the sensor rounds;\n"
+    "load noise, sensor noise: error that white noise causes, with learning / without, at the worst corner"
 )
 
 
 @dataclass(frozen=True)
 class TrialSummary:
-    """The plant that the study describes, and a design for each of its controllers."""
+    """The plant that the study describes, and of each controller its design, or why it has none."""
 
     plant: UncertainPlant
     designs: dict[str, TrialDesign]
+    without: dict[str, str]
 
 
 def summary(study: TrialStudy) -> TrialSummary:
-    """The design of each controller of a study, for the first scenario that it runs in; or StudyError."""
+    """The design of each controller of a study, for the first scenario that it runs in.
+
+    StudyError: no controller can be designed.
+    """
     first: dict[str, str] = {}
     for scenario in study.scenario:
         for name in study.controllers_in(scenario):
@@ -51,7 +60,10 @@ def summary(study: TrialStudy) -> TrialSummary:
     in_order = {
         name: designs[first[name], name] for name in study.controller if (first.get(name), name) in designs
     }
-    return TrialSummary(uncertain_plant(study), in_order)
+    if not designs and designs.without:
+        raise next(iter(designs.without.values()))
+    without = {name: why.within(study.source.path) for (_, name), why in designs.without.items()}
+    return TrialSummary(uncertain_plant(study), in_order, without)
 
 
 def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
@@ -72,7 +84,10 @@ def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
             "hull_of_the_corners": plant.exact_hull,
             "note": plant.note,
         },
-        "controllers": {name: design_dict(design) for name, design in found.designs.items()},
+        "controllers": {
+            **{name: design_dict(design) for name, design in found.designs.items()},
+            **{name: {"not_designed": why} for name, why in found.without.items()},
+        },
     }
 
 
@@ -111,6 +126,7 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
         },
         "certificate": _certificate(design.certificate),
         "certified": design.certified,
+        "amplification": design.amplification and _amplification(design.amplification),
         "scenario": _prediction(design),
         "notes": list(map(str, design.notes)),
     }
@@ -131,9 +147,49 @@ def warnings(design: TrialDesign) -> list[str]:
 
     The design's notes have the changes that would help.
     """
-    rows = [found for _, found in _rows(design.certificate)]
-    fine = all(each.stable and (each.learning is None or each.learning.monotone) for each in rows)
+    part = design.certificate.deciding
+    fine = part.stable and (part.learning is None or part.learning.monotone)
     return [] if fine and design.no_K_3 is None else [words(design)]
+
+
+def labelled_notes(study: TrialStudy, designs: Mapping[str, TrialDesign]) -> list[str]:
+    """The notes of designs as sentences, each with the labels of its controllers in front.
+
+    A note that all of several controllers have is one of the plant or the scenario, and has no label.
+    """
+    owners: dict[str, list[str]] = {}
+    for name, design in designs.items():
+        for note in dict.fromkeys(map(str, design.notes)):
+            owners.setdefault(note, []).append(study.label(name))
+    return [
+        f"{note}." if len(labels) == len(designs) > 1 else f"{'; '.join(labels)}: {note}."
+        for note, labels in owners.items()
+    ]
+
+
+def _large(study: TrialStudy, found: TrialSummary) -> Iterator[str]:
+    """A sentence on each learning matrix: a microcontroller has to store all its numbers."""
+    for name, design in found.designs.items():
+        size, flash = matrix_size(design), matrix_flash(study, design)
+        if size and flash:
+            yield f"{study.label(name)}: its learning matrix has {size} numbers: {megabytes(flash)} of flash."
+
+
+def matrix_size(design: TrialDesign) -> str:
+    """The shape of a design's learning matrix, such as "500 x 500"; "" if it has none."""
+    return "" if design.learning_matrix is None else " x ".join(map(str, design.learning_matrix.shape))
+
+
+def matrix_flash(study: TrialStudy, design: TrialDesign) -> int:
+    """Bytes of a design's learning matrix in a drive's precision; 0 without a matrix, or without a drive."""
+    if study.drive is None or design.learning_matrix is None:
+        return 0
+    return int(design.learning_matrix.size) * (8 if study.drive.precision == "double" else 4)
+
+
+def megabytes(size: int) -> str:
+    """A number of bytes as text, such as "1.00 MB"."""
+    return f"{size / 1e6:.3g} MB"
 
 
 def _rows(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
@@ -163,6 +219,7 @@ def _certificate(certificate: Certificate) -> dict[str, Any]:
         "design_model": _models(certificate.design),
         "exactly_sampled": certificate.exact and _models(certificate.exact),
         "random_plants": certificate.samples,
+        "decides": {"design": "design_model", "exact": "exactly_sampled"}[certificate.decides],
     }
 
 
@@ -178,11 +235,23 @@ def _prediction(design: TrialDesign) -> dict[str, Any] | None:
             {
                 "error_rms": phase.learned[:, -1].tolist(),
                 "error_rms_without_learning": phase.feedback.tolist(),
+                "trials_to_floor": list(phase.trials_to_floor(prediction.sensor)),
                 "largest_input": phase.peak.tolist(),
                 "largest_input_without_learning": phase.feedback_peak.tolist(),
+                "random_part_of_the_error_rms": phase.random.tolist(),
+                "random_part_without_learning": phase.feedback_random.tolist(),
             }
             for phase in prediction.phases
         ],
+    }
+
+
+def _amplification(amplification: Amplification) -> dict[str, Any]:
+    """RMS of a random error in the long run / its RMS without learning, of each plant."""
+    return {
+        "plants": list(amplification.labels),
+        "noise_on_the_load": [finite(x) for x in amplification.load],
+        "noise_on_the_measurement": [finite(x) for x in amplification.noise],
     }
 
 
@@ -240,18 +309,23 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     for heading in ("filtered", "with the ends", "norm, power", "largest share", "largest K_3"):
         proof.add_column(heading)
     share = Table(title="This scenario", title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for heading in ("controller", "share left", "largest input", "learning"):
+    headings = ("share left", "trials to the floor", "floor", "largest input", "load noise", "sensor noise")
+    for heading in ("controller", *headings, "learning"):
         share.add_column(heading)
     for name, design in found.designs.items():
         gains.add_row(study.label(name), *_gains(design))
         for row in _proof(design.certificate):
             proof.add_row(study.label(name), *row)
     for name, design in found.designs.items():
-        if design.prediction is not None and (design.K_3 or design.learning_matrix is not None):
+        if design.prediction is not None and design.learns:
             word = "certified" if design.certified else "not certified"
-            share.add_row(study.label(name), f"{design.prediction.share:.4g}", _most_input(design), word)
-    notes = dict.fromkeys(str(note) for design in found.designs.values() for note in design.notes)
-    lines = [Text(f"Note: {note}.") for note in notes]
+            share.add_row(study.label(name), *_in_scenario(design, design.prediction), word)
+    for name in found.without:
+        gains.add_row(study.label(name), "not designed")
+    lines = [Text(f"{study.label(name)}: not designed: {why}.") for name, why in found.without.items()]
+    lines += [
+        Text(f"Note: {note}") for note in (*labelled_notes(study, found.designs), *_large(study, found))
+    ]
     legend = Text(LEGEND, style="dim")
     return Group(Text(about), Text(), gains, Text(), proof, Text(), share, Text(), legend, *lines)
 
@@ -285,6 +359,21 @@ def _gains(design: TrialDesign) -> tuple[str, ...]:
     )
 
 
+def _floor(prediction: Prediction) -> tuple[str, str]:
+    """The trials to the floor of each phase, and the floor."""
+    trials = (f"> {PHASE_TRIALS}" if count is None else f"{count}" for count in prediction.trials_to_floor)
+    return ", ".join(trials), ", ".join(f"{floor:.3g}" for floor in prediction.floor)
+
+
+def _in_scenario(design: TrialDesign, prediction: Prediction) -> tuple[str, ...]:
+    amplification = design.amplification
+    noise = ("-", "-")
+    if amplification is not None:
+        worst = (max(amplification.load), max(amplification.noise))
+        noise = (f"{worst[0]:.3f}", f"{worst[1]:.3f}")
+    return f"{prediction.share:.4g}", *_floor(prediction), _most_input(design), *noise
+
+
 def _most_input(design: TrialDesign) -> str:
     """The largest input that the scenario needs, and the plant where that is above the limit."""
     assert design.prediction is not None
@@ -295,11 +384,12 @@ def _most_input(design: TrialDesign) -> str:
 
 
 def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
-    for model, found in _rows(certificate):
+    rows = list(_rows(certificate))
+    for model, found in rows:
         plain, filtered = found.without_filter, found.with_filter
         limit = plain.K_3_limit if plain else None
         yield (
-            model,
+            f"{model}, decides" if len(rows) > 1 and found is certificate.deciding else model,
             f"{found.radius:.4f}" + ("" if found.stable else " unstable"),
             f"{found.delayed_radius:.3f}" + ("" if found.delayed_stable else " unstable"),
             _verdict(plain),

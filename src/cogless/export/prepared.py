@@ -202,4 +202,7 @@ def _check(study: AnyStudy, scenario: str, controller: str) -> None:
             f'{where}: "{law.law}": is C of your own already: expected a law of the control library'
         )
     if isinstance(study, TrialStudy) and study.drive is None:
-        raise StudyError(f"{study.source.path}: plant: a linear plant: expected a study with a drive")
+        raise StudyError(
+            f"{study.source.path}: plant: an export has a drive around the law, and a linear plant none: "
+            "expected [motor], [mechanics] and [drive] in place of [plant]"
+        )

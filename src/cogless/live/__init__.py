@@ -8,7 +8,9 @@ from cogless.files import replacing
 from cogless.live import engine, page
 from cogless.live.blobs import held, left_out, precision
 from cogless.live.page import NO_LIMITS
-from cogless.study import AnyStudy
+from cogless.live.trial_candidates import pinned
+from cogless.study import AnyStudy, TrialStudy
+from cogless.study.reading import Changes
 
 __all__ = ["check", "left_out", "render", "write"]
 
@@ -31,7 +33,10 @@ def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[st
     StudyError as in `check`.
     """
     check(study)
-    return page.render(study, command, told, limits)
+    pins: Changes = {}
+    if isinstance(study, TrialStudy):
+        study, pins = pinned(study)
+    return page.render(study, command, told, limits, pins)
 
 
 def write(

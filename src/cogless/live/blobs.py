@@ -37,6 +37,10 @@ def _why_not(study: AnyStudy, name: str) -> str:
         return "its law is code of its own, which the page doesn't run"
     if isinstance(study.controller[name], NormOptimalIlc):
         return "its learning matrix, of a number for each two samples, is too large for a page"
+    run = next((pair for pair in every(study) if pair[1] == name), None)
+    if isinstance(study, TrialStudy) and run is not None:
+        refused = design_study(study, [run]).refused.get(run)
+        return "" if refused is None else f"not designed: {refused.within(study.source.path)}"
     return ""
 
 

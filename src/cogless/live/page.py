@@ -8,6 +8,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from html import escape
+from itertools import accumulate, pairwise
 from string import Template
 from typing import Any
 
@@ -22,17 +23,19 @@ from cogless.report.markup import asset as report_asset
 from cogless.report.speed_tracking import DRIFT, FAR, LOST, ONE_WAY
 from cogless.report.status_lanes import MOMENT
 from cogless.report.trials.errors import display_unit, judged
-from cogless.report.trials.phases import phases
+from cogless.report.trials.phases import groups, phases
 from cogless.report.trials.waveforms import panels_of
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.metric import EACH_TRIAL, SIGNALS, Metric
+from cogless.study.reading import Changes
 from cogless.study.trial_controller import TrialLaw
 from cogless.units import NONE, factor
 from cogless.versions import versions
 
 NO_LIMITS: Mapping[str, str] = {}
+NO_PINS: Changes = {}
 COLOURS = 8  # as in the report
 FORBID = (
     "default-src 'none'; script-src {scripts} 'wasm-unsafe-eval'; style-src {styles}; worker-src blob:; "
@@ -40,8 +43,17 @@ FORBID = (
 )
 
 
-def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[str, str] = NO_LIMITS) -> str:
+def render(
+    study: AnyStudy,
+    command: str,
+    told: bool = False,
+    limits: Mapping[str, str] = NO_LIMITS,
+    pins: Changes = NO_PINS,
+) -> str:
     """The page as one HTML text. `command`: the one that runs the study, without changes made in the page.
+
+    `pins`: values of the study that its file leaves to the design; a command that changes a controller needs
+    these, too.
 
     `limits`: by scenario, what limits its best run, where that was looked for.
     `told`: the motor's values are changed in the study, so that the controller is told, not in an override.
@@ -51,7 +63,7 @@ def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[st
     module = engine.module(precision(study))
     found = adjustable(study, told)
     blocks = {
-        "data": json.dumps(data(study, found, command, limits), separators=(",", ":"), allow_nan=False),
+        "data": json.dumps(data(study, found, command, limits, pins), separators=(",", ":"), allow_nan=False),
         "engine": base64.b64encode(gzip.compress(module, mtime=0)).decode(),
     }
     scripts = {
@@ -94,7 +106,11 @@ def _hashes(texts: Any) -> str:
 
 
 def data(
-    study: AnyStudy, found: Found, command: str, limits: Mapping[str, str] = NO_LIMITS
+    study: AnyStudy,
+    found: Found,
+    command: str,
+    limits: Mapping[str, str] = NO_LIMITS,
+    pins: Changes = NO_PINS,
 ) -> dict[str, Any]:
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
@@ -102,6 +118,7 @@ def data(
     others = [name for name in names if name != study.baseline]
     return {
         "command": command,
+        "pins": [[key, f"{key}={toml.text(value)}"] for key, value in pins.items()],
         "name": study.name,
         "toml": toml.sections(study.source),
         "kind": "trials" if isinstance(study, TrialStudy) else "speed",
@@ -169,7 +186,9 @@ def _about(study: AnyStudy, scenario: str) -> dict[str, Any]:
             "floor": about.floor,
         },
         "phases": [
-            {"name": phase.name, "trials": phase.chosen} for phase in phases(study.scenario[scenario])
+            {"name": phase.name, "trials": phase.chosen}
+            for group in groups(phases(study.scenario[scenario]))
+            for phase in group.drawn
         ],
         "panels": [
             dict(
@@ -191,12 +210,16 @@ def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
     orders = metric.order or (None,)
     words = metric.name.replace("_", " ")
     titles = [words if order is None else f"{words} {order:g}" for order in orders]
+    rows: list[tuple[int, int]] | None = None
     if isinstance(study, TrialStudy):  # a number for each trial is drawn, not listed
-        starts = () if metric.kind in EACH_TRIAL else study.scenario[scenario].starts
-        titles = [f"{words}, from trial {start}" for start in starts]
+        found = [] if metric.kind in EACH_TRIAL else groups(phases(study.scenario[scenario]))
+        titles = [f"{words}, {group.row}" for group in found]
+        ends = list(accumulate(len(group.phases) for group in found))
+        rows = list(pairwise([0, *ends]))
     return {
         "name": result_name(metric),
         "titles": titles,
+        "groups": rows,  # of each title the first phase and the one after the last; null: a value a title
         "unit": unit,
         "factor": factor(unit, dimension) if dimension is not NONE and unit else 1.0,
         "kind": metric.kind,

@@ -7,7 +7,7 @@ from cogless.report import page, png
 from cogless.report.best_runs import is_quick, with_limits
 from cogless.report.comparison import Line, compare, runs_in
 from cogless.report.limits import remark
-from cogless.report.sections import Sections
+from cogless.report.sections import Outcome, Sections
 from cogless.report.speed import SPEED
 from cogless.report.trials import TRIALS
 from cogless.report.verdict import ScenarioVerdict
@@ -17,12 +17,14 @@ from cogless.study.remark import Remark
 
 __all__ = [
     "Line",
+    "Outcome",
     "ScenarioVerdict",
     "broken",
     "compare",
     "is_quick",
     "limit",
     "lines",
+    "outcome",
     "plot_names",
     "render",
     "verdicts",
@@ -45,6 +47,14 @@ def lines(results: AnyResults, scenario: str) -> list[Line]:
 def verdicts(results: AnyResults) -> list[ScenarioVerdict]:
     """The verdict on each scenario that can be judged."""
     return page.verdicts(results, _sections(results))
+
+
+def outcome(results: AnyResults, scenario: str) -> tuple[str, Outcome] | None:
+    """The verdict's first sentences on a scenario of trials, and how each controller ended; else None."""
+    sections, runs = _sections(results), runs_in(results, scenario)
+    found = sections.outcome(results, runs)
+    verdict = sections.verdict(results, runs) if found is not None else None
+    return (verdict.headline, found) if found is not None and verdict is not None else None
 
 
 def broken(results: AnyResults, scenario: str) -> str | None:

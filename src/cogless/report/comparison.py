@@ -36,7 +36,7 @@ SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
 RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"  # unjudged
 TORQUE = "an outer loop's current acts there, and no speed is held"
 NEVER = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
-COUNTS = ("trials-to-floor",)
+COUNTS = ("trials-to-floor", "trials-at-limit")
 QUANTITIES = {
     "omega_m": "speed",
     "omega_error": "speed error",

@@ -15,6 +15,23 @@ Runs = Sequence[Run]  # of one scenario
 
 
 @dataclass(frozen=True)
+class Outcome:
+    """How each controller's runs ended, as a table of words for the terminal.
+
+    `rows`: a controller and its cells, one for each of `columns`.
+    """
+
+    note: str  # what the columns mean
+    columns: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[str]]]
+
+
+def no_outcome(results: Any, runs: Runs) -> Outcome | None:
+    """None: the lines of metrics say how the runs ended."""
+    return None
+
+
+@dataclass(frozen=True)
 class Sections:
     """Functions that take the results, of the kind's own type, and the scenario or its runs."""
 
@@ -24,3 +41,4 @@ class Sections:
     charts: Callable[[Any, Runs], dict[str, Any]]  # plain values for the script
     parts: Callable[[Any, Runs], dict[str, str]]  # tables and notes as HTML, for the template
     pictures: Mapping[str, Picture]
+    outcome: Callable[[Any, Runs], Outcome | None] = no_outcome

@@ -48,6 +48,7 @@ def to_dict(results: AnyResults) -> dict[str, Any]:
             }
             for run in results.runs
         ],
+        **(_not_designed(results) if isinstance(results, TrialResults) else {}),
         **(_limits(results) if isinstance(results, Results) else {}),
     }
 
@@ -125,6 +126,15 @@ def _trials(results: TrialResults) -> dict[str, dict[str, Any]]:
         }
         for name in results.scenarios
     }
+
+
+def _not_designed(results: TrialResults) -> dict[str, Any]:
+    """The controllers that have no run because they can't be designed, and why; absent if there is none."""
+    found = [
+        {"scenario": scenario, "controller": name, "why": str(why)}
+        for (scenario, name), why in results.not_designed.items()
+    ]
+    return {"not_designed": found} if found else {}
 
 
 def _design(design: TrialDesign) -> dict[str, Any]:

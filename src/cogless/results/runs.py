@@ -13,6 +13,7 @@ from cogless.results.trace import Trace
 
 if TYPE_CHECKING:
     from cogless.design.trial import TrialDesign
+    from cogless.errors import StudyError
     from cogless.maps.stored_map import StoredMap
     from cogless.study import AnyStudy, Study, TrialStudy
 
@@ -76,6 +77,16 @@ class Results(AnyResults):
 
 @dataclass(frozen=True, eq=False)
 class TrialResults(AnyResults):
-    """Results of a study of trials."""
+    """Results of a study of trials. `not_designed`: why a (scenario, controller) did not run."""
 
     study: TrialStudy
+    not_designed: Mapping[tuple[str, str], StudyError] = field(default_factory=dict)
+
+    def without_design(self, scenario: str | None = None) -> list[str]:
+        """A line for each controller that was not designed, of one scenario or of all: its label and why."""
+        found = (
+            f"{self.study.label(name)}: not designed: {why.within(self.study.source.path)}"
+            for (where, name), why in self.not_designed.items()
+            if scenario in (None, where)
+        )
+        return list(dict.fromkeys(found))

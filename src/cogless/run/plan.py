@@ -131,7 +131,8 @@ def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
 def feedback_plan(planned: Plan) -> Plan | None:
     """The same controller without learning, one trial in each phase; None if it doesn't learn by a design.
 
-    Faults happen at times of the whole run, so with faults there is none either.
+    Where trials differ at random it has all trials. Faults happen at times of the whole run, so with faults
+    there is none either.
     """
     study, scenario, design = planned.study, planned.scenario, planned.design
     if not isinstance(study, TrialStudy) or design is None or study.scenario[scenario].faults:
@@ -141,9 +142,10 @@ def feedback_plan(planned: Plan) -> Plan | None:
     unlearned = replace(design, K_3=0.0, learning_matrix=None, q_filter=None)
     description = trial_config(study, scenario, planned.controller, unlearned)
     trials = description if study.plant is not None else description["trials"]
-    trials["count"] = len(trials["phases"])
-    for trial, phase in enumerate(trials["phases"]):
-        phase["from"] = trial
+    if not study.differs_at_random(scenario):
+        trials["count"] = len(trials["phases"])
+        for trial, phase in enumerate(trials["phases"]):
+            phase["from"] = trial
     with failures(study, scenario, planned.controller):
         make = planned.engine.LinearTrials if study.plant is not None else planned.engine.Drive
         drive = make(description) if study.plant is not None else make(description, None)

@@ -100,11 +100,16 @@ def run_study(
 
     `only`: patterns SCENARIO/CONTROLLER, with * and ?. `traces`: a folder with room for traces that are too
     long for memory: they are in files without names there. Ctrl-C ends it early: finished runs are returned,
-    with `interrupted` set. RunError: a run failed; all others are finished.
+    with `interrupted` set. A controller of trials that can't be designed doesn't run; the results say why.
+    StudyError: none can. RunError: a run failed; all others are finished.
     """
     room = TraceRoom(traces) if traces is not None else None
-    pairs = runs_of(study, only)
-    (results,) = _rollout([(study, _prepare(study, pairs), pairs)], {}, progress, jobs, True, room)
+    wanted = runs_of(study, only)
+    designs = _prepare(study, wanted)
+    pairs = [pair for pair in wanted if pair not in designs.refused]
+    if not pairs:
+        raise next(iter(designs.refused.values()))
+    (results,) = _rollout([(study, designs, pairs)], {}, progress, jobs, True, room)
     return results
 
 
@@ -170,7 +175,7 @@ def _rollout(
     made = side_by_side([partial(group, members) for members in groups], jobs, stop)
     for members, future in zip(groups, made, strict=True):
         _hand_over(future, members)
-    return _collected([study for study, _, _ in studies], all_runs, stop.is_set())
+    return _collected([(study, designs) for study, designs, _ in studies], all_runs, stop.is_set())
 
 
 class _Pending:
@@ -246,19 +251,22 @@ def _prepare(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Designs:
         law = study.controller[controller]
         if isinstance(law, OwnLaw) or (isinstance(law, Startable) and law.start is not None):
             plan(study, scenario, controller)
-    return design_study(study, runs) if isinstance(study, TrialStudy) else {}
+    return design_study(study, runs) if isinstance(study, TrialStudy) else Designs()
 
 
 def _prepared(study: AnyStudy, runs: Sequence[Pair]) -> tuple[Designs, dict[Pair, StudyError]]:
     """The designs as `_prepare` makes them, and the error of each run that can't be prepared."""
     try:
-        return _prepare(study, runs), {}
+        designs = _prepare(study, runs)
+        return designs, designs.refused
     except StudyError:
-        designs: Designs = {}
+        designs = Designs()
         errors: dict[Pair, StudyError] = {}
         for pair in runs:
             try:
-                designs |= _prepare(study, [pair])
+                own = _prepare(study, [pair])
+                designs.update(own)
+                errors |= own.refused
             except StudyError as error:
                 errors[pair] = error
         return designs, errors
@@ -301,12 +309,12 @@ def _run(
 
 
 def _collected(
-    studies: Sequence[AnyStudy], runs: Sequence[Sequence[_Pending]], stopped: bool
+    studies: Sequence[tuple[AnyStudy, Designs]], runs: Sequence[Sequence[_Pending]], stopped: bool
 ) -> list[AnyResults]:
     results: list[AnyResults] = []
     errors: list[dict[Pair, StudyError]] = []
     defects: list[tuple[AnyResults, _Pending]] = []
-    for study, of_study in zip(studies, runs, strict=True):
+    for (study, designs), of_study in zip(studies, runs, strict=True):
         finished = [run.outcome for run in of_study if isinstance(run.outcome, Run)]
         errors.append(
             {(r.scenario, r.controller): r.outcome for r in of_study if isinstance(r.outcome, StudyError)}
@@ -314,7 +322,7 @@ def _collected(
         broken = [run for run in of_study if _is_defect(run.outcome)]
         interrupted = stopped or bool(errors[-1] or broken)
         if isinstance(study, TrialStudy):
-            results.append(TrialResults(study, finished, interrupted))
+            results.append(TrialResults(study, finished, interrupted, designs.refused))
         else:
             results.append(Results(study, finished, interrupted))
         defects += [(results[-1], run) for run in broken]

@@ -38,6 +38,9 @@ def engine_config(
             "period": study.plant.period,
             "samples": samples,
             "count": experiment.trials,
+            "noise": list(study.plant.state_noise),
+            "load_noise": study.plant.load_noise,
+            "seed": study.seed,
             "phases": [_linear_phase(study, study.plant, scenario, *phase) for phase in experiment.phases],
             "controller": law,
         }
@@ -91,6 +94,7 @@ def _law(study: TrialStudy, scenario: str, name: str, design: TrialParameters) -
         "learning_matrix": None,  # apart, below
         "limit": limit,
         "learned_limit": law.learned_limit,
+        "unguarded": not law.guard,
     }
     config = control_layout(precision).pack("cgl_trial_config", values)
     return {"law": "trial", "config": config, "learning_matrix": design.learning_matrix}
@@ -114,7 +118,25 @@ def _drive_phase(
         "load_steps": [
             {"sample": sample, "torque": torque} for sample, torque in conditions.load_steps or ()
         ],
+        "each_trial": _each_trial(conditions, 0),
     }
+
+
+def _each_trial(conditions: TrialConditions, states: int) -> dict[str, Any] | None:
+    """Deviations of each trial; None where all are alike. `states`: of a linear plant, or 0."""
+    spread = conditions.each_trial
+    if spread is None or spread.empty:
+        return None
+
+    def deviation(key: str) -> dict[str, Any]:
+        form, size = spread.form_of(key)
+        return {"form": form, "size": size or 0.0}
+
+    if not states:
+        return {key: deviation(key) for key in ("initial_angle", "initial_speed", "load")}
+    form, sizes = spread.form_of("initial_state")
+    starts = [{"form": form, "size": size} for size in sizes or (0.0,) * states]
+    return {"initial_state": starts, "load": deviation("load")}
 
 
 def _linear_phase(
@@ -134,4 +156,5 @@ def _linear_phase(
         "B": B,
         "load": load.tolist(),
         "initial_state": list(conditions.initial_state or (0.0,) * study.states),
+        "each_trial": _each_trial(conditions, study.states),
     }

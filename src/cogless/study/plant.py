@@ -3,7 +3,8 @@
 x' = A x + B (u - d), y = C x        continuous
 x(p+1) = A x(p) + B (u(p) - d(p))    discrete
 
-x: states, u: input, d: load (disturbance of the input), y: output.
+x: states, u: input, d: load (disturbance of the input), y: output. The law sees x with noise, where the
+plant has noise.
 """
 
 from __future__ import annotations
@@ -75,6 +76,9 @@ class LinearPlant(Table):
     vertex: Many[PlantVertex] = ()  # in place of A, B and parameter
     states: Many[str] | None = None  # their names, default x_1, x_2, ...
     input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6  # |u| stays below it
+    # standard deviation of white noise on each measured state; default: none
+    noise: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
+    load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0  # standard deviation of white noise on d
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:
@@ -95,6 +99,8 @@ class LinearPlant(Table):
             raise invalid("expected none, since vertex gives numbers", "parameter")
         if self.states is not None and len(self.states) != n:
             raise invalid(f"expected {n} names, one a state", "states")
+        if self.noise is not None and len(self.noise) != n:
+            raise invalid(f"expected {n} numbers, one a state", "noise")
         return self
 
     def _check_shape(self, A: Sequence[Sequence[Any]], B: Sequence[Any], *key: str | int) -> None:
@@ -134,6 +140,11 @@ class LinearPlant(Table):
         A, B = self.A or (), self.B or ()
         rows = [[_number(e, values, "A", i, j) for j, e in enumerate(row)] for i, row in enumerate(A)]
         return rows, [_number(entry, values, "B", i) for i, entry in enumerate(B)]
+
+    @property
+    def state_noise(self) -> tuple[float, ...]:
+        """Standard deviation of the noise on each measured state."""
+        return self.noise or (0.0,) * len(self.C)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,8 +11,15 @@ from pydantic_core import PydanticCustomError
 
 from cogless.study import checks, fault_checks, metric_checks, numerics
 from cogless.study.table import invalid
-from cogless.study.trial_controller import FilteredLaw, NormOptimalIlc, ObserverIlc, StateIlc, TrialLaw
-from cogless.study.trial_scenario import TrialConditions, WithUnit
+from cogless.study.trial_controller import (
+    FilteredLaw,
+    NormOptimalIlc,
+    ObserverIlc,
+    SignalFilter,
+    StateIlc,
+    TrialLaw,
+)
+from cogless.study.trial_scenario import Deviations, TrialConditions, WithUnit
 
 if TYPE_CHECKING:
     from cogless.study.trial_study import TrialStudy
@@ -107,6 +114,8 @@ def conditions(study: TrialStudy) -> None:
                     raise invalid(f"expected none, of a {'linear plant' if linear else 'drive'}", *where, key)
             if here.initial_state is not None and len(here.initial_state) != study.states:
                 raise invalid(f"expected {study.states} numbers, one a state", *where, "initial_state")
+            for form in ("normal", "uniform") if here.each_trial is not None else ():
+                _deviations(study, getattr(here.each_trial, form), (*where, "each_trial", form))
             for index, (sample, amount) in enumerate(here.load_steps or ()):
                 if sample >= count:
                     expected = f"expected a sample of the trial, below {count}"
@@ -125,6 +134,19 @@ def conditions(study: TrialStudy) -> None:
             _start(study, name, here, where)
 
 
+def _deviations(study: TrialStudy, deviations: Deviations, where: tuple[str | int, ...]) -> None:
+    """Check that deviations suit the kind of plant."""
+    linear = study.plant is not None
+    for key in ("initial_angle", "initial_speed") if linear else ("initial_state",):
+        if getattr(deviations, key) is not None:
+            raise invalid(f"expected none, of a {'linear plant' if linear else 'drive'}", *where, key)
+    if deviations.initial_state is not None and len(deviations.initial_state) != study.states:
+        raise invalid(f"expected {study.states} numbers, one a state", *where, "initial_state")
+    if deviations.load is not None and isinstance(deviations.load, WithUnit) == linear:
+        expected = "a number in the unit of u" if linear else 'a torque with a unit, such as "0.1 N*m"'
+        raise invalid(f"expected {expected}", *where, "load")
+
+
 def _start(study: TrialStudy, scenario: str, here: TrialConditions, where: tuple[str | int, ...]) -> None:
     """Check that a phase's plant has values, and that the sensor can resolve its initial angle.
 
@@ -135,11 +157,18 @@ def _start(study: TrialStudy, scenario: str, here: TrialConditions, where: tuple
             study.plant.at(here.override or {})
         except PydanticCustomError as error:
             raise invalid(error.message(), *where, "override") from None
-    elif here.initial_angle is not None:
+    else:
         begin = float(study.reference(scenario, here)[0])
-        if abs(here.initial_angle - begin) >= math.pi:
-            expected = f"expected less than half a turn from where the reference begins, {begin:.4g} rad"
+        begins = f"from where the reference begins, {begin:.4g} rad"
+        away = 0.0 if here.initial_angle is None else abs(here.initial_angle - begin)
+        if away >= math.pi:
+            expected = f"expected less than half a turn {begins}"
             raise invalid(f"{expected}: the sensor doesn't tell turns", *where, "initial_angle")
+        if here.each_trial is not None and away + here.each_trial.most("initial_angle") >= math.pi:
+            form, _ = here.each_trial.form_of("initial_angle")
+            expected = f"expected starts less than half a turn {begins}"
+            key = (*where, "each_trial", form, "initial_angle")
+            raise invalid(f"{expected}: the sensor doesn't tell turns", *key)
 
 
 def _override(study: TrialStudy, key: str, value: object, where: tuple[str | int, ...]) -> None:
@@ -185,8 +214,8 @@ def controllers(study: TrialStudy) -> None:
             raise invalid(whole, "controller", name, "K_s")
         elif controller.K_s is None and controller.integral and size == n:
             raise invalid(f'{whole}, which "{name}" has', "design", "state_weight")
-        q = controller.q_filter if isinstance(controller, FilteredLaw) else None
-        if q is not None and q.cutoff >= 0.5 / study.period:
+        q = controller.q_filter if isinstance(controller, FilteredLaw | NormOptimalIlc) else None
+        if isinstance(q, SignalFilter) and q.cutoff >= 0.5 / study.period:
             expected = f"expected less than half the sampling rate, {0.5 / study.period:g} Hz"
             raise invalid(expected, "controller", name, "q_filter", "cutoff")
 

@@ -18,12 +18,17 @@ Ends = Literal["even", "odd"]
 Weight = Many[float] | Many[Many[float]]
 
 
-class QFilter(Table):
+class SignalFilter(Table):
     """A Butterworth low-pass, run forwards and backwards after each trial, so that it has no phase shift."""
 
     cutoff: LawFrequency  # Hz
     order: Annotated[int, Field(ge=1, le=4)] = 2
     ends: Ends = "even"  # reflection by which the filter continues the trial at both ends
+
+
+class QFilter(SignalFilter):
+    """The filter of a law that learns with a single gain."""
+
     acts_on: Literal["error", "signal"] = "error"  # filter the error to learn from, or the learned signal
 
 
@@ -32,12 +37,20 @@ class TrialLaw(Base):
 
     # bound of the learned signal, rad or the unit of y
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
+    guard: bool = True  # what is learned goes back where it leaves more error than the feedback alone
 
 
 class FilteredLaw(TrialLaw):
     """A law of trials that learns with a single gain, and may have a Q filter."""
 
-    q_filter: QFilter | None = None
+    q_filter: QFilter | Literal["auto", "none"] | None = None  # default: none
+    # samples by which the error is ahead of the learned signal; default: the relative degree
+    shift: Annotated[int, Field(ge=1, le=65_534)] | Literal["auto"] | None = None
+
+    @property
+    def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
+        """Filter and shift, "auto" where the design chooses; None: no filter, and the relative degree."""
+        return None if self.q_filter == "none" else self.q_filter, self.shift
 
 
 class TrialIlc(FilteredLaw):
@@ -50,9 +63,22 @@ class TrialIlc(FilteredLaw):
     feedforward: bool = True
     K_s: Many[float] | None = None  # of the states and the integrator; default: from LMIs (9) to (13)
     N: float | None = None  # static feedforward gain; default: 1 / DC gain
-    K_3: float | None = None  # learning gain; default: from the LMIs (32) to (35)
-    # samples by which the error is ahead of the learned signal; default: the relative degree
-    shift: Annotated[int, Field(ge=1, le=32)] | None = None
+    # learning gain; default: chosen with shift and filter, or from the LMIs (32) to (35)
+    K_3: float | None = None
+
+    @property
+    def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
+        """As of FilteredLaw, but both are "auto" if nothing is said of the update.
+
+        With one of them "auto" the other is, too, unless it is said.
+        """
+        q_filter, shift = super().choice
+        silent = self.q_filter is None and shift is None and self.K_3 is None
+        if self.q_filter is None and (silent or shift == "auto"):
+            q_filter = "auto"
+        if shift is None and q_filter == "auto":
+            shift = "auto"
+        return q_filter, shift
 
 
 class StateIlc(FilteredLaw):
@@ -72,6 +98,9 @@ class NormOptimalIlc(TrialLaw):
     feedforward: bool = True
     K_s: Many[float] | None = None
     N: float | None = None
+    q_filter: SignalFilter | None = (
+        None  # on the learned signal: a weight of the signal itself over frequency
+    )
     # weight of the learned signal's change in the cost, where the error's weight is 1
     change_weight: Annotated[float, Field(gt=0)] = 0.01
 
@@ -104,7 +133,8 @@ UNCERTAIN = {
 class DesignSettings(Table):
     """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
 
-    discretisation: Literal["euler", "exact"] = "euler"
+    # of all models; default: Euler's in the inequalities, exact for the feedforward and whatever is judged
+    discretisation: Literal["euler", "exact"] | None = None
     state_weight: Weight  # Q of (8), for states and integrator: its diagonal, or all its rows
     input_weight: Annotated[float, Field(gt=0)]  # R of (8)
     initial_state: Many[float]  # gamma of (10): states and integrator where the cost begins

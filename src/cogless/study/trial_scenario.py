@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import sqrt
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -12,7 +13,9 @@ from cogless.study.mechanics import Load
 from cogless.study.scenario import Experiment
 from cogless.study.table import (
     Angle,
+    AngleMagnitude,
     AngularSpeed,
+    AngularSpeedMagnitude,
     Many,
     Override,
     Quantity,
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_TRIALS = 100_000
+NORMAL_MOST = 5.0  # standard deviations, beyond which hardly a draw in a million is
 
 
 class WithUnit(float):
@@ -44,6 +48,7 @@ class EitherWay(Quantity):
 
 Position = Annotated[float, EitherWay(units.ANGLE, bare=True)]
 LoadTorque = Annotated[float, EitherWay(units.TORQUE, bare=True)]
+LoadMagnitude = Annotated[float, EitherWay(units.TORQUE, ">=", bare=True)]
 
 
 class PositionReference(Table):
@@ -76,6 +81,50 @@ class PositionReference(Table):
         return value
 
 
+class Deviations(Table):
+    """How far start and load of a trial are from those of its phase."""
+
+    initial_angle: AngleMagnitude | None = None  # rad
+    initial_speed: AngularSpeedMagnitude | None = None  # rad/s
+    initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None  # of a linear plant
+    # of the load throughout a trial: torque of a drive in N*m, or of a linear plant in the unit of u
+    load: LoadMagnitude | None = None
+
+
+class EachTrial(Table):
+    """Deviations that are drawn anew in each trial, around zero."""
+
+    normal: Deviations = Deviations()  # standard deviations
+    uniform: Deviations = Deviations()  # largest deviations
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        for key in self.uniform.model_fields_set & self.normal.model_fields_set:
+            raise invalid("expected none, since normal has it", "uniform", key)
+        return self
+
+    def form_of(self, key: str) -> tuple[str, Any]:
+        """The form of a key's deviation, "normal" or "uniform", and its size; the size is None for none."""
+        size = getattr(self.uniform, key)
+        return ("normal", getattr(self.normal, key)) if size is None else ("uniform", size)
+
+    def deviations(self, key: str) -> tuple[float, ...]:
+        """Standard deviation of a key's deviation, of initial_state one a state; () for none."""
+        form, size = self.form_of(key)
+        sizes = () if size is None else size if isinstance(size, tuple) else (size,)
+        return tuple(one / (1 if form == "normal" else sqrt(3)) for one in sizes)
+
+    def most(self, key: str) -> float:
+        """The largest deviation of an angle or speed that is to be expected."""
+        form, size = self.form_of(key)
+        return (size or 0.0) * (NORMAL_MOST if form == "normal" else 1.0)
+
+    @property
+    def empty(self) -> bool:
+        """Whether all trials are alike."""
+        return not any(any(self.deviations(key)) for key in Deviations.model_fields)
+
+
 class TrialConditions(Table):
     """Conditions of a trial. In a change, a key that is left out keeps its earlier value."""
 
@@ -88,6 +137,7 @@ class TrialConditions(Table):
     initial_angle: Angle | None = None  # rad, mechanical; default: where the reference begins
     initial_speed: AngularSpeed | None = None  # rad/s, mechanical; default 0
     initial_state: Many[float] | None = None  # of a linear plant; default 0
+    each_trial: EachTrial | None = None  # replaces that of the phase before; default: all trials are alike
     override: Override | None = None  # of motor and mechanics, or of a linear plant's parameters
 
     @field_validator("override")

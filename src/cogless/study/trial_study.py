@@ -74,13 +74,22 @@ class TrialStudy(StudyBase):
         found = [0.0]
         for _, conditions in self.scenario[scenario].phases:
             steps = np.abs(np.diff(self.reference(scenario, conditions))) / self.period
-            found += [abs(conditions.initial_speed or 0.0), float(np.max(steps))]
+            spread = conditions.each_trial.most("initial_speed") if conditions.each_trial else 0.0
+            found += [abs(conditions.initial_speed or 0.0) + spread, float(np.max(steps))]
         return max(found)
 
     def values_of(self, metric: Metric, scenario: str) -> int:
         """Number of values of a metric: one per trial, or one per phase."""
         experiment = self.scenario[scenario]
         return experiment.trials if metric.kind in EACH_TRIAL else len(experiment.starts)
+
+    def differs_at_random(self, scenario: str) -> bool:
+        """Whether trials of a phase differ at random, beside the noise of a drive's sensors."""
+        plant = self.plant
+        if plant is not None and (plant.load_noise > 0 or any(plant.state_noise)):
+            return True
+        spreads = (conditions.each_trial for _, conditions in self.scenario[scenario].phases)
+        return any(spread is not None and not spread.empty for spread in spreads)
 
     def hardware(self, scenario: str) -> tuple[Hardware, ...]:
         """Motor, mechanics and load of each phase of a drive's scenario."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cogless.c_laws import C_LAWS
 from cogless.c_layout import Layout, control_layout
@@ -26,12 +28,18 @@ TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
 
 
 def export_c(
-    study: AnyStudy, controller: str, target: Path, scenario: str | None = None, command: str = ""
+    study: AnyStudy,
+    controller: str,
+    target: Path,
+    scenario: str | None = None,
+    command: str = "",
+    announce: Callable[[str], None] = lambda _: None,
 ) -> Subject:
     """Write a controller as C, completely or not at all, and return the data it was written from.
 
     `scenario`: the one in which the self-test is recorded, default the first that has the controller.
-    `command`: the command line that made the export, for its README. StudyError: the export can't be made or
+    `command`: the command line that made the export, for its README. `announce` gets a sentence on the size
+    of an export with a learning matrix, before it is written. StudyError: the export can't be made or
     written.
     """
     folder.check(target)
@@ -46,8 +54,20 @@ def export_c(
         "law": subject.law.name,
         "version": versions()["cogless"],
     }
-    folder.write(target, contents(subject, prepared, recording), about)
+    written = contents(subject, prepared, recording)
+    if subject.learning_matrix is not None:
+        announce(_size(subject.learning_matrix, written))
+    folder.write(target, written, about)
     return subject
+
+
+def _size(matrix: NDArray[np.floating[Any]], written: Mapping[str, bytes]) -> str:
+    """How large an export with a learning matrix is."""
+    whole, largest = sum(map(len, written.values())), max(written, key=lambda name: len(written[name]))
+    return (
+        f"{whole / 1e6:.3g} MB of files, {len(written[largest]) / 1e6:.3g} MB of them {largest}; "
+        f"its learning matrix takes {matrix.nbytes / 1e6:.3g} MB of flash"
+    )
 
 
 def self_test_ticks(subject: Subject, prepared: Prepared) -> int:

@@ -46,8 +46,8 @@ class Subject:
 
     @property
     def defines(self) -> list[str]:
-        """Macros with which every file is compiled: of the precision, no names of fields, which a study has checked, and
-        of parts that aren't used."""
+        """Macros with which every file is compiled: of the precision, of parts that aren't used, and of no
+        names of fields, since a study is checked."""
         return [*["COGLESS_DOUBLE"] * (self.precision == "d"), "COGLESS_NO_TEXTS", *self.left_out]
 
     @property

@@ -216,7 +216,7 @@
       }
     }
     const only = shown().flatMap((c) => ["--only", quoted(`${state.scenario}/${c.name}`)]);
-    const sets = all.flatMap(({ key, x }) => ["--set", quoted(`${key.key}=${spelled(key, x)}`)]);
+    const sets = [...pinned(all), ...all.map(({ key, x }) => `${key.key}=${spelled(key, x)}`)].flatMap((set) => ["--set", quoted(set)]);
     $("command").textContent = [page.command, ...sets, ...only].join(" ");
     $("download").download = `${page.name}-changed.toml`;
     for (const button of $("scenarios").children) button.setAttribute("aria-pressed", String(button.dataset.name === state.scenario));
@@ -225,6 +225,14 @@
       button.setAttribute("aria-pressed", String(runs));
       button.title = runs ? "Runs. Click to leave it out." : "Does not run, which saves time. Click to run it, too.";
     }
+  }
+
+  // What the page holds at the value that the design chose, as far as a changed key would change it otherwise.
+  function pinned(all) {
+    const keys = all.map(({ key }) => key.key), owners = all.map(({ key }) => key.controller);
+    const design = keys.some((key) => key.startsWith("design."));
+    const own = (key) => owners.some((name) => name != null && split(key)[1] === name);
+    return page.pins.filter(([key]) => !keys.includes(key) && (design || own(key))).map(([, set]) => set);
   }
 
   // Parts of a dotted key, as the study's reader splits it.
@@ -349,13 +357,19 @@
     scenario().metrics.forEach((metric, m) => metric.titles.forEach((title, k) => {
       const row = make("tr", body);
       make("th", row, metric.unit ? `${title} [${metric.unit.replace("rpm", "r/min")}]` : title).scope = "row";
-      const of = (result) => (result ? [].concat(result.values[m])[k] : undefined);
+      const of = (result) => (result ? worst(metric, [].concat(result.values[m]).slice(...(metric.groups?.[k] ?? [k, k + 1]))) : undefined);
       for (const { c, off } of columns) {
         const x = of(found(c.name, off)), was = of(found(c.name, off, ghost));
         const cell = make("td", row, x === undefined ? "" : number(x == null ? x : x / metric.factor), off ? "off" : "");
         if (x != null && was != null && was !== x) make("span", cell, `was ${number(was / metric.factor)}`, "was");
       }
     }));
+  }
+
+  // The worst of a metric's values in phases that are one row; the value itself if the row has one.
+  function worst(metric, values) {
+    if (values.length < 2 || values.some((x) => x == null)) return values.find((x) => x == null) ?? values[0];
+    return metric.better === "higher" ? Math.min(...values) : Math.max(...values);
   }
 
   // ------------------------------------------------------------------ plots

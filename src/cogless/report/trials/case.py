@@ -16,7 +16,7 @@ from cogless.report.packing import Array, rms
 from cogless.report.trials.certificate import Model, models
 from cogless.report.trials.errors import Judged, judged, rms_of_trials, settled
 from cogless.report.trials.phases import Phase, phases
-from cogless.report.verdict import Contest
+from cogless.report.verdict import Contest, over
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
@@ -58,26 +58,48 @@ class Case(Contest):
         for controller, run in self.runs.items():
             trace = run.feedback
             if trace is not None and self.about.signal in trace:
-                rows = trace[self.about.signal].reshape(len(self.phases), -1)
-                found[controller] = [float(x) for x in rms(rows) / self.about.scale]
+                rows = trace[self.about.signal].reshape(-1, self.study.samples(self.scenario))
+                of_trials = rms(rows) / self.about.scale
+                if len(of_trials) == len(self.phases):  # one of each
+                    found[controller] = [float(x) for x in of_trials]
+                else:
+                    found[controller] = [settled(of_trials[p.start - 1 : p.stop - 1]) for p in self.phases]
         return found
 
     def above_feedback(self, controller: str) -> tuple[Phase, float, float] | None:
         """The phase that ends furthest above the controller's own feedback, and both values; None if none
-        does.
+        does."""
+        return max(self.all_above_feedback(controller), key=lambda end: over(*end[1:]), default=None)
+
+    def all_above_feedback(self, controller: str) -> list[tuple[Phase, float, float]]:
+        """The phases that end above the controller's own feedback, and both values.
 
         An error below the floor doesn't count.
         """
-        worst, least = None, (1 + SAME, self.about.floor or 0.0)
         if controller not in self.final or controller not in self.feedback:
-            return None
-        for phase, mine, base in zip(
-            self.phases, self.final[controller], self.feedback[controller], strict=True
-        ):
-            ratio = mine / base if base > 0 else math.inf
-            if not ratio <= least[0] and not mine <= least[1]:
-                worst, least = (phase, mine, base), (ratio, least[1])
-        return worst
+            return []
+        ends = zip(self.phases, self.final[controller], self.feedback[controller], strict=True)
+        floor = self.about.floor or 0.0
+        return [end for end in ends if not end[1] <= floor and not end[1] <= (1 + SAME) * end[2]]
+
+    def longest_above_feedback(self, controller: str) -> tuple[int, tuple[int, float, float]]:
+        """The most trials in a row of a phase with more error than the controller's own feedback has.
+
+        Their number, and of the worst of them the trial, its RMS and the feedback's. An error below the floor
+        doesn't count.
+        """
+        longest, peak = 0, (0, 0.0, 0.0)
+        floor = self.about.floor or 0.0
+        if controller not in self.rms or controller not in self.feedback:
+            return longest, peak
+        for phase, base in zip(self.phases, self.feedback[controller], strict=True):
+            row: list[tuple[int, float, float]] = []
+            for trial, error in enumerate(self.of(controller, phase), start=phase.start):
+                within = error <= max(floor, (1 + SAME) * base)
+                row = [] if within else [*row, (trial, float(error), base)]
+                if len(row) > longest:
+                    longest, peak = len(row), max(row, key=lambda each: each[1])
+        return longest, peak
 
     def of(self, controller: str, phase: Phase) -> Array:
         """A controller's RMS in the trials of a phase."""
@@ -126,13 +148,43 @@ class Case(Contest):
         least = max(ROUNDING * float(rms[0]), self.about.floor or 0.0)
         return (low, last) if last > GROWS * low and last > least else None
 
-    def limited(self, controller: str) -> int:
-        """The number of trials in which the input was at its limit."""
-        trace = self.runs[controller].trace
-        if "status" not in trace.names:
-            return 0
-        status = trace["status"].reshape(self.study.scenario[self.scenario].trials, -1).astype(int)
-        return int(np.any(status & Status.SATURATED, axis=1).sum())
+    @property
+    def trials(self) -> int:
+        """The number of trials of a run."""
+        return self.phases[-1].stop - 1
+
+    @cached_property
+    def at_limit(self) -> dict[str, int]:
+        """The number of trials in which each controller's input was at its limit, where it is known."""
+        status = {
+            c: rows for c, run in self.runs.items() if (rows := self._trials(run, "status")) is not None
+        }
+        limited = {c: rows.astype(int) & Status.SATURATED for c, rows in status.items()}
+        return {c: int(np.any(rows, axis=1).sum()) for c, rows in limited.items()}
+
+    @cached_property
+    def input_rms(self) -> dict[str, float]:
+        """Each controller's largest RMS of the input over the second half of a phase, where it is known.
+
+        In A, or in the unit of a linear plant's input.
+        """
+        signal = "i_q_ref" if self.study.plant is None else "u"
+        known = {c: rows for c, run in self.runs.items() if (rows := self._trials(run, signal)) is not None}
+        ends = {
+            c: [settled(rms(rows)[p.start - 1 : p.stop - 1]) for p in self.phases]
+            for c, rows in known.items()
+        }
+        return {c: max(values) if np.all(np.isfinite(values)) else math.inf for c, values in ends.items()}
+
+    def _trials(self, run: Run, signal: str) -> Array | None:
+        """A recorded signal, trials by rows; None if the run has no rows of it."""
+        recorded = len(run.trace) and len(run.trace) % self.trials == 0 and signal in run.trace
+        return run.trace[signal].reshape(self.trials, -1) if recorded else None
+
+    def worst_phase(self, controller: str) -> int:
+        """The index of the phase that ends with the largest RMS."""
+        ends = [x if math.isfinite(x) else math.inf for x in self.final[controller]]
+        return ends.index(max(ends))
 
     def text(self, value: float) -> str:
         """An RMS as text, with its unit."""

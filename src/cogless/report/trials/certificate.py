@@ -118,9 +118,11 @@ def _rows(results: TrialResults, run: Run) -> str:
     first = f'<th rowspan="{len(found)}">{key(results, run.controller)}</th>'
     body: list[str] = []
     for name, model in found:
+        deciding = len(found) > 1 and model is run.design.certificate.deciding
+        decides = ", decides" if deciding else ""
         limits = _limit(model.without_filter, K_3) + _limit(model.with_filter, K_3, " with Q filter")
         cells = [
-            f"<td>{name.name}</td>",
+            f"<td>{name.name}{', decides' if decides else ''}</td>",
             _cell(model.radius, model.stable, STABLE, model.worst),
             _cell(model.delayed_radius, model.delayed_stable, STABLE),
             _cell(model.phi_radius),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cogless.design.lmi import Check
 from cogless.design.trial import TrialDesign
+from cogless.design.trial_summary import labelled_notes, matrix_flash, matrix_size, megabytes
 from cogless.report.markup import NONE, headings, note, rows, table
 from cogless.report.packing import number
 from cogless.results import Run, TrialResults
@@ -25,10 +26,8 @@ def gain_table(results: TrialResults, runs: Sequence[Run]) -> str:
         (name, "".join(f"<td>{escape(column.get(name, NONE))}</td>" for column in columns)) for name in names
     )
     head = f"<th></th>{headings(results, designs)}"
-    told = dict.fromkeys(str(remark) for design in designs.values() for remark in design.notes)
-    return table("gains", f"Gains in {runs[0].scenario}", head, body) + "".join(
-        note(f"{text}.") for text in told
-    )
+    notes = "".join(map(note, labelled_notes(results.study, designs)))
+    return table("gains", f"Gains in {runs[0].scenario}", head, body) + notes
 
 
 def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:
@@ -42,7 +41,9 @@ def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:
     yield f"K_2, integrator{angle}", _plain(design.K_2) if design.K_2 else NONE
     yield f"N{angle}", _plain(design.N)
     if design.learning_matrix is not None:
-        yield "learning matrix", " x ".join(str(size) for size in design.learning_matrix.shape)
+        flash = matrix_flash(study, design)
+        needed = f", {megabytes(flash)} of flash" if flash else ""
+        yield "learning matrix", f"{matrix_size(design)}{needed}"
     else:
         yield "K_3", _plain(design.K_3) if design.K_3 else NONE
     if design.K_3 or design.learning_matrix is not None:

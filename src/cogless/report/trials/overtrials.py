@@ -11,7 +11,7 @@ from cogless.report.comparison import shown_in
 from cogless.report.packing import Array, pack
 from cogless.report.palette import place
 from cogless.report.trials.errors import judged, rms_of_trials
-from cogless.report.trials.phases import phases, zooms
+from cogless.report.trials.phases import groups, phases, zooms
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
 from cogless.study.metric import EACH_TRIAL
@@ -36,7 +36,7 @@ def over_trials(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
     return {
         "charts": [chart for chart in charts if chart["series"]],
         "trials": described.trials,
-        "marks": [{"trial": phase.start, "name": phase.name} for phase in found[1:]],
+        "marks": [{"trial": group.start, "name": group.name} for group in groups(found) if group.start > 1],
         "zooms": zooms(found),
     }
 

@@ -15,9 +15,12 @@ from cogless.report.comparison import SAME
 from cogless.report.packing import number
 from cogless.report.trials.case import Case, case
 from cogless.report.trials.certificate import Model, close_to_one
-from cogless.report.trials.phases import Phase
-from cogless.report.verdict import CLEARLY, ScenarioVerdict, listed, over, times
+from cogless.report.trials.outcome import same_size, than
+from cogless.report.trials.phases import Phase, after
+from cogless.report.verdict import CLEARLY, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Run, TrialResults
+
+FEW_TRIALS = 5  # in a row above the feedback alone: no sentence is said of so few
 
 
 def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | None:
@@ -32,18 +35,24 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
         tone = "worse"
         every = "The error grows over the trials with every controller."
         headline = f"{_grows(c, best) if len(ranked) == 1 else every} {headline}"
+    else:
+        headline = " ".join(text for text in (headline, _unranked(c, ranked), _saturates(c, best)) if text)
+        tone = worst(tone, "even") if c.at_limit.get(best) == c.trials else tone
     others = [name for name in ranked if name != best]
     details = [
         "" if others else "There is nothing to compare.",
         *[_behind(c, name, best) for name in others if name not in c.growing],
         *[_grows(c, name) for name in ranked if name in c.growing and others],
         _against_the_baseline(c, best),
+        _input(c, best),
         *[_against_its_feedback(c, name, best) for name in ranked],
+        *[_above_for_long(c, name) for name in ranked if name not in c.growing],
         *[_leaves_floor(c, name) for name in ranked],
         _at_the_limit(c),
         *_certificates(c),
     ]
     sentences = [_capital(c, text) for text in details if text]
+    sentences += [f"{line}." for line in results.without_design(c.scenario)]
     return ScenarioVerdict(c.scenario, tone, _capital(c, headline), sentences)
 
 
@@ -59,15 +68,36 @@ def _ranked(c: Case) -> list[str]:
     return sorted(c.counts or c.rms, key=rank)
 
 
-# --- the first sentence
+# --- the first sentences
+
+
+def _contenders(c: Case, ranked: Sequence[str]) -> list[str]:
+    """The controllers whose error doesn't grow; all if every error grows."""
+    return [name for name in ranked if name not in c.growing] or list(ranked)
+
+
+def _unranked(c: Case, ranked: Sequence[str]) -> str:
+    """A sentence on the controllers that the ranking leaves out, since their error grows."""
+    growing = [name for name in ranked if name in c.growing]
+    errors = "error grows" if len(growing) == 1 else "errors grow"
+    return f"The ranking is without {c.labels(growing)}, whose {errors} over the trials." if growing else ""
+
+
+def _saturates(c: Case, best: str) -> str:
+    """A sentence on the best controller's input, if it was at its limit in at least half of the trials."""
+    count = c.at_limit.get(best, 0)
+    share = "every trial" if count == c.trials else f"{count} of {c.trials} trials"
+    return f"But the input of {c.label(best)} is at its limit in {share}." if 2 * count >= c.trials else ""
 
 
 def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
     """The tone and the first sentence if a metric has a floor."""
     best, base = ranked[0], c.baseline
     floor = f"the floor of {c.text(c.about.floor or 0.0)} RMS"
+    passing = any(len(c.never(name)) < len(c.phases) for name in ranked if name in c.counts)
     if len(c.never(best)) == len(c.phases):
         none = "No controller reaches" if len(ranked) > 1 else f"{c.label(best)} never reaches"
+        none = "No controller stays at" if passing else none
         return "worse", f"{none} {floor}.{f' {_left(c, ranked)}' if best in c.rms else ''}"
     ties = [name for name in ranked if _as_quick(c, name, best)]
     are_there = f"{'are' if len(ties) > 1 else 'is'} at {floor} {_reach(c, best)}"
@@ -76,10 +106,10 @@ def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
     if ties == ranked:
         return "even", f"All controllers are alike: they {are_there}."
     if base in ties:
-        second = next(name for name in ranked if name not in ties)
-        after = f"the next, {c.label(second)}, {_reach(c, second, short=True)}"
+        behind = [name for name in _contenders(c, ranked) if name not in ties][:1]
+        follows = "".join(f"; the next, {c.label(name)}, {_reach(c, name, short=True)}" for name in behind)
         first = f"No controller beats {c.label(base)}: it" if ties == [base] else c.labels(ties)
-        return c.tone(ties), f"{first} {are_there}; {after}."
+        return c.tone(ties), f"{first} {are_there}{follows}."
     against = f"; {c.label(base)} {_reach(c, base, short=True)}" if base in c.counts else ""
     return "even" if c.never(best) else c.tone(ties), f"{c.labels(ties)} {are_there}{against}."
 
@@ -101,7 +131,7 @@ def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
 def _left(c: Case, ranked: Sequence[str]) -> str:
     """A sentence on the controller with the least worst-phase RMS, compared with the baseline or the next."""
     base = c.baseline
-    by_rms = sorted((n for n in ranked if n in c.final), key=lambda n: (n in c.growing, c.worst(n)))
+    by_rms = sorted(_contenders(c, [name for name in ranked if name in c.final]), key=c.worst)
     best = by_rms[0]
     each = "each phase with at most" if len(c.phases) > 1 else "with"
     sentence = _capital(c, f"{c.label(best)} ends {each} {c.text(c.worst(best))} RMS")
@@ -117,11 +147,7 @@ def _beside(c: Case, value: float, other: float, name: str) -> str:
     told = f"{c.label(name)} ({c.text(other)})"
     if not math.isfinite(other):
         return f"against {told}"
-    if value > (1 + SAME) * other:
-        return f"{times(over(value, other))} more than {told}"
-    if other > (1 + SAME) * value:
-        return f"{times(over(other, value))} less than {told}"
-    return f"as much as {told}"
+    return f"{than(value, other)} {'as' if same_size(value, other) else 'than'} {told}"
 
 
 def _reach(c: Case, name: str, *, short: bool = False) -> str:
@@ -132,7 +158,7 @@ def _reach(c: Case, name: str, *, short: bool = False) -> str:
             return "never is"
         if short and never == list(c.phases[1:]):
             return "never is after a change"
-        where = listed([phase.after for phase in never])
+        where = after(never, c.phases)
         return f"in {len(c.phases) - len(never)} of {len(c.phases)} phases, but never {where}"
     most = max(counts)
     if short:
@@ -168,7 +194,7 @@ def _behind(c: Case, name: str, best: str) -> str:
     ratio, phase, values = c.worst_first(name, best)
     if c.learns(name) and ratio >= CLEARLY:
         there = "there" if phase == where else phase.after
-        worse = f"first trial {there} is {times(ratio)} worse ({values})"
+        worse = f"first trial {there} is {times(ratio)} worse than with {c.label(best)} ({values})"
         return f"{c.label(name)} {told}; its {worse}." if told else f"With {c.label(name)} the {worse}."
     return f"{c.label(name)} {told}." if told else ""
 
@@ -184,7 +210,8 @@ def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
     if len(never) == len(c.phases):
         return "never reaches the floor", None
     if never:
-        return f"never reaches it {listed([phase.after for phase in never])}", never[0]
+        alone = f", where {c.label(best)} does" if c.never(best) else ""
+        return f"never reaches it {after(never, c.phases)}{alone}", never[0]
     if not behind:
         return "", None
     _, phase, n, m = max(behind, key=lambda found: found[0])
@@ -212,21 +239,52 @@ def _against_the_baseline(c: Case, best: str) -> str:
 
 def _against_its_feedback(c: Case, name: str, best: str) -> str:
     """A sentence on a controller that ends above the same controller without learning, or on the best."""
-    above = c.above_feedback(name)
-    if above is not None:
-        phase, mine, base = above
+    above = c.all_above_feedback(name)
+    if above:
+        phase, mine, base = max(above, key=lambda end: over(*end[1:]))
+        where = after([end[0] for end in above], c.phases)
+        rest = len(c.phases) - len(above)
+        others = f", not in the other {f'{rest} phases' if rest > 1 else 'phase'}" if rest else ""
+        at_worst = f"; most {phase.after}, where" if len(above) > 1 else ":"
         return (
-            f"{c.label(name)} is worse than without learning: {phase.after} it ends with {c.text(mine)} RMS, "
-            f"and its feedback alone leaves {c.text(base)}."
+            f"{c.label(name)} is worse than without learning {where}{others}{at_worst} it ends with "
+            f"{c.text(mine)} RMS, and its feedback alone with {c.text(base)}."
         )
     if name != best or name not in c.feedback or name not in c.final:
         return ""
-    worst = max(range(len(c.phases)), key=lambda n: c.final[name][n])
-    where = f" {c.phases[worst].after}" if len(c.phases) > 1 else ""
+    index = c.worst_phase(name)
+    mine, base = c.final[name][index], c.feedback[name][index]
+    where = f" {c.phases[index].after}" if len(c.phases) > 1 else ""
     return (
-        f"Without learning the same controller leaves {c.text(c.feedback[name][worst])} RMS{where}, "
-        f"against {c.text(c.final[name][worst])}."
+        f"Without learning {c.label(name)} leaves {c.text(base)} RMS{where}, with learning {c.text(mine)}: "
+        f"{than(mine, base)}."
     )
+
+
+def _above_for_long(c: Case, name: str) -> str:
+    """A sentence on a controller that was above its own feedback in many trials in a row, but ends below."""
+    row, peak = c.longest_above_feedback(name)
+    if row <= FEW_TRIALS or c.all_above_feedback(name):
+        return ""
+    trial, error, base = peak
+    return (
+        f"{c.label(name)} is worse than its feedback alone in {row} trials in a row: up to {c.text(error)} "
+        f"RMS in trial {trial}, against {c.text(base)}."
+    )
+
+
+def _input(c: Case, best: str) -> str:
+    """A sentence on the RMS of the best controller's input, beside the baseline's or the next's."""
+    others = [name for name in c.input_rms if name != best]
+    if best not in c.input_rms or not others:
+        return ""
+    base = c.baseline if c.baseline in others else others[0]
+    quantity, unit = ("current", " A") if c.study.plant is None else ("input", "")
+    mine, other = c.input_rms[best], c.input_rms[base]
+    if not (math.isfinite(mine) and math.isfinite(other)):
+        return ""
+    beside = f"{than(mine, other)} {'as' if same_size(mine, other) else 'than'}"
+    return f"{c.label(best)} needs {number(mine)}{unit} RMS of {quantity}, {beside} {c.label(base)}."
 
 
 def _leaves_floor(c: Case, name: str) -> str:
@@ -257,11 +315,10 @@ def _grows(c: Case, name: str) -> str:
 
 def _at_the_limit(c: Case) -> str:
     """A sentence on controllers whose input was at its limit, so that nothing was learned there."""
-    limited = {name: trials for name in c.runs if (trials := c.limited(name))}
+    limited = {name: trials for name, trials in c.at_limit.items() if trials}
     if not limited:
         return ""
-    total = c.study.scenario[c.scenario].trials
-    parts = [f"{c.label(name)} in {trials} of {total} trials" for name, trials in limited.items()]
+    parts = [f"{c.label(name)} in {trials} of {c.trials} trials" for name, trials in limited.items()]
     return f"The input is at its limit, where nothing is learned: {listed(parts)}."
 
 
@@ -270,30 +327,41 @@ def _at_the_limit(c: Case) -> str:
 
 def _certificates(c: Case) -> list[str]:
     """Sentences on the certificates of learning controllers, for the exactly sampled plant if known."""
-    sentences: list[str] = []
+    uncertified: dict[str, list[str]] = {}
+    outside: dict[str, list[str]] = {}
+    refuted: list[str] = []
     proven: dict[tuple[Model, int], list[str]] = {}
     for name, (design, model, found) in c.certified.items():
-        label, learning = c.label(name), found.learning
+        learning = found.learning
         if not found.stable:
-            sentences.append(
-                f"{label} is not certified: along the trial its loop is unstable for {found.worst} "
-                f"(largest pole {close_to_one(found.radius)}; {model.words})."
+            reason = (
+                f"along the trial the loop is unstable for {found.worst} "
+                f"(largest pole {close_to_one(found.radius)}; {model.words})"
             )
+            uncertified.setdefault(reason, []).append(name)
         elif learning is None:
             continue
         elif not learning.monotone:
-            sentences.append(f"{label} is not certified: {_growing(found, learning)} ({model.words}).")
+            uncertified.setdefault(f"{_growing(found, learning)} ({model.words})", []).append(name)
         elif design.beyond:
-            sentences.append(f"Of {label} the certificate doesn't speak: {design.beyond[0]}.")
-        elif (reason := _not_in_this_scenario(c, design)) is not None:
-            sentences.append(f"{label} is not certified: {reason} ({model.words}).")
+            outside.setdefault(design.beyond[0], []).append(name)
+        elif (why := _not_in_this_scenario(c, name, design)) is not None:
+            uncertified.setdefault(why, []).append(name)
         elif name in c.growing or c.above_feedback(name) is not None:
-            sentences.append(
-                f"The certificate of {label} says that the error doesn't grow, but it knows no "
-                "current loop, no sensor and no limit: the run counts."
-            )
+            refuted.append(name)
         else:
             proven.setdefault((model, design.certificate.samples), []).append(name)
+    sentences = [
+        f"{c.labels(names)} {_are(names)} not certified: {reason}." for reason, names in uncertified.items()
+    ]
+    sentences += [
+        f"Of {c.labels(names)} the certificate doesn't speak: {reason}." for reason, names in outside.items()
+    ]
+    if refuted:
+        sentences.append(
+            f"{c.labels(refuted)} {_are(refuted)} certified by models without current loop, sensor and "
+            "limit: the run counts."
+        )
     for (model, plants), names in proven.items():
         sentences.append(
             f"Certified: while nothing changes, no frequency of the error grows from trial to trial with "
@@ -303,24 +371,40 @@ def _certificates(c: Case) -> list[str]:
     return [*sentences, _delay(c)]
 
 
-def _not_in_this_scenario(c: Case, design: TrialDesign) -> str | None:
-    """Why learning may not help at some corner in this scenario, in words; None if it does at all."""
-    prediction, over = design.prediction, design.over_limit
-    if over is not None and design.limit is not None:
-        plant, most = over
-        return f"at {plant} the motion needs {number(most)}, above the limit of {number(design.limit)}"
+def _are(names: Sequence[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
+def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None:
+    """Why learning may not help at some corner in this scenario, by the models, in words; None if it does at
+    all. Beside a predicted error stands the run's."""
+    prediction, over_limit = design.prediction, design.over_limit
+    if over_limit is not None and design.limit is not None:
+        plant, most = over_limit
+        unit = " A" if c.study.plant is None else ""
+        return (
+            f"by the models the motion needs {number(most)}{unit} at {plant}, and the limit is "
+            f"{number(design.limit)}{unit}"
+        )
     if prediction is not None and prediction.ends_above:
-        after = c.phases[prediction.worst_phase].after
-        return f"{after} its error ends at up to {number(prediction.share)} times that without learning"
+        index = prediction.worst_phase
+        reason = (
+            f"by the models the error may end at {number(prediction.share)} times that without learning, "
+            f"{c.phases[index].after}"
+        )
+        if name in c.feedback and name in c.final:
+            ratio = over(c.final[name][index], c.feedback[name][index])
+            reason += f"; in this run it ends at {number(ratio)} times"
+        return reason
     return None
 
 
 def _growing(found: ModelCertificate, learning: Learning) -> str:
     """Why a certificate doesn't hold, in words."""
     if learning.norm > 1 + MONOTONE:
-        where, factor = f"at {number(learning.frequency)} Hz its error", learning.norm
+        where, factor = f"at {number(learning.frequency)} Hz the error", learning.norm
     elif found.growth is not None and found.growth > 1 + ENDS:
-        where, factor = "from the trial's ends its error", found.growth
+        where, factor = "from the trial's ends the error", found.growth
     else:
         return "Φ has a pole outside the unit circle"
     return f"{where} may grow by the factor {close_to_one(factor)} from one trial to the next"

@@ -10,7 +10,7 @@ import numpy as np
 from cogless.report.packing import Array, pack, thin
 from cogless.report.palette import place
 from cogless.report.trials.errors import NAMES, display_unit, judged
-from cogless.report.trials.phases import phases
+from cogless.report.trials.phases import groups, phases
 from cogless.results import Run, TrialResults
 from cogless.study import TrialStudy
 from cogless.study.metric import SIGNALS
@@ -44,7 +44,8 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
     runs = [run for run in runs if len(run.trace) >= 2 * count and len(run.trace) % count == 0]
     if not runs:
         return {"panels": [], "phases": [], "note": ""}
-    every = phases(study.scenario[scenario])
+    together = groups(phases(study.scenario[scenario]))
+    every = [phase for group in together for phase in group.drawn]
     found = every[:MOST_PHASES]
     chosen = [trial for phase in found for trial in phase.chosen]
     points = max(FEWEST, POINTS // (len(DRIVE) * len(results.runs) * len(chosen)))
@@ -69,13 +70,18 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
         panels.append({**about, "references": plan, "series": series})
     period = runs[0].trace.period
     step = thin(_of_trials(runs[0], "time", count)[0], points)[1] * period
+    notes = [
+        f"Of the {group.changes}: the first and the last." for group in together if len(group.phases) > 1
+    ]
+    if len(every) > MOST_PHASES:
+        notes.append(f"Of the first {MOST_PHASES} of {len(every)} phases.")
     return {
         "x": "time in the trial (s)",
         "start": (step - period) / 2,
         "step": step,
         "phases": [{"name": phase.name, "trials": phase.chosen} for phase in found],
         "panels": panels,
-        "note": f"Of the first {MOST_PHASES} of {len(every)} phases." if len(every) > MOST_PHASES else "",
+        "note": " ".join(notes),
     }
 
 
