@@ -193,10 +193,10 @@ RUNS = [  # the longest first
 MUTANTS = [
     Mutant("pi", LIMITED, "pi.c", "return cgl_clamped(pi->proportional + pi->integral + ff, config->limit);",
            "return pi->proportional + pi->integral + ff;"),
-    Mutant("foc", {}, "duties.h", "duty[2] = CGL_R(0.5) + cgl_clamp_here(part[2], CGL_R(0.5));",
+    Mutant("foc", {}, "duties.h", "duty[2] = CGL_R(0.5) + cgl_clamp(part[2], CGL_R(0.5));",
            "duty[2] = CGL_R(0.5) + part[2];"),
     Mutant("foc", {}, "foc.c", "cgl_is_angle(in->theta_e) && ", ""),  # NaN gets through to a conversion
-    Mutant("pi_afc", ORDERS | LIMITED, "pi_afc.c", "    return cgl_clamp(sum, config->limit);",
+    Mutant("pi_afc", ORDERS | LIMITED, "pi_afc.c", "    return cgl_clamp(sum, limit);",
            "    return sum;"),
     Mutant("pi_ilc", MAP, "memory.c", "head = head < m ? head + 1U : 0U;",
            "head = head <= m ? head + 1U : 0U;"),

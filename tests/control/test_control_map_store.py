@@ -209,7 +209,7 @@ def test_a_trial_comes_back(precision: str) -> None:
 
     def trial() -> Law:
         gains = {"k_1": [-1.0], "n": 1.0, "c": [1.0], "k_3": 0.5, "limit": 10.0, "learned_limit": 2.0}
-        config = c.new("cgl_trial_config", samples=samples, states=1, shift=1, **gains)
+        config = c.new("cgl_trial_config", samples=samples, states=1, shift=1, unguarded=True, **gains)
         state, cgl_map = c.new("cgl_trial"), c.new("cgl_map")
         length = 2 * samples + 16
         memory, pointer = c.array(np.zeros(length))

@@ -168,7 +168,8 @@ def test_a_calibration_begins_anew_after_it():
 
 
 TRIAL = {"samples": 50, "states": 2, "k_1": [-5.0, -0.5], "k_2": 0.1, "n": 5.0, "c": [1.0, 0.0],
-         "through_integrator": True, "k_3": 0.5, "shift": 1, "limit": 1000.0, "learned_limit": 1.0, "unguarded": True,
+         "through_integrator": True, "k_3": 0.5, "shift": 1, "limit": 1000.0, "learned_limit": 1.0,
+         "unguarded": True,
          "feedforward": {"denominator": 1}}  # fmt: skip
 
 
