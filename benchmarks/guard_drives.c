@@ -231,20 +231,25 @@ typedef struct {
     cgl_harmonic harmonic;
 } law_state;
 
+static uint32_t entries_of(const cgl_memory_config *config)
+{
+    return CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
+}
+
 static bool init_law(law_state *law, const drive_case *d, cgl_real ts)
 {
-    const uint32_t length = CELLS_MOST + 64U;
+    const cgl_loop loop = {.ts = ts, .current_limit = CGL_REAL_MAX};
     switch (d->law) {
     case PI_ILC:
-        return cgl_pi_ilc_init(&law->pi_ilc, &d->pi_ilc, ts, cell, length) == CGL_OK;
+        return cgl_pi_ilc_init(&law->pi_ilc, &d->pi_ilc, &loop, cell, entries_of(&d->pi_ilc.memory)) == CGL_OK;
     case ROBUST:
-        return cgl_robust_ilc_init(&law->robust, &d->robust, ts, cell, length) == CGL_OK;
+        return cgl_robust_ilc_init(&law->robust, &d->robust, &loop, cell, entries_of(&d->robust.memory)) == CGL_OK;
     case SPACE:
-        return cgl_space_speed_init(&law->space, &d->space, ts, cell, length) == CGL_OK;
+        return cgl_space_speed_init(&law->space, &d->space, &loop, cell, entries_of(&d->space.memory)) == CGL_OK;
     case PI_AFC:
-        return cgl_pi_afc_init(&law->pi_afc, &d->pi_afc, ts, cell, length) == CGL_OK;
+        return cgl_pi_afc_init(&law->pi_afc, &d->pi_afc, &loop, cell, CGL_PI_AFC_LENGTH(d->pi_afc.orders)) == CGL_OK;
     default:
-        return cgl_harmonic_init(&law->harmonic, &d->harmonic, ts, cell, length) == CGL_OK;
+        return cgl_harmonic_init(&law->harmonic, &d->harmonic, &loop, cell, CGL_HARMONIC_LENGTH(d->harmonic.orders)) == CGL_OK;
     }
 }
 

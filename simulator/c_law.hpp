@@ -21,7 +21,9 @@ namespace cogless {
     using State = cgl_##stem;                       \
     static constexpr const char* name = law;        \
     static constexpr auto init = cgl_##stem##_init; \
-    static constexpr auto step = step_function;
+    static constexpr auto step = step_function;     \
+    template <class C>                              \
+    static const char* bad_field(const C* config, const cgl_loop* loop) { return cgl_##stem##_bad_field(config, loop); }
 #define CGL_LAW_WITHOUT_MEMORY(law, stem, header, step_function) \
     struct stem##_row {                                          \
         CGL_NAMES(law, stem, step_function)                      \
@@ -63,19 +65,25 @@ double* put_terms(const typename Row::Config& config, const typename Row::State&
 template <class Row>
 concept HasMemory = requires(const typename Row::Config& c) { Row::length(c); };
 
-// The law's init; one that learns from trial to trial knows no time, only samples.
+// The law's init; one that learns from trial to trial knows no loop, only samples. Throws std::invalid_argument where it refuses the
+// configuration.
 template <class Row, class... Memory>
-cgl_error init_law(typename Row::State& state, const typename Row::Config& config, cgl_real ts, Memory... memory) {
-    if constexpr (std::is_same_v<Row, trial_row>) return Row::init(&state, &config, memory...);
-    else return Row::init(&state, &config, ts, memory...);
+cgl_error init_law(typename Row::State& state, const typename Row::Config& config, const cgl_loop& loop, Memory... memory) {
+    if constexpr (std::is_same_v<Row, trial_row>) {
+        return Row::init(&state, &config, memory...);
+    } else {
+        const cgl_error error = Row::init(&state, &config, &loop, memory...);
+        if (error == CGL_ERROR_CONFIG) require(error, Row::name, Row::bad_field(&config, &loop));
+        return error;
+    }
 }
 
 // Throws std::invalid_argument for a configuration whose memory length is unbounded: init refuses it before it checks the
 // memory.
 template <HasMemory Row>
-void require_config(const typename Row::Config& config, cgl_real ts) {
+void require_config(const typename Row::Config& config, const cgl_loop& loop) {
     typename Row::State unused;
-    const cgl_error error = init_law<Row>(unused, config, ts, nullptr, 0);
+    const cgl_error error = init_law<Row>(unused, config, loop, nullptr, 0);
     if (error != CGL_ERROR_MEMORY) require(error, Row::name);
 }
 
@@ -96,14 +104,14 @@ struct CLaw {
     using State = CState<Row>;
     static constexpr const char* name = Row::name;
     Config config;
-    cgl_real ts;             // s, period of the law
+    cgl_loop loop;
     bool calibrate = false;  // start with the calibration run, if the law has one
 
     // Throws std::invalid_argument for a configuration of another size or one whose memory init refuses; start() throws it
     // for other values out of range.
-    static CLaw of(const Section& s, cgl_real ts) {
-        const CLaw law{s.packed<Config>("config"), ts, s.has("calibrate") && s.get<bool>("calibrate")};
-        if constexpr (HasMemory<Row>) require_config<Row>(law.config, ts);
+    static CLaw of(const Section& s, const cgl_loop& loop) {
+        const CLaw law{s.packed<Config>("config"), loop, s.has("calibrate") && s.get<bool>("calibrate")};
+        if constexpr (HasMemory<Row>) require_config<Row>(law.config, loop);
         return law;
     }
 
@@ -111,9 +119,9 @@ struct CLaw {
         State s{};
         if constexpr (HasMemory<Row>) {
             s.cell.resize(Row::length(config));
-            require(init_law<Row>(s.law, config, ts, s.cell.data(), static_cast<std::uint32_t>(s.cell.size())), Row::name);
+            require(init_law<Row>(s.law, config, loop, s.cell.data(), static_cast<std::uint32_t>(s.cell.size())), Row::name);
         } else {
-            require(init_law<Row>(s.law, config, ts), Row::name);
+            require(init_law<Row>(s.law, config, loop), Row::name);
         }
         if constexpr (std::is_same_v<Row, anti_cogging_row>) {
             if (calibrate) cgl_anti_cogging_calibrate(&s.law);

@@ -138,9 +138,9 @@ PositionSensorConfig position_sensor(const Section& s) {
 }
 
 // The control library's law of that name.
-Law c_law(const std::string& name, const Section& s, cgl_real ts) {
+Law c_law(const std::string& name, const Section& s, const cgl_loop& loop) {
 #define CGL_LAW_WITHOUT_MEMORY(law, stem, header, step_function) \
-    if (name == law) return LawOf<stem##_row>::of(s, ts);
+    if (name == law) return LawOf<stem##_row>::of(s, loop);
 #include "cogless/laws.def"
     s.refuse("law", "unknown law " + name);
 }
@@ -151,20 +151,28 @@ cogless_plugin_drive plugin_drive(const Section& s) {
             s.number("current_bandwidth"), s.number("current_period"), s.number("delay")};
 }
 
-// period: of the current loop, s. current_limit: A.
-Law law(const Section& s, CallbackLaw own, double period, int divider, double current_limit,
-        const std::optional<Trials>& trials) {
+// What the drive tells its law. Throws std::invalid_argument where the drive is refused. period: of the current loop, s.
+cgl_loop loop_of(const cgl_drive_config& control, cgl_real period) {
+    cgl_drive drive;
+    const cgl_error error = cgl_drive_init(&drive, &control, period);
+    if (error != CGL_OK) require(error, "drive.control", cgl_drive_bad_field(&control, period));
+    return drive.loop;
+}
+
+// period: of the current loop, s.
+Law law(const Section& s, CallbackLaw own, double period, const cgl_drive_config& control, const std::optional<Trials>& trials) {
+    const auto current_limit = static_cast<double>(control.foc.current_limit);
     const auto name = s.get<std::string>("law");
     if (name == "library") {
         return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), plugin_drive(s.section("drive")),
-                           period * divider, current_limit);
+                           period * static_cast<double>(control.divider), current_limit);
     }
     if (name == "python") {
         if (!own.function) s.refuse("law", "expected an object with step(), for \"python\"");
         own.current_limit = current_limit;
         return own;
     }
-    return trials && name == TrialLaw::name ? trial_law(s, 2, *trials) : c_law(name, s, static_cast<cgl_real>(divider) * static_cast<cgl_real>(period));
+    return trials && name == TrialLaw::name ? trial_law(s, 2, *trials) : c_law(name, s, loop_of(control, static_cast<cgl_real>(period)));
 }
 
 FrictionConfig friction(const Section& s) {
@@ -311,8 +319,7 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
     result.sensor_on_load =
         drive.section("position_sensor").has("side") &&
         drive.section("position_sensor").choice<bool>("side", {{"motor", false}, {"load", true}});
-    result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.speed_divider,
-                     static_cast<double>(result.control.foc.current_limit), result.trials);
+    result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.control, result.trials);
     result.integration_steps = drive.integer("integration_steps");
     result.holds_position = controller_section.has("holds_position") && controller_section.get<bool>("holds_position");
     result.learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0;

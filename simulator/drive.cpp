@@ -173,9 +173,8 @@ Drive::Drive(const DriveConfig& config)
     }
     if (config_.bus) bus_.emplace(*config_.bus, period_, law_period());
     cgl_drive unused;
-    if (cgl_drive_init(&unused, &config_.control, static_cast<cgl_real>(period_)) != CGL_OK) {
-        throw std::invalid_argument("drive.control: a value is outside its range");
-    }
+    const auto period = static_cast<cgl_real>(period_);
+    require(cgl_drive_init(&unused, &config_.control, period), "drive.control", cgl_drive_bad_field(&config_.control, period));
     if (config_.trials ? !takes_trials(config_.law) : std::holds_alternative<TrialLaw>(config_.law)) {
         throw std::invalid_argument("controller.law: expected \"trial\" or a law of your own with trials, \"trial\" only with them");
     }

@@ -80,10 +80,12 @@ void put_map(const CState& law, const std::vector<std::vector<double>>& values) 
     cgl_map_centre(&map);
 }
 
-// Throws std::invalid_argument if a law's init returned an error.
-inline void require(cgl_error error, const char* law) {
+// Throws std::invalid_argument if a law's init returned an error. field: the one that it refuses, where it names one.
+inline void require(cgl_error error, const char* law, const char* field = nullptr) {
     if (error == CGL_ERROR_MEMORY) throw std::invalid_argument(std::string(law) + ": memory too small");
-    if (error != CGL_OK) throw std::invalid_argument(std::string(law) + ": a gain is outside its range");
+    if (error != CGL_OK) {
+        throw std::invalid_argument(std::string(law) + ": " + (field != nullptr ? field : "a gain") + " is outside its range");
+    }
 }
 
 }  // namespace cogless

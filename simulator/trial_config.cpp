@@ -59,7 +59,7 @@ Deviation deviation(const Section& s) {
 }
 
 TrialLaw trial_law(const Section& s, std::size_t states, const Trials& trials) {
-    const auto law = TrialLaw::of(s, CGL_R(0.0));
+    const auto law = TrialLaw::of(s, {});
     if (law.config.states != states) s.refuse("config", "expected " + std::to_string(states) + " states");
     if (law.config.samples != trials.samples) {
         s.refuse("config", "expected " + std::to_string(trials.samples) + " samples");

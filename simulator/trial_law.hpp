@@ -24,13 +24,13 @@ struct TrialLaw : CLaw<trial_row> {
     bool basis_functions = false;  // what is learned moves along with another reference
 
     // Throws std::invalid_argument as CLaw does.
-    static TrialLaw of(const Section& s, cgl_real ts) {
+    static TrialLaw of(const Section& s, const cgl_loop& loop) {
         TrialLaw law;
-        law.ts = ts;
+        law.loop = loop;
         law.config = s.packed<cgl_trial_config>("config");
         law.config.learning_matrix = nullptr;
         law.basis_functions = s.has("basis_functions") && s.get<bool>("basis_functions");
-        require_config<trial_row>(law.config, ts);
+        require_config<trial_row>(law.config, law.loop);
         if (s.has("learning_matrix")) {
             const auto matrix = s.get<Value::Matrix>("learning_matrix");
             if (matrix.rows != law.config.samples || matrix.columns != law.config.samples) {

@@ -64,6 +64,10 @@ class ControlLibrary:
                 for n in range(len(value), len(member)):
                     member[n] = math.nan
 
+    def loop(self, ts: float, **fields: Any) -> Any:
+        """A loop that steps a law; without other fields it leaves every config: any current, and no guard."""
+        return self.new("cgl_loop", ts=ts, **{"current_limit": float(np.finfo(self.real).max), **fields})
+
     def array(self, values: Any) -> tuple[Any, Any]:
         """A NumPy copy in the library's numbers, and a pointer to it that lives as long as the library."""
         copy = np.array(values, dtype=self.real)

@@ -140,6 +140,7 @@ def described(settings: dict[str, Any], module: ModuleType = _simulator_f64) -> 
         "pole_pairs": motor["pole_pairs"],
         "divider": drive["speed_divider"],
         "foreign": ideal,
+        "feed_forward": False,
         "learn_saturated": "trials" in settings,
         "unguarded": drive.get("unguarded", "trials" in settings),
         "foc": {**foc, "current_limit": limit, "phases": phases},

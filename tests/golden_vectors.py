@@ -221,8 +221,21 @@ def trial(rng: np.random.Generator, through: bool, observes: bool = False) -> li
     k_1, c = single([-0.6, -0.4]), single([1.0, 0.1])
     k_2, n, k_3, limit, learned_limit = single([0.0 if observes else 0.15, 0.8, 0.5, 1.2, 2.0])
     response, pole = single([0.15, 0.5] if observes else [0.0, 0.0])
-    law = Trial(40, k_1, k_2, n, c, through, k_3, 2, limit, learned_limit, response=response, pole=pole)
-    law.unguarded = True
+    law = Trial(
+        40,
+        k_1,
+        k_2,
+        n,
+        c,
+        through,
+        k_3,
+        2,
+        limit,
+        learned_limit,
+        response=response,
+        pole=pole,
+        unguarded=True,
+    )
     y_ref = single(np.sin(0.2 * np.arange(40)) ** 2)
     rows = []
     for _ in range(3):

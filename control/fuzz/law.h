@@ -19,6 +19,15 @@ cgl_real law_limit(void);
 /* What has to stay while learning is frozen; none: 0. */
 const cgl_real *law_learned(uint32_t *length);
 
+/* A loop that leaves a law every config: any current, and no guard. */
+static inline const cgl_loop *fuzzed_loop(cgl_real ts)
+{
+    static cgl_loop loop;
+    loop.ts = ts;
+    loop.current_limit = CGL_REAL_MAX;
+    return &loop;
+}
+
 /* The caller's memory, exactly as long as it must be: the address sanitizer sees what is beyond. */
 static inline cgl_real *borrow(uint32_t length)
 {

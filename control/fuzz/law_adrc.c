@@ -11,7 +11,7 @@ bool law_begin(feed *from)
     const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.omega_o = feed_gain(from, CGL_R(400.0));
     config.limit = feed_gain(from, CGL_R(5.0));
-    return cgl_adrc_init(&law, &config, ts) == CGL_OK;
+    return cgl_adrc_init(&law, &config, fuzzed_loop(ts)) == CGL_OK;
 }
 
 void law_step(const cgl_law_input *in, cgl_law_output *out)

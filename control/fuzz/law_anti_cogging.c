@@ -17,7 +17,7 @@ bool law_begin(feed *from)
     config.position_gain = feed_gain(from, CGL_R(20.0));
     config.lead = feed_bool(from) ? CGL_R(0.0) : feed_gain(from, CGL_R(1.0e-3));
     table = borrow(config.cells);
-    return cgl_anti_cogging_init(&law, &config, ts, table, config.cells) == CGL_OK;
+    return cgl_anti_cogging_init(&law, &config, fuzzed_loop(ts), table, config.cells) == CGL_OK;
 }
 
 void law_step(const cgl_law_input *in, cgl_law_output *out)

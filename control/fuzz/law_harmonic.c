@@ -27,7 +27,7 @@ bool law_begin(feed *from)
     }
     const uint32_t length = CGL_HARMONIC_LENGTH(config.orders);
     cell = borrow(length);
-    const bool good = cgl_harmonic_init(&law, &config, ts, cell, length) == CGL_OK;
+    const bool good = cgl_harmonic_init(&law, &config, fuzzed_loop(ts), cell, length) == CGL_OK;
     config.orders = good ? config.orders : 0U;
     return good;
 }

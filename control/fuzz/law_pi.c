@@ -10,7 +10,7 @@ bool law_begin(feed *from)
     config.ki = feed_gain(from, CGL_R(10.0));
     const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
     config.limit = feed_gain(from, CGL_R(5.0));
-    return cgl_pi_init(&law, &config, ts) == CGL_OK;
+    return cgl_pi_init(&law, &config, fuzzed_loop(ts)) == CGL_OK;
 }
 
 void law_step(const cgl_law_input *in, cgl_law_output *out)

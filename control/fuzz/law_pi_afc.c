@@ -23,7 +23,7 @@ bool law_begin(feed *from)
     config.limit = feed_gain(from, CGL_R(2.0));
     const uint32_t length = CGL_PI_AFC_LENGTH(config.orders);
     coefficient = borrow(length);
-    const bool good = cgl_pi_afc_init(&law, &config, ts, coefficient, length) == CGL_OK;
+    const bool good = cgl_pi_afc_init(&law, &config, fuzzed_loop(ts), coefficient, length) == CGL_OK;
     config.orders = good ? config.orders : 0U;
     return good;
 }

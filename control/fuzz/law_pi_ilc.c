@@ -15,7 +15,7 @@ bool law_begin(feed *from)
     config.gain = feed_gain(from, CGL_R(0.1));
     config.memory = feed_memory(from, 1U);
     cell = borrow(memory_length(&config.memory));
-    good = cgl_pi_ilc_init(&law, &config, ts, cell, memory_length(&config.memory)) == CGL_OK;
+    good = cgl_pi_ilc_init(&law, &config, fuzzed_loop(ts), cell, memory_length(&config.memory)) == CGL_OK;
     return good;
 }
 

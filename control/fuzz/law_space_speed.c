@@ -19,7 +19,7 @@ bool law_begin(feed *from)
     config.memory = feed_memory(from, 1U + feed_below(from, CGL_CHANNELS));
     cell = borrow(memory_length(&config.memory));
     const cgl_real ts = feed_gain(from, CGL_R(1.0e-3));
-    good = cgl_space_speed_init(&law, &config, ts, cell, memory_length(&config.memory)) == CGL_OK;
+    good = cgl_space_speed_init(&law, &config, fuzzed_loop(ts), cell, memory_length(&config.memory)) == CGL_OK;
     return good;
 }
 

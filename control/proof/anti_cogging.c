@@ -8,9 +8,10 @@ static cgl_real table[CELLS];
 int main(void)
 {
     cgl_anti_cogging_config config = {{any_real(), any_real(), ANY_LIMIT}, CELLS, any_real(), any_bits(), any_real(), any_real()};
+    const cgl_loop loop = {any_real(), any_real(), any_bool(), any_bool()};
     cgl_anti_cogging law;
     FILL(table);
-    if (cgl_anti_cogging_init(&law, &config, any_real(), table, sizeof table / sizeof table[0]) != CGL_OK) {
+    if (cgl_anti_cogging_init(&law, &config, &loop, table, sizeof table / sizeof table[0]) != CGL_OK) {
         return 0;
     }
     /*@ loop widen_hints law.turns, -1000, 1000; */

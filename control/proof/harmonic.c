@@ -12,9 +12,10 @@ int main(void)
                                         any_real(), any_real(), ANY_LIMIT,
                                         {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(),
                                          any_real()}};
+    const cgl_loop loop = {any_real(), any_real(), any_bool(), any_bool()};
     cgl_harmonic law;
     FILL(cell);
-    if (cgl_harmonic_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
+    if (cgl_harmonic_init(&law, &config, &loop, cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
         return 0;
     }
     while (any_bool()) {

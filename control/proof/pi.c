@@ -6,8 +6,9 @@
 int main(void)
 {
     cgl_pi_config config = {any_real(), any_real(), ANY_LIMIT};
+    const cgl_loop loop = {any_real(), any_real(), any_bool(), any_bool()};
     cgl_pi pi;
-    if (cgl_pi_init(&pi, &config, any_real()) != CGL_OK) {
+    if (cgl_pi_init(&pi, &config, &loop) != CGL_OK) {
         return 0;
     }
     while (any_bool()) {

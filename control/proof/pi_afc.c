@@ -8,12 +8,13 @@ static cgl_real coefficient[CGL_PI_AFC_LENGTH(ORDERS)];
 int main(void)
 {
     cgl_pi_afc_config config = {{any_real(), any_real(), ANY_LIMIT}, ORDERS, {0U}, any_real(), any_real(), any_real(), ANY_LIMIT};
+    const cgl_loop loop = {any_real(), any_real(), any_bool(), any_bool()};
     cgl_pi_afc law;
     for (uint32_t k = 0; k < ORDERS; ++k) {
         config.order[k] = any_bits();
     }
     FILL(coefficient);
-    if (cgl_pi_afc_init(&law, &config, any_real(), coefficient, sizeof coefficient / sizeof coefficient[0]) != CGL_OK) {
+    if (cgl_pi_afc_init(&law, &config, &loop, coefficient, sizeof coefficient / sizeof coefficient[0]) != CGL_OK) {
         return 0;
     }
     while (any_bool()) {

@@ -8,9 +8,10 @@ static cgl_real cell[LENGTH];
 int main(void)
 {
     cgl_robust_ilc_config config = {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), ANY_LIMIT, any_memory()};
+    const cgl_loop loop = {any_real(), any_real(), any_bool(), any_bool()};
     cgl_robust_ilc law;
     FILL(cell);
-    if (cgl_robust_ilc_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
+    if (cgl_robust_ilc_init(&law, &config, &loop, cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
         return 0;
     }
     //@ widen_hints global:"all", Q_HALF_WIDTH, CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;

@@ -60,7 +60,11 @@ PARTS = {
 
 # Functions whose paths are kept apart further than others': those whose answer says what is valid.
 PRECISE = """
-    is_valid cgl_map_is_valid cgl_pi_init cgl_adrc_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
+    is_valid cgl_foc_bad_field cgl_monitor_bad_field cgl_quality_bad_field cgl_drive_bad_field
+    cgl_pi_bad_field cgl_adrc_bad_field cgl_memory_bad_field cgl_pi_ilc_bad_field
+    cgl_robust_ilc_bad_field cgl_anti_cogging_bad_field cgl_pi_afc_bad_field
+    cgl_harmonic_bad_field cgl_space_position_bad_field cgl_space_speed_bad_field
+    cgl_map_is_valid cgl_pi_init cgl_adrc_init cgl_memory_init cgl_pi_ilc_init cgl_robust_ilc_init
     cgl_anti_cogging_init cgl_pi_afc_init cgl_harmonic_init
     cgl_delay_is_valid cgl_space_position_init cgl_space_speed_init
     cgl_encoder_init cgl_hall_init cgl_low_pass_init cgl_low_pass_retune cgl_angle_observer_init
@@ -189,10 +193,10 @@ RUNS = [  # the longest first
 MUTANTS = [
     Mutant("pi", LIMITED, "pi.c", "return cgl_clamped(pi->proportional + pi->integral + ff, config->limit);",
            "return pi->proportional + pi->integral + ff;"),
-    Mutant("foc", {}, "duties.h", "duty[2] = CGL_R(0.5) + cgl_clamp_here(part[2], CGL_R(0.5));",
+    Mutant("foc", {}, "duties.h", "duty[2] = CGL_R(0.5) + cgl_clamp(part[2], CGL_R(0.5));",
            "duty[2] = CGL_R(0.5) + part[2];"),
     Mutant("foc", {}, "foc.c", "cgl_is_angle(in->theta_e) && ", ""),  # NaN gets through to a conversion
-    Mutant("pi_afc", ORDERS | LIMITED, "pi_afc.c", "    return cgl_clamp(sum, config->limit);",
+    Mutant("pi_afc", ORDERS | LIMITED, "pi_afc.c", "    return cgl_clamp(sum, limit);",
            "    return sum;"),
     Mutant("pi_ilc", MAP, "memory.c", "head = head < m ? head + 1U : 0U;",
            "head = head <= m ? head + 1U : 0U;"),

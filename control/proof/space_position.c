@@ -8,9 +8,10 @@ static cgl_real cell[LENGTH];
 int main(void)
 {
     cgl_space_position_config config = {any_bits(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_real(), any_bool(), any_real(), any_real(), any_bool() ? CGL_SPACE_BY_REFERENCE : CGL_SPACE_BY_ROTOR, ANY_LIMIT, any_memory()};
+    const cgl_loop loop = {any_real(), any_real(), any_bool(), any_bool()};
     cgl_space_position law;
     FILL(cell);
-    if (cgl_space_position_init(&law, &config, any_real(), cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
+    if (cgl_space_position_init(&law, &config, &loop, cell, sizeof cell / sizeof cell[0]) != CGL_OK) {
         return 0;
     }
     //@ widen_hints global:"all", Q_HALF_WIDTH, CELLS - 1, CELLS + Q_HALF_WIDTH, CELLS + Q_HALF_WIDTH + 1;

@@ -168,10 +168,11 @@ static void reject_a_load(void)
 {
     const cgl_real ts = CGL_R(1.0e-3), load = CGL_R(-30.0); /* [rad/s^2] */
     const cgl_adrc_config config = {.b = CGL_R(100.0), .omega_c = CGL_R(20.0), .omega_o = CGL_R(100.0), .limit = CGL_R(5.0)};
+    const cgl_loop loop = {.ts = ts, .current_limit = CGL_R(100.0)};
     cgl_adrc law;
     cgl_law_input in = {.omega_ref = CGL_R(10.0), .learn = true};
     cgl_law_output out;
-    CHECK(cgl_adrc_init(&law, &config, ts) == CGL_OK);
+    CHECK(cgl_adrc_init(&law, &config, &loop) == CGL_OK);
     for (int n = 0; n < 2000; ++n) {
         cgl_adrc_step(&law, &in, &out);
         in.omega_m += ts * (config.b * out.i_q_ref + load);
@@ -214,14 +215,15 @@ static void learn_orders(void)
     static cgl_real cell[CGL_HARMONIC_LENGTH(4U)];
     const cgl_harmonic_config config = {.pi = {CGL_R(0.06), CGL_R(0.9), CGL_R(3.0)}, .b = CGL_R(800.0), .base = 6U, .bends = 1U,
                                         .orders = 4U, .fast = 4U, .rate = CGL_R(8.0), .rate_min = CGL_R(0.5), .limit = CGL_R(1.0)};
+    const cgl_loop loop = {.ts = CGL_R(1.0e-3), .current_limit = CGL_R(100.0)};
     cgl_harmonic law;
     cgl_real rotor[2] = {CGL_R(0.0), CGL_R(20.0)};
     cgl_harmonic_config without_limit = config;
     without_limit.pi.limit = CGL_R(-1.0);
-    CHECK(cgl_harmonic_init(&law, &without_limit, CGL_R(1.0e-3), cell, CGL_HARMONIC_LENGTH(4U)) == CGL_ERROR_CONFIG);
-    CHECK(cgl_harmonic_init(&law, &config, CGL_R(1.0e-3), NULL, CGL_HARMONIC_LENGTH(4U)) == CGL_ERROR_MEMORY);
-    CHECK(cgl_harmonic_init(&law, &config, CGL_R(1.0e-3), cell, CGL_HARMONIC_LENGTH(4U) - 1U) == CGL_ERROR_MEMORY);
-    CHECK(cgl_harmonic_init(&law, &config, CGL_R(1.0e-3), cell, CGL_HARMONIC_LENGTH(4U)) == CGL_OK);
+    CHECK(cgl_harmonic_init(&law, &without_limit, &loop, cell, CGL_HARMONIC_LENGTH(4U)) == CGL_ERROR_CONFIG);
+    CHECK(cgl_harmonic_init(&law, &config, &loop, NULL, CGL_HARMONIC_LENGTH(4U)) == CGL_ERROR_MEMORY);
+    CHECK(cgl_harmonic_init(&law, &config, &loop, cell, CGL_HARMONIC_LENGTH(4U) - 1U) == CGL_ERROR_MEMORY);
+    CHECK(cgl_harmonic_init(&law, &config, &loop, cell, CGL_HARMONIC_LENGTH(4U)) == CGL_OK);
     const cgl_real early = ripple_of(&law, rotor, CGL_R(20.0), 1);
     (void)ripple_of(&law, rotor, CGL_R(20.0), 4);
     CHECK(within(law.bend.share, CGL_R(0.0))); /* a bend is not believed before it stands out from how its turns differ */
@@ -241,9 +243,9 @@ static void learn_orders(void)
     (void)ripple_of(&law, rotor, CGL_R(15.0), 1);
     CHECK(within(law.time - CGL_R(4.0), CGL_R(0.2)));
     cgl_harmonic_config lower = config;
-    lower.delay = CGL_R(16.0) * law.pi.ts; /* the longest that it takes */
+    lower.delay = CGL_R(16.0) * law.pi.loop.ts; /* the longest that it takes */
     CHECK(cgl_harmonic_retune(&law, &lower) == CGL_OK);
-    lower.delay = CGL_R(17.0) * law.pi.ts;
+    lower.delay = CGL_R(17.0) * law.pi.loop.ts;
     CHECK(cgl_harmonic_retune(&law, &lower) == CGL_ERROR_CONFIG);
     lower = config;
     lower.limit = CGL_R(0.02);

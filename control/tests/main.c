@@ -1,5 +1,5 @@
 /* The tests that need no Python: known answers, random inputs, the README's example, a calibration that is long for a float, and
- * what the transcriptions in NumPy say of the same inputs.
+ * what the transcriptions in NumPy say of the same inputs; misuse of the interface, and foreign loops that a learner helps.
  * cogless_control_tests [CONFIGS]: so many random configs for each law, 300 steps or more each; default 500, and never fewer
  * than have a checksum. */
 #include <stdio.h>
@@ -10,6 +10,8 @@
 #include "cogless/anti_cogging.h"
 #include "cogless/quality.h"
 #include "control.h"
+#include "faces.h"
+#include "foreign.h"
 #include "guarded.h"
 #include "known_answers.h"
 #include "memories.h"
@@ -56,8 +58,9 @@ static void long_calibration(void)
                                             12U,
                                             CGL_R(5.0),
                                             CGL_R(0.0)};
+    const cgl_loop loop = {.ts = CGL_R(5.0e-5), .current_limit = CGL_R(100.0)};
     cgl_anti_cogging law;
-    CHECK(cgl_anti_cogging_init(&law, &config, CGL_R(5.0e-5), table, 16U) == CGL_OK);
+    CHECK(cgl_anti_cogging_init(&law, &config, &loop, table, 16U) == CGL_OK);
     cgl_anti_cogging_calibrate(&law);
     const double step = (double)config.speed * (double)CGL_R(5.0e-5);
     double theta = 0.0, furthest = 0.0;
@@ -94,6 +97,8 @@ int main(int count, char **arguments)
     known_answers();
     golden_vectors();
     memories();
+    faces();
+    foreign_loops();
     guarded(configs);
     random_inputs(configs);
     try_parts(configs);

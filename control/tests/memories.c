@@ -8,6 +8,11 @@
 
 static cgl_real cell[CGL_MEMORY_LENGTH(CGL_MEMORY_ANGLE, 1U, CGL_CELLS_MAX, 2U)];
 
+static uint32_t entries_of(const cgl_memory_config *config)
+{
+    return CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
+}
+
 static cgl_memory a_map(uint32_t cells, uint32_t turns, uint32_t ratio, uint32_t q_half_width)
 {
     const cgl_memory_config config = {.kind = CGL_MEMORY_ANGLE,
@@ -19,7 +24,7 @@ static cgl_memory a_map(uint32_t cells, uint32_t turns, uint32_t ratio, uint32_t
                                       .forgetting = CGL_R(1.0e-30), /* what is stored is the correction */
                                       .limit = {CGL_R(9.0)}};
     cgl_memory memory;
-    CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), ratio, cell, sizeof cell / sizeof cell[0]) == CGL_OK);
+    CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), ratio, cell, entries_of(&config)) == CGL_OK);
     return memory;
 }
 
@@ -143,7 +148,7 @@ static void speeds(void)
         config.kind = cases[n].kind;
         config.lead = cases[n].lead;
         config.q_half_width = cases[n].width;
-        CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 2U, cell, sizeof cell / sizeof cell[0]) == CGL_OK);
+        CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 2U, cell, entries_of(&config)) == CGL_OK);
         const cgl_real off = cgl_memory_fastest(&memory) * cases[n].samples / period - CGL_R(1.0);
         CHECK(off < CGL_R(1.0e-5) && off > CGL_R(-1.0e-5));
     }
@@ -154,14 +159,15 @@ static void laws(void)
 {
     cgl_pi_ilc law;
     cgl_pi_ilc_config config = {.pi = {CGL_R(1.0), CGL_R(1.0), CGL_R(9.0)}, .gain = CGL_R(1.0), .memory = a_map(8U, 1U, 1U, 0U).config};
-    const uint32_t length = sizeof cell / sizeof cell[0];
-    CHECK(cgl_pi_ilc_init(&law, &config, CGL_R(1.0e-3), cell, length) == CGL_OK);
+    const uint32_t length = entries_of(&config.memory);
+    const cgl_loop loop = {.ts = CGL_R(1.0e-3), .current_limit = CGL_R(9.0)};
+    CHECK(cgl_pi_ilc_init(&law, &config, &loop, cell, length) == CGL_OK);
     config.gain = CGL_R(-1.0);
-    CHECK(cgl_pi_ilc_init(&law, &config, CGL_R(1.0e-3), cell, length) == CGL_ERROR_CONFIG);
+    CHECK(cgl_pi_ilc_init(&law, &config, &loop, cell, length) == CGL_ERROR_CONFIG);
     config.gain = CGL_R(1.0);
     config.memory.channels = 2U;
     config.memory.limit[1] = CGL_R(9.0);
-    CHECK(cgl_pi_ilc_init(&law, &config, CGL_R(1.0e-3), cell, length) == CGL_ERROR_CONFIG);
+    CHECK(cgl_pi_ilc_init(&law, &config, &loop, cell, length) == CGL_ERROR_CONFIG);
 }
 
 /* What fixes the meaning of what is learned must stay. */
@@ -171,7 +177,7 @@ static void keep_sizes(void)
     const cgl_memory_config config = {.kind = CGL_MEMORY_ANGLE, .channels = 2U, .cells = 8U, .turns = 2U, .parts = 3U, .q_half_width = 1U,
                                       .forgetting = CGL_R(1.0), .limit = {CGL_R(1.0), CGL_R(1.0), CGL_R(1.0)}};
     cgl_memory memory;
-    CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 1U, kept, 64U) == CGL_OK);
+    CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 1U, kept, entries_of(&config)) == CGL_OK);
     cgl_memory_config other[7] = {config, config, config, config, config, config, config};
     other[0].kind = CGL_MEMORY_TIME;
     other[1].channels = 1U;

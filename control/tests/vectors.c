@@ -32,7 +32,21 @@
 static FILE *file;
 static const char *name;
 static double roundings; /* that a result may be off by */
+/* A loop that leaves a law every config: any current, and no guard. */
+static const cgl_loop *loop_of(cgl_real ts)
+{
+    static cgl_loop loop;
+    loop.ts = ts;
+    loop.current_limit = CGL_REAL_MAX;
+    return &loop;
+}
+
 static cgl_real cell[3U * CELLS];
+
+static uint32_t entries_of(const cgl_memory_config *config)
+{
+    return CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width);
+}
 
 static double number(void)
 {
@@ -127,7 +141,7 @@ static void pi(void)
     static cgl_pi_config config;
     cgl_pi law;
     config = a_pi();
-    CHECK(cgl_pi_init(&law, &config, real()) == CGL_OK);
+    CHECK(cgl_pi_init(&law, &config, loop_of(real())) == CGL_OK);
     for (uint32_t left = count(); left > 0U; --left) {
         const cgl_real error = real(), feedforward = real();
         expect(cgl_pi_step(&law, error, feedforward));
@@ -179,7 +193,7 @@ static void memory(void)
     cgl_memory state;
     config = a_memory();
     const cgl_real ts = real();
-    CHECK(cgl_memory_init(&state, &config, ts, count(), cell, 3U * CELLS) == CGL_OK);
+    CHECK(cgl_memory_init(&state, &config, ts, count(), cell, entries_of(&config)) == CGL_OK);
     for (uint32_t left = count(); left > 0U; --left) {
         cgl_real change[CGL_CHANNELS], value[CGL_CHANNELS];
         const cgl_real theta = real(), omega = real();
@@ -222,7 +236,7 @@ static void pi_ilc(void)
     config.pi = a_pi();
     config.gain = real();
     config.memory = a_memory();
-    CHECK(cgl_pi_ilc_init(&law, &config, real(), cell, CELLS) == CGL_OK);
+    CHECK(cgl_pi_ilc_init(&law, &config, loop_of(real()), cell, entries_of(&config.memory)) == CGL_OK);
     STEPS(law, cgl_pi_ilc_step);
 }
 
@@ -242,7 +256,7 @@ static void robust_ilc(void)
     config.coulomb = real();
     config.limit = real();
     config.memory = a_memory();
-    CHECK(cgl_robust_ilc_init(&law, &config, real(), cell, CELLS) == CGL_OK);
+    CHECK(cgl_robust_ilc_init(&law, &config, loop_of(real()), cell, entries_of(&config.memory)) == CGL_OK);
     STEPS(law, cgl_robust_ilc_step);
 }
 
@@ -259,7 +273,7 @@ static void space_speed(void)
     config.limit = real();
     config.ratio = count();
     config.memory = a_memory();
-    CHECK(cgl_space_speed_init(&law, &config, real(), cell, CELLS) == CGL_OK);
+    CHECK(cgl_space_speed_init(&law, &config, loop_of(real()), cell, entries_of(&config.memory)) == CGL_OK);
     STEPS(law, cgl_space_speed_step);
 }
 
@@ -283,7 +297,7 @@ static void space_position(void)
     config.index = flag() ? CGL_SPACE_BY_ROTOR : CGL_SPACE_BY_REFERENCE;
     config.limit = real();
     config.memory = a_memory();
-    CHECK(cgl_space_position_init(&law, &config, real(), cell, CELLS) == CGL_OK);
+    CHECK(cgl_space_position_init(&law, &config, loop_of(real()), cell, entries_of(&config.memory)) == CGL_OK);
     STEPS(law, cgl_space_position_step);
 }
 
@@ -300,7 +314,7 @@ static void pi_afc(void)
     config.lead = real();
     config.omega_min = real();
     config.limit = real();
-    CHECK(cgl_pi_afc_init(&law, &config, real(), cell, CELLS) == CGL_OK);
+    CHECK(cgl_pi_afc_init(&law, &config, loop_of(real()), cell, CGL_PI_AFC_LENGTH(config.orders)) == CGL_OK);
     STEPS(law, cgl_pi_afc_step);
 }
 
@@ -323,7 +337,7 @@ static void harmonic(void)
     for (uint32_t n = 0; n < CGL_HARMONIC_EDGES; ++n) {
         config.held[n] = real();
     }
-    CHECK(cgl_harmonic_init(&law, &config, real(), cell, CELLS) == CGL_OK);
+    CHECK(cgl_harmonic_init(&law, &config, loop_of(real()), cell, CGL_HARMONIC_LENGTH(config.orders)) == CGL_OK);
     STEPS(law, cgl_harmonic_step);
 }
 
@@ -337,7 +351,7 @@ static void anti_cogging(void)
     config.revolutions = count();
     config.position_gain = real();
     config.lead = real();
-    CHECK(cgl_anti_cogging_init(&law, &config, real(), cell, CELLS) == CGL_OK);
+    CHECK(cgl_anti_cogging_init(&law, &config, loop_of(real()), cell, config.cells) == CGL_OK);
     reals(cell, config.cells);
     for (uint32_t left = count(); left > 0U; --left) {
         cgl_law_input in = {.learn = true};
@@ -370,6 +384,7 @@ static void trial(void)
     config.shift = count();
     config.limit = real();
     config.learned_limit = real();
+    config.unguarded = true;
     config.observer.response = real();
     config.observer.pole = real();
     reals(y_ref, config.samples);

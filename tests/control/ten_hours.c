@@ -59,9 +59,14 @@ STEP(anti_cogging)
 
 static const cgl_pi_config pi = {.kp = 0.05f, .ki = 0.5f, .limit = 3.0f};
 
+static uint32_t entries_of(const cgl_memory_config *memory)
+{
+    return CGL_MEMORY_LENGTH(memory->kind, memory->channels, memory->cells, memory->q_half_width);
+}
+
 static stepper *init(const char *name)
 {
-    const uint32_t length = sizeof cells / sizeof cells[0];
+    const cgl_loop loop = {.ts = (cgl_real)TS, .current_limit = 3.0f};
     cgl_memory_config memory = {.channels = 1U, .cells = CELLS, .turns = 1U, .parts = POLE_PAIRS, .q_half_width = 3U,
                                 .forgetting = 1.0f, .limit = {1.0f, 1.0f, 1.0f}};
     cgl_error error = CGL_ERROR_CONFIG;
@@ -71,7 +76,7 @@ static stepper *init(const char *name)
         memory.cells = memory.kind == CGL_MEMORY_TIME ? 200U : CELLS;
         memory.lead = strcmp(name, "pi-ilc with a lead") == 0 ? 3U : 0U;
         const cgl_pi_ilc_config config = {.pi = pi, .gain = 0.01f, .memory = memory};
-        error = cgl_pi_ilc_init(&law.pi_ilc, &config, (cgl_real)TS, cells, length);
+        error = cgl_pi_ilc_init(&law.pi_ilc, &config, &loop, cells, entries_of(&memory));
         step = step_pi_ilc;
     } else if (strncmp(name, "robust-ilc", 10) == 0) {
         const cgl_real b = (cgl_real)(K_T / J);
@@ -79,13 +84,13 @@ static stepper *init(const char *name)
         const cgl_robust_ilc_config config = {.b = b, .c = 10.0f, .eta = 0.05f * b, .q = 1.0f, .beta_2 = 0.01f * b,
                                               .gamma = strcmp(name, "robust-ilc alone") == 0 ? 0.0f : 100.0f, .limit = 3.0f,
                                               .memory = memory};
-        error = cgl_robust_ilc_init(&law.robust_ilc, &config, (cgl_real)TS, cells, length);
+        error = cgl_robust_ilc_init(&law.robust_ilc, &config, &loop, cells, entries_of(&memory));
         step = step_robust_ilc;
     } else if (strcmp(name, "space-speed") == 0) {
         memory.channels = 2U;
         const cgl_space_speed_config config = {.k = 0.05f, .mu_alpha = 0.03f, .mu_beta = 0.0004f, .eta_bar = 6.0f,
                                                .omega_min = 0.5f, .limit = 3.0f, .ratio = 1U, .memory = memory};
-        error = cgl_space_speed_init(&law.space_speed, &config, (cgl_real)TS, cells, length);
+        error = cgl_space_speed_init(&law.space_speed, &config, &loop, cells, entries_of(&memory));
         step = step_space_speed;
     } else if (strncmp(name, "space-position", 14) == 0) {
         memory.channels = 2U;
@@ -94,22 +99,22 @@ static stepper *init(const char *name)
             .hand_over = strstr(name, "handed over") != NULL, .ramp = 1.0f, .omega_min = 0.5f,
             .index = strstr(name, "rotor") != NULL ? CGL_SPACE_BY_ROTOR : CGL_SPACE_BY_REFERENCE, .limit = 3.0f,
             .memory = memory};
-        error = cgl_space_position_init(&law.space_position, &config, (cgl_real)TS, cells, length);
+        error = cgl_space_position_init(&law.space_position, &config, &loop, cells, entries_of(&memory));
         step = step_space_position;
     } else if (strcmp(name, "pi-afc") == 0) {
         const cgl_pi_afc_config config = {.pi = pi, .orders = 2U, .order = {POLE_PAIRS, 2U * POLE_PAIRS}, .gain = 0.1f,
                                           .lead = 0.005f, .omega_min = 0.5f, .limit = 1.0f};
-        error = cgl_pi_afc_init(&law.pi_afc, &config, (cgl_real)TS, cells, length);
+        error = cgl_pi_afc_init(&law.pi_afc, &config, &loop, cells, CGL_PI_AFC_LENGTH(config.orders));
         step = step_pi_afc;
     } else if (strcmp(name, "harmonic") == 0) {
         const cgl_harmonic_config config = {.pi = pi, .b = (cgl_real)(K_T / J), .delay = (cgl_real)TS, .base = POLE_PAIRS,
                                             .bends = 1U, .orders = 4U, .rate = 1.0f, .rate_min = 0.05f, .limit = 1.0f};
-        error = cgl_harmonic_init(&law.harmonic, &config, (cgl_real)TS, cells, length);
+        error = cgl_harmonic_init(&law.harmonic, &config, &loop, cells, CGL_HARMONIC_LENGTH(config.orders));
         step = step_harmonic;
     } else if (strcmp(name, "anti-cogging") == 0) {
         const cgl_anti_cogging_config config = {.pi = pi, .cells = 4U * CELLS, .speed = 1.0f, .revolutions = 1U,
                                                 .position_gain = 5.0f};
-        error = cgl_anti_cogging_init(&law.anti_cogging, &config, (cgl_real)TS, cells, length);
+        error = cgl_anti_cogging_init(&law.anti_cogging, &config, &loop, cells, config.cells);
         cgl_anti_cogging_calibrate(&law.anti_cogging);
         step = step_anti_cogging;
     }

@@ -17,7 +17,7 @@ class CAdrc:
         gains = {name: getattr(reference, name) for name in ("b", "omega_c", "omega_o", "limit")}
         self.state = library.new("cgl_adrc")
         config = library.new("cgl_adrc_config", **gains)
-        assert library.lib.cgl_adrc_init(self.state, config, reference.ts) == library.lib.CGL_OK
+        assert library.lib.cgl_adrc_init(self.state, config, library.loop(reference.ts)) == library.lib.CGL_OK
         self.out = library.new("cgl_law_output")
 
     def step(self, omega_ref: float, omega_m: float, **more: object) -> float:

@@ -26,7 +26,10 @@ class CPiAfc:
         self.config = library.new("cgl_pi_afc_config", pi=pi, orders=len(orders), order=orders, **gains)
         self.state = library.new("cgl_pi_afc")
         self.memory, pointer = library.array(np.ones(3 * len(orders)))
-        assert lib.cgl_pi_afc_init(self.state, self.config, r.pi.ts, pointer, 3 * len(orders)) == lib.CGL_OK
+        assert (
+            lib.cgl_pi_afc_init(self.state, self.config, library.loop(r.pi.ts), pointer, 3 * len(orders))
+            == lib.CGL_OK
+        )
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:

@@ -20,7 +20,10 @@ class CAntiCogging:
                                   lead=r.lead)  # fmt: skip
         self.state = library.new("cgl_anti_cogging")
         self.table, pointer = library.array(np.ones(r.cells))
-        assert lib.cgl_anti_cogging_init(self.state, self.config, r.pi.ts, pointer, r.cells) == lib.CGL_OK
+        assert (
+            lib.cgl_anti_cogging_init(self.state, self.config, library.loop(r.pi.ts), pointer, r.cells)
+            == lib.CGL_OK
+        )
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     def calibrate(self):

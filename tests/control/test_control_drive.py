@@ -329,9 +329,9 @@ def test_a_d_axis_reference_that_is_no_number_is_none(precision):
     [
         {"pole_pairs": 0}, {"pole_pairs": 10001}, {"divider": 0}, {"divider": 65536},
         {"foc": FOC | {"current_limit": 0.0}}, {"monitor": MONITOR | {"hold": -1.0}},
-        {"quality": QUALITY | {"span": 0.0}},
+        {"quality": QUALITY | {"span": -1.0}}, {"foc": FOC | {"current_limit": 1e6}}, {"feed_forward": True},
         # parts that do not agree
-        {"monitor": MONITOR | {"phases": 0}}, {"monitor": MONITOR | {"phases": 2}},
+        {"monitor": MONITOR | {"phases": 2}},
         {"foc": FOC | {"phases": 2}},
     ],
 )  # fmt: skip
@@ -364,5 +364,5 @@ def test_the_law_has_divider_periods(precision, ts, divider, phases):
     )  # fmt: skip
     drive = library.new("cgl_drive")
     assert library.lib.cgl_drive_init(drive, config, ts) == library.lib.CGL_OK
-    assert drive.law_period == pytest.approx(divider * ts, rel=2 * library.eps)
+    assert drive.loop.ts == pytest.approx(divider * ts, rel=2 * library.eps)
     assert drive.quality.longest == 10

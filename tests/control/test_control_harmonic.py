@@ -31,7 +31,10 @@ class CHarmonic:
         self.config = library.new("cgl_harmonic_config", pi=pi, **numbers)
         self.state = library.new("cgl_harmonic")
         self.memory, pointer = library.array(np.ones(5 * r.orders))
-        assert lib.cgl_harmonic_init(self.state, self.config, r.pi.ts, pointer, 5 * r.orders) == lib.CGL_OK
+        assert (
+            lib.cgl_harmonic_init(self.state, self.config, library.loop(r.pi.ts), pointer, 5 * r.orders)
+            == lib.CGL_OK
+        )
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     @property

@@ -26,13 +26,13 @@ MEMORY = {
 }
 BAD_MEMORY = {
     "kind": [3, 77, 0xFFFFFFFF],
-    "channels": [0, 4, 0xFFFFFFFF],
+    "channels": [4, 0xFFFFFFFF],
     "cells": [0, 3, 6, 65536, 0xFFFFFFFF],
-    "turns": [0, 65536, 0xFFFFFFFF],
-    "parts": [0, 65536, 0xFFFFFFFF],
+    "turns": [65536, 0xFFFFFFFF],
+    "parts": [65536, 0xFFFFFFFF],
     "q_half_width": [32, 65535, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF],
     "lead": [17, 65535, 0xFFFFFFFF],
-    "forgetting": [1.0000002, *POSITIVE],
+    "forgetting": [1.0000002, *NOT_NEGATIVE],
     "limit": [[x] for x in POSITIVE],
 }
 FOC = {"kp_d": 1.0, "ki_d": 1.0, "kp_q": 1.0, "ki_q": 1.0, "current_limit": 5.0, "advance": 1.5,
@@ -95,7 +95,7 @@ BAD_Q_FILTER = {
 }
 TRIAL = {"samples": 20, "states": 2, "k_1": [-1.0, 0.5], "k_2": 0.1, "n": 1.0, "c": [1.0, 0.0],
          "through_integrator": True, "k_3": 0.5, "shift": 2, "filter_signal": False, "limit": 10.0,
-         "learned_limit": 1.0, "unguarded": False}  # fmt: skip
+         "learned_limit": 1.0, "unguarded": True}  # fmt: skip
 OBSERVER = {"k_2": 0.0, "observer": {"response": 0.1, "pole": 0.4}}
 BAD_OBSERVER = [
     *(OBSERVER | {"observer": {"response": x, "pole": 0.4}} for x in [*FINITE, -0.1]),
@@ -122,7 +122,7 @@ BAD_SPACE_MEMORY = BAD_MEMORY | {
     "q_half_width": [6, 32768, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF],
     "limit": [[x, 0.1] for x in POSITIVE] + [[1.0, x] for x in POSITIVE],
     "method": [2, 0xFFFFFFFF],
-    "k_pp": [1000.0, *POSITIVE],
+    "k_pp": [1000.0, *NOT_NEGATIVE],
 }
 SPACE_GAINS = {"k_theta": 5.0, "k_omega": 5.0, "k_v": 0.0, "v_0": 0.0, "v_2": 0.0, "k_i": 50.0,
                "mu_alpha": 250.0, "mu_beta": 0.1, "mu_h": 0.1, "ramp": 1.0}  # fmt: skip
@@ -134,7 +134,7 @@ SPACE_POSITION = SPACE_GAINS | {
     "limit": 15.0,
 }
 BAD_SPACE_POSITION = {k: NOT_NEGATIVE for k in SPACE_GAINS} | {
-    "ratio": [0, 65536, 0xFFFFFFFF],
+    "ratio": [65536, 0xFFFFFFFF],
     "omega_min": POSITIVE,
     "index": [2, 0xFFFFFFFF],
     "limit": POSITIVE,
@@ -146,7 +146,7 @@ BAD_SPACE_SPEED |= {
     "eta_bar": POSITIVE,
     "omega_min": POSITIVE,
     "limit": POSITIVE,
-    "ratio": [0, 65536, 0xFFFFFFFF],
+    "ratio": [65536, 0xFFFFFFFF],
 }
 
 
@@ -211,6 +211,29 @@ WITH_MEMORY = {"memory": 68, "pi_ilc": 68, "robust_ilc": 68, "anti_cogging": 64,
 
 
 TIMELESS = {"feedforward", "trial"}  # these know samples only
+LAWS = {
+    "pi",
+    "adrc",
+    "pi_ilc",
+    "robust_ilc",
+    "anti_cogging",
+    "pi_afc",
+    "harmonic",
+    "space_position",
+    "space_speed",
+}
+
+
+def needed(law: str, config: dict[str, Any]) -> int:
+    """Entries of the caller's memory that a config asks for; a trial takes more, too."""
+    if law == "trial":
+        return 200
+    if law in ("anti_cogging", "pi_afc", "harmonic"):
+        count, rows = {"anti_cogging": ("cells", 1), "pi_afc": ("orders", 3), "harmonic": ("orders", 5)}[law]
+        return int(config[count]) * rows & 0xFFFFFFFF
+    memory = config if law == "memory" else config["memory"]
+    rows = (memory.get("channels") or 1) + (memory.get("kind", 0) == 2)
+    return int(rows * (memory["cells"] + memory.get("q_half_width", 0) + 1)) & 0xFFFFFFFF
 
 
 def init(
@@ -218,7 +241,7 @@ def init(
     law: str,
     config: dict[str, Any],
     pointer=None,
-    length=100,
+    length: int | None = None,
     ts: float = 1e-3,
     state=None,
 ) -> int:
@@ -226,12 +249,12 @@ def init(
     if law == "feedforward":
         arguments.reverse()
     if law not in TIMELESS:
-        arguments.append(ts)
+        arguments.append(library.loop(ts) if law in LAWS else ts)
     if law == "memory":
         arguments.append(1)  # revolutions of its angle in one
     if law in WITH_MEMORY:
-        memory = library.array([0.0] * 100)[1] if pointer is None else pointer
-        arguments += [memory, length]
+        memory = library.array([0.0] * 200)[1] if pointer is None else pointer
+        arguments += [memory, min(needed(law, config), 200) if length is None else length]
     return int(getattr(library.lib, f"cgl_{law}_init")(*arguments))
 
 
@@ -255,12 +278,18 @@ def test_refuses_a_period_that_is_none(law, precision):
 
 @pytest.mark.parametrize("precision", ["float", "double"])
 @pytest.mark.parametrize("law", WITH_MEMORY)
-def test_refuses_missing_or_short_memory(law, precision):
+def test_refuses_memory_that_is_missing_misaligned_or_of_another_length(law, precision):
+    """Also a length in bytes, as sizeof gives it, beside a config of so many more cells than there are."""
     library = control_library(precision)
-    good, needed = CONFIGS[law][0], WITH_MEMORY[law]
-    assert init(library, law, good, length=needed) == library.lib.CGL_OK
-    assert init(library, law, good, length=needed - 1) == library.lib.CGL_ERROR_MEMORY
-    assert init(library, law, good, pointer=library.ffi.NULL) == library.lib.CGL_ERROR_MEMORY
+    good, entries = CONFIGS[law][0], WITH_MEMORY[law]
+    memory = library.array([0.0] * 200)[1]
+    byte_later = library.ffi.cast("cgl_real *", library.ffi.cast("char *", memory) + 1)
+    assert init(library, law, good, memory, entries) == library.lib.CGL_OK
+    refused = [(memory, entries - 1), (library.ffi.NULL, entries)]
+    if law != "trial":
+        refused += [(memory, entries + 1), (memory, entries * library.real().nbytes), (byte_later, entries)]
+    for pointer, length in refused:
+        assert init(library, law, good, pointer, length) == library.lib.CGL_ERROR_MEMORY, length
 
 
 @pytest.mark.parametrize("law", CONFIGS)
@@ -285,7 +314,7 @@ def test_a_delay_line_may_be_longer_than_a_map(law, kind, most):
 @pytest.mark.parametrize("kind", [0, 2])
 def test_a_map_needs_no_room_for_the_angle_and_no_gain_for_p_t(kind):
     library = control_library("double")
-    config = SPACE_MEMORY | {"kind": kind, "k_pp": 0.0}
+    config = SPACE_MEMORY | {"kind": kind, "k_pp": -1.0}
     expected = library.lib.CGL_OK if kind == 0 else library.lib.CGL_ERROR_CONFIG
     assert init(library, "memory", config, length=32) == expected
     assert init(library, "memory", config | {"k_pp": 1.0}, length=32 + 8 * kind) == library.lib.CGL_OK

@@ -52,7 +52,7 @@ class Law:
 def make(c: ControlLibrary, name: str, length: int, fields: dict[str, Any]) -> Law:
     config, state = c.new(f"cgl_{name}_config", **fields), c.new(f"cgl_{name}")
     memory, pointer = c.array(np.zeros(length))
-    assert getattr(c.lib, f"cgl_{name}_init")(state, config, 1e-3, pointer, length) == 0
+    assert getattr(c.lib, f"cgl_{name}_init")(state, config, c.loop(1e-3), pointer, length) == 0
     cgl_map = c.new("cgl_map")
     result = getattr(c.lib, f"cgl_map_of_{name}")(state, cgl_map)
     out = c.new("cgl_law_output")
@@ -209,7 +209,7 @@ def test_a_trial_comes_back(precision: str) -> None:
 
     def trial() -> Law:
         gains = {"k_1": [-1.0], "n": 1.0, "c": [1.0], "k_3": 0.5, "limit": 10.0, "learned_limit": 2.0}
-        config = c.new("cgl_trial_config", samples=samples, states=1, shift=1, **gains)
+        config = c.new("cgl_trial_config", samples=samples, states=1, shift=1, unguarded=True, **gains)
         state, cgl_map = c.new("cgl_trial"), c.new("cgl_map")
         length = 3 * samples + 16
         memory, pointer = c.array(np.zeros(length))
@@ -421,7 +421,7 @@ def test_stored_lengths_and_steps_are_those_of_the_guide() -> None:
     config = c.new("cgl_pi_ilc_config", pi=PI, gain=0.04, memory=MEMORY | {"cells": 1024, "q_half_width": 0})
     law, cgl_map = c.new("cgl_pi_ilc"), c.new("cgl_map")
     memory, pointer = c.array(np.zeros(1025))
-    assert c.lib.cgl_pi_ilc_init(law, config, 1e-3, pointer, 1025) == 0
+    assert c.lib.cgl_pi_ilc_init(law, config, c.loop(1e-3), pointer, 1025) == 0
     assert c.lib.cgl_map_of_pi_ilc(law, cgl_map) == c.lib.CGL_MAP_OK
     memory[:] = 0.1
     flash = Flash(c)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from control_library import ControlLibrary, control_library
+from test_control_init import needed
 
 TS = 1e-3
 PI = {"kp": 0.1, "ki": 2.0, "limit": 5.0}
@@ -58,9 +59,9 @@ class Law:
         self.state = library.new(base)
         self.cell, pointer = library.array(np.zeros(200))
         self.rows = self.cell[: ROWS.get(name, 64)]  # behind a map is a ring of the cells last passed
-        self.memory = () if name in WITHOUT_MEMORY else (pointer, 200)
+        self.memory = () if name in WITHOUT_MEMORY else (pointer, needed(name, LAWS[name] | changes))
         self.init = getattr(library.lib, f"{base}_init")
-        assert self.init(self.state, self.config, TS, *self.memory) == library.lib.CGL_OK
+        assert self.init(self.state, self.config, library.loop(TS), *self.memory) == library.lib.CGL_OK
         self.input, self.out = library.new("cgl_law_input", omega_ref=10.0), library.new("cgl_law_output")
         self.c_step = getattr(library.lib, f"cgl_{name}_step")
         self.n = 0
@@ -146,7 +147,7 @@ def test_a_law_in_memory_that_another_has_used_does_as_a_new_one(precision, name
     law, new = Law(library, name), Law(library, name)
     for _ in range(300):
         law.step(base=0.6)
-    assert law.init(law.state, law.config, TS, *law.memory) == library.lib.CGL_OK
+    assert law.init(law.state, law.config, library.loop(TS), *law.memory) == library.lib.CGL_OK
     law.n = 0
     assert [law.step() for _ in range(300)] == [new.step() for _ in range(300)]
     assert np.array_equal(law.rows, new.rows) and terms(law.state) == terms(new.state)
@@ -168,6 +169,7 @@ def test_a_calibration_begins_anew_after_it():
 
 TRIAL = {"samples": 50, "states": 2, "k_1": [-5.0, -0.5], "k_2": 0.1, "n": 5.0, "c": [1.0, 0.0],
          "through_integrator": True, "k_3": 0.5, "shift": 1, "limit": 1000.0, "learned_limit": 1.0,
+         "unguarded": True,
          "feedforward": {"denominator": 1}}  # fmt: skip
 
 

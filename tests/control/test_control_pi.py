@@ -18,7 +18,9 @@ class CPi:
         self.library = library
         self.config = library.new("cgl_pi_config", kp=reference.kp, ki=reference.ki, limit=reference.limit)
         self.state = library.new("cgl_pi")
-        assert library.lib.cgl_pi_init(self.state, self.config, reference.ts) == library.lib.CGL_OK
+        assert (
+            library.lib.cgl_pi_init(self.state, self.config, library.loop(reference.ts)) == library.lib.CGL_OK
+        )
 
     def step(self, error: float, feedforward: float = 0.0) -> float:
         return self.library.lib.cgl_pi_step(self.state, error, feedforward)

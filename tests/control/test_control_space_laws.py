@@ -37,7 +37,10 @@ class CLaw:
         self.config = library.new(f"{self.name}_config", memory=memory, **config)
         self.state, length = library.new(self.name), cells_needed(reference.memory)
         self.cell, pointer = library.array(np.zeros(length))
-        assert getattr(lib, f"{self.name}_init")(self.state, self.config, ts, pointer, length) == lib.CGL_OK
+        assert (
+            getattr(lib, f"{self.name}_init")(self.state, self.config, library.loop(ts), pointer, length)
+            == lib.CGL_OK
+        )
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
         self.c_step = getattr(lib, f"{self.name}_step")
         self.names = [name for name in TERMS if hasattr(self.state.terms, name)]

@@ -37,7 +37,7 @@ class CLaw:
             self.c_step = lib.cgl_robust_ilc_step
         length = cells_needed(reference.memory)
         self.cell, pointer = library.array(np.zeros(length))
-        assert init(self.state, self.config, ts, pointer, length) == lib.CGL_OK
+        assert init(self.state, self.config, library.loop(ts), pointer, length) == lib.CGL_OK
         self.input, self.output = library.new("cgl_law_input"), library.new("cgl_law_output")
 
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:

@@ -256,3 +256,10 @@ def test_stamps_of_runs_that_are_gone_go(proof: Proof) -> None:
 
 def test_a_harness_that_is_not_there_is_named(proof: Proof) -> None:
     assert proof.run("adcr") == (2, [])
+
+
+def test_a_name_that_no_harness_has_is_an_error() -> None:
+    command = [sys.executable, CONTROL / "proof" / "run.py", "pi", "typo"]
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "no harness has the name typo" in done.stderr

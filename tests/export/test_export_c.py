@@ -186,6 +186,12 @@ GUARDS: list[tuple[str, str, dict[str, Any], tuple[str, ...]]] = [
 ]
 
 
+def differs(name: str) -> str:
+    """What the self-test says where a value is another; init refuses a law with a limit above the drive's."""
+    stretch = r"stretch \d+ differs, see self_test_data.h"
+    return rf"({stretch}|init or the learned memory differs)" if name == "current_limit" else stretch
+
+
 @pytest.mark.parametrize(("study", "controller", "changes", "more"), GUARDS)
 def test_the_self_test_finds_every_limit_and_fault(
     export: Export,
@@ -208,7 +214,7 @@ def test_the_self_test_finds_every_limit_and_fault(
             source.write_text(f"{text[: found.start(1)]}{value}{text[found.end(1) + 1 :]}")
             code, out = self_tested(exported)
             assert code == 1, (name, value)
-            assert re.fullmatch(r"\w+: stretch \d+ differs, see self_test_data.h\n" + ASKS, out), name
+            assert re.fullmatch(rf"\w+: {differs(name)}\n" + ASKS, out), name
 
 
 def test_what_the_self_test_meets() -> None:

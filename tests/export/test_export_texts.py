@@ -212,7 +212,7 @@ def test_parts_that_a_controller_does_not_use_are_left_out(
 ) -> None:
     law = {"memory": {"kind": kind}} if kind else {"memory": [1.0]}
     less = replace(changed(subject, unguarded=unguarded), law_config=law)
-    assert (less.defines, less.unused) == (defines, unused)
+    assert (less.defines, less.unused) == (["COGLESS_NO_TEXTS", *defines], unused)
 
 
 def test_a_law_that_learns_nothing_has_no_memory(subject: Subject) -> None:
@@ -220,9 +220,10 @@ def test_a_law_that_learns_nothing_has_no_memory(subject: Subject) -> None:
     told = {
         "law_rate": "1000", "learning": "none", "reset_comment": "As after init.", "memory_text": "none",
         "memory_member": "", "memory_define": "", "matrix": "", "verdict_row": "", "verdict_comment": "",
-        "flags": "-std=c99 -O2 -ffp-contract=off -DCOGLESS_NO_GUARD", "defines": ", `-DCOGLESS_NO_GUARD`",
+        "flags": "-std=c99 -O2 -ffp-contract=off -DCOGLESS_NO_TEXTS -DCOGLESS_NO_GUARD",
+        "defines": ", `-DCOGLESS_NO_TEXTS`, `-DCOGLESS_NO_GUARD`",
         "precision": "single", "title": "A small drive", "law": "pi", "pad": "  ", "stem": "pi_controller",
-        "init_call": "cgl_pi_init(&controller->law, &pi_law_config, controller->drive.law_period)",
+        "init_call": "cgl_pi_init(&controller->law, &pi_law_config, &controller->drive.loop)",
     }  # fmt: skip
     assert {key: words[key] for key in told} == told
 

@@ -171,7 +171,8 @@ def test_what_the_engine_refuses_reaches_the_page_in_its_words(tmp_path):
         for data in (bytes(wrong), blob.data[:100])
     ]
     made = run_node(tmp_path, ("engine.js",), RUN, {"module": module_file(tmp_path, "single"), "jobs": jobs})
-    assert made == [{"error": "pi-ilc: a gain is outside its range"}, {"error": "description: too short"}]
+    refused = {"error": "pi-ilc: pi_ilc.gain is outside its range"}
+    assert made == [refused, {"error": "description: too short"}]
 
 
 def test_without_the_module_one_line_says_how_to_get_it(monkeypatch, tmp_path):

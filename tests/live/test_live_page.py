@@ -362,7 +362,7 @@ def test_a_failing_run_is_told_and_the_page_lives_on(page, study):
         "cogless.state.values.set('controller.pi-ilc.lead', -1); cogless.set('controller.pi-ilc.gain', 0.01)"
     )
     settle(page)
-    assert "pi-ilc: a gain is outside its range" in text(page, "#verdicts .worse")
+    assert "pi-ilc: memory.lead is outside its range" in text(page, "#verdicts .worse")
     page.run("cogless.state.values.clear(); cogless.set('controller.pi-ilc.gain', 0.02)")
     settle(page)
     same(values(page, "pi-ilc"), computed(study, "low", "pi-ilc"))

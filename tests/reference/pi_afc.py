@@ -29,7 +29,8 @@ class PiAfc:
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
         e, ts = omega_ref - omega_m, self.pi.ts
         before = theta_m - omega_ref * self.lead
-        self.learning = learn and math.isfinite(e) and is_angle(theta_m) and is_angle(before)
+        self.learning = learn and self.gain > 0 and math.isfinite(e)
+        self.learning = self.learning and is_angle(theta_m) and is_angle(before)
         self.learning = self.learning and abs(omega_ref) >= self.omega_min and not self.pi.saturated
         if not is_angle(theta_m):
             self.learned = 0.0

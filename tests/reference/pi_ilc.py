@@ -20,7 +20,7 @@ class PiIlc:
 
     def step(self, omega_ref: float, omega_m: float, theta_m: float, learn: bool = True) -> float:
         e = omega_ref - omega_m
-        may = learn and not self.pi.saturated
+        may = learn and self.gain > 0 and not self.pi.saturated
         (u,), self.learning = self.memory.step(theta_m, omega_ref, may, [self.gain * e])  # (29)
         self.learned = clip(u, self.memory.limit[0])
         if self.learning:

@@ -43,7 +43,7 @@ class RobustIlc:
         integrated = clip(self.integral_e + self.ts * e, 1e9)
         S = e + self.c * integrated  # (11)
 
-        may = learn and finite and not self.saturated
+        may = learn and finite and not self.saturated and self.q * (self.beta_1 + self.beta_2) > 0
         change = -self.q * (self.beta_1 * sgn(S) + self.beta_2 * S)  # (15)
         (f,), self.learning = self.memory.step(theta_m, omega_ref, may, [change])
         f = clip(f, self.memory.limit[0])

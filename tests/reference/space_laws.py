@@ -63,7 +63,7 @@ class SpacePosition:
         moving = self.plausible and abs(i.omega_ref) >= self.omega_min
 
         theta = i.theta_m if self.index == "rotor" else i.theta_ref
-        may = i.learn and moving and not self.saturated
+        may = i.learn and moving and not self.saturated and self.mu_alpha + self.mu_beta + self.mu_h > 0
         share = 1.0 if self.learned * self.ts >= self.ramp else self.learned * self.ts / self.ramp
         f = [1.0, omega_ref, alpha_ref][: len(self.memory.limit)]
         mu = (self.mu_alpha, self.mu_beta, self.mu_h)
@@ -134,7 +134,7 @@ class SpaceSpeed:
         q = 1 / abs(omega) if abs(eta) < self.eta_bar and moving else 0.0
         f = [-1.0, -eta - omega_ref, -alpha_ref][: len(self.memory.limit)]
         mu = (self.mu_alpha, self.mu_beta, self.mu_h)
-        may = i.learn and q > 0 and not self.saturated
+        may = i.learn and q > 0 and not self.saturated and sum(mu) > 0
         speed = omega if moving else 0.0
         by = [-1.0, -omega_ref, -alpha_ref]  # else alpha's and beta's means would drift apart
         change = [m * eta * f_i * q for m, f_i in zip(mu, by[: len(f)], strict=False)]

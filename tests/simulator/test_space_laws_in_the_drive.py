@@ -182,8 +182,15 @@ def test_speed_law_learns_on_the_rotors_angle() -> None:
 
 
 def test_what_is_outside_its_range_is_refused() -> None:
-    for change in (law({"channels": 0}), law({"channels": 4}), law(k_theta=-1.0), law({"turns": 0}, ratio=0)):
-        with pytest.raises(ValueError, match="space-position: a gain is outside its range"):
+    refused = {
+        "memory.channels": law({"channels": 4}),
+        "space_position.k_theta": law(k_theta=-1.0),
+        "memory.turns": law({"turns": 65536}),
+        "space_position.ratio": law(ratio=65536),
+        "space_position.limit": law(limit=1e6),
+    }
+    for field, change in refused.items():
+        with pytest.raises(ValueError, match=f"space-position: {field} is outside its range"):
             drive_of(_simulator_f64, merged(SECTION_5, {"controller": change}))
 
 

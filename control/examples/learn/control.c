@@ -1,5 +1,7 @@
 #include "control.h"
 
+#include <stddef.h>
+
 #include "board.h"
 #include "cogless/drive.h"
 #include "cogless/pi_ilc.h"
@@ -16,14 +18,14 @@ static const cgl_pi_ilc_config law_config = {
     .pi = {.kp = 0.14f, .ki = 2.9f, .limit = 3.0f}, .gain = 0.038f,
     .memory = {.channels = 1, .cells = CELLS, .turns = 1, .parts = POLE_PAIRS, .q_half_width = Q_HALF_WIDTH, .forgetting = 1.0f,
                .limit = {1.0f}}};
-static cgl_real map[CGL_MEMORY_ROW(CELLS, Q_HALF_WIDTH)]; /* the ripple that is learned */
+CGL_MAP(map, CELLS, Q_HALF_WIDTH); /* the ripple that is learned */
 static cgl_pi_ilc law;
 static cgl_drive drive;
 
 bool control_start(void) /* once, before the interrupt is enabled; do not run the motor where it returns false */
 {
     return cgl_drive_init(&drive, &drive_config, 1.0f / BOARD_RATE) == CGL_OK
-           && cgl_pi_ilc_init(&law, &law_config, drive.law_period, map, sizeof map / sizeof map[0]) == CGL_OK;
+           && cgl_pi_ilc_init(&law, &law_config, &drive.loop, map, CGL_ENTRIES(map)) == CGL_OK;
 }
 
 void current_loop_interrupt(void)
@@ -42,7 +44,20 @@ void current_loop_interrupt(void)
     }
 }
 
-cgl_quality_report control_quality(void) /* for a display: how good is it, is it still learning? */
+static uint32_t windows_of_quality(void)
 {
-    return cgl_quality_read(&drive.quality);
+    return *(const volatile uint32_t *)&drive.quality.windows;
+}
+
+cgl_quality_report control_quality(void) /* for a display, in the background: how good is it, is it still learning? */
+{
+    cgl_quality copy;
+    uint32_t windows;
+    do { /* the interrupt changes what is read where a window ends: once more then */
+        windows = windows_of_quality();
+        for (size_t n = 0; n < sizeof copy; ++n) {
+            ((unsigned char *)&copy)[n] = ((const volatile unsigned char *)&drive.quality)[n];
+        }
+    } while (windows_of_quality() != windows);
+    return cgl_quality_read(&copy);
 }

@@ -2,30 +2,33 @@
 //
 // SimpleFOC's loop stays as it is. What remains of the speed error at each angle of the rotor is learned and added to
 // the current that its velocity PID asks for: motor.feed_forward_current.q. Needs SimpleFOC 2.4 or newer, torque control
-// by currents (foc_current, dc_current or estimated_current).
+// by currents (foc_current, dc_current or estimated_current). estimated_current needs the motor's phase resistance: without it
+// loopFOC() gives no voltage. examples/foreign runs such a loop on a plant, with the ripple before and after.
 #include <SimpleFOC.h>
 #include <cogless.h>
 
 enum { CELLS = 512, Q_HALF_WIDTH = 1, LEARN_RATE = 1000 };  // Hz
 
 // your motor, driver and sensor
-BLDCMotor motor(7);
+BLDCMotor motor(7, 5.6f);  // pole pairs, phase resistance [ohm]
 BLDCDriver3PWM driver(9, 5, 6, 8);
 MagneticSensorI2C sensor(AS5600_I2C);
 
 static cgl_drive_config drive_config;
 static cgl_pi_ilc_config law_config;
-static cgl_real map_of_ripple[CGL_MEMORY_ROW(CELLS, Q_HALF_WIDTH)];
+CGL_MAP(map_of_ripple, CELLS, Q_HALF_WIDTH);
 static cgl_pi_ilc law;
 static cgl_drive drive;
-static bool learns;
+static const char *refused = "";
 
-// Whether cogless takes the configs; where it does not, the motor runs as without it.
-static bool start_learning()
+// nullptr, or the field that cogless refuses: the motor runs as without it then.
+static const char *start_learning()
 {
     drive_config.pole_pairs = motor.pole_pairs;
     drive_config.divider = 1;
-    drive_config.foreign = true;                   // SimpleFOC controls the currents
+    drive_config.foreign = true;                   // SimpleFOC controls the currents,
+    drive_config.feed_forward = true;              // and the speed: what is learned is added to its current
+    drive_config.foc.current_limit = motor.current_limit;
     drive_config.monitor.omega_max = 300.0f;       // rad/s; faster is a jump of the sensor
     drive_config.monitor.angle_step = 0.0015f;     // rad; 12 bits
     drive_config.monitor.speed_window = 0.01f;     // s; twice the time constant of SimpleFOC's speed filter
@@ -38,21 +41,21 @@ static bool start_learning()
     drive_config.quality.outlier = 4.0f;           // a knock teaches nothing
     drive_config.quality.floor = 0.5f;             // rad/s
 
-    law_config.pi.kp = 0.0f;                       // the speed PID is SimpleFOC's
-    law_config.pi.ki = 0.0f;
+    law_config.pi.kp = motor.PID_velocity.P;       // A s/rad; SimpleFOC's: they bound the learning, and do not act
+    law_config.pi.ki = motor.PID_velocity.I;       // A/rad
     law_config.pi.limit = 0.3f * motor.current_limit;
-    law_config.gain = 0.3f * motor.PID_velocity.P; // A s/rad
-    law_config.memory.kind = CGL_MEMORY_ANGLE;
-    law_config.memory.channels = 1;
-    law_config.memory.cells = CELLS;
-    law_config.memory.turns = 1;                   // the map is of one turn
-    law_config.memory.parts = 1;
+    law_config.gain = 0.5f * motor.PID_velocity.P; // A s/rad
+    law_config.memory.cells = CELLS;               // of a turn
     law_config.memory.q_half_width = Q_HALF_WIDTH;
-    law_config.memory.lead = 3;                    // ms until the speed filter has seen a current's effect
-    law_config.memory.forgetting = 1.0f;
+    law_config.memory.lead = 6;                    // ms until the speed filter, of 5 ms, has seen a current's effect
     law_config.memory.limit[0] = 0.3f * motor.current_limit;
-    return cgl_drive_init(&drive, &drive_config, 1.0f / LEARN_RATE) == CGL_OK
-           && cgl_pi_ilc_init(&law, &law_config, drive.law_period, map_of_ripple, sizeof map_of_ripple / sizeof map_of_ripple[0]) == CGL_OK;
+    if (cgl_drive_init(&drive, &drive_config, 1.0f / LEARN_RATE) != CGL_OK) {
+        return cgl_drive_bad_field(&drive_config, 1.0f / LEARN_RATE);
+    }
+    if (cgl_pi_ilc_init(&law, &law_config, &drive.loop, map_of_ripple, CGL_ENTRIES(map_of_ripple)) != CGL_OK) {
+        return cgl_pi_ilc_bad_field(&law_config, &drive.loop);
+    }
+    return nullptr;
 }
 
 // Whether SimpleFOC gives what its velocity PID asks for, after motor.move(), which leaves the PID's output in current_sp:
@@ -93,7 +96,14 @@ void setup()
     motor.init();
     motor.initFOC();
     motor.target = 6.28f;  // rad/s
-    learns = start_learning();
+    motor.PID_velocity.P = 0.04f;  // A s/rad: SimpleFOC's default of 0.5 is for volts
+    motor.PID_velocity.I = 0.8f;   // A/rad
+    motor.LPF_velocity.Tf = 0.005f;
+    Serial.begin(115200);
+    refused = start_learning();
+    if (refused != nullptr) {
+        Serial.println(refused);
+    }
 }
 
 void loop()
@@ -103,7 +113,7 @@ void loop()
     motor.move();
     if ((long)(micros() - next) >= 0) {
         next += 1000000UL / LEARN_RATE;
-        if (learns) {
+        if (refused == nullptr) {
             motor.feed_forward_current.q = learned_current();
         }
     }

@@ -5,14 +5,26 @@
 
 #define FASTEST CGL_R(2.0) /* bandwidth in 1/ts: beyond it nothing is smoothed */
 
-static bool is_valid(const cgl_adrc_config *config, cgl_real ts)
+CGL_SELDOM const char *cgl_adrc_bad_field(const cgl_adrc_config *config, const cgl_loop *loop)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_adrc_config, b, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_adrc_config, omega_c, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_adrc_config, omega_o, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_adrc_config, limit, CGL_POSITIVE)};
-    return CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts) && config->omega_o * ts <= FASTEST
-           && cgl_is_positive(config->b * config->limit) && cgl_is_positive(CGL_R(1.0) / config->b);
+    static const cgl_range range[] = {CGL_RANGE(adrc, b, CGL_POSITIVE), CGL_RANGE(adrc, omega_c, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(adrc, omega_o, CGL_POSITIVE), CGL_RANGE(adrc, limit, CGL_POSITIVE)};
+    const char *field = cgl_loop_bad_field(loop);
+    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    if (field != 0) {
+        return field;
+    }
+    if (loop->feed_forward) {
+        return CGL_FIELD("loop.feed_forward");
+    }
+    if (!(config->omega_o * loop->ts <= FASTEST)) {
+        return CGL_FIELD("adrc.omega_o");
+    }
+    if (!cgl_is_positive(CGL_R(1.0) / config->b)) {
+        return CGL_FIELD("adrc.b");
+    }
+    const bool bounded = cgl_is_positive(config->b * config->limit) && config->limit <= loop->current_limit;
+    return bounded ? 0 : CGL_FIELD("adrc.limit");
 }
 
 /* Resets the estimates, as if `current` [A] held the speed. */
@@ -28,27 +40,29 @@ CGL_SELDOM static void start(cgl_adrc *law, cgl_real current)
 
 static void take(cgl_adrc *law, const cgl_adrc_config *config)
 {
-    const cgl_real p = cgl_decay(config->omega_o * law->ts), q = CGL_R(1.0) - p;
+    const cgl_real p = cgl_decay(config->omega_o * law->loop.ts), q = CGL_R(1.0) - p;
     law->config = *config;
     law->l1 = CGL_R(1.0) - p * p;
-    law->l2 = cgl_clamped(q * q / law->ts, CGL_REAL_MAX);
+    law->l2 = cgl_clamped(q * q / law->loop.ts, CGL_REAL_MAX);
     law->most = cgl_clamped(config->b * config->limit, CGL_REAL_MAX);
 }
 
-CGL_SELDOM cgl_error cgl_adrc_init(cgl_adrc *law, const cgl_adrc_config *config, cgl_real ts)
+CGL_SELDOM cgl_error cgl_adrc_init(cgl_adrc *law, const cgl_adrc_config *config, const cgl_loop *loop)
 {
-    if (!is_valid(config, ts)) {
+    law->ready = 0U;
+    if (cgl_adrc_bad_field(config, loop) != 0) {
         return CGL_ERROR_CONFIG;
     }
-    law->ts = ts;
+    law->loop = *loop;
     take(law, config);
     cgl_adrc_reset(law);
+    law->ready = CGL_READY;
     return CGL_OK;
 }
 
 CGL_SELDOM cgl_error cgl_adrc_retune(cgl_adrc *law, const cgl_adrc_config *config)
 {
-    if (!is_valid(config, law->ts)) {
+    if (cgl_adrc_bad_field(config, &law->loop) != 0) {
         return CGL_ERROR_CONFIG;
     }
     take(law, config);
@@ -65,16 +79,20 @@ CGL_SELDOM void cgl_adrc_reset(cgl_adrc *law)
 void cgl_adrc_step(cgl_adrc *law, const cgl_law_input *in, cgl_law_output *out)
 {
     const cgl_adrc_config *const config = &law->config;
+    if (!CGL_OFTEN(law->ready == CGL_READY)) {
+        cgl_law_refuse(out);
+        return;
+    }
     if (cgl_law_stands_by(in)) {
         start(law, cgl_law_stand_by(in, CGL_R(0.0), config->limit, out));
         return;
     }
     const bool measured = cgl_is_finite(in->omega_m), wanted = cgl_is_finite(in->omega_ref);
     if (!law->started && measured) {
-        law->omega = in->omega_m - law->ts * (law->f + config->b * law->before);
+        law->omega = in->omega_m - law->loop.ts * (law->f + config->b * law->before);
         law->started = true;
     }
-    const cgl_real predicted = law->omega + law->ts * (law->f + config->b * law->before);
+    const cgl_real predicted = law->omega + law->loop.ts * (law->f + config->b * law->before);
     const cgl_real e = measured && law->started ? in->omega_m - predicted : CGL_R(0.0);
     law->omega = cgl_clamp(predicted + law->l1 * e, CGL_REAL_MAX);
     law->f = cgl_clamp(law->f + law->l2 * e, law->most);

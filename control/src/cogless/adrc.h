@@ -18,12 +18,13 @@ typedef struct {
     cgl_real b;       /* acceleration per current, K_t / J [rad/s^2/A], > 0 */
     cgl_real omega_c; /* bandwidth of the loop [1/s], >= 0 */
     cgl_real omega_o; /* bandwidth of the observer, its double pole [1/s], > 0, at most 2 a sample */
-    cgl_real limit;   /* the output stays within +-limit [A], > 0; b limit finite */
+    cgl_real limit;   /* the output stays within +-limit [A], > 0; at most loop.current_limit; b limit finite */
 } cgl_adrc_config;
 
 typedef struct {
+    uint32_t ready;        /* CGL_READY after init */
     cgl_adrc_config config;
-    cgl_real ts;           /* sampling period [s] */
+    cgl_loop loop;
     cgl_real l1, l2;       /* gains of the observer [-], [1/s] */
     cgl_real most;         /* b limit: the disturbance that the current can reject [rad/s^2] */
     cgl_real omega;        /* estimate of the speed [rad/s] */
@@ -34,7 +35,10 @@ typedef struct {
     bool started;          /* omega is an estimate */
 } cgl_adrc;
 
-cgl_error cgl_adrc_init(cgl_adrc *law, const cgl_adrc_config *config, cgl_real ts);
+/* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_adrc_bad_field(const cgl_adrc_config *config, const cgl_loop *loop);
+
+cgl_error cgl_adrc_init(cgl_adrc *law, const cgl_adrc_config *config, const cgl_loop *loop);
 
 /* Takes other gains and limits while it runs, as cgl_pi_retune; the estimates stay, f within the limit. */
 cgl_error cgl_adrc_retune(cgl_adrc *law, const cgl_adrc_config *config);

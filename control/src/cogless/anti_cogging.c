@@ -3,26 +3,34 @@
 #include "angle.h"
 #include "range.h"
 
-CGL_SELDOM static bool is_valid(const cgl_anti_cogging_config *config)
+CGL_SELDOM const char *cgl_anti_cogging_bad_field(const cgl_anti_cogging_config *config, const cgl_loop *loop)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_anti_cogging_config, cells, CGL_COUNT),
-                                      CGL_RANGE(cgl_anti_cogging_config, speed, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_anti_cogging_config, revolutions, CGL_COUNT),
-                                      CGL_RANGE(cgl_anti_cogging_config, position_gain, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_anti_cogging_config, lead, CGL_NOT_NEGATIVE)};
-    return CGL_IS_IN_RANGE(config, range) && config->cells >= 4U && config->revolutions <= 100U;
+    static const cgl_range range[] = {CGL_RANGE(anti_cogging, cells, CGL_COUNT),
+                                      CGL_RANGE(anti_cogging, speed, CGL_POSITIVE),
+                                      CGL_RANGE(anti_cogging, revolutions, CGL_COUNT),
+                                      CGL_RANGE(anti_cogging, position_gain, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(anti_cogging, lead, CGL_NOT_NEGATIVE)};
+    const char *field = cgl_pi_bad_field(&config->pi, loop);
+    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    if (field != 0) {
+        return field;
+    }
+    if (config->cells < 4U) {
+        return CGL_FIELD("anti_cogging.cells");
+    }
+    return config->revolutions <= 100U ? 0 : CGL_FIELD("anti_cogging.revolutions");
 }
 
-cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, cgl_real ts, cgl_real *table,
-                                           uint32_t length)
+cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, const cgl_loop *loop, cgl_real *table,
+                                uint32_t length)
 {
-    if (!is_valid(config)) {
+    law->pi.ready = 0U;
+    if (cgl_anti_cogging_bad_field(config, loop) != 0) {
         return CGL_ERROR_CONFIG;
     }
-    if (table == 0 || length < config->cells) {
+    if (cgl_check_memory(table, length, config->cells) != CGL_OK) {
         return CGL_ERROR_MEMORY;
     }
-    const cgl_error error = cgl_pi_init(&law->pi, &config->pi, ts);
     law->config = *config;
     law->table = table;
     law->stage = CGL_ANTI_COGGING_RUN;
@@ -30,19 +38,18 @@ cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_co
     for (uint32_t n = 0; n < config->cells; ++n) {
         table[n] = CGL_R(0.0);
     }
-    if (error == CGL_OK) {
-        cgl_anti_cogging_reset(law);
-    }
+    const cgl_error error = cgl_pi_init(&law->pi, &config->pi, loop);
+    cgl_anti_cogging_reset(law);
     return error;
 }
 
 cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config)
 {
     const bool same_run = law->stage == CGL_ANTI_COGGING_RUN || config->revolutions == law->config.revolutions;
-    if (!(is_valid(config) && config->cells == law->config.cells && same_run)
-        || cgl_pi_retune(&law->pi, &config->pi) != CGL_OK) {
+    if (cgl_anti_cogging_bad_field(config, &law->pi.loop) != 0 || config->cells != law->config.cells || !same_run) {
         return CGL_ERROR_CONFIG;
     }
+    (void)cgl_pi_retune(&law->pi, &config->pi);
     law->config = *config;
     for (uint32_t n = 0; n < config->cells; ++n) {
         law->table[n] = cgl_clamped(law->table[n], config->pi.limit);
@@ -70,6 +77,9 @@ void cgl_anti_cogging_reset(cgl_anti_cogging *law)
 
 CGL_SELDOM void cgl_anti_cogging_calibrate(cgl_anti_cogging *law)
 {
+    if (law->pi.loop.feed_forward) {
+        return;
+    }
     law->stage = CGL_ANTI_COGGING_FORWARD; /* so that reset clears the table */
     cgl_anti_cogging_reset(law);
     law->stage = CGL_ANTI_COGGING_FORWARD;
@@ -205,6 +215,10 @@ void cgl_anti_cogging_step(cgl_anti_cogging *law, const cgl_law_input *in,
                            cgl_law_output *out)
 {
     const cgl_anti_cogging_config *const config = &law->config;
+    if (!CGL_OFTEN(law->pi.ready == CGL_READY)) {
+        cgl_law_refuse(out);
+        return;
+    }
     if (cgl_law_stands_by(in)) {
         stand_by(law, in, out);
         return;
@@ -220,7 +234,7 @@ void cgl_anti_cogging_step(cgl_anti_cogging *law, const cgl_law_input *in,
         if (law->end_cell == law->cell) {
             start_direction(law, CGL_ANTI_COGGING_FORWARD);
         }
-        law->behind += direction(law) * config->speed * law->pi.ts;
+        law->behind += direction(law) * config->speed * law->pi.loop.ts;
         record(law, in->i_q, in->learn);
         error = direction(law) * config->speed + config->position_gain * law->behind - in->omega_m;
         if (law->cell >= law->end_cell) {

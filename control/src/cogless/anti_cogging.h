@@ -49,8 +49,11 @@ typedef struct {
     bool started;               /* place is valid */
 } cgl_anti_cogging;
 
-/* `table`: `cells` entries, which the state keeps using; they are cleared. */
-cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, cgl_real ts, cgl_real *table,
+/* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_anti_cogging_bad_field(const cgl_anti_cogging_config *config, const cgl_loop *loop);
+
+/* loop: drive.loop. `table`: `cells` entries, which the state keeps using; they are cleared. */
+cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, const cgl_loop *loop, cgl_real *table,
                                 uint32_t length);
 
 /* Takes other gains and limits while it runs, as cgl_pi_retune. The table stays, within the limit; the number of cells must
@@ -65,7 +68,8 @@ void cgl_anti_cogging_reset(cgl_anti_cogging *law);
  * drive->command, cgl_drive does not look for a stuck angle. Where in->learn is false nothing is recorded, and the status has
  * CGL_STATUS_FROZEN; the motor turns on, and what is missing is recorded when the rotor passes there the next time. So a table
  * is whole or not there, and with in->learn false for good the run does not end: end it by a reset. After
- * cgl_monitor_trust() calibrate anew: what was recorded belongs to the angle before. */
+ * cgl_monitor_trust() calibrate anew: what was recorded belongs to the angle before. With loop.feed_forward nothing happens: somebody
+ * else's feedback would have to make the run. */
 void cgl_anti_cogging_calibrate(cgl_anti_cogging *law);
 
 /* PI plus table. In a calibration in->i_q is recorded; it waits while an input is not finite. While in->off the output and

@@ -8,9 +8,9 @@
 
 CGL_SELDOM cgl_error cgl_offsets_init(cgl_offsets *offsets, const cgl_offsets_config *config)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_offsets_config, samples, CGL_COUNT),
-                                      CGL_RANGE(cgl_offsets_config, largest, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_offsets_config, spread, CGL_POSITIVE)};
+    static const cgl_range range[] = {CGL_RANGE(offsets, samples, CGL_COUNT),
+                                      CGL_RANGE(offsets, largest, CGL_POSITIVE),
+                                      CGL_RANGE(offsets, spread, CGL_POSITIVE)};
     if (!(CGL_IS_IN_RANGE(config, range) && (config->phases == 2U || config->phases == 3U))) {
         return CGL_ERROR_CONFIG;
     }
@@ -64,19 +64,22 @@ enum { RISE, FORWARD_HALF, FORWARD_REST, BACK, FALL };
 
 CGL_SELDOM cgl_error cgl_align_init(cgl_align *align, const cgl_align_config *config, cgl_real ts)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_align_config, current, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_align_config, ramp, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_align_config, sweep, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_align_config, speed, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_align_config, settle, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_align_config, tolerance, CGL_POSITIVE)};
-    if (!(CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts) && config->pole_pairs >= 1U
-          && config->pole_pairs <= POLE_PAIRS_MAX && config->sweep <= CGL_PI && config->tolerance < CGL_R(1.0)
-          && config->ramp <= STEPS_MAX * ts && config->settle <= STEPS_MAX * ts
-          && config->sweep <= STEPS_MAX * ts * config->speed)) {
+    static const cgl_range range[] = {CGL_RANGE(align, current, CGL_POSITIVE),
+                                      CGL_RANGE(align, ramp, CGL_POSITIVE),
+                                      CGL_RANGE(align, sweep, CGL_POSITIVE),
+                                      CGL_RANGE(align, speed, CGL_POSITIVE),
+                                      CGL_RANGE(align, settle, CGL_POSITIVE),
+                                      CGL_RANGE(align, tolerance, CGL_POSITIVE)};
+    cgl_align_config full = *config;
+    full.sweep = cgl_or_default(full.sweep, CGL_R(0.5) * CGL_PI);
+    full.tolerance = cgl_or_default(full.tolerance, CGL_R(0.25));
+    if (!(CGL_IS_IN_RANGE(&full, range) && cgl_is_positive(ts) && full.pole_pairs >= 1U
+          && full.pole_pairs <= POLE_PAIRS_MAX && full.sweep <= CGL_PI && full.tolerance < CGL_R(1.0)
+          && full.ramp <= STEPS_MAX * ts && full.settle <= STEPS_MAX * ts
+          && full.sweep <= STEPS_MAX * ts * full.speed)) {
         return CGL_ERROR_CONFIG;
     }
-    align->config = *config;
+    align->config = full;
     align->ts = ts;
     cgl_align_reset(align);
     return CGL_OK;

@@ -57,10 +57,10 @@ typedef struct {
     uint32_t pole_pairs; /* 1 to 10000 */
     cgl_real current;    /* that pulls the rotor [A], > 0 */
     cgl_real ramp;       /* time in which it rises and falls [s], > 0 */
-    cgl_real sweep;      /* the field goes so far to either side, electrical [rad], > 0, up to pi, default pi/2 */
+    cgl_real sweep;      /* the field goes so far to either side, electrical [rad], > 0, up to pi; 0: default pi/2 */
     cgl_real speed;      /* of the field, electrical [rad/s], > 0; a rotor must follow without swinging */
     cgl_real settle;     /* time to come to rest before the angle is read, swings of the pull included [s], > 0 */
-    cgl_real tolerance;  /* the rotor's way may differ from the field's by this part of it, > 0, below 1, default 0.25 */
+    cgl_real tolerance;  /* the rotor's way may differ from the field's by this part of it, > 0, below 1; 0: default 0.25 */
 } cgl_align_config;
 
 typedef struct {

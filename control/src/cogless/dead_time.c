@@ -9,9 +9,9 @@
 CGL_SELDOM static bool is_valid(const cgl_dead_time_config *config, cgl_real ts)
 {
     static const cgl_range range[] = {
-        CGL_RANGE(cgl_dead_time_config, time, CGL_NOT_NEGATIVE), CGL_RANGE(cgl_dead_time_config, drop, CGL_NOT_NEGATIVE),
-        CGL_RANGE(cgl_dead_time_config, band, CGL_POSITIVE), CGL_RANGE(cgl_dead_time_config, lag, CGL_NOT_NEGATIVE),
-        CGL_RANGE(cgl_dead_time_config, advance, CGL_NOT_NEGATIVE)};
+        CGL_RANGE(dead_time, time, CGL_NOT_NEGATIVE), CGL_RANGE(dead_time, drop, CGL_NOT_NEGATIVE),
+        CGL_RANGE(dead_time, band, CGL_POSITIVE), CGL_RANGE(dead_time, lag, CGL_NOT_NEGATIVE),
+        CGL_RANGE(dead_time, advance, CGL_NOT_NEGATIVE)};
     return CGL_IS_IN_RANGE(config, range) && config->time <= CGL_R(0.5) * ts
            && cgl_is_finite(CGL_R(1.0) / config->band) && cgl_is_finite(config->lag + ts)
            && cgl_is_finite(config->advance * ts)

@@ -4,69 +4,114 @@
 #define DIVIDER_MAX 65535U
 #define FULL_SHARE CGL_R(0.95) /* share of the current limit from which on a current is full */
 
-/* Whether what the drive itself takes is in its range, and the parts agree on what they say twice. */
-CGL_SELDOM static bool is_valid(const cgl_drive_config *config)
+static uint32_t phases_of(const cgl_drive_config *config)
 {
-    const uint32_t phases = config->foc.phases == 0U ? 3U : config->foc.phases;
-    return config->pole_pairs >= 1U && config->pole_pairs <= POLE_PAIRS_MAX && config->divider >= 1U
+    return config->foc.phases == 0U ? 3U : config->foc.phases;
+}
+
+/* The monitor's config, which watches the current loop's phases where it names none. */
+CGL_SELDOM static cgl_monitor_config monitor_config(const cgl_drive_config *config)
+{
+    cgl_monitor_config full = config->monitor;
+    if (!config->foreign && full.phases == 0U) {
+        full.phases = phases_of(config);
+    }
+    return full;
+}
+
+/* Of what the drive itself takes, and where its parts do not agree. */
+CGL_SELDOM static const char *own_bad_field(const cgl_drive_config *config)
+{
+    if (config->pole_pairs < 1U || config->pole_pairs > POLE_PAIRS_MAX) {
+        return CGL_FIELD("drive.pole_pairs");
+    }
+    if (config->divider < 1U || config->divider > DIVIDER_MAX) {
+        return CGL_FIELD("drive.divider");
+    }
+    if (config->feed_forward && !config->foreign) {
+        return CGL_FIELD("drive.feed_forward");
+    }
 #ifdef COGLESS_NO_GUARD
-           && config->unguarded
+    if (!config->unguarded) {
+        return CGL_FIELD("drive.unguarded");
+    }
 #endif
-           && config->divider <= DIVIDER_MAX && (config->foreign || config->monitor.phases == phases);
+    if (config->foreign) {
+        const cgl_real limit = config->foc.current_limit;
+        return limit >= CGL_R(0.0) && limit <= CGL_CURRENT_MAX ? 0 : CGL_FIELD("foc.current_limit");
+    }
+    return config->monitor.phases == 0U || config->monitor.phases == phases_of(config) ? 0 : CGL_FIELD("monitor.phases");
+}
+
+CGL_SELDOM const char *cgl_drive_bad_field(const cgl_drive_config *config, cgl_real ts)
+{
+    const cgl_monitor_config monitor = monitor_config(config);
+    const char *field = own_bad_field(config);
+    if (field == 0 && !config->foreign) {
+        field = cgl_foc_bad_field(&config->foc, ts);
+    }
+    field = field != 0 ? field : cgl_monitor_bad_field(&monitor, ts);
+    return field != 0 ? field : cgl_quality_bad_field(&config->quality, (cgl_real)config->divider * ts);
+}
+
+/* What a law is told of this drive. */
+CGL_SELDOM static cgl_loop loop_of(const cgl_drive_config *config, cgl_real law_period)
+{
+    const cgl_real limit = config->foc.current_limit;
+    const cgl_loop loop = {law_period, limit > CGL_R(0.0) ? limit : CGL_CURRENT_MAX, config->feed_forward, !config->unguarded};
+    return loop;
 }
 
 cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts)
 {
-    if (!is_valid(config)) {
+    drive->ready = 0U;
+    if (cgl_drive_bad_field(config, ts) != 0) {
         return CGL_ERROR_CONFIG;
     }
+    const cgl_monitor_config monitor = monitor_config(config);
     const cgl_real law_period = (cgl_real)config->divider * ts;
-    cgl_error error = config->foreign ? CGL_OK : cgl_foc_init(&drive->foc, &config->foc, ts);
-    if (error == CGL_OK) {
-        error = cgl_monitor_init(&drive->monitor, &config->monitor, ts);
+    if (!config->foreign) {
+        (void)cgl_foc_init(&drive->foc, &config->foc, ts);
     }
-    if (error == CGL_OK) {
-        error = cgl_quality_init(&drive->quality, &config->quality, law_period);
-    }
+    (void)cgl_monitor_init(&drive->monitor, &monitor, ts);
+    (void)cgl_quality_init(&drive->quality, &config->quality, law_period);
 #ifndef COGLESS_NO_GUARD
-    if (error == CGL_OK) {
-        error = cgl_guard_init(&drive->guard, law_period);
+    const cgl_error error = cgl_guard_init(&drive->guard, law_period);
+    if (error != CGL_OK) {
+        return error;
     }
 #endif
-    if (error == CGL_OK) {
-        drive->pole_pairs = (cgl_real)config->pole_pairs;
-        drive->divider = config->divider;
-        drive->foreign = config->foreign;
-        drive->learn_saturated = config->learn_saturated;
-        drive->unguarded = config->unguarded;
-        drive->law_period = law_period;
-        cgl_drive_reset(drive);
-    }
-    return error;
+    drive->pole_pairs = (cgl_real)config->pole_pairs;
+    drive->divider = config->divider;
+    drive->foreign = config->foreign;
+    drive->learn_saturated = config->learn_saturated;
+    drive->unguarded = config->unguarded;
+    drive->loop = loop_of(config, law_period);
+    cgl_drive_reset(drive);
+    drive->ready = CGL_READY;
+    return CGL_OK;
 }
 
 cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
 {
+    const cgl_monitor_config monitor = monitor_config(config);
     const cgl_foc foc = drive->foc;
-    const cgl_monitor monitor = drive->monitor;
-    if (!(is_valid(config) && (uint32_t)drive->pole_pairs == config->pole_pairs
-          && config->divider == drive->divider && config->foreign == drive->foreign)) {
+    if (cgl_drive_bad_field(config, drive->monitor.ts) != 0 || (uint32_t)drive->pole_pairs != config->pole_pairs
+        || config->divider != drive->divider || config->foreign != drive->foreign
+        || config->feed_forward != drive->loop.feed_forward) {
         return CGL_ERROR_CONFIG;
     }
-    cgl_error error = config->foreign ? CGL_OK : cgl_foc_retune(&drive->foc, &config->foc);
-    if (error == CGL_OK) {
-        error = cgl_monitor_retune(&drive->monitor, &config->monitor);
+    if (!config->foreign && cgl_foc_retune(&drive->foc, &config->foc) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
     }
-    if (error == CGL_OK) {
-        error = cgl_quality_retune(&drive->quality, &config->quality);
-    }
-    if (error == CGL_OK) {
-        drive->learn_saturated = config->learn_saturated;
-    } else {
+    if (cgl_quality_retune(&drive->quality, &config->quality) != CGL_OK) {
         drive->foc = foc;
-        drive->monitor = monitor;
+        return CGL_ERROR_CONFIG;
     }
-    return error;
+    (void)cgl_monitor_retune(&drive->monitor, &monitor);
+    drive->learn_saturated = config->learn_saturated;
+    drive->loop.current_limit = loop_of(config, drive->loop.ts).current_limit;
+    return CGL_OK;
 }
 
 CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
@@ -182,6 +227,9 @@ CGL_SELDOM static bool is_full(const cgl_drive *drive, cgl_real omega_ref)
 bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
                        const cgl_reference *reference)
 {
+    if (!CGL_OFTEN(drive->ready == CGL_READY)) {
+        return false;
+    }
     cgl_monitor *const monitor = &drive->monitor;
     const cgl_real omega_ref = is_busy(drive) || reference->torque ? CGL_R(0.0) : reference->omega_ref;
     /* is_full matters only while the angle stands still, so an ordinary period does not compute it */
@@ -216,6 +264,11 @@ CGL_SELDOM static void rest(cgl_drive *drive, cgl_drive_output *out)
 
 void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
 {
+    if (!CGL_OFTEN(drive->ready == CGL_READY)) {
+        rest(drive, out);
+        out->status = (unsigned)CGL_STATUS_FAULT | (unsigned)CGL_STATUS_FROZEN | (unsigned)CGL_STATUS_OFF;
+        return;
+    }
     const unsigned status = drive->status | drive->command.status | drive->held;
     if (drive->monitor.safe) {
         drive->command.i_q_ref = CGL_R(0.0);

@@ -31,14 +31,17 @@ extern "C" {
 typedef struct {
     uint32_t pole_pairs;   /* 1 to 10000 */
     uint32_t divider;      /* current-loop periods in a period of the law, 1 to 65535 */
-    bool foreign;          /* somebody else controls the currents: foc is not used, actuate gives the law's reference */
+    bool foreign;          /* somebody else controls the currents: of foc only current_limit is used, 0 where none is known;
+                              actuate gives the law's reference */
+    bool feed_forward;     /* somebody else controls the speed too: the law gives only what it learns, for a foreign loop to add;
+                              default false */
     bool learn_saturated;  /* learn although the current loop falls short: for a law that learns from whole trials, of
                               which one such period would spoil all; default false */
     bool unguarded;        /* learning is not watched by the guard; default false. With COGLESS_NO_GUARD, which leaves guard.c
                               out, it must be true */
     cgl_foc_config foc;
     /* init refuses parts that do not agree */
-    cgl_monitor_config monitor; /* with foc.phases; phases 0 as a rule if the current loop is foreign */
+    cgl_monitor_config monitor; /* phases: 0 stands for foc.phases; if the current loop is foreign, for none */
     cgl_quality_config quality; /* of the speed error [rad/s] */
 } cgl_drive_config;
 
@@ -59,12 +62,13 @@ typedef struct {
 typedef cgl_foc_output cgl_drive_output;
 
 typedef struct {
+    uint32_t ready;         /* CGL_READY after init */
     cgl_real pole_pairs;    /* these from the config */
     uint32_t divider;
     bool foreign;
     bool learn_saturated;
     bool unguarded;
-    cgl_real law_period;    /* period of the law [s] */
+    cgl_loop loop;          /* for the law's init */
     cgl_law_input in;       /* for the law that is due */
     cgl_law_output command; /* of the law's last step; finite, as every law's is */
     cgl_monitor monitor;
@@ -80,8 +84,11 @@ typedef struct {
     unsigned held;          /* CGL_STATUS_GUARDED, or 0 */
 } cgl_drive;
 
+/* The first field of the drive or of its parts that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_drive_bad_field(const cgl_drive_config *config, cgl_real ts);
+
 /* Takes the config, which need not stay; ts: period of the current loop [s], > 0. A law's init then takes
- * drive->law_period. */
+ * &drive->loop. */
 cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts);
 
 /* Takes other values of foc, monitor and quality while it runs, as their retunes, and learn_saturated; the rest must stay. The
@@ -91,7 +98,8 @@ cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config);
 /* Everything but the law starts anew; the law is due at once. */
 void cgl_drive_reset(cgl_drive *drive);
 
-/* Takes the measurements of this period. True where the law is due: step it then, from drive->in to drive->command. */
+/* Takes the measurements of this period. True where the law is due: step it then, from drive->in to drive->command. A state that no
+ * init made does nothing, and its outputs are 0 with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
 bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
                        const cgl_reference *reference);
 

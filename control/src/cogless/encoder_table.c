@@ -13,11 +13,11 @@
 
 static bool is_valid(const cgl_encoder_table_config *config)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_encoder_table_config, gain, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_encoder_table_config, omega_min, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_encoder_table_config, bandwidth, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_encoder_table_config, b, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_encoder_table_config, limit, CGL_POSITIVE)};
+    static const cgl_range range[] = {CGL_RANGE(encoder_table, gain, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(encoder_table, omega_min, CGL_POSITIVE),
+                                      CGL_RANGE(encoder_table, bandwidth, CGL_POSITIVE),
+                                      CGL_RANGE(encoder_table, b, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(encoder_table, limit, CGL_POSITIVE)};
     if (!(CGL_IS_IN_RANGE(config, range) && config->orders >= 1U && config->orders <= CGL_ENCODER_TABLE_ORDERS)) {
         return false;
     }

@@ -8,19 +8,28 @@
 
 #define BUS_MIN CGL_R(1.0e-30) /* so that its reciprocal is finite */
 
-CGL_SELDOM static bool is_valid(const cgl_foc_config *config)
+CGL_SELDOM const char *cgl_foc_bad_field(const cgl_foc_config *config, cgl_real ts)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_foc_config, kp_d, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_foc_config, ki_d, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_foc_config, kp_q, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_foc_config, ki_q, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_foc_config, current_limit, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_foc_config, advance, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_foc_config, L_d, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_foc_config, L_q, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_foc_config, psi_f, CGL_NOT_NEGATIVE)};
-    return CGL_IS_IN_RANGE(config, range)
-           && (config->phases == 0U || config->phases == 2U || config->phases == 3U);
+    static const cgl_range range[] = {CGL_RANGE(foc, kp_d, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(foc, ki_d, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(foc, kp_q, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(foc, ki_q, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(foc, current_limit, CGL_POSITIVE),
+                                      CGL_RANGE(foc, advance, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(foc, L_d, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(foc, L_q, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(foc, psi_f, CGL_NOT_NEGATIVE)};
+    const char *const field = CGL_OUT_OF_RANGE(config, range);
+    if (field != 0) {
+        return field;
+    }
+    if (config->current_limit > CGL_CURRENT_MAX) {
+        return CGL_FIELD("foc.current_limit");
+    }
+    if (!(config->phases == 0U || config->phases == 2U || config->phases == 3U)) {
+        return CGL_FIELD("foc.phases");
+    }
+    return cgl_is_positive(ts) ? 0 : CGL_FIELD("ts");
 }
 
 /* What follows from a config that is valid. */
@@ -34,7 +43,7 @@ CGL_SELDOM static void take(cgl_foc *foc, const cgl_foc_config *config)
 
 cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
 {
-    if (!(is_valid(config) && cgl_is_positive(ts))) {
+    if (cgl_foc_bad_field(config, ts) != 0) {
         return CGL_ERROR_CONFIG;
     }
     foc->ts = ts;
@@ -45,7 +54,7 @@ cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
 
 cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config)
 {
-    if (!(is_valid(config) && (config->phases == 2U) == (foc->config.phases == 2U))) {
+    if (cgl_foc_bad_field(config, foc->ts) != 0 || (config->phases == 2U) != (foc->config.phases == 2U)) {
         return CGL_ERROR_CONFIG;
     }
     take(foc, config);

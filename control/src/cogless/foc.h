@@ -11,10 +11,12 @@
 extern "C" {
 #endif
 
+#define CGL_CURRENT_MAX CGL_R(1.0e5) /* [A] no drive gives more: a limit beyond it is a slip of units */
+
 typedef struct {
     cgl_real kp_d, ki_d;    /* d-axis gains [V/A], [V/A/s], >= 0 */
     cgl_real kp_q, ki_q;    /* q-axis gains [V/A], [V/A/s], >= 0 */
-    cgl_real current_limit; /* length of the current reference [A], > 0 */
+    cgl_real current_limit; /* length of the current reference [A], > 0, to CGL_CURRENT_MAX */
     cgl_real advance;       /* the voltage acts this many periods after sampling: 1.5 with one period of computation
                                delay, 0.5 without [periods], >= 0 */
     bool decoupling;        /* feed the speed voltages forward, from the three values below; usually true */
@@ -47,6 +49,9 @@ typedef struct {
     cgl_real i_d_ref, i_q_ref; /* references that it follows: at most current_limit long [A] */
     unsigned status;           /* CGL_STATUS_SATURATED: voltage or reference was limited; CGL_STATUS_FAULT */
 } cgl_foc_output;
+
+/* The first field that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_foc_bad_field(const cgl_foc_config *config, cgl_real ts);
 
 cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts);
 

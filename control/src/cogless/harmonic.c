@@ -29,25 +29,49 @@
 #define FEW 8U              /* orders: up to so many, a gain is made anew in one of four steps, else in one of two */
 #define TURN 8U             /* steps: in one the bend has its turn */
 
-CGL_SELDOM static bool is_valid(const cgl_harmonic_config *config, cgl_real ts)
+CGL_SELDOM const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config, const cgl_loop *loop)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_harmonic_config, k_theta, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_harmonic_config, b, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_harmonic_config, delay, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_harmonic_config, step, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_harmonic_config, base, CGL_COUNT),
-                                      CGL_RANGE(cgl_harmonic_config, orders, CGL_COUNT),
-                                      CGL_RANGE(cgl_harmonic_config, rate, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_harmonic_config, rate_min, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_harmonic_config, limit, CGL_POSITIVE)};
+    static const cgl_range range[] = {CGL_RANGE(harmonic, k_theta, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(harmonic, b, CGL_POSITIVE),
+                                      CGL_RANGE(harmonic, delay, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(harmonic, step, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(harmonic, base, CGL_COUNT),
+                                      CGL_RANGE(harmonic, orders, CGL_COUNT),
+                                      CGL_RANGE(harmonic, rate, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(harmonic, rate_min, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(harmonic, limit, CGL_POSITIVE)};
+    const char *field = cgl_pi_bad_field(&config->pi, loop);
+    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    if (field != 0) {
+        return field;
+    }
     for (uint32_t n = 0; n < CGL_HARMONIC_EDGES; ++n) {
         if (!cgl_is_not_negative(config->held[n])) {
-            return false;
+            return CGL_FIELD("harmonic.held");
         }
     }
-    return CGL_IS_IN_RANGE(config, range) && config->orders <= CGL_HARMONIC_ORDERS && config->bends <= 2U
-           && config->base * config->orders <= CGL_HARMONIC_ORDER_MAX && config->fast <= config->orders && cgl_is_positive(ts)
-           && config->delay <= LONGEST * ts && cgl_is_positive(config->b * ts * ts);
+    if (loop->feed_forward) {
+        return CGL_FIELD("loop.feed_forward");
+    }
+    if (config->orders > CGL_HARMONIC_ORDERS) {
+        return CGL_FIELD("harmonic.orders");
+    }
+    if (config->base * config->orders > CGL_HARMONIC_ORDER_MAX) {
+        return CGL_FIELD("harmonic.base");
+    }
+    if (config->bends > 2U) {
+        return CGL_FIELD("harmonic.bends");
+    }
+    if (config->fast > config->orders) {
+        return CGL_FIELD("harmonic.fast");
+    }
+    if (config->limit > loop->current_limit) {
+        return CGL_FIELD("harmonic.limit");
+    }
+    if (!(config->delay <= LONGEST * loop->ts)) {
+        return CGL_FIELD("harmonic.delay");
+    }
+    return cgl_is_positive(config->b * loop->ts * loop->ts) ? 0 : CGL_FIELD("harmonic.b");
 }
 
 /* What follows from a config that is valid. */
@@ -68,34 +92,34 @@ CGL_SELDOM static void take(cgl_harmonic *law, const cgl_harmonic_config *config
     law->weight[2] = lags || d < CGL_R(1.0) ? CGL_R(0.0) : part;
 }
 
-CGL_SELDOM cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_config *config, cgl_real ts, cgl_real *cell,
-                                       uint32_t length)
+CGL_SELDOM cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_config *config, const cgl_loop *loop,
+                                       cgl_real *cell, uint32_t length)
 {
-    if (!is_valid(config, ts)) {
+    law->pi.ready = 0U;
+    if (cgl_harmonic_bad_field(config, loop) != 0) {
         return CGL_ERROR_CONFIG;
     }
-    if (cell == 0 || length < CGL_HARMONIC_LENGTH(config->orders)) {
+    if (cgl_check_memory(cell, length, CGL_HARMONIC_LENGTH(config->orders)) != CGL_OK) {
         return CGL_ERROR_MEMORY;
     }
-    if (cgl_pi_init(&law->pi, &config->pi, ts) != CGL_OK) {
-        return CGL_ERROR_CONFIG;
-    }
-    take(law, config, ts);
+    const cgl_error error = cgl_pi_init(&law->pi, &config->pi, loop);
+    take(law, config, loop->ts);
     law->cosine = cell;
     for (uint32_t k = 0; k < config->orders; ++k) {
         cell[2U * config->orders + k] = (cgl_real)(config->base * (k + 1U));
     }
     cgl_harmonic_reset(law);
-    return CGL_OK;
+    return error;
 }
 
 CGL_SELDOM cgl_error cgl_harmonic_retune(cgl_harmonic *law, const cgl_harmonic_config *config)
 {
-    if (!(is_valid(config, law->pi.ts) && config->base == law->config.base && config->orders == law->config.orders)
-        || cgl_pi_retune(&law->pi, &config->pi) != CGL_OK) {
+    if (cgl_harmonic_bad_field(config, &law->pi.loop) != 0 || config->base != law->config.base
+        || config->orders != law->config.orders) {
         return CGL_ERROR_CONFIG;
     }
-    take(law, config, law->pi.ts);
+    (void)cgl_pi_retune(&law->pi, &config->pi);
+    take(law, config, law->pi.loop.ts);
     for (uint32_t n = 0; n < 2U * config->orders; ++n) {
         law->cosine[n] = cgl_clamped(law->cosine[n], config->limit);
     }
@@ -138,7 +162,7 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
 static uint32_t within_step(cgl_harmonic *law, uint32_t shown, cgl_real omega_m)
 {
     const cgl_real turned = cgl_steps(law->shown, shown) * (CGL_R(1.0) / CGL_TURN_BITS);
-    law->since_edge = cgl_clamp(law->since_edge + omega_m * law->pi.ts * (CGL_R(1.0) / CGL_TWO_PI) - turned, law->half_step);
+    law->since_edge = cgl_clamp(law->since_edge + omega_m * law->pi.loop.ts * (CGL_R(1.0) / CGL_TWO_PI) - turned, law->half_step);
     law->shown = shown;
     return cgl_turned(shown, law->since_edge);
 }
@@ -147,7 +171,7 @@ static uint32_t within_step(cgl_harmonic *law, uint32_t shown, cgl_real omega_m)
 CGL_SELDOM static void seat(cgl_harmonic *law, uint32_t theta, cgl_real omega)
 {
     law->theta = theta;
-    law->omega = cgl_clamp(omega * law->pi.ts * (CGL_R(1.0) / CGL_TWO_PI), HALF);
+    law->omega = cgl_clamp(omega * law->pi.loop.ts * (CGL_R(1.0) / CGL_TWO_PI), HALF);
     law->load = law->mean = law->drift = CGL_R(0.0);
     law->last = CGL_R(0.0);
     law->wait = CGL_HARMONIC_SETTLE;
@@ -217,7 +241,7 @@ CGL_APART static void judge_bend(cgl_harmonic *law, cgl_real begun)
     cgl_harmonic_bend *const bend = &law->bend;
     const cgl_real *const part = bend->part;
     const cgl_real size = cgl_clamp((cgl_real)law->config.base * bend->power, CGL_R(1.0e9));
-    const cgl_real scale = law->rate * law->pi.ts * size * size, variance = CGL_R(2.0) * bend->doubt;
+    const cgl_real scale = law->rate * law->pi.loop.ts * size * size, variance = CGL_R(2.0) * bend->doubt;
     const cgl_real mean = bend->power / (cgl_real)larger(law->low, 1U); /* mean |c|^2, or less */
     bend->calm = CALM * cgl_clamp(mean, CGL_R(1.0e9)) * law->gain * law->gain;
     bend->rate = CGL_R(0.0);
@@ -240,7 +264,7 @@ CGL_APART static void turn_bend(cgl_harmonic *law, uint32_t theta)
     const cgl_real x[2] = {once.cosine, twice.cosine}, y[2] = {once.sine, twice.sine};
     if (law->learning && law->drift * law->drift < bend->calm) {
         const cgl_real moved = cgl_clamp(bend->moved, CGL_R(1.0e9)), step = bend->rate * moved;
-        const cgl_real rate = law->rate * law->pi.ts, most = CGL_R(1.0) / (cgl_real)TURN; /* beyond it no mean */
+        const cgl_real rate = law->rate * law->pi.loop.ts, most = CGL_R(1.0) / (cgl_real)TURN; /* beyond it no mean */
         const cgl_real change = moved - bend->before; /* noise, but not what the bend moves: that is nearly the same in both */
         bend->doubt += (rate < most ? rate : most) * (STAYS * change * change - (cgl_real)TURN * bend->doubt);
         bend->before = moved;
@@ -273,12 +297,12 @@ CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real s
     }
     law->acting = acting;
     law->low = low;
-    const cgl_real shared = TOGETHER / ((cgl_real)larger(acting, 1U) * law->pi.ts), full = lesser(config->rate, shared);
+    const cgl_real shared = TOGETHER / ((cgl_real)larger(acting, 1U) * law->pi.loop.ts), full = lesser(config->rate, shared);
     const cgl_real begun = full * law->time, after = begun - FULL; /* the mean begins FULL after learning */
     const cgl_real mean = after > CGL_R(0.0) ? full / (CGL_R(1.0) + CGL_R(0.5) * after) : full;
     const cgl_real rate = mean > config->rate_min ? mean : lesser(config->rate_min, shared);
-    const cgl_real asked = HUNTS * (cgl_real)config->base * law->pi.ts * speed_ref;
-    const cgl_real most = lesser(asked, size) / (CGL_PI * law->pi.ts); /* leaves exp(-1) of an order after a period of the base order */
+    const cgl_real asked = HUNTS * (cgl_real)config->base * law->pi.loop.ts * speed_ref;
+    const cgl_real most = lesser(asked, size) / (CGL_PI * law->pi.loop.ts); /* leaves exp(-1) of an order after a period of the base order */
     law->rate = cgl_gentle_gain(gentle, config->rate, config->rate) * lesser(rate, most);
     const cgl_real turn = size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0);
     cgl_sincos(CGL_R(0.5) * turn, &law->half.sine, &law->half.cosine);
@@ -297,7 +321,7 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     const uint32_t k = law->due, orders = law->config.orders;
     const cgl_real slow = (CGL_TWO_PI * MEAN) * (cgl_real)law->config.base * cgl_abs(law->omega);
     law->share = law->learning && slow < QUICK ? slow : QUICK;
-    law->time += law->learning && law->time < CGL_R(1.0e6) ? (cgl_real)pause * law->pi.ts : CGL_R(0.0);
+    law->time += law->learning && law->time < CGL_R(1.0e6) ? (cgl_real)pause * law->pi.loop.ts : CGL_R(0.0);
     if (k >= law->acting) {
         begin_round(law, gentle, speed_ref);
         return;
@@ -311,7 +335,7 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     const cgl_real c = law->turned.cosine, s = law->turned.sine;
     const cgl_phasor d = {(CGL_R(1.0) - POLE) * c, (CGL_R(1.0) + POLE) * s};
     cgl_phasor w = cgl_product(cgl_product(cgl_product(d, d), d), law->delayed);
-    cgl_real scale = (holds ? CGL_R(0.0) : law->rate) * law->pi.ts / law->gain;
+    cgl_real scale = (holds ? CGL_R(0.0) : law->rate) * law->pi.loop.ts / law->gain;
     const cgl_real a = law->cosine[k], b = law->cosine[orders + k], power = (cgl_real)(k + 1U) * (a * a + b * b);
     if (k < law->low) {
         law->bend.power += holds ? CGL_R(0.0) : power;
@@ -449,6 +473,10 @@ CGL_SELDOM static void step_blind(cgl_harmonic *law, const cgl_law_input *in, cg
 
 void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out)
 {
+    if (!CGL_OFTEN(law->pi.ready == CGL_READY)) {
+        cgl_law_refuse(out);
+        return;
+    }
     if (in->forget && !cgl_law_stands_by(in)) {
         forget(law);
     }
@@ -464,7 +492,7 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
             error += lag_of(law, in, theta);
         }
         const bool turns = cgl_abs(in->omega_ref) > CGL_R(0.0);
-        const bool may = in->learn && turns && !cgl_law_stands_by(in) && !law->pi.saturated && is_plausible(law, in, error);
+        const bool may = in->learn && law->config.rate > CGL_R(0.0) && turns && !cgl_law_stands_by(in) && !law->pi.saturated && is_plausible(law, in, error);
         if (!CGL_OFTEN(may && law->learning)) {
             settle(law, may);
         }

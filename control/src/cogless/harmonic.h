@@ -55,9 +55,9 @@ typedef struct {
     uint32_t orders;    /* how many, 1 to CGL_HARMONIC_ORDERS; base orders is at most CGL_HARMONIC_ORDER_MAX */
     uint32_t fast;      /* the lowest `fast` orders act up to CGL_HARMONIC_FASTEST: those that the motor is known to have. The
                            others act while they are slow; 0 to `orders` */
-    cgl_real rate;      /* at which learning begins. The rates of all acting orders add up to 1/16 per step at most [1/s], >= 0 */
+    cgl_real rate;      /* at which learning begins; 0: nothing is learned. The rates of all acting orders add up to 1/16 per step at most [1/s], >= 0 */
     cgl_real rate_min;  /* to which it falls [1/s], >= 0 */
-    cgl_real limit;     /* each amplitude, and the sum, stay within +-limit [A], > 0 */
+    cgl_real limit;     /* each amplitude, and the sum, stay within +-limit [A], > 0, at most loop.current_limit */
     cgl_real held[CGL_HARMONIC_EDGES]; /* bands in which an order acts but is not learned, from and to, rising, none from 0
                                                to 0 [rad in a step of the order], >= 0 */
 } cgl_harmonic_config;
@@ -116,15 +116,20 @@ typedef struct {
     cgl_real learned;        /* the learned part of the last step [A] */
 } cgl_harmonic;
 
-/* `cell`: CGL_HARMONIC_LENGTH(orders) entries, which the state keeps using; they are cleared. */
-cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_config *config, cgl_real ts, cgl_real *cell, uint32_t length);
+/* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config, const cgl_loop *loop);
+
+/* loop: drive.loop, without feed_forward: the observer needs the feedback's current. `cell`: CGL_HARMONIC_LENGTH(orders) entries,
+ * which the state keeps using; they are cleared. */
+cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_config *config, const cgl_loop *loop, cgl_real *cell,
+                            uint32_t length);
 
 /* Takes other gains and limits while it runs, as cgl_pi_retune. Amplitudes stay, within the limit; the orders must. */
 cgl_error cgl_harmonic_retune(cgl_harmonic *law, const cgl_harmonic_config *config);
 
 void cgl_harmonic_reset(cgl_harmonic *law);
 
-/* Learning freezes while in->learn is false, the output was at its limit, or an input is not finite, and for CGL_HARMONIC_SETTLE
+/* Learning freezes while in->learn is false, the rate is 0, the output was at its limit, or an input is not finite, and for CGL_HARMONIC_SETTLE
  * steps after. Meanwhile the learned orders still act, but not without an angle. An order neither acts nor is learned if it turns
  * faster than CGL_HARMONIC_FASTEST, or if it is fast and not among the lowest `fast`. While in->off the output and the PI's integral
  * are 0. */

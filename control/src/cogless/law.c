@@ -1,5 +1,24 @@
 #include "law.h"
 
+CGL_SELDOM const char *cgl_loop_bad_field(const cgl_loop *loop)
+{
+    if (!cgl_is_positive(loop->ts)) {
+        return CGL_FIELD("loop.ts");
+    }
+    return cgl_is_positive(loop->current_limit) ? 0 : CGL_FIELD("loop.current_limit");
+}
+
+CGL_SELDOM bool cgl_loop_can_learn(const cgl_loop *loop, cgl_real gain, cgl_real feedback)
+{
+    return !loop->guarded || !(gain > CGL_R(0.0)) || feedback > CGL_R(0.0);
+}
+
+CGL_SELDOM void cgl_law_refuse(cgl_law_output *out)
+{
+    out->i_q_ref = CGL_R(0.0);
+    out->status = (unsigned)CGL_STATUS_FAULT | (unsigned)CGL_STATUS_FROZEN | (unsigned)CGL_STATUS_OFF;
+}
+
 CGL_SELDOM cgl_real cgl_law_stand_by(const cgl_law_input *in, cgl_real learned, cgl_real limit, cgl_law_output *out)
 {
     out->status = (unsigned)CGL_STATUS_FROZEN;

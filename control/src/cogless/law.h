@@ -1,10 +1,19 @@
-/* Input and output of every law, once per period of the law. */
+/* What every law is told of the loop that steps it, and its input and output, once per period of the law. */
 #ifndef COGLESS_LAW_H
 #define COGLESS_LAW_H
 
 #include "guard.h"
 #include "real.h"
 #include "status.h"
+
+/* The loop that steps a law. cgl_drive_init fills in drive.loop; without a cgl_drive, fill in one of your own. */
+typedef struct {
+    cgl_real ts;            /* period of the law [s], > 0 */
+    cgl_real current_limit; /* the largest current that the loop gives; a law's limits of current are at most this [A], > 0 */
+    bool feed_forward;      /* somebody else's feedback acts. The law gives only what it learns, and its pi.kp and pi.ki tell the
+                               gains of that feedback: see README.md. Laws that learn from their own feedback refuse it */
+    bool guarded;           /* the guard acts: a law without any feedback gain could never learn, and is refused */
+} cgl_loop;
 
 typedef struct {
     cgl_real theta_ref; /* mechanical angle reference [rad], any revolution below CGL_ANGLE_MAX; laws of position read it. In
@@ -56,6 +65,15 @@ static inline bool cgl_law_stands_by(const cgl_law_input *in)
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+/* The first field of the loop that is outside its range, as CGL_FIELD; NULL: none. */
+const char *cgl_loop_bad_field(const cgl_loop *loop);
+
+/* Whether the guard leaves anything of a learning gain beside a feedback's gain, in one unit. */
+bool cgl_loop_can_learn(const cgl_loop *loop, cgl_real gain, cgl_real feedback);
+
+/* The output of a law whose state no init has made: 0, with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
+void cgl_law_refuse(cgl_law_output *out);
 
 /* The output of a law that stands by: 0 where it is off, else i_q_ref and what is learned [A] within the limit [A]. Returns the
  * current that the feedback takes over from, so that the output does not jump when it acts again [A]. An i_q_ref that is not

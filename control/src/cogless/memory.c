@@ -13,26 +13,70 @@
 #define PER_TURN CGL_R(2.3283064365386963e-10) /* 2^-32 */
 #define MEAN_MOST CGL_R(0.9375) /* share of the mean over a period that is recalled, at most, if the mean belongs to an integral */
 
-CGL_SELDOM static bool is_valid(const cgl_memory_config *config, cgl_real ts)
+/* Puts the defaults in place of zeros. */
+CGL_SELDOM static void fill_defaults(cgl_memory_config *config)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_memory_config, turns, CGL_COUNT),
-                                      CGL_RANGE(cgl_memory_config, parts, CGL_COUNT),
-                                      CGL_RANGE(cgl_memory_config, forgetting, CGL_POSITIVE)};
-    const uint32_t most = config->kind == CGL_MEMORY_ANGLE ? CGL_CELLS_MAX : CGL_SAMPLES_MAX;
-    bool valid = CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts) && config->forgetting <= CGL_R(1.0)
-                 && config->channels >= 1U && config->channels <= (uint32_t)CGL_CHANNELS && config->cells >= 4U
-                 && config->cells <= most && config->q_half_width < config->cells / 2U
-                 && config->lead <= config->cells / 4U;
-#ifdef COGLESS_NO_DELAY_LINE
-    valid = valid && config->kind == CGL_MEMORY_ANGLE;
-#else
-    valid = valid && (config->kind == CGL_MEMORY_ANGLE || config->kind == CGL_MEMORY_TIME || cgl_delay_is_valid(config, ts));
-#endif
-    for (uint32_t c = 0; valid && c < config->channels; ++c) {
-        valid = cgl_is_positive(config->limit[c])
-                && cgl_is_finite((cgl_real)(2U * config->q_half_width + 2U) * config->limit[c]);
+    config->channels = config->channels > 0U ? config->channels : 1U;
+    config->turns = config->turns > 0U ? config->turns : 1U;
+    config->parts = config->parts > 0U ? config->parts : 1U;
+    config->forgetting = cgl_or_default(config->forgetting, CGL_R(1.0));
+    config->k_pp = cgl_or_default(config->k_pp, CGL_R(10.0));
+}
+
+CGL_SELDOM static const char *bad_kind(const cgl_memory_config *config, cgl_real ts)
+{
+    (void)ts;
+    if (config->kind == CGL_MEMORY_ANGLE) {
+        return 0;
     }
-    return valid;
+#ifndef COGLESS_NO_DELAY_LINE
+    if (config->kind == CGL_MEMORY_TIME) {
+        return 0;
+    }
+    if (config->kind == CGL_MEMORY_DELAY) {
+        cgl_memory_config full = *config;
+        fill_defaults(&full);
+        return cgl_delay_is_valid(&full, ts) ? 0 : CGL_FIELD("memory.k_pp, or method");
+    }
+#endif
+    return CGL_FIELD("memory.kind");
+}
+
+CGL_SELDOM const char *cgl_memory_bad_field(const cgl_memory_config *config, cgl_real ts)
+{
+    static const cgl_range range[] = {CGL_RANGE(memory, turns, CGL_COUNT_OR_DEFAULT),
+                                      CGL_RANGE(memory, parts, CGL_COUNT_OR_DEFAULT),
+                                      CGL_RANGE(memory, forgetting, CGL_NOT_NEGATIVE)};
+    const uint32_t most = config->kind == CGL_MEMORY_ANGLE ? CGL_CELLS_MAX : CGL_SAMPLES_MAX;
+    const char *const field = CGL_OUT_OF_RANGE(config, range);
+    if (field != 0) {
+        return field;
+    }
+    if (!cgl_is_positive(ts)) {
+        return CGL_FIELD("loop.ts");
+    }
+    if (config->forgetting > CGL_R(1.0)) {
+        return CGL_FIELD("memory.forgetting");
+    }
+    if (config->channels > (uint32_t)CGL_CHANNELS) {
+        return CGL_FIELD("memory.channels");
+    }
+    if (config->cells < 4U || config->cells > most) {
+        return CGL_FIELD("memory.cells");
+    }
+    if (config->q_half_width >= config->cells / 2U) {
+        return CGL_FIELD("memory.q_half_width");
+    }
+    if (config->lead > config->cells / 4U) {
+        return CGL_FIELD("memory.lead");
+    }
+    for (uint32_t c = 0; c == 0U || c < config->channels; ++c) {
+        if (!(cgl_is_positive(config->limit[c])
+              && cgl_is_finite((cgl_real)(2U * config->q_half_width + 2U) * config->limit[c]))) {
+            return CGL_FIELD("memory.limit");
+        }
+    }
+    return bad_kind(config, ts);
 }
 
 CGL_SELDOM void cgl_memory_soften(cgl_memory *memory, cgl_real factor)
@@ -40,10 +84,12 @@ CGL_SELDOM void cgl_memory_soften(cgl_memory *memory, cgl_real factor)
     memory->gain = factor * memory->config.forgetting / (cgl_real)(2U * memory->config.q_half_width + 1U);
 }
 
-CGL_SELDOM static void take(cgl_memory *memory, const cgl_memory_config *config)
+CGL_SELDOM static void take(cgl_memory *memory, const cgl_memory_config *wanted)
 {
+    cgl_memory_config *const config = &memory->config;
+    memory->config = *wanted;
+    fill_defaults(config);
     const uint32_t within_quarter = 4U * (config->lead > 0U ? config->lead : 1U), wide = config->q_half_width + 1U;
-    memory->config = *config;
     memory->fewest = config->kind != CGL_MEMORY_ANGLE && within_quarter < wide ? wide : within_quarter;
     memory->map.most = cgl_share_of_turn(1U, memory->fewest);
     cgl_memory_soften(memory, CGL_R(1.0));
@@ -55,37 +101,40 @@ CGL_SELDOM static void take(cgl_memory *memory, const cgl_memory_config *config)
 CGL_SELDOM cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, uint32_t ratio,
                                      cgl_real *cell, uint32_t length)
 {
-    if (!(is_valid(config, ts) && ratio >= 1U && ratio <= 65535U)) {
+    memory->ready = 0U;
+    if (cgl_memory_bad_field(config, ts) != 0 || ratio < 1U || ratio > 65535U) {
         return CGL_ERROR_CONFIG;
     }
-    if (cell == 0
-        || length < CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width)) {
+    if (cgl_check_memory(cell, length, CGL_MEMORY_LENGTH(config->kind, config->channels, config->cells, config->q_half_width)) != CGL_OK) {
         return CGL_ERROR_MEMORY;
     }
     take(memory, config);
     memory->ts = ts;
     memory->centred = 0U;
-    memory->periods = ratio * config->parts;
+    memory->periods = ratio * memory->config.parts;
     memory->cell = cell;
     memory->map.width = cgl_share_of_turn(1U, config->cells);
     memory->map.per_cell = CGL_R(4294967296.0) / (cgl_real)config->cells;
     memory->row = CGL_MEMORY_ROW(config->cells, config->q_half_width);
     memory->per_entry = CGL_R(1.0) / (cgl_real)config->cells;
     cgl_memory_reset(memory);
+    memory->ready = CGL_READY;
     return CGL_OK;
 }
 
 CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config)
 {
     const cgl_memory_config *const now = &memory->config;
-    if (!(is_valid(config, memory->ts) && config->kind == now->kind && config->channels == now->channels
-          && config->cells == now->cells && config->turns == now->turns && config->parts == now->parts
-          && config->q_half_width == now->q_half_width)) {
+    cgl_memory_config full = *config;
+    fill_defaults(&full);
+    if (!(cgl_memory_bad_field(config, memory->ts) == 0 && full.kind == now->kind && full.channels == now->channels
+          && full.cells == now->cells && full.turns == now->turns && full.parts == now->parts
+          && full.q_half_width == now->q_half_width)) {
         return CGL_ERROR_CONFIG;
     }
     bool smaller = false;
-    for (uint32_t c = 0; c < config->channels; ++c) {
-        smaller = smaller || config->limit[c] < now->limit[c];
+    for (uint32_t c = 0; c < full.channels; ++c) {
+        smaller = smaller || full.limit[c] < now->limit[c];
     }
     take(memory, config);
     memory->map.lagging = false;
@@ -93,12 +142,12 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
         return CGL_OK;
     }
     memory->map.started = false; /* the sums are of other entries */
-    cgl_real *entry = memory->cell + (config->kind == CGL_MEMORY_DELAY ? memory->row : 0U);
-    for (uint32_t c = 0; c < config->channels; ++c, entry += memory->row) {
+    cgl_real *entry = memory->cell + (full.kind == CGL_MEMORY_DELAY ? memory->row : 0U);
+    for (uint32_t c = 0; c < full.channels; ++c, entry += memory->row) {
         for (uint32_t n = 0; n < memory->row; ++n) {
-            entry[n] = cgl_clamp(entry[n], config->limit[c]);
+            entry[n] = cgl_clamp(entry[n], full.limit[c]);
         }
-        memory->channel[c].value = cgl_clamp(memory->channel[c].value, config->limit[c]);
+        memory->channel[c].value = cgl_clamp(memory->channel[c].value, full.limit[c]);
     }
     return CGL_OK;
 }

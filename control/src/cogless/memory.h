@@ -24,18 +24,18 @@ typedef enum { CGL_DELAY_ODE, CGL_DELAY_INVERSION } cgl_delay_method;
 
 typedef struct {
     cgl_memory_kind kind;         /* default CGL_MEMORY_ANGLE */
-    uint32_t channels;            /* functions of the angle, 1 to CGL_CHANNELS; default 1 */
+    uint32_t channels;            /* functions of the angle, 1 to CGL_CHANNELS; 0: default 1 */
     uint32_t cells;               /* map: entries per period, 4 to 65535; lines: longest period [samples], 4 to 16777216 */
-    uint32_t turns, parts;        /* period: turns / parts of a revolution, each 1 to 65535; default 1, 1 */
+    uint32_t turns, parts;        /* period: turns / parts of a revolution, each 1 to 65535; 0: default 1 */
     uint32_t q_half_width;        /* zero-phase low-pass (Q filter): mean of this many entries on each side, 0 to
                                      cells / 2 - 1; 0: none; default 0 */
     uint32_t lead;                /* a correction goes to what acted this many samples ago [samples], 0 to cells / 4: makes up
                                      for the time in which the loop answers; 0: to the present, and it acts at once; default 0 */
-    cgl_real forgetting;          /* factor on what is recalled to learn on from [-], > 0, <= 1; default 1 */
+    cgl_real forgetting;          /* factor on what is recalled to learn on from [-], > 0, <= 1; 0: default 1 */
     cgl_real limit[CGL_CHANNELS]; /* entries of the channels in use stay within +-limit [unit of the entry], > 0,
                                      2 (q_half_width + 1) limit finite */
     cgl_delay_method method;      /* kind delay: how P_t is found; default CGL_DELAY_ODE, as in the paper */
-    cgl_real k_pp;                /* kind delay, CGL_DELAY_ODE: stabilising gain [1/s], > 0, k_pp ts < 1; default 10 */
+    cgl_real k_pp;                /* kind delay, CGL_DELAY_ODE: stabilising gain [1/s], > 0, k_pp ts < 1; 0: default 10 */
 } cgl_memory_config;
 
 /* A map's state. The cells last passed wait as they were in a ring behind the map, as many as the Q filter looks back on: it
@@ -87,7 +87,8 @@ typedef struct {
 } cgl_delay_line;
 
 typedef struct {
-    cgl_memory_config config;
+    uint32_t ready;               /* CGL_READY after init */
+    cgl_memory_config config;     /* with its defaults */
     cgl_real ts;                  /* sampling period [s] */
     uint32_t row;                 /* entries of a channel: CGL_MEMORY_ROW */
     uint32_t fewest;              /* samples in a period, with fewer of which it does not learn */
@@ -107,9 +108,18 @@ typedef struct {
 /* Entries of a row, and entries that the caller provides. */
 #define CGL_MEMORY_ROW(cells, q_half_width) ((cells) + (q_half_width) + 1U)
 #define CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width)                                                         \
-    (((channels) + ((kind) == CGL_MEMORY_DELAY ? 1U : 0U)) * CGL_MEMORY_ROW(cells, q_half_width))
+    (((channels) + ((channels) == 0U ? 1U : 0U) + ((kind) == CGL_MEMORY_DELAY ? 1U : 0U)) * CGL_MEMORY_ROW(cells, q_half_width))
 
-/* Takes the config, and the caller's memory of `length` entries, which it clears. ts: sampling period [s], > 0; ratio:
+/* Defines the memory of a map with one channel, and the number of its entries for init: CGL_MAP(ripple, 256, 2);
+ * cgl_pi_ilc_init(&law, &config, &drive.loop, ripple, CGL_ENTRIES(ripple)). */
+#define CGL_MAP(name, cells, q_half_width) static cgl_real name[CGL_MEMORY_ROW((cells), (q_half_width))]
+#define CGL_ENTRIES(array) ((uint32_t)(sizeof(array) / sizeof((array)[0])))
+
+/* The first field that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_memory_bad_field(const cgl_memory_config *config, cgl_real ts);
+
+/* Takes the config, and the caller's memory, which it clears. `length`: its entries, CGL_MEMORY_LENGTH and no
+ * other, so that sizeof is refused. ts: sampling period [s], > 0; ratio:
  * revolutions of the angle that the config counts in one of theta, 1 to 65535. With COGLESS_NO_DELAY_LINE, which leaves
  * delay_line.c out, a map is the only kind. */
 cgl_error cgl_memory_init(cgl_memory *memory, const cgl_memory_config *config, cgl_real ts, uint32_t ratio, cgl_real *cell,

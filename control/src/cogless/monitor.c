@@ -28,18 +28,33 @@ CGL_SELDOM static uint32_t periods(cgl_real time, cgl_real ts)
     return (cgl_real)whole < exact * CGL_R(0.999) ? whole + 1U : whole;
 }
 
-CGL_SELDOM static bool is_valid(const cgl_monitor_config *config, cgl_real ts)
+CGL_SELDOM const char *cgl_monitor_bad_field(const cgl_monitor_config *config, cgl_real ts)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_monitor_config, omega_max, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_monitor_config, angle_step, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_monitor_config, stuck_angle, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_monitor_config, current_max, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_monitor_config, current_sum, CGL_NOT_NEGATIVE)};
-    return CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts)
-           && is_time(config->speed_window, ts) && is_time(config->bridge, ts)
-           && is_time(config->hold, ts) && is_time(config->stuck_time, ts)
-           && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)
-           && (config->phases == 0U || config->phases == 2U || config->phases == 3U);
+    static const cgl_range range[] = {CGL_RANGE(monitor, omega_max, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(monitor, angle_step, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(monitor, stuck_angle, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(monitor, current_max, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(monitor, current_sum, CGL_NOT_NEGATIVE)};
+    const char *const field = CGL_OUT_OF_RANGE(config, range);
+    if (field != 0) {
+        return field;
+    }
+    if (!cgl_is_positive(ts)) {
+        return CGL_FIELD("ts");
+    }
+    if (!is_time(config->speed_window, ts)) {
+        return CGL_FIELD("monitor.speed_window");
+    }
+    if (!is_time(config->bridge, ts)) {
+        return CGL_FIELD("monitor.bridge");
+    }
+    if (!is_time(config->hold, ts)) {
+        return CGL_FIELD("monitor.hold");
+    }
+    if (!(is_time(config->stuck_time, ts) && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts))) {
+        return CGL_FIELD("monitor.stuck_time");
+    }
+    return config->phases == 0U || config->phases == 2U || config->phases == 3U ? 0 : CGL_FIELD("monitor.phases");
 }
 
 CGL_SELDOM static void take(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
@@ -69,7 +84,7 @@ CGL_SELDOM static void take(cgl_monitor *monitor, const cgl_monitor_config *conf
 
 cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
 {
-    if (!is_valid(config, ts)) {
+    if (cgl_monitor_bad_field(config, ts) != 0) {
         return CGL_ERROR_CONFIG;
     }
     take(monitor, config, ts);
@@ -79,7 +94,7 @@ cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *confi
 
 cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config)
 {
-    if (!is_valid(config, monitor->ts)) {
+    if (cgl_monitor_bad_field(config, monitor->ts) != 0) {
         return CGL_ERROR_CONFIG;
     }
     take(monitor, config, monitor->ts);

@@ -95,6 +95,9 @@ typedef struct {
     bool trusted;        /* nothing stands against learning */
 } cgl_monitor;
 
+/* The first field that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_monitor_bad_field(const cgl_monitor_config *config, cgl_real ts);
+
 cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts);
 
 /* Takes other bounds while it runs; the angle and its jumps stay, and what is held is held as long as before. */

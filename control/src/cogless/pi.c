@@ -2,33 +2,46 @@
 
 #include "range.h"
 
-static bool is_valid(const cgl_pi_config *config)
+CGL_SELDOM const char *cgl_pi_bad_field(const cgl_pi_config *config, const cgl_loop *loop)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_pi_config, kp, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_pi_config, ki, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_pi_config, limit, CGL_POSITIVE)};
-    return CGL_IS_IN_RANGE(config, range);
+    static const cgl_range range[] = {CGL_RANGE(pi, kp, CGL_NOT_NEGATIVE), CGL_RANGE(pi, ki, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(pi, limit, CGL_POSITIVE)};
+    const char *const field = cgl_loop_bad_field(loop);
+    if (field != 0) {
+        return field;
+    }
+    const char *const refused = CGL_OUT_OF_RANGE(config, range);
+    return refused != 0 || config->limit <= loop->current_limit ? refused : CGL_FIELD("pi.limit");
 }
 
-cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, cgl_real ts)
+CGL_SELDOM static void take(cgl_pi *pi, const cgl_pi_config *config)
 {
-    if (!(is_valid(config) && cgl_is_positive(ts))) {
+    pi->config = *config;
+    pi->kp = pi->loop.feed_forward ? CGL_R(0.0) : config->kp;
+    pi->ki = pi->loop.feed_forward ? CGL_R(0.0) : config->ki;
+}
+
+cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, const cgl_loop *loop)
+{
+    pi->ready = 0U;
+    if (cgl_pi_bad_field(config, loop) != 0) {
         return CGL_ERROR_CONFIG;
     }
-    pi->config = *config;
-    pi->ts = ts;
+    pi->loop = *loop;
+    take(pi, config);
     cgl_pi_reset(pi);
+    pi->ready = CGL_READY;
     return CGL_OK;
 }
 
 cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config)
 {
-    if (!is_valid(config)) {
+    if (cgl_pi_bad_field(config, &pi->loop) != 0) {
         return CGL_ERROR_CONFIG;
     }
-    const cgl_real before = pi->config.kp, last = pi->proportional;
-    const cgl_real now = before > CGL_R(0.0) ? cgl_clamped(last / before * config->kp, CGL_REAL_MAX) : CGL_R(0.0);
-    pi->config = *config;
+    const cgl_real before = pi->kp, last = pi->proportional;
+    take(pi, config);
+    const cgl_real now = before > CGL_R(0.0) ? cgl_clamped(last / before * pi->kp, CGL_REAL_MAX) : CGL_R(0.0);
     pi->integral = cgl_clamped(pi->integral + (last - now), config->limit);
     pi->lost = CGL_R(0.0);
     pi->proportional = now;
@@ -42,7 +55,7 @@ CGL_SELDOM void cgl_pi_reset(cgl_pi *pi)
 
 CGL_SELDOM void cgl_pi_start(cgl_pi *pi, cgl_real integral)
 {
-    pi->integral = cgl_clamped(integral, pi->config.limit);
+    pi->integral = pi->loop.feed_forward ? CGL_R(0.0) : cgl_clamped(integral, pi->config.limit);
     pi->lost = CGL_R(0.0);
     pi->proportional = CGL_R(0.0);
     pi->saturated = false;
@@ -54,9 +67,9 @@ CGL_SELDOM cgl_real cgl_pi_step(cgl_pi *pi, cgl_real error, cgl_real feedforward
     const cgl_real e = cgl_is_finite(error) ? error : CGL_R(0.0);
     const cgl_real ff = cgl_is_finite(feedforward) ? feedforward : CGL_R(0.0);
     cgl_real lost = pi->lost;
-    const cgl_real integral = cgl_add(pi->integral, config->ki * pi->ts * e, config->limit, &lost);
+    const cgl_real integral = cgl_add(pi->integral, pi->ki * pi->loop.ts * e, config->limit, &lost);
 
-    pi->proportional = cgl_clamped(config->kp * e, CGL_REAL_MAX);
+    pi->proportional = cgl_clamped(pi->kp * e, CGL_REAL_MAX);
     const cgl_real wanted = pi->proportional + integral + ff;
     const cgl_real output = cgl_clamped(wanted, config->limit);
     pi->saturated = !cgl_is_below(wanted, config->limit);

@@ -17,14 +17,27 @@ static bool is_rising(const cgl_pi_afc_config *config)
     return true;
 }
 
-CGL_SELDOM static bool is_valid(const cgl_pi_afc_config *config)
+CGL_SELDOM const char *cgl_pi_afc_bad_field(const cgl_pi_afc_config *config, const cgl_loop *loop)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_pi_afc_config, gain, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_pi_afc_config, lead, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_pi_afc_config, omega_min, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_pi_afc_config, limit, CGL_POSITIVE)};
-    return config->orders >= 1U && config->orders <= CGL_PI_AFC_ORDERS && is_rising(config)
-           && CGL_IS_IN_RANGE(config, range);
+    static const cgl_range range[] = {CGL_RANGE(pi_afc, gain, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(pi_afc, lead, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(pi_afc, omega_min, CGL_POSITIVE),
+                                      CGL_RANGE(pi_afc, limit, CGL_POSITIVE)};
+    const char *field = cgl_pi_bad_field(&config->pi, loop);
+    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    if (field != 0) {
+        return field;
+    }
+    if (config->orders < 1U || config->orders > CGL_PI_AFC_ORDERS) {
+        return CGL_FIELD("pi_afc.orders");
+    }
+    if (!is_rising(config)) {
+        return CGL_FIELD("pi_afc.order");
+    }
+    if (config->limit > loop->current_limit) {
+        return CGL_FIELD("pi_afc.limit");
+    }
+    return cgl_loop_can_learn(loop, config->gain, config->pi.kp) ? 0 : CGL_FIELD("pi.kp");
 }
 
 static bool are_same_orders(const cgl_pi_afc_config *one, const cgl_pi_afc_config *other)
@@ -36,33 +49,32 @@ static bool are_same_orders(const cgl_pi_afc_config *one, const cgl_pi_afc_confi
     return same;
 }
 
-cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cgl_real ts, cgl_real *coefficient,
-                                     uint32_t length)
+cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, const cgl_loop *loop, cgl_real *coefficient,
+                          uint32_t length)
 {
-    if (!is_valid(config)) {
+    law->pi.ready = 0U;
+    if (cgl_pi_afc_bad_field(config, loop) != 0) {
         return CGL_ERROR_CONFIG;
     }
-    if (coefficient == 0 || length < CGL_PI_AFC_LENGTH(config->orders)) {
+    if (cgl_check_memory(coefficient, length, CGL_PI_AFC_LENGTH(config->orders)) != CGL_OK) {
         return CGL_ERROR_MEMORY;
     }
-    if (cgl_pi_init(&law->pi, &config->pi, ts) != CGL_OK) {
-        return CGL_ERROR_CONFIG;
-    }
+    const cgl_error error = cgl_pi_init(&law->pi, &config->pi, loop);
     law->config = *config;
     law->coefficient = coefficient;
     for (uint32_t k = 0; k < config->orders; ++k) {
         coefficient[2U * config->orders + k] = (cgl_real)config->order[k];
     }
     cgl_pi_afc_reset(law);
-    return CGL_OK;
+    return error;
 }
 
 cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config *config)
 {
-    if (!(is_valid(config) && are_same_orders(config, &law->config))
-        || cgl_pi_retune(&law->pi, &config->pi) != CGL_OK) {
+    if (cgl_pi_afc_bad_field(config, &law->pi.loop) != 0 || !are_same_orders(config, &law->config)) {
         return CGL_ERROR_CONFIG;
     }
+    (void)cgl_pi_retune(&law->pi, &config->pi);
     law->config = *config;
     for (uint32_t n = 0; n < 2U * config->orders; ++n) {
         law->coefficient[n] = cgl_clamped(law->coefficient[n], config->limit);
@@ -152,7 +164,7 @@ CGL_SELDOM static cgl_real follow_guard(cgl_pi_afc *law, const cgl_law_input *in
     const cgl_pi_config *const pi = &law->pi.config;
     const cgl_real configured = law->config.gain;
     const cgl_real factor = cgl_gentle_gain(in->gentle, configured, pi->ki > CGL_R(0.0) ? pi->ki : configured);
-    const cgl_real leak = LEAK * (CGL_R(1.0) - cgl_gentle_forgetting(in->gentle)) * factor * configured * law->pi.ts;
+    const cgl_real leak = LEAK * (CGL_R(1.0) - cgl_gentle_forgetting(in->gentle)) * factor * configured * law->pi.loop.ts;
     *kept = leak > CGL_R(0.0) ? (leak < pi->kp ? CGL_R(1.0) - leak / pi->kp : CGL_R(0.0)) : CGL_R(1.0);
     return factor;
 }
@@ -160,18 +172,22 @@ CGL_SELDOM static cgl_real follow_guard(cgl_pi_afc *law, const cgl_law_input *in
 void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out)
 {
     const cgl_pi_afc_config *const config = &law->config;
+    if (!CGL_OFTEN(law->pi.ready == CGL_READY)) {
+        cgl_law_refuse(out);
+        return;
+    }
     const cgl_real error = in->omega_ref - in->omega_m, before = in->theta_m - in->omega_ref * config->lead;
     const bool is_angle = cgl_is_angle(in->theta_m), plausible = cgl_is_finite(error) && is_angle;
-    law->learning = in->learn && !cgl_law_stands_by(in) && plausible && cgl_is_angle(before) && !law->pi.saturated
+    const bool guarded = in->gentle > 0U || in->forget;
+    cgl_real kept = CGL_R(1.0);
+    const cgl_real gain = guarded ? config->gain * follow_guard(law, in, &kept) : config->gain;
+    law->learning = in->learn && gain > CGL_R(0.0) && !cgl_law_stands_by(in) && plausible && cgl_is_angle(before) && !law->pi.saturated
                     && cgl_abs(in->omega_ref) >= config->omega_min;
     law->learned = CGL_R(0.0);
-    cgl_real kept = CGL_R(1.0);
-    const bool guarded = in->gentle > 0U || in->forget;
-    const cgl_real gain = guarded ? config->gain * follow_guard(law, in, &kept) : config->gain;
     if (is_angle && !in->off) {
         const uint32_t turns = cgl_turns(in->theta_m), turns_before = law->learning ? cgl_turns(before) : turns;
-        law->learned = cgl_law_share(in) * sum_of_orders(law, turns, turns_before, slow_orders(config, in->omega_ref * law->pi.ts),
-                                     cgl_clamp(gain * law->pi.ts * error, CGL_REAL_MAX), kept);
+        law->learned = cgl_law_share(in) * sum_of_orders(law, turns, turns_before, slow_orders(config, in->omega_ref * law->pi.loop.ts),
+                                     cgl_clamp(gain * law->pi.loop.ts * error, CGL_REAL_MAX), kept);
     }
     if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
         out->status = 0U;

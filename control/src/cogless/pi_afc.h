@@ -27,11 +27,11 @@ typedef struct {
     cgl_pi_config pi;                  /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
     uint32_t orders;                   /* how many there are, 1 to CGL_PI_AFC_ORDERS */
     uint32_t order[CGL_PI_AFC_ORDERS]; /* orders of a mechanical revolution, rising, 1 to CGL_PI_AFC_ORDER_MAX */
-    cgl_real gain;                     /* learning gain [A/rad], >= 0 */
+    cgl_real gain;                     /* learning gain [A/rad], >= 0; 0: nothing is learned. A guard wants pi.kp > 0 beside it */
     cgl_real lead;                     /* the error of now tells of where the rotor was this long ago: the time from the current
                                           to the measured speed [s], >= 0; default 0 */
     cgl_real omega_min;                /* learning freezes while |omega_ref| is below [rad/s], > 0 */
-    cgl_real limit;                    /* each coefficient, and the sum, stay within +-limit [A], > 0 */
+    cgl_real limit;                    /* each coefficient, and the sum, stay within +-limit [A], > 0, at most loop.current_limit */
 } cgl_pi_afc_config;
 
 typedef struct {
@@ -42,15 +42,19 @@ typedef struct {
     bool learning;         /* the last step learned */
 } cgl_pi_afc;
 
-/* `coefficient`: CGL_PI_AFC_LENGTH(orders) entries, which the state keeps using; they are cleared. */
-cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cgl_real ts, cgl_real *coefficient, uint32_t length);
+/* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_pi_afc_bad_field(const cgl_pi_afc_config *config, const cgl_loop *loop);
+
+/* loop: drive.loop. `coefficient`: CGL_PI_AFC_LENGTH(orders) entries, which the state keeps using; they are cleared. */
+cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, const cgl_loop *loop, cgl_real *coefficient,
+                          uint32_t length);
 
 /* Takes other gains and limits while it runs, as cgl_pi_retune. Coefficients stay, within the limit; the orders must. */
 cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config *config);
 
 void cgl_pi_afc_reset(cgl_pi_afc *law);
 
-/* Learning freezes, and what was learned acts on, while in->learn is false, |omega_ref| is below omega_min, the output was at
+/* Learning freezes, and what was learned acts on, while in->learn is false, the gain is 0, |omega_ref| is below omega_min, the output was at
  * its limit, an input is not finite, or an angle is beyond CGL_ANGLE_MAX. An order that passes in less than two samples
  * neither acts nor is learned. While in->off learning is frozen too, and the output and the PI's integral are 0. */
 void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out);

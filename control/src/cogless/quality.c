@@ -2,6 +2,7 @@
 
 #include "range.h"
 
+#define LONGEST_WINDOW CGL_R(60.0) /* [s] default */
 #define SQUARE_MAX CGL_R(1.0e28) /* so that the sum of as many as a window may have is finite in float */
 #define SMALLEST CGL_R(1.0e-30)  /* a square below it is nothing */
 #define IN_A_ROW 4U              /* outliers to one side: no noise, and no step of an encoder */
@@ -24,22 +25,38 @@ CGL_SELDOM static void begin_window(cgl_quality *quality)
     quality->learned = quality->unusual = quality->run_above = false;
 }
 
+CGL_SELDOM const char *cgl_quality_bad_field(const cgl_quality_config *config, cgl_real ts)
+{
+    static const cgl_range range[] = {CGL_RANGE(quality, span, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(quality, longest, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(quality, outlier, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(quality, floor, CGL_NOT_NEGATIVE)};
+    const cgl_real longest = cgl_or_default(config->longest, LONGEST_WINDOW);
+    const char *const field = CGL_OUT_OF_RANGE(config, range);
+    if (field != 0) {
+        return field;
+    }
+    if (!cgl_is_positive(ts)) {
+        return CGL_FIELD("ts");
+    }
+    if (!(longest >= ts && longest / ts <= CGL_R(1.0e9))) {
+        return CGL_FIELD("quality.longest");
+    }
+    return config->outlier > CGL_R(0.0) && config->outlier < CGL_R(1.0) ? CGL_FIELD("quality.outlier") : 0;
+}
+
 CGL_SELDOM static cgl_error take(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_quality_config, span, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_quality_config, longest, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_quality_config, outlier, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_quality_config, floor, CGL_NOT_NEGATIVE)};
-    const cgl_real longest = config->longest / ts; /* [samples] */
-    if (!(CGL_IS_IN_RANGE(config, range) && cgl_is_positive(ts) && config->longest >= ts && longest <= CGL_R(1.0e9)
-          && !(config->outlier > CGL_R(0.0) && config->outlier < CGL_R(1.0)))) {
+    if (cgl_quality_bad_field(config, ts) != 0) {
         return CGL_ERROR_CONFIG;
     }
     quality->config = *config;
+    quality->config.span = cgl_or_default(config->span, CGL_TWO_PI);
+    quality->config.longest = cgl_or_default(config->longest, LONGEST_WINDOW);
     quality->ts = ts;
-    const cgl_real turned = config->span / ts;
+    const cgl_real turned = quality->config.span / ts;
     quality->turned_square = cgl_clamped(turned * turned, CGL_REAL_MAX);
-    quality->longest = (uint32_t)(longest + CGL_R(0.5));
+    quality->longest = (uint32_t)(quality->config.longest / ts + CGL_R(0.5));
     begin_window(quality);
     return CGL_OK;
 }

@@ -18,8 +18,8 @@ extern "C" {
 #endif
 
 typedef struct {
-    cgl_real span;    /* of a window, mechanical [rad], > 0; default 2 pi */
-    cgl_real longest; /* a window ends after this time in any case [s], one period of the calls to 1e9 of them; default 60 */
+    cgl_real span;    /* of a window, mechanical [rad], > 0; 0: default 2 pi */
+    cgl_real longest; /* a window ends after this time in any case [s], one period of the calls to 1e9 of them; 0: default 60 */
     cgl_real outlier; /* an error beyond so many times the usual, root mean square over the last window, is an outlier [-],
                          >= 1; 0: none; default 0 */
     cgl_real floor;   /* but for errors below this [unit of the error], >= 0; default 0 */
@@ -66,6 +66,9 @@ typedef struct {
     bool improving;    /* learning, and the residual still comes down, by more than 2 % a window on average */
     bool worsening;    /* learning, and it goes up, by more than 2 % a window on average */
 } cgl_quality_report;
+
+/* The first field that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_quality_bad_field(const cgl_quality_config *config, cgl_real ts);
 
 cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts);
 

@@ -1,4 +1,4 @@
-/* Ranges of config fields, as a table that init reads: a row takes 4 bytes, a comparison in code three times that. */
+/* What every init checks: the caller's memory, and the ranges of config fields, as a table: a row takes 4 bytes, 8 with its name, a comparison in code three times that. */
 #ifndef COGLESS_RANGE_H
 #define COGLESS_RANGE_H
 
@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "real.h"
+#include "status.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -15,21 +16,36 @@ enum {
     CGL_FINITE,       /* a cgl_real: any number */
     CGL_NOT_NEGATIVE, /* a cgl_real: a number, >= 0 */
     CGL_POSITIVE,     /* a cgl_real: a number, > 0 */
-    CGL_COUNT         /* a uint32_t: 1 to 65535 */
+    CGL_COUNT,        /* a uint32_t: 1 to 65535 */
+    CGL_COUNT_OR_DEFAULT /* the same, or 0 */
 };
 
+/* CGL_RANGE: the row of a field of cgl_PART_config. */
+#ifdef COGLESS_NO_TEXTS
 typedef struct {
     uint16_t offset; /* of the field in its config [bytes] */
     uint16_t kind;   /* CGL_FINITE and so on */
 } cgl_range;
+#define CGL_RANGE(part, field, kind) {(uint16_t)offsetof(cgl_##part##_config, field), (uint16_t)(kind)}
+#else
+typedef struct {
+    const char *name; /* of the field, as "pi.kp" */
+    uint16_t offset;  /* of it in its config [bytes] */
+    uint16_t kind;    /* CGL_FINITE and so on */
+} cgl_range;
+#define CGL_RANGE(part, field, kind) {#part "." #field, (uint16_t)offsetof(cgl_##part##_config, field), (uint16_t)(kind)}
+#endif
 
-#define CGL_RANGE(config, field, kind) {(uint16_t)offsetof(config, field), (uint16_t)(kind)}
-
-/* Whether the fields of `count` rows are in their ranges. */
-bool cgl_is_in_range(const void *config, const cgl_range *range, uint32_t count);
+/* The first of `count` fields that is outside its range, as CGL_FIELD; NULL: none. */
+const char *cgl_out_of_range(const void *config, const cgl_range *range, uint32_t count);
 
 /* The same for all rows of an array. */
-#define CGL_IS_IN_RANGE(config, range) cgl_is_in_range((config), (range), (uint32_t)(sizeof(range) / sizeof((range)[0])))
+#define CGL_OUT_OF_RANGE(config, range) cgl_out_of_range((config), (range), (uint32_t)(sizeof(range) / sizeof((range)[0])))
+#define CGL_IS_IN_RANGE(config, range) (CGL_OUT_OF_RANGE(config, range) == 0)
+
+/* CGL_OK where the caller's memory is there, aligned, and of the `needed` length: sizeof in place of a number of entries is
+ * refused. */
+cgl_error cgl_check_memory(const cgl_real *cell, uint32_t length, uint32_t needed);
 
 #ifdef __cplusplus
 }

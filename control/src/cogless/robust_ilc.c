@@ -2,21 +2,38 @@
 
 #include "range.h"
 
-static bool is_valid(const cgl_robust_ilc_config *config)
+CGL_SELDOM const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *config, const cgl_loop *loop)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_robust_ilc_config, b, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_robust_ilc_config, c, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_robust_ilc_config, g, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_robust_ilc_config, eta, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_robust_ilc_config, q, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_robust_ilc_config, beta_1, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_robust_ilc_config, beta_2, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_robust_ilc_config, gamma, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_robust_ilc_config, viscous, CGL_FINITE),
-                                      CGL_RANGE(cgl_robust_ilc_config, coulomb, CGL_FINITE),
-                                      CGL_RANGE(cgl_robust_ilc_config, limit, CGL_POSITIVE)};
-    return CGL_IS_IN_RANGE(config, range) && config->memory.channels == 1U && cgl_is_positive(config->b * config->limit)
-           && cgl_is_positive(CGL_R(1.0) / config->b);
+    static const cgl_range range[] = {CGL_RANGE(robust_ilc, b, CGL_POSITIVE),
+                                      CGL_RANGE(robust_ilc, c, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(robust_ilc, g, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(robust_ilc, eta, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(robust_ilc, q, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(robust_ilc, beta_1, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(robust_ilc, beta_2, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(robust_ilc, gamma, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(robust_ilc, viscous, CGL_FINITE),
+                                      CGL_RANGE(robust_ilc, coulomb, CGL_FINITE),
+                                      CGL_RANGE(robust_ilc, limit, CGL_POSITIVE)};
+    const char *field = cgl_loop_bad_field(loop);
+    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    field = field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
+    if (field != 0) {
+        return field;
+    }
+    if (loop->feed_forward) {
+        return CGL_FIELD("loop.feed_forward");
+    }
+    if (config->memory.channels > 1U) {
+        return CGL_FIELD("memory.channels");
+    }
+    if (!cgl_is_positive(CGL_R(1.0) / config->b)) {
+        return CGL_FIELD("robust_ilc.b");
+    }
+    if (!(cgl_is_positive(config->b * config->limit) && config->limit <= loop->current_limit)) {
+        return CGL_FIELD("robust_ilc.limit");
+    }
+    return cgl_loop_can_learn(loop, config->q * config->beta_2, config->c + config->eta) ? 0 : CGL_FIELD("robust_ilc.eta");
 }
 
 /* The number of channels whose mean belongs to r. */
@@ -25,19 +42,30 @@ static uint32_t centred(const cgl_robust_ilc_config *config)
     return config->gamma > CGL_R(0.0) ? 1U : 0U;
 }
 
-cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, cgl_real ts, cgl_real *cell,
+/* Takes the guard's step. */
+CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
+{
+    const cgl_robust_ilc_config *const config = &law->config;
+    const cgl_real forgetting = cgl_gentle_forgetting(gentle);
+    law->gentle = gentle;
+    cgl_memory_soften(&law->memory, forgetting);
+    law->q = config->q * cgl_gentle_gain(gentle, config->q * config->beta_2, config->c + config->eta);
+    law->beta_1 = gentle > 1U ? CGL_R(0.0) : config->beta_1; /* no gain bounds what switches */
+    law->idle = !(law->q * (law->beta_1 + config->beta_2) > CGL_R(0.0)) && forgetting > CGL_R(0.0);
+}
+
+cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, const cgl_loop *loop, cgl_real *cell,
                               uint32_t length)
 {
-    if (!(is_valid(config) && cgl_is_positive(ts))) {
+    law->memory.ready = 0U;
+    if (cgl_robust_ilc_bad_field(config, loop) != 0) {
         return CGL_ERROR_CONFIG;
     }
-    law->config = *config;
-    law->ts = ts;
-    law->q = config->q;
-    law->beta_1 = config->beta_1;
-    law->gentle = 0U;
-    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, 1U, cell, length);
+    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, loop->ts, 1U, cell, length);
     if (error == CGL_OK) {
+        law->config = *config;
+        law->loop = *loop;
+        follow_guard(law, 0U);
         cgl_memory_centre(&law->memory, centred(config));
         cgl_robust_ilc_reset(law);
     }
@@ -46,7 +74,7 @@ cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *
 
 cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config *config)
 {
-    if (!is_valid(config) || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
+    if (cgl_robust_ilc_bad_field(config, &law->loop) != 0 || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
@@ -86,31 +114,25 @@ CGL_SELDOM static void stand_by(cgl_robust_ilc *law, const cgl_law_input *in, cg
     }
 }
 
-/* What the guard has just changed. */
-CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
-{
-    law->gentle = gentle;
-    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
-    law->q = law->config.q
-             * cgl_gentle_gain(gentle, law->config.q * law->config.beta_2, law->config.c + law->config.eta);
-    law->beta_1 = gentle > 1U ? CGL_R(0.0) : law->config.beta_1; /* no gain bounds what switches */
-}
-
 void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
                          cgl_law_output *out)
 {
     const cgl_robust_ilc_config *const config = &law->config;
+    if (!CGL_OFTEN(law->memory.ready == CGL_READY)) {
+        cgl_law_refuse(out);
+        return;
+    }
     const bool finite = cgl_is_finite(in->omega_ref - in->omega_m);
     const cgl_real omega = finite ? in->omega_m : CGL_R(0.0);
     const cgl_real error = finite ? in->omega_ref - in->omega_m : CGL_R(0.0);
     const cgl_real acceleration =
-        finite && law->started ? (in->omega_ref - law->last_omega_ref) / law->ts : CGL_R(0.0);
+        finite && law->started ? (in->omega_ref - law->last_omega_ref) / law->loop.ts : CGL_R(0.0);
     law->last_omega_ref = finite ? in->omega_ref : CGL_R(0.0);
     law->started = finite; /* a change over a gap is not one over ts */
 
     /* (11); more than this integral could never be commanded */
     cgl_real lost = law->integral_lost;
-    const cgl_real error_integral = cgl_add(law->error_integral, law->ts * error, CGL_R(1.0e9), &lost);
+    const cgl_real error_integral = cgl_add(law->error_integral, law->loop.ts * error, CGL_R(1.0e9), &lost);
     const cgl_real surface = finite ? error + config->c * error_integral : config->c * law->error_integral;
     const cgl_real sign = cgl_sign(surface);
 
@@ -121,7 +143,7 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     const cgl_real correction = -law->q * (law->beta_1 * sign + config->beta_2 * surface); /* (15) */
     cgl_real value;
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, in->omega_ref,
-                                       ((in->learn && !law->saturated) || in->forget) && !cgl_law_stands_by(in) && finite, &correction, &value);
+                                       ((in->learn && !law->idle && !law->saturated) || in->forget) && !cgl_law_stands_by(in) && finite, &correction, &value);
     const cgl_real share = cgl_law_share(in);
     const cgl_real f = share * cgl_clamp(value, config->memory.limit[0]);
     if (learn) {
@@ -151,7 +173,7 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     }
     if (finite && in->learn && (!law->saturated || surface * out->i_q_ref < CGL_R(0.0))) { /* (20) */
         law->adapted =
-            cgl_add(law->adapted, law->ts * config->gamma * surface, config->b * config->limit, &law->adapted_lost);
+            cgl_add(law->adapted, law->loop.ts * config->gamma * surface, config->b * config->limit, &law->adapted_lost);
     }
     out->status = law->saturated ? (unsigned)CGL_STATUS_SATURATED : 0U;
     if (!learn) {

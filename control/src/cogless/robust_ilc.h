@@ -23,13 +23,13 @@ typedef struct {
     cgl_real c;               /* slope of the sliding surface [1/s], >= 0 */
     cgl_real g;               /* switching gain [rad/s^2], >= 0 */
     cgl_real eta;             /* linear reaching gain [1/s], >= 0 */
-    cgl_real q;               /* learning rate [-], >= 0; 0: learn nothing */
+    cgl_real q;               /* learning rate [-], >= 0; 0: learn nothing. A guard wants c + eta > 0 beside q beta_2 */
     cgl_real beta_1;          /* weight of sgn S in learning [rad/s^2], >= 0 */
     cgl_real beta_2;          /* weight of S in learning [1/s], >= 0 */
     cgl_real gamma;           /* adaptation rate [1/s^2], >= 0 */
     cgl_real viscous;         /* known friction B(omega) = viscous omega + coulomb sgn omega [1/s], default 0 */
     cgl_real coulomb;         /* [rad/s^2], default 0 */
-    cgl_real limit;           /* the output stays within +-limit [A], > 0; b limit finite */
+    cgl_real limit;           /* the output stays within +-limit [A], > 0, at most loop.current_limit; b limit finite */
     cgl_memory_config memory; /* of f: entries and limit in [rad/s^2] */
 } cgl_robust_ilc_config;
 
@@ -43,7 +43,7 @@ typedef struct {
 
 typedef struct {
     cgl_robust_ilc_config config;
-    cgl_real ts;                /* sampling period [s] */
+    cgl_loop loop;
     cgl_memory memory;          /* f [rad/s^2] */
     cgl_real error_integral;    /* within +-1e9 [rad] */
     cgl_real integral_lost, adapted_lost; /* what rounding kept from error_integral and adapted */
@@ -53,11 +53,15 @@ typedef struct {
     bool saturated;             /* the last output was at its limit */
     uint32_t gentle;            /* the guard's step */
     cgl_real q, beta_1;         /* as that step reduces them */
+    bool idle;                  /* they are 0, and nothing is being cleared: f is frozen */
     cgl_robust_ilc_terms terms; /* of the last step */
 } cgl_robust_ilc;
 
-/* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
-cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, cgl_real ts, cgl_real *cell,
+/* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *config, const cgl_loop *loop);
+
+/* loop: drive.loop. `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
+cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, const cgl_loop *loop, cgl_real *cell,
                               uint32_t length);
 
 /* Takes other gains and limits while it runs, as cgl_memory_retune; the integral and r stay, within the limit. */

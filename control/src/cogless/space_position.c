@@ -5,23 +5,39 @@
 
 #define SAMPLES_MAX CGL_R(4294967040.0) /* the largest float below 2^32 */
 
-CGL_SELDOM static bool is_valid(const cgl_space_position_config *config)
+static uint32_t ratio_of(const cgl_space_position_config *config)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_space_position_config, ratio, CGL_COUNT),
-                                      CGL_RANGE(cgl_space_position_config, k_theta, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_position_config, k_omega, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_position_config, k_v, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_position_config, v_0, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_position_config, v_2, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_position_config, k_i, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_position_config, mu_alpha, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_position_config, mu_beta, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_position_config, mu_h, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_position_config, ramp, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_position_config, omega_min, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_space_position_config, limit, CGL_POSITIVE)};
-    return CGL_IS_IN_RANGE(config, range)
-           && (config->index == CGL_SPACE_BY_REFERENCE || config->index == CGL_SPACE_BY_ROTOR);
+    return config->ratio > 0U ? config->ratio : 1U;
+}
+
+CGL_SELDOM const char *cgl_space_position_bad_field(const cgl_space_position_config *config, const cgl_loop *loop)
+{
+    static const cgl_range range[] = {CGL_RANGE(space_position, ratio, CGL_COUNT_OR_DEFAULT),
+                                      CGL_RANGE(space_position, k_theta, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_position, k_omega, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_position, k_v, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_position, v_0, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_position, v_2, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_position, k_i, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_position, mu_alpha, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_position, mu_beta, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_position, mu_h, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_position, ramp, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_position, omega_min, CGL_POSITIVE),
+                                      CGL_RANGE(space_position, limit, CGL_POSITIVE)};
+    const char *field = cgl_loop_bad_field(loop);
+    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    field = field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
+    if (field != 0) {
+        return field;
+    }
+    if (loop->feed_forward) {
+        return CGL_FIELD("loop.feed_forward");
+    }
+    if (config->index != CGL_SPACE_BY_REFERENCE && config->index != CGL_SPACE_BY_ROTOR) {
+        return CGL_FIELD("space_position.index");
+    }
+    return config->limit <= loop->current_limit ? 0 : CGL_FIELD("space_position.limit");
 }
 
 /* The number of channels whose mean belongs to the integral: alpha and beta, if the integral acts beside what is learned. At a
@@ -32,17 +48,26 @@ static uint32_t centred(const cgl_space_position_config *config)
     return config->k_i > CGL_R(0.0) && !config->hand_over ? 2U : 0U;
 }
 
-cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
+/* Takes the guard's step. */
+CGL_SELDOM static void follow_guard(cgl_space_position *law, uint32_t gentle)
+{
+    law->gentle = gentle;
+    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
+}
+
+cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, const cgl_loop *loop, cgl_real *cell,
                                   uint32_t length)
 {
-    if (!(is_valid(config) && cgl_is_positive(ts))) {
+    law->memory.ready = 0U;
+    if (cgl_space_position_bad_field(config, loop) != 0) {
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
-    law->ts = ts;
-    law->gentle = 0U;
-    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, config->ratio, cell, length);
+    law->config.ratio = ratio_of(config);
+    law->loop = *loop;
+    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, loop->ts, law->config.ratio, cell, length);
     if (error == CGL_OK) {
+        follow_guard(law, 0U);
         cgl_memory_centre(&law->memory, centred(config));
         cgl_space_position_reset(law);
     }
@@ -53,26 +78,27 @@ cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_posit
 static inline cgl_real share_of_learning(const cgl_space_position *law)
 {
     const cgl_space_position_config *const config = &law->config;
-    const cgl_real elapsed = (cgl_real)law->learning_samples * law->ts;
+    const cgl_real elapsed = (cgl_real)law->learning_samples * law->loop.ts;
     return elapsed >= config->ramp ? CGL_R(1.0) : elapsed / config->ramp;
 }
 
 /* Samples of learning after which the ramp has come so far, at least one. */
 static uint32_t samples_of_share(const cgl_space_position *law, cgl_real share)
 {
-    const cgl_real samples = share * law->config.ramp / law->ts;
+    const cgl_real samples = share * law->config.ramp / law->loop.ts;
     return samples < SAMPLES_MAX ? (uint32_t)samples + 1U : (uint32_t)SAMPLES_MAX;
 }
 
 cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config)
 {
     const cgl_real share = share_of_learning(law);
-    if (!(is_valid(config) && config->ratio == law->config.ratio && config->index == law->config.index)
+    if (cgl_space_position_bad_field(config, &law->loop) != 0 || ratio_of(config) != law->config.ratio || config->index != law->config.index
         || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
         return CGL_ERROR_CONFIG;
     }
     const bool same_ramp = !(config->ramp < law->config.ramp || config->ramp > law->config.ramp);
     law->config = *config;
+    law->config.ratio = ratio_of(config);
     cgl_memory_centre(&law->memory, centred(config));
     law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     if (!same_ramp && law->learning_samples > 0U) {
@@ -109,13 +135,6 @@ CGL_SELDOM static void hold(cgl_space_position *law, const cgl_law_input *in, cg
     law->saturated = false;
 }
 
-/* What the guard has just changed. */
-CGL_SELDOM static void follow_guard(cgl_space_position *law, uint32_t gentle)
-{
-    law->gentle = gentle;
-    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
-}
-
 /* The factor on the correction. It learns from positions too, where the speed loop's gain is no measure of the first step. */
 static cgl_real factor_of(const cgl_space_position *law, cgl_real omega_ref, cgl_real alpha_ref)
 {
@@ -132,6 +151,10 @@ void cgl_space_position_step(cgl_space_position *law,
                              const cgl_law_input *in, cgl_law_output *out)
 {
     const cgl_space_position_config *const config = &law->config;
+    if (!CGL_OFTEN(law->memory.ready == CGL_READY)) {
+        cgl_law_refuse(out);
+        return;
+    }
     const cgl_real ratio = (cgl_real)config->ratio;
     const cgl_real difference = ratio * (in->omega_m - in->omega_ref);
     /* a sum is not finite if a part of it is not */
@@ -156,13 +179,14 @@ void cgl_space_position_step(cgl_space_position *law,
     if (gentle != law->gentle) {
         follow_guard(law, gentle);
     }
-    const cgl_real step =
-        moving ? -share * factor_of(law, omega_ref, alpha_ref) * omega_t / cgl_abs(omega_ref) : CGL_R(0.0);
+    const cgl_real factor = factor_of(law, omega_ref, alpha_ref);
+    const cgl_real step = moving ? -share * factor * omega_t / cgl_abs(omega_ref) : CGL_R(0.0);
+    const bool gains = factor * (config->mu_alpha + config->mu_beta + config->mu_h) > CGL_R(0.0);
     const cgl_real correction[CGL_CHANNELS] = {step * config->mu_alpha, step * (config->mu_beta * omega_ref),
                                                step * (config->mu_h * alpha_ref)};
     const bool learn = cgl_memory_step(&law->memory, config->index == CGL_SPACE_BY_ROTOR ? in->theta_m : in->theta_ref,
                                        moving ? in->omega_ref : CGL_R(0.0),
-                                       (learning && moving && !law->saturated) || (in->forget && !cgl_law_stands_by(in)),
+                                       (learning && moving && gains && !law->saturated) || (in->forget && !cgl_law_stands_by(in)),
                                        correction, value);
     if (learn && !in->forget && (law->learning_samples == 0U || (share < CGL_R(1.0) && law->learning_samples < 0xFFFFFFFFU))) {
         ++law->learning_samples;
@@ -180,8 +204,8 @@ void cgl_space_position_step(cgl_space_position *law,
     terms->proportional =
         -(config->k_omega + config->v_0 + config->v_2 * omega * omega) * omega_t - config->k_v * theta_tg;
     terms->alpha = acts * value[0];
-    terms->beta = config->memory.channels > 1U ? acts * value[1] * omega_ref : CGL_R(0.0);
-    terms->h = config->memory.channels > 2U ? acts * value[2] * alpha_ref : CGL_R(0.0);
+    terms->beta = law->memory.config.channels > 1U ? acts * value[1] * omega_ref : CGL_R(0.0);
+    terms->h = law->memory.config.channels > 2U ? acts * value[2] * alpha_ref : CGL_R(0.0);
     const cgl_real share_i = config->hand_over ? CGL_R(1.0) - acts * share : CGL_R(1.0);
     if (in->torque) {
         hold(law, in, share_i, out);
@@ -198,7 +222,7 @@ void cgl_space_position_step(cgl_space_position *law,
         law->integral = law->integral_lost = CGL_R(0.0);
     }
     cgl_real lost = law->integral_lost;
-    const cgl_real integral = cgl_add(law->integral, config->k_i * law->ts * omega_t, config->limit, &lost);
+    const cgl_real integral = cgl_add(law->integral, config->k_i * law->loop.ts * omega_t, config->limit, &lost);
     const cgl_real wanted = rest - share_i * integral;
     law->saturated = !cgl_is_below(wanted, config->limit);
     out->i_q_ref = cgl_clamp(wanted, config->limit);

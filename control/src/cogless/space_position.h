@@ -28,7 +28,7 @@ typedef enum { CGL_SPACE_BY_REFERENCE, CGL_SPACE_BY_ROTOR } cgl_space_index;
 
 /* All angles and speeds of the gains are those multiplied by `ratio`. */
 typedef struct {
-    uint32_t ratio;        /* rotor teeth or pole pairs for electrical quantities, 1 for mechanical; 1 to 65535 */
+    uint32_t ratio;        /* rotor teeth or pole pairs for electrical quantities, 1 for mechanical; 1 to 65535; 0: default 1 */
     cgl_real k_theta;      /* position loop [1/s], >= 0 */
     cgl_real k_omega;      /* speed loop [A s/rad], >= 0 */
     cgl_real k_v;          /* [A/rad], >= 0; default 0, as in Section 5 */
@@ -38,11 +38,11 @@ typedef struct {
     cgl_real mu_alpha;     /* learning gain [A], >= 0 */
     cgl_real mu_beta;      /* learning gain [A s^2/rad^2], >= 0; channel 2 of the memory */
     cgl_real mu_h;         /* learning gain [A s^4/rad^2], >= 0; channel 3 of the memory */
-    bool hand_over;        /* integral action fades out as learning fades in; default true, as in Section 5 */
+    bool hand_over;        /* integral action fades out as learning fades in, as in Section 5; default false */
     cgl_real ramp;         /* of learning, over the time that it learns [s], >= 0 */
     cgl_real omega_min;    /* learning freezes while the mechanical |omega_ref| is below [rad/s], > 0 */
     cgl_space_index index; /* default CGL_SPACE_BY_REFERENCE, as in the paper */
-    cgl_real limit;        /* the output stays within +-limit [A], > 0 */
+    cgl_real limit;        /* the output stays within +-limit [A], > 0, at most loop.current_limit */
     cgl_memory_config memory; /* channels: 1 alpha, 2 and beta, 3 and h; limits [A], [A s/rad], [A s^2/rad]; turns
                                        and parts of a revolution of ratio theta */
 } cgl_space_position_config;
@@ -56,8 +56,8 @@ typedef struct {
 } cgl_space_position_terms;
 
 typedef struct {
-    cgl_space_position_config config;
-    cgl_real ts;                    /* sampling period [s] */
+    cgl_space_position_config config; /* with its defaults */
+    cgl_loop loop;
     cgl_memory memory;        /* memory.p_t: P_t [s] */
     cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
     cgl_real integral_lost;         /* what rounding kept from it [A] */
@@ -67,8 +67,11 @@ typedef struct {
     cgl_space_position_terms terms; /* of the last step */
 } cgl_space_position;
 
-/* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
-cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, cgl_real ts, cgl_real *cell,
+/* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_space_position_bad_field(const cgl_space_position_config *config, const cgl_loop *loop);
+
+/* loop: drive.loop. `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
+cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, const cgl_loop *loop, cgl_real *cell,
                                   uint32_t length);
 
 /* Takes other gains and limits while it runs, as cgl_memory_retune; ratio and index must stay. The integral stays, within
@@ -77,7 +80,7 @@ cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_pos
 
 void cgl_space_position_reset(cgl_space_position *law);
 
-/* Learning freezes, and what was learned acts on, while in->learn is false, |omega_ref| is below omega_min, the output
+/* Learning freezes, and what was learned acts on, while in->learn is false, |omega_ref| is below omega_min, no gain is left, the output
  * was at its limit, an input is not plausible, or the memory says so. The integral holds while the output is at its
  * limit and the error would push it further. Where an input is not plausible the output is that of no error.
  * While in->off learning is frozen too, its ramp as well, and the output and the integral are 0. */

@@ -2,29 +2,53 @@
 
 #include "range.h"
 
-CGL_SELDOM static bool is_valid(const cgl_space_speed_config *config)
+static uint32_t ratio_of(const cgl_space_speed_config *config)
 {
-    static const cgl_range range[] = {CGL_RANGE(cgl_space_speed_config, k, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_speed_config, mu_alpha, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_speed_config, mu_beta, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_speed_config, mu_h, CGL_NOT_NEGATIVE),
-                                      CGL_RANGE(cgl_space_speed_config, eta_bar, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_space_speed_config, omega_min, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_space_speed_config, limit, CGL_POSITIVE),
-                                      CGL_RANGE(cgl_space_speed_config, ratio, CGL_COUNT)};
-    return CGL_IS_IN_RANGE(config, range);
+    return config->ratio > 0U ? config->ratio : 1U;
 }
 
-cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, cgl_real ts, cgl_real *cell,
-                                          uint32_t length)
+CGL_SELDOM const char *cgl_space_speed_bad_field(const cgl_space_speed_config *config, const cgl_loop *loop)
 {
-    if (!is_valid(config)) {
+    static const cgl_range range[] = {CGL_RANGE(space_speed, k, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_speed, mu_alpha, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_speed, mu_beta, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_speed, mu_h, CGL_NOT_NEGATIVE),
+                                      CGL_RANGE(space_speed, eta_bar, CGL_POSITIVE),
+                                      CGL_RANGE(space_speed, omega_min, CGL_POSITIVE),
+                                      CGL_RANGE(space_speed, limit, CGL_POSITIVE),
+                                      CGL_RANGE(space_speed, ratio, CGL_COUNT_OR_DEFAULT)};
+    const char *field = cgl_loop_bad_field(loop);
+    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    field = field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
+    if (field != 0) {
+        return field;
+    }
+    if (loop->feed_forward) {
+        return CGL_FIELD("loop.feed_forward");
+    }
+    return config->limit <= loop->current_limit ? 0 : CGL_FIELD("space_speed.limit");
+}
+
+/* Takes the guard's step. */
+CGL_SELDOM static void follow_guard(cgl_space_speed *law, uint32_t gentle)
+{
+    law->gentle = gentle;
+    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
+}
+
+cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, const cgl_loop *loop, cgl_real *cell,
+                               uint32_t length)
+{
+    law->memory.ready = 0U;
+    if (cgl_space_speed_bad_field(config, loop) != 0) {
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
-    law->gentle = 0U;
-    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, ts, config->ratio, cell, length);
+    law->config.ratio = ratio_of(config);
+    law->loop = *loop;
+    const cgl_error error = cgl_memory_init(&law->memory, &config->memory, loop->ts, law->config.ratio, cell, length);
     if (error == CGL_OK) {
+        follow_guard(law, 0U);
         cgl_space_speed_reset(law);
     }
     return error;
@@ -32,11 +56,12 @@ cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_confi
 
 cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_config *config)
 {
-    if (!(is_valid(config) && config->ratio == law->config.ratio)
+    if (cgl_space_speed_bad_field(config, &law->loop) != 0 || ratio_of(config) != law->config.ratio
         || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
         return CGL_ERROR_CONFIG;
     }
     law->config = *config;
+    law->config.ratio = ratio_of(config);
     law->gentle = UINT32_MAX; /* the next step follows the guard anew */
     return CGL_OK;
 }
@@ -55,13 +80,6 @@ CGL_SELDOM void cgl_space_speed_reset(cgl_space_speed *law)
     start_anew(law);
 }
 
-/* What the guard has just changed. */
-CGL_SELDOM static void follow_guard(cgl_space_speed *law, uint32_t gentle)
-{
-    law->gentle = gentle;
-    cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
-}
-
 /* The factor on the correction. It grows with 1 / |omega| without bound, which is the law as proven: the first step leaves it. */
 static cgl_real factor_of(const cgl_space_speed *law, cgl_real omega, cgl_real alpha_ref)
 {
@@ -77,6 +95,10 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
                           cgl_law_output *out)
 {
     const cgl_space_speed_config *const config = &law->config;
+    if (!CGL_OFTEN(law->memory.ready == CGL_READY)) {
+        cgl_law_refuse(out);
+        return;
+    }
     const cgl_real difference = in->omega_m - in->omega_ref;
     /* a sum is not finite if a part of it is not */
     const bool plausible = cgl_is_finite(difference + in->alpha_ref) && cgl_is_angle(in->theta_m);
@@ -92,11 +114,13 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
     if (gentle != law->gentle) {
         follow_guard(law, gentle);
     }
-    const cgl_real step = switched_on ? -eta * factor_of(law, omega, alpha_ref) / cgl_abs(omega) : CGL_R(0.0);
+    const cgl_real factor = factor_of(law, omega, alpha_ref);
+    const cgl_real step = switched_on ? -eta * factor / cgl_abs(omega) : CGL_R(0.0);
+    const bool gains = factor * (config->mu_alpha + config->mu_beta + config->mu_h) > CGL_R(0.0);
     const cgl_real correction[CGL_CHANNELS] = {step * config->mu_alpha, step * (config->mu_beta * omega_ref),
                                                step * (config->mu_h * alpha_ref)};
     const bool learn = cgl_memory_step(&law->memory, in->theta_m, moving ? omega : CGL_R(0.0),
-                                       ((in->learn && switched_on && !law->saturated) || in->forget) && !cgl_law_stands_by(in), correction, delta);
+                                       ((in->learn && switched_on && gains && !law->saturated) || in->forget) && !cgl_law_stands_by(in), correction, delta);
 
     if (in->off) {
         start_anew(law);
@@ -107,8 +131,8 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
     cgl_space_speed_terms *terms = &law->terms;
     terms->proportional = -config->k * eta;
     terms->alpha = acts * delta[0];
-    terms->beta = config->memory.channels > 1U ? acts * delta[1] * omega : CGL_R(0.0);
-    terms->h = config->memory.channels > 2U ? acts * delta[2] * alpha_ref : CGL_R(0.0);
+    terms->beta = law->memory.config.channels > 1U ? acts * delta[1] * omega : CGL_R(0.0);
+    terms->h = law->memory.config.channels > 2U ? acts * delta[2] * alpha_ref : CGL_R(0.0);
     if (in->torque) {
         terms->proportional = CGL_R(0.0);
         law->saturated = false;

@@ -22,8 +22,8 @@ typedef struct {
     cgl_real mu_h;      /* learning gain [A s^4/rad^2], >= 0; channel 3 of the memory */
     cgl_real eta_bar;   /* learning freezes while |eta| is not below [rad/s], > 0 */
     cgl_real omega_min; /* and while |omega| is below [rad/s], > 0 */
-    cgl_real limit;     /* the output stays within +-limit [A], > 0 */
-    uint32_t ratio;     /* turns and parts of the memory count revolutions of ratio theta; 1 to 65535; default 1 */
+    cgl_real limit;     /* the output stays within +-limit [A], > 0, at most loop.current_limit */
+    uint32_t ratio;     /* turns and parts of the memory count revolutions of ratio theta; 1 to 65535; 0: default 1 */
     cgl_memory_config memory; /* channels: 1 alpha, 2 and beta, 3 and h; limits [A], [A s/rad], [A s^2/rad] */
 } cgl_space_speed_config;
 
@@ -35,15 +35,19 @@ typedef struct {
 } cgl_space_speed_terms;
 
 typedef struct {
-    cgl_space_speed_config config;
+    cgl_space_speed_config config; /* with its defaults */
+    cgl_loop loop;
     cgl_memory memory;     /* memory.p_t: P_t [s] */
     bool saturated;              /* the last output was at its limit */
     uint32_t gentle;             /* how gently it learns, as the guard says */
     cgl_space_speed_terms terms; /* of the last step */
 } cgl_space_speed;
 
-/* `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
-cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, cgl_real ts, cgl_real *cell,
+/* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
+const char *cgl_space_speed_bad_field(const cgl_space_speed_config *config, const cgl_loop *loop);
+
+/* loop: drive.loop. `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
+cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, const cgl_loop *loop, cgl_real *cell,
                                uint32_t length);
 
 /* Takes other gains and limits while it runs, as cgl_memory_retune; ratio must stay. */
@@ -51,7 +55,7 @@ cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_con
 
 void cgl_space_speed_reset(cgl_space_speed *law);
 
-/* Ignores theta_ref. Learning freezes, and what was learned acts on, while in->learn is false, q is 0, the output was
+/* Ignores theta_ref. Learning freezes, and what was learned acts on, while in->learn is false, q is 0, no gain is left, the output was
  * at its limit, an input is not plausible, or the memory says so. Where an input is not plausible the output is that
  * of no error. While in->off learning is frozen too, and the output is 0. In torque mode alpha, beta omega and
  * h alpha_ref act on in->i_q_ref. */

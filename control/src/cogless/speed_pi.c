@@ -9,6 +9,10 @@ CGL_SELDOM static void limited(cgl_pi *pi, cgl_real error, cgl_law_output *out)
 
 void cgl_speed_pi_step(cgl_pi *pi, const cgl_law_input *in, cgl_law_output *out)
 {
+    if (!CGL_OFTEN(pi->ready == CGL_READY)) {
+        cgl_law_refuse(out);
+        return;
+    }
     if (cgl_law_stands_by(in)) {
         cgl_pi_start(pi, cgl_law_stand_by(in, CGL_R(0.0), pi->config.limit, out));
         return;

@@ -2,17 +2,27 @@
 #ifndef COGLESS_STATUS_H
 #define COGLESS_STATUS_H
 
-/* Returned by every init. Nothing but CGL_OK leaves a usable state. */
+/* Returned by every init. Nothing but CGL_OK leaves a usable state. Which field was refused, cgl_NAME_bad_field says. */
 typedef enum {
     CGL_OK = 0,
     CGL_ERROR_CONFIG = -1, /* a config field is outside its stated range or not finite */
-    CGL_ERROR_MEMORY = -2  /* the caller's memory is missing or too small */
+    CGL_ERROR_MEMORY = -2  /* the caller's memory is missing, misaligned, or not of the length that the config needs */
 } cgl_error;
+
+/* The name of a config's field, for a report. With COGLESS_NO_TEXTS every name is empty, and takes no flash. */
+#ifdef COGLESS_NO_TEXTS
+#define CGL_FIELD(name) ""
+#else
+#define CGL_FIELD(name) name
+#endif
+
+/* What init writes into a state that is usable. A step finds neither zeros nor garbage to be one. */
+#define CGL_READY 0x5ca1ab1eU
 
 /* Bits of a step's status. */
 enum {
     CGL_STATUS_SATURATED = 1,      /* the output is at its limit */
-    CGL_STATUS_FAULT = 2,          /* an input was not finite or not plausible; a safe output is held */
+    CGL_STATUS_FAULT = 2,          /* an input was not finite or not plausible, or no init made the state; a safe output is held */
     CGL_STATUS_FROZEN = 4,         /* the learned memory was not changed in this step */
     CGL_STATUS_BUSY = 8,           /* a calibration run is under way: the reference is ignored */
     CGL_STATUS_ANGLE_LOST = 16,    /* angle or speed is not finite, or can't be: the last plausible one goes on */

@@ -7,6 +7,11 @@ enum class MotionControlType { velocity };
 
 unsigned long micros();
 
+static struct {
+    void begin(long) {}
+    void println(const char *) {}
+} Serial;
+
 struct MagneticSensorI2C {
     explicit MagneticSensorI2C(int) {}
     void init() {}
@@ -20,7 +25,7 @@ struct BLDCDriver3PWM {
 };
 
 struct BLDCMotor {
-    explicit BLDCMotor(int pp) : pole_pairs(pp) {}
+    explicit BLDCMotor(int pp, float R) : pole_pairs(pp), phase_resistance(R) {}
     void linkSensor(MagneticSensorI2C *) {}
     void linkDriver(BLDCDriver3PWM *) {}
     void init() {}
@@ -28,10 +33,12 @@ struct BLDCMotor {
     void loopFOC() {}
     void move() {}
     int pole_pairs;
+    float phase_resistance;
     float target = 0.0f, shaft_velocity = 0.0f, current_limit = 0.0f, voltage_limit = 0.0f, current_sp = 0.0f;
     signed char enabled = 1;
     TorqueControlType torque_controller{};
     MotionControlType controller{};
-    struct { float P = 0.0f, limit = 0.0f; } PID_velocity;
+    struct { float P = 0.0f, I = 0.0f, limit = 0.0f; } PID_velocity;
+    struct { float Tf = 0.0f; } LPF_velocity;
     struct { float q = 0.0f, d = 0.0f; } feed_forward_current, voltage;
 };

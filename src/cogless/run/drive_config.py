@@ -190,6 +190,7 @@ def control_config(
         "pole_pairs": driven.pole_pairs,
         "divider": drive.rates.divider,
         "foreign": drive.ideal,
+        "feed_forward": False,
         "learn_saturated": drive.rates.position_loop is not None,
         "unguarded": not (drive.guard and learns) or drive.rates.position_loop is not None,
         "foc": {

@@ -46,8 +46,9 @@ class Subject:
 
     @property
     def defines(self) -> list[str]:
-        """Macros with which every file is compiled: of the precision, and of parts that aren't used."""
-        return ["COGLESS_DOUBLE"] * (self.precision == "d") + list(self.left_out)
+        """Macros with which every file is compiled: of the precision, of parts that aren't used, and of no
+        names of fields, since a study is checked."""
+        return [*["COGLESS_DOUBLE"] * (self.precision == "d"), "COGLESS_NO_TEXTS", *self.left_out]
 
     @property
     def left_out(self) -> dict[str, set[str]]:

@@ -53,7 +53,7 @@ def _words(subject: Subject) -> dict[str, str]:
     rate = str(s.rate)
     entries = s.law.entries(s.law_config)
     state = s.law.state
-    period = "" if s.law.name == "trial" else ", controller->drive.law_period"
+    period = "" if s.law.name == "trial" else ", &controller->drive.loop"
     length = f"{name.upper()}_MEMORY_LENGTH"
     memory = f", controller->memory, {length}" if entries else ""
     own = {"learning_matrix": f"{name}_learning_matrix"} if s.learning_matrix is not None else {}

@@ -1,0 +1,250 @@
+#include "faces.h"
+
+#include <stddef.h>
+#include <string.h>
+
+#include "check.h"
+#include "cogless/adrc.h"
+#include "cogless/anti_cogging.h"
+#include "cogless/drive.h"
+#include "cogless/harmonic.h"
+#include "cogless/pi_afc.h"
+#include "cogless/pi_ilc.h"
+#include "cogless/robust_ilc.h"
+#include "cogless/space_position.h"
+#include "cogless/space_speed.h"
+#include "cogless/speed_pi.h"
+
+#ifdef COGLESS_NO_TEXTS
+#define IS_NAMED(field, name) ((field) != NULL)
+#else
+#define IS_NAMED(field, name) ((field) != NULL && strcmp((field), (name)) == 0)
+#endif
+
+static const cgl_loop guarded_loop = {.ts = CGL_R(1.0e-3), .current_limit = CGL_R(3.0), .guarded = true};
+CGL_MAP(map, 64U, 2U);
+
+static cgl_drive_config some_drive(void)
+{
+    const cgl_drive_config config = {.pole_pairs = 4U, .divider = 10U,
+                                     .foc = {.kp_d = CGL_R(1.0), .kp_q = CGL_R(1.0), .current_limit = CGL_R(3.0)}};
+    return config;
+}
+
+static cgl_pi_ilc_config some_law(void)
+{
+    const cgl_pi_ilc_config config = {.pi = {CGL_R(0.1), CGL_R(1.0), CGL_R(3.0)}, .gain = CGL_R(0.05),
+                                      .memory = {.cells = 64U, .q_half_width = 2U, .limit = {CGL_R(1.0)}}};
+    return config;
+}
+
+/* ---- a state that no init made gives a fault and no current ---- */
+
+static const cgl_law_input turning = {.omega_ref = CGL_R(10.0), .omega_m = CGL_R(9.0), .theta_m = CGL_R(1.0), .theta_ref = CGL_R(1.0),
+                                      .learn = true};
+
+static void check_refused(const cgl_law_output *out)
+{
+    const unsigned expected = (unsigned)CGL_STATUS_FAULT | (unsigned)CGL_STATUS_OFF | (unsigned)CGL_STATUS_FROZEN;
+    CHECK(within(out->i_q_ref, CGL_R(0.0)) && out->status == expected);
+}
+
+#define CHECK_UNMADE(name, state)                                                                                      \
+    do {                                                                                                               \
+        static state law;                                                                                              \
+        static const int bytes[] = {0, 0xA5, 0xFF};                                                                    \
+        for (int n = 0; n < 3; ++n) {                                                                                  \
+            cgl_law_output out = {CGL_R(9.0), 0U};                                                                     \
+            memset(&law, bytes[n], sizeof law);                                                                        \
+            cgl_##name##_step(&law, &turning, &out);                                                                   \
+            check_refused(&out);                                                                                       \
+        }                                                                                                              \
+    } while (false)
+
+static void unmade_states(void)
+{
+    CHECK_UNMADE(speed_pi, cgl_pi);
+    CHECK_UNMADE(adrc, cgl_adrc);
+    CHECK_UNMADE(pi_ilc, cgl_pi_ilc);
+    CHECK_UNMADE(robust_ilc, cgl_robust_ilc);
+    CHECK_UNMADE(anti_cogging, cgl_anti_cogging);
+    CHECK_UNMADE(pi_afc, cgl_pi_afc);
+    CHECK_UNMADE(harmonic, cgl_harmonic);
+    CHECK_UNMADE(space_position, cgl_space_position);
+    CHECK_UNMADE(space_speed, cgl_space_speed);
+}
+
+static void unmade_drive(void)
+{
+    static cgl_drive drive;
+    static const int bytes[] = {0, 0xA5, 0xFF};
+    const cgl_measurement now = {.u_dc = CGL_R(24.0)};
+    const cgl_reference reference = {.omega_ref = CGL_R(10.0), .learn = true};
+    for (int n = 0; n < 3; ++n) {
+        cgl_drive_output out;
+        memset(&drive, bytes[n], sizeof drive);
+        CHECK(!cgl_drive_measure(&drive, &now, &reference));
+        cgl_drive_actuate(&drive, &out);
+        CHECK(are_duties(out.duty) && within(out.i_q_ref, CGL_R(0.0)) && within(out.u_q, CGL_R(0.0)));
+        CHECK((out.status & (unsigned)CGL_STATUS_OFF) != 0U && (out.status & (unsigned)CGL_STATUS_FAULT) != 0U);
+    }
+}
+
+/* A law that was initialised, and then refused, is none. */
+static void refused_again(void)
+{
+    cgl_pi_ilc law;
+    cgl_pi_ilc_config config = some_law();
+    cgl_law_output out;
+    CHECK(cgl_pi_ilc_init(&law, &config, &guarded_loop, map, CGL_ENTRIES(map)) == CGL_OK);
+    cgl_pi_ilc_step(&law, &turning, &out);
+    CHECK((out.status & (unsigned)CGL_STATUS_FAULT) == 0U);
+    config.gain = CGL_R(-1.0);
+    CHECK(cgl_pi_ilc_init(&law, &config, &guarded_loop, map, CGL_ENTRIES(map)) == CGL_ERROR_CONFIG);
+    cgl_pi_ilc_step(&law, &turning, &out);
+    check_refused(&out);
+    config = some_law();
+    CHECK(cgl_pi_ilc_init(&law, &config, &guarded_loop, map, (uint32_t)sizeof map) == CGL_ERROR_MEMORY);
+    cgl_pi_ilc_step(&law, &turning, &out);
+    check_refused(&out);
+}
+
+/* ---- what is refused is named ---- */
+
+static void names_of_the_drive(void)
+{
+    const cgl_real ts = CGL_R(1.0e-4);
+    cgl_drive_config config = some_drive();
+    CHECK(cgl_drive_bad_field(&config, ts) == NULL);
+    CHECK(IS_NAMED(cgl_drive_bad_field(&config, CGL_R(0.0)), "ts"));
+    config.foc.current_limit = CGL_R(1.0e6);
+    CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "foc.current_limit"));
+    config = some_drive();
+    config.foc.kp_q = CGL_R(-1.0);
+    CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "foc.kp_q"));
+    config = some_drive();
+    config.monitor.bridge = CGL_R(-1.0);
+    CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "monitor.bridge"));
+    config = some_drive();
+    config.monitor.phases = 2U;
+    CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "monitor.phases"));
+    config = some_drive();
+    config.quality.outlier = CGL_R(0.5);
+    CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "quality.outlier"));
+    config = some_drive();
+    config.divider = 0U;
+    CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "drive.divider"));
+    config = some_drive();
+    config.feed_forward = true; /* beside a current loop of our own */
+    CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "drive.feed_forward"));
+}
+
+static void names_of_a_law(void)
+{
+    cgl_pi_ilc_config config = some_law();
+    CHECK(cgl_pi_ilc_bad_field(&config, &guarded_loop) == NULL);
+    config.pi.limit = CGL_R(1.0e6);
+    CHECK(IS_NAMED(cgl_pi_ilc_bad_field(&config, &guarded_loop), "pi.limit"));
+    config = some_law();
+    config.memory.limit[0] = CGL_R(1.0e6);
+    CHECK(IS_NAMED(cgl_pi_ilc_bad_field(&config, &guarded_loop), "memory.limit"));
+    config = some_law();
+    config.memory.cells = 3U;
+    CHECK(IS_NAMED(cgl_pi_ilc_bad_field(&config, &guarded_loop), "memory.cells"));
+    config = some_law();
+    config.gain = CGL_R(-1.0);
+    CHECK(IS_NAMED(cgl_pi_ilc_bad_field(&config, &guarded_loop), "pi_ilc.gain"));
+    cgl_loop loop = guarded_loop;
+    loop.ts = CGL_R(0.0);
+    config = some_law();
+    CHECK(IS_NAMED(cgl_pi_ilc_bad_field(&config, &loop), "loop.ts"));
+}
+
+/* What the guard bounds by a feedback of 0 never learns: it is refused, or it is said in the status. */
+static void gains_of_nothing(void)
+{
+    cgl_pi_ilc law;
+    cgl_pi_ilc_config config = some_law();
+    config.pi.kp = CGL_R(0.0);
+    CHECK(IS_NAMED(cgl_pi_ilc_bad_field(&config, &guarded_loop), "pi.kp"));
+    cgl_loop unguarded = guarded_loop;
+    unguarded.guarded = false;
+    CHECK(cgl_pi_ilc_bad_field(&config, &unguarded) == NULL);
+    config = some_law();
+    config.gain = CGL_R(0.0);
+    CHECK(cgl_pi_ilc_init(&law, &config, &guarded_loop, map, CGL_ENTRIES(map)) == CGL_OK);
+    for (int n = 0; n < 100; ++n) {
+        cgl_law_output out;
+        cgl_law_input in = turning;
+        in.theta_m = CGL_R(0.02) * (cgl_real)n;
+        cgl_pi_ilc_step(&law, &in, &out);
+        CHECK((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U);
+    }
+    const cgl_robust_ilc_config robust = {.b = CGL_R(100.0), .q = CGL_R(1.0), .beta_2 = CGL_R(1.0), .limit = CGL_R(3.0),
+                                          .memory = {.cells = 64U, .limit = {CGL_R(1.0)}}};
+    CHECK(IS_NAMED(cgl_robust_ilc_bad_field(&robust, &guarded_loop), "robust_ilc.eta"));
+    const cgl_space_speed_config space = {.mu_alpha = CGL_R(1.0), .eta_bar = CGL_R(9.0), .omega_min = CGL_R(0.1), .limit = CGL_R(3.0),
+                                          .memory = {.cells = 62U, .q_half_width = 2U, .limit = {CGL_R(1.0)}}};
+    cgl_space_speed by_angle; /* the first step leaves its gain as proven, later ones nothing of it */
+    static cgl_real cells[65];
+    CHECK(cgl_space_speed_init(&by_angle, &space, &guarded_loop, cells, 65U) == CGL_OK);
+    for (int n = 0; n < 200; ++n) {
+        cgl_law_output out;
+        cgl_law_input in = turning;
+        in.theta_m = CGL_R(0.02) * (cgl_real)n;
+        in.gentle = n < 100 ? 1U : 3U;
+        cgl_space_speed_step(&by_angle, &in, &out);
+        CHECK(n == 0 || n == 100 || ((out.status & (unsigned)CGL_STATUS_FROZEN) != 0U) == (n > 100) || n < 10);
+    }
+}
+
+/* Laws whose learning needs a feedback of their own say so. */
+static void laws_that_are_not_fed_forward(void)
+{
+    cgl_loop loop = guarded_loop;
+    loop.feed_forward = true;
+    const cgl_adrc_config adrc = {CGL_R(100.0), CGL_R(20.0), CGL_R(100.0), CGL_R(3.0)};
+    CHECK(cgl_adrc_bad_field(&adrc, &guarded_loop) == NULL);
+    CHECK(IS_NAMED(cgl_adrc_bad_field(&adrc, &loop), "loop.feed_forward"));
+    const cgl_pi_ilc_config ilc = some_law();
+    CHECK(cgl_pi_ilc_bad_field(&ilc, &loop) == NULL);
+}
+
+/* ---- 0 is the default ---- */
+
+static void defaults(void)
+{
+    cgl_memory short_one, full_one;
+    static cgl_real other[CGL_MEMORY_ROW(64U, 2U)];
+    const cgl_memory_config short_config = {.cells = 64U, .q_half_width = 2U, .limit = {CGL_R(1.0)}};
+    const cgl_memory_config full_config = {.kind = CGL_MEMORY_ANGLE, .channels = 1U, .cells = 64U, .turns = 1U, .parts = 1U,
+                                           .q_half_width = 2U, .forgetting = CGL_R(1.0), .limit = {CGL_R(1.0)}};
+    CHECK(cgl_memory_init(&short_one, &short_config, CGL_R(1.0e-3), 1U, map, CGL_ENTRIES(map)) == CGL_OK);
+    CHECK(cgl_memory_init(&full_one, &full_config, CGL_R(1.0e-3), 1U, other, CGL_ENTRIES(other)) == CGL_OK);
+    for (int n = 0; n < 3000; ++n) {
+        const cgl_real theta = CGL_R(0.01) * (cgl_real)n, correction = CGL_R(0.001) * (cgl_real)(n % 7);
+        cgl_real one, two;
+        CHECK(cgl_memory_step(&short_one, theta, CGL_R(10.0), true, &correction, &one)
+              == cgl_memory_step(&full_one, theta, CGL_R(10.0), true, &correction, &two));
+        CHECK(within(one - two, CGL_R(0.0)));
+    }
+    CHECK(memcmp(map, other, sizeof map) == 0 && cgl_memory_retune(&short_one, &full_config) == CGL_OK);
+    cgl_drive drive;
+    const cgl_drive_config config = some_drive();
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_OK);
+    CHECK(drive.monitor.config.phases == 3U && within(drive.quality.config.span - CGL_TWO_PI, CGL_R(0.0)));
+    CHECK(within(drive.loop.ts - CGL_R(1.0e-3), CGL_R(1.0e-9)) && within(drive.loop.current_limit - CGL_R(3.0), CGL_R(0.0)));
+    CHECK(drive.loop.guarded && !drive.loop.feed_forward);
+}
+
+void faces(void)
+{
+    unmade_states();
+    unmade_drive();
+    refused_again();
+    names_of_the_drive();
+    names_of_a_law();
+    gains_of_nothing();
+    laws_that_are_not_fed_forward();
+    defaults();
+}
