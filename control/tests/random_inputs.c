@@ -1312,6 +1312,7 @@ static cgl_drive_config random_drive(cgl_real ts)
     config.pole_pairs = random_below(10) ? 1U + random_below(10) : random_word();
     config.divider = random_below(10) ? 1U + random_below(20) : random_word();
     config.foreign = random_below(3) == 0U;
+    config.feed_forward = config.foreign && random_below(3) == 0U;
     config.learn_saturated = random_below(2) != 0U;
     config.unguarded = random_below(2) != 0U;
     config.foc = random_foc();
@@ -1492,7 +1493,7 @@ void random_inputs(long configs)
     static const random_subject subjects[] = {
         {"angle", try_angle, 0x24552c34U, 0x32ee43c6U},
         {"modulation", try_modulation, 0x3f9fb973U, 0x03e77d72U},
-        {"foc", try_foc, 0x05abe4a8U, 0xd1aff6feU},
+        {"foc", try_foc, 0x5b274328U, 0x6724c587U},
         {"pi", try_pi, 0x9c475f64U, 0xb1f1788bU},
         {"memory", try_memory, 0x2d03223fU, 0xd98b4ef0U},
         {"pi_ilc", try_pi_ilc, 0x24f77dfbU, 0x8637d57aU},
@@ -1502,14 +1503,14 @@ void random_inputs(long configs)
         {"anti_cogging", try_anti_cogging, 0x49d06b15U, 0x1eddd603U},
         {"pi_afc", try_pi_afc, 0x6e44a02dU, 0x497f64edU},
         {"zero_phase", try_zero_phase, 0xa150822aU, 0x9e6668c9U},
-        {"trial", try_trial, 0xe5b8f3f7U, 0x66e68840U},
+        {"trial", try_trial, 0x21fcec74U, 0x68eebc9bU},
         {"monitor", try_monitor, 0x203e3558U, 0xac5eaeb9U},
         {"quality", try_quality, 0xa29dc678U, 0x8fc9d407U},
-        {"drive", try_drive, 0x7c0b271dU, 0x3f1121bdU},
+        {"drive", try_drive, 0x0928a09dU, 0xecb94ad8U},
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
         {"harmonic", try_harmonic, 0x9bef06e3U, 0xa35d88e0U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
-        {"trial_basis", try_trial_basis, 0x7eed6f43U, 0x35ffb751U},
+        {"trial_basis", try_trial_basis, 0xac857a4bU, 0x130f461fU},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
 }
