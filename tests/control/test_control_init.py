@@ -95,7 +95,7 @@ BAD_Q_FILTER = {
 }
 TRIAL = {"samples": 20, "states": 2, "k_1": [-1.0, 0.5], "k_2": 0.1, "n": 1.0, "c": [1.0, 0.0],
          "through_integrator": True, "k_3": 0.5, "shift": 2, "filter_signal": False, "limit": 10.0,
-         "learned_limit": 1.0, "unguarded": True}  # fmt: skip
+         "learned_limit": 1.0, "unguarded": False}  # fmt: skip
 OBSERVER = {"k_2": 0.0, "observer": {"response": 0.1, "pole": 0.4}}
 BAD_OBSERVER = [
     *(OBSERVER | {"observer": {"response": x, "pole": 0.4}} for x in [*FINITE, -0.1]),
