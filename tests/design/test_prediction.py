@@ -70,11 +70,15 @@ def axis(folder: Path, changes: dict[str, Any] | None = None) -> TrialStudy:
     return study
 
 
+# The prediction is of learning without the guard.
+UNGUARDED = {f"controller.{name}.guard": False for name in ("error", "signal", "optimal", "observer")}
+
+
 @pytest.fixture(scope="module", params=[450.0, 800.0])
 def runs(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict[str, Run]]:
     """All controllers at one corner, and the corner's name."""
     folder = tmp_path_factory.mktemp("axis")
-    study = axis(folder, {"scenario.moves.override": {"k": request.param}})
+    study = axis(folder, {"scenario.moves.override": {"k": request.param}} | UNGUARDED)
     found = run_study(study).runs
     return f"k = {request.param:g}", {run.controller: run for run in found}
 
@@ -146,7 +150,7 @@ def test_certified_means_that_the_scenario_ends_no_higher_than_without_learning(
     }
     said = {}
     for ends in ("odd", "even"):
-        study = axis(tmp_path, changes | {"controller.signal.q_filter.ends": ends})
+        study = axis(tmp_path, changes | UNGUARDED | {"controller.signal.q_filter.ends": ends})
         results = run_study(study, ["*/signal"])
         (run,) = results.runs
         assert run.design is not None and run.design.prediction is not None and run.feedback is not None
@@ -199,12 +203,15 @@ def test_the_trials_to_the_floor_are_counted_from_the_end(errors: list[float], e
 
 def test_a_phase_that_still_falls_after_the_trials_that_are_tried_has_no_floor_yet() -> None:
     falling, settled = 0.98 ** np.arange(80.0), np.hypot(0.9 ** np.arange(80.0), 0.1)
-    phase = PhasePrediction(np.array([falling, settled]), *[np.ones(2)] * 5, trials=200)
+
+    def phase(trials: int, steps: float) -> PhasePrediction:
+        both, one = np.array([falling, settled]), np.ones(2)
+        return PhasePrediction(both, one, one, one, one, one, steps * one, one, trials)
+
     settles = int(np.argmax(settled <= 1.1 * settled[-10])) + 1
-    assert phase.trials_to_floor(0.0) == (None, settles)
-    assert phase.trials_to_floor(10.0) == (1, 1)  # nothing can be seen of it
-    whole = PhasePrediction(np.array([falling, settled]), *[np.ones(2)] * 5, trials=80)
-    (first, _) = whole.trials_to_floor(0.0)
+    assert phase(200, 0.0).trials_to_floor == (None, settles)
+    assert phase(200, 10.0).trials_to_floor == (1, 1)  # nothing can be seen of it
+    (first, _) = phase(80, 0.0).trials_to_floor
     assert first is not None and 60 < first <= 80
 
 

@@ -73,7 +73,7 @@ def design(**more):
 
 
 def test_gains_that_a_law_lacks_have_a_dash():
-    drive = SimpleNamespace(plant=None)
+    drive = SimpleNamespace(plant=None, drive=object())
     assert dict(_gains(drive, design())) == {
         "K_1, theta_m (A/rad)": "1.5",
         "K_1, omega_m (A·s/rad)": "0.25",
@@ -83,7 +83,7 @@ def test_gains_that_a_law_lacks_have_a_dash():
         "feedforward": NONE,
         "K_1 and K_2 from": "given",
     }
-    plant = SimpleNamespace(plant=SimpleNamespace(names=("x", "y")))
+    plant = SimpleNamespace(plant=SimpleNamespace(names=("x", "y")), drive=None)
     matrix = dict(_gains(plant, design(learning_matrix=np.zeros((4, 5)), through_integrator=False, K_2=3.0)))
     assert matrix == {
         "K_1, x": "1.5",

@@ -91,7 +91,7 @@ def test_the_longest_runs_are_first_and_those_of_one_scenario_together(
 
 
 def test_failures_are_counted_and_the_first_is_told() -> None:
-    study = cast(Any, SimpleNamespace())
+    study = cast(Any, (SimpleNamespace(), None))
     ends = (simulate.StudyError("one"), None, simulate.StudyError("two"), Stopped())
     failed: list[Any] = [
         SimpleNamespace(scenario="low", controller=str(number), outcome=end)

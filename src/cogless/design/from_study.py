@@ -371,19 +371,26 @@ def _uncertain_plant(study: TrialStudy, _: tuple[()]) -> UncertainPlant:
 
 def sensor_of(study: TrialStudy) -> Sensor:
     """What the design knows of the drive's position sensor, and of a bus before the law."""
-    drive = study.drive
-    if drive is None or not study.design.sensor:
+    drive, certified = study.drive, study.design.sensor
+    if drive is None:
         return Sensor()
     sensor, late = drive.position_sensor, 0.0 if drive.bus is None else drive.bus.mean_delay
     smoothed = 2 * np.pi * (drive.speed_filter or 0.0)
     if isinstance(sensor, Hall):
         assert study.motor is not None
-        return Sensor(late, speed_filter=smoothed, step=sensor.step(study.motor.pole_pairs))
+        step = sensor.step(study.motor.pole_pairs)
+        return Sensor(late, speed_filter=smoothed, step=step, certified=certified)
     if not isinstance(sensor, Counted):
-        return Sensor(late, speed_filter=smoothed)
+        return Sensor(late, speed_filter=smoothed, certified=certified)
     window = sensor.periods(drive.rates.divider) / drive.rates.current_loop
     return Sensor(
-        late + sensor.latency, window, sensor.bandwidth, smoothed, step=sensor.step, timed=sensor.timed
+        late + sensor.latency,
+        window,
+        sensor.bandwidth,
+        smoothed,
+        step=sensor.step,
+        timed=sensor.timed,
+        certified=certified,
     )
 
 
@@ -427,7 +434,7 @@ def settings_of(study: TrialStudy, scenario: str, name: str) -> TrialSettings:
         f=design.initial_state if design.initial_change is None else design.initial_change,
         g=design.initial_error,
         inverted=design.discretisation or "exact",
-        limit=_limit(study),
+        limit=_limit(study) if study.design.sensor else None,
         **own,
     )
 

@@ -64,6 +64,7 @@ class PhasePrediction:
     steps: Real  # (plants,), RMS that the sensor's steps leave in the last trial
     feedback_steps: Real  # (plants,), the same without learning
     trials: int  # of the phase; `learned` has PHASE_TRIALS at most
+    steps_count: bool = True  # in the share: False where a study's certificate leaves the sensor out
 
     @property
     def trials_to_floor(self) -> tuple[int | None, ...]:
@@ -84,8 +85,10 @@ class PhasePrediction:
     @property
     def share(self) -> float:
         """The last trial's RMS / the feedback's, of the worst plant, with what the steps leave of both."""
-        learned = np.hypot(self.learned[:, -1], self.steps)
-        return float(np.max(learned / np.maximum(np.hypot(self.feedback, self.feedback_steps), 1e-300)))
+        learned, feedback = self.learned[:, -1], self.feedback
+        if self.steps_count:
+            learned, feedback = np.hypot(learned, self.steps), np.hypot(feedback, self.feedback_steps)
+        return float(np.max(learned / np.maximum(feedback, 1e-300)))
 
 
 @dataclass(frozen=True)
@@ -179,6 +182,7 @@ def predict(
                 steps=left[index].learned[:, 0],
                 feedback_steps=left[index].feedback,
                 trials=phase.trials,
+                steps_count=left[index].count,
             )
         )
     return Prediction(tuple(labels), tuple(predictions))

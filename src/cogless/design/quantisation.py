@@ -33,6 +33,7 @@ class Steps:
 
     feedback: Real  # (plants,)
     learned: Real  # (plants, trials counted), after so many trials
+    count: bool = True  # whether the certificate counts them
 
 
 def steps(

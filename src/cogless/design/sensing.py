@@ -32,12 +32,13 @@ class Sensor:
     bandwidth: float = 0.0  # rad/s, of the observer that gives the speed; 0: none
     speed_filter: float = 0.0  # rad/s, of the low-pass behind the speed; 0: none
     step: float = 0.0  # rad, of the angle
+    certified: bool = True  # False: of the sensor the design takes only what the steps leave at the floor
     timed: bool = False  # edges of the angle are timed, so that its steps leave hardly an error of the speed
 
     @property
     def at_once(self) -> bool:
         """Whether the law's state is the plant's, up to the steps."""
-        return not (self.latency or self.window or self.bandwidth or self.speed_filter)
+        return not (self.certified and (self.latency or self.window or self.bandwidth or self.speed_filter))
 
     @property
     def smoothing(self) -> tuple[Real, Real, Real, Real]:

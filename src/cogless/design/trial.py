@@ -303,7 +303,10 @@ def _steps_of_phases(
         trials=np.cumsum([phase.trials for phase in phases]).tolist(),
     )
     rows = [[*range(len(fixed)), len(fixed) + index] for index in range(len(phases))]
-    return [Steps(each.feedback[row], each.learned[row][:, [k]]) for k, row in enumerate(rows)]
+    return [
+        Steps(each.feedback[row], each.learned[row][:, [k]], plant.sensor.certified)
+        for k, row in enumerate(rows)
+    ]
 
 
 def random_amplification(plant: UncertainPlant, settings: TrialSettings, gains: TrialGains) -> Amplification:

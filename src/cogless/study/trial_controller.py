@@ -137,7 +137,7 @@ class DesignSettings(Table):
 
     # of all models; default: Euler's in the inequalities, exact for the feedforward and whatever is judged
     discretisation: Literal["euler", "exact"] | None = None
-    # whether certificate, prediction and rules know the drive's position sensor
+    # whether certificate, prediction and rules know the position sensor; the floor has its steps anyway
     sensor: bool = True
     state_weight: Weight  # Q of (8), for states and integrator: its diagonal, or all its rows
     input_weight: Annotated[float, Field(gt=0)]  # R of (8)
