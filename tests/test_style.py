@@ -14,7 +14,7 @@ PLACES_MOST = {
     "fragment_of_a_comment": 107,
     "alias_defined_again": 23,
     "type_test_of_a_study": 65,
-    "type_test_of_a_law": 154,
+    "type_test_of_a_law": 156,
     "message_taken_apart": 10,
     "number_copied_from_c": 8,
     "unit_factor_written_out": 100,

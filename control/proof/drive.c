@@ -6,7 +6,7 @@
 static cgl_drive_config any_drive(void)
 {
     const cgl_drive_config config = {
-        any_bits(), any_bits(), any_bool(), any_bool(), true, /* without the guard, which Eva does not end with */
+        any_bits(), any_bits(), any_bool(), any_bool(), any_bool(), true, /* without the guard, which Eva does not end with */
         {any_real(), any_real(), any_real(), any_real(), any_real(), any_real(),
          any_bool(), any_real(), any_real(), any_real(), any_bits()},
         {any_real(), any_real(), any_real(), any_real(), any_real(),

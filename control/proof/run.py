@@ -60,7 +60,7 @@ PARTS = {
 
 # Functions whose paths are kept apart further than others': those whose answer says what is valid.
 PRECISE = """
-    is_valid cgl_foc_bad_field cgl_monitor_bad_field cgl_quality_bad_field cgl_drive_bad_field
+    is_in_range cgl_out_of_range is_valid cgl_foc_bad_field cgl_monitor_bad_field cgl_quality_bad_field cgl_drive_bad_field
     cgl_pi_bad_field cgl_adrc_bad_field cgl_memory_bad_field cgl_pi_ilc_bad_field
     cgl_robust_ilc_bad_field cgl_anti_cogging_bad_field cgl_pi_afc_bad_field
     cgl_harmonic_bad_field cgl_space_position_bad_field cgl_space_speed_bad_field
@@ -72,7 +72,7 @@ PRECISE = """
     cgl_feedforward_init cgl_zero_phase_init cgl_trial_init cgl_trial_reset learn learn_guarded correct step
     cgl_trial_step cgl_trial_drive_step cgl_space_speed_step cgl_space_position_step cgl_robust_ilc_step
     follow learn_on repeat cgl_memory_step find_time find_angle cgl_delay_step write_bytes check_step
-    check_mark take_entries smaller cgl_pi_afc_step cgl_harmonic_step
+    check_mark take_entries smaller slow_orders sum_of_orders cgl_pi_afc_step cgl_harmonic_step
 """
 
 EXTRA = {

@@ -11,6 +11,7 @@
 #include "cogless/encoder.h"
 #include "cogless/hall.h"
 #include "cogless/low_pass.h"
+#include "cogless/range.h"
 #include "cogless/encoder_table.h"
 #include "cogless/speed_count.h"
 #include "cogless/speed_timed.h"

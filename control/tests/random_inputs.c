@@ -16,6 +16,7 @@
 #include "cogless/pi_afc.h"
 #include "cogless/pi_ilc.h"
 #include "cogless/polynomial.h"
+#include "cogless/range.h"
 #include "cogless/robust_ilc.h"
 #include "cogless/space_position.h"
 #include "cogless/space_speed.h"

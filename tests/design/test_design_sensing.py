@@ -212,7 +212,7 @@ def test_a_late_sensor_s_prediction_is_the_run(tmp_path: Path, latency: str) -> 
 def test_a_study_may_leave_the_sensor_out_of_its_design(tmp_path: Path) -> None:
     late = {"drive.position_sensor": {"kind": "resolver", "bits": 12, "latency": "1 ms"}}
     known = sensor_of(trial_studies.loaded(tmp_path, late))
-    assert known == Sensor(1e-3, 2e-3, step=2 * np.pi / 4096)
+    assert known == Sensor(latency=1e-3, window=2e-3, step=2 * np.pi / 4096)
     left_out = sensor_of(trial_studies.loaded(tmp_path, {**late, "design.sensor": False}))
     assert left_out == replace(known, certified=False) and left_out.at_once and not known.at_once
     assert sensor_of(trial_studies.loaded(tmp_path, {"drive.position_sensor": {"kind": "ideal"}})) == Sensor()

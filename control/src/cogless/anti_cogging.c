@@ -38,9 +38,11 @@ cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_co
     for (uint32_t n = 0; n < config->cells; ++n) {
         table[n] = CGL_R(0.0);
     }
-    const cgl_error error = cgl_pi_init(&law->pi, &config->pi, loop);
+    if (cgl_pi_init(&law->pi, &config->pi, loop) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
     cgl_anti_cogging_reset(law);
-    return error;
+    return CGL_OK;
 }
 
 cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config)

@@ -102,14 +102,16 @@ CGL_SELDOM cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_con
     if (cgl_check_memory(cell, length, CGL_HARMONIC_LENGTH(config->orders)) != CGL_OK) {
         return CGL_ERROR_MEMORY;
     }
-    const cgl_error error = cgl_pi_init(&law->pi, &config->pi, loop);
+    if (cgl_pi_init(&law->pi, &config->pi, loop) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
     take(law, config, loop->ts);
     law->cosine = cell;
     for (uint32_t k = 0; k < config->orders; ++k) {
         cell[2U * config->orders + k] = (cgl_real)(config->base * (k + 1U));
     }
     cgl_harmonic_reset(law);
-    return error;
+    return CGL_OK;
 }
 
 CGL_SELDOM cgl_error cgl_harmonic_retune(cgl_harmonic *law, const cgl_harmonic_config *config)

@@ -59,14 +59,16 @@ cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, cons
     if (cgl_check_memory(coefficient, length, CGL_PI_AFC_LENGTH(config->orders)) != CGL_OK) {
         return CGL_ERROR_MEMORY;
     }
-    const cgl_error error = cgl_pi_init(&law->pi, &config->pi, loop);
+    if (cgl_pi_init(&law->pi, &config->pi, loop) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
     law->config = *config;
     law->coefficient = coefficient;
     for (uint32_t k = 0; k < config->orders; ++k) {
         coefficient[2U * config->orders + k] = (cgl_real)config->order[k];
     }
     cgl_pi_afc_reset(law);
-    return error;
+    return CGL_OK;
 }
 
 cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config *config)
@@ -184,8 +186,8 @@ void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *o
     law->learning = in->learn && gain > CGL_R(0.0) && !cgl_law_stands_by(in) && plausible && cgl_is_angle(before) && !law->pi.saturated
                     && cgl_abs(in->omega_ref) >= config->omega_min;
     law->learned = CGL_R(0.0);
-    if (is_angle && !in->off) {
-        const uint32_t turns = cgl_turns(in->theta_m), turns_before = law->learning ? cgl_turns(before) : turns;
+    if (cgl_is_angle(in->theta_m) && !in->off) {
+        const uint32_t turns = cgl_turns(in->theta_m), turns_before = cgl_is_angle(before) ? cgl_turns(before) : turns;
         law->learned = cgl_law_share(in) * sum_of_orders(law, turns, turns_before, slow_orders(config, in->omega_ref * law->pi.loop.ts),
                                      cgl_clamp(gain * law->pi.loop.ts * error, CGL_REAL_MAX), kept);
     }

@@ -49,9 +49,11 @@ CGL_SELDOM cgl_error cgl_pi_ilc_init(cgl_pi_ilc *law, const cgl_pi_ilc_config *c
     cgl_memory_centre(&law->memory, centred(config));
     law->gain = config->gain;
     law->learned = CGL_R(0.0);
-    const cgl_error pi_error = cgl_pi_init(&law->pi, &config->pi, loop);
+    if (cgl_pi_init(&law->pi, &config->pi, loop) != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
     follow_guard(law, 0U);
-    return pi_error;
+    return CGL_OK;
 }
 
 CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config *config)

@@ -3,6 +3,7 @@
 #include "range.h"
 
 #define LONGEST_WINDOW CGL_R(60.0) /* [s] default */
+#define LONGEST_SAMPLES CGL_R(1.0e9) /* of a window */
 #define SQUARE_MAX CGL_R(1.0e28) /* so that the sum of as many as a window may have is finite in float */
 #define SMALLEST CGL_R(1.0e-30)  /* a square below it is nothing */
 #define IN_A_ROW 4U              /* outliers to one side: no noise, and no step of an encoder */
@@ -39,7 +40,7 @@ CGL_SELDOM const char *cgl_quality_bad_field(const cgl_quality_config *config, c
     if (!cgl_is_positive(ts)) {
         return CGL_FIELD("ts");
     }
-    if (!(longest >= ts && longest / ts <= CGL_R(1.0e9))) {
+    if (!(longest >= ts && longest / ts <= LONGEST_SAMPLES)) {
         return CGL_FIELD("quality.longest");
     }
     return config->outlier > CGL_R(0.0) && config->outlier < CGL_R(1.0) ? CGL_FIELD("quality.outlier") : 0;
@@ -56,7 +57,7 @@ CGL_SELDOM static cgl_error take(cgl_quality *quality, const cgl_quality_config 
     quality->ts = ts;
     const cgl_real turned = quality->config.span / ts;
     quality->turned_square = cgl_clamped(turned * turned, CGL_REAL_MAX);
-    quality->longest = (uint32_t)(quality->config.longest / ts + CGL_R(0.5));
+    quality->longest = (uint32_t)(cgl_clamped(quality->config.longest / ts, LONGEST_SAMPLES) + CGL_R(0.5));
     begin_window(quality);
     return CGL_OK;
 }

@@ -25,6 +25,11 @@ CGL_SELDOM const char *cgl_out_of_range(const void *config, const cgl_range *ran
     return 0;
 }
 
+CGL_SELDOM cgl_real cgl_or_default(cgl_real x, cgl_real usual)
+{
+    return x > CGL_R(0.0) || x < CGL_R(0.0) || !cgl_is_finite(x) ? x : usual;
+}
+
 /* Its second member lies where the type may first lie. */
 typedef struct {
     /* cppcheck-suppress unusedStructMember ; only offsetof reads it */

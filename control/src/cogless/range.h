@@ -43,6 +43,9 @@ const char *cgl_out_of_range(const void *config, const cgl_range *range, uint32_
 #define CGL_OUT_OF_RANGE(config, range) cgl_out_of_range((config), (range), (uint32_t)(sizeof(range) / sizeof((range)[0])))
 #define CGL_IS_IN_RANGE(config, range) (CGL_OUT_OF_RANGE(config, range) == 0)
 
+/* The default where a config's field is 0. */
+cgl_real cgl_or_default(cgl_real x, cgl_real usual);
+
 /* CGL_OK where the caller's memory is there, aligned, and of the `needed` length: sizeof in place of a number of entries is
  * refused. */
 cgl_error cgl_check_memory(const cgl_real *cell, uint32_t length, uint32_t needed);

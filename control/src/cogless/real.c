@@ -14,8 +14,3 @@ CGL_SELDOM cgl_real cgl_clamped(cgl_real x, cgl_real limit)
 {
     return cgl_clamp_here(x, limit);
 }
-
-CGL_SELDOM cgl_real cgl_or_default(cgl_real x, cgl_real usual)
-{
-    return x > CGL_R(0.0) || x < CGL_R(0.0) || !cgl_is_finite(x) ? x : usual;
-}

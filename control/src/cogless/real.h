@@ -110,9 +110,6 @@ extern "C" {
 bool cgl_is_positive(cgl_real x);
 bool cgl_is_not_negative(cgl_real x);
 
-/* The default where a config's field is 0. */
-cgl_real cgl_or_default(cgl_real x, cgl_real usual);
-
 /* x within [-limit, limit]; 0 for NaN. A call. */
 cgl_real cgl_clamped(cgl_real x, cgl_real limit);
 

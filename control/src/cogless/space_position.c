@@ -66,12 +66,13 @@ cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_posit
     law->config.ratio = ratio_of(config);
     law->loop = *loop;
     const cgl_error error = cgl_memory_init(&law->memory, &config->memory, loop->ts, law->config.ratio, cell, length);
-    if (error == CGL_OK) {
-        follow_guard(law, 0U);
-        cgl_memory_centre(&law->memory, centred(config));
-        cgl_space_position_reset(law);
+    if (error != CGL_OK) {
+        return error;
     }
-    return error;
+    follow_guard(law, 0U);
+    cgl_memory_centre(&law->memory, centred(config));
+    cgl_space_position_reset(law);
+    return CGL_OK;
 }
 
 /* The ramp of learning, from 0 to 1, for a sample that learns. */

@@ -47,11 +47,12 @@ cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_confi
     law->config.ratio = ratio_of(config);
     law->loop = *loop;
     const cgl_error error = cgl_memory_init(&law->memory, &config->memory, loop->ts, law->config.ratio, cell, length);
-    if (error == CGL_OK) {
-        follow_guard(law, 0U);
-        cgl_space_speed_reset(law);
+    if (error != CGL_OK) {
+        return error;
     }
-    return error;
+    follow_guard(law, 0U);
+    cgl_space_speed_reset(law);
+    return CGL_OK;
 }
 
 cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_config *config)

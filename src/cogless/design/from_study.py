@@ -379,15 +379,15 @@ def sensor_of(study: TrialStudy) -> Sensor:
     if isinstance(sensor, Hall):
         assert study.motor is not None
         step = sensor.step(study.motor.pole_pairs)
-        return Sensor(late, speed_filter=smoothed, step=step, certified=certified)
+        return Sensor(latency=late, speed_filter=smoothed, step=step, certified=certified)
     if not isinstance(sensor, Counted):
-        return Sensor(late, speed_filter=smoothed, certified=certified)
+        return Sensor(latency=late, speed_filter=smoothed, certified=certified)
     window = sensor.periods(drive.rates.divider) / drive.rates.current_loop
     return Sensor(
-        late + sensor.latency,
-        window,
-        sensor.bandwidth,
-        smoothed,
+        latency=late + sensor.latency,
+        window=window,
+        bandwidth=sensor.bandwidth,
+        speed_filter=smoothed,
         step=sensor.step,
         timed=sensor.timed,
         certified=certified,

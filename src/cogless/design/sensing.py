@@ -23,7 +23,7 @@ from cogless.design.response import Complex, Disturbed
 NOTHING = 1e-9  # of a sample: a delay that is rounding
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sensor:
     """What a law of trials gets of a drive's angle and speed."""
 

@@ -55,7 +55,8 @@ Kind = Literal["robust", "state", "norm-optimal", "observer"]
 
 NO_K_3 = ("q_filter", "shift", "K_3")  # keys of errors after which the feedback can be kept, without a K_3
 BELOW = 0.97  # of a cutoff: what is advised is rounded
-WEIGHTS = 7  # powers of ten
+WEIGHTS = 12  # powers of ten
+AUTOMATIC: Changes = {"q_filter": "auto", "shift": "auto"}  # the design chooses both, and K_3
 LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 
 
@@ -532,13 +533,18 @@ def _check_sign(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> N
 
 def _together(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> tuple[str, *tuple[Changes, ...]]:
     """The end of a message, and the change that it advises: a shift and a filter that are chosen together."""
-    auto = replace(settings, shift="auto", cutoff="auto", filter_order=2, ends="even")
-    choice = next(learning_filters(_bench(plant, law, auto)), None)
+    choice = _automatic(plant, law, settings)
     if choice is None:
         return ("; with this feedback none makes it fast, though",)
     of = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
     end = f', and a shift that suits it: q_filter = "auto" and shift = "auto" choose {of} and {choice.shift}'
-    return end, {"q_filter": "auto", "shift": "auto"}
+    return end, dict(AUTOMATIC)
+
+
+def _automatic(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> Choice | None:
+    """What the design chooses where a study says nothing of shift and filter; None if nothing works."""
+    auto = replace(settings, shift="auto", cutoff="auto", filter_order=2, ends="even")
+    return next(learning_filters(_bench(plant, law, auto)), None)
 
 
 def _filter(cutoff: float, settings: TrialSettings) -> Changes:
@@ -611,6 +617,8 @@ def _warnings(
         if cutoff is not None:
             note += f"; a zero-phase low-pass filter of {cutoff:.3g} Hz or less on the learned signal "
             note, cures = f"{note}prevents it", (_filter(cutoff, settings),)
+        elif isinstance(law, Gains) and settings.K_3 is None and _automatic(plant, law, settings) is not None:
+            note, cures = f'{note}; q_filter = "auto" and shift = "auto" prevent it', (dict(AUTOMATIC),)
     else:
         weight = _calmer(plant, law, settings, q_filter)
         if weight is not None:

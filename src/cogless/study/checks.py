@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 from pydantic_core import PydanticCustomError
 
 from cogless.study import fault_checks, metric_checks, numerics, space_checks
-from cogless.study.controller import Learning
+from cogless.study.controller import Learning, PiIlc, RobustIlc
 from cogless.study.drive import OUTER_LOOPS
 from cogless.study.harmonic import Harmonic
 from cogless.study.metric_checks import FEWEST_ROWS
 from cogless.study.motor import Motor
+from cogless.study.pi_afc import PiAfc
 from cogless.study.position_sensor import Hall
 from cogless.study.table import invalid, one_of
 from cogless.study.trial_study import TrialStudy
@@ -90,6 +91,24 @@ def leads(study: Study) -> None:
             if controller.lead > longest * (1 + 1e-9):
                 expected = f"expected at most {longest:.6g} s, a quarter of the memory's cells in samples"
                 raise invalid(expected, "controller", name, "lead")
+
+
+def feedback_under_guard(study: Study) -> None:
+    """Check that a law that the guard tries against its own feedback has some: else it could never learn."""
+    if not study.drive.guard or study.drive.rates.position_loop is not None:
+        return
+    for name, law in study.controller.items():
+        if isinstance(law, PiIlc | PiAfc):
+            key, learns, feedback = "kp", law.gain > 0, law.kp
+        elif isinstance(law, RobustIlc):
+            key, learns, feedback = "eta", law.q * law.beta_2 > 0, law.c + law.eta
+        else:
+            continue
+        if learns and feedback == 0:
+            expected = (
+                "expected more than 0, the feedback that the guard compares with; or drive.guard = false"
+            )
+            raise invalid(expected, "controller", name, key)
 
 
 def slots(study: Study) -> None:
@@ -171,6 +190,7 @@ ALL: tuple[Check, ...] = (
     metric_checks.windows,
     metric_checks.orders,
     leads,
+    feedback_under_guard,
     slots,
     space_checks.space_laws,
     fault_checks.faults,

@@ -80,6 +80,10 @@ class LawLoop:
         """Period of the law, s."""
         return 1 / self.current_rate * self.divider
 
+    def bounded(self, limit: float | None) -> float:
+        """A law's own limit of a current, A: at most what the loop gives; None: all of it."""
+        return self.current_limit if limit is None else min(limit, self.current_limit)
+
     def samples(self, time: float) -> int:
         """Convert a time in s to a number of periods of the law."""
         return round(time * (self.current_rate / self.divider))
@@ -258,7 +262,7 @@ class Learning(LearnsWhileRunning):
             "q_half_width": self.q_half_width,
             "lead": loop.samples(self.lead),
             "forgetting": self.forgetting,
-            "limit": [abs(self.unit) * self.limit],
+            "limit": [abs(self.unit) * loop.bounded(self.limit)],
             "method": "CGL_DELAY_ODE",
             "k_pp": 0.0,
         }

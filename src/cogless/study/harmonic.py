@@ -71,5 +71,5 @@ class Harmonic(Feedback, LearnsWhileRunning):
             "k_theta": self.k_theta or 0.0,
             **asdict(learner),
             "held": list(learner.held),
-            "limit": loop.current_limit if self.limit is None else self.limit,
+            "limit": loop.bounded(self.limit),
         }

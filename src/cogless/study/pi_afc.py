@@ -58,5 +58,5 @@ class PiAfc(Feedback, LearnsWhileRunning):
             "orders": len(self.orders),
             "order": self.orders,
             **self.model_dump(include={"gain", "lead", "omega_min"}),
-            "limit": loop.current_limit if self.limit is None else self.limit,
+            "limit": loop.bounded(self.limit),
         }
