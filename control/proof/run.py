@@ -77,11 +77,7 @@ PRECISE = """
 """
 
 EXTRA = {
-    "space_position": [  # its init returns at more places than those of the others
-        "-eva-slevel-function",
-        "cgl_space_position_init:300,cgl_memory_init:300,cgl_space_position_bad_field:300",
-    ],
-    "map_store": ["-no-warn-invalid-bool"],
+    "map_store": ["-no-warn-invalid-bool"]
 }  # whether the law learns is read from the caller, as volatile
 
 DOUBLE = {"COGLESS_DOUBLE": ""}
@@ -89,7 +85,6 @@ LIMITED = {"LIMIT": "3.0"}
 TIME = {"KIND": "CGL_MEMORY_TIME"}
 DELAY = {"KIND": "CGL_MEMORY_DELAY"}
 ORDERS = {"ORDERS": "3"}
-NO_TEXTS = {"COGLESS_NO_TEXTS": ""}  # one name of a field instead of many keeps the paths of init few
 WORDS = {"COGLESS_DOUBLE": "double", "KIND": "kind", "Q_HALF_WIDTH": "q", "SAMPLES": "samples"}
 
 
@@ -176,10 +171,10 @@ RUNS = [  # the longest first
     Run("harmonic", ORDERS), Run("harmonic", ORDERS | LIMITED),
     Run("robust_ilc", MAP),
     Run("map_store", sizes(3, 0) | {"CHANNELS": "2", "BUFFER": "32"} | LIMITED),
-    Run("space_position", MAP | LIMITED | {"CHANNELS": "1"} | NO_TEXTS), Run("drive", {}),
+    Run("space_position", MAP | LIMITED | {"CHANNELS": "1"}), Run("drive", {}),
     Run("pi_ilc", MAP), Run("pi_ilc", MAP | LIMITED), Run("pi_ilc", MAP | TIME),
     Run("robust_ilc", MAP | TIME | LIMITED),
-    Run("space_position", MAP | DELAY | LIMITED | {"CHANNELS": "1"} | NO_TEXTS),
+    Run("space_position", MAP | DELAY | LIMITED | {"CHANNELS": "1"}),
     Run("space_speed", MAP | LIMITED | {"CHANNELS": "1"}),
     Run("space_speed", MAP | DELAY | {"CHANNELS": "1"}),
     Run("anti_cogging", sizes(8, 0)), Run("anti_cogging", sizes(8, 0) | LIMITED),
