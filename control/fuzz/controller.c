@@ -11,6 +11,7 @@ static cgl_drive_config feed_drive(feed *from, cgl_real ts)
     config.pole_pairs = 1U + (feed_bool(from) ? feed_below(from, 16U) : feed_below(from, 10000U));
     config.divider = 1U + feed_below(from, 4U);
     config.foreign = feed_below(from, 4U) == 0U;
+    config.feed_forward = config.foreign && feed_below(from, 2U) == 0U;
     config.unguarded = feed_below(from, 4U) == 0U;
     config.learn_saturated = feed_bool(from);
     config.foc.kp_d = feed_gain(from, CGL_R(10.0));
