@@ -59,7 +59,7 @@ static void solve(const sums *s, cgl_real theta[FUNCTIONS])
 static bool fit(const cgl_trial *law, cgl_real k_2, const cgl_real *y_ref, cgl_real theta[FUNCTIONS])
 {
     const cgl_trial_config *const config = &law->config;
-    sums s = {{{CGL_R(0.0)}}, {CGL_R(0.0)}};
+    sums s = {0};
     cgl_real psi = CGL_R(0.0), total = CGL_R(0.0);
     for (uint32_t p = 0; p < config->samples; ++p) {
         cgl_real f[FUNCTIONS], other[FUNCTIONS];
