@@ -5,13 +5,13 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 132,
-    "number_of_one_word": 382,
-    "vague_local": 921,
-    "vague_argument": 270,
-    "vague_function": 153,
-    "many_positional_arguments": 53,
-    "fragment_of_a_comment": 107,
+    "constant_with_several_values": 131,
+    "number_of_one_word": 378,
+    "vague_local": 915,
+    "vague_argument": 269,
+    "vague_function": 152,
+    "many_positional_arguments": 47,
+    "fragment_of_a_comment": 103,
     "alias_defined_again": 23,
     "type_test_of_a_study": 65,
     "type_test_of_a_law": 156,

@@ -22,7 +22,7 @@ from cogless.design.polytope import UncertainPlant, from_parameters
 from cogless.design.prediction import Conditions, simulated
 from cogless.design.quantisation import steps
 from cogless.design.sensing import Sensor
-from cogless.design.trial_observer import QUIET, ObserverGains, input_by_steps
+from cogless.design.trial_observer import QUIET_SHARE, ObserverGains, input_by_steps
 from cogless.design.trial_observer import observer_gains as observer_and_feedback
 
 Real = NDArray[np.float64]
@@ -185,9 +185,9 @@ def test_the_observer_s_rule_takes_a_slower_pole_where_latency_or_steps_ask_for_
     study = trial_studies.loaded(tmp_path, {**law, "drive.position_sensor": {"kind": "resolver", "bits": 11}})
     plant = uncertain_plant(study)
     observer = design_study(study, [("move", "ilc")])["move", "ilc"].gains.observer
-    assert observer is not None and input_by_steps(plant, observer) <= QUIET * 10.0
+    assert observer is not None and input_by_steps(plant, observer) <= QUIET_SHARE * 10.0
     faster = replace(observer, pole=observer.pole - 0.02)
-    assert input_by_steps(plant, faster) > QUIET * 10.0
+    assert input_by_steps(plant, faster) > QUIET_SHARE * 10.0
 
 
 @pytest.mark.parametrize("latency", ["0.5 ms", "1 ms", "3.1 ms"])

@@ -24,7 +24,7 @@ from cogless.design.polytope import UncertainPlant, from_parameters
 from cogless.design.q_filter import PROPOSED, better_shift, butterworth, workable_cutoff
 from cogless.design.response import Loop
 from cogless.design.trial import TrialDesign, TrialSettings, design_gains, design_trial
-from cogless.study import TrialStudy, load
+from cogless.study import TrialStudy
 
 T, SAMPLES = 4e-3, 70
 K_1, K_2 = np.array([-30.0, -0.45]), 0.6  # a slow feedback of the axis below
@@ -110,24 +110,24 @@ def test_the_choice_is_the_best_of_all_that_work() -> None:
     choice = next(learning_filters(found))
     Q, gain = everything.filter(choice.cutoff)
     assert everything.works(choice, Q, gain)
-    assert found.left(choice) == pytest.approx(everything.left(choice, Q), rel=1e-9)
+    assert found.share_left(choice) == pytest.approx(everything.share_left(choice, Q), rel=1e-9)
     best, at = np.inf, None
     for cutoff in np.geomspace(6, 110, 30):
         Q, gain = everything.filter(float(cutoff))
         for shift, K_3 in itertools.product(range(1, 13), np.geomspace(0.15, 2, 18)):
             tried = Choice(shift, float(cutoff), float(K_3))
             F = gain * (1 - K_3 * everything.response * np.exp(1j * everything.w * shift))
-            if np.abs(F).max() <= PROPOSED and (left := everything.left(tried, Q)) < best:
+            if np.abs(F).max() <= PROPOSED and (left := everything.share_left(tried, Q)) < best:
                 best, at = (left, tried) if everything.works(tried, Q, gain) else (best, at)
     assert at is not None and 1 < at.shift < 12 and 0.15 < at.K_3 < 2
-    assert found.left(choice) <= 1.03 * best, (choice, at)
+    assert found.share_left(choice) <= 1.03 * best, (choice, at)
 
 
 @pytest.mark.parametrize("fixed", [{"shift": 2}, {"cutoff": 12.0}, {"shift": 3, "cutoff": 9.0}])
 def test_what_is_said_stays(fixed: dict[str, Any]) -> None:
     free, bound = next(learning_filters(bench())), next(learning_filters(bench(**fixed)))
     assert fixed == {key: getattr(bound, key) for key in fixed}
-    assert bench().left(bound) > bench().left(free)
+    assert bench().share_left(bound) > bench().share_left(free)
     assert bench(**fixed).shrinks(bound, PROPOSED)
 
 
@@ -234,11 +234,7 @@ signal = "y_error"
 
 
 def belt(folder: Path, changes: dict[str, Any] | None = None) -> TrialStudy:
-    path = folder / "belt.toml"
-    path.write_text(BELT, encoding="utf-8")
-    study = load(path, changes)
-    assert isinstance(study, TrialStudy)
-    return study
+    return loaded(folder, changes, text=BELT)
 
 
 def test_the_axis_that_hardly_learned_learns_within_a_few_trials(tmp_path: Path) -> None:

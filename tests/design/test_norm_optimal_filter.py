@@ -14,6 +14,7 @@ from test_random_errors import SHORT, transcribed
 from cogless import run_study
 from cogless.design.finite import TrialMap
 from cogless.design.from_study import design_study
+from cogless.design.response import Loop
 from cogless.design.trial import TrialDesign
 from cogless.errors import StudyError
 
@@ -60,10 +61,14 @@ def test_the_update_is_q_of_v_and_l_e(tmp_path: Path) -> None:
 
 def test_the_transposed_maps_are_those_of_the_maps(tmp_path: Path) -> None:
     design = designed(tmp_path, {**SHORT, **SMOOTH})
-    nominal = design.certificate.exact or design.certificate.design
-    assert nominal.norms is not None and design.amplify is not None
-    trial = nominal.norms.args[0]  # type: ignore[attr-defined]
-    assert isinstance(trial, TrialMap) and trial.matrix is not None and trial.q_filter is not None
+    loops = [
+        Loop(np.array([[pole, 0.2], [0.0, 0.7]]), np.array([[0.0], [1.0]]), np.array([1.0, 0.0]))
+        for pole in (0.5, 0.9)
+    ]
+    trial = TrialMap(
+        loops, 0.0, design.shift, design.q_filter, design.filtered, samples=80, matrix=design.learning_matrix
+    )
+    assert trial.matrix is not None and trial.q_filter is not None
     a, b = np.random.default_rng(1).normal(size=(2, len(trial.loops), 80))
     for there, back in (
         (trial.step, trial.step_transposed),

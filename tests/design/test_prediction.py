@@ -18,7 +18,7 @@ from cogless.design.trial_summary import summary, table, to_dict
 from cogless.report.trials.case import case
 from cogless.report.trials.verdict import verdict
 from cogless.results import Run
-from cogless.study import TrialStudy, load
+from cogless.study import TrialStudy
 
 AXIS = """
 title = "An axis with a start offset"
@@ -63,11 +63,7 @@ signal = "y_error"
 
 
 def axis(folder: Path, changes: dict[str, Any] | None = None) -> TrialStudy:
-    path = folder / "axis.toml"
-    path.write_text(AXIS, encoding="utf-8")
-    study = load(path, changes)
-    assert isinstance(study, TrialStudy)
-    return study
+    return loaded(folder, changes, text=AXIS)
 
 
 # The prediction is of learning without the guard.

@@ -63,6 +63,18 @@ static ripple run(loop_step step, void *state, int rate, learner *help)
     return seen;
 }
 
+/* The loop `alone`, and the same loop `helped` by a learner. */
+static loop_result compared(loop_step step, void *alone, void *helped, int rate, const loop_gains *gains)
+{
+    static learner help;
+    loop_result result = {.refused = learner_start(&help, gains)};
+    const ripple before = run(step, alone, rate, NULL), after = run(step, helped, rate, &help);
+    result.before = deviation(&before);
+    result.after = deviation(&after);
+    result.mean = after.sum / after.count;
+    return result;
+}
+
 /* ---- as SimpleFOC ---- */
 
 typedef struct {
@@ -133,18 +145,11 @@ double simplefoc_measured_kp(void)
 
 loop_result simplefoc_like(double kp)
 {
-    static learner help;
     const simplefoc tuned = simplefoc_tuned;
     const loop_gains gains = {.rate = SIMPLEFOC_RATE, .kp = (cgl_real)(kp > 0.0 ? kp : tuned.P), .ki = (cgl_real)tuned.I, .delay = CGL_R(0.006),
                               .current_limit = (cgl_real)tuned.limit};
     simplefoc alone = tuned, helped = tuned;
-    loop_result result = {.refused = learner_start(&help, &gains)};
-    const ripple before = run(simplefoc_step, &alone, SIMPLEFOC_RATE, NULL);
-    const ripple after = run(simplefoc_step, &helped, SIMPLEFOC_RATE, &help);
-    result.before = deviation(&before);
-    result.after = deviation(&after);
-    result.mean = after.sum / after.count;
-    return result;
+    return compared(simplefoc_step, &alone, &helped, SIMPLEFOC_RATE, &gains);
 }
 
 /* ---- as ODrive ---- */
@@ -183,7 +188,6 @@ static double odrive_step(void *state, int64_t count, learner *help)
 
 loop_result odrive_like(void)
 {
-    static learner help;
     const odrive tuned = {.pos_gain = 10.0, .vel_gain = 0.016, .vel_integrator_gain = 0.16, .torque_limit = 0.12, .bandwidth = 400.0};
     /* a turn is 2 pi rad; the current is the torque by torque_constant. The position's gain acts as an integral of the speed error */
     const double kp = tuned.vel_gain / TWO_PI / gimbal.torque_constant;
@@ -191,13 +195,7 @@ loop_result odrive_like(void)
     const loop_gains gains = {.rate = (cgl_real)ODRIVE_RATE / ODRIVE_DIVIDER, .kp = (cgl_real)kp, .ki = (cgl_real)ki,
                               .delay = CGL_R(0.004), .current_limit = (cgl_real)(tuned.torque_limit / gimbal.torque_constant)};
     odrive alone = tuned, helped = tuned;
-    loop_result result = {.refused = learner_start(&help, &gains)};
-    const ripple before = run(odrive_step, &alone, ODRIVE_RATE, NULL);
-    const ripple after = run(odrive_step, &helped, ODRIVE_RATE, &help);
-    result.before = deviation(&before);
-    result.after = deviation(&after);
-    result.mean = after.sum / after.count;
-    return result;
+    return compared(odrive_step, &alone, &helped, ODRIVE_RATE, &gains);
 }
 
 /* ---- as moteus ---- */
@@ -232,7 +230,6 @@ static double moteus_step(void *state, int64_t count, learner *help)
 
 loop_result moteus_like(void)
 {
-    static learner help;
     const moteus tuned = {.kp = 0.4, .ki = 0.4, .kd = 0.016, .ilimit = 0.03, .max_torque = 0.12, .bandwidth = 600.0};
     /* kd acts on the speed error, and kp on its integral */
     const loop_gains gains = {.rate = (cgl_real)MOTEUS_RATE / MOTEUS_DIVIDER,
@@ -240,11 +237,5 @@ loop_result moteus_like(void)
                               .ki = (cgl_real)(tuned.kp / TWO_PI / gimbal.torque_constant), .delay = CGL_R(0.003),
                               .current_limit = (cgl_real)(tuned.max_torque / gimbal.torque_constant)};
     moteus alone = tuned, helped = tuned;
-    loop_result result = {.refused = learner_start(&help, &gains)};
-    const ripple before = run(moteus_step, &alone, MOTEUS_RATE, NULL);
-    const ripple after = run(moteus_step, &helped, MOTEUS_RATE, &help);
-    result.before = deviation(&before);
-    result.after = deviation(&after);
-    result.mean = after.sum / after.count;
-    return result;
+    return compared(moteus_step, &alone, &helped, MOTEUS_RATE, &gains);
 }

@@ -71,7 +71,15 @@ class Gains:
         if self.integral:
             acts[n, 0] = -1.0
         row = np.append(self.K_1 @ model.view, [self.K_2] * self.integral)
-        return Disturbed(closed.A, acts, -closed.C, -1.0, self.position(model, C).C, row, self.K_1[:2])
+        return Disturbed(
+            closed.A,
+            acts,
+            lesson=-closed.C,
+            lesson_at_once=-1.0,
+            position=self.position(model, C).C,
+            u=row,
+            u_at_once=self.K_1[:2],
+        )
 
     def delayed(self, model: Model, C: Real) -> float:
         """Spectral radius of the closed loop with one more sample of delay at the input."""

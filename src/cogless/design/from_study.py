@@ -229,7 +229,9 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
             load[sample:] = amount
         simulated = _simulated(study, scenario, index, conditions) if inside else None
         random = _random(study, conditions, unit)
-        found.append(Conditions(reference, load / unit, start, ends[index] - first, simulated, random))
+        found.append(
+            Conditions(reference, load / unit, start, ends[index] - first, plant=simulated, random=random)
+        )
     return found
 
 

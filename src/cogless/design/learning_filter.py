@@ -50,7 +50,7 @@ FIRST_STEPS = (4, 1.3, 1.3)  # of the refinement: samples, factor of the cut-off
 LAST_STEP = 1.02  # factor of K_3 and of the cut-off at which the refinement ends
 LOWER_CUTOFF, CUTOFFS_LOWERED = 0.8, 4  # a cut-off that is tried where the trial's ends grow, and how often
 CUTOFF_DIGITS, K_3_DIGITS = 3, 4  # of what is chosen: a study can repeat it
-TINY = 1e-300
+SQUARE_LEAST = 1e-300  # no division by zero
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class Bench:
     drawn: Sequence[Loop]  # from v to y, at random plants: likewise, but only what is chosen is tried there
     least_shift: int  # the relative degree
     period: float  # s
-    samples: int  # in a trial
-    order: int  # of the filter
+    samples: int  # a trial has so many
+    order: int  # the filter has this order
     shift: int | Literal["auto"] = "auto"  # samples
     cutoff: float | Literal["auto"] | None = "auto"  # Hz; None: no filter
     filtered: Filtered = "signal"
@@ -101,7 +101,7 @@ class Bench:
         # a trial has no lower frequency than half a period
         width = np.where(w >= np.pi / self.samples, np.gradient(w), 0.0)
         loaded = np.abs(Bundle(self.loaded, 0)(w)) ** 2
-        density = loaded / np.maximum(2 - 2 * np.cos(w), TINY) * width
+        density = loaded / np.maximum(2 - 2 * np.cos(w), SQUARE_LEAST) * width
         return np.asarray(density / density.sum(axis=1, keepdims=True))
 
     @cached_property
@@ -110,7 +110,7 @@ class Bench:
         steps = np.ones((2 * len(self.loaded), self.samples))
         steps[len(self.loaded) :, : self.samples // 2] = 0.0
         loops = [*self.loaded, *self.loaded]
-        return TrialMap(loops, 0.0, 1, None, "error", self.samples).output(steps)
+        return TrialMap(loops, 0.0, 1, None, filtered="error", samples=self.samples).output(steps)
 
     @cached_property
     def lag(self) -> int:
@@ -191,13 +191,15 @@ class Bench:
     def trial(self, loops: Sequence[Loop], choice: Choice) -> TrialMap:
         """Trials of finite length with a choice."""
         q_filter = self.q_filter(choice.cutoff)
-        return TrialMap(loops, choice.K_3, choice.shift, q_filter, self.filtered, self.samples)
+        return TrialMap(
+            loops, choice.K_3, choice.shift, q_filter, filtered=self.filtered, samples=self.samples
+        )
 
-    def left(self, choice: Choice) -> float:
+    def share_left(self, choice: Choice) -> float:
         """RMS after JUDGED_TRIALS trials over that without learning, of both loads, at the worst plant."""
         trial = self.trial([*self.learning, *self.learning], choice)
         after, before = trial.remaining(self.errors, JUDGED_TRIALS), self.errors
-        shares = np.sum(after**2, axis=1) / np.maximum(np.sum(before**2, axis=1), TINY)
+        shares = np.sum(after**2, axis=1) / np.maximum(np.sum(before**2, axis=1), SQUARE_LEAST)
         return float(np.sqrt(np.max(np.mean(shares.reshape(2, -1), axis=0))))
 
 
@@ -212,7 +214,7 @@ def learning_filters(bench: Bench) -> Iterator[Choice]:
 
 
 def _best_first(bench: Bench, grid: Sequence[Choice], most: float) -> Iterator[Choice]:
-    shares = {choice: bench.left(choice) for choice in grid[:REFINED_CHOICES]}
+    shares = {choice: bench.share_left(choice) for choice in grid[:REFINED_CHOICES]}
     best = min(shares, key=lambda choice: shares[choice])
     tried = sorted(shares, key=lambda choice: shares[choice])
     for choice in dict.fromkeys([_refined(bench, best, most), *tried, *grid]):
@@ -229,7 +231,7 @@ def _grid(bench: Bench, most: float) -> list[Choice]:
     judged, cutoffs = len(bench.learning), bench.cutoffs
     Q = np.array([bench.q_gain(cutoff, w) for cutoff in cutoffs])
     at_rest = float(np.abs(G[:, 0]).mean())
-    scale = direction(G) / max(at_rest, 1e-6 * float(np.abs(G).max()), TINY)
+    scale = direction(G) / max(at_rest, 1e-6 * float(np.abs(G).max()), SQUARE_LEAST)
     best: dict[int, tuple[float, Choice]] = {}
     for shift in bench.shifts:
         ahead = G * np.exp(1j * w * shift)
@@ -253,11 +255,11 @@ def _grid(bench: Bench, most: float) -> list[Choice]:
 def _refined(bench: Bench, choice: Choice, most: float) -> Choice:
     """The choice that no neighbour betters over a finite trial."""
     steps = FIRST_STEPS
-    shares = {choice: bench.left(choice)}
+    shares = {choice: bench.share_left(choice)}
     while steps[2] > LAST_STEP:
         for other in bench.near(choice, steps):
             if other not in shares and bench.shrinks(other, most):
-                shares[other] = bench.left(other)
+                shares[other] = bench.share_left(other)
         best = min(shares, key=lambda other: shares[other])
         if best == choice:
             steps = max(1, steps[0] // 2), math.sqrt(steps[1]), math.sqrt(steps[2])

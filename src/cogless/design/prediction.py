@@ -139,14 +139,14 @@ def predict(
     trial: TrialMap,
     ahead: tuple[Real, Real, int] | None,
     phases: Sequence[Conditions],
-    left: Sequence[Steps],
+    remains: Sequence[Steps],
     basis_functions: bool = False,
 ) -> Prediction:
     """The prediction for these plants.
 
     `trial`: learning at the same plants, in their order. `ahead`: numerator, denominator and preview of the
-    feedforward. The last plant is that of each phase, if that is known. `left`: what the sensor's steps leave
-    at the end of each phase. `basis_functions`: what was learned moves along with a changed reference.
+    feedforward. The last plant is that of each phase, if that is known. `remains`: what the sensor's steps
+    leave at the end of each phase. `basis_functions`: what was learned moves along with a changed reference.
     """
     v = np.zeros((len(models), trial.samples))
     predictions = []
@@ -179,10 +179,10 @@ def predict(
                 feedback_peak=np.abs(u).max(axis=1),
                 random=np.sqrt(random[:, -1]),
                 feedback_random=np.sqrt(alone),
-                steps=left[index].learned[:, 0],
-                feedback_steps=left[index].feedback,
+                steps=remains[index].learned[:, 0],
+                feedback_steps=remains[index].feedback,
                 trials=phase.trials,
-                steps_count=left[index].count,
+                steps_count=remains[index].count,
             )
         )
     return Prediction(tuple(labels), tuple(predictions))

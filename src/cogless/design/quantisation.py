@@ -24,7 +24,7 @@ from cogless.design.response import Bundle, Filter, Filtered
 from cogless.design.sensing import Sensor
 from cogless.design.trial_observer import ObserverGains
 
-FREQUENCIES = 400
+STEP_FREQUENCIES = 400
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,10 @@ def steps(
     """What the steps leave with these gains, without learning and after so many trials."""
     if not sensor.step:
         return Steps(np.zeros(len(models)), np.zeros((len(models), len(trials))))
-    w = (np.arange(FREQUENCIES) + 0.5) * np.pi / FREQUENCIES
+    w = (np.arange(STEP_FREQUENCIES) + 0.5) * np.pi / STEP_FREQUENCIES
     variance = sensor.step**2 / 12
-    found = np.array([sensor.powers(law.disturbed(model, C), w, period) for model in models])
-    error, lesson, _ = found.transpose(1, 0, 2)
+    response = np.array([sensor.powers(law.disturbed(model, C), w, period) for model in models])
+    error, lesson, _ = response.transpose(1, 0, 2)
     feedback = np.sqrt(variance * error.mean(axis=1))
     learned = np.repeat(feedback[:, None], len(trials), axis=1)
     if update is not None:
@@ -66,7 +66,9 @@ def steps(
         moved = np.abs(Bundle([law.position(m, C) for m in models], 0)(w)) ** 2
         for k, count in enumerate(trials):
             with np.errstate(over="ignore"):
-                powers = np.where(F**2 == 1, count, (1 - F ** (2 * count)) / np.where(F**2 == 1, 1, 1 - F**2))
-            of_v = (H * reads) ** 2 * lesson * powers
+                repeats = np.where(
+                    F**2 == 1, count, (1 - F ** (2 * count)) / np.where(F**2 == 1, 1, 1 - F**2)
+                )
+            of_v = (H * reads) ** 2 * lesson * repeats
             learned[:, k] = np.sqrt(variance * (error + moved * of_v).mean(axis=1))
     return Steps(feedback, learned)

@@ -71,14 +71,14 @@ class Amplification:
 def amplification(labels: tuple[str, ...], loops: Loops) -> Amplification:
     """How learning amplifies errors that don't repeat."""
     none = np.zeros(len(loops.C))
-    both = []
+    shares = []
     for disturbances in (
         Disturbances(none, load_noise=1.0),
         Disturbances(none, noise=(loops.C != 0).astype(np.float64)),
     ):
         feedback, learned = random_errors(loops, disturbances, TERMS_MOST)
-        both.append(np.sqrt(learned[:, -1] / feedback))
-    return Amplification(labels, *both)
+        shares.append(np.sqrt(learned[:, -1] / feedback))
+    return Amplification(labels, *shares)
 
 
 def random_errors(loops: Loops, disturbances: Disturbances, trials: int) -> tuple[Real, Real]:
@@ -132,19 +132,19 @@ class _Rows:
     def sums(self, first: Real, lesson: Real, trials: int) -> Real:
         """Mean square after 0, 1, .. trials - 1 trials of learning: (plants, trials)."""
         trial, total = self._trial, first.copy()
-        found = np.zeros((len(first), trials))
-        found[:, 0] = total
+        sums = np.zeros((len(first), trials))
+        sums[:, 0] = total
         v = trial.correction(lesson)
         with np.errstate(over="ignore", invalid="ignore"):
             for k in range(1, trials):
                 term = _mean_square(self._position.output(v), self._probes)
                 total = total + np.where(np.isfinite(term), term, np.inf)
-                found[:, k] = total
+                sums[:, k] = total
                 if not np.all(np.isfinite(total)) or np.all(term <= TERM_LEAST * total):
-                    found[:, k:] = total[:, None]
+                    sums[:, k:] = total[:, None]
                     break
                 v = trial.recall(v) - trial.correction(trial.output(v))
-        return found
+        return sums
 
 
 def _mean_square(rows: Real, probes: int) -> Real:

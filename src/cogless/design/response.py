@@ -53,7 +53,7 @@ class Disturbed:
     A: Real
     B: Real  # (n, 2), of the two errors
     lesson: Real  # (n,), what is learned from
-    lesson_at_once: float  # of the angle's error
+    lesson_at_once: float  # what the angle's error does to it at once
     position: Real  # (n,), the true output
     u: Real  # (n,), the input
     u_at_once: Real  # (2,), of the two errors

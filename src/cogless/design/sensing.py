@@ -20,7 +20,7 @@ import numpy as np
 from cogless.design.model import Model, Real, exponential
 from cogless.design.response import Complex, Disturbed
 
-NOTHING = 1e-9  # of a sample: a delay that is rounding
+DELAY_ROUNDING = 1e-9  # share of a sample that counts as no delay
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +83,8 @@ class Sensor:
 
     def powers(self, path: Disturbed, w: Real, period: float) -> Real:
         """Of output, lesson and input: |T|^2 by white noise of the angle, at w in rad per sample, (3, w)."""
-        found = [path.through(errors, w) for errors in self.errors(w, period)]
-        return np.asarray(np.sum(np.abs(found) ** 2, axis=0))
+        responses = [path.through(errors, w) for errors in self.errors(w, period)]
+        return np.asarray(np.sum(np.abs(responses) ** 2, axis=0))
 
 
 def sensed(plant: Model, C: Real, period: float, sensor: Sensor) -> Model:
@@ -129,7 +129,7 @@ def sensed(plant: Model, C: Real, period: float, sensor: Sensor) -> Model:
     first, second = late(angle, sensor.latency), late(source, sensor.latency)
     third = late(source, sensor.latency + sensor.window) if sensor.window else None
 
-    counts = [max(0, math.ceil(delay / period - NOTHING)) for _, delay in register]
+    counts = [max(0, math.ceil(delay / period - DELAY_ROUNDING)) for _, delay in register]
     size = n + m + sum(counts)
     A, B = np.zeros((size, size)), np.zeros((size, 1))
     whole = exponential(rates * period)
@@ -153,4 +153,4 @@ def sensed(plant: Model, C: Real, period: float, sensor: Sensor) -> Model:
         at += count
     omega = values[second] if third is None else (values[second] - values[third]) / sensor.window
     seen = np.linalg.inv(np.vstack([C, C @ A_c])) @ np.vstack([values[first], omega])
-    return Model(A, B, None, seen, lift, plant)
+    return Model(A, B, seen=seen, lift=lift, base=plant)

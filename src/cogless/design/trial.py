@@ -116,7 +116,7 @@ class TrialGains:
     notes: tuple[Remark, ...]  # of the feedback; their cures have the names of settings as keys
     observer: ObserverGains | None = None  # of kind observer, in place of K_s
     cutoff: float | None = None  # of kind observer, Hz, or chosen: None is then no filter
-    shift: int | None = None  # that was chosen
+    shift: int | None = None  # samples; None: none was chosen
     learning_notes: tuple[Remark, ...] = ()  # of K_3, for the laws that learn with it
 
 
@@ -278,8 +278,8 @@ def scenario_prediction(
     trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
     f = parameters.feedforward
     ahead = None if f is None else (f.num, f.den, f.preview)
-    left = _steps_of_phases(plant, models, loop, update, parameters, phases)
-    return predict(models, labels, plant.C, loop, trial, ahead, phases, left, settings.basis_functions)
+    remains = _steps_of_phases(plant, models, loop, update, parameters, phases)
+    return predict(models, labels, plant.C, loop, trial, ahead, phases, remains, settings.basis_functions)
 
 
 def _steps_of_phases(
@@ -292,7 +292,7 @@ def _steps_of_phases(
 ) -> list[Steps]:
     """What the sensor's steps leave at the end of each phase; the last model is that of the phase."""
     fixed = models[:-1]
-    each = steps(
+    of_all = steps(
         [*fixed, *(phase.plant or models[-1] for phase in phases)],
         plant.C,
         loop,
@@ -305,7 +305,7 @@ def _steps_of_phases(
     )
     rows = [[*range(len(fixed)), len(fixed) + index] for index in range(len(phases))]
     return [
-        Steps(each.feedback[row], each.learned[row][:, [k]], plant.sensor.certified)
+        Steps(of_all.feedback[row], of_all.learned[row][:, [k]], plant.sensor.certified)
         for k, row in enumerate(rows)
     ]
 
@@ -469,7 +469,7 @@ def _choice_note(bench: Bench, choice: Choice) -> Remark:
     passes = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
     return Remark(
         f"shift = {choice.shift} and {passes} are chosen together with K_3: {JUDGED_TRIALS} trials leave "
-        f"{100 * bench.left(choice):.2g} % of the error of a load step, at the worst corner"
+        f"{100 * bench.share_left(choice):.2g} % of the error of a load step, at the worst corner"
     )
 
 

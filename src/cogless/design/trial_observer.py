@@ -5,7 +5,7 @@ pole p of observer and feedback, the response g, and the cut-off of the filter o
 finds them without a weight. It uses the exactly sampled plants, at the corners and at random parameters:
 
     p, g      the fastest p for which some g keeps the sensitivity |S| within SENSITIVITY at every plant, and
-              with which the sensor's steps make at most QUIET of the limit at the input, RMS
+              with which the sensor's steps make at most QUIET_SHARE of the limit at the input, RMS
     cut-off   the highest with which a trial leaves at most LEFT of what was missing, at each frequency
 """
 
@@ -26,7 +26,7 @@ from cogless.design.response import Bundle, Complex, Disturbed, Loop, grid
 SHIFT = 2  # samples after which the law knows what was missing
 SENSITIVITY = 3.0
 LEFT = 2 / 3
-QUIET = 1 / 30  # three times of it are a tenth of the limit
+QUIET_SHARE = 1 / 30  # three times of it are a tenth of the limit
 NOISE_FREQUENCIES = 200
 POLES = np.arange(0.95, 0.045, -0.01)
 RESPONSES = 25  # responses tried at each pole, from half the weakest plant's to twice the strongest's
@@ -57,7 +57,15 @@ class ObserverGains:
         acts = np.column_stack([A[:, -1], np.zeros(len(A))])
         position = np.append(model.output(C), np.zeros(MEMORY))
         at_once = np.array([u_fb[-1], 0.0])
-        return Disturbed(A[:, :-1], acts, missing[:-1], float(missing[-1]), position, u_fb[:-1], at_once)
+        return Disturbed(
+            A[:, :-1],
+            acts,
+            lesson=missing[:-1],
+            lesson_at_once=float(missing[-1]),
+            position=position,
+            u=u_fb[:-1],
+            u_at_once=at_once,
+        )
 
     def delayed(self, model: Model, C: Real) -> float:
         """Spectral radius of the closed loop with one more sample of delay at the input."""
@@ -152,7 +160,7 @@ def design_observer(plant: UncertainPlant, pole: float | None, limit: float | No
             held = []
     best = fastest(held)
     if best is not None and pole is None and limit is not None and plant.sensor.step:
-        quiet = [gains for gains in held if input_by_steps(plant, gains) <= QUIET * limit]
+        quiet = [gains for gains in held if input_by_steps(plant, gains) <= QUIET_SHARE * limit]
         best = fastest(quiet) or fastest(held[:1]) or best
     if best is None:
         expected = "expected ranges that the observer's feedback holds as a whole"
