@@ -110,14 +110,14 @@ def test_the_choice_is_the_best_of_all_that_work() -> None:
     choice = next(learning_filters(found))
     Q, gain = everything.filter(choice.cutoff)
     assert everything.works(choice, Q, gain)
-    assert found.share_left(choice) == pytest.approx(everything.share_left(choice, Q), rel=1e-9)
+    assert found.share_left(choice) == pytest.approx(everything.left(choice, Q), rel=1e-9)
     best, at = np.inf, None
     for cutoff in np.geomspace(6, 110, 30):
         Q, gain = everything.filter(float(cutoff))
         for shift, K_3 in itertools.product(range(1, 13), np.geomspace(0.15, 2, 18)):
             tried = Choice(shift, float(cutoff), float(K_3))
             F = gain * (1 - K_3 * everything.response * np.exp(1j * everything.w * shift))
-            if np.abs(F).max() <= PROPOSED and (left := everything.share_left(tried, Q)) < best:
+            if np.abs(F).max() <= PROPOSED and (left := everything.left(tried, Q)) < best:
                 best, at = (left, tried) if everything.works(tried, Q, gain) else (best, at)
     assert at is not None and 1 < at.shift < 12 and 0.15 < at.K_3 < 2
     assert found.share_left(choice) <= 1.03 * best, (choice, at)
