@@ -1,7 +1,8 @@
 """How right `cogless identify` is, on motors drawn at random, of a plant that is not cogless's.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identify.py --seeds 1 2 3
-    OPENBLAS_NUM_THREADS=1 python benchmarks/identify.py --seeds 1 --rate 200 --jitter 0.3 --every-key --no-cogging
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identify.py --seeds 1 --rate 200 --jitter 0.3 --every-key
+
 
 Each seed draws a motor of each of eight kinds, with six logs. A line for each motor names what is off or left
 out. The table has by kind of value: how many there are, how many were told, are within the goal and within
