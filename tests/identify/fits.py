@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from identify.commissioned import MOTORS
 
+from cogless.identify.balance import Model, Name
 from cogless.identify.config import LogRule
+from cogless.identify.jackknife import Fit
 from cogless.identify.log import Log
-from cogless.identify.regression import Fit
 from cogless.identify.steady import Steady
-from cogless.identify.weak_form import Model, Name
 from cogless.study.drive import Drive
 from cogless.study.motor import Motor
 
@@ -29,9 +29,9 @@ MODEL = Model(
 
 def fit_of(values: dict[Name, float], errors: float = 0.0, **more: Any) -> Fit:
     count = len(values)
-    made = {"inflation": np.ones(count), "parts": np.zeros((0, count)), **more}
+    made = {"normal": np.eye(count), "freedom": np.full(count, 30.0), "noise": {}, **more}
     numbers, own = np.array(list(values.values())), np.full(count, errors)
-    return Fit(tuple(values), numbers, own, blocks=(), noise={}, without={}, **made)
+    return Fit(tuple(values), numbers, own, 2 * own, covariance=np.diag(own**2), **made)
 
 
 def part(log: Log, speed: float, load: float = 0.5) -> Steady:

@@ -11,6 +11,7 @@ import pytest
 from identify.fits import fit_of, of_motor, part, turning
 
 from cogless.identify import causes
+from cogless.identify.balance import Model
 from cogless.identify.causes import (
     COGGING,
     DEAD_TIME,
@@ -23,7 +24,6 @@ from cogless.identify.causes import (
     Cause,
 )
 from cogless.identify.estimate import CURES
-from cogless.identify.weak_form import Model
 
 
 @pytest.mark.parametrize(("order", "cause"), [(24, RIPPLE), (8, GAIN)])

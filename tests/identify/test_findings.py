@@ -12,8 +12,8 @@ import pytest
 from identify.fits import fit_of
 
 from cogless.identify import findings
+from cogless.identify.balance import Model, Rows
 from cogless.identify.config import LogRule
-from cogless.identify.weak_form import Model, Rows
 
 
 def rows_with(name: str, friction: float, wave: complex, session: str | None = None, **log: Any) -> Rows:

@@ -99,7 +99,7 @@ def doubtful(found) -> Estimate:
     """Five standard errors are 2.5 of those told, at 95 %: order 6 has them."""
     _, made = found
     six, twelve, eighteen = (
-        Wave(order, Value(size, 1.0), Value(0.0, 0.0)) for order, size in ((6, 2.6), (12, 1.5), (18, 2.4))
+        Wave(order, Value(size, 1.0), Value(0.0, 0.0)) for order, size in ((6, 1.1), (12, 0.05), (18, 0.9))
     )
     return replace(made, cogging=(six, twelve, eighteen), ripple=(six,), encoder=(), left_out=("Before.",))
 
@@ -112,7 +112,7 @@ def test_an_order_that_does_not_stand_out_of_its_error_is_left_out(doubtful):
     assert kept.left_out == (
         "Before.",
         "Cogging of order 18 does not stand out of its error and is left out: up to "
-        f"{3.4e3 * doubtful.K_t:.2g} mN*m with it.",
+        f"{1.9e3 * doubtful.K_t:.2g} mN*m with it.",
     )
     none = command.standing_out(replace(doubtful, cogging=doubtful.cogging[1:]))
     assert none.cogging == () and "Cogging of order 12, 18 does" in none.left_out[1]
@@ -202,5 +202,5 @@ def test_logs_that_cannot_be_played_leave_the_estimate_and_say_so(found, monkeyp
     for key, value in made.values.items():
         assert kept.values[key].value == value.value and kept.values[key].error >= value.error
     assert kept.remarks[-1].startswith(
-        "The logs could not be simulated (no such drive). So no value is corrected for the closed loop"
+        "The logs could not be simulated (no such drive). So the delay is told within half a period"
     )

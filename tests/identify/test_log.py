@@ -14,11 +14,11 @@ import pytest
 from identify.test_files import COLUMNS, ID, logs
 
 from cogless.errors import StudyError
+from cogless.identify import balance, jackknife, plan, steady
 from cogless.identify import log as logging
-from cogless.identify import plan, regression, steady, weak_form
 from cogless.identify.config import Identification, LogRule, load
+from cogless.identify.kernel import Kernel, shifted
 from cogless.identify.log import Log
-from cogless.identify.regression import Block
 from cogless.study.position_sensor import Absolute
 
 TURN = 2 * np.pi
@@ -426,26 +426,31 @@ def test_a_part_has_twenty_rows_and_an_angle_from_the_speed_where_none_was_recor
     assert steady.with_angle(none) is none
 
 
-# --- the weak form
+# --- the balance
 
 
 def test_a_kernel_smooths_and_derives_a_parabola_exactly() -> None:
     """Of 2 + 3 x + 4 x^2: itself but for the kernel's width, its slope, and twice 4."""
-    kernel = weak_form.Kernel(6e-3, 1e-3)
-    assert kernel.half == 24 and len(kernel.value) == 49 and weak_form.Kernel(6.1e-3, 1e-3).half == 25
+    kernel = Kernel(6e-3, 1e-3)
+    assert kernel.half == 24 and len(kernel.value) == 49 and Kernel(6.1e-3, 1e-3).half == 25
     t = (np.arange(49) - 24) * 1e-3
-    assert kernel.first == pytest.approx(t * kernel.value / np.sum(t**2 * kernel.value))
+    assert kernel.slope == pytest.approx(t * kernel.value / np.sum(t**2 * kernel.value))
+    late = Kernel(6e-3, 1e-3, 2.5e-3)  # the derivatives of its angle are those of 2.5 ms before
+    assert late.half == 27
     x = np.arange(200) * 1e-3
     signal = 2 + 3 * x + 4 * x**2
     middle = x[24:-24]
     width = float(kernel.value @ ((np.arange(49) - 24) * 1e-3) ** 2)
     assert width == pytest.approx(6e-3**2, rel=2e-3)
     assert kernel.of(signal, kernel.value, 1) == pytest.approx(2 + 3 * middle + 4 * (middle**2 + width))
-    assert kernel.of(signal, kernel.first, 1) == pytest.approx(3 + 8 * middle)
-    assert kernel.of(signal, kernel.second, 1) == pytest.approx(8.0 + 0 * middle)
+    assert kernel.of(signal, kernel.slope, 1) == pytest.approx(3 + 8 * middle)
+    assert kernel.of(signal, kernel.curvature, 1) == pytest.approx(8.0 + 0 * middle)
+    before = x[27:-27] - 2.5e-3
+    assert late.of(signal, late.speed, 1) == pytest.approx(3 + 8 * before, abs=1e-3)
+    assert late.of(signal, late.acceleration, 1) == pytest.approx(8.0 + 0 * before)
     for step in (2, 5, 7):
-        assert kernel.of(signal, kernel.first, step) == pytest.approx(
-            kernel.of(signal, kernel.first, 1)[::step]
+        assert kernel.of(signal, kernel.slope, step) == pytest.approx(
+            kernel.of(signal, kernel.slope, 1)[::step]
         )
 
 
@@ -454,23 +459,23 @@ def test_rows_that_hold_the_rotor_are_filtered_where_they_have_times() -> None:
     theta = 3.0 * np.arange(3000) * 1e-3
     signals = {"theta": theta, "i_q": 0.1 + 0 * theta, "direction": 1 + 0 * theta}
     held = Log("a", LogRule(file="*", kind="hold"), 0.0, signals, (slice(0, 3000),))
-    sensor, model = weak_form.Sensor(0.0, 4), weak_form.Model()
-    (found,) = weak_form.rows_of(held, model, 6e-3, sensor)
+    sensor, model = balance.Sensor(0.0, 4), balance.Model()
+    (found,) = balance.rows_of(held, model, sensor)
     assert len(found.y) == 3000
     stretches = (slice(0, 96), slice(100, 197), slice(200, 2900), slice(2985, 2995))
     timed = replace(held, dt=1e-3, stretches=stretches)
-    rows = [len(each.y) for each in weak_form.rows_of(timed, model, 6e-3, sensor)]
+    rows = [len(each.y) for each in balance.rows_of(timed, model, sensor)]
     assert len(rows) == 2 and sum(rows) < 1000
 
 
 def test_a_signal_is_moved_by_parts_of_a_row() -> None:
     x = np.arange(50.0)
     wave = x**2
-    assert weak_form.shifted(wave, 0.0) is wave
-    assert weak_form.shifted(wave, 3.0)[5:-5] == pytest.approx(((x + 3) ** 2)[5:-5])
-    assert weak_form.shifted(wave, 2.25)[5:-5] == pytest.approx(((x + 2.25) ** 2)[5:-5])
-    assert weak_form.shifted(wave, -1.5)[5:-5] == pytest.approx(((x - 1.5) ** 2)[5:-5])
-    assert weak_form.shifted(wave, 3.0)[-1] == wave[-1] and weak_form.shifted(wave, -3.0)[0] == wave[0]
+    assert shifted(wave, 0.0) is wave
+    assert shifted(wave, 3.0)[5:-5] == pytest.approx(((x + 3) ** 2)[5:-5])
+    assert shifted(wave, 2.25)[5:-5] == pytest.approx(((x + 2.25) ** 2)[5:-5])
+    assert shifted(wave, -1.5)[5:-5] == pytest.approx(((x - 1.5) ** 2)[5:-5])
+    assert shifted(wave, 3.0)[-1] == wave[-1] and shifted(wave, -3.0)[0] == wave[0]
 
 
 # --- errors
@@ -479,7 +484,7 @@ def test_a_signal_is_moved_by_parts_of_a_row() -> None:
 def test_leaving_one_out_gives_the_error_of_a_mean() -> None:
     x = np.random.default_rng(0).normal(size=12)
     without = (x.sum() - x) / 11
-    error = regression.jackknife(without[:, None])
+    error = jackknife.jackknife(without[:, None])
     assert error == pytest.approx(np.std(x, ddof=1) / math.sqrt(12))
 
 
@@ -487,13 +492,10 @@ def test_columns_alike_inflate_each_others_variance() -> None:
     """By 1 / (1 - r^2) with a correlation r; a column of zeros can't be told."""
     r = 0.8
     matrix = np.array([[4.0, 2 * 3 * r, 0.0], [2 * 3 * r, 9.0, 0.0], [0.0, 0.0, 0.0]])
-    half = Block("a", matrix / 2, np.array([4.0, 0.0, 0.0]), np.zeros(3), 1.0, 10)
-    found = regression.inflation([half, half])
-    assert found[:2] == pytest.approx(1 / (1 - r**2)) and math.isinf(found[2])
-    values = regression.solved([half, half], 3)
+    factors = jackknife.inflation(matrix)
+    assert factors[:2] == pytest.approx(1 / (1 - r**2)) and math.isinf(factors[2])
+    values, _ = jackknife.solved(matrix, np.array([8.0, 0.0, 0.0]))
     assert matrix @ values == pytest.approx([8.0, 0.0, 0.0]) and values[2] == 0.0
-    per = half.per(2.0)
-    assert per.matrix == pytest.approx(half.matrix / 4) and per.vector == pytest.approx(half.vector / 4)
 
 
 @pytest.mark.parametrize(

@@ -18,15 +18,15 @@ from identify.fits import fit_of
 
 from cogless.errors import StudyError
 from cogless.identify import config, described, diagnosis, findings, plan, speed_alone, write
+from cogless.identify.balance import Model, Rows
 from cogless.identify.causes import Cause, Found
 from cogless.identify.command import Identified, lines
 from cogless.identify.config import Identification, LogRule
 from cogless.identify.diagnosis import Diagnosis
+from cogless.identify.jackknife import fit
 from cogless.identify.log import Log
-from cogless.identify.regression import fit
 from cogless.identify.result import Estimate, Value, Wave, wave_of
 from cogless.identify.sessions import Session, sentences
-from cogless.identify.weak_form import Model, Rows
 from cogless.report import diagnosed, identified
 from cogless.results.trace import Trace
 
@@ -159,16 +159,6 @@ def test_offsets_are_those_with_the_bridge_off() -> None:
     assert findings.offsets_of([three]) == pytest.approx((0.04, -0.05, 0.1))
     assert findings.offsets_of([two, three]) == pytest.approx((0.03, -0.05, 0.1))
     assert findings.offsets_of([log(kind="load", i_a=0.1, i_b=0.1), log(kind="bridge-off", i_a=1.0)]) is None
-
-
-def test_a_kernel_lets_order_6p_through_in_the_slowest_log(known: Identification) -> None:
-    """Order 24 within three wavelengths: up to 20.8 rad/s by the usual kernel of 6 ms, else by a narrower."""
-    usual, edge = 6e-3, 3 / (24 * 6e-3)
-    assert findings.kernel_width(known, [turning(0.99 * edge), turning(100.0)]) == usual
-    assert findings.kernel_width(known, [turning(1.01 * edge)]) == pytest.approx(1 / (24 * 1.01 * edge))
-    many: Any = SimpleNamespace(motor=SimpleNamespace(pole_pairs=100))
-    assert findings.kernel_width(many, [turning(0.9), log(dt=0.0)]) == pytest.approx(1 / (600 * 0.9))
-    assert findings.speed(turning(-3.0)) == pytest.approx(3.0)
 
 
 def test_inertia_that_is_not_larger_than_its_error_takes_friction_along(known: Identification) -> None:
@@ -965,12 +955,8 @@ def test_a_log_is_predicted_by_the_others(known: Identification) -> None:
     assert (
         found["c",] == pytest.approx(1.05, abs=2e-3) and found.get("c") == found["c",] and found.get("j") == 0
     )
-    assert found.without["one.csv"] == pytest.approx([1.1]) and found.without["two.csv"] == pytest.approx(
-        [1.0]
-    )
     assert found.prediction(rows[0], "one.csv") == pytest.approx(1.1 * x)
     assert found.noise["one.csv"] == pytest.approx(0.05 * np.sqrt(np.mean(x**2)), rel=0.1)
-    assert found.between_logs(("c",)) == 0.0  # of two logs
     page = identified.render(Identified(estimate(known, logs=tuple(logs), rows=rows, fit=found), {}))
     head, one, two = cells(page.split("What each log contributed")[1])
     assert head == ["Log", "kind", "rows", "not explained, rms", "error when predicted by the others"]
@@ -978,15 +964,3 @@ def test_a_log_is_predicted_by_the_others(known: Identification) -> None:
     assert one[:3] == ["one.csv", "not said", "2000"] and one[3].startswith(miss[:1])
     assert (one[4], two[4]) == ("10 % of its current", "9.1 % of its current")
     assert two[:3] == ["two.csv", "load", "2000"]
-
-
-def test_three_logs_tell_how_far_a_value_is_from_log_to_log() -> None:
-    """Half of Student's t of two degrees of freedom, times the jackknife error of the mean of the logs."""
-    x = np.sin(0.1 * np.arange(400))
-    found = fit([Rows(turning(1.0), (("c",),), x[:, None], x, np.zeros((400, 1)), x, x, np.arange(400))])
-    without = {"a": np.array([1.0]), "b": np.array([1.2]), "c": np.array([1.1]), "d": np.array([math.nan])}
-    made = replace(found, without=without)
-    assert made.between_logs(("c",)) == pytest.approx(4.30265 / 2 * math.sqrt(2 / 3 * 0.02), rel=1e-4)
-    simulated = replace(found, without={"a": np.array([0.0]), "b": np.array([0.2]), "c": np.array([0.1])})
-    assert made.between_logs(("c",), simulated) == pytest.approx(0.0, abs=1e-12)
-    assert replace(found, without={"a": np.array([1.0]), "b": np.array([1.2])}).between_logs(("c",)) == 0.0

@@ -14,10 +14,10 @@ from identify.fits import fit_of, of_motor
 from identify.test_traps import shortened
 
 from cogless.identify import config
+from cogless.identify.balance import Rows
 from cogless.identify.estimate import estimate
 from cogless.identify.log import load_logs
 from cogless.identify.sessions import _own, sentences, sessions
-from cogless.identify.weak_form import Rows
 
 MORE = 0.04  # A of friction in the other session
 K_t, COULOMB = 0.3, 30e-3  # N m/A, N m

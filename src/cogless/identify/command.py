@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cogless.errors import StudyError
 from cogless.identify import config, write
-from cogless.identify.estimate import SURE, Progress, estimate
+from cogless.identify.estimate import Progress, estimate
 from cogless.identify.log import load_logs
 from cogless.identify.replay import refined
 from cogless.identify.result import Estimate, Wave
@@ -68,7 +68,7 @@ def _kinds(made: Estimate) -> tuple[tuple[str, tuple[Wave, ...], float, str], ..
 def standing_out(made: Estimate) -> Estimate:
     """The estimate without the orders that do not stand out of the errors that are told.
 
-    What found them was the fit's own error: kernels of other widths and the simulation add to it. A sentence
+    What found them was the fit's own error: delay and kernels of other widths add to it. A sentence
     names those that may be larger than one that stays. An error of the encoder stays where the file of
     columns tells another.
     """
@@ -77,7 +77,7 @@ def standing_out(made: Estimate) -> Estimate:
         stays = tuple(
             wave
             for wave in waves
-            if wave.size.value > SURE / 2 * wave.size.error
+            if wave.size.value > wave.size.error
             or (waves is made.encoder and made.known.tells_error(wave.order))
         )
         kept.append(stays)

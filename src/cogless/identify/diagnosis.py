@@ -14,6 +14,7 @@ import numpy as np
 from cogless.errors import StudyError
 from cogless.identify import config, speed_alone
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
+from cogless.identify.balance import corrected
 from cogless.identify.causes import BEYOND, ENCODER, FASTER, OR, Cause, Found, attributed
 from cogless.identify.estimate import Progress, estimate
 from cogless.identify.findings import prepared
@@ -21,7 +22,6 @@ from cogless.identify.log import Log, load_logs
 from cogless.identify.result import Estimate
 from cogless.identify.steady import Steady, steady, with_angle
 from cogless.identify.voltage import Agreement
-from cogless.identify.weak_form import corrected
 
 NO_ORDER = "no order"  # of the rotor's motion: vibration, or slow changes of the speed
 SHOWN = 0.01  # share of an order that has a line

@@ -1,305 +1,54 @@
-"""From logs to a motor: orders, joint fit, what can't be told apart left out, errors."""
+"""From logs to a motor: orders, delay, joint fit, what can't be told apart left out, errors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from cogless.identify import findings, voltage
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind
+from cogless.identify.balance import LADDER, WIDE_INSTRUMENT, Model, Name, Rows, Sensor, angle_noise, rows_of
+from cogless.identify.cogging_orders import FALSE_ALARM, ORDER_CHANCE, found_orders
 from cogless.identify.config import Identification
+from cogless.identify.jackknife import LARGEST_INFLATION, Equations, Fit
+from cogless.identify.kernel import white_noise
 from cogless.identify.log import Log
-from cogless.identify.orders import found_orders
-from cogless.identify.regression import LARGEST_INFLATION, Fit, fit
 from cogless.identify.result import Estimate, Value, Wave, wave_of
-from cogless.identify.weak_form import WIDTH, Model, Name, Rows, Sensor, rows_of, width_of
 
-OTHERS = (0.75, 1.35)  # times the kernel's width: how far the values move is a part of their errors
-SETTLED = 0.1  # standard errors that may be left of what is taken out
-SURE = 5.0  # standard errors from which on an order is one
-SMALLEST = 1e-3  # of the largest order, likewise
-MOST_ORDERS = 40
-BESIDE = 2  # orders on each side of one that an error of the encoder spreads it over
-LONGEST_DELAY, EARLIEST = 5e-3, -2e-3  # s; i_q before the angle: that of a filtered angle
-ROUNDS = 5  # delay and the sensor's error are taken out, and found again
-SEARCHES = 5  # at most
+ORDERS_MOST = 48
+LONGEST_DELAY, EARLIEST_DELAY = 6e-3, -3e-3  # s; i_q before the angle: that of a filtered angle
+UNSURE_DELAY = 5e-3  # s, an error from which on a delay is not told
+DELAY_TRIES, DELAY_STEPS_MOST, DELAY_SETTLED = 6, 2.0, 0.1  # parabolas, and steps of the grid
+ORDERS_FOR_ENCODER = 3  # before so many are known, the encoder's error would take their place
+ENCODER_ROUNDS, ENCODER_SETTLED = 3, 0.1  # intervals of the error that may be left
+SEARCHES = 2
+AGREEMENT = 0.5  # of a wider instrument's interval, within which a narrower one agrees with it
+ALIKE_INERTIA = 1e-3
+SURE_LADDER = 2.0  # times the interval: of wider instruments whose inertia counts as another measurement
+KERNEL_WIDEST = 0.02  # s
+OTHER_WIDTH = 1.4  # of the kernel: how far the values move is a part of their errors
+FEW_CHANCE = FALSE_ALARM / 4  # of a wave that is among a few candidates
+SEEN_SHARE = 0.1  # of a log's rows that show an order, at least
+FRICTION_ORDERS = (1, 2)
+STRIBECK_SPEEDS = (0.3, 5.0, 7)  # of the slowest log's: first, last and how many
+STRIBECK_COST = 8.0  # above the least: 95 % of one value, of rows half of which are independent
+STRIBECK_ERRORS, STRIBECK_INFLATION = 1.5, 30.0
+UNSURE_ROWS = 1.5  # by which a current may be late whose delay is not told
 NO_LOG = "no log is left: expected logs with theta and i_q"
 Progress = Callable[[str, float], None]
-State = tuple[list[Rows], Fit, Model]
 
 
-def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> Estimate:
-    """Estimate all that the logs tell. StudyError: nothing can be told."""
-    remarks = [remark for log in logs for remark in log.remarks]
-    used, said = findings.usable(known, logs)
-    remarks += said
-    if not used:
-        none = [] if any(log.kind != "bridge-off" for log in logs) else [NO_LOG]
-        raise AdvisedError(*said, *none)
-    findings.check_sign(known, used, _rows(known, used, Model()))
-    left: list[str] = []
-    try:
-        used, model = _start(known, used, left)
-    except AdvisedError as error:
-        out = tuple(f"{log.name}: " for log in logs if log.name not in {one.name for one in used})
-        causes = [line for line in said if line.startswith(out)]  # before what follows from them
-        others = [line for line in said if line not in causes]
-        raise AdvisedError(*causes, *error.lines, *others) from None
-    state = _searched_again(known, used, model, progress)
-    rows, found, model = _told_apart(known, used, *_likely_delay(known, used, *state, left), left)
-    progress("errors", 0.0)
-    remarks += voltage.check(known, used)
-    remarks += findings.between_logs(rows, found, model, left)
-    return _told(known, used, model, rows, found, remarks, left, findings.offsets_of(logs))
+@dataclass(frozen=True, eq=False)
+class State:
+    """A model, its equations, and their solution with one instrument of the ladder."""
 
-
-def _rows(known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0) -> list[Rows]:
-    sensor = Sensor(known.step, known.motor.pole_pairs)
-    return [rows for log in logs for rows in rows_of(log, model, factor * model.width, sensor)]
-
-
-def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> tuple[list[Log], Model]:
-    """The logs and columns that tell something together."""
-    held, moving = [log for log in logs if not log.dt], [log for log in logs if log.dt]
-    sixth = (6 * known.motor.pole_pairs,)
-    if not moving:
-        left.append(
-            Advice(
-                "No log of a turning motor: inertia and friction cannot be identified; add an acceleration "
-                "log.",
-                logs_of_kind("acceleration"),
-            )
-        )
-    elif findings.one_speed(moving):
-        left.append(findings.said_of_one_speed(moving))
-        if not held:
-            raise AdvisedError(left[-1])
-    else:
-        columns = {"j", "b", "c", "offset", "delay"}
-        if all(findings.feedback(log) is not None for log in moving):
-            columns -= {"delay"}
-            left.append(
-                Advice(
-                    "All logs of a turning motor show the feedback law: the delay cannot be identified; "
-                    "add an acceleration log.",
-                    logs_of_kind("acceleration"),
-                )
-            )
-        model = Model(
-            sixth, encoder=(1, 2), columns=frozenset(columns), width=findings.kernel_width(known, logs)
-        )
-        return list(logs), model if model.width == WIDTH else _scanned(known, moving, model)
-    return held, Model(cogging=sixth, columns=frozenset({"offset"}))
-
-
-def _scanned(known: Identification, logs: Sequence[Log], model: Model) -> Model:
-    """The model with the delay and the encoder's error with which the slowest log fits best.
-
-    A delay beyond a narrow kernel cannot be found step by step; nor can orders of the poles, before the
-    encoder's error is known, or it without them. The orders beside these show all that it does to them.
-    """
-    log = min(logs, key=lambda log: (log.kind == "load", findings.speed(log)))
-    poles = tuple(known.motor.pole_pairs * n for n in (2, 4, 6))
-    beside = tuple(n + k for n in poles for k in range(-BESIDE, BESIDE + 1))
-    alone = replace(model, cogging=beside, columns=frozenset({"j", "c", "offset"}), encoder=())
-    delays = np.arange(EARLIEST, LONGEST_DELAY, width_of(log, model.width))
-    found = [(delay, fit(_rows(known, [log], replace(alone, delay=float(delay))))) for delay in delays]
-    delay, best = min(found, key=lambda each: each[1].noise[log.name])
-    start = _taken_out(replace(alone, cogging=poles, delay=float(delay)), best)
-    start, _ = settled(known, [log], replace(start, encoder=(1,), columns=alone.columns | {"delay"}))
-    return replace(start, columns=model.columns, encoder=model.encoder)
-
-
-def _searched_again(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
-    """Search from the orders that stand out of the search before, until these are the same again.
-
-    A false order that is found early may hide a true one, or take its place.
-    """
-    states: dict[tuple[int, ...], State] = {}
-    for _ in range(SEARCHES):
-        state = _significant(known, logs, *_searched(known, logs, model, progress))
-        kept = state[2].cogging
-        if not kept or kept in states:
-            return states.get(kept, state)
-        states[kept] = state
-        model = replace(model, cogging=kept)
-    return state
-
-
-def _searched(known: Identification, logs: Sequence[Log], model: Model, progress: Progress) -> State:
-    """Add the orders that the residual has, the strongest first; then look for delay and encoder's error.
-
-    Delay and encoder's error come last: before, they would take the place of orders not found yet.
-    """
-    sought = replace(model, encoder=(), columns=model.columns - {"delay"})
-    while True:
-        progress(f"orders: {len(sought.cogging)}", 0.0)
-        rows = _rows(known, logs, sought)
-        found = fit(rows)
-        new = found_orders(rows, found, sought.width, sought.cogging)
-        if not new or len(sought.cogging) > MOST_ORDERS:
-            break
-        sought = replace(sought, cogging=tuple(sorted({*sought.cogging, *new})))
-    model = replace(model, cogging=sought.cogging)
-    poles = known.motor.pole_pairs
-    if "j" in model.columns:  # the currents that accelerate are loads of both signs
-        ripple = (2 * poles, 6 * poles)
-        model = replace(model, ripple=ripple, cogging=tuple(sorted({*model.cogging, *ripple})))
-        electrical = _electrical_errors(known, logs, model)
-        if electrical:
-            model = replace(model, encoder=tuple(sorted({*model.encoder, *electrical})))
-    return _without_sidebands(known, logs, model, found)
-
-
-def _electrical_errors(known: Identification, logs: Sequence[Log], model: Model) -> list[int]:
-    """The orders of p and 2 p in which the angle has an error, as with a resolver or a magnet near the motor.
-
-    An order has a column only if its error stands out of a fit that also has the torques of these orders.
-    """
-    orders = [n for n in (known.motor.pole_pairs, 2 * known.motor.pole_pairs) if n not in model.encoder]
-    torques = tuple(sorted({*model.cogging, *orders}))
-    sought = replace(model, cogging=torques, encoder=tuple(orders), columns=model.columns - {"delay"})
-    found = fit(_rows(known, logs, sought))
-    return [n for n in orders if found.get("j") > 0 and _stands_out(found, "encoder", n)]
-
-
-def _without_sidebands(known: Identification, logs: Sequence[Log], model: Model, found: Fit) -> State:
-    """Fit without orders that an encoder's error makes of larger ones, where there is such an error.
-
-    An error of order k turns cogging of order n into n - k and n + k, too. One error says more with less than
-    orders beside all others; those that it doesn't explain come back. `found`: a fit with all orders.
-    Small ones may lead the fit astray before the error is known: then it is sought with the large ones first.
-    """
-    sizes = {n: _size(found, "cogging", n) for n in model.cogging if ("cogging", n, "c") in found}
-    beside = {
-        n
-        for n, size in sizes.items()
-        for k in model.encoder
-        if size < findings.SIDEBAND * max(sizes.get(n - k, 0.0), sizes.get(n + k, 0.0))
-    }
-    if not beside:
-        return _settled(known, logs, model)
-    others = tuple(n for n in model.cogging if n not in beside)
-    rows, fewer, alone = _settled(known, logs, replace(model, cogging=others))
-    if _runs_away(fewer, alone):
-        largest = max(sizes[n] for n in beside)
-        large = tuple(n for n in others if sizes.get(n, 0.0) >= largest)
-        _, _, alone = _settled(known, logs, replace(model, cogging=large))
-        rows, fewer, alone = _settled(known, logs, replace(alone, cogging=others))
-    if not any(_errs(fewer, alone, k) for k in alone.encoder):
-        return _settled(known, logs, model)
-    back = found_orders(rows, fewer, alone.width, alone.cogging)
-    if not back:
-        return rows, fewer, alone
-    return _settled(known, logs, replace(alone, cogging=tuple(sorted({*alone.cogging, *back}))))
-
-
-def _errs(found: Fit, model: Model, order: int) -> bool:
-    """Whether the sensor's error of an order stands out."""
-    j = found.get("j")
-    c, s = model.error.get(order, (0.0, 0.0))
-    return _stands_out(found, "encoder", order, (j * c, j * s))
-
-
-def _stands_out(found: Fit, kind: str, order: int, taken: tuple[float, float] = (0.0, 0.0)) -> bool:
-    """Whether an order stands out of its error, with what is already taken out."""
-    error = np.hypot(found.error((kind, order, "c")), found.error((kind, order, "s")))
-    return bool(_size(found, kind, order, taken) > SURE * error)
-
-
-def _settled(known: Identification, logs: Sequence[Log], model: Model) -> State:
-    """Fit, take delay and the sensor's error out, and fit again, until little is left of them."""
-    for _ in range(ROUNDS):
-        rows = _rows(known, logs, model)
-        found = fit(rows)
-        left = [name for name in found.names if name[0] in ("delay", "encoder")]
-        if all(abs(found[name]) < SETTLED * found.error(name) for name in left):
-            break
-        if _runs_away(found, model):
-            break
-        model = _taken_out(model, found)
-    else:
-        rows = _rows(known, logs, model)
-        found = fit(rows)
-    return rows, found, model
-
-
-def _runs_away(found: Fit, model: Model) -> bool:
-    """Whether the delay is one that no log has."""
-    return not EARLIEST < model.delay + found.get("delay") < LONGEST_DELAY
-
-
-def _taken_out(model: Model, found: Fit) -> Model:
-    """The model with the delay and the sensor's error that are left taken out."""
-    error = dict(model.error)
-    j = found.get("j")
-    for order in model.encoder if j > 0 else ():
-        c, s = error.get(order, (0.0, 0.0))
-        error[order] = (c + found["encoder", order, "c"] / j, s + found["encoder", order, "s"] / j)
-    waves = {n: (found["cogging", n, "c"], found["cogging", n, "s"]) for n in model.cogging if j > 0}
-    return replace(model, delay=model.delay + found.get("delay"), error=error, waves=waves, j=j)
-
-
-def settled(known: Identification, logs: Sequence[Log], model: Model) -> tuple[Model, Fit]:
-    """The model with the delay and the sensor's error of these logs taken out, and its fit."""
-    _, found, model = _settled(known, logs, model)
-    return model, found
-
-
-def at_delay(made: Estimate, delay: float) -> Estimate:
-    """The estimate fitted again with a delay, s, that is known."""
-    model = replace(made.model, delay=delay, columns=made.model.columns - {"delay"})
-    rows, found, model = _settled(made.known, made.logs, model)
-    return replace(made, rows=tuple(rows), fit=found, model=model)
-
-
-def coefficients(
-    known: Identification, logs: Sequence[Log], model: Model, factor: float = 1.0
-) -> dict[Name, float]:
-    """Each coefficient by a kernel of so many times the width; delay [s] and encoder's error [rad] whole."""
-    return whole(model, fit(_rows(known, logs, model, factor)))
-
-
-def whole(model: Model, found: Fit) -> dict[Name, float]:
-    """Each coefficient of a fit; delay [s] and encoder's error [rad] with what is already taken out."""
-    values = dict(zip(found.names, found.values.tolist(), strict=True))
-    if ("delay",) in values:
-        values["delay",] += model.delay
-    for order in model.encoder:
-        for part, out in zip("cs", model.error.get(order, (0.0, 0.0)), strict=True):
-            name: Name = ("encoder", order, part)
-            values[name] = out + values[name] / found["j",]
-    return values
-
-
-def _significant(
-    known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model
-) -> State:
-    """Keep the orders that stand out of their errors, and ripple that is tied to cogging.
-
-    A sensor's error that the file tells is kept, too: else logs without it would be simulated with it.
-    """
-    largest = max((_size(found, "cogging", n) for n in model.cogging), default=0.0)
-    kept = {n for n in model.cogging if _stands_out(found, "cogging", n)}
-    kept = {n for n in kept if _size(found, "cogging", n) > SMALLEST * largest}
-    tied = {
-        n for n in model.ripple if found.inflation[found.names.index(("ripple", n, "c"))] > LARGEST_INFLATION
-    }
-    ripple = tuple(n for n in model.ripple if n in tied or _stands_out(found, "ripple", n))
-    encoder = tuple(n for n in model.encoder if known.tells_error(n) or _errs(found, model, n))
-    error = {n: pair for n, pair in model.error.items() if n in encoder}
-    pruned = replace(
-        model, cogging=tuple(sorted(kept | set(ripple))), ripple=ripple, encoder=encoder, error=error
-    )
-    return (rows, found, model) if pruned == model else _settled(known, logs, pruned)
-
-
-def _size(found: Fit, kind: str, order: int, taken: tuple[float, float] = (0.0, 0.0)) -> float:
-    """Amplitude of an order, A, with what is already taken out."""
-    return float(np.hypot(found[kind, order, "c"] + taken[0], found[kind, order, "s"] + taken[1]))
+    model: Model
+    equations: Equations
+    fit: Fit
+    instrument: int
 
 
 CURES = {
@@ -322,50 +71,368 @@ CURE_LOGS = {  # kinds of log that tell a column apart
     **dict.fromkeys(("c", "offset", "cogging"), ("slow-sweep",)),
     "ripple": ("load", "acceleration"),
 }
-WEAKEST = ("delay", "encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold", "j")
 
 
-def _likely_delay(
-    known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model, left: list[str]
-) -> State:
-    """Leave the delay out where the logs hardly show it: nothing in them changes fast."""
-    if ("delay",) not in found:
-        return rows, found, model
-    delay, error = model.delay + found["delay",], 2 * found.error(("delay",))
-    if EARLIEST < delay < LONGEST_DELAY and error < LONGEST_DELAY:
-        return rows, found, model
-    left.append(
-        Advice(
-            f"The delay of the log comes out as {1e3 * delay:.2g} +- {1e3 * error:.2g} ms, which no drive "
-            "has; it is left out; add an acceleration log that turns around sharply.",
-            logs_of_kind("acceleration"),
-        )
+class Logs:
+    """The logs of one drive and what is known of it: builds and solves their equations."""
+
+    def __init__(self, known: Identification, logs: Sequence[Log], progress: Progress) -> None:
+        rates = known.drive.rates
+        self.known, self.logs, self.progress = known, tuple(logs), progress
+        self.period = 1 / (rates.speed_loop or rates.current_loop)
+        self.sensor = Sensor(known.step, known.motor.pole_pairs, self.period)
+        self.poles = known.motor.pole_pairs
+        self.moving = [log for log in logs if log.dt]
+
+    def equations(self, model: Model) -> Equations:
+        """The equations of all logs. The delay is taken out, and has no column unless `model` says so."""
+        return Equations([rows for log in self.logs for rows in rows_of(log, model, self.sensor)])
+
+    def solve(self, model: Model, instrument: int = WIDE_INSTRUMENT) -> State:
+        equations = self.equations(model)
+        return State(model, equations, equations.fit(instrument), instrument)
+
+    def agreeing(self, model: Model) -> State:
+        """Solve with the narrowest instrument whose inertia agrees with that of every wider one."""
+        equations = self.equations(model)
+        chosen, before = len(LADDER) - 1, list[tuple[float, float]]()
+        best = equations.fit(chosen)
+        if ("j",) not in best:
+            return State(model, equations, best, WIDE_INSTRUMENT)
+        for instrument in reversed(range(len(LADDER))):
+            one = equations.fit(instrument)
+            j, unsure = one["j",], best.interval(("j",)) > 0.5 * abs(best["j",])
+            if not unsure and any(abs(j - v) > max(AGREEMENT * e, ALIKE_INERTIA * abs(v)) for v, e in before):
+                break
+            before.append((j, one.interval(("j",))))
+            chosen, best = instrument, one
+        return State(model, equations, best, chosen)
+
+    def widths(self, model: Model) -> Model:
+        """The model with kernels up to the frequency at which the angle's noise meets the current's."""
+        j = abs(self.solve(model).fit.get("j")) or 1e-9
+        stretches = {
+            log.name: max(log.stretches, key=lambda rows: rows.stop - rows.start) for log in self.moving
+        }
+        currents = {
+            log.name: white_noise(log["i_q"][stretches[log.name]]) for log in self.moving if "i_q" in log
+        }
+        mean = float(np.mean(list(currents.values()))) if currents else 0.0
+        widths = {}
+        for log in self.moving:
+            angle = angle_noise(log, stretches[log.name], self.known.step)
+            current = currents.get(log.name) or mean
+            meeting = np.sqrt(np.sqrt(current / max(angle, 1e-300)) / j) / (2 * np.pi)
+            least = max(2.5 * log.dt, self.period)
+            widths[log.name] = float(
+                np.clip(1 / max(2 * np.pi * meeting, 1e-9), least, max(KERNEL_WIDEST, least))
+            )
+        return replace(model, widths=widths)
+
+    def sees(self, order: int) -> bool:
+        """Whether some log has two rows and more for each wave of an order."""
+        for log in self.moving:
+            moved = np.abs(np.diff(log["theta"]))
+            if np.mean(order * moved < 2.4) > SEEN_SHARE and np.median(moved) > 0:
+                return True
+        return not self.moving
+
+    def settled(self, model: Model, instrument: int) -> State:
+        """Solve, take the sensor's error out of the angle, and solve again until little is left of it."""
+        for _ in range(ENCODER_ROUNDS):
+            state = self.solve(model, instrument)
+            fit = state.fit
+            left = [("encoder", n, part) for n in model.encoder for part in "cs"]
+            if fit.get("j") <= 0 or all(abs(fit[k]) < ENCODER_SETTLED * fit.interval(k) for k in left):
+                return state
+            model = taken_out(model, fit)
+        return self.solve(model, instrument)
+
+    def cost(self, model: Model, instrument: int) -> float:
+        """Logarithm of the residuals' variances, by their rows."""
+        equations = self.equations(model)
+        counts = dict.fromkeys(equations.logs, 0)
+        for rows in equations.rows:
+            counts[rows.log.name] += len(rows.y)
+        return float(sum(2 * counts[log] * np.log(x) for log, x in equations.noises(instrument).items()))
+
+    def delayed(self, model: Model, instrument: int) -> tuple[Model, float]:
+        """The model with the delay of the least residual, and its error, s; inf: it is not told.
+
+        Its error is that of the moment with instruments, and how far this is from the least residual.
+        """
+        grid = max(min((log.dt for log in self.moving), default=0.0), self.period) / 2
+        if not model.delay:
+            delays = np.arange(EARLIEST_DELAY, LONGEST_DELAY, 2 * grid)
+            costs = [self.cost(replace(model, delay=float(delay)), instrument) for delay in delays]
+            model = replace(model, delay=float(delays[np.argmin(costs)]))
+        for _ in range(DELAY_TRIES):
+            costs = [self.cost(replace(model, delay=model.delay + k * grid), instrument) for k in (-1, 0, 1)]
+            bend, slope = costs[0] - 2 * costs[1] + costs[2], (costs[0] - costs[2]) / 2
+            steps = slope / bend if bend > 0 else DELAY_STEPS_MOST * np.sign(slope)
+            steps = float(np.clip(steps, -DELAY_STEPS_MOST, DELAY_STEPS_MOST))
+            delay = float(np.clip(model.delay + steps * grid, EARLIEST_DELAY, LONGEST_DELAY))
+            model = replace(model, delay=delay)
+            if abs(steps) < DELAY_SETTLED:
+                break
+        fit = self.solve(replace(model, columns=model.columns | {"delay"}), instrument).fit
+        if ("delay",) not in fit:
+            return replace(model, delay=0.0), np.inf
+        error = float(np.hypot(fit.interval(("delay",)), fit["delay",]))
+        inside = EARLIEST_DELAY < model.delay < LONGEST_DELAY
+        if error < UNSURE_DELAY and inside:
+            return model, error
+        return replace(model, delay=0.0), np.inf
+
+
+def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> Estimate:
+    """Estimate all that the logs tell. StudyError: nothing can be told."""
+    remarks = [remark for log in logs for remark in log.remarks]
+    used, said = findings.usable(known, logs)
+    remarks += said
+    if not used:
+        none = [] if any(log.kind != "bridge-off" for log in logs) else [NO_LOG]
+        raise AdvisedError(*said, *none)
+    left: list[str] = []
+    try:
+        findings.check_sign(known, used, Logs(known, used, progress).equations(Model()).rows)
+        model = _start(known, used, left)
+    except AdvisedError as error:
+        out = tuple(f"{log.name}: " for log in logs if log.name not in {one.name for one in used})
+        causes = [line for line in said if line.startswith(out)]  # before what follows from them
+        others = [line for line in said if line not in causes]
+        raise AdvisedError(*causes, *error.lines, *others) from None
+    if "j" not in model.columns:
+        used = [log for log in used if not log.dt]
+    drive = Logs(known, used, progress)
+    progress("orders", 0.0)
+    state, unsure = _searched(drive, model)
+    delay = None  # a current that is held looks the same wherever in its period it is logged
+    if np.isfinite(unsure):
+        delay = Value(state.model.delay, float(np.hypot(unsure, drive.period / 2)))
+    state = _told_apart(drive, state, left)
+    progress("errors", 0.0)
+    remarks += voltage.check(known, used)
+    remarks += findings.between_logs(state.equations.rows, state.fit, state.model, left)
+    empty = Estimate(
+        known, tuple(used), {}, (), (), (), {}, tuple(remarks), (), offsets=findings.offsets_of(logs)
     )
-    return _settled(known, logs, _left(model, "delay", ("delay",)))
+    return findings.without_nonsense(with_errors(drive, state, delay, empty), left)
 
 
-def _told_apart(
-    known: Identification, logs: Sequence[Log], rows: list[Rows], found: Fit, model: Model, left: list[str]
-) -> State:
-    """Leave out what can't be told apart, one after the other, the least important first."""
-    current = np.concatenate([each.y for each in rows])
-    if model.ripple and np.std(current) < abs(np.mean(current)):  # one load, in one direction
-        for order in model.ripple:
-            left.append(not_told_apart("ripple", order))
-            model = _without(model, ("ripple", order))
-        rows = _rows(known, logs, model)
-        found = fit(rows)
+def at_delay(made: Estimate, delay: Value, simulated: Sequence[Log], truth: Mapping[Name, float]) -> Estimate:
+    """The estimate fitted again with a delay, s, that is known within its error.
+
+    `simulated`: the same logs of a motor whose coefficients are `truth`. What their fit has beside it, and
+    out of its error, is taken off.
+    """
+    drive = Logs(made.known, made.logs, lambda what, share: None)
+    state = drive.agreeing(replace(made.model, delay=delay.value))
+    state = drive.settled(state.model, state.instrument)
+    fitted = with_errors(drive, state, delay, made, _biases(drive, state, simulated, truth))
+    orders = {kind: {wave.order for wave in getattr(made, kind)} for kind in ("cogging", "ripple", "encoder")}
+
+    def told(kind: str) -> tuple[Wave, ...]:
+        return tuple(wave for wave in getattr(fitted, kind) if wave.order in orders[kind])
+
+    return replace(
+        fitted,
+        values={key: x for key, x in fitted.values.items() if key in made.values or key == "delay"},
+        cogging=told("cogging"),
+        ripple=told("ripple"),
+        encoder=told("encoder"),
+    )
+
+
+def _biases(
+    drive: Logs, state: State, simulated: Sequence[Log], truth: Mapping[Name, float]
+) -> dict[Name, Value]:
+    """What simulated logs show beside their truth, where it stands out of its error; the encoder's in rad."""
+    played = Logs(drive.known, simulated, drive.progress)
+    twin = played.settled(replace(state.model, error={}), state.instrument)
+    shown, j = whole(twin.model, twin.fit), twin.fit.get("j") or 1.0
+    biases = {}
+    for name, true in truth.items():
+        if name in shown:
+            error = twin.fit.interval(name) / (abs(j) if name[0] == "encoder" else 1.0)
+            if abs(shown[name] - true) > error:
+                biases[name] = Value(shown[name] - true, error)
+    return biases
+
+
+def _start(known: Identification, logs: Sequence[Log], left: list[str]) -> Model:
+    """The columns that the logs tell something of together; without inertia: held angles alone."""
+    held, moving = [log for log in logs if not log.dt], [log for log in logs if log.dt]
+    if not moving:
+        left.append(
+            Advice(
+                "No log of a turning motor: inertia and friction cannot be identified; add an acceleration "
+                "log.",
+                logs_of_kind("acceleration"),
+            )
+        )
+    elif findings.one_speed(moving):
+        left.append(findings.said_of_one_speed(moving))
+        if not held:
+            raise AdvisedError(left[-1])
+    else:
+        columns = {"j", "b", "c", "offset"}
+        if all(findings.feedback(log) is not None for log in moving):
+            left.append(
+                Advice(
+                    "All logs of a turning motor show the feedback law: the delay cannot be identified; "
+                    "add an acceleration log.",
+                    logs_of_kind("acceleration"),
+                )
+            )
+        else:
+            columns |= {"delay"}
+        return Model(columns=frozenset(columns))
+    return Model(columns=frozenset({"offset"}))
+
+
+def _searched(drive: Logs, start: Model) -> tuple[State, float]:
+    """The state with all that is found, and the delay's error, s; inf: it is not told."""
+    poles, with_delay = drive.poles, "delay" in start.columns
+    turning = "j" in start.columns
+    model = replace(start, columns=start.columns - {"delay"})
+    if turning:
+        model = drive.widths(model)
+    error = np.inf
+    for search in range(SEARCHES):
+        state = _with_orders(drive, model, first=not search and turning)
+        model = state.model
+        forced = [n for n in (2 * poles, 4 * poles, 6 * poles) if drive.sees(n)] if turning else []
+        both = tuple(sorted({*model.cogging, poles, *forced}))
+        model = replace(model, cogging=both, ripple=tuple(forced), encoder=(1, 2) if turning else ())
+        state = drive.settled(model, state.instrument)
+        if with_delay:
+            model, error = drive.delayed(state.model, state.instrument)
+            state = drive.settled(model, state.instrument)
+        state = _standing_out(drive, state)
+        if turning:
+            state = _with_rubbing(drive, state)
+        model = state.model
+        if not turning:
+            break
+    if turning:
+        state = _with_electrical_errors(drive, drive.agreeing(model))
+        if with_delay:
+            model, error = drive.delayed(state.model, state.instrument)
+            state = drive.settled(model, state.instrument)
+    return state, error
+
+
+def _with_orders(drive: Logs, model: Model, first: bool) -> State:
+    """Add the orders that the residual has, the strongest first, until there are no more."""
     while True:
-        wide = [name for name, by in zip(found.names, found.inflation, strict=True) if by > LARGEST_INFLATION]
-        wide = [name for name in wide if str(name[0]) in CURES]
+        state = drive.agreeing(model)
+        model = state.model
+        drive.progress(f"orders: {len(model.cogging)}", 0.0)
+        left = state.equations.residuals(state.fit)
+        new = found_orders(left, state.fit, model, drive.sensor)
+        if not new or len(model.cogging) >= ORDERS_MOST:
+            return state
+        model = replace(model, cogging=tuple(sorted({*model.cogging, *new})))
+        if first and len(model.cogging) >= ORDERS_FOR_ENCODER and not model.encoder:
+            model = replace(model, encoder=(1, 2))
+        if model.encoder:
+            model = drive.settled(model, state.instrument).model
+
+
+def _standing_out(drive: Logs, state: State) -> State:
+    """Keep the orders that stand out of the joint fit, and that of the poles."""
+    fit, model = state.fit, state.model
+    ripple = tuple(n for n in model.ripple if fit.chance("ripple", n) < FEW_CHANCE)
+    kept = {n for n in model.cogging if fit.chance("cogging", n) < ORDER_CHANCE or n == drive.poles}
+    pruned = replace(model, ripple=ripple, cogging=tuple(sorted({*kept, *ripple})))
+    return state if pruned == model else drive.settled(pruned, state.instrument)
+
+
+def _with_rubbing(drive: Logs, state: State) -> State:
+    """Friction that varies with the angle, and that falls with the speed, where the logs show it."""
+    model, instrument = state.model, state.instrument
+    trial = drive.solve(replace(model, friction=FRICTION_ORDERS), instrument).fit
+    friction = tuple(n for n in FRICTION_ORDERS if trial.chance("friction", n) < FEW_CHANCE)
+    model = replace(model, friction=friction, stribeck=0.0)
+    falling = _falling(drive, model, instrument, state.equations.rows)
+    return state if falling == state.model else drive.settled(falling, instrument)
+
+
+def _falling(drive: Logs, model: Model, instrument: int, rows: Sequence[Rows]) -> Model:
+    """The model with a friction that falls with the speed, where the logs show it clearly."""
+    slowest = min(float(np.median(np.abs(each.omega))) for each in rows if each.log.dt)
+    grid = slowest * np.geomspace(*STRIBECK_SPEEDS)
+    costs = np.array([drive.cost(replace(model, stribeck=float(v)), instrument) for v in grid])
+    place = int(np.argmin(costs))
+    if costs[place] >= drive.cost(model, instrument):
+        return model
+    speed, ratio = float(grid[place]), float(grid[1] / grid[0])
+    if 0 < place < len(grid) - 1:
+        before, here, after = costs[place - 1 : place + 2]
+        bend = before - 2 * here + after
+        speed *= ratio ** (0.5 * (before - after) / bend)
+        ratio **= min(1.0, float(np.sqrt(2 * STRIBECK_COST / bend)))
+    falling = replace(model, stribeck=speed, stribeck_ratio=ratio)
+    fit = drive.solve(falling, instrument).fit
+    clear = fit["stribeck",] > STRIBECK_ERRORS * fit.interval(("stribeck",))
+    return falling if clear and fit.inflation[fit.names.index(("stribeck",))] < STRIBECK_INFLATION else model
+
+
+def _with_electrical_errors(drive: Logs, state: State) -> State:
+    """Errors of the angle in the orders p and 2 p, as with a resolver or a magnet near the motor."""
+    model, poles = state.model, drive.poles
+    orders = tuple(n for n in (poles, 2 * poles) if n not in model.encoder and drive.sees(n))
+    if not orders or state.fit.get("j") <= 0:
+        return state
+    torques = tuple(sorted({*model.cogging, *orders}))
+    trial = drive.solve(
+        replace(model, cogging=torques, encoder=(*model.encoder, *orders)), state.instrument
+    ).fit
+    more = [n for n in orders if trial.chance("encoder", n) < ORDER_CHANCE]
+    if not more:
+        return state
+    encoder = tuple(sorted({*model.encoder, *more}))
+    return drive.settled(
+        replace(model, cogging=tuple(sorted({*model.cogging, *more})), encoder=encoder), state.instrument
+    )
+
+
+def taken_out(model: Model, fit: Fit) -> Model:
+    """The model with the sensor's error that is left taken out of the angle."""
+    j = fit["j",]
+    error = dict(model.error)
+    for order in model.encoder:
+        c, s = error.get(order, (0.0, 0.0))
+        error[order] = (c + fit["encoder", order, "c"] / j, s + fit["encoder", order, "s"] / j)
+    waves = {n: (fit["cogging", n, "c"], fit["cogging", n, "s"]) for n in model.cogging}
+    return replace(model, error=error, waves=waves, j=j)
+
+
+def whole(model: Model, fit: Fit) -> dict[Name, float]:
+    """Each coefficient of a fit; the encoder's error [rad] with what is already taken out."""
+    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+    for order in model.encoder:
+        for part, out in zip("cs", model.error.get(order, (0.0, 0.0)), strict=True):
+            values["encoder", order, part] = out + values["encoder", order, part] / fit["j",]
+    return values
+
+
+WEAKEST = ("encoder", "ripple", "offset", "b", "cogging", "load", "c", "c_hold", "j")
+
+
+def _told_apart(drive: Logs, state: State, left: list[str]) -> State:
+    """Leave out what can't be told apart, one after the other, the least important first."""
+    while True:
+        fit = state.fit
+        wide = [name for name, by in zip(fit.names, fit.inflation, strict=True) if by > LARGEST_INFLATION]
+        wide = [name for name in wide if str(name[0]) in CURES and name[0] in WEAKEST]
         if not wide:
-            return rows, found, model
+            return state
         worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
-        if worst[0] != "offset" or "c" in model.columns:
+        if worst[0] != "offset" or "c" in state.model.columns:
             left.append(not_told_apart(str(worst[0]), *worst[1:]))
-        model = _without(model, worst)
-        rows = _rows(known, logs, model)
-        found = fit(rows)
+        state = drive.settled(_without(state.model, worst), state.instrument)
 
 
 def not_told_apart(kind: str, *of: str | int) -> Advice:
@@ -383,8 +450,6 @@ def _without(model: Model, name: Name) -> Model:
         others = {("cogging", int(name[1]))}
     elif kind in ("b", "offset"):
         others = {("c", 0)}
-    elif kind == "delay":
-        others = {("j", 0)}
     return replace(_left(model, kind, name), untold=model.untold | others)
 
 
@@ -398,62 +463,71 @@ def _left(model: Model, kind: str, name: Name) -> Model:
         return replace(model, encoder=kept, error={n: model.error[n] for n in kept if n in model.error})
     if kind == "j":  # without it the sensor's error has no size
         model = replace(model, encoder=(), error={})
-    delay = 0.0 if kind == "delay" else model.delay
-    return replace(model, columns=model.columns - {kind}, delay=delay)
+    return replace(model, columns=model.columns - {kind})
 
 
-def _told(
-    known: Identification,
-    logs: Sequence[Log],
-    model: Model,
-    rows: Sequence[Rows],
-    found: Fit,
-    remarks: Sequence[str],
-    left: list[str],
-    offsets: tuple[float, float, float] | None = None,
-) -> Estimate:
-    here = whole(model, found)
-    others = [coefficients(known, logs, model, factor) for factor in OTHERS]
-    empty = Estimate(
-        known, tuple(logs), {}, (), (), (), {}, tuple(remarks), (), model, tuple(rows), found, offsets
-    )
-    return findings.without_nonsense(with_values(empty, here, others), left)
-
-
-def with_values(
+def with_errors(
+    drive: Logs,
+    state: State,
+    delay: Value | None,
     made: Estimate,
-    here: dict[Name, float],
-    others: Sequence[dict[Name, float]],
-    simulated: Fit | None = None,
-    phase: Mapping[Name, float] = MappingProxyType({}),
+    biases: Mapping[Name, Value] = MappingProxyType({}),
 ) -> Estimate:
-    """The estimate with these coefficients; their errors are the fit's, and how far `others` are from them.
-
-    `simulated`: the fit of simulated logs that the coefficients are corrected with, which has its own noise.
-    `phase`: what they move by if currents that are held are logged in the middle of their period.
+    """The estimate with the values of a state; their errors are a jackknife's, and what they move by with the
+    delay, within its error, and with kernel and instrument.
     """
-    assert made.fit is not None
-    found, scale = made.fit, {"encoder": 1 / (made.fit.get("j") or 1.0)}
+    model, instrument = state.model, state.instrument
+    fit = state.equations.fit(instrument, exact=True)
+    here, others = whole(model, fit), list[dict[Name, float]]()
+    if "j" in model.columns:
+        by = UNSURE_ROWS * max(log.dt for log in drive.moving) + drive.period / 2
+        by = by if delay is None else min(by, delay.error)
+        others += [
+            whole(model, drive.solve(replace(model, delay=model.delay + sign * by), instrument).fit)
+            for sign in (-1, 1)
+        ]
+        if model.stribeck:
+            speeds = (model.stribeck / model.stribeck_ratio, model.stribeck * model.stribeck_ratio)
+            falling = [drive.solve(replace(model, stribeck=v), instrument).fit for v in speeds]
+            others += [whole(model, fit) for fit in falling]
+    moved = {
+        name: max((abs(other.get(name, x) - x) for other in others), default=0.0) for name, x in here.items()
+    }
+    if "j" in model.columns:
+        wider = {log.name: OTHER_WIDTH * model.width(log) for log in drive.moving}
+        other = whole(model, drive.solve(replace(model, widths=wider), instrument).fit)
+        for name, x in here.items():
+            moved[name] = float(np.hypot(moved[name], other.get(name, x) - x))
+        wider_ones = [state.equations.fit(k) for k in range(instrument + 1, len(LADDER))]
+        sure = [one["j",] for one in wider_ones if one.interval(("j",)) < SURE_LADDER * fit.interval(("j",))]
+        moved["j",] = float(np.hypot(moved["j",], max((abs(j - fit["j",]) for j in sure), default=0.0)))
+    scale = {"encoder": 1 / (fit.get("j") or 1.0)}
 
     def value(name: Name) -> Value:
-        within = found.error(name) if simulated is None else found.beside(name, simulated)
-        own = max(within, found.between_logs(name, simulated)) * abs(scale.get(str(name[0]), 1.0))
-        spread = np.sqrt(np.mean([(other.get(name, here[name]) - here[name]) ** 2 for other in others]))
-        return Value(here[name], float(np.hypot(2 * np.hypot(own, spread), phase.get(name, 0.0))))
-
-    untold = made.model.untold
+        own = fit.interval(name) * abs(scale.get(str(name[0]), 1.0))
+        bias = biases.get(name, Value(0.0, 0.0))
+        return Value(here[name] - bias.value, float(np.linalg.norm([own, moved[name], bias.error])))
 
     def waves(kind: str, orders: Sequence[int]) -> tuple[Wave, ...]:
-        told = (n for n in orders if (kind, n) not in untold)
+        told = (n for n in orders if (kind, n) not in model.untold)
         return tuple(wave_of(n, value((kind, n, "c")), value((kind, n, "s"))) for n in told)
 
+    poles = drive.poles  # whose order is in the model even where nothing of it shows
+    cogging = [n for n in model.cogging if n != poles or fit.chance("cogging", n) < ORDER_CHANCE]
+    single = ("j", "b", "c", "c_hold", "offset")
+    values = {
+        str(name[0]): value(name) for name in here if name[0] in single and (name[0], 0) not in model.untold
+    }
+    if delay is not None:
+        values["delay"] = delay
     return replace(
         made,
-        values={
-            str(name[0]): value(name) for name in here if len(name) == 1 and (str(name[0]), 0) not in untold
-        },
-        cogging=waves("cogging", made.model.cogging),
-        ripple=waves("ripple", made.model.ripple),
-        encoder=waves("encoder", made.model.encoder),
+        values=values,
+        cogging=waves("cogging", cogging),
+        ripple=waves("ripple", model.ripple),
+        encoder=waves("encoder", model.encoder),
         loads={str(name[1]): value(name) for name in here if name[0] == "load"},
+        model=model,
+        rows=state.equations.rows,
+        fit=fit,
     )

@@ -8,19 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
+from cogless.identify.balance import VISIBLE, Model, Rows
 from cogless.identify.config import Identification
 from cogless.identify.files import Array
+from cogless.identify.jackknife import Fit, fit, jackknife
 from cogless.identify.log import Log
-from cogless.identify.regression import Fit, fit, jackknife
 from cogless.identify.result import Estimate, Wave
-from cogless.identify.weak_form import VISIBLE, WIDTH, Model, Rows, width_of
 
 ALIKE = 0.15  # speeds that differ by less are one
 FED_BACK = 0.99  # correlation of i_q with the speed of some samples before
 LAGS = 6  # samples
 STILL, STILL_FOR = 0.25, 0.02  # share of a log without motion that spoils it; s, without a count
 SLIPS, SMOOTH = 3, 4  # motions after which a rotor sticks; rows of their speed
-SLOW_SAMPLING = 250.0  # Hz; a faster log is never refused
 FRICTION = 0.2  # relative difference between logs that is told
 TURNED = 0.35  # rad of the strongest order's phase between logs, likewise
 PARTS = 12  # of a log, for the error of what it shows by itself
@@ -112,17 +111,6 @@ def _unusable(known: Identification, log: Log) -> str | None:
     stuck = _sticks(known, log)
     if stuck:
         return stuck
-    speed = float(np.percentile(np.abs(np.diff(log["theta"])), 80)) / log.dt
-    rate, poles = 1 / log.dt, known.motor.pole_pairs
-    order = 6 * poles  # where cogging and K_t ripple are strong in most motors
-    if rate < SLOW_SAMPLING and order * speed / (2 * np.pi) > rate / 8:
-        needed = 8 * order * speed / (2 * np.pi)
-        return Advice(
-            f"{log.name}: order {order} at {speed / (2 * np.pi):.3g} rev/s is above an eighth of the "
-            f"sampling rate, {rate:.3g} Hz; record {_up(needed):.2g} rows a second, or turn more slowly.",
-            recording(rate=_up(needed), log=log.name),
-            recording(speed=speed * rate / _up(needed), log=log.name),
-        )
     return None
 
 
@@ -419,17 +407,11 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
     return replace(made, values=values, cogging=cogging, encoder=encoder, left_out=left_out)
 
 
-def kernel_width(known: Identification, logs: Sequence[Log]) -> float:
-    """The usual width of a kernel, or a narrower one where that would hide order 6 p in the slowest log."""
-    poles, slowest = known.motor.pole_pairs, max(1e-9, min(speed(log) for log in logs if log.dt))
-    return WIDTH if 6 * poles <= SEEN / (WIDTH * slowest) else 1 / (6 * poles * slowest)
-
-
 def _highest(made: Estimate) -> float:
     """The highest order that the kernel lets through at the speed of the slowest log."""
     if any(not log.dt for log in made.logs):
         return np.inf
-    return SEEN / max(1e-9, min(width_of(log, made.model.width) * speed(log) for log in made.logs))
+    return SEEN / max(1e-9, min(made.model.width(log) * speed(log) for log in made.logs))
 
 
 def speed(log: Log) -> float:

@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from cogless import units
 from cogless.design.detent import overrun
 from cogless.errors import StudyError
+from cogless.identify.balance import VISIBLE, WIDTH
 from cogless.identify.described import metrics, with_steps
-from cogless.identify.weak_form import VISIBLE, WIDTH
 from cogless.study import AnyStudy, Study
 from cogless.study.controller import Feedback
 from cogless.study.error_messages import toml

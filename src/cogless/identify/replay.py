@@ -1,13 +1,14 @@
-"""Play the logs on cogless's own engine, with the drive's own controller, and correct what that tells.
+"""Play the logs on cogless's own engine, with the drive's own controller: how late are the currents logged?
 
-A closed loop biases the regression: the controller answers steps of the angle, and currents are held between
-samples. Simulated logs have the same bias, and their truth is known. So the difference is taken off.
+The balance tells the delay within half a period of a law that holds its currents. The described law, on the
+simulated motor, tells it within less. What the loop does to a value shows in the simulated logs, whose truth
+is known; where it stands out of its error there, it is taken off. A law that does not answer as described
+leaves all values as they are.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,12 +19,11 @@ import numpy as np
 from cogless.errors import StudyError
 from cogless.identify import described
 from cogless.identify.advice import Advice, recording
-from cogless.identify.config import Identification
-from cogless.identify.estimate import OTHERS, Progress, at_delay, coefficients, settled, whole, with_values
+from cogless.identify.balance import Name
+from cogless.identify.estimate import Progress, at_delay
 from cogless.identify.lateness import NOTHING, Lateness, lateness
 from cogless.identify.log import Log
-from cogless.identify.result import Estimate, Value, Wave
-from cogless.identify.weak_form import Model, Name
+from cogless.identify.result import Estimate, Value
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
 from cogless.study import Study
@@ -32,13 +32,13 @@ from cogless.study.drive import Drive
 from cogless.study.reading import checked
 
 ROUNDS = 2
+NO_LATENESS = Lateness(None)
 FINE = 10  # rows of a trace for each of its log, at most: the delay lies between the log's
 SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d")  # of a trace that are kept
 MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that its effect is in proportion
 LONGEST_DEAD_TIME = 0.1  # periods of the current loop: a longer one is no drive's
 UNCORRECTED = (
-    "So no value is corrected for the closed loop, which holds i_q and answers steps of the angle. The "
-    "errors above include half a period of the law in the delay, but inertia may be off by more."
+    "So the delay is told within half a period of the law only, which is in the errors of all values."
 )
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
@@ -158,9 +158,9 @@ def simulated_log(made: Estimate, log: Log, trace: Trace, late: float = 0.0) -> 
 
 
 def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Trace]]:
-    """The estimate without the bias that its own simulation shows, and the simulated traces.
+    """The estimate with the delay that the described law tells, and the simulated traces.
 
-    It stays as it is where a log of a controlled motor can't be played. A coast-down has no loop to correct.
+    It stays as it is where a log of a controlled motor can't be played, or is not as under that law.
     """
     controlled = {log.name for log in made.logs if log.dt and log.kind != "coast-down"}
     first = made
@@ -168,7 +168,7 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         return made, {}
     traces: dict[str, Trace] = {}
     with_dead_time: dict[str, Trace] = {}
-    drive, dead_time = made.known.drive, NOTHING
+    drive, dead_time, late = made.known.drive, NOTHING, NO_LATENESS
     for n in range(ROUNDS):
         own = _likely(dead_time, drive)
         try:
@@ -177,7 +177,7 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
                 said = f"simulation {n + 1} of {ROUNDS} with more dead time"
                 with_dead_time = played(made, partial(progress, said), own + _more(drive))
         except StudyError as error:
-            return _uncorrected(first, f"The logs could not be simulated ({error}). {UNCORRECTED}"), {}
+            return _with_remark(first, f"The logs could not be simulated ({error}). {UNCORRECTED}"), {}
         if not controlled <= traces.keys():
             without = ", ".join(sorted(controlled - traces.keys()))
             said = Advice(
@@ -190,142 +190,24 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
                     )
                 ),
             )
-            return _uncorrected(first, said), traces
-        late = lateness(
-            [log for log in made.logs if log.dt],
-            traces,
-            _bandwidth(made),
-            1 / drive.rates.outer_loop,
-            with_dead_time,
-        )
-        made = _corrected(first, made, traces, late, with_dead_time)
-        if not made.values["j"].value > 0:
-            return _without_inertia(first), traces
+            return _with_remark(first, said), traces
+        moving = [log for log in made.logs if log.dt]
+        late = lateness(moving, traces, _bandwidth(made), 1 / drive.rates.outer_loop, with_dead_time)
+        if late.delay is None:
+            break
+        simulated = [
+            simulated_log(made, log, traces[log.name], late.delay.value) if log.name in traces else log
+            for log in first.logs
+        ]
+        made = at_delay(first, late.delay, simulated, _truth(made))
         more = late.part.times(_more(drive))
         dead_time = replace(more, value=own + more.value)
     said = late.said or _said_of_dead_time(dead_time, drive)
-    return replace(made, remarks=(*made.remarks, *([said] if said else []))), traces
+    return (_with_remark(made, said) if said else made), traces
 
 
-def _uncorrected(first: Estimate, said: str) -> Estimate:
-    """The estimate with errors for a current that may be logged anywhere between two steps of the law."""
-    held = _held(first)
-    later = at_delay(first, first.model.delay + held)
-    assert first.fit is not None and later.fit is not None
-    before, after = whole(first.model, first.fit), whole(later.model, later.fit)
-    moved = {name: after[name] - value for name, value in before.items() if name in after}
-    moved["delay",] = held
-
-    def wider(value: Value, *by: float) -> Value:
-        return replace(value, error=math.hypot(value.error, *by))
-
-    def waves(kind: str, found: Sequence[Wave]) -> tuple[Wave, ...]:
-        made = []
-        for wave in found:
-            by = [moved.get((kind, wave.order, part), 0.0) for part in "cs"]
-            size = max(wave.size.value, 1e-300)
-            phase = wider(wave.phase, *(each / size for each in by))
-            made.append(replace(wave, size=wider(wave.size, *by), phase=phase))
-        return tuple(made)
-
-    return replace(
-        first,
-        values={key: wider(value, moved.get((key,), 0.0)) for key, value in first.values.items()},
-        loads={key: wider(value, moved.get(("load", key), 0.0)) for key, value in first.loads.items()},
-        cogging=waves("cogging", first.cogging),
-        ripple=waves("ripple", first.ripple),
-        encoder=waves("encoder", first.encoder),
-        remarks=(*first.remarks, said),
-    )
-
-
-def _held(made: Estimate) -> float:
-    """Half of the time for which the law holds its current, s."""
-    rates = made.known.drive.rates
-    return 0.5 / (rates.speed_loop or rates.current_loop)
-
-
-def _without_inertia(first: Estimate) -> Estimate:
-    """The estimate without what rests on an inertia that the simulation refutes."""
-    said = (
-        "With what the simulated logs show taken off, the inertia is negative: these logs do not tell it, "
-        "nor friction and delay."
-    )
-    kept = {key: value for key, value in first.values.items() if key not in ("j", "b", "c", "delay")}
-    return replace(first, values=kept, encoder=(), left_out=(*first.left_out, said))
-
-
-def _corrected(
-    first: Estimate,
-    made: Estimate,
-    traces: Mapping[str, Trace],
-    told: Lateness,
-    with_dead_time: Mapping[str, Trace],
-) -> Estimate:
-    """The first estimate less the bias that logs simulated with `made` show.
-
-    `told`: how late i_q is logged, where the law tells it. Both fits then have it as known. Else real logs
-    may have it anywhere between two steps of the law. The bias is that of a drive with its dead time.
-    """
-    known, truth, late = first.known, _truth(made), told.delay
-    held = _held(first)
-    if late is not None:
-        first = at_delay(first, late.value)
-
-    def logs(more: float, of: Mapping[str, Trace] = traces) -> list[Log]:
-        by = (0.0 if late is None else late.value) + more
-        return [simulated_log(made, log, of[log.name], by) if log.name in of else log for log in first.logs]
-
-    simulated, real = logs(0.0), first.model
-    unsettled = replace(real, error={}, delay=0.0 if late is None else late.value)
-    played, fit_of_simulated = settled(known, simulated, unsettled)
-    before = whole(played, fit_of_simulated)
-    slow_switches: dict[Name, float] = {}  # what the added dead time does
-    if with_dead_time and told.part.error:
-        after = whole(*settled(known, logs(0.0, with_dead_time), unsettled))
-        slow_switches = {name: after[name] - value for name, value in before.items() if name != ("delay",)}
-
-    def unbiased(measured: Mapping[Name, float], biased: Mapping[Name, float]) -> dict[Name, float]:
-        return {
-            name: value
-            - (biased[name] - truth[name] if name in truth else 0.0)
-            - told.part.value * slow_switches.get(name, 0.0)
-            for name, value in measured.items()
-        }
-
-    assert first.fit is not None
-    here = unbiased(whole(real, first.fit), before)
-    spread = [
-        unbiased(
-            coefficients(known, first.logs, real, factor), coefficients(known, simulated, played, factor)
-        )
-        for factor in OTHERS
-    ]
-    moved = _moved(known, before, logs(held if late is None else late.error), played)
-    for name, change in slow_switches.items():
-        moved[name] = float(np.hypot(moved[name], told.part.error * change))
-    corrected = with_values(first, here, spread, fit_of_simulated, moved)
-    kept = {key: value for key, value in corrected.values.items() if key in first.values}
-    if late is not None:
-        kept["delay"] = late
-    elif "delay" in kept:  # a current that is held looks the same wherever in its period it is logged
-        kept["delay"] = replace(kept["delay"], error=float(np.hypot(kept["delay"].error, held)))
-    cogging, encoder = (
-        tuple(wave for wave in found if wave.order in {wave.order for wave in told})
-        for found, told in ((corrected.cogging, first.cogging), (corrected.encoder, first.encoder))
-    )
-    return replace(corrected, values=kept, cogging=cogging, encoder=encoder)
-
-
-def _moved(
-    known: Identification, before: Mapping[Name, float], later: Sequence[Log], played: Model
-) -> dict[Name, float]:
-    """What the coefficients move by if currents are logged later, without the delay itself."""
-    if "delay" in played.columns:
-        after = whole(*settled(known, later, replace(played, delay=0.0, error={})))
-    else:
-        after = coefficients(known, later, played)
-    return {name: after[name] - value for name, value in before.items() if name != ("delay",)}
+def _with_remark(made: Estimate, said: str) -> Estimate:
+    return replace(made, remarks=(*made.remarks, said))
 
 
 def _truth(made: Estimate) -> dict[Name, float]:
@@ -339,6 +221,7 @@ def _truth(made: Estimate) -> dict[Name, float]:
     searched = (
         ("cogging", made.model.cogging),
         ("ripple", made.model.ripple),
+        ("friction", made.model.friction),
         ("encoder", made.model.encoder),
     )
     for kind, orders in searched:

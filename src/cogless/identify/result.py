@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cogless.identify.balance import Model, Rows
 from cogless.identify.config import Identification
+from cogless.identify.jackknife import Fit
 from cogless.identify.log import Log
-from cogless.identify.regression import Fit
-from cogless.identify.weak_form import Model, Rows
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.identify.advice import Advice, recording
+from cogless.identify.balance import Rows
 from cogless.identify.result import Estimate, Value
-from cogless.identify.weak_form import Rows
 
 PARTS = 12  # of a session's rows, for the jackknife
 FEWEST = 5  # rows of a part

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from cogless.identify.files import Array
+from cogless.identify.kernel import shifted
 from cogless.identify.log import Log
 from cogless.identify.waves import Waves, standing_waves, waves_of_signal
-from cogless.identify.weak_form import shifted
 
 ALIKE = 0.1  # of the speed: what is within it is steady
 SMOOTHED = 0.2  # s

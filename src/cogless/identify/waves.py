@@ -21,8 +21,8 @@ from scipy.stats import chi2
 from scipy.stats import f as fisher
 from scipy.stats import t as student
 
+from cogless.identify.cogging_orders import FALSE_ALARM
 from cogless.identify.files import Array
-from cogless.identify.orders import FALSE_ALARM
 
 ORDERS_MOST = 1000  # highest order that is looked for
 WAVES_MOST = 60  # orders of one part

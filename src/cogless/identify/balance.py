@@ -1,0 +1,305 @@
+"""Rows of the balance of torques, in A, that one log gives.
+
+    i_q = j alpha + b omega + c sgn omega + offset + load - cogging(theta) - i_q ripple(theta)
+          + encoder's error + friction waves + Stribeck,    all at the current's time less the delay
+
+The current is never interpolated: the angle, which is smooth, is taken at the current's time. So the mean of
+i_q times a wave is right even where the wave is faster than the rows. All terms pass one Gaussian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from cogless.identify.files import Array
+from cogless.identify.kernel import REACH, Kernel, shifted, white_noise
+from cogless.identify.log import Log
+
+LADDER = (0.006, 0.009, 0.013, 0.02, 0.03, 0.045, 0.07, 0.1)  # s, widths of the acceleration's instruments
+WIDE_INSTRUMENT = 5  # of the ladder, before another is chosen
+STEP_SHARE = 0.8  # rows that are kept, in widths of the kernel
+SEEN_PHASE, HELD_PHASE = (
+    2.4,
+    1.2,
+)  # rad that a visible wave turns in a row, and in a period of the law, at most
+ALIASED_PHASE = 2.8  # rad in a row, up to which a log has a wave of its own where its phase is not known
+WIDTH = 6e-3  # s, of a kernel before the noises are known
+CREEP_SHARE = 0.05  # of a log's median speed
+VISIBLE = 1 / 3  # of the sampling rate: a faster wave is not seen
+WIDTH_ROWS = 2.5  # of a kernel, at least
+Name = tuple[str | int, ...]
+Filter = Callable[..., Array]
+Pairs = Mapping[int, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Model:
+    """What the balance has. Orders are mechanical.
+
+    `delay`: time by which i_q is logged after the angle, s. `error`: (cos, sin) of the sensor's error by
+    order, rad, as it is taken out of the angle. `waves`, `j`: cogging, (cos, sin) by order, A, and inertia of
+    the fit before: with them the sensor's error shows in the place of the cogging. `friction`: orders in
+    which friction varies. `stribeck`: speed over which friction falls, rad/s; 0: it does not; it
+    is unsure by the factor `stribeck_ratio`. `widths`: of each
+    log's kernel, s. `untold`: columns that hold two things which cannot be told apart.
+    """
+
+    cogging: tuple[int, ...] = ()
+    ripple: tuple[int, ...] = ()
+    encoder: tuple[int, ...] = ()
+    friction: tuple[int, ...] = ()
+    stribeck: float = 0.0
+    stribeck_ratio: float = 1.0
+    columns: frozenset[str] = frozenset({"j", "b", "c"})
+    delay: float = 0.0
+    error: Pairs = field(default_factory=dict)
+    waves: Pairs = field(default_factory=dict)
+    j: float = 0.0
+    widths: Mapping[str, float] = field(default_factory=dict)
+    untold: frozenset[tuple[str, int]] = frozenset()  # kind, and order or 0
+
+    def width(self, log: Log) -> float:
+        """Width of a log's kernel, s."""
+        return max(self.widths.get(log.name, WIDTH), WIDTH_ROWS * log.dt)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Steps of the measured angle, rad (0: none), pole pairs, and the period of the law's current, s."""
+
+    step: float
+    pole_pairs: int
+    held: float = 0.0
+
+    def top(self, log: Log) -> float:
+        """Angular frequency of the fastest wave whose phase a log can tell, rad/s."""
+        by_rows = SEEN_PHASE / log.dt if log.dt else np.inf
+        return min(by_rows, HELD_PHASE / self.held if self.held else np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Filtered rows of one log: y = columns @ coefficients + residual.
+
+    `noise`: variance that each column owes to the angle's noise, by row. `at`: the log's row in the middle of
+    each. `theta`, `omega`: there. `instruments`: the acceleration by wider kernels, a row for each of
+    LADDER.
+    """
+
+    log: Log
+    names: tuple[Name, ...]
+    columns: Array
+    y: Array
+    noise: Array
+    theta: Array
+    omega: Array
+    at: Array
+    instruments: Array = field(default_factory=lambda: np.zeros((len(LADDER), 0)))
+    spacing: float = 0.0  # s
+
+
+def all_names(rows: Sequence[Rows]) -> tuple[Name, ...]:
+    """Names of all columns, in the order of their first place."""
+    return tuple(dict.fromkeys(name for each in rows for name in each.names))
+
+
+def corrected(theta: Array, model: Model) -> Array:
+    """The angle without the sensor's own error."""
+    if not model.error:
+        return theta
+    return theta - _error(theta - _error(theta, model), model)  # the error is of the true angle
+
+
+def _error(theta: Array, model: Model) -> Array:
+    total = np.zeros_like(theta)
+    for order, wave in _waves(theta, model.error):
+        cosine, sine = model.error[order]
+        total += cosine * wave.real + sine * wave.imag
+    return total
+
+
+def _waves(theta: Array, orders: Iterable[int]) -> Iterator[tuple[int, NDArray[np.complex128]]]:
+    """Yield each order n with e^(j n theta), which the next overwrites, by products instead of sines."""
+    powers = [np.empty(len(theta), np.complex128)]  # 1, 2, 4, ... of e^(j theta)
+    np.cos(theta, out=powers[0].real)
+    np.sin(theta, out=powers[0].imag)
+    wave, at = np.ones_like(powers[0]), 0
+    for n in sorted(orders):
+        for bit in range((n - at).bit_length()):
+            if bit == len(powers):
+                powers.append(powers[-1] ** 2)
+            if (n - at) >> bit & 1:
+                wave *= powers[bit]
+        at = n
+        yield n, wave
+
+
+def rows_of(log: Log, model: Model, sensor: Sensor) -> list[Rows]:
+    """Rows of each stretch of a log that is long enough."""
+    if log.kind == "hold" and not log.dt:
+        return [_held(log, model)]
+    kernel = Kernel(model.width(log), log.dt, model.delay)
+    moving = (_moving(log, rows, model, kernel, sensor) for rows in log.stretches if _long(rows, kernel))
+    return [rows for rows in moving if len(rows.y)]
+
+
+def _long(rows: slice, kernel: Kernel) -> bool:
+    count: int = rows.stop - rows.start
+    return count > 4 * kernel.half
+
+
+def _moving(log: Log, stretch: slice, model: Model, kernel: Kernel, sensor: Sensor) -> Rows:
+    width, dt = model.width(log), log.dt
+    step = max(1, round(STEP_SHARE * width / dt))
+    theta = corrected(log["theta"][stretch], model)
+    zero = np.zeros_like(theta)
+    coasts = "i_q" not in log or log.kind == "coast-down"
+    current = zero if coasts else log["i_q"][stretch]
+    direct = log["i_d"][stretch] if "i_d" in log and not coasts else zero
+    turned = shifted(theta, -model.delay / dt)  # at the current's time
+    slow = np.convolve(np.gradient(turned, dt), kernel.value, "same")
+    way = np.sign(slow)
+
+    def filtered(x: Array, weights: Array = kernel.value) -> Array:
+        return kernel.of(x, weights, step)
+
+    alpha, omega = filtered(theta, kernel.acceleration), filtered(theta, kernel.speed)
+    count, rubbing = len(alpha), filtered(way)
+    columns: dict[Name, Array] = {}
+    single = {"j": alpha, "b": omega, "c": rubbing, "offset": np.full(count, 0.0 if coasts else 1.0)}
+    columns |= {(key,): x for key, x in single.items() if key in model.columns}
+    if "delay" in model.columns and not coasts:
+        columns["delay",] = -filtered(current, kernel.slope)
+    if log.kind == "load" and "torque" not in log:
+        columns["load", log.name] = np.ones(count)
+    if model.stribeck:
+        columns["stribeck",] = filtered(way * np.exp(-((slow / model.stribeck) ** 2)))
+    columns |= _by_angle(log, model, sensor, turned, slow, (current, direct), filtered, kernel)
+    y = filtered(current)
+    if "torque" in log:
+        y = y - filtered(log["torque"][stretch])
+    moved = np.abs(omega) * dt / sensor.step if sensor.step else np.ones(count)
+    share = np.minimum(1.0, moved) * angle_noise(
+        log, stretch, sensor.step
+    )  # slower, the steps are a sawtooth
+    names = tuple(columns)
+    noise = np.zeros((count, len(names)))
+    for key, weights in (("j", kernel.acceleration), ("b", kernel.speed)):
+        if (key,) in columns:
+            noise[:, names.index((key,))] = share * np.sum(weights**2)
+    creeping = CREEP_SHARE * float(np.median(np.abs(slow)))  # at a reversal friction is not that of sliding
+    slowest = max(_slowest(sensor.step, REACH * width), creeping, 1e-9)
+    free = (np.abs(rubbing) > 0.999) & (np.abs(omega) > slowest)
+    at = (kernel.half + step * np.arange(count)).astype(np.float64)
+    middle = turned[kernel.half : kernel.half + step * count : step]
+    instruments = _instruments(alpha, step * dt)
+    matrix = np.column_stack(list(columns.values()))
+    return Rows(
+        log,
+        names,
+        matrix[free],
+        y[free],
+        noise[free],
+        middle[free],
+        omega[free],
+        stretch.start + at[free],
+        instruments[:, free],
+        step * dt,
+    )
+
+
+def _by_angle(
+    log: Log,
+    model: Model,
+    sensor: Sensor,
+    turned: Array,
+    slow: Array,
+    currents: tuple[Array, Array],
+    filtered: Filter,
+    kernel: Kernel,
+) -> dict[Name, Array]:
+    """The columns that are waves of the angle."""
+    current, direct = currents
+    speed, way, top = np.abs(slow), np.sign(slow), sensor.top(log)
+    fastest = float(np.max(speed))
+    columns: dict[Name, Array] = {}
+    slope = np.zeros_like(turned)  # of the cogging over the angle, by J
+    errors: dict[int, tuple[Array, Array]] = {}
+    orders = {*model.cogging, *model.ripple, *model.encoder, *model.friction, *model.waves}
+    for n, wave in _waves(turned, orders):
+        cosine, sine = wave.real, wave.imag
+        if n in model.encoder:
+            errors[n] = cosine.copy(), sine.copy()
+        seen = n * speed < top if n * fastest >= top else None
+        if n in model.waves and model.j > 0:
+            c, s = model.waves[n]
+            visible = n * speed * log.dt < SEEN_PHASE
+            slope += n / model.j * visible * (s * cosine - c * sine)
+        if n in model.cogging:
+            pair = (cosine, sine) if seen is None else (cosine * seen, sine * seen)
+            for part, x in zip("cs", pair, strict=True):
+                columns["cogging", n, part] = -filtered(x)
+            if seen is not None and np.mean(~seen) > 0.5 < np.mean(n * speed * log.dt < ALIASED_PHASE):
+                for part, x in zip("cs", (cosine, sine), strict=True):
+                    columns["own", n, part, log.name] = -filtered(x * ~seen)
+        if n in model.ripple:  # a wave of the magnet's flux, psi_d: by i_q, by its slope with i_d
+            along = n / sensor.pole_pairs * direct
+            columns["ripple", n, "c"] = -filtered(current * cosine - along * sine)
+            columns["ripple", n, "s"] = -filtered(current * sine + along * cosine)
+        if n in model.friction:
+            for part, x in zip("cs", (cosine, sine), strict=True):
+                columns["friction", n, part] = filtered(way * x)
+    for n, waves in errors.items():
+        for part, x in zip("cs", waves, strict=True):
+            columns["encoder", n, part] = filtered(slope * x) - filtered(x, kernel.curvature)
+    return columns
+
+
+def angle_noise(log: Log, stretch: slice, step: float) -> float:
+    """Variance of the angle's noise, rad^2: as it is measured, within what the sensor's steps explain."""
+    measured = white_noise(log["theta"][stretch])
+    return min(max(measured, step**2 / 24), step**2 / 6) if step else measured
+
+
+def _slowest(step_angle: float, window: float) -> float:
+    """Speed from which on a rotor surely turns, rad/s: some counts within the kernel."""
+    return 2 * step_angle / window
+
+
+def _instruments(alpha: Array, spacing: float) -> Array:
+    """The acceleration through wider kernels, which are free of what is fast in it."""
+    ones = np.ones(len(alpha))
+
+    def smooth(x: Array, width: float) -> Array:
+        return np.asarray(gaussian_filter1d(x, width / spacing, mode="constant", truncate=3))
+
+    return np.array([smooth(alpha, width) / smooth(ones, width) for width in LADDER])
+
+
+def _held(log: Log, model: Model) -> Rows:
+    """Rows of a hold map, where the rotor came from one direction or the other."""
+    theta, current = corrected(log["theta"], model), log["i_q"]
+    columns: dict[Name, Array] = {("c_hold",): log["direction"]}
+    if "offset" in model.columns:
+        columns["offset",] = np.ones(len(theta))
+    for kind, orders in (("cogging", model.cogging), ("ripple", model.ripple)):
+        for order in orders:
+            for part, wave in (("c", np.cos), ("s", np.sin)):
+                columns[kind, order, part] = -wave(order * theta) * (current if kind == "ripple" else 1.0)
+    zero = np.zeros((len(theta), len(columns)))
+    return Rows(
+        log,
+        tuple(columns),
+        np.column_stack(list(columns.values())),
+        current,
+        zero,
+        theta,
+        np.zeros(len(theta)),
+        np.arange(len(theta), dtype=np.float64),
+        np.zeros((len(LADDER), len(theta))),
+    )

@@ -1,0 +1,63 @@
+"""Orders of the angle in what a fit leaves, all of them at once, with a stated rate of false alarms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as fisher
+
+from cogless.identify.balance import Model, Rows, Sensor
+from cogless.identify.files import Array
+from cogless.identify.jackknife import BLOCK_ROWS, LOG_BLOCKS, Fit
+
+FALSE_ALARM = 0.01  # chance that a search finds any order where there is none
+ORDER_HIGHEST = 420
+ANGLE_BINS = 4096  # of a turn
+NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their gain over the strongest's
+BLOCK_SHARE = 1e-3  # information on an order over the largest block's, from which on a block counts
+BLOCKS_LEAST = 4
+BLURRED = 3.0  # widths of the kernel, in rad of a wave, that leave a hundredth of it
+ORDER_CHANCE = FALSE_ALARM / ORDER_HIGHEST  # Bonferroni
+
+
+def found_orders(
+    residuals: Sequence[tuple[Rows, Array]], fit: Fit, model: Model, sensor: Sensor
+) -> list[int]:
+    """The strongest new orders of the residual, the strongest first; none by chance at a rate of 1 %.
+
+    Each block of a log gives its own wave of each order: the scatter between blocks is the noise.
+    """
+    orders = np.arange(1, ORDER_HIGHEST + 1)
+    waves: list[NDArray[np.complex128]] = []
+    information: list[Array] = []
+    for rows, left in residuals:
+        weight = 1 / fit.noise[rows.log.name] ** 2
+        width = model.width(rows.log) if rows.log.dt else 0.0
+        bins = (np.floor(rows.theta / (2 * np.pi) * ANGLE_BINS) % ANGLE_BINS).astype(int)
+        for part in np.array_split(np.arange(len(left)), max(1, min(LOG_BLOCKS, len(left) // BLOCK_ROWS))):
+            if len(part) < 3:
+                continue
+            summed = np.fft.fft(np.bincount(bins[part], left[part], ANGLE_BINS))[orders]
+            summed *= np.exp(-1j * np.pi * orders / ANGLE_BINS)  # from the bin's edge to its middle
+            turning = orders * np.sqrt(np.mean(rows.omega[part] ** 2))
+            seen = (turning < sensor.top(rows.log)) & (turning * width < BLURRED)
+            passed = np.exp(-0.5 * (turning * width) ** 2) * seen
+            waves.append(weight * passed * summed)
+            information.append(weight * passed**2 * len(part))
+    if not waves:
+        return []
+    wave, square = np.array(waves), np.array(information)
+    whole, total = wave.sum(axis=0), square.sum(axis=0)
+    used = square > BLOCK_SHARE * square.max(axis=0)
+    count = used.sum(axis=0)
+    mean = whole / np.maximum(total, 1e-300)
+    scatter = (np.abs(wave - square * mean) ** 2 * used).sum(axis=0)
+    ratio = np.abs(whole) ** 2 / np.maximum(scatter, 1e-300) * (count - 1) / np.maximum(count, 1)
+    spare = 2 * np.maximum(count - 1, 1)
+    chance = np.where(count >= BLOCKS_LEAST, fisher.sf(ratio, 2, spare), 1.0)
+    gain = np.abs(whole) ** 2 / np.maximum(total, 1e-300)
+    new = [int(n) for n in orders[chance < ORDER_CHANCE] if n not in model.cogging]
+    new.sort(key=lambda n: -gain[n - 1])
+    return [n for n in new[:NEW_MOST] if gain[n - 1] > NEW_SHARE * gain[new[0] - 1]]

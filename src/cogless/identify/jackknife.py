@@ -1,0 +1,355 @@
+"""The balance of all logs solved with instruments, and errors by leaving out blocks.
+
+The row of the normal equations that belongs to the acceleration is multiplied by a slow course of it, its
+instrument, which has none of the angle's fast noise nor the law's answer to that. A log at one speed has no
+such course, and so says nothing of inertia. Errors are a jackknife's over blocks of the logs, widened to
+one over quarters of logs only where an F test says that these contradict each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.stats import f as fisher
+from scipy.stats import t as student
+
+from cogless.errors import StudyError
+from cogless.identify.balance import LADDER, WIDE_INSTRUMENT, Name, Rows, all_names
+from cogless.identify.files import Array
+
+LOG_BLOCKS = 12
+BLOCK_ROWS = 6  # at least
+QUARTERS = 4  # parts of a log that are compared with each other
+WEIGHING_ROUNDS = 4
+CONTRADICTION = 0.05  # chance that logs which agree are said to contradict each other
+DEPENDENT = 1e-11  # singular value of scaled equations, over the largest, below which they tell nothing
+WELL_POSED = 1e9  # condition of scaled equations, up to which they are inverted
+DELAY_SMOOTHING = 0.02  # s
+LARGEST_INFLATION = 100.0  # of a variance by the other columns
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Normal equations of a part of a log, of all columns: products with columns, and with instruments.
+
+    `matrix`, `vector`: plain. `noise`: what the angle's noise adds to the diagonal. `instruments`: a row for
+    each instrument of the acceleration, times the columns, and `driven`: times the current. `late`: the same
+    of the delay's instrument.
+    """
+
+    log: str
+    part: int  # quarter of the log
+    matrix: Array
+    vector: Array
+    noise: Array
+    instruments: Array
+    driven: Array
+    squares: float  # of its currents, A^2
+    rows: int
+    late: tuple[Array, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Coefficients by name, and their standard errors.
+
+    `intervals`: errors at 95 %. `covariance`, `freedom`: of the jackknife. `normal`: plain
+    normal matrix. `noise`: residual of each log, A rms. `equations`: weighted matrix and vector of each
+    block.
+    """
+
+    names: tuple[Name, ...]
+    values: Array
+    errors: Array
+    intervals: Array
+    covariance: Array
+    freedom: Array
+    normal: Array
+    noise: dict[str, float]
+    equations: tuple[tuple[str, Array, Array], ...] = ()
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __getitem__(self, name: Name) -> float:
+        return float(self.values[self.names.index(name)])
+
+    def get(self, key: str) -> float:
+        """The coefficient of a single column, 0 if it isn't there."""
+        return self[key,] if (key,) in self.names else 0.0
+
+    def error(self, name: Name) -> float:
+        """Standard error of a coefficient."""
+        return float(self.errors[self.names.index(name)])
+
+    def interval(self, name: Name) -> float:
+        """Error of a coefficient at 95 %."""
+        return float(self.intervals[self.names.index(name)])
+
+    def chance(self, kind: str, order: int) -> float:
+        """Chance of a wave as large as this where there is none, by Hotelling's test."""
+        place = [self.names.index((kind, order, part)) for part in "cs"]
+        covariance = self.covariance[np.ix_(place, place)]
+        freedom = max(2.0, float(np.min(self.freedom[place])))
+        wave = self.values[place]
+        try:
+            square = float(wave @ np.linalg.solve(covariance, wave)) / 2 * (freedom - 1) / freedom
+        except np.linalg.LinAlgError:
+            return 1.0
+        return float(fisher.sf(square, 2, freedom - 1))
+
+    @cached_property
+    def inflation(self) -> Array:
+        """Factor by which the other columns inflate the variance of each coefficient."""
+        return inflation(self.normal)
+
+    def prediction(self, rows: Rows, without: str | None = None) -> Array:
+        """i_q that the coefficients give for these rows, A. `without`: a log that they are not from."""
+        values = self.values
+        if without is not None:
+            others = [(matrix, vector) for log, matrix, vector in self.equations if log != without]
+            if not others:
+                return np.zeros(len(rows.y))
+            matrices, vectors = zip(*others, strict=True)
+            values, _ = solved(np.sum(matrices, axis=0), np.sum(vectors, axis=0))
+        by_name = dict(zip(self.names, values, strict=True))
+        return np.asarray(rows.columns @ np.array([by_name.get(name, 0.0) for name in rows.names]))
+
+
+def solved(matrix: Array, vector: Array) -> tuple[Array, Array]:
+    """The solution of scaled equations and their inverse; what they tell nothing of is 0."""
+    scale = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
+    both = np.outer(scale, scale)
+    scaled = matrix / both
+    try:
+        inverse = np.linalg.inv(scaled)
+    except np.linalg.LinAlgError:
+        inverse = np.full_like(scaled, np.inf)
+    if not np.linalg.norm(inverse) * np.linalg.norm(scaled) < WELL_POSED:
+        inverse = np.linalg.pinv(scaled, rcond=DEPENDENT)
+    inverse = inverse / both
+    return inverse @ vector, inverse
+
+
+def jackknife(parts: Array) -> Array:
+    """Standard errors of values of which each row leaves a part of the data out."""
+    count = len(parts)
+    return np.asarray(np.sqrt((count - 1) / count * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0)))
+
+
+def inflation(matrix: Array) -> Array:
+    """Factor by which the other columns inflate the variance of each coefficient; inf: it can't be told."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    factors = np.full(len(scale), np.inf)
+    used = scale > 0
+    values, vectors = np.linalg.eigh(matrix[np.ix_(used, used)] / np.outer(scale[used], scale[used]))
+    factors[used] = np.sum(vectors**2 / np.maximum(values, 1e-12), axis=1)
+    return factors
+
+
+class Equations:
+    """The normal equations of logs, solved for one instrument or another.
+
+    StudyError: no rows, such as of logs shorter than the kernel.
+    """
+
+    def __init__(self, rows: Sequence[Rows]) -> None:
+        if not rows:
+            raise StudyError(
+                "in no log the motor turns in one direction for long enough: expected longer logs"
+            )
+        self.rows = tuple(rows)
+        self.names = all_names(rows)
+        self.logs = tuple(dict.fromkeys(each.log.name for each in rows))
+
+    @cached_property
+    def blocks(self) -> tuple[Block, ...]:
+        blocks: list[Block] = []
+        for log in self.logs:
+            own = [each for each in self.rows if each.log.name == log]
+            whole, done = sum(len(each.y) for each in own), 0
+            for each in own:
+                count = len(each.y)
+                wanted = max(1, min(round(LOG_BLOCKS * count / whole), count // BLOCK_ROWS))
+                for part in np.array_split(np.arange(count), wanted):
+                    if len(part):
+                        quarter = min(QUARTERS - 1, QUARTERS * (done + int(part[0])) // whole)
+                        blocks.append(self._block(each, slice(part[0], part[-1] + 1), quarter))
+                done += count
+        return tuple(blocks)
+
+    @cached_property
+    def _late(self) -> dict[int, Array]:
+        """Instrument of the delay, by part: what angle and slow course tell of the current's derivative.
+
+        No noise that goes round the loop is in it.
+        """
+        instruments = {}
+        for each in self.rows:
+            if ("delay",) not in each.names:
+                continue
+            column = each.columns[:, each.names.index(("delay",))]
+            angular = [
+                k
+                for k, name in enumerate(each.names)
+                if name[0] in ("c", "b", "offset", "cogging", "ripple", "own")
+            ]
+            count = len(each.y)
+            if count <= 4 * (2 * len(angular) + 1):
+                instruments[id(each)] = np.zeros(count)
+                continue
+            base = each.columns[:, angular]
+            smooth = gaussian_filter1d(column, DELAY_SMOOTHING / each.spacing)
+            base = np.column_stack([base, np.gradient(base, axis=0), smooth])
+            instruments[id(each)] = base @ solved(base.T @ base, base.T @ column)[0]
+        return instruments
+
+    def _block(self, rows: Rows, part: slice, quarter: int) -> Block:
+        place, size = [self.names.index(name) for name in rows.names], len(self.names)
+        columns, y = rows.columns[part], rows.y[part]
+        z = rows.instruments[:, part] if ("j",) in rows.names else np.zeros((len(LADDER), len(y)))
+        matrix, vector, noise = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+        matrix[np.ix_(place, place)] = columns.T @ columns
+        vector[place], noise[place] = columns.T @ y, rows.noise[part].sum(axis=0)
+        instruments = np.zeros((len(z), size))
+        instruments[:, place] = z @ columns
+        late = None
+        if id(rows) in self._late:
+            course = self._late[id(rows)][part]
+            products = np.zeros(size)
+            products[place] = course @ columns
+            late = (products, float(course @ y))
+        return Block(
+            rows.log.name, quarter, matrix, vector, noise, instruments, z @ y, float(y @ y), len(y), late
+        )
+
+    @cached_property
+    def _stacked(self) -> tuple[Array, Array]:
+        """Matrices and vectors of all blocks without the angle's noise; the delay has its instrument."""
+        matrices = np.array([block.matrix - np.diag(block.noise) for block in self.blocks])
+        vectors = np.array([block.vector for block in self.blocks])
+        if ("delay",) in self.names:
+            place = self.names.index(("delay",))
+            for k, block in enumerate(self.blocks):
+                late = block.late or (np.zeros(len(self.names)), 0.0)
+                matrices[k, place], vectors[k, place] = late
+        return matrices, vectors
+
+    @cached_property
+    def _plain(self) -> dict[str, tuple[Array, Array, float, int]]:
+        """Matrix, vector, square of the current and rows of each log."""
+        sums = {}
+        for log in self.logs:
+            own = [block for block in self.blocks if block.log == log]
+            matrix, vector = np.sum([b.matrix for b in own], axis=0), np.sum([b.vector for b in own], axis=0)
+            sums[log] = matrix, vector, sum(b.squares for b in own), sum(b.rows for b in own)
+        return sums
+
+    def noises(self, instrument: int = WIDE_INSTRUMENT) -> dict[str, float]:
+        """Residual of each log, A rms."""
+        _, _, _, _, weights = self._solved(*self._with(instrument))
+        return dict(zip(self.logs, (weights**-0.5).tolist(), strict=True))
+
+    def _with(self, instrument: int) -> tuple[Array, Array]:
+        """Matrices and vectors of all blocks with one of the acceleration's instruments."""
+        matrices, vectors = self._stacked
+        if ("j",) in self.names:
+            place, matrices, vectors = self.names.index(("j",)), matrices.copy(), vectors.copy()
+            matrices[:, place] = [block.instruments[instrument] for block in self.blocks]
+            vectors[:, place] = [block.driven[instrument] for block in self.blocks]
+        return matrices, vectors
+
+    @cached_property
+    def _log_of(self) -> NDArray[np.intp]:
+        return np.array([self.logs.index(block.log) for block in self.blocks])
+
+    def _solved(self, matrices: Array, vectors: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Matrix, vector, solution, inverse, and the weight of each log."""
+        logs = range(len(self.logs))
+        sums = np.array([matrices[self._log_of == k].sum(axis=0) for k in logs])
+        sides = np.array([vectors[self._log_of == k].sum(axis=0) for k in logs])
+        weights = np.ones(len(self.logs))
+        for _ in range(WEIGHING_ROUNDS):
+            matrix, vector = np.tensordot(weights, sums, 1), weights @ sides
+            values, inverse = solved(matrix, vector)
+            weights = np.array([1 / self._variance(log, values) for log in self.logs])
+        return np.tensordot(weights, sums, 1), weights @ sides, values, inverse, weights
+
+    def fit(self, instrument: int = WIDE_INSTRUMENT, exact: bool = False) -> Fit:
+        """Solve with this one of the acceleration's instruments; each log weighs by its residual.
+
+        `exact`: every block is left out; else to first order.
+        """
+        matrices, vectors = self._with(instrument)
+        matrix, vector, values, inverse, weights = self._solved(matrices, vectors)
+        log_of = self._log_of
+        matrices = weights[log_of, None, None] * matrices
+        vectors = weights[log_of, None] * vectors
+        if exact:
+            others = [solved(matrix - m, vector - v)[0] for m, v in zip(matrices, vectors, strict=True)]
+            moved = values - np.array(others)
+        else:
+            count = len(matrices)
+            moved = (vectors - matrices @ values) @ inverse.T * count / max(1, count - 1)
+        variance, freedom = _variance_of(moved)
+        intervals = student.ppf(0.975, freedom) * np.sqrt(variance)
+        intervals = np.maximum(intervals, self._between_parts(moved, variance, freedom))
+        plain = sum(weight * self._plain[log][0] for log, weight in zip(self.logs, weights, strict=True))
+        return Fit(
+            names=self.names,
+            values=values,
+            errors=intervals / 2,
+            intervals=intervals,
+            covariance=moved.T @ moved,
+            freedom=freedom,
+            normal=np.asarray(plain),
+            noise=dict(zip(self.logs, (weights**-0.5).tolist(), strict=True)),
+            equations=tuple(
+                (block.log, m, v) for block, m, v in zip(self.blocks, matrices, vectors, strict=True)
+            ),
+        )
+
+    def _between_parts(self, moved: Array, variance: Array, freedom: Array) -> Array:
+        """Errors at 95 % over quarters of logs, where these contradict each other; else 0."""
+        widest = np.zeros(len(variance))
+        for key in (lambda block: (block.log, 0), lambda block: (block.log, block.part)):
+            groups: dict[tuple[str, int], Array] = {}
+            for block, by in zip(self.blocks, moved, strict=True):
+                groups[key(block)] = groups.get(key(block), 0.0) + by
+            between, fewer = _variance_of(np.array(list(groups.values())))
+            ratio = between / np.maximum(variance, 1e-300)
+            apart = fisher.sf(ratio, fewer, freedom) < CONTRADICTION
+            wider = np.where(apart, student.ppf(0.975, fewer) * np.sqrt(between), 0.0)
+            widest = np.maximum(widest, wider)
+        return widest
+
+    def _variance(self, log: str, values: Array) -> float:
+        """Variance of a log's residual, A^2: at least a millionth of its current's square."""
+        matrix, vector, squares, count = self._plain[log]
+        left = squares - 2 * values @ vector + values @ matrix @ values
+        return max(float(left), 1e-9 * squares + 1e-18) / count
+
+    def residuals(self, fit: Fit) -> list[tuple[Rows, Array]]:
+        """What the fit leaves of i_q, A, in each part."""
+        return [(each, each.y - fit.prediction(each)) for each in self.rows]
+
+
+def _variance_of(moved: Array) -> tuple[Array, Array]:
+    """Variance of a sum, and its degrees of freedom after Satterthwaite.
+
+    Of normal parts the fourth powers are three times the squared variances, which these stand for.
+    """
+    squares = moved**2
+    variance = squares.sum(axis=0)
+    parts = variance**2 / np.maximum((squares**2).sum(axis=0), 1e-300)
+    return variance, np.clip(3 * parts - 2, 1.0, max(1, len(moved) - 1))
+
+
+def fit(rows: Sequence[Rows]) -> Fit:
+    """Solve with a wide instrument. StudyError: no rows."""
+    return Equations(rows).fit()

@@ -1,0 +1,68 @@
+"""A Gaussian that every term of a log's balance passes, and its derivatives for the angle at another time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cogless.identify.files import Array
+
+REACH = 4  # of a kernel, in widths
+
+
+class Kernel:
+    """Weights for rows `dt` apart, s, of a Gaussian of a width, s.
+
+    `value` and `slope`: mean and first derivative at a row. `speed` and `acceleration`: first and second
+    derivative `delay` before the row, s, exact for lines and parabolas. `curvature`: the latter at the row.
+    `half`: rows that each reaches to either side.
+    """
+
+    def __init__(self, width: float, dt: float, delay: float = 0.0) -> None:
+        self.half = int(np.ceil((REACH * width + abs(delay)) / dt))
+        x = dt * np.arange(-self.half, self.half + 1, dtype=np.float64)
+        self.value = np.exp(-0.5 * (x / width) ** 2)
+        self.value /= self.value.sum()
+        self.slope, self.curvature = _derivatives(x, width)
+        self.speed, self.acceleration = _derivatives(x + delay, width)
+
+    def of(self, x: Array, weights: Array, step: int) -> Array:
+        """The filtered signal at every step-th row that the kernel covers."""
+        if step == 1:
+            return np.correlate(x, weights, "valid")
+        # Kernel and signal are cut in parts of a step: their product is a matrix, its diagonals are added up.
+        parts, count = -(-len(weights) // step), (len(x) - len(weights)) // step + 1
+        taps, rows = np.zeros(parts * step), np.zeros((count + parts - 1) * step)
+        taps[: len(weights)], rows[: len(x)] = weights, x[: len(rows)]
+        products = rows.reshape(-1, step) @ taps.reshape(parts, step).T
+        return np.asarray(sum(products[part : part + count, part] for part in range(parts)))
+
+
+def _derivatives(x: Array, width: float) -> tuple[Array, Array]:
+    """Weights of the first and second derivative at x = 0."""
+    g = np.exp(-0.5 * (x / width) ** 2)
+    g /= g.sum()
+    first = x * g
+    first -= g * first.sum()
+    first /= first @ x
+    second = (x**2 - width**2) * g
+    lines = np.stack([g, g * x])  # what is taken off, so that a line has no second derivative
+    moments = np.stack([lines.sum(axis=1), lines @ x])
+    second -= np.linalg.solve(moments, [second.sum(), second @ x]) @ lines
+    return first, 2 * second / (second @ x**2)
+
+
+def shifted(x: Array, rows: float) -> Array:
+    """The signal so many rows later, by a cubic; at the ends it stays."""
+    if not rows:
+        return x
+    k = int(np.floor(rows))
+    f, ends = rows - k, abs(k) + 2
+    padded = np.concatenate((x[:1].repeat(ends), x, x[-1:].repeat(ends)))
+    a, b, c, d = (padded[ends + k + m : ends + k + m + len(x)] for m in (-1, 0, 1, 2))
+    return np.asarray(b + 0.5 * f * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a))))
+
+
+def white_noise(x: Array) -> float:
+    """Variance of the white noise of a signal, by its fourth differences; 0 for a short one."""
+    fourth = np.diff(x, 4)
+    return float((np.median(np.abs(fourth)) / 0.6745) ** 2 / 70) if len(fourth) > 20 else 0.0

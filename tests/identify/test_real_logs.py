@@ -1,0 +1,56 @@
+"""Logs of real drives whose inertia an independent calculation tells; skipped where they are not at hand."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import pytest
+
+from cogless.identify.command import identified
+from cogless.identify.result import Estimate
+
+LOGS = Path(__file__).parents[2].parent / "shared/data/real_logs"
+BESIDE = Path(__file__).parents[3] / "../shared/data/real_logs"
+LAAS = """
+columns = { t = "Time", theta = "Position", i_q = "Iq" }
+motor = { pole_pairs = 12, R_s = "0.5 ohm", L_d = "0.2 mH", L_q = "0.2 mH", K_t = "0.03 N*m/A" }
+[drive]
+rates = { current_loop = "1 kHz", speed_loop = "1 kHz" }
+current_loop = { bandwidth = "100 Hz", current_limit = "5 A" }
+inverter = { bus_voltage = "20 V" }
+position_sensor = { kind = "encoder", lines = 5000, speed_method = "M" }
+"""
+ODRIVE = """
+columns = { t = "t", theta = { name = "pos", unit = "count" }, i_q = "iq", part = "run" }
+motor = { pole_pairs = 7, R_s = "0.1 ohm", L_d = "0.1 mH", L_q = "0.1 mH", K_t = "0.06 N*m/A" }
+[drive]
+rates = { current_loop = "8 kHz", speed_loop = "8 kHz" }
+current_loop = { bandwidth = "1 kHz", current_limit = "60 A" }
+inverter = { bus_voltage = "24 V" }
+position_sensor = { kind = "encoder", lines = 2048, speed_method = "M" }
+"""
+
+
+def of_log(name: str, columns: str, folder: Path) -> Estimate:
+    """What a log tells by itself."""
+    packed = next((at / f"{name}.csv.gz" for at in (LOGS, BESIDE) if (at / f"{name}.csv.gz").is_file()), None)
+    if packed is None:
+        pytest.skip(f"{name}: the real log is not beside the repository")
+    path = folder / f"{name}.csv"
+    path.write_bytes(gzip.decompress(packed.read_bytes()))
+    (folder / "id.toml").write_text(columns, "utf-8")
+    return identified([path], folder / "id.toml", lambda what, share: None).estimate
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "inertia", "unsure"),
+    [("laas_acc_current", LAAS, 1.91e-4, 0.0), ("odrive_spinups_4", ODRIVE, 3.74e-3, 0.36e-3)],
+)
+def test_inertia_of_a_real_drive_is_that_of_an_independent_calculation(
+    name: str, columns: str, inertia: float, unsure: float, tmp_path: Path
+) -> None:
+    """J/K_t, A s^2/rad, of a wide kernel's regression, and of an impulse balance without any kernel."""
+    told = of_log(name, columns, tmp_path).values["j"]
+    assert abs(told.value - inertia) < told.error + unsure
+    assert told.error < 0.08 * inertia
