@@ -19,7 +19,7 @@ import pytest
 import trial_studies
 
 import cogless
-from cogless.cli.tables import a_metric
+from cogless.cli.printed import a_metric
 from cogless.design import learning_gain
 from cogless.design.auto import load
 from cogless.design.from_study import design_study

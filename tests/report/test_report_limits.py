@@ -7,7 +7,7 @@ import pytest
 from commands import cogless
 
 import studies
-from cogless.cli.limits import sentences
+from cogless.cli.studies import sentences
 from cogless.report import best_runs, limit, render, verdicts, with_limits
 from cogless.report.limits import setting
 from cogless.results import results_json

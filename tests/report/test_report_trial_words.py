@@ -10,7 +10,7 @@ import pytest
 import synthetic
 import trial_studies
 
-from cogless.cli.tables import print_tables
+from cogless.cli.printed import print_tables
 from cogless.design.from_study import design_study
 from cogless.design.trial_summary import labelled_notes, megabytes
 from cogless.report import lines, outcome, render, verdicts

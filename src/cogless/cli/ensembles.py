@@ -19,9 +19,11 @@ from cogless.cli.options import (
     OutputOption,
     SetOption,
     StudyArgument,
+    command_line,
+    load,
+    to_run,
 )
-from cogless.cli.study import command_line, load, to_run
-from cogless.cli.tables import print_warnings
+from cogless.cli.printed import print_warnings
 from cogless.cli.terminal import tune_progress, variant_progress
 from cogless.errors import StudyError
 

@@ -1,9 +1,11 @@
-"""`run`: every controller in every scenario, or every law on every plant of an arena."""
+"""Commands for one study: `run`, `live`, `design`, `calibrate`; and `list`, what is shipped."""
 
 from __future__ import annotations
 
+import json
 import math
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,9 +20,13 @@ from cogless.cli.options import (
     OutputOption,
     SetOption,
     StudyArgument,
+    command_line,
+    load,
+    name_code,
+    output_option,
+    to_run,
 )
-from cogless.cli.study import command_line, name_code, to_run
-from cogless.cli.tables import print_tables, print_warnings
+from cogless.cli.printed import print_tables, print_warnings
 from cogless.cli.terminal import new_bar, new_console, run_progress
 from cogless.errors import INTERRUPTED, StudyError, say
 from cogless.interrupts import deferred
@@ -28,7 +34,7 @@ from cogless.interrupts import deferred
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cogless.results import AnyResults
+    from cogless.results import AnyResults, Results
     from cogless.study import AnyStudy
     from cogless.study.arena import Arena
 
@@ -56,7 +62,6 @@ def run(
 
     Ctrl-C and SIGTERM keep the runs that are finished.
     """
-    from cogless.cli.limits import sentences, with_limits
     from cogless.design.warnings import beyond_drive, coarse_table, too_short
     from cogless.results import Results
     from cogless.results.folder import held
@@ -214,3 +219,159 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
         where = f" ({', '.join(finished)}), written to {folder}" if finished else ", nothing written"
         say(f"Interrupted: kept {len(finished)} of {plants} plants{where}.")
         sys.exit(INTERRUPTED)
+
+
+def design(
+    study: StudyArgument,
+    changes: SetOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
+) -> None:
+    """Show every controller's gains, and what follows from them before any run.
+
+    For a study of speed: gains, given or by a tuning rule, the margins of the loop, whether learning settles.
+
+    For a study of trials: gains, given or by LMIs, and the certificate that they work.
+    """
+    from cogless.study import TrialStudy
+
+    loaded = load(study, changes)
+    if isinstance(loaded, TrialStudy):
+        from cogless.design.trial_summary import summary, table, to_dict
+
+        designs = summary(loaded)
+        found, shown = partial(to_dict, loaded, designs), partial(table, loaded, designs)
+    else:
+        from cogless.design.summary import to_dict as speed_dict
+        from cogless.design.table import design_table
+
+        found, shown = partial(speed_dict, loaded), partial(design_table, loaded)
+    if as_json:
+        print(json.dumps(found(), indent=2, ensure_ascii=False))
+    else:
+        new_console().print(shown())
+
+
+def calibrate(
+    study: StudyArgument,
+    changes: SetOption = None,
+    jobs: JobsOption = CORES,
+    no_code: NoCodeOption = False,
+) -> None:
+    """Fit parameters of a study to target values of its metrics, as its calibration table says.
+
+    Prints the fitted values as lines for the study, and each target beside what came out. Changes no file.
+
+    Ctrl-C prints the best fit so far.
+    """
+    from cogless.run.calibrate import calibrate as fit_study
+    from cogless.run.calibrate import residual_rows
+    from cogless.run.own_law import no_exit
+
+    loaded = to_run(study, changes, no_code)
+    with new_console(stderr=True).status("Fitting") as status, no_exit():
+        fit = fit_study(
+            loaded, lambda n, d: status.update(f"Fitting: {n} evaluations, {100 * d:.2f} % off"), jobs
+        )
+    from rich.table import Table
+
+    table = Table(
+        "run", "metric", "wanted", "got", "deviation", box=None, header_style="bold", pad_edge=False
+    )
+    for row in residual_rows(fit):
+        table.add_row(*row)
+    console = new_console()
+    console.print(table)
+    outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
+    print(f"\n# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
+    for parameter in fit.parameters:
+        print(f"{parameter.toml}  # was {parameter.before}")
+    if fit.interrupted:
+        raise KeyboardInterrupt
+    if not fit.settled:
+        raise StudyError(
+            f"{loaded.source.path}: calibration: not settled: expected parameters that move the targets"
+        )
+
+
+def with_limits(results: Results, wanted: bool | None, jobs: int, folder: Path | None) -> Results:
+    """The results, with what limits each scenario's best run added.
+
+    `wanted`: the option --limits or --no-limits, None without either. `folder`: room for long traces.
+    """
+    from cogless import report
+
+    if wanted is False or results.interrupted:
+        return results
+    with new_bar() as bar:
+        task = bar.add_task("", total=None)
+
+        def tell(scenario: str) -> None:
+            bar.update(task, description=f"{scenario}: what limits it")
+
+        return report.with_limits(results, wanted is True, jobs, folder, tell)
+
+
+def sentences(results: AnyResults) -> dict[str, str]:
+    """Sentences on what limits the best run, by scenario; none where no cause is known or stands out."""
+    from cogless import report
+
+    found = {scenario: report.limit(results, scenario) for scenario in results.scenarios}
+    return {scenario: str(remark) for scenario, remark in found.items() if remark is not None}
+
+
+def live(
+    study: StudyArgument,
+    output: Annotated[
+        Path | None,
+        output_option("The page.", "FILE", show_default="STUDY-live.html"),
+    ] = None,
+    own_motor: Annotated[
+        bool,
+        typer.Option("--own-motor", help="Fields for the motor, of which the controller is told, too."),
+    ] = False,
+    limits: LimitsOption = None,
+    jobs: JobsOption = CORES,
+    changes: SetOption = None,
+) -> None:
+    """Write a page that runs a study in the browser: turn a gain, and see the ripple follow.
+
+    One HTML file with the engine and the control laws inside. It needs no network and no installation.
+    """
+    from cogless.live import check, left_out, write
+
+    loaded = load(study, changes)
+    check(loaded)
+    path = output or Path(f"{loaded.name}-live.html")
+    texts = {} if own_motor else _limits(loaded, limits, jobs)
+    with new_console(stderr=True).status("Making the page"):
+        write(loaded, path, command_line("run", study, changes, []), told=own_motor, limits=texts)
+    for line in left_out(loaded):
+        say(f"Left out of the page: {line}")
+    print(f"Page: {path}")
+
+
+def _limits(study: AnyStudy, wanted: bool | None, jobs: int) -> dict[str, str]:
+    """Sentences on what limits the best run, by scenario. They take runs of the whole study."""
+    from cogless.live.blobs import held
+    from cogless.report import is_quick
+    from cogless.run.simulate import RunError, run_study
+    from cogless.study import Study
+
+    if not isinstance(study, Study) or wanted is False:
+        return {}
+    pairs = [pair for pair in held(study) if wanted or is_quick(study, *pair)]
+    if not pairs:
+        return {}
+    try:
+        with run_progress(len(pairs)) as progress:
+            results = run_study(study, ["/".join(pair) for pair in pairs], progress, jobs)
+    except RunError:  # the page shows that run's failure
+        return {}
+    return sentences(with_limits(results, wanted, jobs, None))
+
+
+def list_() -> None:
+    """List the shipped studies and motors, and the control laws."""
+    from cogless.catalogue import show
+
+    show()
