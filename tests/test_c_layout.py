@@ -12,8 +12,8 @@ from control_library import HEADERS, SOURCE, control_library
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cogless.c_headers import Field, Headers, control_headers, parse
 from cogless.c_layout import Layout, control_layout
+from cogless.control_library import Field, Headers, control_headers, parse
 from cogless.results.status import Status
 from cogless.study import drive, harmonic, pi_afc, plant, space_checks
 

@@ -8,7 +8,7 @@ from typing import get_args
 
 import pytest
 
-from cogless.c_laws import C_LAWS, CLaw
+from cogless.control_library import C_LAWS, CLaw
 from cogless.results.metrics import KINDS
 from cogless.study import load
 from cogless.study.laws import AnyController

@@ -5,7 +5,7 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 131,
+    "constant_with_several_values": 130,
     "number_of_one_word": 378,
     "vague_local": 915,
     "vague_argument": 269,
@@ -19,7 +19,7 @@ PLACES_MOST = {
     "number_copied_from_c": 8,
     "unit_factor_written_out": 100,
     "file_name_used_again": 25,
-    "small_file": 17,
+    "small_file": 16,
 }
 NAMES = [rule.__name__ for rule in style.RULES]
 LONG = "\n" * (style.SMALL_FILE_LINES + 1)

@@ -214,7 +214,7 @@ class LearningFactor(Parsed):
 
 class MetricSignals(Parsed):
     def run(self) -> list[nodes.Node]:
-        from cogless.c_laws import C_LAWS
+        from cogless.control_library import C_LAWS
         from cogless.signals import DERIVED
         from cogless.study.metric import SIGNALS
 

@@ -24,11 +24,11 @@ from cogless.ensemble import executors, journal, table
 from cogless.ensemble import sweep as sweeping
 from cogless.ensemble.parcel import pack, unpacked
 from cogless.errors import StudyError
+from cogless.files import versions
 from cogless.maps.stored_map import StoredMap
 from cogless.run import carry_out
 from cogless.run.simulate import RunDefect, run_study
 from cogless.study import changed
-from cogless.versions import versions
 
 pq = pytest.importorskip("pyarrow.parquet", reason="needs the extra cogless[sweep]")
 COUNT = 40  # three chunks, the last shorter

@@ -24,7 +24,7 @@ from kept import kept, version
 
 import studies
 from cogless import load
-from cogless.c_headers import Field
+from cogless.control_library import Field
 from cogless.errors import StudyError
 from cogless.export import folder
 from cogless.export.c import figures, literals

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import studies
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.export.c.board import board
 from cogless.export.c.command import self_test_ticks, subject_of
 from cogless.export.c.extras import extras, parts

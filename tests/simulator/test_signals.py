@@ -10,7 +10,7 @@ import pytest
 
 import studies
 from cogless import load
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.files import control_sources
 from cogless.run.advance import ENGINES
 from cogless.run.drive_config import engine_config

@@ -28,7 +28,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from cogless.versions import versions
+        from cogless.files import versions
 
         print(f"cogless {versions()['cogless']}")
         raise typer.Exit

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from cogless.ensemble.arena import ArenaResults
 from cogless.ensemble.arena_scores import COLUMNS, Scores
-from cogless.files import replacing
+from cogless.files import replacing, versions
 from cogless.results.limits import Limits
 from cogless.results.metrics import Value
 from cogless.results.results_json import as_json
-from cogless.versions import versions
 
 if TYPE_CHECKING:
     from rich.table import Table

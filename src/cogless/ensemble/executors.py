@@ -120,7 +120,7 @@ def dask(address: str) -> Iterator[Workers]:
 
 
 def _check_versions(address: str, client: Any) -> None:
-    from cogless.versions import versions
+    from cogless.files import versions
 
     here = versions()["cogless"]
     there = client.run(_version, on_error="return")

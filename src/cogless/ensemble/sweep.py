@@ -17,9 +17,9 @@ from cogless.ensemble.sample import Ensemble, draw
 from cogless.ensemble.table import Sweep, gathered
 from cogless.ensemble.work import needed, rows
 from cogless.errors import StudyError
+from cogless.files import versions
 from cogless.run.simulate import Pair, runs_of
 from cogless.study import AnyStudy
-from cogless.versions import versions
 
 SHARD_NUMBER = re.compile("[1-9][0-9]{0,8}")
 CHUNK = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker

@@ -16,10 +16,9 @@ from cogless.ensemble.columns import Column, columns
 from cogless.ensemble.sample import Ensemble
 from cogless.ensemble.work import Row
 from cogless.errors import StudyError
-from cogless.files import replacing
+from cogless.files import replacing, versions
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy
-from cogless.versions import versions
 
 ROWS = 1 << 16  # of a row group
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from cogless.c_laws import C_LAWS
 from cogless.c_layout import Leaf, control_layout
+from cogless.control_library import C_LAWS
 
 NONE, BOOL, INTEGER, NATURAL, REAL, TEXT, NUMBERS, LIST, TABLE, MATRIX = range(10)
 STRUCTS = {

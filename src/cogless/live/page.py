@@ -12,9 +12,9 @@ from itertools import accumulate, pairwise
 from string import Template
 from typing import Any
 
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.design.unlearned import revolutions_learned
-from cogless.files import package_folders
+from cogless.files import package_folders, versions
 from cogless.live import engine, motor, toml
 from cogless.live.blobs import OFF, held, left_out, precision
 from cogless.live.keys import Found, Key, Place, adjustable, packed
@@ -32,7 +32,6 @@ from cogless.study.metric import EACH_TRIAL, SIGNALS, Metric
 from cogless.study.reading import Changes
 from cogless.study.trial_controller import TrialLaw
 from cogless.units import NONE, factor
-from cogless.versions import versions
 
 NO_LIMITS: Mapping[str, str] = {}
 NO_PINS: Changes = {}

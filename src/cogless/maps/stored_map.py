@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.errors import StudyError
 from cogless.files import no_device, reason, replacing
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.files import replacing
+from cogless.files import replacing, versions
 from cogless.identify import described
 from cogless.identify.command import Identified, lines
 from cogless.identify.log import Log
@@ -22,7 +22,6 @@ from cogless.identify.write import shown
 from cogless.report.markup import asset, note, table
 from cogless.report.png import STYLE, Plot, save
 from cogless.results.trace import Trace
-from cogless.versions import versions
 
 Array = NDArray[np.float64]
 WIDE, HIGH, EDGE = 720, 200, 46  # of a picture

@@ -9,6 +9,7 @@ from html import escape
 from string import Template
 from typing import Any
 
+from cogless.files import versions
 from cogless.report.comparison import runs_in
 from cogless.report.markup import asset, key, note, tint
 from cogless.report.palette import colours, place
@@ -17,7 +18,6 @@ from cogless.report.settings import assumptions, settings
 from cogless.report.verdict import ScenarioVerdict, Told
 from cogless.results import AnyResults
 from cogless.results.results_json import run_id
-from cogless.versions import versions
 
 HUGE = 1e30  # far beyond any drive
 

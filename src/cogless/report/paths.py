@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.report.packing import Array
 from cogless.results import Results, Run
 from cogless.results.trace import Trace

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.files import replacing
+from cogless.files import replacing, versions
 from cogless.results.fault_response import Response
 from cogless.results.metrics import Value, result_name
 from cogless.results.runs import AnyResults, Results, TrialResults
-from cogless.versions import versions
 
 if TYPE_CHECKING:
     from cogless.design.trial import TrialDesign

@@ -9,8 +9,8 @@ import math
 from dataclasses import asdict
 from typing import Any, Literal
 
-from cogless.c_laws import C_LAWS
 from cogless.c_layout import control_layout
+from cogless.control_library import C_LAWS
 from cogless.design.auto import missing
 from cogless.design.harmonic import learner
 from cogless.design.pi import gains

@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from cogless import units
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.signals import dimensions, exists
 from cogless.study.controller import OwnLaw
 from cogless.study.metric import OF_LINEAR_PLANTS

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cogless.c_laws import C_LAWS
 from cogless.c_layout import Layout, control_layout
+from cogless.control_library import C_LAWS
 from cogless.export import folder, sources
 from cogless.export.c.edge_cases import awkward
 from cogless.export.c.figures import figures
@@ -18,9 +18,8 @@ from cogless.export.c.names import identifier
 from cogless.export.c.subject import Subject, study_hash
 from cogless.export.c.texts import texts
 from cogless.export.prepared import Prepared, Recording, first_scenario, prepare_whole, record
-from cogless.files import control_sources
+from cogless.files import control_sources, versions
 from cogless.study import AnyStudy
-from cogless.versions import versions
 
 # periods of the self-test: enough for the law to do something, few enough for a microcontroller's flash
 TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from cogless.c_laws import C_LAWS
 from cogless.c_layout import control_layout
+from cogless.control_library import C_LAWS
 from cogless.export import folder, sources
 from cogless.export.c.figures import figures
 from cogless.export.c.literals import initialiser
@@ -20,12 +20,11 @@ from cogless.export.c.names import identifier, stem
 from cogless.export.c.subject import study_hash
 from cogless.export.c.texts import FLAGS, figure_lines, matrix_array, plain_comment, verdict_comment
 from cogless.export.prepared import first_scenario
-from cogless.files import control_sources
+from cogless.files import control_sources, versions
 from cogless.results.trace import Trace
 from cogless.run.advance import failures, trace_of
 from cogless.run.plan import Plan, plan
 from cogless.study import TrialStudy
-from cogless.versions import versions
 
 TEST_SAMPLES = 2000  # of a self-test: it has as many whole trials as are within these, but two at least
 TEST_TRIALS = 3

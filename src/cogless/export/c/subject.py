@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.c_headers import Headers
-from cogless.c_laws import CLaw
 from cogless.c_layout import Layout
+from cogless.control_library import CLaw, Headers
 from cogless.results.results_json import as_json
 from cogless.study import AnyStudy
 

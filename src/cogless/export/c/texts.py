@@ -16,7 +16,7 @@ from cogless.export.c.names import stem
 from cogless.export.c.self_test import self_test_words
 from cogless.export.c.subject import Subject, study_hash
 from cogless.export.prepared import Reals, Recording
-from cogless.versions import versions
+from cogless.files import versions
 
 FLAGS = "-std=c99 -O2 -ffp-contract=off"
 LEARNING = "frozen while `reference.learn` is false, and whenever the controller finds a reason"

@@ -16,9 +16,8 @@ from cogless.export.fmu.drive import drive_unit
 from cogless.export.fmu.unit import Unit, asset, texts
 from cogless.export.prepared import first_scenario, prepare
 from cogless.export.sources import licence
-from cogless.files import writable
+from cogless.files import versions, writable
 from cogless.study import AnyStudy
-from cogless.versions import versions
 
 HERE = Path(__file__).parents[1]
 SHARED = ("fmu.h", "fmu.c")
