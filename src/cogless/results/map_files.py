@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cogless.maps.stored_map import write
+from cogless.maps.stored_map import write_map
 from cogless.results.runs import AnyResults
 
 
@@ -19,4 +19,4 @@ def write_all(results: AnyResults, folder: Path) -> None:
         if run.map is not None:
             path = folder / name(run.scenario, run.controller)
             path.parent.mkdir(parents=True, exist_ok=True)
-            write(path, bytes(run.map))
+            write_map(path, bytes(run.map))

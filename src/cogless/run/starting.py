@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cogless.errors import StudyError
-from cogless.maps import start, stored_map
+from cogless.maps import learned_map, stored_map
 from cogless.maps.stored_map import CURRENT, MapError, StoredMap
 from cogless.run.own_law import describe, is_failure, law_file
 from cogless.study import Study
@@ -17,7 +17,7 @@ from cogless.study.controller import OwnLaw, Startable
 from cogless.study.start import Start
 
 
-def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> start.Reals:
+def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> learned_map.Reals:
     """The entries of a law's map at the start of a run, (channels, cells).
 
     `drive`: the engine's, with this law. StudyError: the file is no map, or nothing that fits the law, or
@@ -35,7 +35,7 @@ def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> s
             needs = law.NEEDS if isinstance(law, OwnLaw) else "none, since the memory is over time"
             raise MapError(f"expected {needs}")
         found = _of_table(study, given) if given.map is None else _newest(study, given.map)
-        entries = start.entries(found, own, law.unit)
+        entries = learned_map.entries(found, own, law.unit)
         if isinstance(law, OwnLaw):
             with _law_failures(study, controller, where):
                 drive.load_map(state, entries)  # it may refuse it: before the first run
