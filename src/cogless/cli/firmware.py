@@ -104,9 +104,8 @@ def pil(
     """
     from cogless.export.prepared import first_scenario
     from cogless.pil import toolchain
-    from cogless.pil.compare import compare
+    from cogless.pil.compare import compare, lines
     from cogless.pil.processor import require
-    from cogless.pil.table import lines
 
     if compiler not in (None, "gcc", "zig"):
         raise StudyError(f'--compiler: "{compiler}": expected gcc or zig')

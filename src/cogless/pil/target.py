@@ -19,8 +19,7 @@ from cogless.export.c.names import stem
 from cogless.export.c.subject import Subject
 from cogless.export.prepared import Prepared, Reals, Recording
 from cogless.export.sources import defined_in
-from cogless.pil.image import Function, Image, read
-from cogless.pil.processor import Processor, Visits
+from cogless.pil.processor import Function, Image, Processor, Visits, read
 from cogless.pil.toolchain import Toolchain
 
 # C source: memory for inputs and outputs, and references to functions, so that the linker keeps them.
