@@ -19,7 +19,7 @@ PLACES_MOST = {
     "number_copied_from_c": 8,
     "unit_factor_written_out": 100,
     "file_name_used_again": 24,
-    "small_file": 15,
+    "small_file": 14,
 }
 NAMES = [rule.__name__ for rule in style.RULES]
 LONG = "\n" * (style.SMALL_FILE_LINES + 1)

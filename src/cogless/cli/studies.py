@@ -122,14 +122,14 @@ def _names(
 ) -> list[str]:
     """The files that a run may write."""
     from cogless.report import plot_names
-    from cogless.results import map_files
+    from cogless.results import results_json
 
     return [
         *("report.html", "results.json"),
         *(["traces.nc"] if traces else []),
         *(["live.html"] if with_page else []),
         *(plot_names(study) if plots else []),
-        *(f"{MAPS}/{map_files.name(*pair)}" for pair in pairs),
+        *(f"{MAPS}/{results_json.name(*pair)}" for pair in pairs),
     ]
 
 
@@ -152,7 +152,7 @@ def _print(results: AnyResults, folder: Path, with_page: bool, written: bool) ->
 
 def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None) -> None:
     from cogless import report
-    from cogless.results import map_files, results_json
+    from cogless.results import results_json
     from cogless.results.folder import hashes, new_set
     from cogless.results.trace import write_netcdf
     from cogless.study import TrialStudy
@@ -166,7 +166,7 @@ def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: s
         report.write(results, stage / "report.html")
         if page is not None:
             (stage / "live.html").write_text(page, encoding="utf-8")
-        map_files.write_all(results, stage / MAPS)
+        results_json.write_all(results, stage / MAPS)
         if plots:
             report.write_plots(results, stage)
         results_json.write(results, stage / "results.json", hashes(stage))

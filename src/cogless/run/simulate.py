@@ -17,7 +17,7 @@ from typing import overload
 from cogless.design.from_study import Designs, design_study
 from cogless.errors import StudyError
 from cogless.results import AnyResults, Results, Run, TrialResults
-from cogless.results.trace_files import TraceRoom
+from cogless.results.trace import TraceRoom
 from cogless.run.advance import ENGINES, Progress, Stopped, memory_enough
 from cogless.run.carry_out import carried_out, carried_out_together
 from cogless.run.plan import Plan, plan
