@@ -18,7 +18,7 @@ PLACES_MOST = {
     "message_taken_apart": 10,
     "number_copied_from_c": 8,
     "unit_factor_written_out": 100,
-    "file_name_used_again": 24,
+    "file_name_used_again": 22,
     "small_file": 14,
 }
 NAMES = [rule.__name__ for rule in style.RULES]

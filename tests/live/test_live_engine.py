@@ -13,9 +13,8 @@ from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.live import engine
-from cogless.live.blobs import blobs, held
-from cogless.live.packed import pack
-from cogless.live.page import asset
+from cogless.live.description import blobs, held, pack
+from cogless.live.live_page import asset
 from cogless.results.status import Status
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate

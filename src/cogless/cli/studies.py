@@ -352,7 +352,7 @@ def live(
 
 def _limits(study: AnyStudy, wanted: bool | None, jobs: int) -> dict[str, str]:
     """Sentences on what limits the best run, by scenario. They take runs of the whole study."""
-    from cogless.live.blobs import held
+    from cogless.live.description import held
     from cogless.report import is_quick
     from cogless.run.simulate import RunError, run_study
     from cogless.study import Study

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
 from cogless.live.candidates import Candidate
-from cogless.live.packed import Number, Packed
+from cogless.live.description import Number, Packed
 
 RESISTANCE, INDUCTANCE = "motor.resistance_line_to_line", "motor.inductance_line_to_line"
 POLE_PAIRS = "motor.pole_pairs"

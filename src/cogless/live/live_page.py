@@ -15,10 +15,9 @@ from typing import Any
 from cogless.control_library import C_LAWS
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders, versions
-from cogless.live import engine, motor, toml
-from cogless.live.blobs import OFF, held, left_out, precision
+from cogless.live import engine, own_motor, toml
+from cogless.live.description import OFF, Packed, held, left_out, precision
 from cogless.live.keys import Found, Key, Place, adjustable, packed
-from cogless.live.packed import Packed
 from cogless.report.markup import asset as report_asset
 from cogless.report.speed_tracking import DRIFT, FAR, LOST, ONE_WAY
 from cogless.report.status_lanes import MOMENT
@@ -297,17 +296,17 @@ def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
     assert isinstance(study, Study)
     plant = study.motor.star()
     return {
-        "over": motor.RESISTANCE,
-        "under": motor.INDUCTANCE,
-        "pole_pairs": motor.POLE_PAIRS,
-        "nodes": motor.nodes(own.ends),
+        "over": own_motor.RESISTANCE,
+        "under": own_motor.INDUCTANCE,
+        "pole_pairs": own_motor.POLE_PAIRS,
+        "nodes": own_motor.nodes(own.ends),
         "ends": own.ends,
         "time": plant.L_d / plant.R_s,
         "products": {_place(place): list(map(_product, all_of)) for place, all_of in own.products.items()},
     }
 
 
-def _product(one: motor.Product) -> list[Any]:
+def _product(one: own_motor.Product) -> list[Any]:
     return [one.number.offset, one.number.format, one.start, dict(one.powers), one.factors, one.curve]
 
 
