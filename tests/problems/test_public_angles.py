@@ -25,7 +25,7 @@ from cogless.report import limit, verdicts, with_limits
 from cogless.results import Results, Run
 from cogless.results.limits import Limits
 from cogless.results.status import Status
-from cogless.run.limits import limits
+from cogless.run.limit_search import limits
 from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed
 from cogless.study.remark import Remark

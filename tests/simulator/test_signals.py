@@ -12,8 +12,8 @@ import studies
 from cogless import load
 from cogless.control_library import C_LAWS
 from cogless.files import control_sources
-from cogless.run.advance import ENGINES
 from cogless.run.drive_config import engine_config
+from cogless.run.plan import ENGINES
 from cogless.run.simulate import simulate
 from cogless.signals import DERIVED, RECORDED, exists
 from cogless.study import AnyStudy, Study

@@ -11,8 +11,8 @@ import trial_studies
 
 import studies
 from cogless.errors import StudyError
-from cogless.run.advance import ENGINES
 from cogless.run.drive_config import engine_config
+from cogless.run.plan import ENGINES
 from cogless.study import changed, load
 from cogless.study.laws import AnyController
 from cogless.study.space_controller import Period

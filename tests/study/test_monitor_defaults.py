@@ -14,9 +14,9 @@ from cogless import changed
 from cogless.design.auto import load
 from cogless.design.from_study import design_study
 from cogless.errors import StudyError
-from cogless.run.advance import ENGINES
 from cogless.run.drive_config import engine_config
 from cogless.run.own_law import make_law
+from cogless.run.plan import ENGINES
 from cogless.run.simulate import simulate
 from cogless.run.trial_config import engine_config as trial_engine_config
 from cogless.study import TrialStudy

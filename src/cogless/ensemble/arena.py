@@ -14,7 +14,7 @@ from cogless.errors import StudyError
 from cogless.results import AnyResults
 from cogless.results.limits import Limits
 from cogless.results.metrics import Value
-from cogless.run.limits import limits
+from cogless.run.limit_search import limits
 from cogless.run.simulate import RunError, rollout
 from cogless.study import AnyStudy, Study, TrialStudy, changed
 from cogless.study import load as load_study

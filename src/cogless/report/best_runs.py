@@ -9,7 +9,7 @@ from pathlib import Path
 from cogless.report.speed_verdict import judged
 from cogless.results import Results
 from cogless.results.limits import Limits
-from cogless.run.limits import limits
+from cogless.run.limit_search import limits
 from cogless.study import Study, for_scenario
 from cogless.study.controller import OwnLaw
 
@@ -26,7 +26,7 @@ def with_limits(
     """The results, with what limits the best run of each scenario added.
 
     Each scenario takes about a dozen further runs. `long`: run them also where a run is long or executes a
-    user's code. `jobs`, `traces`: as in `cogless.run.limits`. `progress`: called with each scenario. Ctrl-C
+    user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario. Ctrl-C
     ends the search early.
     """
     found: dict[str, Limits] = {}

@@ -18,9 +18,8 @@ from cogless.design.from_study import Designs, design_study
 from cogless.errors import StudyError
 from cogless.results import AnyResults, Results, Run, TrialResults
 from cogless.results.trace import TraceRoom
-from cogless.run.advance import ENGINES, Progress, Stopped, memory_enough
 from cogless.run.carry_out import carried_out, carried_out_together
-from cogless.run.plan import Plan, plan
+from cogless.run.plan import ENGINES, Plan, Progress, Stopped, memory_enough, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study, TrialStudy
 from cogless.study.controller import OwnLaw, Startable

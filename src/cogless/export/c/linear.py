@@ -22,8 +22,7 @@ from cogless.export.c.texts import FLAGS, figure_lines, matrix_array, plain_comm
 from cogless.export.prepared import first_scenario
 from cogless.files import control_sources, versions
 from cogless.results.trace import Trace
-from cogless.run.advance import failures, trace_of
-from cogless.run.plan import Plan, plan
+from cogless.run.plan import Plan, failures, plan, trace_of
 from cogless.study import TrialStudy
 
 TEST_SAMPLES = 2000  # of a self-test: it has as many whole trials as are within these, but two at least
