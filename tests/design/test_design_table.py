@@ -18,7 +18,7 @@ from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.space_bounds import theorem
 from cogless.design.summary import Gain, design, design_dict, to_dict
 from cogless.design.table import _margins, _shown, design_table
-from cogless.export.c.command import export_c
+from cogless.export.c.export_c import export_c
 from cogless.run.drive_config import engine_config
 from cogless.study import Study
 

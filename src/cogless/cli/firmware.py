@@ -60,7 +60,7 @@ def export(
         return
     if to != "c":
         raise StudyError(f'--to: "{to}": expected c or fmu')
-    from cogless.export.c.command import export_c
+    from cogless.export.c.export_c import export_c
     from cogless.export.c.linear import export_linear
     from cogless.study import TrialStudy
 

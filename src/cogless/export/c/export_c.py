@@ -1,8 +1,11 @@
-"""Write the folder of `cogless export --to c`."""
+"""Write the folder of `cogless export --to c`.
+
+Results of `cogless design` for one controller, as lines of text.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +13,56 @@ import numpy as np
 
 from cogless.c_layout import Layout, control_layout
 from cogless.control_library import C_LAWS
-from cogless.export import folder, sources
-from cogless.export.c.edge_cases import awkward
-from cogless.export.c.figures import figures
-from cogless.export.c.motion import motion_parts
-from cogless.export.c.names import identifier
-from cogless.export.c.subject import Subject, study_hash
+from cogless.export import sources
+from cogless.export.c.parts import motion_parts
+from cogless.export.c.self_test import awkward
+from cogless.export.c.subject import Subject, identifier, study_hash
 from cogless.export.c.texts import texts
 from cogless.export.prepared import Prepared, Recording, first_scenario, prepare_whole, record
 from cogless.files import control_sources, versions
-from cogless.study import AnyStudy
+from cogless.study import AnyStudy, TrialStudy
+
+
+def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple[str, str]], str]:
+    """Results (name, value with its unit) named and ordered as in `cogless design --json`, and the verdict.
+
+    The verdict says in one line whether learning works; it is empty for a law that learns nothing.
+    """
+    if isinstance(study, TrialStudy):
+        from cogless.design import trial_summary
+        from cogless.design.from_study import design_study
+
+        trial = design_study(study, [(scenario, controller)])[scenario, controller]
+        return list(_flat(trial_summary.design_dict(trial))), trial_summary.words(trial)
+    from cogless.design.summary import current_loop_dict, design, design_dict
+
+    found = design(study, controller)
+    loop = {f"current_loop.{axis}": entry for axis, entry in current_loop_dict(study).items()}
+    return [*_flat(loop), *_flat(design_dict(found))], found.words()
+
+
+def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Flatten tables to dotted names with texts; empty values (null, an empty list) are left out."""
+    for key, value in table.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, dict) and value.keys() >= {"value", "unit"}:
+            note = f" ({value['note']})" if "note" in value else ""
+            yield name, f"{_text(value['value'])} {value['unit']}".rstrip() + note
+        elif isinstance(value, dict):
+            yield from _flat(value, f"{name}.")
+        elif value is not None and value != [] and value != "":
+            yield name, _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        return ", ".join(_text(item) for item in value)
+    return " ".join(str(value).split()).replace("*/", "* /")
+
 
 # periods of the self-test: enough for the law to do something, few enough for a microcontroller's flash
 TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
@@ -40,7 +83,7 @@ def export_c(
     of an export with a learning matrix, before it is written. StudyError: the export can't be made or
     written.
     """
-    folder.check(target)
+    sources.check(target)
     prepared = prepare_whole(study, first_scenario(study, controller, scenario), controller)
     subject = subject_of(prepared, command)
     recording = record(prepared, self_test_ticks(subject, prepared))
@@ -54,8 +97,8 @@ def export_c(
     }
     written = contents(subject, prepared, recording)
     if subject.learning_matrix is not None:
-        announce(folder.size(written, subject.learning_matrix.nbytes))
-    folder.write(target, written, about)
+        announce(sources.size(written, subject.learning_matrix.nbytes))
+    sources.write(target, written, about)
     return subject
 
 
