@@ -19,8 +19,7 @@ from cogless.results.status import Status
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import Study
-from cogless.study.arena import is_arena
-from cogless.study.reading import read
+from cogless.study.reading import is_arena, read
 
 TICKS = 3000
 SPEED = [

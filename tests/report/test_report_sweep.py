@@ -17,10 +17,9 @@ from commands import cogless
 import studies
 from cogless.ensemble import judge
 from cogless.ensemble import sweep as sweeping
-from cogless.ensemble.columns import LAST, Column, columns
-from cogless.ensemble.sample import draw
-from cogless.ensemble.sensitivity import influences, positions
-from cogless.ensemble.table import Sweep
+from cogless.ensemble.judge import influences, positions
+from cogless.ensemble.sweep_table import LAST, Column, Sweep, columns
+from cogless.ensemble.variants import draw
 from cogless.report import sweep as report
 
 pytest.importorskip("SALib", reason="needs the extra cogless[sweep]")

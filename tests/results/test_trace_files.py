@@ -17,7 +17,7 @@ from cogless.report.packing import thin
 from cogless.report.paths import varies, varies_in
 from cogless.report.spectra import _first
 from cogless.results import Run
-from cogless.results import trace as room
+from cogless.results import trace as tracing
 from cogless.results.results_json import to_dict
 from cogless.results.trace import BLOCK, Trace, TraceFile, write_netcdf
 from cogless.study import changed
@@ -29,7 +29,7 @@ def test_results_and_report_are_those_of_traces_in_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study = studies.study(tmp_path, {"trace.energy": True})
-    monkeypatch.setattr(room, "IN_MEMORY", 0)
+    monkeypatch.setattr(tracing, "IN_MEMORY", 0)
     in_files, in_memory = run_study(study, jobs=2, traces=tmp_path), run_study(study)
     assert all(run.trace.mapped is not None for run in in_files.runs)
     assert not any(run.trace.mapped for run in in_memory.runs)
@@ -46,7 +46,7 @@ def test_traces_of_runs_in_step_may_be_in_files(tmp_path: Path, monkeypatch: pyt
     study = studies.study(tmp_path)
     noisy = [changed(study, {"drive.current_sensors.noise": f"{noise} mA"}) for noise in (1, 2, 3)]
     in_memory = rollout(noisy, ["low/pi"], 1)
-    monkeypatch.setattr(room, "IN_MEMORY", 0)
+    monkeypatch.setattr(tracing, "IN_MEMORY", 0)
     in_files = rollout(noisy, ["low/pi"], 1, traces=tmp_path)
     for a, b in zip(in_files, in_memory, strict=True):
         (a_run,), (b_run,) = a.runs, b.runs
@@ -57,11 +57,11 @@ def test_traces_of_runs_in_step_may_be_in_files(tmp_path: Path, monkeypatch: pyt
 def test_a_trace_in_memory_has_no_file_until_the_room_is_used_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    room = room.TraceRoom(tmp_path)
+    room = tracing.TraceRoom(tmp_path)
     assert room.file(SIGNALS, 2_000_000) is None  # 48 MB
     assert room.file(SIGNALS, 1) is not None
-    monkeypatch.setattr(room, "IN_MEMORY", 8 * 3 * 100)
-    room = room.TraceRoom(tmp_path)
+    monkeypatch.setattr(tracing, "IN_MEMORY", 8 * 3 * 100)
+    room = tracing.TraceRoom(tmp_path)
     assert room.file(SIGNALS, 60) is None
     assert room.file(SIGNALS, 60) is not None
     assert room.file(SIGNALS, 40) is None

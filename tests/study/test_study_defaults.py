@@ -15,7 +15,7 @@ import pytest
 from pydantic.fields import FieldInfo
 
 import cogless.study
-from cogless.study.arena import GivenFeedback
+from cogless.ensemble.arena_file import GivenFeedback
 from cogless.study.controller import Base, Commissioning, Tuning
 from cogless.study.table import Quantity, Table
 from cogless.study.trial_controller import SignalFilter

@@ -28,8 +28,8 @@ from cogless.cli.terminal import tune_progress, variant_progress
 from cogless.errors import StudyError
 
 if TYPE_CHECKING:
-    from cogless.ensemble.executors import Workers
     from cogless.ensemble.sweep import Shard
+    from cogless.ensemble.workers import Workers
 
 
 def sweep(
@@ -53,12 +53,12 @@ def sweep(
     ended, and with a larger -n adds to it.
     """
     from cogless.ensemble import sweep as sweeping
-    from cogless.ensemble import table
+    from cogless.ensemble import sweep_table
     from cogless.files import writable
     from cogless.report import sweep as report
     from cogless.results.folder import check_names, held, new_set
 
-    table.require("sweep")
+    sweep_table.require("sweep")
     part = _shard(shard)
     loaded = to_run(study, changes, no_code)
     folder = output or Path("results") / loaded.name
@@ -66,7 +66,7 @@ def sweep(
     with writable(folder):
         check_names(folder, ["sweep.parquet", "report.html", part.file])
         if merge:
-            found: table.Sweep | None = sweeping.merge(planned, folder)
+            found: sweep_table.Sweep | None = sweeping.merge(planned, folder)
         else:
             wanted = planned.variants(part)
             with _workers(jobs, dask) as workers, variant_progress(wanted) as progress:
@@ -75,7 +75,7 @@ def sweep(
             print(f"Shard: {folder / part.file}")
             return
         with held(folder), new_set(folder) as stage:
-            table.write(found, stage / "sweep.parquet")
+            sweep_table.write(found, stage / "sweep.parquet")
             told = report.write(found, stage / "report.html", partial(_repeat, study, changes))
     for line in told:
         print(line)
@@ -96,7 +96,7 @@ def tune(
     Writes STUDY-tuned.toml, the same file with the better values, and report.html, before beside after. The
     same command goes on with a tuning that was ended.
     """
-    from cogless.ensemble import search, table, tuned_file
+    from cogless.ensemble import search, sweep_table
     from cogless.ensemble import tune as tuning
     from cogless.files import writable
     from cogless.report import sweep as report
@@ -104,7 +104,7 @@ def tune(
     from cogless.study import TrialStudy
     from cogless.study.reading import changes_from
 
-    table.require("tune")
+    sweep_table.require("tune")
     search.require()
     loaded = to_run(study, changes, no_code)
     journals = map(tuning.journal_name, tuning.subjects(loaded))  # a mistake is told before anything runs
@@ -116,11 +116,11 @@ def tune(
             tuned = tuning.tune(loaded, folder, workers, progress)
         chosen = {key: value for one in tuned for key, value in one.chosen.items()}
         about = command_line("tune", study, changes, [])
-        text = tuned_file.text(loaded, {**changes_from(changes or ()), **chosen}, folder, f"By: {about}")
+        text = search.text(loaded, {**changes_from(changes or ()), **chosen}, folder, f"By: {about}")
         both = tuning.side_by_side(loaded, tuned)
         with held(folder), new_set(folder) as stage:
             (stage / path.name).write_text(text, encoding="utf-8")
-            table.write(both, stage / "sweep.parquet")
+            sweep_table.write(both, stage / "sweep.parquet")
             told = report.write(both, stage / "report.html", lambda settings, pair: "")
     for line in [line for one in tuned for line in tuning.lines(one)] + told:
         print(line)
@@ -133,13 +133,13 @@ def tune(
 @contextmanager
 def _workers(jobs: int, dask: str | None) -> Iterator[Workers]:
     """Processes of this machine, or the workers of a Dask cluster."""
-    from cogless.ensemble import executors
+    from cogless.ensemble import workers as executing
 
     if dask is None:
-        with executors.processes(jobs) as workers:
+        with executing.processes(jobs) as workers:
             yield workers
     else:
-        with executors.dask(dask) as workers:
+        with executing.dask(dask) as workers:
             yield workers
 
 

@@ -34,9 +34,9 @@ from cogless.interrupts import deferred
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from cogless.ensemble.arena_file import Arena
     from cogless.results import AnyResults, Results
     from cogless.study import AnyStudy
-    from cogless.study.arena import Arena
 
 MAPS = "maps"  # the folder of learned maps, within that of the results
 WRITING = "Interrupted: the results are being written. Press Ctrl-C again to end at once without them.\n"
@@ -174,8 +174,8 @@ def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: s
 
 def _arena(study: str, changes: list[str] | None) -> Arena | None:
     """The arena of a file, or None if it has a study."""
-    from cogless.study.arena import arena_of, is_arena
-    from cogless.study.reading import changes_from, find, put, read
+    from cogless.ensemble.arena_file import arena_of
+    from cogless.study.reading import changes_from, find, is_arena, put, read
 
     path = find(study, "studies", "study")
     tables = read(path)
@@ -187,7 +187,7 @@ def _arena(study: str, changes: list[str] | None) -> Arena | None:
 
 
 def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, find_limits: bool) -> None:
-    from cogless.ensemble import arena_files
+    from cogless.ensemble import arena_scores
     from cogless.ensemble.arena import chosen, run_arena
     from cogless.results.folder import held, new_set
     from cogless.run.own_law import no_exit
@@ -208,8 +208,8 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
         with deferred(WRITING) as requests:
             if written:
                 with new_set(place) as stage:
-                    arena_files.write(results, stage / "results.json")
-                new_console().print(arena_files.table(results))
+                    arena_scores.write(results, stage / "results.json")
+                new_console().print(arena_scores.table(results))
     for (plant, law), why in results.absent.items():
         say(f"Absent: {law} on {plant}: {why}")
     if written:

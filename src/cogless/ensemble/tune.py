@@ -16,15 +16,11 @@ from numpy.typing import NDArray
 
 from cogless.design.verdict import judgement as forecast
 from cogless.ensemble import judge
-from cogless.ensemble.axes import Reader, tried
-from cogless.ensemble.columns import Column, columns
-from cogless.ensemble.executors import Workers, run_all
-from cogless.ensemble.parcel import pack
-from cogless.ensemble.sample import SEED, Ensemble, draw, seeds
 from cogless.ensemble.search import Settings, opened
-from cogless.ensemble.sweep import CHUNK
-from cogless.ensemble.table import Sweep, gathered
-from cogless.ensemble.work import needed, rows
+from cogless.ensemble.sweep import CHUNK, needed, rows
+from cogless.ensemble.sweep_table import Column, Sweep, columns, gathered
+from cogless.ensemble.variants import SEED, Ensemble, Reader, draw, seeds, tried
+from cogless.ensemble.workers import Workers, pack, run_all
 from cogless.errors import StudyError
 from cogless.run.simulate import Pair, runs_of
 from cogless.study import AnyStudy, TrialStudy, changed

@@ -26,8 +26,8 @@ def with_limits(
     """The results, with what limits the best run of each scenario added.
 
     Each scenario takes about a dozen further runs. `long`: run them also where a run is long or executes a
-    user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario. Ctrl-C
-    ends the search early.
+    user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario.
+    Ctrl-C ends the search early.
     """
     found: dict[str, Limits] = {}
     try:

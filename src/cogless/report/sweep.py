@@ -13,10 +13,8 @@ import numpy as np
 
 from cogless import units
 from cogless.ensemble import judge
-from cogless.ensemble.columns import LAST, Column
-from cogless.ensemble.judge import Spread
-from cogless.ensemble.sensitivity import FEWEST, Influence, influences, positions
-from cogless.ensemble.table import Sweep
+from cogless.ensemble.judge import FEWEST, Influence, Spread, influences, positions
+from cogless.ensemble.sweep_table import LAST, Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
 from cogless.report.comparison import pretty

@@ -21,14 +21,17 @@ from cogless import units
 from cogless.errors import StudyError
 from cogless.files import check_utf8, reason, shipped
 from cogless.study import checks, reuse, trial_checks
-from cogless.study.arena import is_arena
 from cogless.study.base import Source, StudyBase
 from cogless.study.datasheet_words import replaced_by, replaced_by_any
 from cogless.study.error_messages import MISSING, Problem, dotted, look_up, problems, shown, study_error
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
 from cogless.study.study import Study
-from cogless.study.table import Key, Table, perhaps
+from cogless.study.table import (
+    Key,
+    Table,
+    perhaps,
+)
 from cogless.study.trial_study import Hardware, TrialStudy, is_trial_study
 
 Changes = Mapping[str, Any]
@@ -414,3 +417,9 @@ def _line(problem: Problem, source: Source, prefix: str) -> str:
 def changes_from(texts: Iterable[str]) -> dict[str, Any]:
     """All `--set KEY=VALUE` options of a command line as a dict; of equal keys the last counts."""
     return dict(parse_change(text) for text in texts)
+
+
+def is_arena(tables: dict[str, Any]) -> bool:
+    """Whether a file's tables describe an arena rather than a study."""
+    plants = tables.get("plant")
+    return "law" in tables and isinstance(plants, dict) and "motor" not in tables

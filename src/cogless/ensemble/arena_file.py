@@ -128,12 +128,6 @@ class Arena(Table):
         return self.law[law].label or law
 
 
-def is_arena(tables: dict[str, Any]) -> bool:
-    """Whether a file's tables describe an arena rather than a study."""
-    plants = tables.get("plant")
-    return "law" in tables and isinstance(plants, dict) and "motor" not in tables
-
-
 def arena_of(path: Path, tables: dict[str, Any]) -> Arena:
     """The arena of these tables, validated; StudyError lists its mistakes, one per line."""
     try:
