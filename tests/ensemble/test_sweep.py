@@ -663,7 +663,7 @@ def test_table_and_report_are_one_set(
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("cogless.report.sweep.write", full)
+        patch.setattr("cogless.report.sweep_report.write", full)
         assert swept(4) == (2, before)
     code, after = swept(4)
     assert code == 0 and all(after[name] != before[name] for name in ("sweep.parquet", "report.html"))

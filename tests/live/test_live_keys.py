@@ -19,7 +19,7 @@ from cogless.live.description import Number, held, pack
 from cogless.live.keys import Found, Landing, _accepted, landed, packed
 from cogless.live.live_page import data
 from cogless.report import speed_tracking
-from cogless.report.status_lanes import MOMENT
+from cogless.report.speed_tracking import MOMENT
 from cogless.results.status import Status
 from cogless.study.reading import changed
 

@@ -19,8 +19,7 @@ from cogless.live.candidates import MOTOR, of_motor
 from cogless.live.description import held
 from cogless.live.keys import _changed, adjustable, packed
 from cogless.live.live_page import data
-from cogless.report.speed_tracking import missed
-from cogless.report.status_lanes import MOMENT
+from cogless.report.speed_tracking import MOMENT, missed
 from cogless.results.status import Status
 from cogless.run.simulate import simulate
 from cogless.study import load

@@ -20,7 +20,7 @@ from cogless.ensemble import sweep as sweeping
 from cogless.ensemble.judge import influences, positions
 from cogless.ensemble.sweep_table import LAST, Column, Sweep, columns
 from cogless.ensemble.variants import draw
-from cogless.report import sweep as report
+from cogless.report import sweep_report as report
 
 pytest.importorskip("SALib", reason="needs the extra cogless[sweep]")
 

@@ -12,10 +12,10 @@ import pytest
 
 import studies
 from cogless import StudyError, rollout, run_study
-from cogless.report import overtime, render
-from cogless.report.packing import thin
-from cogless.report.paths import varies, varies_in
-from cogless.report.spectra import _first
+from cogless.report import render, waveforms
+from cogless.report.markup import thin
+from cogless.report.order_charts import _first
+from cogless.report.panels import varies, varies_in
 from cogless.results import Run
 from cogless.results import trace as tracing
 from cogless.results.results_json import to_dict
@@ -107,7 +107,7 @@ def long() -> Trace:
 
 def test_a_long_trace_is_thinned_as_a_whole_one(long: Trace) -> None:
     for span, points in ((None, 1501), (None, 20_000), ((100.0, 400.0), 4000), ((1.0, 1.5), 900)):
-        view = overtime.View(span, points)
+        view = waveforms.View(span, points)
         whole, step = thin(long["omega_m"][view.rows(long)], points)
         assert np.array_equal(view.thinned(long, lambda rows: long.part("omega_m", rows)), whole)
         assert view.grid(long)["step"] == pytest.approx(step * 1e-3)
@@ -115,13 +115,13 @@ def test_a_long_trace_is_thinned_as_a_whole_one(long: Trace) -> None:
 
 def test_what_is_searched_in_a_long_trace(long: Trace) -> None:
     end = long.time[-1]
-    assert overtime._since(long, 400) == pytest.approx(end - 400, abs=2e-3)
-    assert overtime._since(long, 2) == pytest.approx(end - 2, abs=2e-3)
-    assert overtime._since(long, round(end) + 1) is None
+    assert waveforms._since(long, 400) == pytest.approx(end - 400, abs=2e-3)
+    assert waveforms._since(long, 2) == pytest.approx(end - 2, abs=2e-3)
+    assert waveforms._since(long, round(end) + 1) is None
     run = Run("s", "c", long)
     error = np.abs(long["omega_error"])
     calm = 1.2 * error[len(error) // 2 :].max()
-    assert overtime._started([run], end) == long.time[np.flatnonzero(error > calm)[-1]]
+    assert waveforms._started([run], end) == long.time[np.flatnonzero(error > calm)[-1]]
     late = int(np.argmax(long.time > 400))
     assert _first(long, 0, lambda rows: long.part("time", rows) > 400) == late
     assert _first(long, late + 7, lambda rows: long.part("time", rows) > 400) == late + 7

@@ -13,7 +13,7 @@ import cogless
 from cogless.errors import StudyError
 from cogless.maps import stored_map
 from cogless.maps.stored_map import StoredMap
-from cogless.report.maps import maps
+from cogless.report.map_charts import maps
 from cogless.results import Run
 from cogless.run.simulate import simulate
 from cogless.study import Study

@@ -55,7 +55,7 @@ def sweep(
     from cogless.ensemble import sweep as sweeping
     from cogless.ensemble import sweep_table
     from cogless.files import writable
-    from cogless.report import sweep as report
+    from cogless.report import sweep_report as report
     from cogless.results.folder import check_names, held, new_set
 
     sweep_table.require("sweep")
@@ -99,7 +99,7 @@ def tune(
     from cogless.ensemble import search, sweep_table
     from cogless.ensemble import tune as tuning
     from cogless.files import writable
-    from cogless.report import sweep as report
+    from cogless.report import sweep_report as report
     from cogless.results.folder import check_names, held, new_set
     from cogless.study import TrialStudy
     from cogless.study.reading import changes_from

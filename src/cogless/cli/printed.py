@@ -108,7 +108,7 @@ def _cell(line: Line, controller: str, baseline: str) -> Text:
     """A table cell: value, ratio to the baseline, and a mark (* is best, ! failed to hold the speed)."""
     from rich.text import Text
 
-    from cogless.report.packing import number
+    from cogless.report.markup import number
 
     text, ratio = line.number(controller) or "-", line.ratio(controller, baseline)
     if ratio is not None and controller != baseline:

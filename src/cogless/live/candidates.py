@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_args, get_origin
 from cogless import units
 from cogless.design.from_study import design_study, uncertain_plant
 from cogless.live.description import blobs, held
-from cogless.report.trials.phases import groups, phases
+from cogless.report.phases import groups, phases
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.drive import IdealCurrentLoop

@@ -19,11 +19,9 @@ from cogless.live import engine, own_motor, toml
 from cogless.live.description import OFF, Packed, held, left_out, precision
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.report.markup import asset as report_asset
-from cogless.report.speed_tracking import DRIFT, FAR, LOST, ONE_WAY
-from cogless.report.status_lanes import MOMENT
-from cogless.report.trials.errors import display_unit, judged
-from cogless.report.trials.phases import groups, phases
-from cogless.report.trials.waveforms import panels_of
+from cogless.report.phases import display_unit, groups, judged, phases
+from cogless.report.speed_tracking import DRIFT, FAR, LOST, MOMENT, ONE_WAY
+from cogless.report.trials import panels_of
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario

@@ -19,8 +19,8 @@ from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Wave
 from cogless.identify.sessions import TOLD, sessions
 from cogless.identify.write import shown
+from cogless.report.charts import STYLE, Plot, save
 from cogless.report.markup import asset, note, table
-from cogless.report.png import STYLE, Plot, save
 from cogless.results.trace import Trace
 
 Array = NDArray[np.float64]

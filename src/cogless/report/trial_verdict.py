@@ -12,12 +12,11 @@ from cogless.design.certificate import ENDS, Learning, ModelCertificate
 from cogless.design.response import MONOTONE
 from cogless.design.trial import TrialDesign
 from cogless.report.comparison import SAME
-from cogless.report.packing import number
-from cogless.report.trials.case import Case, case
-from cogless.report.trials.certificate import Model, close_to_one
-from cogless.report.trials.outcome import same_size, than
-from cogless.report.trials.phases import Phase, after
-from cogless.report.verdict import CLEARLY, ScenarioVerdict, listed, over, times, worst
+from cogless.report.markup import number
+from cogless.report.phases import Phase, after
+from cogless.report.trial_case import Case, case, same_size, than
+from cogless.report.trial_certificate import Model, close_to_one
+from cogless.report.verdicts import CLEARLY, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Run, TrialResults
 
 FEW_TRIALS = 5  # in a row above the feedback alone: no sentence is said of so few

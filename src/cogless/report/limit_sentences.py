@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from cogless.report.comparison import shown_in
-from cogless.report.packing import number
-from cogless.report.verdict import called, listed, times
+from cogless.report.markup import number
+from cogless.report.verdicts import called, listed, times
 from cogless.results.limits import CAUSES, NAMED_MOST, Cause, Cure, Limits
 from cogless.results.metrics import result_name
 from cogless.study import Study

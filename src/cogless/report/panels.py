@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.control_library import C_LAWS
-from cogless.report.packing import Array
+from cogless.report.markup import Array
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
 from cogless.study.metric import SIGNALS

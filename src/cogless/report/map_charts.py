@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cogless.report.packing import Array, plain
-from cogless.report.palette import place
-from cogless.report.paths import learned_terms
+from cogless.report.markup import Array, place, plain
+from cogless.report.panels import learned_terms
 from cogless.results import Results, Run
 
 MOST = 1440  # points of a map

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cogless.report.packing import number
+from cogless.report.markup import number
 from cogless.study import AnyStudy
 from cogless.study.base import StudyBase
 

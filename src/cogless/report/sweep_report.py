@@ -18,11 +18,9 @@ from cogless.ensemble.sweep_table import LAST, Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
 from cogless.report.comparison import pretty
-from cogless.report.markup import NONE, key, note, reservations, rows, table
-from cogless.report.packing import Array, number, plain
-from cogless.report.palette import place
-from cogless.report.sections import Runs, Sections
-from cogless.report.verdict import ScenarioVerdict, Told, listed
+from cogless.report.markup import NONE, Array, key, note, number, place, plain, reservations, rows, table
+from cogless.report.page import Runs, Sections
+from cogless.report.verdicts import ScenarioVerdict, Told, listed
 from cogless.results import AnyResults, Run
 from cogless.results.trace import Trace
 

@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 
 from cogless.design.certificate import ENDS, Certificate, Learning, ModelCertificate
-from cogless.report.markup import NONE, key, table
-from cogless.report.packing import number, pack, plain
-from cogless.report.palette import place
+from cogless.report.markup import NONE, key, number, pack, place, plain, table
 from cogless.results import Run, TrialResults
 
 NOTE = (

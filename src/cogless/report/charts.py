@@ -1,4 +1,11 @@
-"""Still pictures as PNG files: plots in rows and columns, from the page's data."""
+"""Still pictures as PNG files, of scenarios of speed and of trials.
+
+Still pictures as PNG files: plots in rows and columns, from the page's data.
+
+Still pictures of a speed scenario: waveforms, order spectra, learned maps.
+
+Still pictures of a trial scenario: RMS over trials, chosen trials, certificates.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +21,7 @@ from typing import Any
 import numpy as np
 
 from cogless.files import replacing
-from cogless.report.markup import asset
-from cogless.report.packing import Array
+from cogless.report.markup import Array, asset, unpack
 from cogless.results import AnyResults
 from cogless.results.results_json import run_id
 
@@ -151,3 +157,128 @@ def plot(chart: Data, x: str, draw: Callable[..., None], *arguments: Any) -> Plo
 def stack(charts: Sequence[Data], draw: Callable[..., None], *arguments: Any) -> list[list[Plot]]:
     """Rows with one plot each, for charts of the page."""
     return [[plot(chart, chart["x"], draw, *arguments)] for chart in charts]
+
+
+def _waveforms(data: Data, looks: Looks) -> list[list[Plot]]:
+    """Each panel twice: over the run after its start-up, and over its first fault or else last revolution."""
+    waves = data["waveforms"]
+    zooms = {zoom["name"]: zoom for zoom in data["zooms"]}
+    names = [name for name in ("after start-up", "whole run") if name in zooms][:1]
+    fault = next((name for name in zooms if name.startswith("fault at ")), "last revolution")
+    names += [name for name in (fault,) if name in zooms]
+    return [
+        [
+            plot(panel, f"{waves['x']}, {name}", _panel, waves, zooms[name], data["marks"], looks)
+            for name in names
+        ]
+        for panel in waves["panels"]
+    ]
+
+
+def _panel(panel: Data, waves: Data, zoom: Data, marks: Sequence[Data], looks: Looks, ax: Any) -> None:
+    begin, end = zoom["from"], zoom["to"]
+    for series in panel["series"]:
+        grid, y = _finest(waves, series, zoom)
+        x = times(grid, y)
+        inside = (x >= begin) & (x <= end)
+        look = REFERENCE if series.get("dash") else looks[series["controller"]]
+        ax.plot(x[inside], y[inside], **look)
+    for mark in marks:
+        if mark["from"] < end and mark["to"] > begin:
+            ax.axvspan(max(mark["from"], begin), min(mark["to"], end), color="#b3401f", alpha=0.13)
+
+
+def _finest(waves: Data, series: Data, zoom: Data) -> tuple[Data, Array]:
+    """Time grid and values of the finer points that cover a zoom, or else those of the whole run."""
+    slack = waves["step"]
+    for grid, packed in zip(waves["details"], series["details"], strict=True):
+        y = unpack(packed)
+        end = grid["start"] + grid["step"] * len(y)
+        if grid["start"] - slack <= zoom["from"] and zoom["to"] <= end + slack:
+            return grid, y
+    return waves, unpack(series["values"])
+
+
+def _bars(chart: Data, looks: Looks, ax: Any) -> None:
+    places = range(len(chart["orders"]))
+    width = 0.78 / len(chart["series"])
+    for k, series in enumerate(chart["series"]):
+        middles = [i + (k - len(chart["series"]) / 2 + 0.5) * width for i in places]
+        heights = [value or 0.0 for value in series["values"]]
+        ax.bar(middles, heights, 0.92 * width, **looks[series["controller"]])
+    ax.set_xticks(places, [str(order) for order in chart["orders"]])
+    ax.margins(x=0.05)
+    ax.grid(axis="x", visible=False)
+
+
+def _map(chart: Data, looks: Looks, ax: Any) -> None:
+    for series in chart["series"]:
+        ax.plot(chart["angle"], series["values"], **looks[series["controller"]])
+
+
+SPEED_PICTURES = {
+    "waveforms": Picture(_waveforms, 1.7, (2, 1)),
+    "spectra": Picture(lambda data, looks: stack(data["spectra"], _bars, looks), 2.6),
+    "map": Picture(lambda data, looks: stack(data["maps"], _map, looks), 2.6),
+}
+
+
+MOST_COLUMNS = 4  # phases whose first trial is drawn
+FAINT = "#5c6570"
+
+
+def _rms(data: Data, looks: Looks) -> list[list[Plot]]:
+    over = data["over_trials"]
+    return stack(over["charts"], _over_trials, over["marks"], looks)
+
+
+def _over_trials(chart: Data, marks: list[Data], looks: Looks, ax: Any) -> None:
+    for series in chart["series"]:
+        y = 10 ** unpack(series["values"])
+        ax.plot(np.arange(1, len(y) + 1), y, **looks[series["controller"]])
+    ax.set_yscale("log")
+    if "floor" in chart:
+        ax.axhline(chart["floor"], color=FAINT, linestyle="--", linewidth=0.8)
+        where = {"xycoords": ("axes fraction", "data"), "va": "bottom", "ha": "right"}
+        ax.annotate(chart["floor_name"], (0.995, chart["floor"]), fontsize=8, **where)
+    for row, mark in enumerate(marks):
+        ax.axvline(mark["trial"], color=FAINT, linestyle=":", linewidth=0.8)
+        where = {"xycoords": ("data", "axes fraction"), "va": "top", "textcoords": "offset points"}
+        ax.annotate(mark["name"], (mark["trial"], 1 - 0.06 * (row % 4)), (3, 0), fontsize=8, **where)
+
+
+def _trials(data: Data, looks: Looks) -> list[list[Plot]]:
+    """A column of plots for the first trial of each phase, with all controllers in each plot."""
+    waves = data["waveforms"]
+    return [
+        [
+            plot(panel, fill(f"{waves['x']}; {phase['name']}", 32), _trial, waves, column, looks)
+            for column, phase in enumerate(waves["phases"][:MOST_COLUMNS])
+        ]
+        for panel in waves["panels"]
+    ]
+
+
+def _trial(panel: Data, waves: Data, column: int, looks: Looks, ax: Any) -> None:
+    first = str(waves["phases"][column]["trials"][0])
+    curves = [(series["trials"][first], looks[series["controller"]]) for series in panel["series"]]
+    curves += [(packed, REFERENCE) for packed in panel["references"][column : column + 1]]
+    for packed, look in curves:
+        y = unpack(packed)
+        ax.plot(times(waves, y), y, **look)
+
+
+def _factors(chart: Data, looks: Looks, ax: Any) -> None:
+    for series in chart["series"]:
+        dashed = {"linestyle": "--", "label": None} if series.get("dash") else {}
+        ax.plot(chart["frequency"], unpack(series["values"]), **(looks[series["controller"]] | dashed))
+    ax.axhline(1, color=FAINT, linewidth=1)
+    ax.set_xscale("log")
+    ax.set_ylim(bottom=0)
+
+
+TRIAL_PICTURES = {
+    "rms": Picture(_rms, 3.4),
+    "trials": Picture(_trials, 1.7),
+    "certificate": Picture(lambda data, looks: stack(data["certificate"], _factors, looks), 2.6),
+}
