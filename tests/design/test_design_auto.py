@@ -14,8 +14,8 @@ from cogless.design import auto
 from cogless.design.auto import CORNERS, filled, known_orders, missing
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop
-from cogless.design.pi import speed_loop
 from cogless.design.space_learning import SpaceLoop
+from cogless.design.speed_loop import speed_loop
 from cogless.design.summary import design
 from cogless.design.verdict import verdict
 from cogless.errors import StudyError

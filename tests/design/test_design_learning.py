@@ -14,12 +14,12 @@ from rich.console import Console
 from cogless import changed, load, run_study
 from cogless.design import learning
 from cogless.design.closed_loop import Oscillation
-from cogless.design.feedback import unstable_feedback
+from cogless.design.design_table import design_table
+from cogless.design.law_rules import unstable_feedback
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, Worst
 from cogless.design.ripple import Ripple
 from cogless.design.summary import to_dict, weakest_margins
-from cogless.design.table import design_table
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
 from cogless.study.controller import PiIlc, RobustIlc

@@ -16,7 +16,7 @@ from cogless.design import order_learning
 from cogless.design.closed_loop import Linear, Oscillation, Resonator, poles
 from cogless.design.learning_loop import Worst
 from cogless.design.order_learning import OrderLoop
-from cogless.design.pi import gains, pi_response, speed_loop
+from cogless.design.speed_loop import gains, pi_response, speed_loop
 from cogless.design.unlearned import foreseen
 from cogless.design.verdict import Verdict, verdict
 from cogless.design.warnings import warnings

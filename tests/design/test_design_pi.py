@@ -21,11 +21,18 @@ from scipy.linalg import expm
 import studies
 from cogless import load
 from cogless.design.closed_loop import Linear, poles
-from cogless.design.current_loop import CurrentLoop, current_loops
+from cogless.design.design_table import design_table
 from cogless.design.margins import Margins
-from cogless.design.pi import SpeedLoop, gains, margins, phase_margin_pi, speed_loop
+from cogless.design.speed_loop import (
+    CurrentLoop,
+    SpeedLoop,
+    current_loops,
+    gains,
+    margins,
+    phase_margin_pi,
+    speed_loop,
+)
 from cogless.design.summary import summary, to_dict
-from cogless.design.table import design_table
 from cogless.errors import StudyError
 from cogless.run.simulate import simulate
 from cogless.study.controller import Tuning

@@ -25,6 +25,7 @@ from cogless.design.angle_functions import (
     angle_functions,
 )
 from cogless.design.closed_loop import Linear
+from cogless.design.design_table import design_table
 from cogless.design.space_bounds import (
     Motion,
     _in_scenario,
@@ -37,7 +38,6 @@ from cogless.design.space_bounds import (
 )
 from cogless.design.space_learning import SpaceLoop
 from cogless.design.summary import to_dict
-from cogless.design.table import design_table
 from cogless.design.verdict import verdict
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.motor import Cogging, Motor

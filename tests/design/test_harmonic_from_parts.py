@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from cogless.design import harmonic, harmonic_transfer
-from cogless.design.current_loop import CurrentLoop, IdealLoop
 from cogless.design.harmonic import (
     LEAST,
     Certificate,
@@ -40,8 +39,7 @@ from cogless.design.harmonic_transfer import (
     seen,
     turned,
 )
-from cogless.design.pi import SpeedLoop
-from cogless.design.soft_shaft import SoftShaft
+from cogless.design.speed_loop import CurrentLoop, IdealLoop, SoftShaft, SpeedLoop
 from cogless.study.angle_table import OverAngle
 from cogless.study.harmonic import FASTEST, Harmonic, Learner
 from cogless.study.position_sensor import Encoder, Hall, IdealSensor

@@ -22,9 +22,9 @@ from cogless.design.detent import LARGE
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import LearningLoop, _with_near, opened, sensitivity
 from cogless.design.margins import Complex, Real
-from cogless.design.observer import counting_window
 from cogless.design.ripple import Ripple, Sampled, _noise, orders, ripple, sampled, sensor_waves
 from cogless.design.space_learning import SpaceLoop
+from cogless.design.speed_loop import counting_window
 from cogless.design.verdict import doubts
 from cogless.study.space_controller import SpaceSpeed
 

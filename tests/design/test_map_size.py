@@ -11,8 +11,8 @@ import pytest
 import studies
 from cogless import load
 from cogless.cli import printed
-from cogless.design.map_size import kept, map_warning
-from cogless.design.table import design_table
+from cogless.design.design_table import design_table
+from cogless.design.unlearned import kept, map_warning
 
 LAW = {"law": "space-position", "k_theta": 5, "k_omega": 0.1, "mu_alpha": 0.1, "q_half_width": 0,
        "period": {"of": "mechanical"}}  # fmt: skip

@@ -17,7 +17,7 @@ import pytest
 import studies
 from cogless.design.auto import load
 from cogless.design.current_needed import starts_after
-from cogless.design.feedback import feedback_of
+from cogless.design.law_rules import feedback_of
 from cogless.design.warnings import beyond_drive, loop_remarks, too_short, warnings
 from cogless.errors import StudyError
 from cogless.identify import diagnosis, plan

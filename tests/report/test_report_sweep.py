@@ -203,7 +203,7 @@ def test_the_worst_command_repeats_the_worst_variant(
 
 def test_variants_of_the_plant_meet_controllers_of_the_study(tmp_path: Path) -> None:
     """Gains by a rule stay those of the nominal motor; in a study with that inertia they would be others."""
-    from cogless.design.pi import gains
+    from cogless.design.speed_loop import gains
     from cogless.study import changed, for_scenario
 
     tuned = '[controller.rule]\nlaw = "pi"\ntuning = { rule = "phase-margin", phase_margin = "60 deg" }\n'

@@ -241,8 +241,8 @@ def design(
         designs = summary(loaded)
         found, shown = partial(to_dict, loaded, designs), partial(table, loaded, designs)
     else:
+        from cogless.design.design_table import design_table
         from cogless.design.summary import to_dict as speed_dict
-        from cogless.design.table import design_table
 
         found, shown = partial(speed_dict, loaded), partial(design_table, loaded)
     if as_json:

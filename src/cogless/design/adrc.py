@@ -16,9 +16,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from cogless.design.current_loop import NoMarginError
 from cogless.design.margins import Complex, Margins, Real, margins_of, root
-from cogless.design.pi import SpeedLoop
+from cogless.design.speed_loop import NoMarginError, SpeedLoop
 
 RATIO = 4.0  # observer's bandwidth / the loop's: 3 to 10 in use
 FASTEST = 2.0  # observer's bandwidth times the period, at most

@@ -20,14 +20,12 @@ import math
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
-from cogless.design.closed_loop import Linear, oscillation, poles
-from cogless.design.cures import either, first, helping, text
-from cogless.design.current_loop import LEAST
+from cogless.design.changes import either, first, helping, text
+from cogless.design.closed_loop import Linear, open_loop, oscillation, poles, position_margins
 from cogless.design.detent import snaps, swing
 from cogless.design.gentler import slower_feedback
 from cogless.design.margins import Real
-from cogless.design.pi import SpeedLoop, gains, speed_loop
-from cogless.design.position import open_loop, position_margins
+from cogless.design.speed_loop import LEAST, SpeedLoop, gains, speed_loop
 from cogless.study import Study
 from cogless.study.controller import SETTLING, AntiCogging, Commissioning
 from cogless.study.error_messages import dotted

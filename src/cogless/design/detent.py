@@ -24,8 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.closed_loop import Linear
-from cogless.design.pi import SpeedLoop, gains, speed_loop
 from cogless.design.ripple import orders, responses
+from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
 from cogless.study import Study
 from cogless.study.spoken import speed_text
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cogless.design.cures import either, helping
+from cogless.design.changes import either, helping
 from cogless.design.error import DesignError
 from cogless.design.model import Discretisation, Model, sampled
 from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices

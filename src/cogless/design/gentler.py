@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cogless.design.cures import text
-from cogless.design.pi import gains
-from cogless.design.position import harmonic_gains, position_gains
+from cogless.design.changes import text
+from cogless.design.closed_loop import harmonic_gains, position_gains
+from cogless.design.speed_loop import gains
 from cogless.study import Study
 from cogless.study.controller import Feedback, PiIlc, RobustIlc
 from cogless.study.error_messages import dotted

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cogless.design.current_loop import CurrentLoop
+from cogless.design.closed_loop import Gains, harmonic_gains, position_margins
 from cogless.design.detent import LARGE, snaps, swing
-from cogless.design.feedback import feedback_of
 from cogless.design.harmonic_transfer import (
     FROM,
     SPLIT,
@@ -24,9 +23,9 @@ from cogless.design.harmonic_transfer import (
     plants,
     rate_bound,
 )
+from cogless.design.law_rules import feedback_of
 from cogless.design.margins import Real
-from cogless.design.pi import SpeedLoop, speed_loop
-from cogless.design.position import Gains, harmonic_gains, position_margins
+from cogless.design.speed_loop import CurrentLoop, SpeedLoop, speed_loop
 from cogless.study import Study
 from cogless.study.harmonic import FASTEST, ORDERS, Harmonic, Learner
 from cogless.study.position_sensor import Counted, Hall

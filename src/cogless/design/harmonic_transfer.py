@@ -18,9 +18,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cogless.design.closed_loop import Gains
 from cogless.design.margins import Complex, Real
-from cogless.design.pi import SpeedLoop, pi_response
-from cogless.design.position import Gains
+from cogless.design.speed_loop import SpeedLoop, pi_response
 from cogless.study.harmonic import BANDS, FASTEST, Learner
 
 POLE = math.exp(-0.5)  # of the observer, each sample: its bandwidth is half a radian a sample

@@ -12,8 +12,7 @@ import math
 
 import numpy as np
 
-from cogless.design.fastest import fewest_samples
-from cogless.design.learning_loop import SETTLED, LearningLoop
+from cogless.design.learning_loop import SETTLED, LearningLoop, fewest_samples
 from cogless.design.ripple import WORSE, ripple
 from cogless.study.controller import Learning, RobustIlc
 from cogless.study.spoken import speed_text

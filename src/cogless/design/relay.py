@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cogless.design.closed_loop import oscillation
-from cogless.design.feedback import feedback_of
+from cogless.design.law_rules import feedback_of
 from cogless.design.margins import POINTS
-from cogless.design.pi import pi_response, speed_loop
 from cogless.design.ripple import ripple
+from cogless.design.speed_loop import pi_response, speed_loop
 from cogless.design.verdict import judged
 from cogless.study import Study
 from cogless.study.controller import RobustIlc

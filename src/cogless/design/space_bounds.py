@@ -55,8 +55,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functions
-from cogless.design.closed_loop import Linear
-from cogless.design.position import feedback_at, position_gains
+from cogless.design.closed_loop import Linear, feedback_at, position_gains
 from cogless.study import Study, for_scenario
 from cogless.study.scenario import Scenario
 from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed

@@ -23,9 +23,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cogless.design.cures import either, first, helping, text
-from cogless.design.current_loop import FACTORS, current_loops, slower_loop
+from cogless.design.changes import either, first, helping, text
 from cogless.design.model import exponential
+from cogless.design.speed_loop import FACTORS, current_loops, slower_loop
 from cogless.study import Study, for_scenario
 from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes

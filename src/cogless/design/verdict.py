@@ -31,21 +31,19 @@ from numpy.typing import NDArray
 
 from cogless import units
 from cogless.design.angle_functions import angle_functions
-from cogless.design.closed_loop import Oscillation, oscillation
-from cogless.design.cures import either, first, helping, helps, text, words
-from cogless.design.current_loop import LEAST
+from cogless.design.changes import either, first, helping, helps, text, words
+from cogless.design.closed_loop import Oscillation, oscillation, position_margins
 from cogless.design.detent import LARGE, snaps, swing
-from cogless.design.feedback import feedback_of
 from cogless.design.gentler import HALVINGS, finer_sensor, slower_feedback, weaker_learning
+from cogless.design.law_rules import feedback_of
 from cogless.design.learning import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Real
 from cogless.design.order_learning import OrderLoop
-from cogless.design.pi import speed_loop
-from cogless.design.position import position_margins
 from cogless.design.ripple import WORSE, ripple, sampled
 from cogless.design.space_bounds import unfit
 from cogless.design.space_learning import SpaceLoop
+from cogless.design.speed_loop import LEAST, speed_loop
 from cogless.errors import StudyError
 from cogless.study import Study, changed, for_scenario
 from cogless.study.controller import Learning

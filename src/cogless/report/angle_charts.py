@@ -20,10 +20,10 @@ import numpy as np
 
 from cogless import units
 from cogless.design.closed_loop import Linear
-from cogless.design.feedback import feedback_of
+from cogless.design.law_rules import feedback_of
 from cogless.design.learning_loop import LearningLoop, plants, sensitivity
 from cogless.design.margins import Complex, Real
-from cogless.design.pi import speed_loop
+from cogless.design.speed_loop import speed_loop
 from cogless.design.verdict import judged, loop_type, verdict
 from cogless.errors import StudyError
 from cogless.report.comparison import SAME, pretty, speed_unit

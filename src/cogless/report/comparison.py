@@ -14,7 +14,7 @@ from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
-from cogless.design.feedback import feedback_of
+from cogless.design.law_rules import feedback_of
 from cogless.design.ripple import WORSE
 from cogless.design.unlearned import Memory, never, revolutions_learned, starts_too_late, too_short
 from cogless.design.warnings import likely_harm

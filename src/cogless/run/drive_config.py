@@ -18,10 +18,10 @@ from typing import Any, Literal
 from cogless.c_layout import control_layout
 from cogless.control_library import C_LAWS
 from cogless.design.auto import missing
+from cogless.design.closed_loop import harmonic_gains, position_gains
 from cogless.design.harmonic import learner
-from cogless.design.pi import gains
-from cogless.design.position import harmonic_gains, position_gains
 from cogless.design.space_bounds import learned_limits
+from cogless.design.speed_loop import gains
 from cogless.errors import StudyError
 from cogless.run.own_law import known_drive
 from cogless.study import AnyStudy, Study, for_scenario

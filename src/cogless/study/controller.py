@@ -35,7 +35,7 @@ from cogless.study.table import (
 
 
 class Tuning(Table):
-    """A rule that computes the feedback's gains (cogless.design.pi), and as auto all others too.
+    """A rule that computes the feedback's gains (cogless.design.speed_loop), and as auto all others too.
 
     cogless.design.auto describes auto; keys that the study gives stay as they are.
     """

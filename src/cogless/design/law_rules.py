@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from cogless.design.closed_loop import Linear, oscillation
-from cogless.design.pi import gains, speed_loop
-from cogless.design.position import feedback_at, harmonic_gains
+from cogless.design.closed_loop import Linear, feedback_at, harmonic_gains, oscillation
+from cogless.design.speed_loop import gains, speed_loop
 from cogless.study import Study
 from cogless.study.controller import Feedback, RobustIlc
 from cogless.study.harmonic import Harmonic
