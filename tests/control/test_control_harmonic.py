@@ -10,7 +10,7 @@ from reference.harmonic import SETTLE, Harmonic
 from reference.motion import motion, rounded
 from reference.pi import Pi
 
-from cogless.design.harmonic_transfer import rate_bound
+from cogless.design.laws.harmonic_transfer import rate_bound
 from cogless.study.harmonic import FASTEST, HIGHEST, ORDERS, Learner
 
 TS, STEPS = 1e-3, 1500

@@ -12,9 +12,9 @@ import pytest
 from cogless import load, run_study
 from cogless.design import auto
 from cogless.design.auto import CORNERS, filled, known_orders, missing
-from cogless.design.learning import PeriodicLoop
+from cogless.design.laws.periodic import PeriodicLoop
+from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop
-from cogless.design.space_learning import SpaceLoop
 from cogless.design.speed_loop import speed_loop
 from cogless.design.summary import design
 from cogless.design.verdict import verdict

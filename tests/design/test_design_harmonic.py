@@ -11,8 +11,8 @@ import studies
 from cogless import load
 from cogless.design.auto import filled
 from cogless.design.closed_loop import harmonic_gains
-from cogless.design.harmonic import _acting, certificate, learner, rate_at
-from cogless.design.harmonic_transfer import gamma, rate_bound
+from cogless.design.laws.harmonic import _acting, certificate, learner, rate_at
+from cogless.design.laws.harmonic_transfer import gamma, rate_bound
 from cogless.design.speed_loop import interpolated, speed_loop
 from cogless.design.summary import design, design_dict, summary
 from cogless.errors import StudyError

@@ -26,7 +26,8 @@ from cogless.design.angle_functions import (
 )
 from cogless.design.closed_loop import Linear
 from cogless.design.design_table import design_table
-from cogless.design.space_bounds import (
+from cogless.design.laws.space import SpaceLoop
+from cogless.design.laws.space_bounds import (
     Motion,
     _in_scenario,
     _tight_limits,
@@ -36,7 +37,6 @@ from cogless.design.space_bounds import (
     speed_conditions,
     theorem,
 )
-from cogless.design.space_learning import SpaceLoop
 from cogless.design.summary import to_dict
 from cogless.design.verdict import verdict
 from cogless.study.mechanics import Load, Mechanics

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cogless.design import harmonic, harmonic_transfer
-from cogless.design.harmonic import (
+from cogless.design.laws import harmonic, harmonic_transfer
+from cogless.design.laws.harmonic import (
     LEAST,
     Certificate,
     Certified,
@@ -26,7 +26,7 @@ from cogless.design.harmonic import (
     main_order,
     rate_at,
 )
-from cogless.design.harmonic_transfer import (
+from cogless.design.laws.harmonic_transfer import (
     _bands,
     _few,
     _shares,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cogless.design.harmonic import Certificate, Certified, delay_of
+from cogless.design.laws.harmonic import Certificate, Certified, delay_of
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, finite, margins_of, root
 from cogless.design.speed_loop import CurrentLoop, IdealLoop, SoftShaft, SpeedLoop, pi_response, weakness
 from cogless.design.summary import CurrentLoopDesign, Gain

@@ -12,11 +12,11 @@ import pytest
 
 from cogless.design import verdict as module
 from cogless.design.closed_loop import Oscillation
-from cogless.design.learning import PeriodicLoop
+from cogless.design.laws.periodic import PeriodicLoop
+from cogless.design.laws.pi_afc import OrderLoop
+from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import SETTLED, Worst
-from cogless.design.order_learning import OrderLoop
 from cogless.design.ripple import WORSE, Ripple
-from cogless.design.space_learning import SpaceLoop
 from cogless.design.verdict import (
     WIDEST,
     Mean,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cogless import run_study
-from cogless.design.space_bounds import theorem
+from cogless.design.laws.space_bounds import theorem
 from cogless.design.speed_loop import gains
 from cogless.design.verdict import verdict
 from cogless.results import Run

@@ -29,16 +29,16 @@ from typing import Any
 
 import numpy as np
 
-from cogless.design.adrc import bandwidths
 from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import oscillation
-from cogless.design.commissioning import position_gain
-from cogless.design.learning import LONGEST_LEAD, PeriodicLoop
+from cogless.design.laws.adrc import bandwidths
+from cogless.design.laws.anti_cogging import position_gain
+from cogless.design.laws.periodic import LONGEST_LEAD, PeriodicLoop
+from cogless.design.laws.pi_afc import OrderLoop
+from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop
 from cogless.design.margins import Complex, Real
-from cogless.design.order_learning import OrderLoop
 from cogless.design.ripple import ripple
-from cogless.design.space_learning import SpaceLoop
 from cogless.design.speed_loop import gains, phase_margin_pi, speed_loop, tuned, tuning_of
 from cogless.design.verdict import WIDEST
 from cogless.errors import StudyError

@@ -7,13 +7,13 @@ import math
 from typing import Any, get_args
 
 from cogless import units
-from cogless.design.adrc import adrc_margins
 from cogless.design.closed_loop import harmonic_gains, position_gains, position_margins
-from cogless.design.harmonic import Certificate, certificate
 from cogless.design.law_rules import feedback_of
+from cogless.design.laws.adrc import adrc_margins
+from cogless.design.laws.harmonic import Certificate, certificate
+from cogless.design.laws.space_bounds import Theorem, theorem
 from cogless.design.learning_loop import fastest
 from cogless.design.margins import Margins, finite
-from cogless.design.space_bounds import Theorem, theorem
 from cogless.design.speed_loop import current_loops, gains, speed_loop, weakness
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study

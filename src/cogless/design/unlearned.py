@@ -22,9 +22,9 @@ import numpy as np
 
 from cogless.design.angle_functions import functions_in
 from cogless.design.changes import either, helping
-from cogless.design.learning import PeriodicLoop
+from cogless.design.laws.periodic import PeriodicLoop
+from cogless.design.laws.pi_afc import OrderLoop
 from cogless.design.margins import Real
-from cogless.design.order_learning import OrderLoop
 from cogless.design.verdict import judgement
 from cogless.study import Study
 from cogless.study.controller import Learning

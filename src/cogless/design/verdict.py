@@ -36,13 +36,13 @@ from cogless.design.closed_loop import Oscillation, oscillation, position_margin
 from cogless.design.detent import LARGE, snaps, swing
 from cogless.design.gentler import HALVINGS, finer_sensor, slower_feedback, weaker_learning
 from cogless.design.law_rules import feedback_of
-from cogless.design.learning import PeriodicLoop
+from cogless.design.laws.periodic import PeriodicLoop
+from cogless.design.laws.pi_afc import OrderLoop
+from cogless.design.laws.space import SpaceLoop
+from cogless.design.laws.space_bounds import unfit
 from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Real
-from cogless.design.order_learning import OrderLoop
 from cogless.design.ripple import WORSE, ripple, sampled
-from cogless.design.space_bounds import unfit
-from cogless.design.space_learning import SpaceLoop
 from cogless.design.speed_loop import LEAST, speed_loop
 from cogless.errors import StudyError
 from cogless.study import Study, changed, for_scenario

@@ -19,7 +19,6 @@ import numpy as np
 from cogless.design import verdict as learning
 from cogless.design.changes import either, first, helping, text
 from cogless.design.closed_loop import Linear, position_margins
-from cogless.design.commissioning import commissioning_warning
 from cogless.design.current_needed import starts_after, too_much_current
 from cogless.design.detent import snaps, swing, turns_from
 from cogless.design.gentler import (
@@ -29,8 +28,9 @@ from cogless.design.gentler import (
     timed_edges,
     younger_speeds,
 )
-from cogless.design.harmonic import BENDS_FROM, learner, least_base, main_order, roomy_base
 from cogless.design.law_rules import feedback_of, unstable_feedback
+from cogless.design.laws.anti_cogging import commissioning_warning
+from cogless.design.laws.harmonic import BENDS_FROM, learner, least_base, main_order, roomy_base
 from cogless.design.margins import Margins, Real
 from cogless.design.relay import relay_warning
 from cogless.design.ripple import Sampled, counting, sampled

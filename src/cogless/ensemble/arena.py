@@ -15,7 +15,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from cogless.design.auto import automatic, known_orders, missing
-from cogless.design.harmonic import learner
+from cogless.design.laws.harmonic import learner
 from cogless.ensemble.arena_file import Arena, ArenaPlant
 from cogless.errors import StudyError
 from cogless.results import AnyResults

@@ -19,8 +19,8 @@ from cogless.c_layout import control_layout
 from cogless.control_library import C_LAWS
 from cogless.design.auto import missing
 from cogless.design.closed_loop import harmonic_gains, position_gains
-from cogless.design.harmonic import learner
-from cogless.design.space_bounds import learned_limits
+from cogless.design.laws.harmonic import learner
+from cogless.design.laws.space_bounds import learned_limits
 from cogless.design.speed_loop import gains
 from cogless.errors import StudyError
 from cogless.run.own_law import known_drive

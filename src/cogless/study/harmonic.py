@@ -18,7 +18,7 @@ FASTEST = 2.6  # rad a sample of an order: CGL_HARMONIC_FASTEST
 
 @dataclass(frozen=True, kw_only=True)
 class Learner:
-    """The numbers of the learning part, as its rule computes them: cogless.design.harmonic."""
+    """The numbers of the learning part, as its rule computes them: cogless.design.laws.harmonic."""
 
     b: float  # rad/s^2/A
     delay: float  # s

@@ -13,7 +13,8 @@ import numpy as np
 
 from cogless.design.closed_loop import Gains, harmonic_gains, position_margins
 from cogless.design.detent import LARGE, snaps, swing
-from cogless.design.harmonic_transfer import (
+from cogless.design.law_rules import feedback_of
+from cogless.design.laws.harmonic_transfer import (
     FROM,
     SPLIT,
     at_speed,
@@ -23,7 +24,6 @@ from cogless.design.harmonic_transfer import (
     plants,
     rate_bound,
 )
-from cogless.design.law_rules import feedback_of
 from cogless.design.margins import Real
 from cogless.design.speed_loop import CurrentLoop, SpeedLoop, speed_loop
 from cogless.study import Study

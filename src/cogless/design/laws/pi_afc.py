@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cogless.design.closed_loop import Oscillation, Resonator, poles
-from cogless.design.learning import LONGEST_LEAD
+from cogless.design.laws.periodic import LONGEST_LEAD
 from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Complex, Real
 from cogless.study.pi_afc import PiAfc
