@@ -3,7 +3,7 @@
 import numpy as np
 
 from cogless.control_library import C_LAWS
-from cogless.design.from_study import design_study
+from cogless.design.trials.from_study import design_study
 from cogless.results import Results, Run, TrialResults
 from cogless.results.trace import Trace
 from cogless.run.carry_out import measure

@@ -20,10 +20,10 @@ import trial_studies
 
 import cogless
 from cogless.cli.printed import a_metric
-from cogless.design import learning_gain
 from cogless.design.auto import load
-from cogless.design.from_study import design_study
-from cogless.design.response import MONOTONE
+from cogless.design.trials import learning_gain
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.response import MONOTONE
 from cogless.design.warnings import beyond_drive, warnings
 from cogless.errors import StudyError
 from cogless.report import lines, verdicts

@@ -18,8 +18,8 @@ PLACES_MOST = {
     "message_taken_apart": 10,
     "number_copied_from_c": 8,
     "unit_factor_written_out": 100,
-    "file_name_used_again": 6,
-    "small_file": 8,
+    "file_name_used_again": 4,
+    "small_file": 7,
 }
 NAMES = [rule.__name__ for rule in style.RULES]
 LONG = "\n" * (style.SMALL_FILE_LINES + 1)

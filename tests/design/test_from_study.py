@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from cogless.design import from_study
-from cogless.design.error import DesignError
+from cogless.design.trials import from_study
+from cogless.design.trials.model import DesignError
 from cogless.study.trial_controller import StateIlc
 
 

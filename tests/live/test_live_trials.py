@@ -12,7 +12,7 @@ from test_live_engine import RUN, each_met, native
 from test_live_keys import same_bytes
 from test_live_page import same, sets_of, settle, show, text, type_into
 
-from cogless.design.from_study import design_study, retuned
+from cogless.design.trials.from_study import design_study, retuned
 from cogless.errors import StudyError
 from cogless.live import left_out, toml, write
 from cogless.live.candidates import pinned, trial_candidates

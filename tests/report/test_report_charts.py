@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cogless.design.certificate import Learning
+from cogless.design.trials.certificate import Learning
 from cogless.report import (
     angle_charts,
     comparison,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import synthetic
 
-from cogless.design.certificate import ENDS
-from cogless.design.response import MONOTONE
+from cogless.design.trials.certificate import ENDS
+from cogless.design.trials.response import MONOTONE
 from cogless.report.phases import Phase, settled
 from cogless.report.trial_case import case
 

@@ -11,8 +11,8 @@ import synthetic
 import trial_studies
 
 from cogless.cli.printed import print_tables
-from cogless.design.from_study import design_study
-from cogless.design.trial_summary import labelled_notes, megabytes
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.trial_summary import labelled_notes, megabytes
 from cogless.report import lines, outcome, render, verdicts
 from cogless.report.phases import NAMED_MOST, Phase, after, groups, phases
 from cogless.report.trial_case import case, own_lines, same_size, than

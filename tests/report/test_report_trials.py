@@ -12,11 +12,11 @@ import trial_studies
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from test_report import Checker, data_of
 
-from cogless.design.certificate import Certificate, Learning, ModelCertificate
-from cogless.design.finite import FiniteTrial
-from cogless.design.from_study import design_study
-from cogless.design.lmi import Check
-from cogless.design.trial_summary import _proof, warnings, words
+from cogless.design.trials.certificate import Certificate, Learning, ModelCertificate
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.response import FiniteTrial
+from cogless.design.trials.state_feedback import Check
+from cogless.design.trials.trial_summary import _proof, warnings, words
 from cogless.report import lines, page, render, trials, verdicts, write, write_plots
 from cogless.report.markup import unpack
 from cogless.report.phases import Phase, phases, zooms

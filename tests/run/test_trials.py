@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from cogless import run_study
 from cogless.cli import app
-from cogless.design.from_study import design_study
+from cogless.design.trials.from_study import design_study
 from cogless.design.warnings import warnings
 from cogless.errors import StudyError
 from cogless.export.prepared import prepare

@@ -12,7 +12,7 @@ from engine import unpacked
 
 from cogless import changed
 from cogless.design.auto import load
-from cogless.design.from_study import design_study
+from cogless.design.trials.from_study import design_study
 from cogless.errors import StudyError
 from cogless.run.drive_config import engine_config
 from cogless.run.own_law import make_law

@@ -236,7 +236,7 @@ def design(
 
     loaded = load(study, changes)
     if isinstance(loaded, TrialStudy):
-        from cogless.design.trial_summary import summary, table, to_dict
+        from cogless.design.trials.trial_summary import summary, table, to_dict
 
         designs = summary(loaded)
         found, shown = partial(to_dict, loaded, designs), partial(table, loaded, designs)

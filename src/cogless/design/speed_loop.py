@@ -49,7 +49,7 @@ import numpy as np
 
 from cogless.design.changes import either, first, helps, text
 from cogless.design.margins import POINTS, UNSTABLE, Complex, Margins, Real, margins_of, root
-from cogless.design.model import exponential
+from cogless.design.trials.model import exponential
 from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.controller import Feedback, Tuning

@@ -24,8 +24,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from cogless.design.changes import either, first, helping, text
-from cogless.design.model import exponential
 from cogless.design.speed_loop import FACTORS, current_loops, slower_loop
+from cogless.design.trials.model import exponential
 from cogless.study import Study, for_scenario
 from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes

@@ -284,8 +284,8 @@ RPM = 30 / math.pi
 def warnings(study: AnyStudy, scenario: str, name: str) -> list[Remark]:
     """Warnings about a controller and its current loop, one line each, which begins with the study's key."""
     if isinstance(study, TrialStudy):
-        from cogless.design.from_study import design_study
-        from cogless.design.trial_summary import warnings as trial_warnings
+        from cogless.design.trials.from_study import design_study
+        from cogless.design.trials.trial_summary import warnings as trial_warnings
 
         found = trial_warnings(design_study(study, [(scenario, name)])[scenario, name])
         return [Remark(f"controller.{name}: {line}") for line in found]

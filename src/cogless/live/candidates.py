@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, get_args, get_origin
 
 from cogless import units
-from cogless.design.from_study import design_study, uncertain_plant
+from cogless.design.trials.from_study import design_study, uncertain_plant
 from cogless.live.description import blobs, held
 from cogless.report.phases import groups, phases
 from cogless.run.simulate import Pair

@@ -18,7 +18,7 @@ import numpy as np
 
 from cogless.c_layout import Leaf, control_layout
 from cogless.control_library import C_LAWS
-from cogless.design.from_study import design_study, retuned
+from cogless.design.trials.from_study import design_study, retuned
 from cogless.results.metrics import Conditions
 from cogless.run.drive_config import engine_config
 from cogless.run.plan import plan

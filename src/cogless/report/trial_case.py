@@ -14,8 +14,8 @@ from functools import cached_property
 
 import numpy as np
 
-from cogless.design.certificate import ModelCertificate
-from cogless.design.trial import TrialDesign
+from cogless.design.trials.certificate import ModelCertificate
+from cogless.design.trials.gains import TrialDesign
 from cogless.report.comparison import SAME, Line
 from cogless.report.markup import NONE, Array, number, rms
 from cogless.report.page import Outcome

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cogless.design.certificate import ENDS, Certificate, Learning, ModelCertificate
+from cogless.design.trials.certificate import ENDS, Certificate, Learning, ModelCertificate
 from cogless.report.markup import NONE, key, number, pack, place, plain, table
 from cogless.results import Run, TrialResults
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from cogless.design.certificate import ENDS, Learning, ModelCertificate
-from cogless.design.response import MONOTONE
-from cogless.design.trial import TrialDesign
+from cogless.design.trials.certificate import ENDS, Learning, ModelCertificate
+from cogless.design.trials.gains import TrialDesign
+from cogless.design.trials.response import MONOTONE
 from cogless.report.comparison import SAME
 from cogless.report.markup import number
 from cogless.report.phases import Phase, after

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.design.lmi import Check
-from cogless.design.trial import TrialDesign
-from cogless.design.trial_summary import labelled_notes, matrix_flash, matrix_size, megabytes
+from cogless.design.trials.gains import TrialDesign
+from cogless.design.trials.state_feedback import Check
+from cogless.design.trials.trial_summary import labelled_notes, matrix_flash, matrix_size, megabytes
 from cogless.report import trial_certificate
 from cogless.report.charts import TRIAL_PICTURES
 from cogless.report.comparison import Line, lines_of, runs_in, shown_in

@@ -22,7 +22,7 @@ from cogless.results.metrics import Value, result_name
 from cogless.results.runs import AnyResults, Results, TrialResults
 
 if TYPE_CHECKING:
-    from cogless.design.trial import TrialDesign
+    from cogless.design.trials.gains import TrialDesign
 
 
 def to_dict(results: AnyResults) -> dict[str, Any]:
@@ -141,7 +141,7 @@ def _not_designed(results: TrialResults) -> dict[str, Any]:
 
 
 def _design(design: TrialDesign) -> dict[str, Any]:
-    from cogless.design.trial_summary import design_dict
+    from cogless.design.trials.trial_summary import design_dict
 
     return design_dict(design)
 

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from cogless.c_layout import MisfitError
-from cogless.design.from_study import design_study
-from cogless.design.trial import TrialDesign
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.gains import TrialDesign
 from cogless.errors import StudyError
 from cogless.maps import learned_map, stored_map
 from cogless.maps.stored_map import CURRENT, MapError, StoredMap

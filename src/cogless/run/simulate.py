@@ -14,7 +14,7 @@ from pathlib import Path
 from threading import Event
 from typing import overload
 
-from cogless.design.from_study import Designs, design_study
+from cogless.design.trials.from_study import Designs, design_study
 from cogless.errors import StudyError
 from cogless.results import AnyResults, Results, Run, TrialResults
 from cogless.results.trace import TraceRoom

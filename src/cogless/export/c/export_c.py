@@ -29,8 +29,8 @@ def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple
     The verdict says in one line whether learning works; it is empty for a law that learns nothing.
     """
     if isinstance(study, TrialStudy):
-        from cogless.design import trial_summary
-        from cogless.design.from_study import design_study
+        from cogless.design.trials import trial_summary
+        from cogless.design.trials.from_study import design_study
 
         trial = design_study(study, [(scenario, controller)])[scenario, controller]
         return list(_flat(trial_summary.design_dict(trial))), trial_summary.words(trial)

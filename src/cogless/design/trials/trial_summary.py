@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cogless.design.certificate import Certificate, Learning, ModelCertificate
-from cogless.design.from_study import design_study, uncertain_plant
-from cogless.design.lmi import Check
 from cogless.design.margins import finite
-from cogless.design.model import Model
-from cogless.design.polytope import UncertainPlant
-from cogless.design.prediction import PHASE_TRIALS, Prediction
-from cogless.design.random_errors import Amplification
-from cogless.design.trial import TrialDesign
+from cogless.design.trials.certificate import Certificate, Learning, ModelCertificate
+from cogless.design.trials.from_study import design_study, uncertain_plant
+from cogless.design.trials.gains import TrialDesign
+from cogless.design.trials.model import Model
+from cogless.design.trials.polytope import UncertainPlant
+from cogless.design.trials.prediction import PHASE_TRIALS, Prediction
+from cogless.design.trials.random_errors import Amplification
+from cogless.design.trials.state_feedback import Check
 from cogless.study import TrialStudy
 
 if TYPE_CHECKING:

@@ -17,8 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from cogless.design.error import DesignError
-from cogless.design.model import Model, Real, markov, relative_degree
+from cogless.design.trials.model import DesignError, Model, Real, markov, relative_degree
 
 CREEPING = 1 - 1e-6
 SWINGING = 0.99

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.design.certificate import Gains, Update
-from cogless.design.model import Model, Real
-from cogless.design.response import Bundle, Filter, Filtered
-from cogless.design.sensing import Sensor
-from cogless.design.trial_observer import ObserverGains
+from cogless.design.trials.certificate import Gains, Update
+from cogless.design.trials.model import Model, Real
+from cogless.design.trials.response import Bundle, Filter, Filtered
+from cogless.design.trials.sensing import Sensor
+from cogless.design.trials.trial_observer import ObserverGains
 
 STEP_FREQUENCIES = 400
 

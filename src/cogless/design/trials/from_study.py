@@ -12,13 +12,7 @@ from typing import Any
 import numpy as np
 
 from cogless.design.changes import either, helping
-from cogless.design.error import DesignError
-from cogless.design.model import Discretisation, Model, sampled
-from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
-from cogless.design.prediction import Conditions, Prediction
-from cogless.design.random_errors import Disturbances
-from cogless.design.sensing import Sensor, sensed
-from cogless.design.trial import (
+from cogless.design.trials.gains import (
     TrialDesign,
     TrialGains,
     TrialParameters,
@@ -31,6 +25,11 @@ from cogless.design.trial import (
     scenario_prediction,
     trial_parameters,
 )
+from cogless.design.trials.model import DesignError, Discretisation, Model, sampled
+from cogless.design.trials.polytope import UncertainPlant, from_parameters, from_vertices
+from cogless.design.trials.prediction import Conditions, Prediction
+from cogless.design.trials.random_errors import Disturbances
+from cogless.design.trials.sensing import Sensor, sensed
 from cogless.errors import StudyError
 from cogless.study import TrialStudy
 from cogless.study.mechanics import Mechanics

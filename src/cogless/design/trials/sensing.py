@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.design.model import Model, Real, exponential
-from cogless.design.response import Complex, Disturbed
+from cogless.design.trials.model import Model, Real, exponential
+from cogless.design.trials.response import Complex, Disturbed
 
 DELAY_ROUNDING = 1e-9  # share of a sample that counts as no delay
 

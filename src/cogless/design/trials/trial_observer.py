@@ -16,12 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.design.error import DesignError
-from cogless.design.feedforward import Feedforward
-from cogless.design.model import Model, Real
-from cogless.design.polytope import UncertainPlant
-from cogless.design.q_filter import butterworth
-from cogless.design.response import Bundle, Complex, Disturbed, Loop, grid
+from cogless.design.trials.feedforward import Feedforward
+from cogless.design.trials.model import DesignError, Model, Real
+from cogless.design.trials.polytope import UncertainPlant
+from cogless.design.trials.response import Bundle, Complex, Disturbed, Loop, butterworth, grid
 
 SHIFT = 2  # samples after which the law knows what was missing
 SENSITIVITY = 3.0

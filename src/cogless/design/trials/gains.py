@@ -11,6 +11,12 @@ All structures share K_s, N, the feedforward and K_3, as in the paper: design th
 and pass them to `design_trial` for each structure. K_3 is designed for Fig. 1. For a controller without
 integral action there are two cases. If Q weighs the integrator, the feedback is designed with it, and K_2 is
 then set to zero. If Q doesn't, the feedback is designed without the integrator.
+
+Norm-optimal learning in lifted form: docs/theory/trial-design.md#norm-optimal-learning.
+
+Over a trial the nominal closed loop from v to y is a lower triangular Toeplitz matrix G of its impulse
+response. The update is v_{k+1} = v_k + L e_k with L = (G^T G + q I)^-1 G^T, where q is the weight of v's
+change relative to the error's weight.
 """
 
 from __future__ import annotations
@@ -23,22 +29,31 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cogless.design.certificate import ENDS, Certificate, Gains, Structure, Update, certify
-from cogless.design.error import DesignError
-from cogless.design.feedforward import Feedforward, dynamic, static_gain
-from cogless.design.finite import TrialMap
-from cogless.design.learning_filter import JUDGED_TRIALS, Bench, Choice, learning_filters
-from cogless.design.learning_gain import LearningGain, learning_gain
-from cogless.design.lifted import norm_optimal
-from cogless.design.model import Discretisation, Model, Real
-from cogless.design.polytope import UncertainPlant
-from cogless.design.prediction import Conditions, Prediction, predict, random_loops
-from cogless.design.q_filter import PROPOSED, better_shift, butterworth, workable_cutoff
-from cogless.design.quantisation import Steps, steps
-from cogless.design.random_errors import Amplification, amplification
-from cogless.design.response import MONOTONE, Bundle, Filter, Filtered, Loop, best_gain, padded
-from cogless.design.state_feedback import StateFeedback, guaranteed_cost
-from cogless.design.trial_observer import (
+from cogless.design.trials.certificate import ENDS, Certificate, Gains, Structure, Update, certify
+from cogless.design.trials.feedforward import Feedforward, dynamic, static_gain
+from cogless.design.trials.learning_filter import JUDGED_TRIALS, Bench, Choice, learning_filters
+from cogless.design.trials.learning_gain import LearningGain, learning_gain
+from cogless.design.trials.model import DesignError, Discretisation, Model, Real
+from cogless.design.trials.polytope import UncertainPlant
+from cogless.design.trials.prediction import Conditions, Prediction, predict, random_loops
+from cogless.design.trials.quantisation import Steps, steps
+from cogless.design.trials.random_errors import Amplification, amplification
+from cogless.design.trials.response import (
+    MONOTONE,
+    PROPOSED,
+    Bundle,
+    Filter,
+    Filtered,
+    Loop,
+    TrialMap,
+    best_gain,
+    better_shift,
+    butterworth,
+    padded,
+    workable_cutoff,
+)
+from cogless.design.trials.state_feedback import StateFeedback, guaranteed_cost
+from cogless.design.trials.trial_observer import (
     SHIFT,
     ObserverGains,
     design_observer,
@@ -48,6 +63,35 @@ from cogless.design.trial_observer import (
 from cogless.errors import StudyError
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
+
+
+def impulse_response(loop: Loop, samples: int) -> Real:
+    """Impulse response C A^(p-1) B at the samples p = 0 .. samples - 1; it is zero at p = 0."""
+    out, x = np.zeros(samples), loop.B[:, 0]
+    for p in range(1, samples):
+        out[p] = loop.C @ x
+        x = loop.A @ x
+    return out
+
+
+def lifted(loop: Loop, samples: int) -> Real:
+    """The lifted closed loop: the Toeplitz matrix G (samples, samples)."""
+    from scipy.linalg import toeplitz
+
+    return np.asarray(toeplitz(impulse_response(loop, samples), np.zeros(samples)))
+
+
+def norm_optimal(loop: Loop, samples: int, ratio: float) -> Real:
+    """L (samples, samples); `ratio` is the weight of v's change divided by the weight of the error."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    G = lifted(loop, samples)
+    normal = G.T @ G
+    normal[np.diag_indices(samples)] += ratio
+    return np.asarray(
+        cho_solve(cho_factor(normal, overwrite_a=True, check_finite=False), G.T, check_finite=False)
+    )
+
 
 Ends = Literal["even", "odd"]
 Kind = Literal["robust", "state", "norm-optimal", "observer"]

@@ -23,17 +23,20 @@ from typing import Literal
 
 import numpy as np
 
-from cogless.design.finite import TrialMap, growth
-from cogless.design.model import Real
-from cogless.design.q_filter import PROPOSED, SHIFTS_TRIED, butterworth
-from cogless.design.response import (
+from cogless.design.trials.model import Real
+from cogless.design.trials.response import (
     MONOTONE,
+    PROPOSED,
+    SHIFTS_TRIED,
     Bundle,
     Complex,
     Filter,
     Filtered,
     Loop,
+    TrialMap,
+    butterworth,
     direction,
+    growth,
     longest_lag,
     padded,
 )

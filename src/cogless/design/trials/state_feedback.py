@@ -6,22 +6,183 @@ Lyapunov matrix Y^-1 for all vertices, W = K Y, and the smallest bound beta on t
 The problem is solved in coordinates x = T x~, with Q^-1 and 1/R scaled to one by congruence. T follows from
 the nominal Riccati solution, X = T^-T T^-1. If the solver fails with this T because the ranges are very wide,
 T follows from the gain of stabilise.py. A result is used only if `check` accepts it.
+
+Semidefinite programs, solved by Clarabel, and a check of the solutions by the eigenvalues of the blocks.
+
+The problems are always in coordinates scaled by a Riccati or Lyapunov solution. In unscaled coordinates
+Clarabel and SCS return wrong gains and report them as optimal. Clarabel is imported only inside the function
+that uses it.
+
+Whether one gain stabilises all vertices with one Lyapunov matrix: quadratic stabilisability.
+
+    [Y  *; A_j Y + B_j W  Y] >= t I,   Y <= I,   t as large as possible
+
+This problem always has a solution. Its t depends on the coordinates, so the gain K = W Y^-1 itself is tested:
+in coordinates in which Y is I, |A_j + B_j K| < 1 has to hold at each vertex.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cogless.design.error import DesignError
-from cogless.design.lmi import RESCALED, TOLERANCE, Check, Unknown, minimise, smallest_share
-from cogless.design.model import Model, Real, uncontrollable_mode
-from cogless.design.polytope import UncertainPlant
-from cogless.design.stabilise import Common, stabilise
+from cogless.design.trials.model import DesignError, Model, Real, uncontrollable_mode
+from cogless.design.trials.polytope import UncertainPlant
+
+TOLERANCE = 1e-7  # an eigenvalue above minus this share of the block's largest counts as positive
+RESCALED = 4  # attempts to minimise a cost, each in coordinates from the attempt before
+STATUS = {  # Clarabel's, of those that come with a solution
+    "Solved": "optimal",
+    "AlmostSolved": "optimal_inaccurate",
+    "MaxIterations": "user_limit",
+    "InsufficientProgress": "stalled",
+    "NumericalError": "stalled",
+}
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check of a solution that doesn't rely on the solver. Costs are in the cost function's unit."""
+
+    smallest: float  # smallest eigenvalue of all blocks, each as a share of its block's largest
+    cost: float  # the largest true cost at any vertex
+    bound: float  # beta
+    passed: bool
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """An unknown matrix. `weight`: of its top left entry in the cost."""
+
+    rows: int
+    columns: int
+    symmetric: bool = False
+    weight: float = 0.0
+
+    @property
+    def basis(self) -> Real:
+        """Matrices (count, rows, columns) whose linear combinations it can be."""
+        one = np.eye(self.rows * self.columns).reshape(-1, self.columns, self.rows).swapaxes(1, 2)
+        if not self.symmetric:
+            return one
+        both = (one + one.swapaxes(1, 2)) / (1 + np.eye(self.rows))
+        i, j = np.triu_indices(self.rows)
+        return np.asarray(both[j * self.rows + i])
+
+
+def minimise(
+    unknowns: Sequence[Unknown], blocks: Sequence[Callable[..., Real]]
+) -> tuple[str, list[Real] | None]:
+    """Minimises the weighted sum such that all blocks are positive semidefinite.
+
+    A block is an affine function of the unknowns, its value a symmetric matrix. Returns the status, such as
+    "optimal" or "stalled", and the unknowns' values, or "failed" and None. Values of any status may be wrong:
+    check them.
+    """
+    import clarabel
+    from scipy.sparse import csc_matrix
+
+    bases = [unknown.basis for unknown in unknowns]
+    zeros = [np.zeros(basis.shape[1:]) for basis in bases]
+    at_zero = [block(*zeros) for block in blocks]
+    columns, cost = [], []
+    for n, (unknown, basis) in enumerate(zip(unknowns, bases, strict=True)):
+        for one in basis:
+            values = [*zeros[:n], one, *zeros[n + 1 :]]
+            slopes = [block(*values) - start for block, start in zip(blocks, at_zero, strict=True)]
+            columns.append(np.concatenate([_triangle(slope) for slope in slopes]))
+            cost.append(unknown.weight * one[0, 0])
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-9
+    settings.max_threads = 1
+    settings.equilibrate_enable = False  # it would undo our scaling, and then the solver sometimes fails
+    solution = clarabel.DefaultSolver(
+        csc_matrix((len(cost), len(cost))),
+        np.array(cost),
+        csc_matrix(-np.array(columns).T),
+        np.concatenate([_triangle(start) for start in at_zero]),
+        [clarabel.PSDTriangleConeT(len(start)) for start in at_zero],
+        settings,
+    ).solve()
+    status = STATUS.get(str(solution.status))
+    if status is None:
+        return "failed", None
+    parts = np.split(np.asarray(solution.x), np.cumsum([len(basis) for basis in bases])[:-1])
+    return status, [np.tensordot(part, basis, 1) for part, basis in zip(parts, bases, strict=True)]
+
+
+def _triangle(matrix: Real) -> Real:
+    """The upper triangle of a symmetric matrix, column by column, such that products of matrices are kept."""
+    i, j, scale = _upper(len(matrix))
+    return np.asarray(scale * matrix[i, j])
+
+
+@cache
+def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Real]:
+    """Rows, columns and scale of the entries of `_triangle`."""
+    j, i = np.tril_indices(size)
+    return i, j, np.where(i == j, 1.0, np.sqrt(2.0))
+
+
+def smallest_share(blocks: Sequence[Real]) -> float:
+    """The smallest eigenvalue of all symmetric blocks, divided by the largest magnitude in its block."""
+    spectra = [np.linalg.eigvalsh((block + block.T) / 2) for block in blocks]
+    return float(min(values[0] / max(float(np.abs(values).max()), 1e-300) for values in spectra))
+
+
+TRIES = 3  # each in coordinates in which the Y of the try before is I
+NONE = 1e-9  # a Y with an eigenvalue below this counts as singular; its upper bound is I
+MARGIN = 1e-9  # by which |A_j + B_j K|^2 has to be below one
+
+
+@dataclass(frozen=True)
+class Common:
+    """A gain that stabilises all vertices: with x = T x~, |x~| shrinks in every sample."""
+
+    K: Real  # (n,)
+    T: Real  # (n, n)
+
+
+def stabilise(models: Sequence[Model], T: Real) -> Common | None:
+    """A gain that stabilises all models, or None. T: coordinates in which the states are of similar size."""
+    for _ in range(TRIES):
+        found = _solve(models, T)
+        if found is None:
+            return None
+        K, T = found
+        closed = [np.linalg.solve(T, (model.A + model.B @ K[None, :]) @ T) for model in models]
+        if all(np.linalg.norm(matrix, 2) ** 2 < 1 - MARGIN for matrix in closed):
+            return Common(K, T)
+    return None
+
+
+def _solve(models: Sequence[Model], T: Real) -> tuple[Real, Real] | None:
+    """Solves the program for t in the coordinates T: K and the coordinates in which Y is I, or None."""
+    n, inverse = len(T), np.linalg.inv(T)
+    driven = [inverse @ model.B for model in models]
+    size = max(float(np.linalg.norm(b)) for b in driven)
+
+    def shrinks(model: Model, b: Real, t: Real, Y: Real, W: Real) -> Real:
+        moved = (inverse @ model.A @ T) @ Y + b / size @ W
+        return np.block([[Y, moved.T], [moved, Y]]) - t * np.eye(2 * n)
+
+    vertices = [partial(shrinks, model, b) for model, b in zip(models, driven, strict=True)]
+    unknowns = [Unknown(1, 1, weight=-1.0), Unknown(n, n, symmetric=True), Unknown(1, n)]
+    _, found = minimise(unknowns, [lambda t, Y, W: np.eye(n) - Y, *vertices])
+    if found is None:
+        return None
+    _, y, w = found
+    if not np.all(np.isfinite(y)) or np.linalg.eigvalsh(y)[0] < NONE:
+        return None
+    K = np.linalg.solve(y, w[0]) / size @ inverse
+    return K, T @ np.linalg.cholesky(y)
+
 
 PAIRS = 5  # of vertices tried for an error message
 HALVINGS = 6  # of the ranges for an error message

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cogless.design.finite import TrialMap
-from cogless.design.model import Real
+from cogless.design.trials.model import Real
+from cogless.design.trials.response import TrialMap
 
 PROBE_SAMPLES = 10_000  # of the rows together: the mean square is right within one to three percent
 TERMS_MOST = 200  # trials whose terms are added

@@ -15,23 +15,26 @@ from typing import Literal
 
 import numpy as np
 
-from cogless.design.finite import FiniteTrial, TrialMap, finite_trial, growth
-from cogless.design.learning_gain import Vertex
-from cogless.design.model import Discretisation, Model, Real
-from cogless.design.polytope import UncertainPlant
-from cogless.design.response import (
+from cogless.design.trials.learning_gain import Vertex
+from cogless.design.trials.model import Discretisation, Model, Real
+from cogless.design.trials.polytope import UncertainPlant
+from cogless.design.trials.response import (
     MONOTONE,
     Bundle,
     Complex,
     Disturbed,
     Filter,
     Filtered,
+    FiniteTrial,
     Loop,
+    TrialMap,
     factor,
+    finite_trial,
     gain_limits,
+    growth,
     peak,
 )
-from cogless.design.trial_observer import ObserverGains
+from cogless.design.trials.trial_observer import ObserverGains
 
 Structure = Literal["input-and-integrator", "input"]
 ENDS = 1e-4  # growth per trial that counts as none: it is only estimated, from simulated trials

@@ -20,12 +20,11 @@ from functools import partial
 
 import numpy as np
 
-from cogless.design.error import DesignError
-from cogless.design.feedforward import zeros
-from cogless.design.hull import enclose
-from cogless.design.lmi import RESCALED, TOLERANCE, Check, Unknown, minimise
-from cogless.design.model import Model, Real
-from cogless.design.response import Bundle, Complex, Loop, best_gain, direction
+from cogless.design.trials.feedforward import zeros
+from cogless.design.trials.model import DesignError, Model, Real
+from cogless.design.trials.polytope import enclose
+from cogless.design.trials.response import Bundle, Complex, Loop, best_gain, direction
+from cogless.design.trials.state_feedback import RESCALED, TOLERANCE, Check, Unknown, minimise
 
 MIXTURES = 100
 FEWEST, MOST = 1024, 8192  # limits of the number of frequencies in `cost`
