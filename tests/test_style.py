@@ -6,7 +6,7 @@ import style
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
     "constant_with_several_values": 129,
-    "number_of_one_word": 374,
+    "number_of_one_word": 373,
     "vague_local": 915,
     "vague_argument": 269,
     "vague_function": 152,
@@ -18,8 +18,8 @@ PLACES_MOST = {
     "message_taken_apart": 10,
     "number_copied_from_c": 8,
     "unit_factor_written_out": 100,
-    "file_name_used_again": 4,
-    "small_file": 7,
+    "file_name_used_again": 3,
+    "small_file": 6,
 }
 NAMES = [rule.__name__ for rule in style.RULES]
 LONG = "\n" * (style.SMALL_FILE_LINES + 1)

@@ -40,9 +40,8 @@ from cogless.design.laws.space_bounds import (
 from cogless.design.summary import to_dict
 from cogless.design.verdict import verdict
 from cogless.study.mechanics import Load, Mechanics
-from cogless.study.motor import Cogging, Motor
+from cogless.study.motor import Cogging, Motor, StepMotor
 from cogless.study.space_controller import SpaceLearning, SpaceSpeed
-from cogless.study.step_motor import StepMotor
 
 TURN = 2 * math.pi
 

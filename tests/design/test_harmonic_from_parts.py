@@ -40,10 +40,10 @@ from cogless.design.laws.harmonic_transfer import (
     turned,
 )
 from cogless.design.speed_loop import CurrentLoop, IdealLoop, SoftShaft, SpeedLoop
-from cogless.study.angle_table import OverAngle
+from cogless.study.csv_table import OverAngle
 from cogless.study.harmonic import FASTEST, Harmonic, Learner
+from cogless.study.motor import StepMotor
 from cogless.study.position_sensor import Encoder, Hall, IdealSensor
-from cogless.study.step_motor import StepMotor
 
 RPM = math.pi / 30
 TOLD = Learner(b=800.0, delay=0.0, step=0.0, base=2, bends=0, orders=3, fast=3, rate=5.0, rate_min=0.5)

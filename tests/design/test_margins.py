@@ -15,7 +15,7 @@ from cogless.design.summary import CurrentLoopDesign, Gain
 from cogless.design.warnings import loop_warnings, told_apart
 from cogless.study.drive import Belief
 from cogless.study.harmonic import Learner
-from cogless.study.step_motor import StepMotor
+from cogless.study.motor import StepMotor
 
 T = 1e-3
 

@@ -13,7 +13,7 @@ import pytest
 from cogless.study import Study, TrialStudy
 from cogless.study.base import Base
 from cogless.study.table import Quantity, Table
-from cogless.study.trial_scenario import EitherWay
+from cogless.study.trial_study import EitherWay
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 

@@ -18,7 +18,7 @@ from cogless.run.simulate import simulate
 from cogless.signals import DERIVED, RECORDED, exists
 from cogless.study import AnyStudy, Study
 from cogless.study.metric import SIGNALS
-from cogless.study.signals import kinds, missing, terms
+from cogless.study.metric_checks import kinds, missing, terms
 from cogless.units import ANGULAR_SPEED, UnitError, dimension_of
 
 DRIVES: list[tuple[str, dict[str, Any]]] = [

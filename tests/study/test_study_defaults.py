@@ -19,7 +19,7 @@ from cogless.ensemble.arena_file import GivenFeedback
 from cogless.study.controller import Base, Commissioning, Tuning
 from cogless.study.table import Quantity, Table
 from cogless.study.trial_controller import SignalFilter
-from cogless.study.trial_scenario import EitherWay
+from cogless.study.trial_study import EitherWay
 
 GIVEN: dict[str, float | bool] = {
     "identify.config.Column.scale": 1.0,

@@ -46,9 +46,9 @@ from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
 from cogless.study.adrc import Adrc
 from cogless.study.controller import SETTLING, AntiCogging, PiIlc, RobustIlc
-from cogless.study.error_messages import dotted
 from cogless.study.harmonic import FASTEST
 from cogless.study.laws import AnyController
+from cogless.study.messages import dotted
 from cogless.study.pi_afc import ORDERS, PiAfc
 from cogless.study.reading import Changes
 from cogless.study.space_controller import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed

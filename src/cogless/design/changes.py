@@ -11,7 +11,7 @@ from typing import Any
 
 from cogless.errors import StudyError
 from cogless.study import changed
-from cogless.study.error_messages import toml
+from cogless.study.messages import toml
 from cogless.study.reading import AStudy, Changes
 
 GAINS = ("k_theta", "kp", "ki")

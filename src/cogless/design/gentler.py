@@ -10,9 +10,9 @@ from cogless.design.closed_loop import harmonic_gains, position_gains
 from cogless.design.speed_loop import gains
 from cogless.study import Study
 from cogless.study.controller import Feedback, PiIlc, RobustIlc
-from cogless.study.error_messages import dotted
 from cogless.study.harmonic import Harmonic
 from cogless.study.laws import AnyController
+from cogless.study.messages import dotted
 from cogless.study.pi_afc import PiAfc
 from cogless.study.position_sensor import Absolute, Encoder, Hall, Resolver
 from cogless.study.reading import Changes

@@ -54,7 +54,7 @@ from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.controller import Feedback, Tuning
 from cogless.study.drive import IdealCurrentLoop
-from cogless.study.error_messages import dotted, shown
+from cogless.study.messages import dotted, shown
 from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
 from cogless.units import unit_of

@@ -28,7 +28,7 @@ from cogless.design.margins import Real
 from cogless.design.verdict import judgement
 from cogless.study import Study
 from cogless.study.controller import Learning
-from cogless.study.error_messages import dotted
+from cogless.study.messages import dotted
 from cogless.study.motion import course
 from cogless.study.pi_afc import PiAfc
 from cogless.study.reading import Changes

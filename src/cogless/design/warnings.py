@@ -39,14 +39,14 @@ from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weak
 from cogless.design.turning import late_angle, unstable_turning
 from cogless.design.unlearned import foreseen, map_warning
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
-from cogless.study.error_messages import dotted
+from cogless.study.base import speed_text
 from cogless.study.harmonic import ORDERS, Harmonic
+from cogless.study.messages import dotted
 from cogless.study.motion import Course, course
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
-from cogless.study.spoken import speed_text
 
 SHARE = 0.05  # of the time in motion: speeds that are lower only for less time than this are ignored
 SPENT = 0.5  # of the phase margin

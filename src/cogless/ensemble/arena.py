@@ -26,8 +26,8 @@ from cogless.run.simulate import RunError, rollout
 from cogless.study import AnyStudy, Study, TrialStudy, changed
 from cogless.study import load as load_study
 from cogless.study.controller import AntiCogging, Feedback, LearnsWhileRunning, OwnLaw
-from cogless.study.error_messages import dotted
 from cogless.study.harmonic import Harmonic
+from cogless.study.messages import dotted
 from cogless.study.metric import EACH_PHASE, result_name
 from cogless.study.reading import checked, find
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationError, field_validator, model_validator
 
-from cogless.study.error_messages import problems, study_error
 from cogless.study.laws import Controller
+from cogless.study.messages import problems, study_error
 from cogless.study.table import (
     AngularSpeedMagnitude,
     Duration,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.ensemble.variants import SEED
 from cogless.run.simulate import Pair
-from cogless.study.error_messages import toml
+from cogless.study.messages import toml
 
 Array = NDArray[np.float64]
 CONFIDENCE = 1.96  # standard deviations, for 95 %

@@ -18,7 +18,7 @@ from cogless.ensemble import sweep
 from cogless.ensemble.sweep import Journal
 from cogless.errors import StudyError
 from cogless.study import AnyStudy
-from cogless.study.error_messages import look_up
+from cogless.study.messages import look_up
 from cogless.study.named_files import named_files
 from cogless.study.reading import put
 

@@ -24,11 +24,11 @@ from cogless.ensemble.workers import Workers, pack, run_all
 from cogless.errors import StudyError
 from cogless.run.simulate import Pair, runs_of
 from cogless.study import AnyStudy, TrialStudy, changed
-from cogless.study.error_messages import MISSING, shown
+from cogless.study.base import Tune
+from cogless.study.messages import MISSING, shown
 from cogless.study.metric import result_name
 from cogless.study.reading import split
 from cogless.study.table import perhaps
-from cogless.study.vary import Tune
 
 DECADE = 10.0  # a range at least this wide is searched by ratios
 FRESH = 4  # variants of the check, for each that was searched over

@@ -20,7 +20,7 @@ from cogless import units
 from cogless.errors import StudyError
 from cogless.interrupts import deferred
 from cogless.study import AnyStudy, TrialStudy, changed
-from cogless.study.error_messages import MISSING, dotted, look_up, shown
+from cogless.study.messages import MISSING, dotted, look_up, shown
 from cogless.study.reading import split
 from cogless.study.table import Key
 

@@ -15,7 +15,7 @@ from cogless.identify.sessions import sessions
 from cogless.maps import stored_map
 from cogless.maps.learned_map import motor_identity
 from cogless.maps.stored_map import StoredMap, to_csv
-from cogless.study.error_messages import toml
+from cogless.study.messages import toml
 from cogless.study.motor import Motor
 
 CELLS, POINTS = 1024, 8  # of the table, at least; for each wave of the highest order

@@ -28,7 +28,7 @@ from cogless.live.description import Number, Packed, blobs, held
 from cogless.live.own_motor import TOGETHER, OwnMotor, own_motor
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, TrialStudy
-from cogless.study.datasheet_words import replaced_by_any
+from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import changed
 
 STOPS = 21

@@ -26,10 +26,9 @@ from cogless.results.metrics import result_name
 from cogless.results.status import Status
 from cogless.results.trace import BLOCK
 from cogless.study import Study
-from cogless.study.base import StudyBase
+from cogless.study.base import StudyBase, spoken_unit
 from cogless.study.metric import Metric
 from cogless.study.remark import Remark
-from cogless.study.spoken import spoken_unit
 from cogless.units import ANGULAR_SPEED, factor
 
 

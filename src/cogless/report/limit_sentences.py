@@ -11,7 +11,7 @@ from cogless.report.verdicts import called, listed, times
 from cogless.results.limits import CAUSES, NAMED_MOST, Cause, Cure, Limits
 from cogless.results.metrics import result_name
 from cogless.study import Study
-from cogless.study.error_messages import dotted, look_up, toml
+from cogless.study.messages import dotted, look_up, toml
 from cogless.study.reading import Changes, split
 from cogless.study.remark import Remark
 

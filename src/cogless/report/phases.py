@@ -20,7 +20,7 @@ from cogless.results import Run
 from cogless.results.metrics import SETTLED_SHARE, result_name
 from cogless.study import TrialStudy
 from cogless.study.metric import SIGNALS, Metric
-from cogless.study.trial_scenario import Change, TrialScenario
+from cogless.study.trial_study import Change, TrialScenario
 from cogless.units import factor
 
 ZOOM = 30  # trials

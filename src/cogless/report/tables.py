@@ -28,8 +28,8 @@ from cogless.report.panels import LEARNED
 from cogless.report.speed_tracking import late
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import Conditions, evaluate
+from cogless.study.base import spoken_unit
 from cogless.study.metric import SIGNALS, Metric
-from cogless.study.spoken import spoken_unit
 from cogless.units import ANGLE, factor
 
 

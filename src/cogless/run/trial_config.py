@@ -14,8 +14,8 @@ from cogless.study.trial_controller import TrialLaw
 if TYPE_CHECKING:
     from cogless.design.trials.gains import TrialParameters
     from cogless.study import TrialStudy
-    from cogless.study.plant import LinearPlant
-    from cogless.study.trial_scenario import TrialConditions
+    from cogless.study.linear_plant import LinearPlant
+    from cogless.study.trial_study import TrialConditions
 
 
 def engine_config(

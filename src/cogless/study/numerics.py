@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cogless.study.drive import Drive
     from cogless.study.mechanics import LoadSide, Mass, Mechanics
     from cogless.study.motor import StarMotor
-    from cogless.study.study import Study
+    from cogless.study.speed_study import Study
     from cogless.study.trial_study import TrialStudy
 
 LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable

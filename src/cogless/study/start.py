@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from cogless import units
-from cogless.study.angle_table import OverAngle, read
+from cogless.study.csv_table import OverAngle, read
 from cogless.study.table import FileName, Line, Table, invalid
 
 COLUMNS = {"current": units.CURRENT, "torque": units.TORQUE}

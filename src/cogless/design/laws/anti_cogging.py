@@ -27,11 +27,11 @@ from cogless.design.gentler import slower_feedback
 from cogless.design.margins import Real
 from cogless.design.speed_loop import LEAST, SpeedLoop, gains, speed_loop
 from cogless.study import Study
+from cogless.study.base import speed_text
 from cogless.study.controller import SETTLING, AntiCogging, Commissioning
-from cogless.study.error_messages import dotted
+from cogless.study.messages import dotted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
-from cogless.study.spoken import speed_text
 
 SLOWER = 4.0  # the speed loop's crossover / that of the run's position loop
 SHARE = 1e-3  # of the largest order's current: smaller ones aren't looked at

@@ -28,8 +28,8 @@ from cogless.design.margins import Real
 from cogless.design.speed_loop import CurrentLoop, SpeedLoop, speed_loop
 from cogless.study import Study
 from cogless.study.harmonic import FASTEST, ORDERS, Harmonic, Learner
+from cogless.study.motor import StepMotor
 from cogless.study.position_sensor import Counted, Hall
-from cogless.study.step_motor import StepMotor
 
 FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
 MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have

@@ -22,8 +22,8 @@ from cogless.design.closed_loop import Oscillation, Resonator, poles
 from cogless.design.laws.periodic import LONGEST_LEAD
 from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Complex, Real
+from cogless.study.base import speed_text
 from cogless.study.pi_afc import PiAfc
-from cogless.study.spoken import speed_text
 
 FIXED = 1e-6  # tolerance of the fixed pole at z = 1: the angle, which has no feedback
 

@@ -32,9 +32,9 @@ from cogless.design.trials.random_errors import Disturbances
 from cogless.design.trials.sensing import Sensor, sensed
 from cogless.errors import StudyError
 from cogless.study import TrialStudy
+from cogless.study.linear_plant import LinearPlant
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
-from cogless.study.plant import LinearPlant
 from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
@@ -48,7 +48,7 @@ from cogless.study.trial_controller import (
     TrialIlc,
     TrialLaw,
 )
-from cogless.study.trial_scenario import EachTrial, TrialConditions
+from cogless.study.trial_study import EachTrial, TrialConditions
 
 ROUNDING = 1e-9
 ANGLE = np.array([1.0, 0.0])  # C of a drive, whose states are angle and speed

@@ -6,11 +6,11 @@ from typing import Annotated
 
 from pydantic import Field, PrivateAttr
 
-from cogless.study.any_motor import AnyMotor
 from cogless.study.base import StudyBase
 from cogless.study.drive import Drive, StarBelief
 from cogless.study.laws import Controller
 from cogless.study.mechanics import Mechanics
+from cogless.study.motor import AnyMotor
 from cogless.study.scenario import Scenario
 
 
