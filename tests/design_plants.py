@@ -60,8 +60,10 @@ def drive_train(discretisation: str = "exact") -> UncertainPlant:
 
 
 def simulate(design: TrialDesign, model: Model, y_ref: Real, trials: int, load: float = 0.0) -> Real:
-    """Errors (trials, samples) of the law at the head of design/trials/gains.py, without limits, from y_ref[0] at
-    rest."""
+    """Errors (trials, samples) of the law at the head of design/trials/gains.py, without limits.
+
+    They start from y_ref[0] at rest.
+    """
     samples, n = len(y_ref), model.order
     v, errors = np.zeros(samples), np.zeros((trials, samples))
     B = model.B[:, 0]

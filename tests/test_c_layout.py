@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from cogless.c_layout import Layout, control_layout
 from cogless.control_library import Field, Headers, control_headers, parse
 from cogless.results.status import Status
-from cogless.study import drive, harmonic, linear_plant, pi_afc, space_checks
+from cogless.study import drive, linear_plant, space_checks
+from cogless.study.laws import harmonic, pi_afc
 
 CONFIGS = sorted(name for name in control_headers().structs if name.endswith("_config"))
 PLAIN = {"bool": st.booleans(), "uint32_t": st.integers(0, 2**32 - 1)}

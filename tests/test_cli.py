@@ -29,7 +29,7 @@ from cogless.results import Results
 from cogless.run import carry_out
 from cogless.study import Study, load
 from cogless.study.laws import AnyController
-from cogless.study.trial_controller import AnyTrialController
+from cogless.study.laws.trial import AnyTrialController
 
 ZERO = """
 class Zero:

@@ -12,10 +12,10 @@ from cogless.control_library import C_LAWS, CLaw
 from cogless.results.metrics import KINDS
 from cogless.study import load
 from cogless.study.laws import AnyController
+from cogless.study.laws.trial import TrialLaw
 from cogless.study.metric import EACH_PHASE, Metric
 from cogless.study.position_sensor import PositionSensor
 from cogless.study.reading import changes_from
-from cogless.study.trial_controller import TrialLaw
 
 ROOT = Path(__file__).parents[1]
 CONTROL, LIBRARY = ROOT / "control", ROOT / "control" / "src" / "cogless"

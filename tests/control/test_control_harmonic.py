@@ -11,7 +11,7 @@ from reference.motion import motion, rounded
 from reference.pi import Pi
 
 from cogless.design.laws.harmonic_transfer import rate_bound
-from cogless.study.harmonic import FASTEST, HIGHEST, ORDERS, Learner
+from cogless.study.laws.harmonic import FASTEST, HIGHEST, ORDERS, Learner
 
 TS, STEPS = 1e-3, 1500
 B = 800.0  # rad/s^2/A

@@ -22,8 +22,8 @@ from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study import load as load_raw
 from cogless.study.base import Source
+from cogless.study.laws.space import SpaceSpeed
 from cogless.study.reading import checked
-from cogless.study.space_controller import SpaceSpeed
 
 ARM = {"harmonics": [{"order": 1, "torque": "1 mN*m"}]}
 SIDE = {"inertia": "6e-6 kg*m^2", "stiffness": "100 N*m/rad"}

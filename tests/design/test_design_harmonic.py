@@ -18,7 +18,7 @@ from cogless.design.summary import design, design_dict, summary
 from cogless.errors import StudyError
 from cogless.run.simulate import simulate
 from cogless.study import Study, changed
-from cogless.study.harmonic import FASTEST
+from cogless.study.laws.harmonic import FASTEST
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "my_motor.toml"
 RPM = math.pi / 30

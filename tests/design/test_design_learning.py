@@ -22,7 +22,7 @@ from cogless.design.ripple import Ripple
 from cogless.design.summary import to_dict, weakest_margins
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
-from cogless.study.controller import PiIlc, RobustIlc
+from cogless.study.laws.periodic import PiIlc, RobustIlc
 
 # without quantisation and forgetting, so that growth and decay can be seen over many periods
 CLEAN: dict[str, Any] = {

@@ -22,7 +22,7 @@ from cogless.design.verdict import Verdict, verdict
 from cogless.design.warnings import warnings
 from cogless.run.simulate import simulate
 from cogless.study import Study
-from cogless.study.pi_afc import PiAfc
+from cogless.study.laws.pi_afc import PiAfc
 
 Changes = dict[str, Any]
 PERFECT: Changes = {

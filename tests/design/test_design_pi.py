@@ -35,7 +35,7 @@ from cogless.design.speed_loop import (
 from cogless.design.summary import summary, to_dict
 from cogless.errors import StudyError
 from cogless.run.simulate import simulate
-from cogless.study.controller import Tuning
+from cogless.study.laws.law import Tuning
 
 CURRENT = CurrentLoop(kp=150.0, ki=77000.0, R=15.42, L=0.03, period=1 / 15e3, delay=1)
 LOOP = SpeedLoop(b=1632.0, steps=15, window=15, current=CURRENT)

@@ -24,8 +24,8 @@ from cogless.design.closed_loop import (
 from cogless.design.speed_loop import CurrentLoop as SampledLoop
 from cogless.design.speed_loop import SpeedLoop, speed_loop
 from cogless.errors import StudyError
-from cogless.study.controller import Tuning
 from cogless.study.drive import CurrentLoop
+from cogless.study.laws.law import Tuning
 
 DELAYED: dict[str, Any] = {"drive.inverter.computation_delay": 1}
 SLOW: dict[str, Any] = {"drive.rates.speed_loop": "2 kHz"}

@@ -39,9 +39,9 @@ from cogless.design.laws.space_bounds import (
 )
 from cogless.design.summary import to_dict
 from cogless.design.verdict import verdict
+from cogless.study.laws.space import SpaceLearning, SpaceSpeed
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.motor import Cogging, Motor, StepMotor
-from cogless.study.space_controller import SpaceLearning, SpaceSpeed
 
 TURN = 2 * math.pi
 

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from cogless.design import learning_loop
-from cogless.study.controller import PiIlc
-from cogless.study.pi_afc import PiAfc
-from cogless.study.space_controller import SpaceSpeed
+from cogless.study.laws.periodic import PiIlc
+from cogless.study.laws.pi_afc import PiAfc
+from cogless.study.laws.space import SpaceSpeed
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 from cogless.design import law_rules
 from cogless.design.closed_loop import Linear, Oscillation
-from cogless.study.controller import RobustIlc
+from cogless.study.laws.periodic import RobustIlc
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 from cogless.design.trials import from_study
 from cogless.design.trials.model import DesignError
-from cogless.study.trial_controller import StateIlc
+from cogless.study.laws.trial import StateIlc
 
 
 @pytest.mark.parametrize(

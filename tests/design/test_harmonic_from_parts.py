@@ -41,7 +41,7 @@ from cogless.design.laws.harmonic_transfer import (
 )
 from cogless.design.speed_loop import CurrentLoop, IdealLoop, SoftShaft, SpeedLoop
 from cogless.study.csv_table import OverAngle
-from cogless.study.harmonic import FASTEST, Harmonic, Learner
+from cogless.study.laws.harmonic import FASTEST, Harmonic, Learner
 from cogless.study.motor import StepMotor
 from cogless.study.position_sensor import Encoder, Hall, IdealSensor
 

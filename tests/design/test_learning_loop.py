@@ -27,7 +27,7 @@ from cogless.design.margins import Complex, Real
 from cogless.design.ripple import Ripple, Sampled, _noise, orders, ripple, sampled, sensor_waves
 from cogless.design.speed_loop import counting_window
 from cogless.design.verdict import doubts
-from cogless.study.space_controller import SpaceSpeed
+from cogless.study.laws.space import SpaceSpeed
 
 T, GAIN = 1e-3, 0.4
 TURNS = 6.0  # learning periods a second

@@ -14,7 +14,7 @@ from cogless.design.speed_loop import CurrentLoop, IdealLoop, SoftShaft, SpeedLo
 from cogless.design.summary import CurrentLoopDesign, Gain
 from cogless.design.warnings import loop_warnings, told_apart
 from cogless.study.drive import Belief
-from cogless.study.harmonic import Learner
+from cogless.study.laws.harmonic import Learner
 from cogless.study.motor import StepMotor
 
 T = 1e-3

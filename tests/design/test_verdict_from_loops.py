@@ -32,8 +32,8 @@ from cogless.design.verdict import (
     _verdict,
     judged,
 )
-from cogless.study.controller import PiIlc
-from cogless.study.space_controller import SpacePosition, SpaceSpeed
+from cogless.study.laws.periodic import PiIlc
+from cogless.study.laws.space import SpacePosition, SpaceSpeed
 
 SLOW, FAST = Oscillation(80.0, 2.0), Oscillation(90.0, 3.0)
 

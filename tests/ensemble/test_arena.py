@@ -22,7 +22,7 @@ from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.run.simulate import rollout
 from cogless.study import Study, changed
-from cogless.study.controller import AntiCogging
+from cogless.study.laws.anti_cogging import AntiCogging
 from cogless.study.reading import read
 
 PLANT = {

@@ -13,7 +13,7 @@ from cogless.errors import StudyError
 from cogless.maps import learned_map, stored_map
 from cogless.maps.learned_map import entries, of_current, resampled, within
 from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, Found, MapError, StoredMap, Valid
-from cogless.study.controller import OwnLaw
+from cogless.study.laws.own import OwnLaw
 
 TURN = 2 * np.pi
 

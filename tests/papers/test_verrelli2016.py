@@ -14,7 +14,8 @@ from cogless.design.verdict import verdict
 from cogless.results import Run
 from cogless.run.simulate import simulate
 from cogless.study import Study, load
-from cogless.study.controller import Pi, PiIlc
+from cogless.study.laws.periodic import PiIlc
+from cogless.study.laws.pi import Pi
 
 
 @pytest.fixture(scope="module")

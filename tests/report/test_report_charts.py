@@ -18,7 +18,7 @@ from cogless.report import (
     trials,
 )
 from cogless.results.trace import Trace
-from cogless.study.controller import PiIlc
+from cogless.study.laws.periodic import PiIlc
 
 TURN = 2 * np.pi
 

@@ -21,7 +21,7 @@ from cogless.results.trace import Trace
 from cogless.run import simulate
 from cogless.run.carry_out import measure
 from cogless.study import changed
-from cogless.study.space_controller import Period
+from cogless.study.laws.space import Period
 
 
 @pytest.fixture(scope="module")

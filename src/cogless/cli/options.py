@@ -116,7 +116,7 @@ def name_code(
     path: Path, table: str, laws: Mapping[str, Any], no_code: bool, found: Callable[[str], str]
 ) -> None:
     """Say which files' code these laws run, or refuse it. `found`: where a file that a law names is."""
-    from cogless.study.controller import LibraryLaw, PythonLaw
+    from cogless.study.laws.own import LibraryLaw, PythonLaw
 
     for name, law in laws.items():
         if isinstance(law, PythonLaw | LibraryLaw):

@@ -44,14 +44,15 @@ from cogless.design.verdict import WIDEST
 from cogless.errors import StudyError
 from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
-from cogless.study.adrc import Adrc
-from cogless.study.controller import SETTLING, AntiCogging, PiIlc, RobustIlc
-from cogless.study.harmonic import FASTEST
 from cogless.study.laws import AnyController
+from cogless.study.laws.adrc import Adrc
+from cogless.study.laws.anti_cogging import SETTLING, AntiCogging
+from cogless.study.laws.harmonic import FASTEST
+from cogless.study.laws.periodic import PiIlc, RobustIlc
+from cogless.study.laws.pi_afc import ORDERS, PiAfc
+from cogless.study.laws.space import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed
 from cogless.study.messages import dotted
-from cogless.study.pi_afc import ORDERS, PiAfc
 from cogless.study.reading import Changes
-from cogless.study.space_controller import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed
 
 # As told, and each corner: true K_t / J over that of the study, and samples of delay that the study
 # doesn't tell.

@@ -50,9 +50,9 @@ from cogless.design.speed_loop import (
     tuning_of,
 )
 from cogless.study import Study
-from cogless.study.controller import Tuning
-from cogless.study.harmonic import Harmonic
-from cogless.study.space_controller import SpacePosition
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.law import Tuning
+from cogless.study.laws.space import SpacePosition
 
 ALMOST = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
 ROUNDING = 1e-6  # error of the integrators' poles at z = 1: a double pole if nothing is fed back

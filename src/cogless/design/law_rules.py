@@ -5,9 +5,10 @@ from __future__ import annotations
 from cogless.design.closed_loop import Linear, feedback_at, harmonic_gains, oscillation
 from cogless.design.speed_loop import gains, speed_loop
 from cogless.study import Study
-from cogless.study.controller import Feedback, RobustIlc
-from cogless.study.harmonic import Harmonic
-from cogless.study.space_controller import SpacePosition
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.law import Feedback
+from cogless.study.laws.periodic import RobustIlc
+from cogless.study.laws.space import SpacePosition
 
 
 def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:

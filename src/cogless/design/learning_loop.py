@@ -37,9 +37,9 @@ from cogless.design.law_rules import feedback_of
 from cogless.design.margins import Complex, Real
 from cogless.design.speed_loop import SpeedLoop, pi_response, speed_loop
 from cogless.study import Study
-from cogless.study.controller import Learning
-from cogless.study.pi_afc import PiAfc
-from cogless.study.space_controller import SpaceLearning
+from cogless.study.laws.law import Learning
+from cogless.study.laws.pi_afc import PiAfc
+from cogless.study.laws.space import SpaceLearning
 
 SETTLED = 1.0 + 1e-3  # largest factor per period that counts as settling
 POINTS = 3000  # of a curve

@@ -24,7 +24,7 @@ from cogless.design.speed_loop import pi_response, speed_loop
 from cogless.design.verdict import judged
 from cogless.study import Study
 from cogless.study.base import speed_text
-from cogless.study.controller import RobustIlc
+from cogless.study.laws.periodic import RobustIlc
 from cogless.study.messages import dotted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark

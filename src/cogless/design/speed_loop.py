@@ -52,8 +52,8 @@ from cogless.design.margins import POINTS, UNSTABLE, Complex, Margins, Real, mar
 from cogless.design.trials.model import exponential
 from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
-from cogless.study.controller import Feedback, Tuning
 from cogless.study.drive import IdealCurrentLoop
+from cogless.study.laws.law import Feedback, Tuning
 from cogless.study.messages import dotted, shown
 from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes

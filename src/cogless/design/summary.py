@@ -17,11 +17,11 @@ from cogless.design.margins import Margins, finite
 from cogless.design.speed_loop import current_loops, gains, speed_loop, weakness
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
-from cogless.study.adrc import Adrc
-from cogless.study.controller import Feedback, Learning
-from cogless.study.harmonic import Harmonic
 from cogless.study.laws import AnyController
-from cogless.study.space_controller import SpaceLearning, SpacePosition
+from cogless.study.laws.adrc import Adrc
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.law import Feedback, Learning
+from cogless.study.laws.space import SpaceLearning, SpacePosition
 from cogless.study.table import Quantity
 from cogless.units import TIME
 

@@ -27,13 +27,13 @@ from cogless.design.laws.pi_afc import OrderLoop
 from cogless.design.margins import Real
 from cogless.design.verdict import judgement
 from cogless.study import Study
-from cogless.study.controller import Learning
+from cogless.study.laws.law import Learning
+from cogless.study.laws.pi_afc import PiAfc
+from cogless.study.laws.space import SpaceLearning
 from cogless.study.messages import dotted
 from cogless.study.motion import course
-from cogless.study.pi_afc import PiAfc
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
-from cogless.study.space_controller import SpaceLearning
 
 ALMOST = 0.995  # share of a period that counts as a whole one
 FOLLOWS = 0.5  # of the way of its reference: a rotor that turns less does not follow it

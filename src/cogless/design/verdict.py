@@ -47,15 +47,15 @@ from cogless.design.speed_loop import LEAST, speed_loop
 from cogless.errors import StudyError
 from cogless.study import Study, changed, for_scenario
 from cogless.study.base import speed_text, spoken_unit
-from cogless.study.controller import Learning
 from cogless.study.laws import AnyController
+from cogless.study.laws.law import Learning
+from cogless.study.laws.pi_afc import PiAfc
+from cogless.study.laws.space import SpaceLearning
 from cogless.study.mechanics import Load
 from cogless.study.messages import dotted
 from cogless.study.motion import course
-from cogless.study.pi_afc import PiAfc
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
-from cogless.study.space_controller import SpaceLearning
 from cogless.units import ANGULAR_SPEED
 
 STEP = 1.06  # ratio of one judged speed to the one before

@@ -40,7 +40,7 @@ from cogless.design.turning import late_angle, unstable_turning
 from cogless.design.unlearned import foreseen, map_warning
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import speed_text
-from cogless.study.harmonic import ORDERS, Harmonic
+from cogless.study.laws.harmonic import ORDERS, Harmonic
 from cogless.study.messages import dotted
 from cogless.study.motion import Course, course
 from cogless.study.numerics import voltage_reach

@@ -25,8 +25,10 @@ from cogless.run.limit_search import limits
 from cogless.run.simulate import RunError, rollout
 from cogless.study import AnyStudy, Study, TrialStudy, changed
 from cogless.study import load as load_study
-from cogless.study.controller import AntiCogging, Feedback, LearnsWhileRunning, OwnLaw
-from cogless.study.harmonic import Harmonic
+from cogless.study.laws.anti_cogging import AntiCogging
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.law import Feedback, LearnsWhileRunning
+from cogless.study.laws.own import OwnLaw
 from cogless.study.messages import dotted
 from cogless.study.metric import EACH_PHASE, result_name
 from cogless.study.reading import checked, find

@@ -31,7 +31,7 @@ from cogless.files import no_device, no_link, reason, versions
 from cogless.results import AnyResults
 from cogless.run.simulate import Pair, RunError, rollout, runs_of
 from cogless.study import AnyStudy, changed
-from cogless.study.controller import LibraryLaw, PythonLaw
+from cogless.study.laws.own import LibraryLaw, PythonLaw
 
 Chunk = int
 CHECKSUM_BYTES = 9  # at the start of a line

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cogless.errors import StudyError
 from cogless.run.plan import Plan, failures, plan
 from cogless.study import AnyStudy, TrialStudy
-from cogless.study.controller import LibraryLaw, PythonLaw
+from cogless.study.laws.own import LibraryLaw, PythonLaw
 from cogless.study.table import perhaps
 
 Reals = NDArray[np.floating[Any]]

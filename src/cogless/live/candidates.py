@@ -16,10 +16,10 @@ from cogless.report.phases import groups, phases
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.drive import IdealCurrentLoop
+from cogless.study.laws.trial import FilteredLaw, ObserverIlc, QFilter, StateIlc, TrialIlc, TrialLaw
 from cogless.study.linear_plant import LinearPlant
 from cogless.study.reading import Changes, changed
 from cogless.study.table import Quantity
-from cogless.study.trial_controller import FilteredLaw, ObserverIlc, QFilter, StateIlc, TrialIlc, TrialLaw
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,8 +25,10 @@ from cogless.run.plan import plan
 from cogless.run.simulate import Pair
 from cogless.run.trial_config import engine_config as trial_config
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
-from cogless.study.controller import AntiCogging, OwnLaw, Startable
-from cogless.study.trial_controller import NormOptimalIlc
+from cogless.study.laws.anti_cogging import AntiCogging
+from cogless.study.laws.law import Startable
+from cogless.study.laws.own import OwnLaw
+from cogless.study.laws.trial import NormOptimalIlc
 
 NONE, BOOL, INTEGER, NATURAL, REAL, TEXT, NUMBERS, LIST, TABLE, MATRIX = range(10)
 STRUCTS = {

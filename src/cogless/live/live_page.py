@@ -25,9 +25,9 @@ from cogless.report.trials import panels_of
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study.laws.trial import TrialLaw
 from cogless.study.metric import EACH_TRIAL, SIGNALS, Metric
 from cogless.study.reading import Changes
-from cogless.study.trial_controller import TrialLaw
 from cogless.units import NONE, factor
 
 NO_LIMITS: Mapping[str, str] = {}

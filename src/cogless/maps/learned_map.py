@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, MapError, StoredMap
 from cogless.study import AnyStudy, TrialStudy, for_scenario
-from cogless.study.controller import OwnLaw
+from cogless.study.laws.own import OwnLaw
 from cogless.study.motor import StarMotor
 
 POINTS = 8  # per wave of the highest order

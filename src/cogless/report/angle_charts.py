@@ -32,7 +32,7 @@ from cogless.report.panels import errors, in_angle, learned_terms, periods
 from cogless.report.verdicts import called
 from cogless.results import Results, Run
 from cogless.study import Study
-from cogless.study.space_controller import Period
+from cogless.study.laws.space import Period
 
 CELLS = 360
 SHOWN = 5  # periods of a chart

@@ -11,7 +11,7 @@ from cogless.results import Results
 from cogless.results.limits import Limits
 from cogless.run.limit_search import limits
 from cogless.study import Study, for_scenario
-from cogless.study.controller import OwnLaw
+from cogless.study.laws.own import OwnLaw
 
 TICKS_MOST = 5_000_000  # of a run that is made a dozen times again without being asked for
 

@@ -13,8 +13,8 @@ from cogless.report.markup import Array
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
 from cogless.study.base import spoken_unit
+from cogless.study.laws.space import SpaceLearning
 from cogless.study.metric import SIGNALS
-from cogless.study.space_controller import SpaceLearning
 from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, factor
 
 # The signals of all laws that are learned parts of the current reference.

@@ -15,7 +15,7 @@ from cogless.results.metrics import Conditions, Value, evaluate, result_name
 from cogless.results.trace import Trace, TraceRoom
 from cogless.run.plan import Plan, Progress, advance, failures, feedback_plan, memory_enough, trace_of
 from cogless.study import AnyStudy, TrialStudy, for_scenario
-from cogless.study.controller import OwnLaw
+from cogless.study.laws.own import OwnLaw
 
 
 def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:

@@ -25,17 +25,18 @@ from cogless.design.speed_loop import gains
 from cogless.errors import StudyError
 from cogless.run.own_law import known_drive
 from cogless.study import AnyStudy, Study, for_scenario
-from cogless.study.controller import Feedback, LawLoop, Learning, LibraryLaw, PythonLaw
 from cogless.study.drive import Drive, IdealCurrentLoop, StarBelief
-from cogless.study.harmonic import Harmonic
 from cogless.study.laws import AnyController
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.law import Feedback, LawLoop, Learning
+from cogless.study.laws.own import LibraryLaw, PythonLaw
+from cogless.study.laws.space import SpaceLearning, SpacePosition
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import StarMotor
 from cogless.study.numerics import no_load_speed
 from cogless.study.position_sensor import Counted, Hall, sensor_fields
 from cogless.study.reference import Reference
 from cogless.study.scenario import TorqueMode
-from cogless.study.space_controller import SpaceLearning, SpacePosition
 
 SPEED_MARGIN = 1.5  # of the no-load speed
 CURRENT_MARGIN = 2.0  # of the current limit

@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 
 from cogless.errors import StudyError
 from cogless.study import AnyStudy
-from cogless.study.controller import LibraryLaw, PythonLaw
+from cogless.study.laws.own import LibraryLaw, PythonLaw
 
 
 @dataclass(frozen=True, kw_only=True)

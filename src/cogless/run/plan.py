@@ -30,9 +30,10 @@ from cogless.run.drive_config import Mode, engine_config
 from cogless.run.own_law import describe, is_failure, law_file, make_law
 from cogless.run.trial_config import engine_config as trial_config
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
-from cogless.study.controller import AntiCogging, OwnLaw, Startable
-from cogless.study.start import Start
-from cogless.study.trial_controller import TrialLaw
+from cogless.study.laws.anti_cogging import AntiCogging
+from cogless.study.laws.law import Start, Startable
+from cogless.study.laws.own import OwnLaw
+from cogless.study.laws.trial import TrialLaw
 
 
 def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> learned_map.Reals:

@@ -22,7 +22,8 @@ from cogless.run.carry_out import carried_out, carried_out_together
 from cogless.run.plan import ENGINES, Plan, Progress, Stopped, memory_enough, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study, TrialStudy
-from cogless.study.controller import OwnLaw, Startable
+from cogless.study.laws.law import Startable
+from cogless.study.laws.own import OwnLaw
 from cogless.study.table import perhaps
 
 StudyProgress = Callable[[str, str, float], None]

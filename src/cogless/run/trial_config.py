@@ -9,7 +9,7 @@ import numpy as np
 from cogless.c_layout import control_layout
 from cogless.design.trials.model import Model, sampled
 from cogless.run.drive_config import drive_config, mechanics_config, motor_config, own_law_config
-from cogless.study.trial_controller import TrialLaw
+from cogless.study.laws.trial import TrialLaw
 
 if TYPE_CHECKING:
     from cogless.design.trials.gains import TrialParameters

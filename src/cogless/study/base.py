@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from cogless import units
-from cogless.study.controller import Base
+from cogless.study.laws.law import Base
 from cogless.study.metric import Metric
 from cogless.study.table import Frequency, Line, Many, Quantity, StudyKeys, Table, dotted_keys, invalid
 from cogless.units import ANGLE, ANGULAR_SPEED, Dimension, UnitError, factor, unit_of

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any
 from pydantic_core import PydanticCustomError
 
 from cogless.study import metric_checks, numerics, space_checks
-from cogless.study.controller import Learning, PiIlc, RobustIlc
 from cogless.study.drive import OUTER_LOOPS
-from cogless.study.harmonic import Harmonic
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.law import Learning
+from cogless.study.laws.periodic import PiIlc, RobustIlc
+from cogless.study.laws.pi_afc import PiAfc
 from cogless.study.metric_checks import FEWEST_ROWS
 from cogless.study.motor import Motor
-from cogless.study.pi_afc import PiAfc
 from cogless.study.position_sensor import Hall
 from cogless.study.scenario import BusFault, CurrentFault, FaultBase
 from cogless.study.table import Key, invalid, one_of

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING
 from cogless import units
 from cogless.control_library import C_LAWS
 from cogless.signals import dimensions, exists
-from cogless.study.controller import OwnLaw
+from cogless.study.laws.own import OwnLaw
+from cogless.study.laws.space import SpaceLearning
+from cogless.study.laws.trial import TrialLaw
 from cogless.study.metric import (
     EACH_PHASE,
     EACH_TRIAL,
@@ -25,14 +27,12 @@ from cogless.study.metric import (
     whole_revolutions,
 )
 from cogless.study.motor import Motor
-from cogless.study.space_controller import SpaceLearning
 from cogless.study.table import invalid, nearest, one_of
-from cogless.study.trial_controller import TrialLaw
 from cogless.study.trial_study import TrialStudy
 from cogless.units import Dimension
 
 if TYPE_CHECKING:
-    from cogless.study.controller import Base
+    from cogless.study.laws.law import Base
     from cogless.study.scenario import Scenario
     from cogless.study.speed_study import Study
 

@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cogless.study.adrc import Adrc
-from cogless.study.controller import AntiCogging, Learning
+from cogless.study.laws.adrc import Adrc
+from cogless.study.laws.anti_cogging import AntiCogging
+from cogless.study.laws.law import Learning
 from cogless.study.table import invalid
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ import math
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from cogless.study.controller import MOST_SAMPLES
-from cogless.study.space_controller import SpaceLearning
+from cogless.study.laws.law import MOST_SAMPLES
+from cogless.study.laws.space import SpaceLearning
 from cogless.study.table import check_precision, invalid
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from pydantic_core import PydanticCustomError
 
 from cogless.study import checks, metric_checks, numerics
-from cogless.study.table import invalid
-from cogless.study.trial_controller import (
+from cogless.study.laws.trial import (
     FilteredLaw,
     NormOptimalIlc,
     ObserverIlc,
@@ -19,6 +18,7 @@ from cogless.study.trial_controller import (
     StateIlc,
     TrialLaw,
 )
+from cogless.study.table import invalid
 from cogless.study.trial_study import Deviations, TrialConditions, WithUnit
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ from pydantic import Field, PrivateAttr, field_validator, model_validator
 from cogless import units
 from cogless.study.base import StudyBase
 from cogless.study.drive import Drive
+from cogless.study.laws.trial import DesignSettings, TrialController
 from cogless.study.linear_plant import LinearPlant
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.metric import EACH_TRIAL, Metric
@@ -33,7 +34,6 @@ from cogless.study.table import (
     dotted_keys,
     invalid,
 )
-from cogless.study.trial_controller import DesignSettings, TrialController
 
 if TYPE_CHECKING:
     import numpy as np

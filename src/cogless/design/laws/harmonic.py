@@ -27,7 +27,7 @@ from cogless.design.laws.harmonic_transfer import (
 from cogless.design.margins import Real
 from cogless.design.speed_loop import CurrentLoop, SpeedLoop, speed_loop
 from cogless.study import Study
-from cogless.study.harmonic import FASTEST, ORDERS, Harmonic, Learner
+from cogless.study.laws.harmonic import FASTEST, ORDERS, Harmonic, Learner
 from cogless.study.motor import StepMotor
 from cogless.study.position_sensor import Counted, Hall
 

@@ -21,7 +21,7 @@ import numpy as np
 from cogless.design.closed_loop import Gains
 from cogless.design.margins import Complex, Real
 from cogless.design.speed_loop import SpeedLoop, pi_response
-from cogless.study.harmonic import BANDS, FASTEST, Learner
+from cogless.study.laws.harmonic import BANDS, FASTEST, Learner
 
 POLE = math.exp(-0.5)  # of the observer, each sample: its bandwidth is half a radian a sample
 SPLIT = 0.5105  # rad a sample, up to which an order learns from z

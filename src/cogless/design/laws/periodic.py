@@ -15,7 +15,8 @@ import numpy as np
 from cogless.design.learning_loop import SETTLED, LearningLoop, fewest_samples
 from cogless.design.ripple import WORSE, ripple
 from cogless.study.base import speed_text
-from cogless.study.controller import Learning, RobustIlc
+from cogless.study.laws.law import Learning
+from cogless.study.laws.periodic import RobustIlc
 
 LONGEST_LEAD = 30  # samples that are tried
 SMALLER = 6  # gains of beta_1 that are tried, each half of the one before

@@ -23,7 +23,7 @@ from cogless.design.laws.periodic import LONGEST_LEAD
 from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Complex, Real
 from cogless.study.base import speed_text
-from cogless.study.pi_afc import PiAfc
+from cogless.study.laws.pi_afc import PiAfc
 
 FIXED = 1e-6  # tolerance of the fixed pole at z = 1: the angle, which has no feedback
 

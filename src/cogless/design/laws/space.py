@@ -21,7 +21,7 @@ from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import Linear
 from cogless.design.learning_loop import LearningLoop
 from cogless.study.base import speed_text
-from cogless.study.space_controller import SpacePosition, SpaceSpeed
+from cogless.study.laws.space import SpacePosition, SpaceSpeed
 
 ANGLES = np.linspace(0, 2 * math.pi, 720, endpoint=False)
 

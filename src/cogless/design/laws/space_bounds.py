@@ -57,8 +57,8 @@ from dataclasses import dataclass
 from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functions
 from cogless.design.closed_loop import Linear, feedback_at, position_gains
 from cogless.study import Study, for_scenario
+from cogless.study.laws.space import SpaceLearning, SpacePosition, SpaceSpeed
 from cogless.study.scenario import Scenario
-from cogless.study.space_controller import SpaceLearning, SpacePosition, SpaceSpeed
 
 SLOW = 1e-6  # rad/s or rad/s^2, smallest value used to derive a limit, so as not to divide by zero
 

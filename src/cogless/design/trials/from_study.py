@@ -32,13 +32,7 @@ from cogless.design.trials.random_errors import Disturbances
 from cogless.design.trials.sensing import Sensor, sensed
 from cogless.errors import StudyError
 from cogless.study import TrialStudy
-from cogless.study.linear_plant import LinearPlant
-from cogless.study.mechanics import Mechanics
-from cogless.study.motor import Motor
-from cogless.study.position_sensor import Counted, Hall
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
-from cogless.study.trial_controller import (
+from cogless.study.laws.trial import (
     UNCERTAIN,
     FilteredLaw,
     NormOptimalIlc,
@@ -48,6 +42,12 @@ from cogless.study.trial_controller import (
     TrialIlc,
     TrialLaw,
 )
+from cogless.study.linear_plant import LinearPlant
+from cogless.study.mechanics import Mechanics
+from cogless.study.motor import Motor
+from cogless.study.position_sensor import Counted, Hall
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
 from cogless.study.trial_study import EachTrial, TrialConditions
 
 ROUNDING = 1e-9

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
-from cogless.study.controller import Feedback, LawLoop, LearnsWhileRunning
+from cogless.study.laws.law import Feedback, LawLoop, LearnsWhileRunning
 from cogless.study.table import CurrentBound, LawSpeed, Many, SpeedIntegralGain, StartTime, invalid
 
 ORDERS, HIGHEST = 16, 65_535  # CGL_PI_AFC_ORDERS, CGL_PI_AFC_ORDER_MAX

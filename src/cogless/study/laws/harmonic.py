@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cogless.study.controller import Feedback, LawLoop, LearnsWhileRunning
+from cogless.study.laws.law import Feedback, LawLoop, LearnsWhileRunning
 from cogless.study.table import CurrentBound, RateGain, invalid
 
 ORDERS, HIGHEST = 128, 65_535  # CGL_HARMONIC_ORDERS, CGL_HARMONIC_ORDER_MAX

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from cogless import units
-from cogless.study.controller import AutoTuning, Cells, LawLoop, LearnsWhileRunning, Tuning, check_cells
+from cogless.study.laws.law import AutoTuning, Cells, LawLoop, LearnsWhileRunning, Tuning, check_cells
 from cogless.study.table import (
     CurrentBound,
     LawSpeed,

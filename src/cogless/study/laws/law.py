@@ -1,4 +1,9 @@
-"""Controllers of a speed study; the key `law` of a table tells which control law it configures."""
+"""What all laws share: tuning, the loop around a law, learning, and what a law starts from.
+
+Controllers of a speed study; the key `law` of a table tells which control law it configures.
+
+What a law that learns over the angle begins with: a map that was learned before, or a table.
+"""
 
 from __future__ import annotations
 
@@ -8,23 +13,22 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, ValidatorFunctionWrapHandler, field_validator, model_validator
+from pydantic import (
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
 
 from cogless import units
-from cogless.study.start import Start
+from cogless.study.csv_table import OverAngle, read
 from cogless.study.table import (
-    AccelerationGain,
     CurrentBound,
-    CurrentToAcceleration,
-    File,
     FileName,
-    LawSpeed,
     Line,
-    Many,
-    NumberGain,
     PhaseMargin,
-    RateGain,
-    RateGainPerTime,
     SpeedGain,
     SpeedIntegralGain,
     StartTime,
@@ -32,6 +36,46 @@ from cogless.study.table import (
     check_sizes,
     invalid,
 )
+
+COLUMNS = {"current": units.CURRENT, "torque": units.TORQUE}
+StartFile = Annotated[Line, FileName(), Field(min_length=1)]  # relative to the study
+
+
+class Start(Table):
+    """A stored map, or a table of current or torque over a revolution as CSV."""
+
+    # in the format of control/SPEC.md, as `cogless run` writes and firmware saves
+    map: StartFile | None = None
+    table: StartFile | None = None
+    frame: Literal["mechanical", "electrical"] = "mechanical"  # of the table's angle
+    sign: Literal["holding", "cogging"] | None = None  # of the table
+    _over_angle: OverAngle | None = PrivateAttr(default=None)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if (self.map is None) == (self.table is None):
+            raise invalid('expected either map = "FILE.bin" or table = "FILE.csv"')
+        if self.table is not None and self.sign is None:
+            meaning = (
+                '"holding" if it holds the rotor against the motor\'s own torque, "cogging" if it is that'
+            )
+            raise invalid(f"expected {meaning}", "sign", value="missing")
+        for key in ("frame", "sign"):
+            if self.map is not None and key in self.model_fields_set:
+                raise invalid("expected none, since a stored map tells it", key)
+        return self
+
+    @model_validator(mode="after")
+    def _readable(self, info: ValidationInfo) -> Self:
+        if self.table is not None and info.context:
+            self._over_angle = read(info.context["folder"] / self.table, COLUMNS, "table")
+        return self
+
+    @property
+    def over_angle(self) -> OverAngle:
+        """The table as read: a current, A, or a torque, N*m."""
+        assert self._over_angle is not None
+        return self._over_angle
 
 
 class Tuning(Table):
@@ -266,209 +310,3 @@ class Learning(LearnsWhileRunning):
             "method": "CGL_DELAY_ODE",
             "k_pp": 0.0,
         }
-
-
-PERIODIC = {"lead": 0.0, "cells": 1024, "q_half_width": 0, "period": "mechanical"}
-
-
-class Pi(Feedback):
-    """Proportional-integral speed control."""
-
-    law: Literal["pi"]
-
-    def c_config(self, loop: LawLoop) -> dict[str, Any]:
-        return self.pi_config(loop)
-
-
-class PiIlc(Feedback, Learning):
-    """PI with P-type iterative learning (Liu 2018, law 29)."""
-
-    law: Literal["pi-ilc"]
-    gain: SpeedGain  # A*s/rad, learning
-
-    AUTOMATIC: ClassVar[dict[str, Any]] = {"gain": 0.0, **PERIODIC}
-
-    @property
-    def learning_gain(self) -> tuple[float, float]:
-        return self.gain, 0.0
-
-    def c_config(self, loop: LawLoop) -> dict[str, Any]:
-        return {"pi": self.pi_config(loop), "gain": self.gain, "memory": self.memory_config(loop)}
-
-
-class RobustIlc(Learning):
-    """Robust iterative learning by adaptive sliding mode (Liu 2018, law 19)."""
-
-    law: Literal["robust-ilc"]
-    b: CurrentToAcceleration  # rad/s^2/A, value that the controller assumes
-    c: RateGain  # 1/s
-    g: AccelerationGain  # rad/s^2, switching
-    eta: RateGain  # 1/s
-    q: NumberGain
-    beta_1: AccelerationGain  # rad/s^2
-    beta_2: RateGain  # 1/s
-    gamma: RateGainPerTime  # 1/s^2
-    viscous: RateGain = 0.0  # 1/s: B(x) = viscous omega + coulomb sgn(omega)
-    coulomb: AccelerationGain = 0.0  # rad/s^2
-    tuning: AutoTuning | None = None  # in place of the gains
-
-    AUTOMATIC: ClassVar[dict[str, Any]] = {
-        **dict.fromkeys(("c", "g", "eta", "q", "beta_1", "beta_2", "gamma"), 0.0),
-        "b": 1.0,
-        **PERIODIC,
-    }
-
-    @property
-    def linear(self) -> tuple[float, float]:
-        """kp and ki of the feedback (c e + eta S) / b with S = e + c integral(e), e the speed error."""
-        return (self.c + self.eta) / self.b, self.c * self.eta / self.b
-
-    @property
-    def learning_gain(self) -> tuple[float, float]:
-        """Gains on e and integral(e): the memory f learns from S = e + c integral(e)."""
-        gain = self.q * self.beta_2 / self.b
-        return gain, gain * self.c
-
-    @property
-    def unit(self) -> float:
-        return -self.b
-
-    def c_config(self, loop: LawLoop) -> dict[str, Any]:
-        same = {"b", "c", "g", "eta", "q", "beta_1", "beta_2", "gamma", "viscous", "coulomb"}
-        memory = self.memory_config(loop)
-        return {**self.model_dump(include=same), "limit": loop.current_limit, "memory": memory}
-
-
-SETTLING = 1 / 8  # revolutions in each direction before a commissioning run begins to record
-
-
-class Commissioning(Table):
-    """The slow run, forwards and backwards, that fills an anti-cogging table."""
-
-    speed: LawSpeed  # rad/s
-    revolutions: Annotated[int, Field(ge=1, le=100)] = 1  # each way
-    position_gain: RateGain  # 1/s
-
-    @property
-    def duration(self) -> float:
-        """Duration of the commissioning run, s."""
-        return 2 * (self.revolutions + SETTLING) * 2 * math.pi / self.speed
-
-
-NOT_FILLED = (
-    'expected calibration = { speed = "6 rpm", position_gain = "20 1/s" }, tuning = { rule = "auto" }, which '
-    "gives one, or a start"
-)
-UNUSED = Commissioning(speed=1.0, position_gain=0.0)
-
-
-class AntiCogging(Feedback, Startable):
-    """PI with a current table over the mechanical angle, learned in a commissioning run or before."""
-
-    law: Literal["anti-cogging"]
-    cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
-    lead: StartTime = 0.0  # s: the table is read at the angle expected after this time
-    calibration: Commissioning | None = None  # in place of a start
-
-    AUTOMATIC: ClassVar[dict[str, Any]] = {
-        "cells": 720,
-        "lead": 0.0,
-        "calibration": {"speed": 1.0, "position_gain": 0.0},
-    }
-
-    @model_validator(mode="after")
-    def _filled_once(self) -> Self:
-        if (self.calibration is None) == (self.start is None):
-            raise invalid(NOT_FILLED if self.start is None else "expected a calibration or a start, not both")
-        return self
-
-    @property
-    def learned(self) -> bool:
-        return True
-
-    def c_config(self, loop: LawLoop) -> dict[str, Any]:
-        run = (self.calibration or UNUSED).model_dump()
-        return {"pi": self.pi_config(loop), "cells": self.cells, "lead": self.lead, **run}
-
-
-class OwnLaw(Startable):
-    """The keys of every controller that a user has written himself."""
-
-    NEEDS: ClassVar[str]  # what it must have to start from a map
-
-    learning: bool = False  # whether it learns, which only the user knows
-    learning_start: StartTime = 0.0  # s: until then inputs.learn is false
-    position: bool = False  # whether it holds the angle of the reference, too
-
-    @property
-    def learns(self) -> bool:
-        return self.learning
-
-    @property
-    def learned(self) -> bool:
-        return self.learning or self.start is not None
-
-    @property
-    def learns_from(self) -> float:
-        return self.learning_start
-
-    @property
-    def holds_position(self) -> bool:
-        return self.position
-
-
-class PythonLaw(OwnLaw):
-    """A user's class with step(inputs) -> i_q_ref or (i_d_ref, i_q_ref), A."""
-
-    NEEDS: ClassVar[str] = "a class with the methods learned_map() and load_map(learned)"
-
-    law: Literal["python"]
-    # "file.py:Class", relative to the study
-    object: Annotated[str, Field(pattern=r"^.+\.py:\w+$"), FileName(with_name=True)]
-    params: dict[str, Any] = Field(default={})  # keyword arguments of the class
-
-    @property
-    def code(self) -> str:
-        """The file whose code runs, relative to the study."""
-        return self.object.rpartition(":")[0]
-
-    @property
-    def arguments(self) -> dict[str, Any]:
-        """The params, texts that are a number with a unit as SI numbers."""
-        return {key: _si(value) for key, value in self.params.items()}
-
-
-class LibraryLaw(OwnLaw):
-    """A user's shared library with the documented C interface."""
-
-    NEEDS: ClassVar[str] = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
-
-    law: Literal["library"]
-    library: File  # relative to the study
-    params: Many[float | str] = ()
-
-    @field_validator("params")
-    @classmethod
-    def _numbers(cls, params: tuple[float | str, ...]) -> tuple[float | str, ...]:
-        for n, value in enumerate(params):
-            if isinstance(_si(value), str):
-                raise invalid('expected a number, or one with a known unit, such as "0.2 A*s/rad"', n)
-        return params
-
-    @property
-    def code(self) -> str:
-        """The file whose code runs, relative to the study."""
-        return self.library
-
-    @property
-    def numbers(self) -> list[float]:
-        """The params as SI numbers."""
-        return [float(_si(value)) for value in self.params]
-
-
-def _si(value: Any) -> Any:
-    """The SI number of a text that is a number with a known unit; anything else as it is."""
-    if isinstance(value, list):
-        return [_si(each) for each in value]
-    unit = units.unit_of(value) if isinstance(value, str) else ""
-    return units.in_si(value) if unit and units.is_known(unit) else value

@@ -6,11 +6,14 @@ from typing import Annotated
 
 from pydantic import Field
 
-from cogless.study.adrc import Adrc
-from cogless.study.controller import AntiCogging, LibraryLaw, Pi, PiIlc, PythonLaw, RobustIlc
-from cogless.study.harmonic import Harmonic
-from cogless.study.pi_afc import PiAfc
-from cogless.study.space_controller import SpacePosition, SpaceSpeed
+from cogless.study.laws.adrc import Adrc
+from cogless.study.laws.anti_cogging import AntiCogging
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.own import LibraryLaw, PythonLaw
+from cogless.study.laws.periodic import PiIlc, RobustIlc
+from cogless.study.laws.pi import Pi
+from cogless.study.laws.pi_afc import PiAfc
+from cogless.study.laws.space import SpacePosition, SpaceSpeed
 
 AnyController = (
     Pi

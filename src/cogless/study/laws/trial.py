@@ -8,7 +8,8 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from cogless import units
-from cogless.study.controller import Base, LibraryLaw, PythonLaw
+from cogless.study.laws.law import Base
+from cogless.study.laws.own import LibraryLaw, PythonLaw
 from cogless.study.table import LawFrequency, Many, Quantity, Table, invalid
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar, Literal
 
 from cogless import units
-from cogless.study.controller import AutoTuning, Base, LawLoop
+from cogless.study.laws.law import AutoTuning, Base, LawLoop
 from cogless.study.table import CurrentToAcceleration, Quantity, RateGain
 
 
