@@ -100,7 +100,7 @@ def missing(law: CLaw) -> list[str]:
         **{f"{place}: {name}": law.name in listed(place, name) for place, name in LISTS},
         f"docs/laws/{law.name}.md": bool(page := text(ROOT / "docs" / "laws" / f"{law.name}.md")),
         f"docs/laws/{law.name}.md: its run-figure": law.name in drawn(page),
-        "src/cogless/study/laws.py: its model": law.name in (*MODELS, OF_TRIALS),
+        "src/cogless/study/laws: its model": law.name in (*MODELS, OF_TRIALS),
         "tests/study/test_law_ranges.py: its gains": f'"{law.name}": ' in ranges or law.name == OF_TRIALS,
     }
     return [what for what, there in has.items() if not there]

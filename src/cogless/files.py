@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import platform
 import secrets
 import sys
 import tempfile
@@ -113,6 +112,7 @@ def writable(directory: Path) -> Iterator[None]:
 @cache
 def versions() -> dict[str, str]:
     """Versions of cogless, Python and NumPy, which compute the numbers."""
+    import platform
     from importlib.metadata import PackageNotFoundError, version
 
     try:

@@ -1,7 +1,7 @@
 """The factor per period by which a learning law changes each frequency of what it learned, at one speed.
 
 The analysis is for small signals, at a speed that hardly changes within the loop's memory. P is the response
-from current reference to measured speed and angle (pi.py), C the linear feedback, Gamma the learning gain on
+from current reference to measured speed and angle (speed_loop.py), C the linear feedback, Gamma the learning gain on
 the error that is fed back, and T the sample period:
 
     G = ratio (P_omega + k_theta P_theta),    C = k + k_i T z / (z - 1), and what closed_loop.py adds
@@ -309,7 +309,7 @@ def _closed_at(loop: SpeedLoop, feedback: Linear, frequencies: bytes) -> Complex
 
 @lru_cache(maxsize=16)
 def plants(loop: SpeedLoop) -> tuple[Real, Complex, Complex]:
-    """Frequencies, Hz, and the plants P_omega and P_theta of pi.py at them."""
+    """Frequencies, Hz, and the plants P_omega and P_theta of speed_loop.py at them."""
     f = np.geomspace(LOWEST, 0.5 / loop.period, GRID)
     f = _with_near(f, loop)
     return f, *loop.plant(2 * math.pi * f)

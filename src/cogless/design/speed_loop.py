@@ -550,7 +550,7 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
     bus = study_here.drive.bus
     window = sensor.periods(rates.divider) if isinstance(sensor, Counted) else 0
     if isinstance(sensor, Hall):
-        window = rates.divider  # at least: slow_running.py tells where edges come more rarely
+        window = rates.divider  # at least: warnings.py tells where edges come more rarely
     delay = sensor.latency if isinstance(sensor, Counted) else 0.0
     return SpeedLoop(
         b=K_t / study_here.mechanics.stiff.inertia,

@@ -1,4 +1,4 @@
-"""Run an arena: every law on every plant, in each case of arena_cases.py.
+"""Run an arena: every law on every plant, in each of its cases.
 
 The cases of an arena's plant: what happens in each, and what is measured there.
 
@@ -156,7 +156,7 @@ Progress = Callable[[str, int], None]
 
 @dataclass(frozen=True)
 class ArenaRun:
-    """A finished run. `case`: one of arena_cases.py."""
+    """A finished run. `case`: one of `scenarios`."""
 
     plant: str
     case: str

@@ -1,7 +1,7 @@
 """Conditions of Verrelli 2016 on the gains of a law that learns in angle, compared with the law's own gains.
 
 All quantities are mechanical. The bounds are those of angle_functions.py, over all scenarios of a controller.
-The theorems are for continuous time, an ideal current loop and no current limit. space_learning.py is for the
+The theorems are for continuous time, an ideal current loop and no current limit. space.py is for the
 sampled loop.
 
 Section 3, law (4). With W = eta^2 / 2 and f+^2 = 1 + (eta_bar + omega+)^2 + (top acceleration)^2 the proof

@@ -102,7 +102,7 @@ class Learning:
 
     If there is no filter and the shift is the model's relative degree, the error's norm grows by at most the
     factor `norm` per trial. Otherwise this bound holds for each frequency only, and the error may grow at the
-    trial's ends, which `growth` of finite.py tests. Exactly sampled plants are such a case: their relative
+    trial's ends, which `growth` of response.py tests. Exactly sampled plants are such a case: their relative
     degree is 1, and the shift is often 2.
     """
 
@@ -128,7 +128,7 @@ class ModelCertificate:
     phi_radius: float | None  # largest of Phi (27) at any vertex; None without K_3 or if the shift isn't r
     without_filter: Learning | None  # None without learning, or if unstable along the trial
     with_filter: Learning | None  # None also if there is no filter
-    growth: float | None  # factor per trial after many trials, trial ends and filter included: finite.py
+    growth: float | None  # factor per trial after many trials, trial ends and filter included: response.py
     norms: Callable[[], FiniteTrial] | None = field(default=None, compare=False, repr=False)
 
     @cached_property

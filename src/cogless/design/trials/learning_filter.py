@@ -9,7 +9,7 @@ response.py and the error E without learning, that is after n trials
 E is the error that a step of the load at the input causes. The choice has the smallest RMS of R_n E over that
 of E after JUDGED_TRIALS trials, at the worst corner, of all with |F| <= PROPOSED and |R| <= REMAINS_MOST at
 every plant and frequency. A grid of choices is searched by frequency. The best of it are refined over a trial
-of finite length (finite.py), with a load from the first sample and one from the middle on, so that its ends
+of finite length (response.py), with a load from the first sample and one from the middle on, so that its ends
 count. A choice with which the error grows at the ends is none.
 """
 

@@ -5,7 +5,7 @@ Lyapunov matrix Y^-1 for all vertices, W = K Y, and the smallest bound beta on t
 
 The problem is solved in coordinates x = T x~, with Q^-1 and 1/R scaled to one by congruence. T follows from
 the nominal Riccati solution, X = T^-T T^-1. If the solver fails with this T because the ranges are very wide,
-T follows from the gain of stabilise.py. A result is used only if `check` accepts it.
+T follows from the gain of `stabilise`. A result is used only if `check` accepts it.
 
 Semidefinite programs, solved by Clarabel, and a check of the solutions by the eigenvalues of the blocks.
 
