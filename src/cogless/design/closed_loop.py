@@ -2,9 +2,9 @@
 
 Poles of a sampled position or speed loop: whether it is stable, and how fast an oscillation grows if not.
 
-The state is the plant's x of speed_loop.py, x' = A x + B i_ref from one sample of the law to the next, with the
-integral, the angles that the sensor remembers or its observer's state, a filter's states, and a delay's past
-speeds and angles. The feedback is
+The state is the plant's x of speed_loop.py, x' = A x + B i_ref from one sample of the law to the next, with
+the integral, the angles that the sensor remembers or its observer's state, a filter's states, and a delay's
+past speeds and angles. The feedback is
 
     i_ref = -(C + sum R) omega_t - k_v ratio theta,    omega_t = ratio (omega + k_theta theta)
     C = k + k_i T z / (z - 1) + k_r T / (z - 1) (1 + c T z / (z - 1))
@@ -18,8 +18,8 @@ The open loop, closed through omega_t = omega - omega_ref + k_theta (theta - the
 
     L = (k_omega + k_i T z / (z - 1)) (P_omega + k_theta P_theta),    z = exp(jwT)
 
-with the plants P of speed_loop.py. If the law has v(omega), it is added to k_omega. If it has k_v, k_v P_theta is
-added to L. `ratio` converts all mechanical angles to the frame of the gains.
+with the plants P of speed_loop.py. If the law has v(omega), it is added to k_omega. If it has k_v, k_v
+P_theta is added to L. `ratio` converts all mechanical angles to the frame of the gains.
 
 The rule gives the stiffest loop with the wanted margin. Both of its zeros are at the same frequency, k_i / K
 = k_theta with K = k_omega + k_i T / 2 (docs/theory/learning-in-angle.md#a-fair-pi). It is found by search. A

@@ -1,8 +1,8 @@
 """The factor per period by which a learning law changes each frequency of what it learned, at one speed.
 
 The analysis is for small signals, at a speed that hardly changes within the loop's memory. P is the response
-from current reference to measured speed and angle (speed_loop.py), C the linear feedback, Gamma the learning gain on
-the error that is fed back, and T the sample period:
+from current reference to measured speed and angle (speed_loop.py), C the linear feedback, Gamma the learning
+gain on the error that is fed back, and T the sample period:
 
     G = ratio (P_omega + k_theta P_theta),    C = k + k_i T z / (z - 1), and what closed_loop.py adds
     S = 1 / (1 + C G + k_v ratio P_theta),    X = Gamma G S

@@ -5,8 +5,9 @@ current to -S the loop has the response
 
     W = H P / (1 + C P),    H = 1 + c T z / (z - 1),    z = exp(jwT)
 
-with the plant P of speed_loop.py. The relay switches to and fro where W turns its current by half a turn. A current
-that is M for n samples and -M for n samples, with w n T = pi, has the fundamental 2 M / (n sin(pi / (2 n))).
+with the plant P of speed_loop.py. The relay switches to and fro where W turns its current by half a turn. A
+current that is M for n samples and -M for n samples, with w n T = pi, has the fundamental 2 M / (n sin(pi /
+(2 n))).
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 Whether a position sensor's edges come often enough for the loop around them.
 
 docs/theory/sensors.md#few-edges derives it. Let edges come every T_e, longer than a sample T. A speed timed
-from edge to edge is then T_e late, where speed_loop.py assumes T / 2. This costs w_c (T_e - T / 2) of the phase
-margin at the crossover w_c. A speed from counts over a fixed time then consists of single counts. If w_c T_e
-is above one, the rotor coasts from one count to the next.
+from edge to edge is then T_e late, where speed_loop.py assumes T / 2. This costs w_c (T_e - T / 2) of the
+phase margin at the crossover w_c. A speed from counts over a fixed time then consists of single counts. If
+w_c T_e is above one, the rotor coasts from one count to the next.
 """
 
 from __future__ import annotations

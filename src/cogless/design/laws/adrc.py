@@ -5,8 +5,8 @@ current,
 
     x[k] = A x[k-1] + B omega[k],    x = (omega^, f^, i),    i = -(omega_c omega^ + f^) / b
 
-so C = i (I - A / z)^-1 B, and the open loop is -C P with P of speed_loop.py. The rule takes the observer RATIO
-times as fast as the loop and both as fast as the wanted phase margin allows.
+so C = i (I - A / z)^-1 B, and the open loop is -C P with P of speed_loop.py. The rule takes the observer
+RATIO times as fast as the loop and both as fast as the wanted phase margin allows.
 """
 
 from __future__ import annotations

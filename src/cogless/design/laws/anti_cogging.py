@@ -1,7 +1,7 @@
 """Whether the slow run that fills an anti-cogging table records the cogging: docs/laws/anti-cogging.md.
 
-In the run k_theta = position_gain stands before the law's PI, so that its open loop L is that of closed_loop.py.
-Against a current of order n the loop gives -T of it, with
+In the run k_theta = position_gain stands before the law's PI, so that its open loop L is that of
+closed_loop.py. Against a current of order n the loop gives -T of it, with
 
     T = L / (1 + L) at w = n omega_cal
 

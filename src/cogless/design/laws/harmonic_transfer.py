@@ -1,8 +1,8 @@
 """What the law `harmonic` sees of a ripple, beside what it assumes to see: docs/laws/harmonic.md.
 
 Gamma is a factor on the rate at which an order n learns: what the law sees of a ripple in T at that order,
-over what it assumes to see. P is the response from current reference to measured speed and angle (speed_loop.py),
-C the PI, M the law's model of the angle, V its model of the delay:
+over what it assumes to see. P is the response from current reference to measured speed and angle
+(speed_loop.py), C the PI, M the law's model of the angle, V its model of the delay:
 
     F = C (P_omega + k_theta P_theta),    M = b T^2 (z + 1) / (2 (z - 1)^2) V,    z = exp(jwT), w = n omega
     Gamma = (P_theta + M F) / (1 + F) / (b T^2 (z + 1) / (2 (z - 1)^2) exp(-jw delay))

@@ -4,7 +4,8 @@ The certificate speaks of any error. But a scenario has its own: of its referenc
 plant,
 and where the filter or the ends keep learning from some of it, the sum may end above what the feedback alone
 leaves. So the scenario itself is tried: at each corner one trial of the feedback is simulated, and from its
-error d the errors of all trials follow as R_k d (response.py), phase after phase with what was learned before.
+error d the errors of all trials follow as R_k d (response.py), phase after phase with what was learned
+before.
 
 What differs at random from trial to trial is added as a mean square (random_errors.py). The last plant is the
 one that the scenario simulates, phase by phase, if that is within the design's ranges.

@@ -1,8 +1,8 @@
 """Errors that differ at random: docs/theory/trial-design.md#what-differs-from-trial-to-trial.
 
 A start, a load or noise that each trial draws anew can't be learned. Its error w_k stays, and what the law
-makes of it acts in the trials after. With the notation of response.py, and l_k where the law looks in place of
-w_k:
+makes of it acts in the trials after. With the notation of response.py, and l_k where the law looks in place
+of w_k:
 
     e_k = w_k - G (B l_{k-1} + M B l_{k-2} + M^2 B l_{k-3} + ...)
 
