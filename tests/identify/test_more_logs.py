@@ -1,4 +1,4 @@
-"""Logs and keys that are added take no value away and double no interval, on a plant that is not cogless's."""
+"""Logs and keys that are added take no value away and double no interval, on a plant of its own."""
 
 from __future__ import annotations
 

@@ -87,14 +87,6 @@ def test_a_pause_in_a_log_is_a_gap_and_no_wrong_unit(tmp_path):
     assert made.values["j"].value * made.K_t == pytest.approx(INERTIA, rel=0.02)
 
 
-def test_logs_that_leave_one_speed_say_why_the_others_are_left(tmp_path):
-    text, logs = shortened()
-    seldom = {name: {key: x[::5] for key, x in log.items()} for name, log in logs.items()}
-    *causes, last = refused(tmp_path, text, seldom).splitlines()
-    assert last.startswith("One speed only")
-    assert any("above an eighth of the sampling rate, 200 Hz" in line for line in causes)
-
-
 def test_a_rotor_that_sticks_is_told_with_the_speed_at_which_it_would_not(tmp_path):
     text, logs = shortened()
     log = logs["one-speed"]
@@ -143,15 +135,16 @@ def test_a_log_without_angle_or_current_says_what_to_record(tmp_path, without, s
     assert sum(sentence.format(f' (no column "{without}")') in line for line in lines) == len(logs)
 
 
-def test_50_hz_are_too_slow(tmp_path):
+@pytest.mark.parametrize("every", [5, 20])
+def test_few_rows_tell_inertia_and_leave_out_what_they_cannot_show(tmp_path, every):
+    """200 and 50 Hz."""
     text, logs = shortened()
-    slow = {name: {key: x[::20] for key, x in log.items()} for name, log in logs.items()}
-    lines = refused(tmp_path, text, slow).splitlines()
-    assert re.fullmatch(
-        r"fast.npz: order 24 at \S+ rev/s is above an eighth of the sampling rate, 50 Hz; "
-        r"record 1.2e\+03 rows a second, or turn more slowly.",
-        lines[1],
+    made = told(
+        tmp_path, text, {name: {key: x[::every] for key, x in log.items()} for name, log in logs.items()}
     )
+    inertia = made.values["j"].times(0.3)
+    assert abs(inertia.value - INERTIA) < inertia.error < 0.2 * INERTIA
+    assert {wave.order for wave in made.cogging} <= {4, 24, 72}
 
 
 def test_an_index_that_slips_between_logs_leaves_cogging_out(tmp_path):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind, recording
-from cogless.identify.balance import VISIBLE, Model, Rows
+from cogless.identify.balance import VISIBLE, WIDTH_ROWS, Model, Rows
 from cogless.identify.config import Identification
 from cogless.identify.files import Array
 from cogless.identify.jackknife import Fit, fit, jackknife
@@ -27,6 +27,7 @@ WORST = 1e8  # condition of equations that are still solved
 STANDS_OUT = 5.0  # standard errors
 LIKELY_RIPPLE = 0.1  # of K_t, at most
 SIDEBAND = 0.5  # of the order between them, at most
+ROUNDING = 1e-6  # relative
 SEEN = 3.0  # wavelengths of an order that the kernel blurs to a hundredth
 
 
@@ -369,21 +370,7 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
         cogging = ()
     cogging, beside = _without_sidebands(made, cogging)
     left += beside
-    encoder, highest = made.encoder, _highest(made)
-    if 2 * poles > highest:
-        left.append(
-            Advice(
-                f"No usable log turns slowly enough to show cogging above order {highest:.0f}, and the poles "
-                f"have {2 * poles}: higher orders are left out, and what they disturb, inertia, friction, "
-                "delay "
-                "and the encoder's error; record a slow log in which the rotor does not stick (with more "
-                "feedback).",
-                logs_of_kind("slow-sweep"),
-            )
-        )
-        for key in ("j", "b", "c", "delay"):
-            values.pop(key, None)
-        cogging, encoder = tuple(wave for wave in cogging if wave.order <= highest), ()
+    left += _out_of_sight(made)
     if any(wave.order == poles for wave in cogging) and made.offsets is None:
         left.append(
             Advice(
@@ -404,14 +391,36 @@ def without_nonsense(made: Estimate, left: list[str]) -> Estimate:
             )
         )
     left_out = tuple(dict.fromkeys(left))
-    return replace(made, values=values, cogging=cogging, encoder=encoder, left_out=left_out)
+    return replace(made, values=values, cogging=cogging, left_out=left_out)
 
 
-def _highest(made: Estimate) -> float:
-    """The highest order that the kernel lets through at the speed of the slowest log."""
-    if any(not log.dt for log in made.logs):
-        return np.inf
-    return SEEN / max(1e-9, min(made.model.width(log) * speed(log) for log in made.logs))
+def _out_of_sight(made: Estimate) -> list[str]:
+    """A sentence on the motor's own orders that no log shows, and how one would."""
+    moving = [log for log in made.logs if log.dt]
+    if len(moving) < len(made.logs) or not moving:
+        return []
+    log = min(moving, key=lambda log: made.model.width(log) * speed(log))
+    turning = max(1e-9, speed(log))
+    highest = SEEN / (made.model.width(log) * turning)
+    poles = made.known.motor.pole_pairs
+    hidden = [n for n in (2 * poles, 6 * poles) if n > highest]
+    if not hidden:
+        return []
+    order = max(hidden)
+    slower = turning * highest / order
+    cures = [recording(speed=slower, log=log.name)]
+    needs = f"{slower / (2 * np.pi):.2g} rev/s"
+    if made.model.width(log) < (1 + ROUNDING) * WIDTH_ROWS * log.dt:  # more rows make the kernel narrower
+        rate = _up(WIDTH_ROWS * order * turning / SEEN)
+        cures = [recording(rate=rate, log=log.name), *cures]
+        needs = f"{rate:.2g} rows a second or {needs}"
+    return [
+        Advice(
+            f"{log.name}: seen up to order {highest:.0f} at {turning / (2 * np.pi):.2g} rev/s, the slowest; "
+            f"order {order} of the motor needs {needs}.",
+            *cures,
+        )
+    ]
 
 
 def speed(log: Log) -> float:
