@@ -13,6 +13,7 @@ from identify.commissioned import commissioned, write
 
 from cogless.errors import StudyError
 from cogless.identify import config
+from cogless.identify.command import standing_out
 from cogless.identify.estimate import estimate
 from cogless.identify.log import load_logs
 from cogless.identify.result import Estimate
@@ -139,9 +140,8 @@ def test_a_log_without_angle_or_current_says_what_to_record(tmp_path, without, s
 def test_few_rows_tell_inertia_and_leave_out_what_they_cannot_show(tmp_path, every):
     """200 and 50 Hz."""
     text, logs = shortened()
-    made = told(
-        tmp_path, text, {name: {key: x[::every] for key, x in log.items()} for name, log in logs.items()}
-    )
+    seldom = {name: {key: x[::every] for key, x in log.items()} for name, log in logs.items()}
+    made = standing_out(told(tmp_path, text, seldom))
     inertia = made.values["j"].times(0.3)
     assert abs(inertia.value - INERTIA) < inertia.error < 0.2 * INERTIA
     assert {wave.order for wave in made.cogging} <= {4, 24, 72}
