@@ -15,6 +15,7 @@ from cogless.cli.firmware import export, pil
 from cogless.cli.live import live
 from cogless.cli.logs import diagnose, identify
 from cogless.cli.maps import map_
+from cogless.cli.new import new
 from cogless.cli.run import run
 
 __all__ = ["app"]
@@ -49,5 +50,5 @@ def _options(
 
 
 # in the order of `cogless --help`
-for command in (run, live, sweep, tune, design, export, pil, identify, diagnose, list_, calibrate, map_):
+for command in (new, run, live, sweep, tune, design, export, pil, identify, diagnose, list_, calibrate, map_):
     app.command(command.__name__.rstrip("_"))(command)
