@@ -11,7 +11,7 @@ from drafts import request, written
 from cogless.run.simulate import simulate
 from cogless.starter import Effect, Outcome, rank
 from cogless.starter.ranking import shortened
-from cogless.starter.sections import Guess
+from cogless.starter.sheet import Guess
 from cogless.study import Study, load
 
 

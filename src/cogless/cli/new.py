@@ -6,7 +6,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
 import typer
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cogless.starter import Effect, Ranking, Request
     from cogless.study import Study
 
-COLUMNS = 80
+LINE_COLUMNS = 80
 SHOWN_EFFECTS = 3
 Text = str | None
 
@@ -144,7 +144,7 @@ def _ask(flag: str, question: _Question, expected: str) -> Any:
         try:
             return question.take(answer)
         except StudyError as error:
-            print("\n".join(_wrapped(str(error).removeprefix(f"--{flag}: "))))
+            print("\n".join(_wrapped(error.within(f"--{flag}"))))
 
 
 def _request(chosen: Mapping[str, str | None], texts: Mapping[str, str]) -> Request:
@@ -174,13 +174,14 @@ def _part(flag: str, name: str | None) -> str:
     kind, text, default = QUESTIONS[flag]
     if name is not None:
         return check_name(flag, kind, name)  # type: ignore[arg-type]
-    known = names(kind)  # type: ignore[arg-type]
+    choices = names(kind)  # type: ignore[arg-type]
     if asks():
-        width = max(map(len, known))
-        for each, about in known.items():
-            print(f"  {each:<{width}}  {textwrap.shorten(about, COLUMNS - width - 4, placeholder=' ...')}")
+        width = max(map(len, choices))
+        room = LINE_COLUMNS - width - 4
+        for choice, description in choices.items():
+            print(f"  {choice:<{width}}  {textwrap.shorten(description, room, placeholder=' ...')}")
     question = _Question(text, default, lambda answer: check_name(flag, kind, answer))  # type: ignore[arg-type]
-    return str(_ask(flag, question, f"one of {', '.join(known)}"))
+    return str(_ask(flag, question, f"one of {', '.join(choices)}"))
 
 
 def _motor_by(numbers: Mapping[str, Any]) -> str | None:
@@ -248,9 +249,7 @@ def _write(request: Request, path: Path) -> tuple[Study, Any]:
         temporary.write_text(drafted.text, encoding="utf-8")
     from cogless.study import Study, load
 
-    study = load(path)
-    assert isinstance(study, Study)
-    return study, drafted.guesses
+    return cast(Study, load(path)), drafted.guesses
 
 
 def _title(path: Path) -> str:
@@ -263,12 +262,12 @@ def _show_ranking(study: Study, guesses: Any, path: Path) -> None:
 
     with share_progress("Trying the guesses") as report:
         ranking = rank(study, guesses, report)
-    for line in _lines(study, ranking, path):
+    for line in _ranking_lines(study, ranking, path):
         print(line)
 
 
-def _lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
-    """What the command says of a ranking, in lines of at most COLUMNS."""
+def _ranking_lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
+    """What the command says of a ranking, in lines of at most LINE_COLUMNS."""
     lines = ["", *_wrapped(_answer(study, ranking))]
     effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
     if effects:
@@ -276,7 +275,7 @@ def _lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
         lines += ["", f"{count} most. Measure or look up first:"]
     for place, effect in enumerate(effects, 1):
         head = f"{place}. {effect.guess.name}, {effect.guess.span} ({effect.guess.key}):"
-        lines += _wrapped(f"{head} {_told(effect)}", "  ", "     ")
+        lines += _wrapped(f"{head} {_effect_text(effect)}", "  ", "     ")
     return [
         *lines,
         "",
@@ -301,16 +300,16 @@ def _why_not(study: Study) -> str:
     from cogless.design.warnings import beyond_drive, warnings
 
     (scenario,) = study.scenario
-    found = [*beyond_drive(study, [scenario]), *warnings(study, scenario, "harmonic")]
-    return " ".join(f"{text}." for text in dict.fromkeys(str(each) for each in found))
+    remarks = [*beyond_drive(study, [scenario]), *warnings(study, scenario, "harmonic")]
+    return " ".join(f"{text}." for text in dict.fromkeys(str(remark) for remark in remarks))
 
 
-def _told(effect: Effect) -> str:
+def _effect_text(effect: Effect) -> str:
     if effect.decides:
-        lost = {label: each for label, each in effect.outcomes.items() if not each.holds}
+        lost = {label: answer for label, answer in effect.outcomes.items() if not answer.holds}
         if not effect.nominal.holds:
-            held = next(label for label, each in effect.outcomes.items() if each.holds)
-            return f"with {held} the speed is held"
+            good = next(label for label, answer in effect.outcomes.items() if answer.holds)
+            return f"with {good} the speed is held"
         label, outcome = next(iter(lost.items()))
         return f"with {label} the speed is not held: {outcome.why}"
     low, high = effect.ripples
@@ -335,7 +334,7 @@ def _called(path: Path) -> str:
 def _wrapped(text: str, first: str = "", others: str = "") -> list[str]:
     return textwrap.wrap(
         text,
-        COLUMNS,
+        LINE_COLUMNS,
         initial_indent=first,
         subsequent_indent=others,
         break_on_hyphens=False,

@@ -8,7 +8,7 @@ from cogless import units
 from cogless.units import Dimension
 
 # Units from the largest to the smallest; a value takes the first of which it is `LEAST_AMOUNT` or more.
-READABLE: dict[Dimension, tuple[str, ...]] = {
+SHORT_UNITS: dict[Dimension, tuple[str, ...]] = {
     units.TORQUE: ("N*m", "mN*m", "uN*m"),
     units.CURRENT: ("A", "mA", "uA"),
     units.VOLTAGE: ("V",),
@@ -23,17 +23,17 @@ READABLE: dict[Dimension, tuple[str, ...]] = {
     units.INERTIA: ("kg*m^2",),
 }
 LEAST_AMOUNT = 0.1
-LEAST_TIME = 1.0
+LEAST_DURATION = 1.0
 LEAST_PLAIN, MOST_PLAIN = 1e-3, 1e9  # numbers beyond are written with a power of ten
 FINE_DIGITS = 3
 
 
 def unit_for(value: float, dimension: Dimension) -> str:
     """The unit in which a value of this size is short."""
-    choices = READABLE[dimension]
+    choices = SHORT_UNITS[dimension]
     if dimension is units.FREQUENCY:  # whole numbers, since rates must be whole
         return next((unit for unit in choices[:-1] if value >= units.factor(unit, dimension)), choices[-1])
-    least = LEAST_TIME if dimension is units.TIME else LEAST_AMOUNT
+    least = LEAST_DURATION if dimension is units.TIME else LEAST_AMOUNT
     return next(
         (unit for unit in choices if abs(value) >= least * units.factor(unit, dimension)), choices[-1]
     )

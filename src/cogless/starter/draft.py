@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pydantic import TypeAdapter
 
@@ -31,8 +31,7 @@ from cogless.starter.motor_rules import (
 )
 from cogless.starter.parts import Figure, Part, named_motors, parts
 from cogless.starter.request import Request, RequestError
-from cogless.starter.sections import Guess, Section, Sheet, because, origin, round_125
-from cogless.starter.sensor import (
+from cogless.starter.sensor_choice import (
     COUNTS_PER_SECOND,
     HALL_EDGES_PER_SECOND,
     fit_observer,
@@ -40,6 +39,7 @@ from cogless.starter.sensor import (
     sensor_counts,
     with_sensor,
 )
+from cogless.starter.sheet import Guess, Section, Sheet, because, origin, round_125
 from cogless.study import Study
 from cogless.study.any_motor import AnyMotor
 from cogless.study.mechanics import Mechanics
@@ -54,20 +54,20 @@ VOLTAGE_SHARE = 0.5  # of the speed without load that the chosen speed may be
 SPEED_ROUNDS = 3  # of raising a speed at which the rotor snaps
 SPEED_PERIODS = 5  # of the current loop in one of the speed loop, where a whole rate allows
 SPEED_RATE_MOST = 6000.0  # Hz, that leaves a processor time for a law that learns
-BANDWIDTH_SHARE = 1 / 25  # of the current loop's rate
-TURNS = 6  # of the rotor in a run
+BANDWIDTH_SHARE = 1 / 25  # bandwidth over the rate of the current loop
+RUN_TURNS = 6  # of the rotor in a run
 SHORTEST_RUN, LONGEST_RUN = 6.0, 60.0  # s
 LAST_SHARE = 1 / 3  # of the run, in which metrics are taken, at most
 LAST_LEAST = 2.0  # s, likewise, at least
 ROWS_MOST, ROWS_IN_WAVE = 300_000, 4
 TRACE_RATE_LEAST, TRACE_RATE_MOST = 500.0, 5000.0  # Hz
 ORDER_ROWS = 2.2  # in a wave of an order that a metric tells
-CONVERTER_BITS = 12  # of the current sensors
-LOAD_FACTOR = 3.0  # times the guessed rotor's inertia, for a load that nobody told of
+CONVERTER_BITS = 12  # each current sensor has such a converter
+LOAD_FACTOR = 3.0  # times the guessed rotor's inertia, for a load that nobody stated of
 SLOT_PHASE, POLE_PHASE = "40 deg", "110 deg"  # any: parts of the cogging do not begin together
 DETENT_ORDER = 4  # electrical, of a step motor with two phases
-OTHER_LAYOUTS = 3  # that are tried
-STEPS = 4  # in an electrical revolution
+OTHER_LAYOUTS = 3
+STEPS_IN_A_PERIOD = 4  # a period is an electrical revolution
 MAGNET_WORDS = {"kv": "kv", "torque-constant": "K_t", "back-emf": "K_e_line_to_line_rms"}
 
 
@@ -152,16 +152,16 @@ def _steps(tables: dict[str, Any], change: Mapping[str, Any], path: Path) -> int
 
 def slower_feedbacks(study: Study) -> Feedbacks:
     """Gains that the design advises where a sensor's edges come too rarely: controller -> kp and ki."""
-    found = {}
+    slower = {}
     for name in study.controller:
         remark = slow_warning(study, name)
         for change in remark.cures if remark is not None else ():
             table = change.get(f"controller.{name}")
             gains = table if isinstance(table, dict) else _gains_in(change, name)
             if "kp" in gains and "ki" in gains:
-                found[name] = (str(gains["kp"]), str(gains["ki"]))
+                slower[name] = (str(gains["kp"]), str(gains["ki"]))
                 break
-    return found
+    return slower
 
 
 def _gains_in(change: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -170,24 +170,22 @@ def _gains_in(change: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def _study(drafted: Draft, path: Path) -> Study:
-    study = checked(with_datasheet(path, drafted.tables))
-    assert isinstance(study, Study)
-    return study
+    return cast(Study, checked(with_datasheet(path, drafted.tables)))
 
 
 def turning_speed(study: Study) -> float | None:
     """The speed, r/min, from which on the rotor turns, if it snaps at the study's; None if it turns."""
     ((name, scenario),) = study.scenario.items()
-    found = [0.0]
+    speeds = [0.0]
     for controller in study.controller:
         remark = slow_warning(study, controller)
         for change in remark.cures if remark is not None else ():
             reference = change.get(f"scenario.{name}.reference")
             if isinstance(reference, str):
-                found.append(units.parse(reference, units.ANGULAR_SPEED))
-    faster = max(found) / units.factor("rpm", units.ANGULAR_SPEED)
+                speeds.append(units.parse(reference, units.ANGULAR_SPEED))
+    faster = max(speeds) / units.factor("rpm", units.ANGULAR_SPEED)
     most = VOLTAGE_SHARE * voltage_reach(study) / units.factor("rpm", units.ANGULAR_SPEED)
-    if max(found) <= scenario.top_reference or faster > most:
+    if max(speeds) <= scenario.top_reference or faster > most:
         return None
     return min(
         up for up in (round_125(faster), round_125(1.5 * faster), round_125(2 * faster)) if up >= faster
@@ -212,7 +210,7 @@ def _composed(request: Request, title: str, faster: float | None, steps: int, fe
     rows = _scenario(sheet, request, motor, speed, current_rate, voltage.typical)
     _controllers(sheet, feedbacks)
     _metrics(sheet, motor, speed[0], rows)
-    return Draft(text=sheet.text(_head(title, request)), guesses=tuple(sheet.guesses))
+    return Draft(text=sheet.file_text(_head(title, request)), guesses=tuple(sheet.guesses))
 
 
 def _head(title: str, request: Request) -> list[str]:
@@ -245,9 +243,9 @@ def _sheet_tables(name: str) -> dict[str, Any]:
 def _check_fit(request: Request, part: Part, drive: Part) -> None:
     phases = 3 if part.layouts else 2
     if phases not in drive.table["phases"]:
-        fitting = [name for name, each in parts("drives").items() if phases in each.table["phases"]]
+        fitting = [name for name, other in parts("drives").items() if phases in other.table["phases"]]
         kind = "a step motor has two phases" if phases == 2 else "the motor has three phases"
-        raise RequestError("drive", request.drive, f"one of {', '.join(fitting)}, since {kind}")
+        raise RequestError("drive", request.drive, f"expected one of {', '.join(fitting)}, since {kind}")
     wrong = (
         ("slots", "kv", "back-emf", "pole-pairs")
         if phases == 2
@@ -256,7 +254,9 @@ def _check_fit(request: Request, part: Part, drive: Part) -> None:
     for name in wrong:
         if name in request.numbers:
             which = "three phases" if phases == 2 else "two phases, a step motor"
-            raise RequestError(name, request.numbers[name].text, f"none, unless the motor has {which}")
+            raise RequestError(
+                name, request.numbers[name].text, f"expected none, unless the motor has {which}"
+            )
 
 
 # the motor
@@ -265,8 +265,8 @@ def _check_fit(request: Request, part: Part, drive: Part) -> None:
 def _motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
     """A motor with three phases."""
     tables = _sheet_tables(request.motor)
-    known, named = _star(request, tables), named_motors().get(request.motor, {})
-    size = sized(part, known)
+    facts, named = _star(request, tables), named_motors().get(request.motor, {})
+    size = sized(part, facts)
     section = sheet.section("[motor]")
     if tables:
         section.put("datasheet", request.motor)
@@ -274,11 +274,11 @@ def _motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
     amplitudes = _amplitudes(request, part, size.torque, (slots, poles))
     cogs = "cogging" not in tables
     if "pole_pairs" not in tables:
-        told = "pole-pairs" in request.numbers
-        section.put("pole_pairs", poles // 2, *(() if told else (_pole_pairs_guess(others, part),)))
+        stated = "pole-pairs" in request.numbers
+        section.put("pole_pairs", poles // 2, *(() if stated else (_pole_pairs_guess(others, part),)))
     if "slots" not in tables:
-        told = "slots" in request.numbers
-        section.put("slots", slots, *(() if told else (_slots_guess(others, named, poles),)))
+        stated = "slots" in request.numbers
+        section.put("slots", slots, *(() if stated else (_slots_guess(others, named, poles),)))
     if others and cogs:
         sheet.guesses.append(_layout_variants(others, (slots, poles), amplitudes, request))
     _magnet(sheet, section, request, part, tables)
@@ -328,14 +328,14 @@ def _star(request: Request, tables: Mapping[str, Any]) -> Known:
 def _layout(
     request: Request, part: Part, tables: Mapping[str, Any]
 ) -> tuple[tuple[int, int], list[tuple[int, int]]]:
-    """Slots and poles, and others that the motor may have as well; none if its slots are told."""
+    """Slots and poles, and others that the motor may have as well; none if its slots are stated."""
     named = named_motors().get(request.motor, {})
     pole_pairs = int(request.value("pole-pairs") or tables.get("pole_pairs") or 0)
     slots = int(request.value("slots") or tables.get("slots") or named.get("slots") or 0)
     first, *others = layouts_for(part, pole_pairs or None)
     if not slots:
         return first, others[:OTHER_LAYOUTS]
-    poles = next((poles for each, poles in part.layouts if each == slots), first[1])
+    poles = next((p for s, p in part.layouts if s == slots), first[1])
     return (slots, 2 * pole_pairs or poles), []
 
 
@@ -399,7 +399,7 @@ def _adapted(figure: Figure, same: bool) -> Figure:
 
 
 def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, int]) -> dict[str, Figure]:
-    """Amplitudes of the parts of the cogging, N*m; what is told of the main one scales the others."""
+    """Amplitudes of the parts of the cogging, N*m; what is stated of the main one scales the others."""
     cogging = request.value("cogging")
     shares = {key: part[key] for key in ("cogging", "slot_cogging", "pole_cogging") if key in part.figures}
     factor = math.gcd(*layout) / math.gcd(*part.layouts[0])
@@ -501,12 +501,12 @@ def _step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
         return _step_facts(request, part, size, teeth)
     section.put("kind", "step")
     angle = request.value("step-angle") or part["step_angle"].typical
-    teeth = round(math.tau / (STEPS * angle))
-    if not math.isclose(teeth * STEPS * angle, math.tau, rel_tol=1e-6) or not 1 <= teeth <= 1000:
+    teeth = round(math.tau / (STEPS_IN_A_PERIOD * angle))
+    if not math.isclose(teeth * STEPS_IN_A_PERIOD * angle, math.tau, rel_tol=1e-6) or not 1 <= teeth <= 1000:
         text = request.numbers["step-angle"].text
-        raise RequestError("step-angle", text, "360 deg over four times the teeth, such as 1.8 deg")
-    told = "step-angle" in request.numbers
-    reason = () if told else (f"guess: or 100, of 0.9 deg; {part['step_angle'].reason}",)
+        raise RequestError("step-angle", text, "expected 360 deg over four times the teeth, such as 1.8 deg")
+    stated = "step-angle" in request.numbers
+    reason = () if stated else (f"guess: or 100, of 0.9 deg; {part['step_angle'].reason}",)
     section.put("teeth", teeth, *reason, note="of the rotor: 360 deg / (4 full steps)")
     usual = part["rated_current"].typical
     holding_figure, coil_value = part["rated_torque"], coil or usual
@@ -542,7 +542,7 @@ def _flux(
     sheet: Sheet, section: Section, request: Request, part: Part, teeth: int, coil: float | None
 ) -> None:
     """L_m1 from the holding torque and the rated current of a coil."""
-    told = "holding-torque" in request.numbers or "rated-torque" in request.numbers
+    stated = "holding-torque" in request.numbers or "rated-torque" in request.numbers
     holding = request.value("holding-torque") or request.value("rated-torque")
     torque = part["rated_torque"]
     current = coil or part["rated_current"].typical
@@ -552,14 +552,14 @@ def _flux(
 
     typical = holding or torque.typical
     formula = "holding torque / (1.414 rated current teeth)"
-    if told:
+    if stated:
         section.put("L_m", [flux(typical)], note=formula)
         return
     ends = f"{flux(torque.low)} to {flux(torque.high)}, for a holding torque of"
-    shown = f"{amount(torque.low, units.TORQUE)} to {amount(torque.high, units.TORQUE)}"
-    section.put("L_m", [flux(typical)], f"guess: {ends} {shown}; {torque.reason}", note=formula)
+    ends_text = f"{amount(torque.low, units.TORQUE)} to {amount(torque.high, units.TORQUE)}"
+    section.put("L_m", [flux(typical)], f"guess: {ends} {ends_text}; {torque.reason}", note=formula)
     variants = {amount(end, units.TORQUE): {"motor.L_m": [flux(end)]} for end in (torque.low, torque.high)}
-    sheet.guesses.append(Guess(key="motor.L_m", name="holding torque", span=shown, variants=variants))
+    sheet.guesses.append(Guess(key="motor.L_m", name="holding torque", span=ends_text, variants=variants))
 
 
 def _detent(sheet: Sheet, section: Section, request: Request, part: Part, size: Sized, teeth: int) -> None:
@@ -580,13 +580,13 @@ def _detent(sheet: Sheet, section: Section, request: Request, part: Part, size: 
         text = "the datasheet's torque less the friction in it"
         section.put("L_f", [coefficient(max(share, 0.0))], note=f"{formula}; {text}")
         return
-    shown = f"{amount(figure.low, units.TORQUE)} to {amount(figure.high, units.TORQUE)}"
-    ends = f"{coefficient(figure.low)} to {coefficient(figure.high)}, for an amplitude of {shown}"
+    ends_text = f"{amount(figure.low, units.TORQUE)} to {amount(figure.high, units.TORQUE)}"
+    ends = f"{coefficient(figure.low)} to {coefficient(figure.high)}, for an amplitude of {ends_text}"
     section.put("L_f", [coefficient(figure.typical)], f"guess: {ends}; {figure.reason}", note=formula)
     variants = {
         amount(end, units.TORQUE): {"motor.L_f": [coefficient(end)]} for end in (figure.low, figure.high)
     }
-    sheet.guesses.append(Guess(key="motor.L_f", name="detent torque", span=shown, variants=variants))
+    sheet.guesses.append(Guess(key="motor.L_f", name="detent torque", span=ends_text, variants=variants))
 
 
 def _detent_friction(part: Part, detent: float) -> Figure:
@@ -648,22 +648,22 @@ def _mechanics(sheet: Sheet, request: Request, motor: MotorFacts) -> None:
 
 
 def _voltage(request: Request, motor: MotorFacts, drive: Part) -> Figure:
-    """The bus voltage: as told, or the class's within what the drive bears."""
-    told = request.value("bus-voltage")
+    """The bus voltage: as stated, or the class's within what the drive bears."""
+    stated = request.value("bus-voltage")
     bears = drive["voltage"]
-    if told is not None:
-        if not bears.low <= told <= bears.high:
+    if stated is not None:
+        if not bears.low <= stated <= bears.high:
             text = request.numbers["bus-voltage"].text
-            within = f"{bears.low:g} to {bears.high:g} V, which {request.drive} bears"
+            within = f"expected {bears.low:g} to {bears.high:g} V, which {request.drive} bears"
             raise RequestError("bus-voltage", text, within)
-        return Figure(typical=told, low=told, high=told, reason="", is_guess=False)
+        return Figure(typical=stated, low=stated, high=stated, reason="", is_guess=False)
     usual = motor.part["bus_voltage"]
     typical, low, high = (min(max(v, bears.low), bears.high) for v in (usual.typical, usual.low, usual.high))
     return Figure(typical=typical, low=low, high=high, reason=usual.reason, is_guess=True)
 
 
 def _speed(request: Request, motor: MotorFacts, sensor: Part, voltage: float) -> tuple[float, str]:
-    """The scenario's speed, r/min, and why it was chosen; "" if it was told."""
+    """The scenario's speed, r/min, and why it was chosen; "" if it was stated."""
     if "speed" in request.numbers:
         return request.numbers["speed"].value / units.factor("rpm", units.ANGULAR_SPEED), ""
     cogs = 60 * COGGING_FREQUENCY / motor.main_order
@@ -693,8 +693,8 @@ def _drive(
         ("current_loop", "current-rate", current_rate),
         ("speed_loop", "speed-rate", speed_rate),
     ):
-        told = flag in request.numbers or "current-rate" in request.numbers
-        section.put(key, exact_rate(rate), *(() if told else (origin(drive[key]),)))
+        stated = flag in request.numbers or "current-rate" in request.numbers
+        section.put(key, exact_rate(rate), *(() if stated else (origin(drive[key]),)))
     if steps > 1:
         section.put("integration_steps", steps, note="the winding's current changes fast")
 
@@ -761,13 +761,17 @@ def _limit(sheet: Sheet, section: Section, motor: MotorFacts, drive: Part) -> No
 def _rates(request: Request, drive: Part) -> tuple[float, float]:
     current = request.value("current-rate") or drive["current_loop"].typical
     if current % 1:
-        raise RequestError("current-rate", request.numbers["current-rate"].text, "a whole number of Hz")
-    told = request.value("speed-rate")
-    if told is not None:
-        if told % 1 or current % told:
+        raise RequestError(
+            "current-rate", request.numbers["current-rate"].text, "expected a whole number of Hz"
+        )
+    stated = request.value("speed-rate")
+    if stated is not None:
+        if stated % 1 or current % stated:
             text = request.numbers["speed-rate"].text
-            raise RequestError("speed-rate", text, f"a rate that divides the current loop's, {current:g} Hz")
-        return current, told
+            raise RequestError(
+                "speed-rate", text, f"expected a rate that divides the current loop's, {current:g} Hz"
+            )
+        return current, stated
     if "current-rate" not in request.numbers:
         return current, drive["speed_loop"].typical
     return current, current / _divider(int(current))
@@ -808,7 +812,7 @@ def _scenario(
 
 
 def _duration(rpm: float) -> float:
-    turns = TURNS * 60 / rpm
+    turns = RUN_TURNS * 60 / rpm
     return float(math.ceil(min(max(SHORTEST_RUN, turns), LONGEST_RUN)))
 
 
@@ -816,8 +820,8 @@ def _trace_rate(rate: int, duration: float, fastest: float) -> float:
     """Rows a second, Hz: a divisor of the current loop's rate, enough for an order of `fastest`, Hz."""
     most, least = min(TRACE_RATE_MOST, ROWS_MOST / duration), max(TRACE_RATE_LEAST, ROWS_IN_WAVE * fastest)
     rates = [rate // n for n in range(1, rate + 1) if rate % n == 0]
-    few = next((each for each in rates if each <= most), rates[-1])
-    return few if few >= least else min((each for each in rates if each >= least), default=rates[0])
+    few = next((rate for rate in rates if rate <= most), rates[-1])
+    return few if few >= least else min((rate for rate in rates if rate >= least), default=rates[0])
 
 
 def _controllers(sheet: Sheet, feedbacks: Feedbacks) -> None:

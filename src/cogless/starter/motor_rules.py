@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 from cogless.starter.parts import Part, parts
 
-LOSS_POWER = -4 / 3  # of R / K_t^2 over the torque
-TIME_POWER = 2 / 3  # of L / R
+LOSS_POWER = -4 / 3  # R / K_t^2 grows with this power of the torque
+TIME_POWER = 2 / 3  # L / R does with this one
 INERTIA_POWER = 5 / 3
 KV_TO_TORQUE = math.sqrt(3) / 2  # K_t kv of sinusoidal currents, both SI
 
@@ -72,16 +72,16 @@ def peak_of_coil(rated: float) -> float:
     return math.sqrt(2) * rated
 
 
-def sized(motor: Part, known: Known) -> Sized:
-    """The size of a motor of a class, of which some is known."""
+def sized(motor: Part, facts: Known) -> Sized:
+    """The size of a motor of a class, of which some is facts."""
     own, usual = class_constant(motor), motor["rated_torque"].typical
-    torque = known.torque
-    constant = known.torque_constant
+    torque = facts.torque
+    constant = facts.torque_constant
     if constant is None:
-        constant = torque / known.current if torque and known.current else own
+        constant = torque / facts.current if torque and facts.current else own
     if torque is None:
-        torque = _torque(motor, known, constant, usual)
-    current = known.current or torque / constant
+        torque = _torque(motor, facts, constant, usual)
+    current = facts.current or torque / constant
     return Sized(
         torque_constant=constant,
         torque=torque,
@@ -91,13 +91,13 @@ def sized(motor: Part, known: Known) -> Sized:
     )
 
 
-def _torque(motor: Part, known: Known, constant: float, usual: float) -> float:
+def _torque(motor: Part, facts: Known, constant: float, usual: float) -> float:
     """The rated torque by the current, else by the resistance, else that of the class, N*m."""
-    if known.current:
-        return constant * known.current
-    if not known.resistance:
+    if facts.current:
+        return constant * facts.current
+    if not facts.resistance:
         return usual
-    loss = known.resistance / constant**2
+    loss = facts.resistance / constant**2
     ratio = loss / (motor["resistance"].typical / class_constant(motor) ** 2)
     return usual * math.pow(ratio, 1 / LOSS_POWER)
 

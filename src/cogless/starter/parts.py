@@ -60,9 +60,9 @@ class Part:
     """An entry of the catalogue: a class of motors, an encoder or a drive."""
 
     name: str
-    about: str
+    description: str
     figures: dict[str, Figure]
-    table: dict[str, Any]  # as in the file
+    table: dict[str, Any]
 
     def __getitem__(self, key: str) -> Figure:
         return self.figures[key]
@@ -105,7 +105,7 @@ def named_motors() -> dict[str, dict[str, Any]]:
 
 def _part(name: str, table: dict[str, Any]) -> Part:
     figures = {key: _figure(key, value) for key, value in table.items() if _is_figure(value)}
-    return Part(name=name, about=table["about"], figures=figures, table=table)
+    return Part(name=name, description=table["about"], figures=figures, table=table)
 
 
 def _is_figure(value: Any) -> bool:

@@ -19,13 +19,13 @@ from cogless.errors import StudyError
 from cogless.results import Run
 from cogless.results.status import NOTICED, SAFE
 from cogless.run.simulate import RunError, rollout
-from cogless.starter.sections import Guess
+from cogless.starter.sheet import Guess
 from cogless.study import Study, changed
 
-LEARNER, BASELINE = "harmonic", "pi"
+LEARNING_LAW, BASELINE_LAW = "harmonic", "pi"
 SPEED_ERROR_MOST = 0.05  # of the reference, that the mean speed of a held one may be off
 RIPPLE_SHARE_MOST = 0.5  # of the reference, likewise of the ripple's rms
-TICKS_MOST = 250_000  # of a run
+RUN_TICKS_MOST = 250_000  # a run has no more
 LAST_SHARE = 1 / 3  # of a run, in which the ripple is taken
 AT_ONCE = 8  # variants in a batch, between which progress is told
 
@@ -59,13 +59,13 @@ class Effect:
     @property
     def decides(self) -> bool:
         """Whether it depends on the guess that the speed is held."""
-        return len({each.holds for each in self.answers}) > 1
+        return len({answer.holds for answer in self.answers}) > 1
 
     @property
     def ripples(self) -> tuple[float, float]:
         """The least and the largest ripple among those that hold the speed, rad/s; nan if none does."""
-        found = [each.ripple for each in self.answers if each.holds]
-        return (min(found), max(found)) if found else (math.nan, math.nan)
+        ripples = [answer.ripple for answer in self.answers if answer.holds]
+        return (min(ripples), max(ripples)) if ripples else (math.nan, math.nan)
 
     @property
     def size(self) -> tuple[bool, float]:
@@ -97,15 +97,15 @@ def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share
         Effect(guess=guess, nominal=nominal, outcomes={label: next(rest) for label in guess.variants})
         for guess in guesses
     ]
-    (base,) = _runs([short], scenario, BASELINE)
+    (base,) = _runs([short], scenario, BASELINE_LAW)
     effects.sort(key=lambda effect: effect.size, reverse=True)
     return Ranking(learned=nominal, baseline=outcome(short, base), effects=tuple(effects))
 
 
 def shortened(study: Study) -> Study:
-    """The study with a run of at most TICKS_MOST periods, and its metrics in the last third of it."""
+    """The study with a run of at most RUN_TICKS_MOST periods, and its metrics in the last third of it."""
     ((name, scenario),) = study.scenario.items()
-    duration = min(scenario.duration, TICKS_MOST / study.drive.rates.current_loop)
+    duration = min(scenario.duration, RUN_TICKS_MOST / study.drive.rates.current_loop)
     if duration == scenario.duration:
         return study
     last = LAST_SHARE * duration
@@ -122,13 +122,13 @@ def _outcomes(
 ) -> Iterator[Outcome]:
     for begin in range(0, len(changes), AT_ONCE):
         batch = [_changed(study, change) for change in changes[begin : begin + AT_ONCE]]
-        variants = [each for each in batch if isinstance(each, Study)]
-        runs = iter(_runs(variants, scenario, LEARNER))
-        for each in batch:
-            if isinstance(each, Study):
-                yield outcome(each, next(runs))
+        variants = [variant for variant in batch if not isinstance(variant, StudyError)]
+        runs = iter(_runs(variants, scenario, LEARNING_LAW))
+        for variant in batch:
+            if isinstance(variant, StudyError):
+                yield Outcome(ripple=math.nan, why=str(variant))
             else:
-                yield Outcome(ripple=math.nan, why=str(each))
+                yield outcome(variant, next(runs))
         progress(min(1.0, (begin + AT_ONCE) / len(changes)))
 
 
@@ -147,7 +147,7 @@ def _runs(variants: Sequence[Study], scenario: str, controller: str) -> list[Run
         results = rollout(variants, [f"{scenario}/{controller}"])
     except RunError as error:
         results = error.all_results
-    return [next(iter(each.runs), None) for each in results]
+    return [next(iter(result.runs), None) for result in results]
 
 
 def outcome(study: Study, run: Run | None) -> Outcome:
@@ -161,15 +161,15 @@ def outcome(study: Study, run: Run | None) -> Outcome:
 
 
 def _why(study: Study, run: Run, ripple: float, mean: float) -> str:
-    wanted = study.scenario[run.scenario].top_reference
+    reference = study.scenario[run.scenario].top_reference
     last = study.metric[0].last or 0.0
     late = run.trace.time >= run.trace.time[-1] - last
     status = np.nan_to_num(run.trace.part("status", late)).astype(int)
     if np.any(status & int(SAFE)):
         causes = [words for bit, words in NOTICED.items() if np.any(status & int(bit))]
         return f"the drive switches off{f' ({causes[0]})' if causes else ''}"
-    if not abs(mean - wanted) <= SPEED_ERROR_MOST * wanted:
-        return f"the mean speed is {100 * mean / wanted:.3g} % of the reference"
-    if not ripple <= RIPPLE_SHARE_MOST * wanted:
+    if not abs(mean - reference) <= SPEED_ERROR_MOST * reference:
+        return f"the mean speed is {100 * mean / reference:.3g} % of the reference"
+    if not ripple <= RIPPLE_SHARE_MOST * reference:
         return "the rotor turns in jerks"
     return unstable_feedback(study, run.controller) or ""

@@ -19,7 +19,7 @@ class RequestError(StudyError):
     """A mistake in an answer. `flag`: the option that it is about."""
 
     def __init__(self, flag: str, value: str, expected: str) -> None:
-        super().__init__(f"--{flag}: {shown(value)}: expected {expected}")
+        super().__init__(f"--{flag}: {shown(value)}: {expected}")
         self.flag = flag
 
 
@@ -28,7 +28,7 @@ class Number(NamedTuple):
 
     dimension: Dimension
     unit: str
-    bounds: tuple[int, int] | None = None  # of a whole number
+    bounds: tuple[int, int] | None = None
     zero: bool = False  # may be zero
 
 
@@ -87,15 +87,15 @@ class Request:
 
 def names(kind: Kind) -> dict[str, str]:
     """Names that a part may have, with a description: name -> what it is."""
-    known = {name: part.about for name, part in parts(kind).items()}
-    return known | catalogue()["Motors"] if kind == "motors" else known
+    descriptions = {name: part.description for name, part in parts(kind).items()}
+    return descriptions | catalogue()["Motors"] if kind == "motors" else descriptions
 
 
 def check_name(flag: str, kind: Kind, name: str) -> str:
     """The name of a part; RequestError with the nearest one if there is none of that name."""
-    known = [*names(kind)]
-    if name not in known:
-        raise RequestError(flag, name, f"one of {', '.join(known)}{perhaps(name, known)}")
+    choices = [*names(kind)]
+    if name not in choices:
+        raise RequestError(flag, name, f"expected one of {', '.join(choices)}{perhaps(name, choices)}")
     return name
 
 
@@ -106,14 +106,14 @@ def parse_number(name: str, text: str) -> Answer:
         return _whole(name, text, number.bounds)
     bare = units.NUMBER.fullmatch(text)
     full = f"{text.strip()} {number.unit}" if bare and not bare.group(2) else text.strip()
-    example = f'a number in {number.unit}, or with its unit, such as "1 {number.unit}"'
+    example = f'expected a number in {number.unit}, or with its unit, such as "1 {number.unit}"'
     try:
         value = units.parse(full, number.dimension)
     except units.UnitError as error:
-        expected = str(error).removeprefix("expected ") if bare and bare.group(2) else example
+        expected = str(error) if bare and bare.group(2) else example
         raise RequestError(name, text, expected) from None
     if value < 0 or (value == 0 and not number.zero):
-        raise RequestError(name, text, f"{'zero or more' if number.zero else 'more than zero'}")
+        raise RequestError(name, text, f"expected {'zero or more' if number.zero else 'more than zero'}")
     return Answer(full, value)
 
 
@@ -121,7 +121,7 @@ def _whole(name: str, text: str, bounds: tuple[int, int]) -> Answer:
     low, high = bounds
     stripped = text.strip()
     if not stripped.isascii() or not stripped.isdigit() or not low <= int(stripped) <= high:
-        raise RequestError(name, text, f"a whole number from {low} to {high}")
+        raise RequestError(name, text, f"expected a whole number from {low} to {high}")
     if name == "cpr" and int(stripped) % 4:
-        raise RequestError(name, text, "a multiple of 4, since each line gives four counts")
+        raise RequestError(name, text, "expected a multiple of 4, since each line gives four counts")
     return Answer(str(int(stripped)), float(int(stripped)))

@@ -21,7 +21,7 @@ from cogless.errors import StudyError
 from cogless.starter.amounts import amount, exact_rate, span
 from cogless.starter.parts import Part
 from cogless.starter.request import Request
-from cogless.starter.sections import Guess, Section, Sheet, origin
+from cogless.starter.sheet import Guess, Section, Sheet, origin
 from cogless.study import Study, changed
 from cogless.study.position_sensor import Counted
 
@@ -30,7 +30,7 @@ COUNTS_PER_SECOND = 500.0
 HALL_PATTERN = (1.0, -1.5, 0.5, 1.5, -1.0, -0.5)  # of an edge's misplacement; their sum is zero
 PATH = "drive.position_sensor"
 CROSSOVER_TIMES = 3.0  # bandwidth of an observer over the crossover: docs/theory/sensors.md
-ROUNDS = 6  # of the search for it
+OBSERVER_ROUNDS = 6  # the search ends after them
 FIRST_SHARE = 1 / 20  # of the speed loop's rate, where the search begins
 SLOWEST_OBSERVER = 2.0  # Hz
 METHOD = re.compile(
@@ -49,19 +49,19 @@ def put_sensor(sheet: Sheet, request: Request, sensor: Part, drive: Part) -> Non
     """The section of the position sensor."""
     section = sheet.section(f"[{PATH}]")
     kind = sensor.table["kind"]
-    section.put("kind", kind, note=sensor.about)
+    section.put("kind", kind, note=sensor.description)
     if kind == "hall":
         _hall(sheet, section, sensor)
         return
     if kind == "encoder":
-        told = "cpr" in request.numbers
+        stated = "cpr" in request.numbers
         section.put(
-            "lines", sensor_counts(request, sensor) // 4, *(() if told else (origin(sensor["counts"]),))
+            "lines", sensor_counts(request, sensor) // 4, *(() if stated else (origin(sensor["counts"]),))
         )
     else:
-        told = "bits" in request.numbers
+        stated = "bits" in request.numbers
         bits = int(request.value("bits") or sensor["bits"].typical)
-        section.put("bits", bits, *(() if told else (origin(sensor["bits"]),)))
+        section.put("bits", bits, *(() if stated else (origin(sensor["bits"]),)))
     own = f"{drive.name} itself: {drive.table['own_speed']}"
     if kind == "encoder" and "timer" in drive.figures:
         section.put("speed_method", "MT", own)
@@ -121,7 +121,7 @@ def fit_observer(study: Study) -> dict[str, str]:
     bandwidth = min(most, FIRST_SHARE * study.drive.rates.outer_loop)
     table = study.source.tables["drive"]["position_sensor"]
     others = {key: value for key, value in table.items() if key != "timer"}
-    for _ in range(ROUNDS):
+    for _ in range(OBSERVER_ROUNDS):
         observed = changed(study, {PATH: {**others, **_observer(bandwidth)}})
         crossovers = [_crossover(observed, name) for name in observed.controller]
         if all(crossovers):
@@ -132,7 +132,7 @@ def fit_observer(study: Study) -> dict[str, str]:
 
 
 def _observer(bandwidth: float) -> dict[str, str]:
-    return {"speed_method": "observer", "observer_bandwidth": _text(bandwidth)}
+    return {"speed_method": "observer", "observer_bandwidth": _bandwidth_text(bandwidth)}
 
 
 def with_sensor(text: str, change: dict[str, str]) -> str:
@@ -142,7 +142,7 @@ def with_sensor(text: str, change: dict[str, str]) -> str:
     return METHOD.sub(f"{method}\n{bandwidth}  # {note}\n", text, count=1)
 
 
-def _text(bandwidth: float) -> str:
+def _bandwidth_text(bandwidth: float) -> str:
     return f"{float(f'{bandwidth:.2g}'):g} Hz"
 
 

@@ -87,9 +87,9 @@ class Sheet:
             )
         )
 
-    def text(self, head: Iterable[str]) -> str:
+    def file_text(self, head: Iterable[str]) -> str:
         """The file."""
-        blocks = [[*head], *([*filter(None, [each.heading]), *each.lines] for each in self.sections)]
+        blocks = [[*head], *([*filter(None, [section.heading]), *section.lines] for section in self.sections)]
         return "\n\n".join("\n".join(block) for block in blocks) + "\n"
 
 
@@ -108,4 +108,4 @@ def because(figure: Figure, reason: str) -> Figure:
 def round_125(value: float) -> float:
     """The nearest of 1, 2 and 5 times a power of ten, by ratio."""
     power = 10.0 ** math.floor(math.log10(value))
-    return min((m * power for m in (1.0, 2.0, 5.0, 10.0)), key=lambda each: abs(math.log(each / value)))
+    return min((m * power for m in (1.0, 2.0, 5.0, 10.0)), key=lambda number: abs(math.log(number / value)))
