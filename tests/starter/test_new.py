@@ -198,6 +198,6 @@ def test_own_makes_the_page(
     def live(study: str, *, own_motor: bool, jobs: int) -> None:
         called.append((study, own_motor))
 
-    monkeypatch.setattr(sys.modules["cogless.cli.live"], "live", live)
+    monkeypatch.setattr(sys.modules["cogless.cli.studies"], "live", live)
     assert cogless(capsys, "new", "mine", *motor, "--own")[0] == 0
     assert called == [("mine.toml", own_fields)]

@@ -105,7 +105,7 @@ def new(
     print(f"Wrote {path}.")
     _show_ranking(study, guesses, path)
     if own:
-        from cogless.cli.live import live
+        from cogless.cli.studies import live
 
         live(str(path), own_motor=_has_own_words(study), jobs=CORES)
 

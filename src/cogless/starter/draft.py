@@ -17,7 +17,7 @@ from typing import Any, cast
 from pydantic import TypeAdapter
 
 from cogless import units
-from cogless.design.slow_running import slow_warning
+from cogless.design.warnings import slow_warning
 from cogless.files import shipped
 from cogless.starter.amounts import amount, exact_rate
 from cogless.starter.motor_rules import (
@@ -41,9 +41,8 @@ from cogless.starter.sensor_choice import (
 )
 from cogless.starter.sheet import Guess, Section, Sheet, because, origin, round_125
 from cogless.study import Study
-from cogless.study.any_motor import AnyMotor
 from cogless.study.mechanics import Mechanics
-from cogless.study.motor import StarMotor
+from cogless.study.motor import AnyMotor, StarMotor
 from cogless.study.numerics import OVERMODULATED, no_load_speed, steps_needed, voltage_reach
 from cogless.study.reading import checked, put, with_datasheet
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cogless.design.feedback import unstable_feedback
+from cogless.design.law_rules import unstable_feedback
 from cogless.errors import StudyError
 from cogless.results import Run
 from cogless.results.status import NOTICED, SAFE

@@ -10,7 +10,7 @@ from cogless import units
 from cogless.catalogue import catalogue
 from cogless.errors import StudyError
 from cogless.starter.parts import Kind, parts
-from cogless.study.error_messages import shown
+from cogless.study.messages import shown
 from cogless.study.table import perhaps
 from cogless.units import Dimension
 

@@ -12,11 +12,10 @@ import math
 import re
 
 from cogless import units
-from cogless.design.closed_loop import Linear
-from cogless.design.feedback import feedback_of
-from cogless.design.pi import speed_loop
-from cogless.design.position import position_margins
-from cogless.design.slow_running import slow_warning
+from cogless.design.closed_loop import Linear, position_margins
+from cogless.design.law_rules import feedback_of
+from cogless.design.speed_loop import speed_loop
+from cogless.design.warnings import slow_warning
 from cogless.errors import StudyError
 from cogless.starter.amounts import amount, exact_rate, span
 from cogless.starter.parts import Part
