@@ -16,7 +16,7 @@ from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.starter import Draft, Request, draft, parse_number
 from cogless.starter.motor_rules import Known, cogging_orders, layouts_for, sized
-from cogless.starter.parts import parts
+from cogless.starter.part_catalogue import parts
 from cogless.starter.ranking import outcome, shortened
 from cogless.starter.request import RequestError, names
 from cogless.study import changed

@@ -9,7 +9,7 @@ import typer
 
 from cogless.cli import app
 from cogless.files import shipped
-from cogless.starter.parts import DIMENSIONS, named_motors, parts
+from cogless.starter.part_catalogue import DIMENSIONS, named_motors, parts
 from cogless.starter.request import NUMBERS, names
 
 KINDS = ("motors", "encoders", "drives")

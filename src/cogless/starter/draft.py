@@ -29,7 +29,7 @@ from cogless.starter.motor_rules import (
     peak_of_coil,
     sized,
 )
-from cogless.starter.parts import Figure, Part, named_motors, parts
+from cogless.starter.part_catalogue import Figure, Part, named_motors, parts
 from cogless.starter.request import Request, RequestError
 from cogless.starter.sensor_choice import (
     COUNTS_PER_SECOND,

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cogless.starter.parts import Part, parts
+from cogless.starter.part_catalogue import Part, parts
 
 LOSS_POWER = -4 / 3  # R / K_t^2 grows with this power of the torque
 TIME_POWER = 2 / 3  # L / R does with this one

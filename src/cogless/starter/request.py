@@ -9,7 +9,7 @@ from typing import NamedTuple
 from cogless import units
 from cogless.catalogue import catalogue
 from cogless.errors import StudyError
-from cogless.starter.parts import Kind, parts
+from cogless.starter.part_catalogue import Kind, parts
 from cogless.study.messages import shown
 from cogless.study.table import perhaps
 from cogless.units import Dimension

@@ -18,7 +18,7 @@ from cogless.design.speed_loop import speed_loop
 from cogless.design.warnings import slow_warning
 from cogless.errors import StudyError
 from cogless.starter.amounts import amount, exact_rate, span
-from cogless.starter.parts import Part
+from cogless.starter.part_catalogue import Part
 from cogless.starter.request import Request
 from cogless.starter.sheet import Guess, Section, Sheet, origin
 from cogless.study import Study, changed

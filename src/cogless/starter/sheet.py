@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cogless.starter.amounts import amount, span, unit_for
-from cogless.starter.parts import Figure
+from cogless.starter.part_catalogue import Figure
 from cogless.study.messages import toml
 from cogless.units import Dimension
 
