@@ -226,6 +226,17 @@ def test_edges_are_timed_where_the_drive_can_and_they_come_often(tmp_path: Path)
     assert written(tmp_path, counting)[1].drive.position_sensor.speed_method == "observer"
 
 
+def test_a_datasheets_value_is_replaced_by_what_is_given(tmp_path: Path) -> None:
+    _, study = written(
+        tmp_path, request("gm5208", "generic", "as5048", pole_pairs=11, slots=24, kv=30, resistance=9)
+    )
+    star = study.motor.star()
+    assert (star.pole_pairs, study.motor.slots, star.R_s) == (11, 24, pytest.approx(4.5))
+    assert star.K_t == pytest.approx(math.sqrt(3) / 2 / (30 * math.pi / 30))
+    assert star.L_d == pytest.approx(4.49e-3)
+    assert [wave.order for wave in star.cogging] == [264, 24, 22]
+
+
 def test_what_is_given_stays_as_it_was_written(tmp_path: Path) -> None:
     made, study = written(
         tmp_path,
