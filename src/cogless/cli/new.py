@@ -32,7 +32,6 @@ def _number(flag: str, help: str) -> Any:
 
 
 def new(
-    context: typer.Context,
     name: Annotated[str, typer.Argument(metavar="NAME", help="The study's file, with or without .toml.")],
     motor: Annotated[
         Text,
@@ -95,9 +94,9 @@ def new(
 
     What nobody knows is guessed, and marked "guess" in the file with its range and its reason.
     """
+    options = locals()  # the arguments above, by name
     from cogless.starter.request import NUMBERS
 
-    options = context.params
     texts = {flag: text for flag in NUMBERS if (text := options[flag.replace("-", "_")]) is not None}
     path = _path(name, force)
     request = _request({"motor": motor, "drive": drive, "encoder": encoder}, texts)

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 
 from cogless import units
 from cogless.files import shipped
-from cogless.starter.amounts import amount
+from cogless.starter.amounts import amount, span
 from cogless.starter.motor_rules import (
     KV_TO_TORQUE,
     Known,
@@ -358,7 +358,7 @@ def _flux(
         section.put("L_m", [flux(typical)], note=formula)
         return
     ends = f"{flux(torque.low)} to {flux(torque.high)}, for a holding torque of"
-    ends_text = f"{amount(torque.low, units.TORQUE)} to {amount(torque.high, units.TORQUE)}"
+    ends_text = span(torque.low, torque.high, units.TORQUE)
     section.put("L_m", [flux(typical)], f"guess: {ends} {ends_text}; {torque.reason}", note=formula)
     variants = {amount(end, units.TORQUE): {"motor.L_m": [flux(end)]} for end in (torque.low, torque.high)}
     sheet.guesses.append(Guess(key="motor.L_m", name="holding torque", span=ends_text, variants=variants))
@@ -382,7 +382,7 @@ def _detent(sheet: Sheet, section: Section, request: Request, part: Part, size: 
         text = "the datasheet's torque less the friction in it"
         section.put("L_f", [coefficient(max(share, 0.0))], note=f"{formula}; {text}")
         return
-    ends_text = f"{amount(figure.low, units.TORQUE)} to {amount(figure.high, units.TORQUE)}"
+    ends_text = span(figure.low, figure.high, units.TORQUE)
     ends = f"{coefficient(figure.low)} to {coefficient(figure.high)}, for an amplitude of {ends_text}"
     section.put("L_f", [coefficient(figure.typical)], f"guess: {ends}; {figure.reason}", note=formula)
     variants = {
