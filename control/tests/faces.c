@@ -14,6 +14,7 @@
 #include "cogless/space_position.h"
 #include "cogless/space_speed.h"
 #include "cogless/speed_pi.h"
+#include "cogless/trial.h"
 
 #ifdef COGLESS_NO_TEXTS
 #define IS_NAMED(field, name) ((field) != NULL)
@@ -139,6 +140,31 @@ static void names_of_the_drive(void)
     CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "drive.feed_forward"));
 }
 
+/* A law that is initialised after a retune of the drive is told of the new limit. */
+static void another_limit(void)
+{
+    cgl_drive drive;
+    cgl_drive_config config = some_drive();
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_OK);
+    config.foc.current_limit *= CGL_R(0.5);
+    CHECK(cgl_drive_retune(&drive, &config) == CGL_OK);
+    CHECK(cgl_abs(drive.loop.current_limit - config.foc.current_limit) <= CGL_R(0.0));
+}
+
+/* The first sample that a trial's input can reach is the next one. */
+static void trials_without_a_delay(void)
+{
+    static cgl_real memory[CGL_TRIAL_LENGTH(8U, 0U)];
+    cgl_trial law;
+    cgl_trial_config config = {.samples = 8U, .states = 1U, .c = {CGL_R(1.0)}, .k_3 = CGL_R(0.1), .shift = 1U, .limit = CGL_R(1.0),
+                               .learned_limit = CGL_R(1.0)};
+    CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_OK);
+    config.shift = 0U;
+    CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_ERROR_CONFIG);
+    config.shift = 8U;
+    CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_ERROR_CONFIG);
+}
+
 static void names_of_a_law(void)
 {
     cgl_pi_ilc_config config = some_law();
@@ -239,6 +265,8 @@ static void defaults(void)
 
 void faces(void)
 {
+    another_limit();
+    trials_without_a_delay();
     unmade_states();
     unmade_drive();
     refused_again();

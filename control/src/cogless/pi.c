@@ -55,7 +55,7 @@ CGL_SELDOM void cgl_pi_reset(cgl_pi *pi)
 
 CGL_SELDOM void cgl_pi_start(cgl_pi *pi, cgl_real integral)
 {
-    pi->integral = pi->loop.feed_forward ? CGL_R(0.0) : cgl_clamped(integral, pi->config.limit);
+    pi->integral = pi->ki > CGL_R(0.0) ? cgl_clamped(integral, pi->config.limit) : CGL_R(0.0);
     pi->lost = CGL_R(0.0);
     pi->proportional = CGL_R(0.0);
     pi->saturated = false;

@@ -40,7 +40,7 @@ cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config);
 /* Forgets everything; the next output starts from zero integral. */
 void cgl_pi_reset(cgl_pi *pi);
 
-/* The same from another integral [output], which is taken within the limit. */
+/* The same from another integral [output], which is taken within the limit; from 0 if no gain acts that would ever change it. */
 void cgl_pi_start(cgl_pi *pi, cgl_real integral);
 
 /* Adds to the integral an output that acted beside it until now; `output` is finite. Somebody else's integral takes it over of

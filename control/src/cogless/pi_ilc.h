@@ -46,7 +46,7 @@ void cgl_pi_ilc_reset(cgl_pi_ilc *law);
 /* Learning freezes, and the learned part repeats, while in->learn is false, the output was at its limit, an input is not
  * finite, the angle is beyond CGL_ANGLE_MAX, the gain is 0 as configured or as the guard leaves it, or the memory has no value of one
  * period ago. While in->off it is frozen too,
- * and the output and the PI's integral are 0; in torque mode the integral is in->i_q_ref. */
+ * and the output and the PI's integral are 0; in torque mode the integral, if there is one, is in->i_q_ref. */
 void cgl_pi_ilc_step(cgl_pi_ilc *law, const cgl_law_input *in,
                      cgl_law_output *out);
 

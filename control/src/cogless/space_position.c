@@ -131,7 +131,8 @@ CGL_SELDOM static void hold(cgl_space_position *law, const cgl_law_input *in, cg
     cgl_space_position_terms *const terms = &law->terms;
     const cgl_real limit = law->config.limit;
     const cgl_real current = cgl_law_stand_by(in, terms->alpha + terms->beta + terms->h, limit, out);
-    law->integral = share_i > CGL_R(0.0) ? cgl_clamped(-current / share_i, limit) : CGL_R(0.0);
+    const bool is_corrected = share_i * law->config.k_i > CGL_R(0.0); /* else it would keep this current for good */
+    law->integral = is_corrected ? cgl_clamped(-current / share_i, limit) : CGL_R(0.0);
     law->integral_lost = terms->proportional = terms->integral = CGL_R(0.0);
     law->saturated = false;
 }
