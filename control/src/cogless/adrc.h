@@ -23,8 +23,7 @@ typedef struct {
 
 typedef struct {
     uint32_t ready;        /* CGL_READY after init */
-    cgl_adrc_config config;
-    cgl_loop loop;
+    bool started;          /* omega is an estimate */
     cgl_real l1, l2;       /* gains of the observer [-], [1/s] */
     cgl_real most;         /* b limit: the disturbance that the current can reject [rad/s^2] */
     cgl_real omega;        /* estimate of the speed [rad/s] */
@@ -32,7 +31,8 @@ typedef struct {
     cgl_real before;       /* the last output, which the observer is told [A] */
     cgl_real proportional; /* the share of the last step [A] */
     cgl_real rejected;     /* -f / b, the share of the last step [A] */
-    bool started;          /* omega is an estimate */
+    cgl_loop loop;
+    cgl_adrc_config config;
 } cgl_adrc;
 
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */

@@ -45,12 +45,11 @@ CGL_SELDOM static const char *own_bad_field(const cgl_drive_config *config)
 
 CGL_SELDOM const char *cgl_drive_bad_field(const cgl_drive_config *config, cgl_real ts)
 {
-    const cgl_monitor_config monitor = monitor_config(config);
     const char *field = own_bad_field(config);
     if (field == 0 && !config->foreign) {
         field = cgl_foc_bad_field(&config->foc, ts);
     }
-    field = field != 0 ? field : cgl_monitor_bad_field(&monitor, ts);
+    field = field != 0 ? field : cgl_monitor_bad_field(&config->monitor, ts);
     return field != 0 ? field : cgl_quality_bad_field(&config->quality, (cgl_real)config->divider * ts);
 }
 
@@ -62,7 +61,7 @@ CGL_SELDOM static cgl_loop loop_of(const cgl_drive_config *config, cgl_real law_
     return loop;
 }
 
-cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts)
+CGL_SELDOM cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts)
 {
     drive->ready = 0U;
     if (cgl_drive_bad_field(config, ts) != 0) {
@@ -92,7 +91,7 @@ cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_r
     return CGL_OK;
 }
 
-cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
+CGL_SELDOM cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
 {
     const cgl_monitor_config monitor = monitor_config(config);
     const cgl_foc foc = drive->foc;

@@ -63,25 +63,25 @@ typedef cgl_foc_output cgl_drive_output;
 
 typedef struct {
     uint32_t ready;         /* CGL_READY after init */
-    cgl_real pole_pairs;    /* these from the config */
-    uint32_t divider;
     bool foreign;
     bool learn_saturated;
     bool unguarded;
+    bool saturated;         /* the current loop fell short of its reference since the law's last step */
+    bool off;               /* the output was safe since then */
+    uint32_t divider;
+    uint32_t countdown;     /* periods until the law is due */
+    unsigned status;        /* of this period's measurements */
+    unsigned held;          /* CGL_STATUS_GUARDED, or 0 */
+    cgl_real pole_pairs;    /* these from the config */
+    cgl_real i_q;           /* measured in the last period [A] */
     cgl_loop loop;          /* for the law's init */
-    cgl_law_input in;       /* for the law that is due */
     cgl_law_output command; /* of the law's last step; finite, as every law's is */
+    cgl_law_input in;       /* for the law that is due */
+    cgl_foc_input currents; /* of this period, for foc */
     cgl_monitor monitor;
     cgl_quality quality;
     cgl_guard guard;        /* not used if unguarded */
     cgl_foc foc;
-    cgl_foc_input currents; /* of this period, for foc */
-    cgl_real i_q;           /* measured in the last period [A] */
-    uint32_t countdown;     /* periods until the law is due */
-    bool saturated;         /* the current loop fell short of its reference since the law's last step */
-    bool off;               /* the output was safe since then */
-    unsigned status;        /* of this period's measurements */
-    unsigned held;          /* CGL_STATUS_GUARDED, or 0 */
 } cgl_drive;
 
 /* The first field of the drive or of its parts that init refuses, as CGL_FIELD; NULL: none. */

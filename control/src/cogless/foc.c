@@ -41,7 +41,7 @@ CGL_SELDOM static void take(cgl_foc *foc, const cgl_foc_config *config)
     foc->rise_q = config->ki_q * foc->ts;
 }
 
-cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
+CGL_SELDOM cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
 {
     if (cgl_foc_bad_field(config, ts) != 0) {
         return CGL_ERROR_CONFIG;
@@ -52,7 +52,7 @@ cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
     return CGL_OK;
 }
 
-cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config)
+CGL_SELDOM cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config)
 {
     if (cgl_foc_bad_field(config, foc->ts) != 0 || (config->phases == 2U) != (foc->config.phases == 2U)) {
         return CGL_ERROR_CONFIG;
@@ -82,11 +82,17 @@ CGL_SELDOM static cgl_real square_root(cgl_real x)
     return root;
 }
 
+/* A component with its sign and a new size >= 0, which rounding may not make larger than it was. */
+CGL_SELDOM static cgl_real with_size(cgl_real component, cgl_real size)
+{
+    return cgl_clamped(size, cgl_abs(component)) * cgl_sign(component);
+}
+
 /* x, shortened to the given length where it is longer. What is not finite counts as zero. */
 CGL_SELDOM static vector shortened(vector x, cgl_real length)
 {
-    x.d = cgl_is_finite(x.d) ? x.d : CGL_R(0.0);
-    x.q = cgl_is_finite(x.q) ? x.q : CGL_R(0.0);
+    x.d = cgl_finite_or_zero(x.d);
+    x.q = cgl_finite_or_zero(x.q);
     const cgl_real u = x.d / length;
     const cgl_real v = x.q / length;
     if (!(u * u + v * v > CGL_R(1.0))) {
@@ -97,9 +103,8 @@ CGL_SELDOM static vector shortened(vector x, cgl_real length)
     const cgl_real ratio = steep ? x.d / x.q : x.q / x.d;
     const cgl_real longer = length / square_root(CGL_R(1.0) + ratio * ratio);
     const cgl_real shorter = longer * cgl_abs(ratio);
-    const vector within = {cgl_abs(x.d), cgl_abs(x.q)}; /* rounding may not lengthen either */
-    x.d = cgl_clamp(steep ? shorter : longer, within.d) * cgl_sign(x.d);
-    x.q = cgl_clamp(steep ? longer : shorter, within.q) * cgl_sign(x.q);
+    x.d = with_size(x.d, steep ? shorter : longer);
+    x.q = with_size(x.q, steep ? longer : shorter);
     return x;
 }
 

@@ -3,6 +3,7 @@
 #define COGLESS_LAW_H
 
 #include "guard.h"
+#include "range.h"
 #include "real.h"
 #include "status.h"
 
@@ -66,8 +67,19 @@ static inline bool cgl_law_stands_by(const cgl_law_input *in)
 extern "C" {
 #endif
 
-/* The first field of the loop that is outside its range, as CGL_FIELD; NULL: none. */
-const char *cgl_loop_bad_field(const cgl_loop *loop);
+/* The check with which every law's init begins. It returns the first field that it refuses, as CGL_FIELD, or NULL: a field of the
+ * loop or of the config outside its range, or a limit above loop.current_limit. The last row of `range` is the config's limit of the
+ * output [A]. */
+const char *cgl_law_bad_field(const void *config, const cgl_range *range, uint32_t count, const cgl_loop *loop);
+#define CGL_LAW_BAD_FIELD(config, range, loop) cgl_law_bad_field((config), (range), CGL_ROWS(range), (loop))
+
+/* The same check for a law that learns from its own feedback: it refuses loop.feed_forward too. */
+static inline const char *cgl_own_feedback_bad_field(const void *config, const cgl_range *range, uint32_t count, const cgl_loop *loop)
+{
+    const char *const field = cgl_law_bad_field(config, range, count, loop);
+    return field == 0 && loop->feed_forward ? CGL_FIELD("loop.feed_forward") : field;
+}
+#define CGL_OWN_FEEDBACK_BAD_FIELD(config, range, loop) cgl_own_feedback_bad_field((config), (range), CGL_ROWS(range), (loop))
 
 /* Whether the guard leaves anything of a learning gain beside a feedback's gain, in one unit. */
 bool cgl_loop_can_learn(const cgl_loop *loop, cgl_real gain, cgl_real feedback);

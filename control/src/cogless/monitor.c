@@ -51,7 +51,7 @@ CGL_SELDOM const char *cgl_monitor_bad_field(const cgl_monitor_config *config, c
     if (!is_time(config->hold, ts)) {
         return CGL_FIELD("monitor.hold");
     }
-    if (!(is_time(config->stuck_time, ts) && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts))) {
+    if (!is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts)) {
         return CGL_FIELD("monitor.stuck_time");
     }
     return config->phases == 0U || config->phases == 2U || config->phases == 3U ? 0 : CGL_FIELD("monitor.phases");
@@ -82,7 +82,7 @@ CGL_SELDOM static void take(cgl_monitor *monitor, const cgl_monitor_config *conf
     limits->stuck = periods(config->stuck_time, ts);
 }
 
-cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
+CGL_SELDOM cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
 {
     if (cgl_monitor_bad_field(config, ts) != 0) {
         return CGL_ERROR_CONFIG;
@@ -92,7 +92,7 @@ cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *confi
     return CGL_OK;
 }
 
-cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config)
+CGL_SELDOM cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config)
 {
     if (cgl_monitor_bad_field(config, monitor->ts) != 0) {
         return CGL_ERROR_CONFIG;
@@ -111,7 +111,7 @@ CGL_SELDOM void cgl_monitor_reset(cgl_monitor *monitor)
     monitor->safe = true;
 }
 
-bool cgl_monitor_trust(cgl_monitor *monitor)
+CGL_SELDOM bool cgl_monitor_trust(cgl_monitor *monitor)
 {
     if (monitor->known) {
         monitor->shift = monitor->slip = CGL_R(0.0);
@@ -120,6 +120,24 @@ bool cgl_monitor_trust(cgl_monitor *monitor)
         monitor->unsure = false;
     }
     return monitor->known;
+}
+
+/* Adds 1 to a count, which stays at its largest value. */
+CGL_SELDOM static void count_up(uint32_t *count)
+{
+    *count += *count < UINT32_MAX ? 1U : 0U;
+}
+
+/* Takes 1 from a count, which stays at 0. */
+CGL_SELDOM static void count_down(uint32_t *count)
+{
+    *count -= *count > 0U ? 1U : 0U;
+}
+
+/* Whether x is a number other than 0. */
+static bool is_not_zero(cgl_real x)
+{
+    return cgl_abs(x) > CGL_R(0.0);
 }
 
 CGL_SELDOM static cgl_real in_turn(cgl_real theta)
@@ -203,7 +221,7 @@ CGL_SELDOM static void settle(cgl_monitor *monitor, cgl_real theta, cgl_real d)
     const cgl_real from_last = cgl_abs(difference(shift, monitor->slip)), from_none = cgl_abs(shift);
     const bool can_be_none =
         monitor->was_stuck || from_none <= reach + (unseen ? CGL_R(2.0) * cgl_abs(still) : CGL_R(0.0));
-    const bool slipped = monitor->slip < CGL_R(0.0) || monitor->slip > CGL_R(0.0);
+    const bool slipped = is_not_zero(monitor->slip);
     monitor->unsure = monitor->unsure || (slipped && monitor->lost > monitor->limits.bridge);
     if (from_none <= from_last || !slipped) {
         monitor->shift = can_be_none ? CGL_R(0.0) : shift;
@@ -213,7 +231,7 @@ CGL_SELDOM static void settle(cgl_monitor *monitor, cgl_real theta, cgl_real d)
 }
 
 /* Ends the attempt to turn the rotor, and clears its counters. */
-static void try_again(cgl_monitor *monitor)
+CGL_SELDOM static void try_again(cgl_monitor *monitor)
 {
     monitor->still = CGL_R(0.0);
     monitor->standing = monitor->pushing = monitor->attempt = 0U;
@@ -224,12 +242,12 @@ static void try_again(cgl_monitor *monitor)
 CGL_SELDOM static bool is_given_up(cgl_monitor *monitor, cgl_real far, bool full)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
-    monitor->standing += monitor->standing < UINT32_MAX ? 1U : 0U;
+    count_up(&monitor->standing);
     if (monitor->attempt == 0U) {
         if (full) {
             ++monitor->pushing;
         } else {
-            monitor->pushing -= monitor->pushing > 0U ? 1U : 0U;
+            count_down(&monitor->pushing);
         }
         if (far > limits->stuck_square && monitor->pushing > 0U && monitor->pushing >= limits->stuck) {
             monitor->attempt = monitor->standing / TRY_AGAIN < UINT32_MAX / TRY_AGAIN ? monitor->standing : UINT32_MAX / TRY_AGAIN;
@@ -246,7 +264,7 @@ CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega
     const cgl_monitor_limits *limits = &monitor->limits;
     const cgl_real turned = omega_ref * monitor->ts;
     const cgl_real most = cgl_clamped((cgl_real)TRY_AGAIN * monitor->config.stuck_angle, CGL_REAL_MAX);
-    if (d < CGL_R(0.0) || d > CGL_R(0.0)) {
+    if (is_not_zero(d)) {
         try_again(monitor);
         return false;
     }
@@ -262,7 +280,7 @@ CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega
         return false;
     }
     const bool again = cgl_abs(monitor->still) >= most && monitor->standing / TRY_AGAIN >= monitor->attempt - 1U;
-    if (!again && (omega_ref > CGL_R(0.0) || omega_ref < CGL_R(0.0))) {
+    if (!again && is_not_zero(omega_ref)) {
         return true;
     }
     monitor->holding = again ? 0U : monitor->holding; /* the new attempt begins at once: `hold` may be longer than it */
@@ -296,13 +314,15 @@ CGL_SELDOM static unsigned look_at_rotor(cgl_monitor *monitor, const cgl_measure
         missing = true;
         monitor->theta_m = in_turn(monitor->theta_m + monitor->omega_m * monitor->ts); /* the rotor turns on */
         monitor->blind = limits->window + 1U;
-        monitor->jumps += two && monitor->jumps < UINT32_MAX ? 1U : 0U;
+        if (two) {
+            count_up(&monitor->jumps);
+        }
     } else {
         if (monitor->gap > 0U) {
             settle(monitor, theta, d);
         }
         monitor->theta_m = in_turn(theta - monitor->shift);
-        monitor->blind -= monitor->blind > 0U ? 1U : 0U;
+        count_down(&monitor->blind);
         stuck = is_stuck(monitor, d, omega_ref, full);
         monitor->was_stuck = stuck || (monitor->was_stuck && d * d <= CGL_R(0.0));
     }
@@ -310,17 +330,21 @@ CGL_SELDOM static unsigned look_at_rotor(cgl_monitor *monitor, const cgl_measure
         missing = missing || !is_speed;
         monitor->omega_m = is_speed ? now->omega_m : monitor->omega_m;
     }
-    monitor->dark = monitor->blind > 0U ? monitor->dark + (monitor->dark < UINT32_MAX ? 1U : 0U) : 0U;
+    if (monitor->blind > 0U) {
+        count_up(&monitor->dark);
+    } else {
+        monitor->dark = 0U;
+    }
     if (missing) {
         monitor->gap += monitor->gap <= limits->bridge ? 1U : 0U;
-        monitor->lost += monitor->lost < UINT32_MAX ? 1U : 0U;
+        count_up(&monitor->lost);
     } else if (monitor->gap > 0U) {
         --monitor->gap;
         monitor->lost = monitor->gap > 0U ? monitor->lost : 0U;
     }
     monitor->slip = monitor->gap == 0U ? monitor->shift : monitor->slip;
     return (missing || is_dark(monitor) ? (unsigned)CGL_STATUS_ANGLE_LOST : 0U) | (stuck ? (unsigned)CGL_STATUS_ANGLE_STUCK : 0U)
-           | (monitor->shift < CGL_R(0.0) || monitor->shift > CGL_R(0.0) ? (unsigned)CGL_STATUS_ANGLE_SHIFTED : 0U);
+           | (is_not_zero(monitor->shift) ? (unsigned)CGL_STATUS_ANGLE_SHIFTED : 0U);
 }
 
 CGL_SELDOM void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
@@ -341,7 +365,7 @@ CGL_SELDOM void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *no
     if (safe) {
         monitor->holding = limits->hold + 1U;
     } else {
-        monitor->holding -= monitor->holding > 0U ? 1U : 0U;
+        count_down(&monitor->holding);
     }
     monitor->safe = monitor->holding > 0U;
     monitor->status = status | (monitor->safe ? (unsigned)CGL_STATUS_FAULT : 0U);

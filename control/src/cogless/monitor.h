@@ -68,15 +68,12 @@ typedef struct {
 } cgl_monitor_limits;
 
 typedef struct {
-    cgl_monitor_config config;
-    cgl_real ts;        /* period of the calls [s] */
-    cgl_monitor_limits limits;
-    cgl_real theta_m;    /* to be used: plausible, without the jumps, in [0, 2 pi) [rad] */
-    cgl_real omega_m;    /* to be used [rad/s] */
-    cgl_real shift;      /* of the sensor by its jumps, in [-pi, pi] [rad] */
-    cgl_real slip;       /* the shift when no angle was missing last [rad] */
-    cgl_real raw;        /* the last measured angle, in [0, 2 pi) [rad] */
-    cgl_real still;      /* the reference has turned so far since the angle moved [rad] */
+    bool was_stuck;      /* said so since the angle moved: it comes back anywhere */
+    bool unsure;         /* lost for long while it was shifted: nothing but trust tells where the rotor is */
+    bool started;        /* theta_m is valid */
+    bool known;          /* raw is of the last period */
+    bool safe;           /* the output must be zero: no torque is possible that one could trust */
+    bool trusted;        /* nothing stands against learning */
     uint32_t gap;        /* angles that are missing: one more with each, one less with each that agrees with the last */
     uint32_t lost;       /* periods without an angle since there was no gap */
     uint32_t blind;      /* periods for which the measured speed is not believed yet */
@@ -87,12 +84,15 @@ typedef struct {
     uint32_t holding;    /* periods for which the output still is safe */
     uint32_t jumps;      /* since init or reset, there, back and for one period only; stays at its largest value */
     unsigned status;     /* CGL_STATUS_ bits of the last step */
-    bool was_stuck;      /* said so since the angle moved: it comes back anywhere */
-    bool unsure;         /* lost for long while it was shifted: nothing but trust tells where the rotor is */
-    bool started;        /* theta_m is valid */
-    bool known;          /* raw is of the last period */
-    bool safe;           /* the output must be zero: no torque is possible that one could trust */
-    bool trusted;        /* nothing stands against learning */
+    cgl_real theta_m;    /* to be used: plausible, without the jumps, in [0, 2 pi) [rad] */
+    cgl_real omega_m;    /* to be used [rad/s] */
+    cgl_real shift;      /* of the sensor by its jumps, in [-pi, pi] [rad] */
+    cgl_real slip;       /* the shift when no angle was missing last [rad] */
+    cgl_real raw;        /* the last measured angle, in [0, 2 pi) [rad] */
+    cgl_real still;      /* the reference has turned so far since the angle moved [rad] */
+    cgl_monitor_limits limits;
+    cgl_monitor_config config;
+    cgl_real ts;        /* period of the calls [s] */
 } cgl_monitor;
 
 /* The first field that init refuses, as CGL_FIELD; NULL: none. */

@@ -18,13 +18,13 @@ typedef struct {
 
 typedef struct {
     uint32_t ready;        /* CGL_READY after init */
-    cgl_pi_config config;
-    cgl_loop loop;
+    bool saturated;        /* the last output was at its limit, or would have been */
     cgl_real kp, ki;       /* the gains that act: 0 in a loop with somebody else's feedback */
     cgl_real integral;     /* within +-limit [output] */
     cgl_real lost;         /* what rounding kept from the integral [output] */
     cgl_real proportional; /* the share of the last step [output] */
-    bool saturated;        /* the last output was at its limit, or would have been */
+    cgl_pi_config config;
+    cgl_loop loop;
 } cgl_pi;
 
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
@@ -57,16 +57,14 @@ static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedfor
                                     cgl_real *output)
 {
     const cgl_pi_config *const config = &pi->config;
-    const cgl_real proportional = pi->kp * error;
-    cgl_real lost = pi->lost;
-    const cgl_real integral = cgl_add(pi->integral, pi->ki * pi->loop.ts * error, config->limit, &lost);
-    const cgl_real wanted = proportional + integral + feedforward;
-    if (!cgl_is_below(wanted, config->limit)) {
+    const cgl_real proportional = pi->kp * error, term = pi->ki * pi->loop.ts * error + pi->lost;
+    const cgl_real integral = pi->integral + term, wanted = proportional + integral + feedforward;
+    if (!(cgl_is_within(integral, config->limit) && cgl_is_below(wanted, config->limit))) {
         return false;
     }
+    pi->lost = term - (integral - pi->integral); /* as in cgl_add */
     pi->proportional = proportional;
     pi->integral = integral;
-    pi->lost = lost;
     pi->saturated = false;
     *output = wanted;
     return true;

@@ -68,7 +68,7 @@ CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config 
     return CGL_OK;
 }
 
-void cgl_pi_ilc_reset(cgl_pi_ilc *law)
+CGL_SELDOM void cgl_pi_ilc_reset(cgl_pi_ilc *law)
 {
     cgl_pi_reset(&law->pi);
     cgl_memory_reset(&law->memory);

@@ -23,13 +23,13 @@ typedef struct {
 } cgl_pi_ilc_config;
 
 typedef struct {
-    cgl_pi pi;
+    bool idle;        /* nothing is left of the gain, and nothing is being cleared: what is learned is frozen */
+    uint32_t gentle;  /* how gently, as the guard says */
     cgl_real gain;    /* learning gain [A s/rad] */
     cgl_real acting;  /* what the guard leaves of it [A s/rad] */
-    uint32_t gentle;  /* how gently, as the guard says */
-    bool idle;        /* nothing is left of the gain, and nothing is being cleared: what is learned is frozen */
-    cgl_memory memory;
     cgl_real learned; /* the learned part of the last step [A] */
+    cgl_pi pi;
+    cgl_memory memory;
 } cgl_pi_ilc;
 
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */

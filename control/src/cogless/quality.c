@@ -62,7 +62,7 @@ CGL_SELDOM static cgl_error take(cgl_quality *quality, const cgl_quality_config 
     return CGL_OK;
 }
 
-cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
+CGL_SELDOM cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
 {
     const cgl_error error = take(quality, config, ts);
     if (error == CGL_OK) {
@@ -71,12 +71,12 @@ cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *confi
     return error;
 }
 
-cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config)
+CGL_SELDOM cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config)
 {
     return take(quality, config, quality->ts);
 }
 
-void cgl_quality_reset(cgl_quality *quality)
+CGL_SELDOM void cgl_quality_reset(cgl_quality *quality)
 {
     begin_window(quality);
     quality->centre = CGL_R(0.0);
@@ -96,7 +96,7 @@ CGL_SELDOM static cgl_real larger(cgl_real a, cgl_real b)
 /* Moves the sum of a part to that of the parts before, where small terms add up beside large sums. */
 CGL_SELDOM static void gather(cgl_real *part, cgl_real *before, cgl_real *lost)
 {
-    *before = cgl_add(*before, *part, CGL_REAL_MAX, lost);
+    *before = cgl_added(*before, *part, CGL_REAL_MAX, lost);
     *part = CGL_R(0.0);
 }
 
@@ -196,7 +196,7 @@ CGL_SELDOM static bool step_unusual(cgl_quality *quality, cgl_real error, cgl_re
     }
     const bool taught = square <= quality->refused_square && quality->waiting == 0U;
     quality->learned = quality->learned || (learning && taught);
-    const cgl_real turned = quality->turned + (cgl_is_finite(omega_m) ? omega_m : CGL_R(0.0));
+    const cgl_real turned = quality->turned + cgl_finite_or_zero(omega_m);
     --quality->left;
     if (turned * turned < quality->turned_square && quality->left > 0U) {
         quality->turned = turned;

@@ -26,20 +26,24 @@ typedef struct {
 } cgl_quality_config;
 
 typedef struct {
-    cgl_quality_config config;
-    cgl_real ts;                  /* period of the calls [s] */
-    cgl_real centre;              /* mean of the last window; at first the first error [unit] */
-    cgl_real sum, squares;        /* of what the errors in this part of the window differ from it, but for outliers */
-    cgl_real sum_before, squares_before; /* and in the parts before */
-    cgl_real sum_lost, squares_lost; /* what rounding kept from those */
-    cgl_real outlier_sum, outlier_squares; /* and of those */
+    bool run_above;               /* which side */
+    bool unusual;                 /* enough in a row, in this window */
+    bool learned;                 /* something, in this window */
+    bool began;                   /* learning, in a whole window */
     uint32_t outliers;            /* in this window */
     uint32_t wait;                /* a sixteenth of the last window [samples] */
     uint32_t waiting;             /* samples of it to come */
     uint32_t run;                 /* outliers in a row, to one side */
     uint32_t run_left;            /* `left` at the last of them */
-    bool run_above;               /* which side */
-    bool unusual;                 /* enough in a row, in this window */
+    uint32_t longest;             /* samples in a window at most */
+    uint32_t left;                /* samples until this window ends in any case */
+    uint32_t missing;             /* samples of this window that were not finite */
+    uint32_t windows;             /* whole ones; stays at its largest value */
+    cgl_real centre;              /* mean of the last window; at first the first error [unit] */
+    cgl_real sum, squares;        /* of what the errors in this part of the window differ from it, but for outliers */
+    cgl_real sum_before, squares_before; /* and in the parts before */
+    cgl_real sum_lost, squares_lost; /* what rounding kept from those */
+    cgl_real outlier_sum, outlier_squares; /* and of those */
     cgl_real peak_square;         /* of the outliers in this window [unit^2] */
     cgl_real last_peak_square;    /* and in the last one; 0: not unusual [unit^2] */
     cgl_real refused_square;      /* an error with a larger square is not learned from; >= usual_square [unit^2] */
@@ -50,12 +54,8 @@ typedef struct {
     cgl_real ripple;              /* of the last whole window: variance of the error [unit^2] */
     cgl_real before;              /* ripple of the last whole window before something was learned, or of the first [unit^2] */
     cgl_real trend;               /* relative change of the ripple from window to window, clipped and smoothed */
-    uint32_t longest;             /* samples in a window at most */
-    uint32_t left;                /* samples until this window ends in any case */
-    uint32_t missing;             /* samples of this window that were not finite */
-    uint32_t windows;             /* whole ones; stays at its largest value */
-    bool learned;                 /* something, in this window */
-    bool began;                   /* learning, in a whole window */
+    cgl_quality_config config;
+    cgl_real ts;                  /* period of the calls [s] */
 } cgl_quality;
 
 typedef struct {

@@ -7,19 +7,17 @@ static bool is_in_range(const void *field, uint32_t kind)
         return whole <= 65535U && (whole >= 1U || kind == (uint32_t)CGL_COUNT_OR_DEFAULT);
     }
     const cgl_real x = *(const cgl_real *)field;
-    return cgl_is_finite(x) && (kind == (uint32_t)CGL_FINITE || x >= CGL_R(0.0))
-           && (kind != (uint32_t)CGL_POSITIVE || x > CGL_R(0.0));
+    if (kind == (uint32_t)CGL_FINITE) {
+        return cgl_is_finite(x);
+    }
+    return kind == (uint32_t)CGL_POSITIVE ? cgl_is_positive(x) : cgl_is_not_negative(x);
 }
 
 CGL_SELDOM const char *cgl_out_of_range(const void *config, const cgl_range *range, uint32_t count)
 {
     for (uint32_t n = 0; n < count; ++n) {
         if (!is_in_range((const char *)config + range[n].offset, range[n].kind)) {
-#ifdef COGLESS_NO_TEXTS
-            return CGL_FIELD("");
-#else
-            return range[n].name;
-#endif
+            return CGL_RANGE_NAME(range + n);
         }
     }
     return 0;

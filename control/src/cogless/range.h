@@ -20,27 +20,37 @@ enum {
     CGL_COUNT_OR_DEFAULT /* the same, or 0 */
 };
 
-/* CGL_RANGE: the row of a field of cgl_PART_config. */
 #ifdef COGLESS_NO_TEXTS
 typedef struct {
-    uint16_t offset; /* of the field in its config [bytes] */
+    uint16_t offset; /* place of the field in its config [bytes] */
     uint16_t kind;   /* CGL_FINITE and so on */
 } cgl_range;
-#define CGL_RANGE(part, field, kind) {(uint16_t)offsetof(cgl_##part##_config, field), (uint16_t)(kind)}
+#define CGL_RANGE_OF(type, name, field, kind) {(uint16_t)offsetof(type, field), (uint16_t)(kind)}
 #else
 typedef struct {
-    const char *name; /* of the field, as "pi.kp" */
-    uint16_t offset;  /* of it in its config [bytes] */
+    const char *name; /* name of the field, as "pi.kp" */
+    uint16_t offset;  /* its place in the config [bytes] */
     uint16_t kind;    /* CGL_FINITE and so on */
 } cgl_range;
-#define CGL_RANGE(part, field, kind) {#part "." #field, (uint16_t)offsetof(cgl_##part##_config, field), (uint16_t)(kind)}
+#define CGL_RANGE_OF(type, name, field, kind) {(name), (uint16_t)offsetof(type, field), (uint16_t)(kind)}
+#endif
+
+/* The row of a field of cgl_PART_config. CGL_RANGE_OF is the row of a field of any struct. */
+#define CGL_RANGE(part, field, kind) CGL_RANGE_OF(cgl_##part##_config, #part "." #field, field, kind)
+
+/* The name of a row's field, as CGL_FIELD. */
+#ifdef COGLESS_NO_TEXTS
+#define CGL_RANGE_NAME(row) CGL_FIELD("")
+#else
+#define CGL_RANGE_NAME(row) ((row)->name)
 #endif
 
 /* The first of `count` fields that is outside its range, as CGL_FIELD; NULL: none. */
 const char *cgl_out_of_range(const void *config, const cgl_range *range, uint32_t count);
 
 /* The same for all rows of an array. */
-#define CGL_OUT_OF_RANGE(config, range) cgl_out_of_range((config), (range), (uint32_t)(sizeof(range) / sizeof((range)[0])))
+#define CGL_ROWS(range) ((uint32_t)(sizeof(range) / sizeof((range)[0])))
+#define CGL_OUT_OF_RANGE(config, range) cgl_out_of_range((config), (range), CGL_ROWS(range))
 #define CGL_IS_IN_RANGE(config, range) (CGL_OUT_OF_RANGE(config, range) == 0)
 
 /* The default where a config's field is 0. */

@@ -113,6 +113,12 @@ bool cgl_is_not_negative(cgl_real x);
 /* x within [-limit, limit]; 0 for NaN. A call. */
 cgl_real cgl_clamped(cgl_real x, cgl_real limit);
 
+/* x, or 0 where x is not finite. A call. */
+cgl_real cgl_finite_or_zero(cgl_real x);
+
+/* cgl_add() as a call, for steps that are seldom taken. */
+cgl_real cgl_added(cgl_real sum, cgl_real x, cgl_real limit, cgl_real *lost);
+
 #ifdef __cplusplus
 }
 #endif
@@ -139,7 +145,7 @@ static inline cgl_real cgl_add(cgl_real sum, cgl_real x, cgl_real limit, cgl_rea
     const cgl_real term = x + *lost, result = sum + term;
     const bool within = CGL_OFTEN(cgl_is_within(result, limit));
     *lost = within ? term - (result - sum) : CGL_R(0.0);
-    return within ? result : cgl_clamp_here(result, limit);
+    return within ? result : cgl_clamped(result, limit);
 }
 
 /* -1, 0 or 1; 0 for NaN. */

@@ -1,7 +1,5 @@
 #include "robust_ilc.h"
 
-#include "range.h"
-
 CGL_SELDOM const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *config, const cgl_loop *loop)
 {
     static const cgl_range range[] = {CGL_RANGE(robust_ilc, b, CGL_POSITIVE),
@@ -15,14 +13,10 @@ CGL_SELDOM const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *con
                                       CGL_RANGE(robust_ilc, viscous, CGL_FINITE),
                                       CGL_RANGE(robust_ilc, coulomb, CGL_FINITE),
                                       CGL_RANGE(robust_ilc, limit, CGL_POSITIVE)};
-    const char *field = cgl_loop_bad_field(loop);
-    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    const char *field = CGL_OWN_FEEDBACK_BAD_FIELD(config, range, loop);
     field = field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
     if (field != 0) {
         return field;
-    }
-    if (loop->feed_forward) {
-        return CGL_FIELD("loop.feed_forward");
     }
     if (config->memory.channels > 1U) {
         return CGL_FIELD("memory.channels");
@@ -30,7 +24,7 @@ CGL_SELDOM const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *con
     if (!cgl_is_positive(CGL_R(1.0) / config->b)) {
         return CGL_FIELD("robust_ilc.b");
     }
-    if (!(cgl_is_positive(config->b * config->limit) && config->limit <= loop->current_limit)) {
+    if (!cgl_is_positive(config->b * config->limit)) {
         return CGL_FIELD("robust_ilc.limit");
     }
     return cgl_loop_can_learn(loop, config->q * config->beta_2, config->c + config->eta) ? 0 : CGL_FIELD("robust_ilc.eta");
@@ -54,7 +48,7 @@ CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
     law->idle = !(law->q * (law->beta_1 + config->beta_2) > CGL_R(0.0)) && forgetting > CGL_R(0.0);
 }
 
-cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, const cgl_loop *loop, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, const cgl_loop *loop, cgl_real *cell,
                               uint32_t length)
 {
     law->memory.ready = 0U;
@@ -72,7 +66,7 @@ cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *
     return error;
 }
 
-cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config *config)
+CGL_SELDOM cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config *config)
 {
     if (cgl_robust_ilc_bad_field(config, &law->loop) != 0 || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
         return CGL_ERROR_CONFIG;

@@ -42,19 +42,19 @@ typedef struct {
 } cgl_robust_ilc_terms;
 
 typedef struct {
-    cgl_robust_ilc_config config;
-    cgl_loop loop;
-    cgl_memory memory;          /* f [rad/s^2] */
-    cgl_real error_integral;    /* within +-1e9 [rad] */
-    cgl_real integral_lost, adapted_lost; /* what rounding kept from error_integral and adapted */
-    cgl_real adapted;           /* r [rad/s^2] */
-    cgl_real last_omega_ref;    /* [rad/s] */
+    bool idle;                  /* they are 0, and nothing is being cleared: f is frozen */
     bool started;               /* last_omega_ref is valid */
     bool saturated;             /* the last output was at its limit */
     uint32_t gentle;            /* the guard's step */
     cgl_real q, beta_1;         /* as that step reduces them */
-    bool idle;                  /* they are 0, and nothing is being cleared: f is frozen */
+    cgl_real error_integral;    /* within +-1e9 [rad] */
+    cgl_real adapted;           /* r [rad/s^2] */
+    cgl_real integral_lost, adapted_lost; /* what rounding kept from error_integral and adapted */
+    cgl_real last_omega_ref;    /* [rad/s] */
     cgl_robust_ilc_terms terms; /* of the last step */
+    cgl_loop loop;
+    cgl_robust_ilc_config config;
+    cgl_memory memory;          /* f [rad/s^2] */
 } cgl_robust_ilc;
 
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */

@@ -1,7 +1,6 @@
 #include "space_position.h"
 
 #include "angle.h"
-#include "range.h"
 
 #define SAMPLES_MAX CGL_R(4294967040.0) /* the largest float below 2^32 */
 
@@ -25,19 +24,14 @@ CGL_SELDOM const char *cgl_space_position_bad_field(const cgl_space_position_con
                                       CGL_RANGE(space_position, ramp, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(space_position, omega_min, CGL_POSITIVE),
                                       CGL_RANGE(space_position, limit, CGL_POSITIVE)};
-    const char *field = cgl_loop_bad_field(loop);
-    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
-    field = field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
+    const char *const field = CGL_OWN_FEEDBACK_BAD_FIELD(config, range, loop);
     if (field != 0) {
         return field;
-    }
-    if (loop->feed_forward) {
-        return CGL_FIELD("loop.feed_forward");
     }
     if (config->index != CGL_SPACE_BY_REFERENCE && config->index != CGL_SPACE_BY_ROTOR) {
         return CGL_FIELD("space_position.index");
     }
-    return config->limit <= loop->current_limit ? 0 : CGL_FIELD("space_position.limit");
+    return cgl_memory_bad_field(&config->memory, loop->ts);
 }
 
 /* The number of channels whose mean belongs to the integral: alpha and beta, if the integral acts beside what is learned. At a
@@ -55,7 +49,7 @@ CGL_SELDOM static void follow_guard(cgl_space_position *law, uint32_t gentle)
     cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
 }
 
-cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, const cgl_loop *loop, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, const cgl_loop *loop, cgl_real *cell,
                                   uint32_t length)
 {
     law->memory.ready = 0U;
@@ -90,7 +84,7 @@ static uint32_t samples_of_share(const cgl_space_position *law, cgl_real share)
     return samples < SAMPLES_MAX ? (uint32_t)samples + 1U : (uint32_t)SAMPLES_MAX;
 }
 
-cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config)
+CGL_SELDOM cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config)
 {
     const cgl_real share = share_of_learning(law);
     if (cgl_space_position_bad_field(config, &law->loop) != 0 || ratio_of(config) != law->config.ratio || config->index != law->config.index

@@ -56,15 +56,15 @@ typedef struct {
 } cgl_space_position_terms;
 
 typedef struct {
-    cgl_space_position_config config; /* with its defaults */
-    cgl_loop loop;
-    cgl_memory memory;        /* memory.p_t: P_t [s] */
-    cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
-    cgl_real integral_lost;         /* what rounding kept from it [A] */
-    uint32_t learning_samples;      /* in which it learned; counts no further than the ramp */
     bool saturated;                 /* the last output was at its limit */
     uint32_t gentle;                /* how gently it learns, as the guard says */
+    uint32_t learning_samples;      /* in which it learned; counts no further than the ramp */
+    cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
+    cgl_real integral_lost;         /* what rounding kept from it [A] */
     cgl_space_position_terms terms; /* of the last step */
+    cgl_loop loop;
+    cgl_space_position_config config; /* with its defaults */
+    cgl_memory memory;        /* memory.p_t: P_t [s] */
 } cgl_space_position;
 
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */

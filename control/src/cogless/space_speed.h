@@ -35,12 +35,12 @@ typedef struct {
 } cgl_space_speed_terms;
 
 typedef struct {
-    cgl_space_speed_config config; /* with its defaults */
-    cgl_loop loop;
-    cgl_memory memory;     /* memory.p_t: P_t [s] */
     bool saturated;              /* the last output was at its limit */
     uint32_t gentle;             /* how gently it learns, as the guard says */
     cgl_space_speed_terms terms; /* of the last step */
+    cgl_loop loop;
+    cgl_space_speed_config config; /* with its defaults */
+    cgl_memory memory;     /* memory.p_t: P_t [s] */
 } cgl_space_speed;
 
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
