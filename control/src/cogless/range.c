@@ -7,10 +7,8 @@ static bool is_in_range(const void *field, uint32_t kind)
         return whole <= 65535U && (whole >= 1U || kind == (uint32_t)CGL_COUNT_OR_DEFAULT);
     }
     const cgl_real x = *(const cgl_real *)field;
-    if (kind == (uint32_t)CGL_FINITE) {
-        return cgl_is_finite(x);
-    }
-    return kind == (uint32_t)CGL_POSITIVE ? cgl_is_positive(x) : cgl_is_not_negative(x);
+    return cgl_is_finite(x) && (kind == (uint32_t)CGL_FINITE || x >= CGL_R(0.0))
+           && (kind != (uint32_t)CGL_POSITIVE || x > CGL_R(0.0));
 }
 
 CGL_SELDOM const char *cgl_out_of_range(const void *config, const cgl_range *range, uint32_t count)
