@@ -2,7 +2,7 @@
 
 #include "decay.h"
 
-#define FASTEST CGL_R(2.0) /* bandwidth in 1/ts: beyond it nothing is smoothed */
+#define FASTEST CGL_R(2.0) /* largest bandwidth times ts: beyond it the observer smooths nothing */
 
 CGL_SELDOM const char *cgl_adrc_bad_field(const cgl_adrc_config *config, const cgl_loop *loop)
 {
@@ -21,7 +21,7 @@ CGL_SELDOM const char *cgl_adrc_bad_field(const cgl_adrc_config *config, const c
     return cgl_is_positive(config->b * config->limit) ? 0 : CGL_FIELD("adrc.limit");
 }
 
-/* Resets the estimates, as if `current` [A] held the speed. */
+/* Starts the estimates anew, as if `current` [A] had held the speed constant. */
 CGL_SELDOM static void start(cgl_adrc *law, cgl_real current)
 {
     const cgl_adrc_config *const config = &law->config;
@@ -32,6 +32,7 @@ CGL_SELDOM static void start(cgl_adrc *law, cgl_real current)
     law->started = false;
 }
 
+/* Takes a config, and the gains of the observer that follow from it. */
 static void take(cgl_adrc *law, const cgl_adrc_config *config)
 {
     const cgl_real p = cgl_decay(config->omega_o * law->loop.ts), q = CGL_R(1.0) - p;

@@ -19,7 +19,7 @@ CGL_SELDOM const char *cgl_space_speed_bad_field(const cgl_space_speed_config *c
     return field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
 }
 
-/* Takes the guard's step. */
+/* Applies a step of gentle learning. */
 CGL_SELDOM static void follow_guard(cgl_space_speed *law, uint32_t gentle)
 {
     law->gentle = gentle;
@@ -71,7 +71,8 @@ CGL_SELDOM void cgl_space_speed_reset(cgl_space_speed *law)
     start_anew(law);
 }
 
-/* The factor on the correction. It grows with 1 / |omega| without bound, which is the law as proven: the first step leaves it. */
+/* The factor by which the guard reduces the correction. The correction grows with 1 / |omega| without bound, as in the paper's proof, and
+ * the first step of gentle learning leaves it so. */
 static cgl_real factor_of(const cgl_space_speed *law, cgl_real omega, cgl_real alpha_ref)
 {
     if (CGL_OFTEN(law->gentle <= 1U)) {
@@ -91,7 +92,7 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
         return;
     }
     const cgl_real difference = in->omega_m - in->omega_ref;
-    /* a sum is not finite if a part of it is not */
+    /* one check is enough: a sum is not finite if a part of it is not */
     const bool plausible = cgl_is_finite(difference + in->alpha_ref) && cgl_is_angle(in->theta_m);
     const cgl_real omega = plausible ? in->omega_m : CGL_R(0.0);
     const cgl_real omega_ref = plausible ? in->omega_ref : CGL_R(0.0);
