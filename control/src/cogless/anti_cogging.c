@@ -21,7 +21,7 @@ CGL_SELDOM const char *cgl_anti_cogging_bad_field(const cgl_anti_cogging_config 
     return config->revolutions <= 100U ? 0 : CGL_FIELD("anti_cogging.revolutions");
 }
 
-cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, const cgl_loop *loop, cgl_real *table,
+CGL_SELDOM cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, const cgl_loop *loop, cgl_real *table,
                                 uint32_t length)
 {
     law->pi.ready = 0U;
@@ -45,7 +45,7 @@ cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_co
     return CGL_OK;
 }
 
-cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config)
+CGL_SELDOM cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config)
 {
     const bool same_run = law->stage == CGL_ANTI_COGGING_RUN || config->revolutions == law->config.revolutions;
     if (cgl_anti_cogging_bad_field(config, &law->pi.loop) != 0 || config->cells != law->config.cells || !same_run) {
@@ -60,7 +60,7 @@ cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_
     return CGL_OK;
 }
 
-void cgl_anti_cogging_reset(cgl_anti_cogging *law)
+CGL_SELDOM void cgl_anti_cogging_reset(cgl_anti_cogging *law)
 {
     const cgl_anti_cogging_config *const config = &law->config;
     if (law->stage != CGL_ANTI_COGGING_RUN) { /* half a table is worse than none */

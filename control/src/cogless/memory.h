@@ -43,6 +43,9 @@ typedef struct {
  * other end, so that a rotor always goes on. */
 typedef struct {
     bool backward;                 /* number n is entry cells - 1 - n, a place x is at -width - x; forward n and x */
+    bool started;                  /* x is valid */
+    bool follows;                  /* the last step learned: the next values have a line back to its own */
+    bool lagging;                  /* lag_x and correction are valid */
     uint32_t angle;                /* last one [2^-32 revolutions] */
     uint32_t turn;                 /* of the period's turns */
     uint32_t x;                    /* the place in the period, as it is counted [2^-32 periods] */
@@ -55,9 +58,6 @@ typedef struct {
     uint32_t head;                 /* place in the ring of the cell passed last */
     uint32_t half;                 /* the sum is over the cell `at` and this many on each side; q_half_width: all */
     uint32_t anew_left;            /* cells until the channels' new sums are whole */
-    bool started;                  /* x is valid */
-    bool follows;                  /* the last step learned: the next values have a line back to its own */
-    bool lagging;                  /* lag_x and correction are valid */
     uint32_t lag_x;                /* where the last correction went, `lead` samples behind [2^-32 periods] */
 } cgl_angle_map;
 
@@ -88,20 +88,20 @@ typedef struct {
 
 typedef struct {
     uint32_t ready;               /* CGL_READY after init */
-    cgl_memory_config config;     /* with its defaults */
-    cgl_real ts;                  /* sampling period [s] */
+    bool learning;                /* the last step learned */
+    cgl_angle_map map;
     uint32_t row;                 /* entries of a channel: CGL_MEMORY_ROW */
     uint32_t fewest;              /* samples in a period, with fewer of which it does not learn */
     uint32_t periods;             /* of the memory in `turns` revolutions of theta */
-    cgl_real gain;                /* forgetting, over the entries of the Q filter */
-    cgl_real *cell;               /* caller's memory, a row of CGL_MEMORY_ROW entries for each channel: a map's cells, then its
-                                     ring; a line's samples. Kind delay: a row of x comes first */
-    cgl_channel channel[CGL_CHANNELS];
-    bool learning;                /* the last step learned */
     uint32_t centred;             /* number of first channels whose mean over the period belongs to an integral */
     uint32_t scan_cell;           /* the map's next cell for the mean's sum */
+    cgl_real *cell;               /* caller's memory, a row of CGL_MEMORY_ROW entries for each channel: a map's cells, then its
+                                     ring; a line's samples. Kind delay: a row of x comes first */
+    cgl_real gain;                /* forgetting, over the entries of the Q filter */
     cgl_real per_entry;           /* weight of an entry in the mean */
-    cgl_angle_map map;
+    cgl_real ts;                  /* sampling period [s] */
+    cgl_memory_config config;     /* with its defaults */
+    cgl_channel channel[CGL_CHANNELS];
     cgl_delay_line line;
 } cgl_memory;
 
