@@ -44,6 +44,25 @@ def test_the_example_learns_as_the_guide_says(axis: Path) -> None:
     assert isinstance(found, list) and found[1:] == [float("inf")] * 2
 
 
+def test_the_drive_learns_as_the_guide_says(tmp_path: Path) -> None:
+    block = re.search(r'```toml\n(title = "A drive.*?)```', GUIDE, re.DOTALL)
+    assert block is not None
+    (tmp_path / "drive.toml").write_text(block[1], encoding="utf-8")
+    study = load(tmp_path / "drive.toml")
+    feedback, ilc = run_study(study).runs
+    trials = re.search(r"below 1 mrad within (\d+), (\d+) and (\d+) trials", GUIDE)
+    share = re.search(r"may leave ([\d.]+) times the feedback's error", GUIDE)
+    assert trials is not None and share is not None
+    assert [float(n) for n in trials.groups()] == ilc.metrics["trials_to_floor"]
+    alone = feedback.metrics["trials_to_floor"]
+    assert isinstance(alone, list) and alone[1:] == [float("inf")] * 2
+    assert isinstance(study, TrialStudy)
+    design = summary(study).designs["ilc"]
+    assert not design.certified and design.prediction is not None
+    assert float(share[1]) == pytest.approx(design.prediction.share, abs=0.005)
+    assert design.prediction.worst_phase == 0
+
+
 def errors() -> list[tuple[str, str]]:
     rows = re.findall(r"^\| `'?([^`]+?)'?` \| `(.*)` \|$", GUIDE, re.MULTILINE)
     return [(change, line) for change, line in rows if "=" in change]

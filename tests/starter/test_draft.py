@@ -199,6 +199,19 @@ def test_the_main_order_of_the_cogging_is_that_of_a_motor_of_teeth_and_magnets()
         assert cogging_orders(slots, poles)["cogging"] == lowest
 
 
+def test_cogging_grows_with_the_common_divisor_of_slots_and_poles(tmp_path: Path) -> None:
+    torques = []
+    for slots, pole_pairs in ((12, 7), (18, 12)):
+        of = request("own", "generic", "absolute", slots=slots, pole_pairs=pole_pairs, rated_torque=1)
+        torques.append(written(tmp_path, of)[1].motor.star().cogging[0].torque)
+    assert torques[1] / torques[0] == pytest.approx(math.gcd(18, 24) / math.gcd(12, 14), rel=0.01)
+
+
+def test_the_rated_torque_bounds_the_current(tmp_path: Path) -> None:
+    _, study = written(tmp_path, request("gm5208", "generic", "as5048", rated_torque="0.2 N*m"))
+    assert study.drive.current_loop.current_limit == pytest.approx(0.2 / study.motor.star().K_t, rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("motor", "drive", "encoder"), [("gm5208", "generic", "as5048"), ("own", "moteus", "as5047")]
 )

@@ -323,7 +323,7 @@ def _drive(
         stated = flag in request.numbers or "current-rate" in request.numbers
         section.put(key, exact_rate(rate), *(() if stated else (origin(drive[key]),)))
     if steps > 1:
-        section.put("integration_steps", steps, note="the winding's current changes fast")
+        section.put("integration_steps", steps, note="enough at the ends of the guesses, too")
 
     section = sheet.section("[drive.current_loop]")
     bandwidth = current_rate * BANDWIDTH_SHARE

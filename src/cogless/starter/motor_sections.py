@@ -77,10 +77,10 @@ def put_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
     cogs = "cogging" not in tables
     if "pole_pairs" not in tables or "pole-pairs" in request.numbers:
         stated = "pole-pairs" in request.numbers
-        section.put("pole_pairs", poles // 2, *(() if stated else (_pole_pairs_guess(others, part),)))
+        section.put("pole_pairs", poles // 2, *(() if stated else (_pole_pairs_guess(others, poles, part),)))
     if "slots" not in tables or "slots" in request.numbers:
         stated = "slots" in request.numbers
-        section.put("slots", slots, *(() if stated else (_slots_guess(others, named, poles),)))
+        section.put("slots", slots, *(() if stated else (_slots_guess(others, named, slots, poles),)))
     if others and cogs:
         sheet.guesses.append(_layout_variants(others, (slots, poles), amplitudes, request))
     _magnet(sheet, section, request, part, tables)
@@ -115,13 +115,13 @@ def _star(request: Request, tables: Mapping[str, Any]) -> Known:
     between = request.value("resistance")
     resistance = None if between is None else between / 2
     named = named_motors().get(request.motor, {})
-    current = request.value("rated-current")
+    current, torque = request.value("rated-current"), request.value("rated-torque")
     if tables:
         star: StarMotor = TypeAdapter(AnyMotor).validate_python(dict(tables)).star()
         constant = constant or star.K_t
         resistance = resistance or star.R_s
-        current = current or units.parse(named["rated_current"], units.CURRENT)
-    torque = request.value("rated-torque")
+        if current is None and torque is None:
+            current = units.parse(named["rated_current"], units.CURRENT)
     if constant is None and torque and current:
         constant = torque / current
     return Known(torque_constant=constant, resistance=resistance, torque=torque, current=current)
@@ -141,17 +141,23 @@ def _layout(
     return (slots, 2 * pole_pairs or poles), []
 
 
-def _pole_pairs_guess(others: list[tuple[int, int]], part: Part) -> str:
-    also = " or ".join(str(poles // 2) for _, poles in others) or "another number"
+def _pole_pairs_guess(others: list[tuple[int, int]], poles: int, part: Part) -> str:
+    also = _alternatives([other // 2 for _, other in others], poles // 2)
     table = part.table["layouts"]
     return f"guess: or {also}; {table.get('source') or table['guess']}"
 
 
-def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], poles: int) -> str:
+def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], slots: int, poles: int) -> str:
     if named.get("slots"):
         return f"guess: or another number that fits {poles} poles; as in the study of this motor"
-    also = " or ".join(str(slots) for slots, _ in others) or "another number"
+    also = _alternatives([other for other, _ in others], slots)
     return f"guess: or {also}; a winding that is balanced with its poles, as most motors have"
+
+
+def _alternatives(numbers: list[int], chosen: int) -> str:
+    """Other numbers than the one that is chosen, as in "15, 20 or 23"."""
+    *first, last = dict.fromkeys(str(n) for n in numbers if n != chosen) or ["another number"]
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def _magnet(sheet: Sheet, section: Section, request: Request, part: Part, tables: Mapping[str, Any]) -> None:
