@@ -22,7 +22,7 @@
  *   largest   a law that learned what there is to learn keeps it: at most a quarter more than in the first hour.
  *   ripple    at most a quarter more than in the first hour.
  *
- * The last two do not count where the guard held learning back. */
+ * The last three do not count where the guard held learning back: what it forgets is left to the feedback. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -885,7 +885,7 @@ static const char *broken_bound(const state *first, const state *now)
     if (owned && !(fabs(now->learned) <= held + unsteady * now->largest + scatter)) {
         return "learned";
     }
-    if (!owned && !(fabs(now->integral) <= KP * now->measured_square / SPEED + scatter || rig.subject->trials)) {
+    if (!owned && !now->guarded && !rig.subject->trials && !(fabs(now->integral) <= KP * now->measured_square / SPEED + scatter)) {
         return "integral";
     }
     if (!owned && !(fabs(now->map_mean) <= (LOAD + COULOMB + INERTIA * ACCELERATION) / K_T)) {
