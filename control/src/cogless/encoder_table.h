@@ -77,11 +77,11 @@ cgl_error cgl_encoder_table_retune(cgl_encoder_table *table, const cgl_encoder_t
  * beyond CGL_ANGLE_MAX, the angle stays as it is and learning waits. */
 void cgl_encoder_table_step(cgl_encoder_table *table, cgl_measurement *now, cgl_real i_q, bool learn);
 
-/* The speed omega_m [rad/s] without the sensor's error. omega_m is the mean over `time` [s], which cgl_speed_count or cgl_speed_timed
- * gives: from the angle omega_m time before the last step's to that angle. If time is not above 0, the speed stays as it is. */
+/* Returns the speed omega_m [rad/s] without the sensor's error. omega_m is the mean speed over the window `time` [s], as cgl_speed_count or
+ * cgl_speed_timed gives it; the window ends at the last step. If `time` is not above 0, omega_m is returned as it is. */
 cgl_real cgl_encoder_table_speed(const cgl_encoder_table *table, cgl_real omega_m, cgl_real time);
 
-/* `turns`, the sensor's angle of the last step, without the sensor's error: for an observer. */
+/* Returns `turns`, the sensor's angle of the last step, without the sensor's error, as the input of an observer. */
 uint32_t cgl_encoder_table_turns(const cgl_encoder_table *table, uint32_t turns);
 
 #ifdef __cplusplus

@@ -144,7 +144,7 @@ CGL_SELDOM static bool read_bytes(const cgl_map_store *store, uint32_t offset, u
     return config->read(config->context, store->slot, offset, bytes, count) == CGL_FLASH_DONE;
 }
 
-/* Whether the header describes a map of the same layout. The same period may be another fraction; a trial has none. */
+/* Whether the header describes a map of the same layout. Two fractions turns / parts of the same value are the same period. */
 static bool has_layout(const cgl_map *map, const uint32_t *word)
 {
     uint32_t own[WORDS];

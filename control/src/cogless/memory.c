@@ -315,7 +315,7 @@ CGL_SELDOM static uint32_t start_there(cgl_memory *memory, uint32_t x, uint32_t 
     cgl_angle_map *const map = &memory->map;
     const bool back = map->started && moved >= QUARTER_BACK - map->width;
     const uint32_t leap = map->started && moved > QUARTER && !back ? moved : 0U;
-    if (back) { /* it has turned back by a cell or more: less than that counted as standing */
+    if (back) { /* it has turned back by a cell or more */
         map->backward = !map->backward;
         x = 0U - map->width - x;
     }

@@ -134,7 +134,7 @@ cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_config *config)
  * that the rotor passes. */
 void cgl_memory_soften(cgl_memory *memory, cgl_real factor);
 
-/* Says that the means over the period of the first `centred` channels belong to an integral beside the memory; after init none do. Two
+/* Declares that an integral beside the memory has the means of the first `centred` channels over a period; after init it has none. Two
  * integrators of one mean would drift apart. So a learning period keeps at most 15/16 of such a channel's mean, and all of the rest.
  * A step removes `transfer` from the channel. Add it to the integral: then the sum of channel and integral stays the same. */
 void cgl_memory_centre(cgl_memory *memory, uint32_t centred);
