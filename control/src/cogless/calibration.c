@@ -40,7 +40,7 @@ cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3])
         const cgl_real i = i_abc[x];
         const cgl_real low = first || i < offsets->low[x] ? i : offsets->low[x];
         const cgl_real high = first || i > offsets->high[x] ? i : offsets->high[x];
-        /* it is false for NaN; the mean of finite numbers within the spread is finite */
+        /* the comparison is false for NaN; the mean of finite numbers within the spread is finite */
         if (!(cgl_is_finite(i) && high - low <= offsets->config.spread)) {
             offsets->result = CGL_CALIBRATION_FAILED;
             return offsets->result;

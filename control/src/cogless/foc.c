@@ -171,7 +171,7 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
 
     /* a current that is not finite makes both voltages so, whatever the gains */
     const cgl_real per_bus = CGL_R(1.0) / u_dc;
-    const cgl_real longest = two_phases ? CGL_R(1.0) : CGL_R(0.57735026918962576451); /* as a share of the bus voltage */
+    const cgl_real longest = two_phases ? CGL_R(1.0) : CGL_R(0.57735026918962576451); /* longest voltage as a share of the bus voltage */
     const cgl_real u_max = u_dc * longest;
     cgl_real part_d = u.d * per_bus, part_q = u.q * per_bus;
     if (!(part_d * part_d + part_q * part_q < longest * longest)) {

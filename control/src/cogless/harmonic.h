@@ -62,56 +62,58 @@ typedef struct {
                                                to 0 [rad in a step of the order], >= 0 */
 } cgl_harmonic_config;
 
-/* The measured angle's error that repeats each turn, as an encoder off the middle has it. */
+/* The bend: the error of the measured angle that repeats each turn, as an encoder off the middle has it. */
 typedef struct {
-    cgl_real part[4]; /* cosine and sine of it once a turn, and twice [rad] */
-    cgl_real share;   /* of it that is believed, 0 to 1 */
-    cgl_real here;    /* what is believed of it, at the present angle [turns] */
-    cgl_real slope;   /* and how fast it grows with the angle */
-    cgl_real rate;    /* of learning it [rad/A^2] */
-    cgl_real power;   /* sum of k |c_k|^2 over this round's slow orders, from which the bend is learned [A^2] */
-    cgl_real rest;    /* the same sum over the fast orders [A^2] */
-    cgl_real calm;    /* square of the drift above which the bend is not learned [turns^2/ts^4] */
-    cgl_real moved;   /* how much they went on in phase, weighted with |c_k|^2, since it was learned last [A^2] */
-    cgl_real before;  /* `moved` at the last turn */
-    cgl_real doubt;   /* variance of `moved` per step that noise makes [A^4] */
+    cgl_real part[4];        /* its cosine and sine once a turn, and twice [rad] */
+    cgl_real share;          /* share of it that acts, 0 to 1 */
+    cgl_real angle;          /* what acts of it at the present angle [turns] */
+    cgl_real slope;          /* what `angle` grows by, per turn of the rotor [turns] */
+    cgl_real rate;           /* of learning it [rad/A^2] */
+    cgl_real slow_power;     /* sum of k |c_k|^2 over this round's slow orders, from which the bend is learned [A^2] */
+    cgl_real fast_power;     /* the same sum over the fast orders [A^2] */
+    cgl_real drift_limit;    /* the bend is not learned where the square of the load's drift is larger [turns^2/ts^4] */
+    cgl_real moved;          /* what the slow orders moved in phase since the bend's last turn, weighted with |c_k|^2 [A^2] */
+    cgl_real moved_before;   /* `moved` at the last turn [A^2] */
+    cgl_real moved_variance; /* variance of `moved` per step that noise makes [A^4] */
 } cgl_harmonic_bend;
 
 typedef struct {
     cgl_harmonic_config config;
     cgl_pi pi;
-    cgl_real *cosine;        /* caller's memory: `orders` cosines [A], sines [A], orders, and pairs of gains [A/rad] */
-    cgl_real ahead;          /* with half a period: so much later acts what is commanded now [ts] */
-    cgl_real gain;           /* b ts^2 [turns/A] */
-    cgl_real weight[3];      /* shares of u in the current of the next steps: a delay between samples, or a lag */
-    cgl_real kept;           /* of the lag */
-    cgl_real later[2];       /* what past u leave for the steps after the next [A] */
-    cgl_real current;        /* u as it acts [A] */
-    uint32_t shown;          /* by the sensor [turns of 2^32] */
-    cgl_real half_step;      /* [turns] */
-    cgl_real since_edge;     /* way from there, but for a constant: within half a step [turns] */
-    uint32_t theta;          /* the observer's angle [turns of 2^32], */
-    cgl_real omega;          /* speed [turns/ts], */
-    cgl_real load;           /* z [turns/ts^2], */
-    cgl_real mean;           /* mean of z [turns/ts^2] */
-    cgl_real drift;          /* mean of z less `mean`: the part that no multiple of the base explains [turns/ts^2] */
-    cgl_real share;          /* of z that the mean takes in a step */
-    cgl_real last;           /* z without its mean, of the last step */
+    cgl_real *cosine;        /* caller's memory: `orders` cosines [A], sines [A], orders, and pairs of gains [A/turn] */
+    cgl_real turns;          /* turns in a step per speed, ts / 2 pi [s/rad] */
+    cgl_real gain;           /* acceleration per current, b ts^2 [turns/ts^2/A] */
+    cgl_real lead;           /* the current acts so much after the angle was measured, half a period included [ts] */
+    cgl_real half_step;      /* half a step of the sensor; 0: its steps are unknown [turns] */
+    cgl_real lag_share;      /* share of the thrust that a lag keeps in a step; 0: no lag */
+    cgl_real tap[3];         /* shares of a command in the thrust of the next three steps, times `gain` [turns/ts^2/A] */
+    cgl_real pending[2];     /* thrust that past commands leave for the step after the next, and the one after that [turns/ts^2] */
+    cgl_real thrust;         /* acceleration by the feedback's current as it acts [turns/ts^2] */
+    cgl_real thrust_most;    /* bound of it, which pi.limit has [turns/ts^2] */
+    uint32_t sensor_angle;   /* the angle that the sensor showed last [turns of 2^32] */
+    cgl_real since_edge;     /* way since the sensor's last edge, but for a constant; within half a step [turns] */
+    uint32_t theta;          /* the observer's angle [turns of 2^32] */
+    cgl_real omega;          /* its speed [turns/ts] */
+    cgl_real load;           /* its load, z [turns/ts^2] */
+    cgl_real load_mean;      /* mean of the load [turns/ts^2] */
+    cgl_real load_drift;     /* mean of the load less load_mean: no multiple of the base explains it [turns/ts^2] */
+    cgl_real load_before;    /* the load less its mean, in the last step [turns/ts^2] */
+    cgl_real mean_share;     /* share of the load that the means take in a step */
     cgl_real time;           /* of learning since the speed was new [s] */
     cgl_real slowest, fastest; /* span of speeds; a speed a quarter beyond it is new [turns/ts] */
-    cgl_real rate;           /* of learning at present [1/s] */
-    cgl_real step;           /* of the base order, when the gains were begun [rad] */
-    cgl_phasor base, half;   /* phasors of the base order: as far ahead as it acts, by half a period; */
-    cgl_phasor delayed, turned; /* and those of the order `due`, whose gain is made anew next */
+    cgl_real rate;           /* present rate of learning [1/s] */
+    cgl_real round_angle;    /* what the base order turned in a step when the round of gains began, without sign [rad] */
+    cgl_phasor base_half, base_lead;   /* phasors of what the base order turns in half a step, and in `lead` steps */
+    cgl_phasor order_half, order_lead; /* the same of the order that is due */
     cgl_harmonic_bend bend;
-    uint32_t bends;          /* parts of it that are learned, in pairs */
-    uint32_t since;          /* steps since its turn, even where it has none */
-    uint32_t due;
-    uint32_t band;           /* of those held, the first that ends above the order before that one */
-    uint32_t acting;         /* orders that have samples enough at this speed */
-    uint32_t low;            /* so many of them learn from z */
+    uint32_t bends;          /* learned parts of the bend, in pairs */
+    uint32_t clock;          /* steps since the bend's turn, which comes even where no bend is learned */
+    uint32_t due;            /* index of the order whose gain is renewed next */
+    uint32_t band;           /* index in config.held of the first band that ends above the order before that one */
+    uint32_t acting;         /* so many of the lowest orders act */
+    uint32_t low;            /* so many of the lowest orders are slow, and learn from the load */
     uint32_t wait;           /* steps until it may learn */
-    bool seated;             /* the observer follows an angle */
+    bool observing;          /* the observer follows an angle */
     bool learning;           /* the last step learned */
     cgl_real learned;        /* the learned part of the last step [A] */
 } cgl_harmonic;

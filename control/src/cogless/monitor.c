@@ -256,7 +256,7 @@ CGL_SELDOM static bool has_attempt_failed(cgl_monitor *monitor, cgl_real ref_tur
             count_down(&monitor->full_current);
         }
         if (ref_turned_square > limits->stuck_square && monitor->full_current > 0U && monitor->full_current >= limits->stuck) {
-            const uint32_t most = UINT32_MAX / ATTEMPT_SPACING; /* so that the spacing can be counted */
+            const uint32_t most = UINT32_MAX / ATTEMPT_SPACING; /* larger values would overflow when multiplied by the spacing */
             monitor->stuck_after = monitor->standstill / ATTEMPT_SPACING < most ? monitor->standstill : most;
             monitor->full_current = 0U;
         }

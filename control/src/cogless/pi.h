@@ -63,7 +63,7 @@ static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedfor
     if (!(cgl_is_within(integral, config->limit) && cgl_is_below(wanted, config->limit))) {
         return false;
     }
-    pi->lost = term - (integral - pi->integral); /* as in cgl_add */
+    pi->lost = term - (integral - pi->integral); /* the rounding error of the addition, as in cgl_add() */
     pi->proportional = proportional;
     pi->integral = integral;
     pi->saturated = false;

@@ -38,6 +38,7 @@ typedef struct {
     cgl_pi_afc_config config;
     cgl_pi pi;
     cgl_real *coefficient; /* caller's memory: `orders` a_k [A], then b_k [A], then h_k */
+    uint32_t unit;         /* the narrowest gap between two orders, or below the first */
     cgl_real learned;      /* the learned part of the last step [A] */
     bool learning;         /* the last step learned */
 } cgl_pi_afc;

@@ -153,7 +153,7 @@ CGL_SELDOM static void end_window(cgl_quality *quality, cgl_real turned)
     if (samples > 0U) {
         const cgl_real sum = quality->sum_before + quality->outlier_sum;
         const cgl_real squares = quality->squares_before + quality->outlier_squares;
-        const cgl_real count = (cgl_real)samples, mean = sum / count; /* of the deviation from the centre */
+        const cgl_real count = (cgl_real)samples, mean = sum / count; /* `mean` is that of the deviations from the centre */
         const cgl_real ripple = larger(squares / count - mean * mean, CGL_R(0.0));
         update_trend(quality, ripple);
         update_ripple_before(quality, ripple, mean * mean, turned);

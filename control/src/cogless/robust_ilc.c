@@ -123,7 +123,7 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     const cgl_real acceleration =
         finite && law->started ? (in->omega_ref - law->last_omega_ref) / law->loop.ts : CGL_R(0.0);
     law->last_omega_ref = finite ? in->omega_ref : CGL_R(0.0);
-    law->started = finite; /* a difference across a missing sample is no difference over ts */
+    law->started = finite; /* after a missing sample, the next difference does not span one period */
 
     /* (11); an integral beyond 1e9 rad could never be commanded */
     cgl_real lost = law->integral_lost;
