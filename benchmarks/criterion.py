@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 import cogless
-from cogless.design.pi import gains
+from cogless.design.speed_loop import gains
 from cogless.design.verdict import Verdict, judged, verdict
 from cogless.run.simulate import simulate
 from cogless.study import Study

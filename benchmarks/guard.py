@@ -29,7 +29,7 @@ import numpy as np
 from criterion import Changes, Draw, drive, q, told_wrong
 
 import cogless
-from cogless.design.pi import gains
+from cogless.design.speed_loop import gains
 from cogless.run.simulate import simulate
 from cogless.study import Study
 

@@ -24,7 +24,7 @@ import numpy as np
 from criterion import Changes, Draw, q
 
 import cogless
-from cogless.design.harmonic import certificate
+from cogless.design.laws.harmonic import certificate
 from cogless.run.simulate import simulate
 from cogless.study import Study, changed
 

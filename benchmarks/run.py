@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 import cogless
 from cogless import _simulator_f32 as native
 from cogless.c_layout import control_layout
-from cogless.design.from_study import design_study
+from cogless.design.trials.from_study import design_study
 from cogless.run.drive_config import engine_config
 from cogless.run.simulate import rollout
 from cogless.run.trial_config import engine_config as trial_config

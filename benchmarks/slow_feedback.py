@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from cogless import StudyError, changed, load
-from cogless.design import slow_running
+from cogless.design import warnings
 from cogless.design.gentler import slower_feedback
 from cogless.run.simulate import simulate
 from cogless.study import Study
@@ -75,13 +75,13 @@ def ripple(study: Study) -> float:
 
 def ratios(study: Study) -> tuple[float, float] | None:
     """Ripple with the slower feedback over that without it, predicted and simulated; None: not asked for."""
-    before = slow_running._edges(study, "pi", "slow")
-    if before is None or before.enough or slow_running._snapping(study, "pi", "slow"):
+    before = warnings._edges(study, "pi", "slow")
+    if before is None or before.enough or warnings._snapping(study, "pi", "slow"):
         return None
-    change = slower_feedback(study, "pi", slow_running.AHEAD * before.factor)
+    change = slower_feedback(study, "pi", warnings.AHEAD * before.factor)
     slower = changed(study, change or {})
-    after = slow_running._edges(slower, "pi", "slow")
-    if after is None or slow_running._snapping(slower, "pi", "slow"):
+    after = warnings._edges(slower, "pi", "slow")
+    if after is None or warnings._snapping(slower, "pi", "slow"):
         return None
     return after.ripple / before.ripple, ripple(slower) / ripple(study)
 
@@ -102,7 +102,7 @@ def main() -> None:
             case = _ratios_or_none(gimbal, random)
             cases += [case] if case else []
     for predicted, simulated in sorted(cases):
-        advised = "advised" if predicted <= slow_running.LESS_BY_FEEDBACK else ""
+        advised = "advised" if predicted <= warnings.LESS_BY_FEEDBACK else ""
         print(f"{predicted:5.2f} {simulated:5.2f}  {advised}")
     print(f"simulated over predicted, at most: {max(b / a for a, b in cases if a > 0.2):.2f} above 0.2")
 

@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 
 import cogless
-from cogless.design.prediction import trials_to_floor
-from cogless.design.trial import TrialDesign
+from cogless.design.trials.gains import TrialDesign
+from cogless.design.trials.prediction import trials_to_floor
 from cogless.errors import StudyError
 from cogless.results import Run
 from cogless.study import TrialStudy, load

@@ -5,7 +5,7 @@
 such as: liu2018 pi-ilc "60 rpm" 1 2 6 controller.pi-ilc.gain=0.05. Orders are relative to the memory's
 period.
 
-cogless.design.learning computes the factor, docs/theory/learning.md derives it.
+cogless.design.laws.periodic computes the factor, docs/theory/learning.md derives it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 import cogless
 from cogless import units
-from cogless.design.learning import PeriodicLoop
+from cogless.design.laws.periodic import PeriodicLoop
 from cogless.study.reading import changes_from
 
 

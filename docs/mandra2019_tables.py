@@ -20,9 +20,9 @@ from marked import Blocks, Metrics, main, metrics_of, number, table
 from numpy.typing import NDArray
 
 import cogless
-from cogless.design.certificate import Gains
-from cogless.design.model import Model
-from cogless.design.trial_summary import summary, to_dict
+from cogless.design.trials.certificate import Gains
+from cogless.design.trials.model import Model
+from cogless.design.trials.trial_summary import summary, to_dict
 from cogless.study import TrialStudy
 
 STEP = 2 * math.pi / 2**14  # of the resolver, rad

@@ -9,9 +9,9 @@ import numpy as np
 from reference.trial import zero_phase
 from scipy.linalg import toeplitz
 
-from cogless.design.model import Model, Real
-from cogless.design.polytope import UncertainPlant, from_parameters
-from cogless.design.trial import TrialDesign, TrialSettings
+from cogless.design.trials.gains import TrialDesign, TrialSettings
+from cogless.design.trials.model import Model, Real
+from cogless.design.trials.polytope import UncertainPlant, from_parameters
 
 MANDRA_RANGES = {"inertia": (5.9e-4, 10.6e-4), "friction": (1.3e-3, 1.5e-3), "torque_constant": (0.35, 0.39)}
 Q = np.diag([1.8e4, 0.1, 4.0])
@@ -60,8 +60,10 @@ def drive_train(discretisation: str = "exact") -> UncertainPlant:
 
 
 def simulate(design: TrialDesign, model: Model, y_ref: Real, trials: int, load: float = 0.0) -> Real:
-    """Errors (trials, samples) of the law at the head of design/trial.py, without limits, from y_ref[0] at
-    rest."""
+    """Errors (trials, samples) of the law at the head of design/trials/gains.py, without limits.
+
+    They start from y_ref[0] at rest.
+    """
     samples, n = len(y_ref), model.order
     v, errors = np.zeros(samples), np.zeros((trials, samples))
     B = model.B[:, 0]

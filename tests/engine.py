@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless import _simulator_f64
-from cogless.c_laws import C_LAWS
 from cogless.c_layout import Layout, control_layout
-from cogless.run.known_drive import KnownDrive
+from cogless.control_library import C_LAWS
+from cogless.run.own_law import KnownDrive
 
 Signals = dict[str, NDArray[np.float64]]
 

@@ -232,8 +232,10 @@ def unit_factor_written_out(files: Files) -> Iterator[str]:
 
 
 def file_name_used_again(files: Files) -> Iterator[str]:
-    """A file's name stands for one subject."""
-    names = Counter(file.stem for file in files if file.stem != "__init__")
+    """A file's name stands for one subject; a law's keys and its design bear its name."""
+    names = Counter(
+        file.stem for file in files if file.stem != "__init__" and not file.name.startswith("design/laws/")
+    )
     yield from (name for name, count in names.items() if count > 1)
 
 

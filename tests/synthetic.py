@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cogless.c_laws import C_LAWS
-from cogless.design.from_study import design_study
+from cogless.control_library import C_LAWS
+from cogless.design.trials.from_study import design_study
 from cogless.results import Results, Run, TrialResults
 from cogless.results.trace import Trace
 from cogless.run.carry_out import measure

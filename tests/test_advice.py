@@ -19,11 +19,11 @@ import pytest
 import trial_studies
 
 import cogless
-from cogless.cli.tables import a_metric
-from cogless.design import learning_gain
+from cogless.cli.printed import a_metric
 from cogless.design.auto import load
-from cogless.design.from_study import design_study
-from cogless.design.response import MONOTONE
+from cogless.design.trials import learning_gain
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.response import MONOTONE
 from cogless.design.warnings import beyond_drive, warnings
 from cogless.errors import StudyError
 from cogless.report import lines, verdicts
@@ -304,11 +304,11 @@ SLOW_GIMBAL = {"motor.R_s": "10 ohm", "motor.L_d": "3.5 mH", "motor.L_q": "3.5 m
                "drive.position_sensor": {"kind": "absolute", "bits": 14},
                "scenario.slow.reference": "1 rpm", "scenario.slow.initial_speed": "0 rpm"}  # fmt: skip
 CASES: dict[str, list[Case]] = {
-    "design.slow_running._snapping": [
+    "design.warnings._snapping": [
         Case(NEMA, {"scenario.slow.reference": "0.5 rpm"}, "stops and snaps", left=0.1),
         Case(NEMA, {"scenario.slow.reference": "30 rpm"}, "stops and snaps", left=0.5),
     ],
-    "design.slow_running._few_edges": [
+    "design.warnings._few_edges": [
         Case(TELESCOPE, SLOW_SKY, "coasts from count to count", left=0.3, cures=2),
         *(
             Case(MY_MOTOR, {**HALLS, "controller.pi": {"law": "pi", "kp": kp, "ki": 4 * kp}},
@@ -336,14 +336,14 @@ CASES: dict[str, list[Case]] = {
             )
         ),
     ],
-    "design.slow_running.reads_zero": [
+    "design.warnings.reads_zero": [
         Case(MY_MOTOR, {**NONE, **encoder(), "scenario.slow.reference": "11 rpm"}, "most read 0", name)
         for name in ("pi", "harmonic")
     ] + [
         Case(MY_MOTOR, {**NONE, **encoder(speed_method="average", window=2),
                         "scenario.slow.reference": "11 rpm"}, 'speed_method = "MT" } times the edges'),
     ],
-    "design.map_size.map_warning": [
+    "design.unlearned.map_warning": [
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 100}, gain="0.2 A*s/rad")},
              "a wave of order 24", "x"),
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 512}, gain="0.2 A*s/rad", q_half_width=10)},
@@ -370,7 +370,7 @@ CASES: dict[str, list[Case]] = {
             for latency in ("2 ms", "3 ms")
         ),
     ],
-    "design.commissioning._warning": [
+    "design.laws.anti_cogging._warning": [
         Case(TABLE, law(law="anti-cogging", kp=0.15, ki=3.0, cells=1024,
                         calibration={"speed": speed, "position_gain": gain}), "its calibration run", "x")
         for speed, gain in ((6.0, 20.0), (12.0, 20.0), (0.7, 2000.0))
@@ -434,24 +434,24 @@ CASES: dict[str, list[Case]] = {
              left=0.5),
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "20 mA"}, "its motion and load"),
     ],
-    "design.trial._warnings": [
+    "design.trials.gains._warnings": [
         trials(ilc(shift=2), "can grow", measure=growth, left=0.0),
         trials({**ilc(), "controller.ilc": {"law": "norm-optimal", "change_weight": 1e-9}}, "can grow",
                measure=growth, left=0.0),
     ],
-    "design.trial._by_frequency": [
+    "design.trials.gains._by_frequency": [
         trials({**ilc(shift=2, q_filter={"cutoff": "25 Hz", "acts_on": "signal"}),
                 "design.state_weight": [1e3, 0.1, 0.05]}, "shift = ", measure=growth_with_ends, left=0.9),
         trials(ilc(shift=8, q_filter={"cutoff": "30 Hz", "acts_on": "signal"}), "shift = 3",
                measure=growth_with_ends, left=0.9),
     ],
-    "design.from_study._designs": [
+    "design.trials.from_study._designs": [
         trials(ilc(shift=4), "low-pass filter"),
     ],
-    "design.trial._learning_gain": [
+    "design.trials.gains._learning_gain": [
         trials({"controller.ilc.shift": 1}, "low-pass filter", study=ZERO, left=0.2),
     ],
-    "design.from_study._better_sampled": [
+    "design.trials.from_study._better_sampled": [
         trials({}, "makes it stable along the trial", study=SHAFT, cures=2, measure=trial, left=0.1),
     ],
 }  # fmt: skip
@@ -477,21 +477,21 @@ def loop(**keys: Any) -> dict[str, Any]:
 
 NO_MARGIN = "expected a loop that some gains give this phase margin"
 REFUSALS: dict[str, list[Refusal]] = {
-    "design.current_loop._too_weak": [
+    "design.speed_loop._too_weak": [
         Refusal(SMALLEST, loop(bandwidth="1500 Hz"), "expected 30 deg of phase margin"),
         Refusal(SMALLEST, loop(kp="30 V/A", ki="30000 V/A/s"), "expected 30 deg of phase margin"),
         Refusal(SMALLEST, loop(kp="7 V/A", ki="30000 V/A/s"), "expected 30 deg of phase margin"),
         Refusal(SMALLEST, loop(kp="1000 V/A", ki="30000 V/A/s"), "expected 30 deg of phase margin"),
     ],
-    "design.current_loop._no_margin": [
+    "design.speed_loop._no_margin": [
         Refusal("uomodri", {"controller.x.law": "adrc", "controller.x.tuning": {"rule": "auto",
                 "phase_margin": "70 deg"}}, NO_MARGIN, "x", "fast"),
     ],
-    "design.from_study._study_error": [
+    "design.trials.from_study._study_error": [
         Refusal(ZERO, {"controller.ilc.shift": 1}, "expected a zero-phase low-pass filter", "ilc", "move",
                 most=0.2, measure=last_trial),
     ],
-    "design.feedforward.dynamic": [
+    "design.trials.feedforward.dynamic": [
         Refusal(ZERO, {**NEAR_ONE, "scenario.move.trials": 2}, "expected false", "ilc", "move", most=1.1,
                 measure=last_trial),
     ],
@@ -583,8 +583,8 @@ def test_a_metric_that_is_advised_judges() -> None:
 
 # What limits a run is found by running it with each cure: tests/run/test_limits.py.
 BY_ITSELF = (
-    "cli.tables.a_metric",
-    "design.learning_gain.learning_gain",
+    "cli.printed.a_metric",
+    "design.trials.learning_gain.learning_gain",
     "report.comparison.error_metric",
-    "report.limits.remark",
+    "report.limit_sentences.remark",
 )

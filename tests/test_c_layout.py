@@ -12,10 +12,11 @@ from control_library import HEADERS, SOURCE, control_library
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cogless.c_headers import Field, Headers, control_headers, parse
 from cogless.c_layout import Layout, control_layout
+from cogless.control_library import Field, Headers, control_headers, parse
 from cogless.results.status import Status
-from cogless.study import drive, harmonic, pi_afc, plant, space_checks
+from cogless.study import drive, linear_plant, space_checks
+from cogless.study.laws import harmonic, pi_afc
 
 CONFIGS = sorted(name for name in control_headers().structs if name.endswith("_config"))
 PLAIN = {"bool": st.booleans(), "uint32_t": st.integers(0, 2**32 - 1)}
@@ -220,7 +221,7 @@ def test_what_a_pointer_points_to_is_not_in_the_bytes() -> None:
         ("PI_AFC_ORDERS", pi_afc.ORDERS),
         ("PI_AFC_ORDER_MAX", pi_afc.HIGHEST),
         ("ENCODER_TABLE_ORDERS", drive.ORDERS),
-        ("TRIAL_STATES", plant.MOST_STATES),
+        ("TRIAL_STATES", linear_plant.MOST_STATES),
         ("ANGLE_MAX", space_checks.ANGLE_MAX),
     ],
 )

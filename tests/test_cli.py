@@ -23,12 +23,13 @@ import cogless as cogless_package
 import studies
 from cogless.__main__ import _flushed
 from cogless.catalogue import catalogue, show
-from cogless.cli import app, logs, tables, terminal
+from cogless.cli import app, logs, terminal
+from cogless.cli import printed as printing
 from cogless.results import Results
 from cogless.run import carry_out
 from cogless.study import Study, load
 from cogless.study.laws import AnyController
-from cogless.study.trial_controller import AnyTrialController
+from cogless.study.laws.trial import AnyTrialController
 
 ZERO = """
 class Zero:
@@ -790,7 +791,7 @@ def test_an_interrupt_is_told(
     def interrupted(study: object) -> object:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cogless.design.table.design_table", interrupted)
+    monkeypatch.setattr("cogless.design.design_table.design_table", interrupted)
     assert cogless(capsys, "design", studies.write(tmp_path)) == (130, "", "Interrupted.\n")
 
 
@@ -834,7 +835,7 @@ def test_tables_of_results_as_they_are_printed(tmp_path: Path, capsys: pytest.Ca
     made = synthetic.results(synthetic.study(tmp_path), rate=5000)
 
     def printed(results: Results) -> str:
-        tables.print_tables(results)
+        printing.print_tables(results)
         return "".join(f"{line.rstrip()}\n" for line in capsys.readouterr().out.splitlines())
 
     assert printed(made) == PRINTED

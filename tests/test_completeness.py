@@ -8,14 +8,14 @@ from typing import get_args
 
 import pytest
 
-from cogless.c_laws import C_LAWS, CLaw
+from cogless.control_library import C_LAWS, CLaw
 from cogless.results.metrics import KINDS
 from cogless.study import load
 from cogless.study.laws import AnyController
+from cogless.study.laws.trial import TrialLaw
 from cogless.study.metric import EACH_PHASE, Metric
 from cogless.study.position_sensor import PositionSensor
 from cogless.study.reading import changes_from
-from cogless.study.trial_controller import TrialLaw
 
 ROOT = Path(__file__).parents[1]
 CONTROL, LIBRARY = ROOT / "control", ROOT / "control" / "src" / "cogless"
@@ -100,7 +100,7 @@ def missing(law: CLaw) -> list[str]:
         **{f"{place}: {name}": law.name in listed(place, name) for place, name in LISTS},
         f"docs/laws/{law.name}.md": bool(page := text(ROOT / "docs" / "laws" / f"{law.name}.md")),
         f"docs/laws/{law.name}.md: its run-figure": law.name in drawn(page),
-        "src/cogless/study/laws.py: its model": law.name in (*MODELS, OF_TRIALS),
+        "src/cogless/study/laws: its model": law.name in (*MODELS, OF_TRIALS),
         "tests/study/test_law_ranges.py: its gains": f'"{law.name}": ' in ranges or law.name == OF_TRIALS,
     }
     return [what for what, there in has.items() if not there]

@@ -5,21 +5,21 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 131,
-    "number_of_one_word": 378,
+    "constant_with_several_values": 129,
+    "number_of_one_word": 373,
     "vague_local": 915,
     "vague_argument": 269,
     "vague_function": 152,
     "many_positional_arguments": 47,
     "fragment_of_a_comment": 103,
-    "alias_defined_again": 23,
+    "alias_defined_again": 21,
     "type_test_of_a_study": 65,
     "type_test_of_a_law": 156,
     "message_taken_apart": 10,
     "number_copied_from_c": 8,
     "unit_factor_written_out": 100,
-    "file_name_used_again": 30,
-    "small_file": 19,
+    "file_name_used_again": 3,
+    "small_file": 6,
 }
 NAMES = [rule.__name__ for rule in style.RULES]
 LONG = "\n" * (style.SMALL_FILE_LINES + 1)

@@ -29,7 +29,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 from sphinx.util import logging
 
-from cogless.study.study import Study
+from cogless.study.speed_study import Study
 from cogless.study.table import Quantity, Table
 from cogless.study.trial_study import TrialStudy
 
@@ -214,7 +214,7 @@ class LearningFactor(Parsed):
 
 class MetricSignals(Parsed):
     def run(self) -> list[nodes.Node]:
-        from cogless.c_laws import C_LAWS
+        from cogless.control_library import C_LAWS
         from cogless.signals import DERIVED
         from cogless.study.metric import SIGNALS
 
@@ -237,7 +237,7 @@ class MetricSignals(Parsed):
 class TrialSignals(Parsed):
     def run(self) -> list[nodes.Node]:
         from cogless.signals import DERIVED, dimensions
-        from cogless.study.signals import linear
+        from cogless.study.metric_checks import linear
 
         ideal, laws = ("trials", "trial_law"), ["trial"]
         by_unit: dict[str, list[str]] = {}

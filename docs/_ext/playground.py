@@ -28,7 +28,7 @@ class Playground(Parsed):
     def run(self) -> list[nodes.Node]:
         from cogless import load
         from cogless.live import engine, write
-        from cogless.live.blobs import precision
+        from cogless.live.description import precision
         from cogless.study.reading import changed, parse_change
 
         studies = [load(name) for name in self.arguments[0].split()]

@@ -47,7 +47,7 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from cogless.versions import versions
+        from cogless.files import versions
 
         return versions()["cogless"]
     if name in _HOMES:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
-from cogless.c_headers import Field, Headers, control_headers
+from cogless.control_library import Field, Headers, control_headers
 
 PLAIN = {
     "bool": "?",

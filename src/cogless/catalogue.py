@@ -42,7 +42,7 @@ def _models() -> tuple[dict[str, tuple[str, str]], dict[str, list[str]]]:
     """
     laws: dict[str, tuple[str, str]] = {}
     unions: dict[str, list[str]] = {}
-    for path in (Path(__file__).parent / "study").glob("*.py"):
+    for path in (Path(__file__).parent / "study" / "laws").glob("*.py"):
         text = path.read_text(encoding="utf-8")
         for node in ast.parse(text).body if OF_LAWS.search(text) else ():
             source = ast.unparse(node)

@@ -1,4 +1,4 @@
-"""Write files completely or not at all, and find the files that are installed with cogless."""
+"""Write files completely or not at all, find the files that are installed with cogless, tell its versions."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
 from cogless.errors import StudyError
@@ -106,3 +107,16 @@ def writable(directory: Path) -> Iterator[None]:
         with suppress(OSError):  # one that isn't empty stays
             for folder in missing:
                 folder.rmdir()
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of cogless, Python and NumPy, which compute the numbers."""
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        cogless = version("cogless")
+    except PackageNotFoundError:
+        cogless = "not installed"
+    return {"cogless": cogless, "python": platform.python_version(), "numpy": version("numpy")}

@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any
 
 from cogless import units
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.files import control_sources
 from cogless.units import Dimension
 

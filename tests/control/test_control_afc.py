@@ -9,7 +9,7 @@ from reference.motion import motion, rounded
 from reference.pi import Pi
 from reference.pi_afc import PiAfc
 
-from cogless.study.pi_afc import HIGHEST, ORDERS
+from cogless.study.laws.pi_afc import HIGHEST, ORDERS
 
 TS, STEPS = 1e-3, 1500
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered")

@@ -10,8 +10,8 @@ from reference.harmonic import SETTLE, Harmonic
 from reference.motion import motion, rounded
 from reference.pi import Pi
 
-from cogless.design.harmonic_transfer import rate_bound
-from cogless.study.harmonic import FASTEST, HIGHEST, ORDERS, Learner
+from cogless.design.laws.harmonic_transfer import rate_bound
+from cogless.study.laws.harmonic import FASTEST, HIGHEST, ORDERS, Learner
 
 TS, STEPS = 1e-3, 1500
 B = 800.0  # rad/s^2/A

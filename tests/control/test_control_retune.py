@@ -13,7 +13,7 @@ from test_control_drive import FOC, MONITOR, QUALITY
 from test_control_init import CONFIGS, init
 from test_control_off import LAWS, WITHOUT_MEMORY, Law
 
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 
 PRECISIONS = pytest.mark.parametrize("precision", ["float", "double"])
 PARTS: dict[str, tuple[dict[str, Any], list[dict[str, Any]]]] = {

@@ -10,7 +10,7 @@ import pytest
 from control_library import SOURCE
 from kept import kept, version
 
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 
 PROGRAM = Path(__file__).with_name("ten_hours.c")
 FLAGS = ["-std=c99", "-O2", "-D_DEFAULT_SOURCE", "-ffp-contract=off", f"-I{SOURCE}"]

@@ -13,8 +13,8 @@ from reference.trial_basis import carried
 from test_prediction import axis
 
 from cogless import run_study
-from cogless.design import basis
-from cogless.design.from_study import design_study
+from cogless.design.trials import prediction
+from cogless.design.trials.from_study import design_study
 
 OTHER = [["0.05 s", 0], ["0.25 s", -1.2], ["0.4 s", 0.5]]
 CHANGES: dict[str, Any] = {
@@ -94,8 +94,8 @@ def test_the_design_moves_as_the_transcription() -> None:
     v = np.random.default_rng(2).normal(size=(3, 200))
     for n, k_2 in ((90.0, 1.3), (1.0, 0.0)):
         wanted = [carried(row, old, new, n, k_2) for row in v]
-        np.testing.assert_allclose(basis.carried(v, old, new, n, k_2), wanted, rtol=1e-9, atol=1e-12)
-    assert basis.carried(v, old, new, 1.0, -0.1) is v and basis.carried(v, old, new, 0.0, 0.0) is v
+        np.testing.assert_allclose(prediction.carried(v, old, new, n, k_2), wanted, rtol=1e-9, atol=1e-12)
+    assert prediction.carried(v, old, new, 1.0, -0.1) is v and prediction.carried(v, old, new, 0.0, 0.0) is v
 
 
 def test_certified_looks_at_what_moves_along(tmp_path: Path) -> None:

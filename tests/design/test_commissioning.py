@@ -9,8 +9,8 @@ import pytest
 
 import studies
 from cogless.design.closed_loop import Linear
-from cogless.design.commissioning import commissioning_warning, left, position_gain, unsettled
-from cogless.design.pi import speed_loop
+from cogless.design.laws.anti_cogging import commissioning_warning, left, position_gain, unsettled
+from cogless.design.speed_loop import speed_loop
 from cogless.design.warnings import notes
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study

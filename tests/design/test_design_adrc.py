@@ -11,8 +11,8 @@ import pytest
 from reference.adrc import Adrc
 
 from cogless import load, run_study
-from cogless.design import adrc as rule
-from cogless.design.adrc import RATIO, response
+from cogless.design.laws import adrc as rule
+from cogless.design.laws.adrc import RATIO, response
 from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.summary import design
 from cogless.errors import StudyError

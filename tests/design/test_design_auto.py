@@ -12,18 +12,18 @@ import pytest
 from cogless import load, run_study
 from cogless.design import auto
 from cogless.design.auto import CORNERS, filled, known_orders, missing
-from cogless.design.learning import PeriodicLoop
+from cogless.design.laws.periodic import PeriodicLoop
+from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop
-from cogless.design.pi import speed_loop
-from cogless.design.space_learning import SpaceLoop
+from cogless.design.speed_loop import speed_loop
 from cogless.design.summary import design
 from cogless.design.verdict import verdict
 from cogless.errors import StudyError
 from cogless.study import Study
 from cogless.study import load as load_raw
 from cogless.study.base import Source
+from cogless.study.laws.space import SpaceSpeed
 from cogless.study.reading import checked
-from cogless.study.space_controller import SpaceSpeed
 
 ARM = {"harmonics": [{"order": 1, "torque": "1 mN*m"}]}
 SIDE = {"inertia": "6e-6 kg*m^2", "stiffness": "100 N*m/rad"}

@@ -10,17 +10,27 @@ import pytest
 from design_plants import drive_train, mandra, mandra_settings, rms, simulate, smooth_step
 from scipy.signal import butter, filtfilt
 
-from cogless.design import certificate
-from cogless.design.certificate import Certificate, Gains, Update, _Sweep, certify
-from cogless.design.feedforward import static_gain
-from cogless.design.finite import TrialMap, growth
-from cogless.design.lifted import impulse_response, lifted, norm_optimal
-from cogless.design.model import Model
-from cogless.design.polytope import UncertainPlant
-from cogless.design.q_filter import butterworth, workable_cutoff
-from cogless.design.response import Bundle, Filter, Loop, best_gain, factor, gain_limits, grid, peak
-from cogless.design.state_feedback import guaranteed_cost
-from cogless.design.trial import design_trial
+from cogless.design.trials import certificate
+from cogless.design.trials.certificate import Certificate, Gains, Update, _Sweep, certify
+from cogless.design.trials.feedforward import static_gain
+from cogless.design.trials.gains import design_trial, impulse_response, lifted, norm_optimal
+from cogless.design.trials.model import Model
+from cogless.design.trials.polytope import UncertainPlant
+from cogless.design.trials.response import (
+    Bundle,
+    Filter,
+    Loop,
+    TrialMap,
+    best_gain,
+    butterworth,
+    factor,
+    gain_limits,
+    grid,
+    growth,
+    peak,
+    workable_cutoff,
+)
+from cogless.design.trials.state_feedback import guaranteed_cost
 
 LAW = Gains(np.array([-99.4484, -0.9270]), 1.3916, 99.4484, True, True)
 K_3 = 0.6942

@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 from design_plants import START, Q, R, drive_train, mandra
 
-from cogless.design.error import DesignError
-from cogless.design.feedforward import Feedforward, cancellable, dynamic, polynomials, static_gain, zeros
-from cogless.design.model import Model, Real
-from cogless.design.state_feedback import guaranteed_cost
+from cogless.design.trials.feedforward import (
+    Feedforward,
+    cancellable,
+    dynamic,
+    polynomials,
+    static_gain,
+    zeros,
+)
+from cogless.design.trials.model import DesignError, Model, Real
+from cogless.design.trials.state_feedback import guaranteed_cost
 
 K_MANDRA = np.array([-99.4484, -0.9270])
 

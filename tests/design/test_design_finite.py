@@ -9,11 +9,8 @@ import pytest
 from reference.trial import zero_phase
 from scipy.linalg import toeplitz
 
-from cogless.design.finite import SHARES, TrialMap, finite_trial, growth
-from cogless.design.linear_filter import forward_and_backward, forward_and_backward_transposed
-from cogless.design.model import Real
-from cogless.design.q_filter import butterworth
-from cogless.design.response import Filter, Loop
+from cogless.design.trials.model import Real, forward_and_backward, forward_and_backward_transposed
+from cogless.design.trials.response import SHARES, Filter, Loop, TrialMap, butterworth, finite_trial, growth
 
 SAMPLES = 90
 # A resonance and a lag, sampled at 10 ms: what learning by one gain finds hard.

@@ -10,15 +10,15 @@ import pytest
 import studies
 from cogless import load
 from cogless.design.auto import filled
-from cogless.design.harmonic import _acting, certificate, learner, rate_at
-from cogless.design.harmonic_transfer import gamma, rate_bound
-from cogless.design.pi import interpolated, speed_loop
-from cogless.design.position import harmonic_gains
+from cogless.design.closed_loop import harmonic_gains
+from cogless.design.laws.harmonic import _acting, certificate, learner, rate_at
+from cogless.design.laws.harmonic_transfer import gamma, rate_bound
+from cogless.design.speed_loop import interpolated, speed_loop
 from cogless.design.summary import design, design_dict, summary
 from cogless.errors import StudyError
 from cogless.run.simulate import simulate
 from cogless.study import Study, changed
-from cogless.study.harmonic import FASTEST
+from cogless.study.laws.harmonic import FASTEST
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "my_motor.toml"
 RPM = math.pi / 30

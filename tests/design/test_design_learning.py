@@ -12,17 +12,17 @@ import pytest
 from rich.console import Console
 
 from cogless import changed, load, run_study
-from cogless.design import learning
 from cogless.design.closed_loop import Oscillation
-from cogless.design.feedback import unstable_feedback
-from cogless.design.learning import PeriodicLoop
+from cogless.design.design_table import design_table
+from cogless.design.law_rules import unstable_feedback
+from cogless.design.laws import periodic
+from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.learning_loop import SETTLED, Worst
 from cogless.design.ripple import Ripple
 from cogless.design.summary import to_dict, weakest_margins
-from cogless.design.table import design_table
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
-from cogless.study.controller import PiIlc, RobustIlc
+from cogless.study.laws.periodic import PiIlc, RobustIlc
 
 # without quantisation and forgetting, so that growth and decay can be seen over many periods
 CLEAN: dict[str, Any] = {
@@ -254,8 +254,8 @@ def test_the_smallest_oscillation_that_switching_makes_grow_is_told(
 ) -> None:
     """Amplitudes A 2^n are tried; A makes the ripple 1.25 times as large. The gain is 4 / (pi A 2^n)."""
     law = RobustIlc.model_construct(beta_1=1.0, beta_2=2.0)
-    monkeypatch.setattr(learning, "speed_text", lambda study, speed, digits: f"{speed:.{digits}g} rad/s")
-    monkeypatch.setattr(learning, "ripple", lambda loop, time: Ripple(0.8, 0.6))
+    monkeypatch.setattr(periodic, "speed_text", lambda study, speed, digits: f"{speed:.{digits}g} rad/s")
+    monkeypatch.setattr(periodic, "ripple", lambda loop, time: Ripple(0.8, 0.6))
 
     def doubt(law: RobustIlc, kind: type[PeriodicLoop] = Switching) -> str | None:
         controllers = {"x": law}
@@ -276,7 +276,7 @@ def test_the_smallest_oscillation_that_switching_makes_grow_is_told(
     assert doubt(law, type("Firm", (Switching,), {"limit": 2.0 + 1.01 * gains[0]})) is None
     assert doubt(law, type("Grown", (Switching,), {"limit": 2.0})) is None
     assert doubt(law.model_copy(update={"beta_1": 0.0})) is None
-    monkeypatch.setattr(learning, "ripple", lambda loop, time: Ripple(0.8, 1.0))
+    monkeypatch.setattr(periodic, "ripple", lambda loop, time: Ripple(0.8, 1.0))
     assert doubt(law) is None
 
 

@@ -10,14 +10,21 @@ from design_plants import START, Q, R, drive_train, mandra, speed
 from scipy.linalg import toeplitz
 from scipy.optimize import minimize_scalar, nnls
 
-from cogless.design.certificate import Gains
-from cogless.design.error import DesignError
-from cogless.design.feedforward import static_gain
-from cogless.design.learning_gain import LearningGain, Vertex, _impossible, check, cost, learning_gain, mapped
-from cogless.design.model import Model, Real
-from cogless.design.polytope import UncertainPlant, from_parameters
-from cogless.design.response import Bundle, Loop, best_gain, factor, grid
-from cogless.design.state_feedback import guaranteed_cost
+from cogless.design.trials.certificate import Gains
+from cogless.design.trials.feedforward import static_gain
+from cogless.design.trials.learning_gain import (
+    LearningGain,
+    Vertex,
+    _impossible,
+    check,
+    cost,
+    learning_gain,
+    mapped,
+)
+from cogless.design.trials.model import DesignError, Model, Real
+from cogless.design.trials.polytope import UncertainPlant, from_parameters
+from cogless.design.trials.response import Bundle, Loop, best_gain, factor, grid
+from cogless.design.trials.state_feedback import guaranteed_cost
 
 K_S = np.array([-99.4484, -0.9270, 1.3916])
 G = 0.1

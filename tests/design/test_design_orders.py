@@ -12,17 +12,17 @@ import pytest
 
 import studies
 from cogless import changed, load
-from cogless.design import order_learning
 from cogless.design.closed_loop import Linear, Oscillation, Resonator, poles
+from cogless.design.laws import pi_afc
+from cogless.design.laws.pi_afc import OrderLoop
 from cogless.design.learning_loop import Worst
-from cogless.design.order_learning import OrderLoop
-from cogless.design.pi import gains, pi_response, speed_loop
+from cogless.design.speed_loop import gains, pi_response, speed_loop
 from cogless.design.unlearned import foreseen
 from cogless.design.verdict import Verdict, verdict
 from cogless.design.warnings import warnings
 from cogless.run.simulate import simulate
 from cogless.study import Study
-from cogless.study.pi_afc import PiAfc
+from cogless.study.laws.pi_afc import PiAfc
 
 Changes = dict[str, Any]
 PERFECT: Changes = {
@@ -195,7 +195,7 @@ def orders(omega_m: float = 4.0, **more: Any) -> Orders:
 def test_orders_with_more_than_two_samples_a_cycle_are_learned_by_their_averaged_factor(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(order_learning, "speed_text", lambda study, speed: f"{speed:g} rad/s")
+    monkeypatch.setattr(pi_afc, "speed_text", lambda study, speed: f"{speed:g} rad/s")
     here = orders()
     assert here.orders.tolist() == [2.0, 5.0, 9.0] and orders(7.0).orders.tolist() == [2.0, 5.0]
     second = 4.0 / math.tau

@@ -21,14 +21,21 @@ from scipy.linalg import expm
 import studies
 from cogless import load
 from cogless.design.closed_loop import Linear, poles
-from cogless.design.current_loop import CurrentLoop, current_loops
+from cogless.design.design_table import design_table
 from cogless.design.margins import Margins
-from cogless.design.pi import SpeedLoop, gains, margins, phase_margin_pi, speed_loop
+from cogless.design.speed_loop import (
+    CurrentLoop,
+    SpeedLoop,
+    current_loops,
+    gains,
+    margins,
+    phase_margin_pi,
+    speed_loop,
+)
 from cogless.design.summary import summary, to_dict
-from cogless.design.table import design_table
 from cogless.errors import StudyError
 from cogless.run.simulate import simulate
-from cogless.study.controller import Tuning
+from cogless.study.laws.law import Tuning
 
 CURRENT = CurrentLoop(kp=150.0, ki=77000.0, R=15.42, L=0.03, period=1 / 15e3, delay=1)
 LOOP = SpeedLoop(b=1632.0, steps=15, window=15, current=CURRENT)

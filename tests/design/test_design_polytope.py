@@ -14,10 +14,22 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
-from cogless.design.error import DesignError
-from cogless.design.hull import _polygon, enclose, minimal
-from cogless.design.model import Model, Real, relative_degree, sampled, uncontrollable_mode
-from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
+from cogless.design.trials.model import (
+    DesignError,
+    Model,
+    Real,
+    relative_degree,
+    sampled,
+    uncontrollable_mode,
+)
+from cogless.design.trials.polytope import (
+    UncertainPlant,
+    _polygon,
+    enclose,
+    from_parameters,
+    from_vertices,
+    minimal,
+)
 
 
 def inside(vertices: Real, point: Real, slack: float = 1e-7) -> bool:

@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 
 import studies
 from cogless import load
-from cogless.design.closed_loop import Linear
-from cogless.design.current_loop import CurrentLoop as SampledLoop
-from cogless.design.pi import SpeedLoop, speed_loop
-from cogless.design.position import (
+from cogless.design.closed_loop import (
+    Linear,
     open_loop,
     phase_margin_position,
     position_gains,
     position_margins,
 )
+from cogless.design.speed_loop import CurrentLoop as SampledLoop
+from cogless.design.speed_loop import SpeedLoop, speed_loop
 from cogless.errors import StudyError
-from cogless.study.controller import Tuning
 from cogless.study.drive import CurrentLoop
+from cogless.study.laws.law import Tuning
 
 DELAYED: dict[str, Any] = {"drive.inverter.computation_delay": 1}
 SLOW: dict[str, Any] = {"drive.rates.speed_loop": "2 kHz"}

@@ -18,9 +18,9 @@ import pytest
 from rich.console import Console
 
 from cogless import load
-from cogless.design import trial_summary
+from cogless.design.design_table import design_table
 from cogless.design.summary import to_dict
-from cogless.design.table import design_table
+from cogless.design.trials import trial_summary
 from cogless.study import TrialStudy
 
 PRINTED = Path(__file__).with_name("printed")

@@ -9,21 +9,22 @@ import pytest
 import scipy.linalg
 from reference.trial import zero_phase
 
-from cogless.design.certificate import Certificate, Gains, Update, certify
-from cogless.design.finite import TrialMap, growth
-from cogless.design.lifted import impulse_response
-from cogless.design.model import Real
-from cogless.design.polytope import from_vertices
-from cogless.design.q_filter import butterworth
-from cogless.design.response import (
+from cogless.design.trials.certificate import Certificate, Gains, Update, certify
+from cogless.design.trials.gains import impulse_response
+from cogless.design.trials.model import Real
+from cogless.design.trials.polytope import from_vertices
+from cogless.design.trials.response import (
     Bundle,
     Filter,
     Filtered,
     Loop,
+    TrialMap,
     best_gain,
+    butterworth,
     direction,
     factor,
     gain_limits,
+    growth,
     peak,
 )
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cogless import changed, load
-from cogless.design.pi import speed_loop
 from cogless.design.ripple import ripple as foreseen
+from cogless.design.speed_loop import speed_loop
 from cogless.design.summary import design
 from cogless.design.verdict import Verdict, judged, verdict
 from cogless.design.warnings import warnings

@@ -16,14 +16,14 @@ import trial_studies
 from numpy.typing import NDArray
 
 from cogless import run_study
-from cogless.design.certificate import Gains
-from cogless.design.from_study import design_study, sensor_of, uncertain_plant
-from cogless.design.polytope import UncertainPlant, from_parameters
-from cogless.design.prediction import Conditions, simulated
-from cogless.design.quantisation import steps
-from cogless.design.sensing import Sensor
-from cogless.design.trial_observer import QUIET_SHARE, ObserverGains, input_by_steps
-from cogless.design.trial_observer import observer_gains as observer_and_feedback
+from cogless.design.trials.certificate import Gains
+from cogless.design.trials.from_study import design_study, sensor_of, uncertain_plant
+from cogless.design.trials.polytope import UncertainPlant, from_parameters
+from cogless.design.trials.prediction import Conditions, simulated
+from cogless.design.trials.quantisation import steps
+from cogless.design.trials.sensing import Sensor
+from cogless.design.trials.trial_observer import QUIET_SHARE, ObserverGains, input_by_steps
+from cogless.design.trials.trial_observer import observer_gains as observer_and_feedback
 
 Real = NDArray[np.float64]
 PERIOD, DIVIDER, J, B, K_T = 2.5e-3, 20, 8e-4, 1.4e-3, 0.37

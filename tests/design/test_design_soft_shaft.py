@@ -13,10 +13,8 @@ from rich.console import Console
 
 import studies
 from cogless.design.closed_loop import Linear, oscillation, poles
-from cogless.design.current_loop import CurrentLoop, IdealLoop
-from cogless.design.pi import SpeedLoop, margins, speed_loop
-from cogless.design.soft_shaft import SoftShaft
-from cogless.design.table import design_table
+from cogless.design.design_table import design_table
+from cogless.design.speed_loop import CurrentLoop, IdealLoop, SoftShaft, SpeedLoop, margins, speed_loop
 from cogless.design.warnings import warnings
 from cogless.run.simulate import simulate
 from cogless.study import Study

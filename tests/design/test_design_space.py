@@ -25,7 +25,9 @@ from cogless.design.angle_functions import (
     angle_functions,
 )
 from cogless.design.closed_loop import Linear
-from cogless.design.space_bounds import (
+from cogless.design.design_table import design_table
+from cogless.design.laws.space import SpaceLoop
+from cogless.design.laws.space_bounds import (
     Motion,
     _in_scenario,
     _tight_limits,
@@ -35,14 +37,11 @@ from cogless.design.space_bounds import (
     speed_conditions,
     theorem,
 )
-from cogless.design.space_learning import SpaceLoop
 from cogless.design.summary import to_dict
-from cogless.design.table import design_table
 from cogless.design.verdict import verdict
+from cogless.study.laws.space import SpaceLearning, SpaceSpeed
 from cogless.study.mechanics import Load, Mechanics
-from cogless.study.motor import Cogging, Motor
-from cogless.study.space_controller import SpaceLearning, SpaceSpeed
-from cogless.study.step_motor import StepMotor
+from cogless.study.motor import Cogging, Motor, StepMotor
 
 TURN = 2 * math.pi
 

@@ -14,12 +14,17 @@ import pytest
 import scipy.linalg
 from design_plants import START, Q, R, drive_train, mandra, motor
 
-from cogless.design import state_feedback
-from cogless.design.error import DesignError
-from cogless.design.model import Model, Real
-from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
-from cogless.design.stabilise import stabilise
-from cogless.design.state_feedback import augmented, check, guaranteed_cost, riccati_scaling, with_integrator
+from cogless.design.trials import state_feedback
+from cogless.design.trials.model import DesignError, Model, Real
+from cogless.design.trials.polytope import UncertainPlant, from_parameters, from_vertices
+from cogless.design.trials.state_feedback import (
+    augmented,
+    check,
+    guaranteed_cost,
+    riccati_scaling,
+    stabilise,
+    with_integrator,
+)
 
 
 def scalar(low: float, high: float) -> UncertainPlant:
@@ -295,7 +300,7 @@ def test_check_refuses_an_inequality_that_the_cost_says_nothing_of() -> None:
 
 
 def test_a_solver_that_fails_is_not_called_an_infeasible_range(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cogless.design.state_feedback.solve_scaled", lambda *_: (None, None))
+    monkeypatch.setattr("cogless.design.trials.state_feedback.solve_scaled", lambda *_: (None, None))
     with pytest.raises(DesignError) as error:
         guaranteed_cost(mandra(), Q, R, START, True)
     assert str(error.value).startswith("state_weight: expected weights for which the solver finds a gain")

@@ -13,12 +13,12 @@ from engine import unpacked
 from rich.console import Console
 
 from cogless import load
-from cogless.design.learning import PeriodicLoop
+from cogless.design.design_table import _margins, _shown, design_table
+from cogless.design.laws.periodic import PeriodicLoop
+from cogless.design.laws.space_bounds import theorem
 from cogless.design.margins import UNSTABLE, Margins
-from cogless.design.space_bounds import theorem
 from cogless.design.summary import Gain, design, design_dict, to_dict
-from cogless.design.table import _margins, _shown, design_table
-from cogless.export.c.command import export_c
+from cogless.export.c.export_c import export_c
 from cogless.run.drive_config import engine_config
 from cogless.study import Study
 

@@ -26,17 +26,21 @@ from design_plants import (
 )
 from scipy.linalg import expm
 
-from cogless.design import (
-    from_study,
-    trial,
+from cogless.design.trials import from_study
+from cogless.design.trials import gains as room
+from cogless.design.trials.certificate import Certificate, Learning, Update
+from cogless.design.trials.from_study import design_study, retuned, same_gains, settings_of
+from cogless.design.trials.gains import (
+    TrialDesign,
+    TrialGains,
+    TrialSettings,
+    _factor,
+    design_gains,
+    design_trial,
 )
-from cogless.design.certificate import Certificate, Learning, Update
-from cogless.design.error import DesignError
-from cogless.design.from_study import design_study, retuned, same_gains, settings_of
-from cogless.design.model import Real
-from cogless.design.polytope import UncertainPlant, from_parameters, from_vertices
-from cogless.design.response import Filter
-from cogless.design.trial import TrialDesign, TrialGains, TrialSettings, _factor, design_gains, design_trial
+from cogless.design.trials.model import DesignError, Real
+from cogless.design.trials.polytope import UncertainPlant, from_parameters, from_vertices
+from cogless.design.trials.response import Filter
 from cogless.study import reading
 
 
@@ -530,21 +534,21 @@ def test_what_can_grow_is_told_with_what_prevents_it(
 ) -> None:
     """What helps is a filter of so many Hz or a larger change_weight. It is of the models that decide."""
     cutoffs: list[float | None] = [12.345, None, 5.0, 5.0]
-    monkeypatch.setattr(trial, "workable_cutoff", lambda *_: cutoffs.pop(0))
+    monkeypatch.setattr(room, "workable_cutoff", lambda *_: cutoffs.pop(0))
     plant: Any = SimpleNamespace(vertices=(), exact_vertices=None, C=None, period=T)
     settings: Any = SimpleNamespace(filter_order=2, samples=100)
     law: Any = None
 
     def notes(update: Any, design: Any, exact: Any = None) -> list[str]:
         certificate = Certificate(design, exact, None, 0)
-        return [*map(str, trial._warnings(plant, law, certificate, update, settings))]
+        return [*map(str, room._warnings(plant, law, certificate, update, settings))]
 
     grows = "the error can grow by a factor of "
     remedy = "; a zero-phase low-pass filter of 12.3 Hz or less on the learned signal prevents it"
     assert notes(Update(1, 0.5), found) == [f"design model: {grows}{told}{remedy}"]
     assert notes(Update(1, 0.5), found) == [f"design model: {grows}{told}"]
     optimal = Update(1, 0.0, 0.01)
-    monkeypatch.setattr(trial, "_calmer", lambda *_: 0.1)
+    monkeypatch.setattr(room, "_calmer", lambda *_: 0.1)
     larger = "; change_weight = 0.1 prevents it"
     assert notes(optimal, found) == [f"design model: {grows}{told}{larger}"]
     assert notes(optimal, part(), found) == [f"exact model: {grows}{told}{larger}"]
@@ -574,17 +578,17 @@ def test_a_static_gain_points_where_the_loop_does(
             raise DesignError("static_gain: none")
         return gain
 
-    monkeypatch.setattr(trial, "static_gain", static_gain)
+    monkeypatch.setattr(room, "static_gain", static_gain)
     of: Any = (
         SimpleNamespace(nominal=None, C=None),
         SimpleNamespace(K_1=None),
         SimpleNamespace(N=N, kind=kind),
     )
     if told is None:
-        trial._check_sign(*of)
+        room._check_sign(*of)
         return
     with pytest.raises(DesignError) as error:
-        trial._check_sign(*of)
+        room._check_sign(*of)
     assert str(error.value) == told
 
 
@@ -619,14 +623,14 @@ def test_a_gain_by_frequency_says_how_fast_it_is(
     better: Any,
     note: str | None,
 ) -> None:
-    monkeypatch.setattr(trial, "Bundle", Unseen)
-    monkeypatch.setattr(trial, "best_gain", lambda *of: (0.7 + len(of), worst))
-    monkeypatch.setattr(trial, "butterworth", lambda *_: Filter(np.ones(1), np.ones(1)))
-    monkeypatch.setattr(trial, "better_shift", lambda loops, r, q, shift, samples: better)
+    monkeypatch.setattr(room, "Bundle", Unseen)
+    monkeypatch.setattr(room, "best_gain", lambda *of: (0.7 + len(of), worst))
+    monkeypatch.setattr(room, "butterworth", lambda *_: Filter(np.ones(1), np.ones(1)))
+    monkeypatch.setattr(room, "better_shift", lambda loops, r, q, shift, samples: better)
     plant: Any = SimpleNamespace(period=1e-3, relative_degree=2)
     settings: Any = SimpleNamespace(
         cutoff=cutoff, filtered=filtered, filter_order=2, samples=100, ends="even"
     )
-    found = trial._by_frequency([], plant, settings, 3)
+    found = room._by_frequency([], plant, settings, 3)
     with_filter = 2.7 if cutoff and filtered == "signal" else 1.7
     assert (found and (found[0], str(found[1]))) == (None if note is None else (with_filter, note))

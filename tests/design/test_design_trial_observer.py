@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cogless.design.error import DesignError
-from cogless.design.model import Model
-from cogless.design.polytope import UncertainPlant, from_parameters
-from cogless.design.q_filter import butterworth
-from cogless.design.response import Bundle
-from cogless.design.trial import TrialSettings, design_trial
-from cogless.design.trial_observer import (
+from cogless.design.trials.gains import TrialSettings, design_trial
+from cogless.design.trials.model import DesignError, Model
+from cogless.design.trials.polytope import UncertainPlant, from_parameters
+from cogless.design.trials.response import Bundle, butterworth
+from cogless.design.trials.trial_observer import (
     LEFT,
     POLES,
     SENSITIVITY,

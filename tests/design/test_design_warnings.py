@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cogless.design import warnings as module
-from cogless.design.table import design_table
+from cogless.design.design_table import design_table
 from cogless.design.warnings import coarse_table, likely_harm, shaft_notes
 from cogless.errors import StudyError
 from cogless.run.plan import plan

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from cogless.design.detent import STOPS, overrun, swing, turns_from
-from cogless.design.feedback import feedback_of
-from cogless.design.harmonic import certificate
+from cogless.design.law_rules import feedback_of
+from cogless.design.laws.harmonic import certificate
 from cogless.design.verdict import verdict
 from cogless.design.warnings import warnings
 from cogless.run.simulate import simulate

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from cogless.design import fastest
-from cogless.study.controller import PiIlc
-from cogless.study.pi_afc import PiAfc
-from cogless.study.space_controller import SpaceSpeed
+from cogless.design import learning_loop
+from cogless.study.laws.periodic import PiIlc
+from cogless.study.laws.pi_afc import PiAfc
+from cogless.study.laws.space import SpaceSpeed
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ from cogless.study.space_controller import SpaceSpeed
 def test_the_fastest_speed_that_is_learned(law: Any, top: float | None) -> None:
     rates = SimpleNamespace(outer_loop=1e3)
     study: Any = SimpleNamespace(controller={"x": law}, drive=SimpleNamespace(rates=rates))
-    assert fastest.fastest(study, "x") == (None if top is None else pytest.approx(top))
+    assert learning_loop.fastest(study, "x") == (None if top is None else pytest.approx(top))
 
 
 def test_a_period_has_at_least_four_samples_and_four_leads_and_its_filter() -> None:
@@ -32,6 +32,6 @@ def test_a_period_has_at_least_four_samples_and_four_leads_and_its_filter() -> N
     in_map = SpaceSpeed.model_construct(memory="map", q_half_width=40)
     line = PiIlc.model_construct(memory="time", q_half_width=40)
     short = PiIlc.model_construct(memory="time", q_half_width=2)
-    assert [fastest.fewest_samples(in_map, lead) for lead in (0, 1, 3)] == [4, 4, 12]
-    assert [fastest.fewest_samples(line, lead) for lead in (0, 20)] == [41, 80]
-    assert fastest.fewest_samples(short, 0) == 4
+    assert [learning_loop.fewest_samples(in_map, lead) for lead in (0, 1, 3)] == [4, 4, 12]
+    assert [learning_loop.fewest_samples(line, lead) for lead in (0, 20)] == [41, 80]
+    assert learning_loop.fewest_samples(short, 0) == 4

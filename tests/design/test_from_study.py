@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from cogless.design import from_study
-from cogless.design.error import DesignError
-from cogless.study.trial_controller import StateIlc
+from cogless.design.trials import from_study
+from cogless.design.trials.model import DesignError
+from cogless.study.laws.trial import StateIlc
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cogless.design import harmonic, harmonic_transfer
-from cogless.design.current_loop import CurrentLoop, IdealLoop
-from cogless.design.harmonic import (
+from cogless.design.laws import harmonic, harmonic_transfer
+from cogless.design.laws.harmonic import (
     LEAST,
     Certificate,
     Certified,
@@ -27,7 +26,7 @@ from cogless.design.harmonic import (
     main_order,
     rate_at,
 )
-from cogless.design.harmonic_transfer import (
+from cogless.design.laws.harmonic_transfer import (
     _bands,
     _few,
     _shares,
@@ -40,12 +39,11 @@ from cogless.design.harmonic_transfer import (
     seen,
     turned,
 )
-from cogless.design.pi import SpeedLoop
-from cogless.design.soft_shaft import SoftShaft
-from cogless.study.angle_table import OverAngle
-from cogless.study.harmonic import FASTEST, Harmonic, Learner
+from cogless.design.speed_loop import CurrentLoop, IdealLoop, SoftShaft, SpeedLoop
+from cogless.study.csv_table import OverAngle
+from cogless.study.laws.harmonic import FASTEST, Harmonic, Learner
+from cogless.study.motor import StepMotor
 from cogless.study.position_sensor import Encoder, Hall, IdealSensor
-from cogless.study.step_motor import StepMotor
 
 RPM = math.pi / 30
 TOLD = Learner(b=800.0, delay=0.0, step=0.0, base=2, bends=0, orders=3, fast=3, rate=5.0, rate_min=0.5)

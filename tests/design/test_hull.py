@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from cogless.design.hull import _directions, _frame, _gauge, _hull, _vertices, enclose
+from cogless.design.trials.polytope import _directions, _frame, _gauge, _hull, _vertices, enclose
 
 
 def test_on_a_line_the_gauge_is_the_distance_in_halves() -> None:

@@ -16,14 +16,13 @@ from scipy.signal import butter
 from trial_studies import LINEAR, loaded
 
 from cogless import run_study
-from cogless.design import from_study
-from cogless.design.from_study import design_study, settings_of
-from cogless.design.learning_filter import JUDGED_TRIALS, REMAINS_MOST, Bench, Choice, learning_filters
-from cogless.design.model import Model, Real
-from cogless.design.polytope import UncertainPlant, from_parameters
-from cogless.design.q_filter import PROPOSED, better_shift, butterworth, workable_cutoff
-from cogless.design.response import Loop
-from cogless.design.trial import TrialDesign, TrialSettings, design_gains, design_trial
+from cogless.design.trials import from_study
+from cogless.design.trials.from_study import design_study, settings_of
+from cogless.design.trials.gains import TrialDesign, TrialSettings, design_gains, design_trial
+from cogless.design.trials.learning_filter import JUDGED_TRIALS, REMAINS_MOST, Bench, Choice, learning_filters
+from cogless.design.trials.model import Model, Real
+from cogless.design.trials.polytope import UncertainPlant, from_parameters
+from cogless.design.trials.response import PROPOSED, Loop, better_shift, butterworth, workable_cutoff
 from cogless.study import TrialStudy
 
 T, SAMPLES = 4e-3, 70

@@ -15,18 +15,19 @@ import pytest
 import studies
 from cogless import load
 from cogless.design import ripple as module
-from cogless.design import space_learning, verdict
+from cogless.design import verdict
 from cogless.design.angle_functions import AngleFunctions
 from cogless.design.closed_loop import Linear, Oscillation
 from cogless.design.detent import LARGE
-from cogless.design.learning import PeriodicLoop
+from cogless.design.laws import space
+from cogless.design.laws.periodic import PeriodicLoop
+from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import LearningLoop, _with_near, opened, sensitivity
 from cogless.design.margins import Complex, Real
-from cogless.design.observer import counting_window
 from cogless.design.ripple import Ripple, Sampled, _noise, orders, ripple, sampled, sensor_waves
-from cogless.design.space_learning import SpaceLoop
+from cogless.design.speed_loop import counting_window
 from cogless.design.verdict import doubts
-from cogless.study.space_controller import SpaceSpeed
+from cogless.study.laws.space import SpaceSpeed
 
 T, GAIN = 1e-3, 0.4
 TURNS = 6.0  # learning periods a second
@@ -215,10 +216,10 @@ def test_a_load_at_any_angle_may_keep_space_speed_from_learning(
             return np.where(np.abs(theta - turn * 2 * np.pi) < 0.01, -largest, 0.1)
 
         functions = SimpleNamespace(current=current)
-        monkeypatch.setattr(space_learning, "functions_in", lambda study, scenario: functions)
+        monkeypatch.setattr(space, "functions_in", lambda study, scenario: functions)
         return SpaceLoop(study, "x", -3.0, scenario=scenario).doubt
 
-    monkeypatch.setattr(space_learning, "speed_text", lambda study, speed: f"{speed:g} rad/s")
+    monkeypatch.setattr(space, "speed_text", lambda study, speed: f"{speed:g} rad/s")
     assert doubt(3.0) is None and doubt(3.2, None) is None
     assert doubt(3.2) == "k alone leaves an error of up to 1.6 rad/s, above eta_bar: it may never learn"
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt, lfilter
 
-from cogless.design.linear_filter import butterworth_polynomials, forward, forward_and_backward
-from cogless.design.q_filter import butterworth
+from cogless.design.trials.model import butterworth_polynomials, forward, forward_and_backward
+from cogless.design.trials.response import butterworth
 
 
 @pytest.mark.parametrize("order", range(1, 9))

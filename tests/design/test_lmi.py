@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cogless.design.lmi import Unknown, minimise
+from cogless.design.trials.state_feedback import Unknown, minimise
 
 
 def symmetric(n: int) -> np.ndarray:

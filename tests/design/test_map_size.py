@@ -10,9 +10,9 @@ import pytest
 
 import studies
 from cogless import load
-from cogless.cli import tables
-from cogless.design.map_size import kept, map_warning
-from cogless.design.table import design_table
+from cogless.cli import printed
+from cogless.design.design_table import design_table
+from cogless.design.unlearned import kept, map_warning
 
 LAW = {"law": "space-position", "k_theta": 5, "k_omega": 0.1, "mu_alpha": 0.1, "q_half_width": 0,
        "period": {"of": "mechanical"}}  # fmt: skip
@@ -71,7 +71,7 @@ def test_run_and_design_tell_it(tmp_path: Path, capsys: pytest.CaptureFixture[st
     study = load(studies.write(tmp_path), changes)
     text = "controller.pi: cells = 150 is 1.5 in a wave of order 100"
     assert any(text in str(part) for part in design_table(study).renderables)
-    tables.print_warnings(study, [("low", "pi")])
+    printed.print_warnings(study, [("low", "pi")])
     assert f"Warning: {text}" in capsys.readouterr().err
 
 

@@ -8,16 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cogless.design.current_loop import CurrentLoop, IdealLoop, weakness
-from cogless.design.harmonic import Certificate, Certified, delay_of
+from cogless.design.laws.harmonic import Certificate, Certified, delay_of
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, finite, margins_of, root
-from cogless.design.pi import SpeedLoop, pi_response
-from cogless.design.soft_shaft import SoftShaft
+from cogless.design.speed_loop import CurrentLoop, IdealLoop, SoftShaft, SpeedLoop, pi_response, weakness
 from cogless.design.summary import CurrentLoopDesign, Gain
 from cogless.design.warnings import loop_warnings, told_apart
 from cogless.study.drive import Belief
-from cogless.study.harmonic import Learner
-from cogless.study.step_motor import StepMotor
+from cogless.study.laws.harmonic import Learner
+from cogless.study.motor import StepMotor
 
 T = 1e-3
 

@@ -12,10 +12,9 @@ from test_prediction import axis
 from test_random_errors import SHORT, transcribed
 
 from cogless import run_study
-from cogless.design.finite import TrialMap
-from cogless.design.from_study import design_study
-from cogless.design.response import Loop
-from cogless.design.trial import TrialDesign
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.gains import TrialDesign
+from cogless.design.trials.response import Loop, TrialMap
 from cogless.errors import StudyError
 
 KEY = "controller.optimal"

@@ -12,11 +12,11 @@ from rich.console import Console
 from trial_studies import DRIVE, loaded
 
 from cogless import run_study
-from cogless.design.from_study import design_study
-from cogless.design.prediction import PhasePrediction, trials_to_floor
-from cogless.design.trial_summary import summary, table, to_dict
-from cogless.report.trials.case import case
-from cogless.report.trials.verdict import verdict
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.prediction import PhasePrediction, trials_to_floor
+from cogless.design.trials.trial_summary import summary, table, to_dict
+from cogless.report.trial_case import case
+from cogless.report.trial_verdict import verdict
 from cogless.results import Run
 from cogless.study import TrialStudy
 

@@ -13,9 +13,9 @@ from rich.console import Console
 from test_prediction import axis
 
 from cogless import run_study
-from cogless.design.from_study import design_study
-from cogless.design.trial import TrialDesign
-from cogless.design.trial_summary import summary, table, to_dict
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.gains import TrialDesign
+from cogless.design.trials.trial_summary import summary, table, to_dict
 
 SAMPLES = 80
 SHORT = {

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cogless.design import slow_running
+from cogless.design import warnings
 from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.ripple import Sampled
 from cogless.study.position_sensor import Encoder
@@ -81,20 +81,20 @@ def test_edges_that_come_too_rarely_for_the_loop(
         "speed_text": lambda study, speed: f"{speed:g} rad/s",
     }
     for name, part in of_part.items():
-        monkeypatch.setattr(slow_running, name, part)
+        monkeypatch.setattr(warnings, name, part)
     law = SimpleNamespace(learned=False, learns=False)
     scenario = dict.fromkeys(("a", "b"), SimpleNamespace(duration=1.0))
     study: Any = SimpleNamespace(
         scenarios_of=lambda name: [*scenario], scenario=scenario, controller={"x": law}
     )
-    found = slow_running.slow_warning(study, "x")
+    found = warnings.slow_warning(study, "x")
     ways = "; drive.position_sensor.lines = 7 would do" if helps else ""
     assert (None if found is None else str(found)) == (None if said is None else f"{said}{ways}")
     assert said is None or sorted(tried) == pytest.approx([needed, needed])
     for name in ("sampled", "feedback_of"):
         with monkeypatch.context() as without:
-            without.setattr(slow_running, name, lambda *_: None)
-            assert slow_running.slow_warning(study, "x") is None
+            without.setattr(warnings, name, lambda *_: None)
+            assert warnings.slow_warning(study, "x") is None
 
 
 @pytest.mark.parametrize(
@@ -105,15 +105,15 @@ def test_a_counted_speed_of_less_than_half_a_count_reads_zero(
 ) -> None:
     sensor = Encoder.model_construct(kind="encoder", speed_method=method)
     here = SimpleNamespace(drive=SimpleNamespace(position_sensor=sensor))
-    monkeypatch.setattr(slow_running, "held", lambda *_: counts * 20.0)
-    monkeypatch.setattr(slow_running, "sampled", lambda *_: Sampled(COUNT, 1e-3, False))
-    monkeypatch.setattr(slow_running, "for_scenario", lambda *_: here)
-    monkeypatch.setattr(slow_running, "_edges", lambda *_: None)
-    monkeypatch.setattr(slow_running, "speed_text", lambda study, speed: f"{speed:g} rad/s")
+    monkeypatch.setattr(warnings, "held", lambda *_: counts * 20.0)
+    monkeypatch.setattr(warnings, "sampled", lambda *_: Sampled(COUNT, 1e-3, False))
+    monkeypatch.setattr(warnings, "for_scenario", lambda *_: here)
+    monkeypatch.setattr(warnings, "_edges", lambda *_: None)
+    monkeypatch.setattr(warnings, "speed_text", lambda study, speed: f"{speed:g} rad/s")
     study: Any = SimpleNamespace(controllers_in=lambda scenario: ["x"])
-    monkeypatch.setattr(slow_running, "timed_edges", lambda study: None)
-    monkeypatch.setattr(slow_running, "helping", lambda *_: ())
-    found = slow_running.reads_zero(study, "s")
+    monkeypatch.setattr(warnings, "timed_edges", lambda study: None)
+    monkeypatch.setattr(warnings, "helping", lambda *_: ())
+    found = warnings.reads_zero(study, "s")
     line = "at 9.8 rad/s 0.49 counts come in a speed sample: most read 0, others 20 rad/s"
     assert (None if found is None else str(found)) == (line if told else None)
 
@@ -121,9 +121,9 @@ def test_a_counted_speed_of_less_than_half_a_count_reads_zero(
 def test_the_slowest_speed_is_held_for_a_twentieth_of_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     study: Any = SimpleNamespace(scenario={"s": None})
     ways = [np.array([0.0, *-np.arange(1.0, 102.0)]), np.zeros(5)]
-    monkeypatch.setattr(slow_running, "sampled", lambda *_: None)
-    monkeypatch.setattr(slow_running, "course", lambda scenario: SimpleNamespace(omega=ways.pop(0), step=0.1))
-    assert [slow_running.held(study, "s"), slow_running.held(study, "s")] == [pytest.approx(6.0), 0.0]
+    monkeypatch.setattr(warnings, "sampled", lambda *_: None)
+    monkeypatch.setattr(warnings, "course", lambda scenario: SimpleNamespace(omega=ways.pop(0), step=0.1))
+    assert [warnings.held(study, "s"), warnings.held(study, "s")] == [pytest.approx(6.0), 0.0]
 
 
 @pytest.mark.parametrize(
@@ -140,6 +140,6 @@ def test_within_a_count_of_a_rest_there_is_no_motion_to_see(
 ) -> None:
     study: Any = SimpleNamespace(scenario={"s": None})
     sampling = SimpleNamespace(omega=np.array(omega, float), step=COUNT / 2)
-    monkeypatch.setattr(slow_running, "sampled", lambda *_: Sampled(COUNT, 1e-3, False))
-    monkeypatch.setattr(slow_running, "course", lambda scenario: sampling)
-    assert slow_running.held(study, "s") == pytest.approx(slowest)
+    monkeypatch.setattr(warnings, "sampled", lambda *_: Sampled(COUNT, 1e-3, False))
+    monkeypatch.setattr(warnings, "course", lambda scenario: sampling)
+    assert warnings.held(study, "s") == pytest.approx(slowest)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cogless import run_study
-from cogless.design.certificate import Certificate
-from cogless.design.from_study import design_study
+from cogless.design.trials.certificate import Certificate
+from cogless.design.trials.from_study import design_study
 from cogless.results import Run
 from cogless.study import TrialStudy, load
 

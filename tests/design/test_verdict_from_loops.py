@@ -12,11 +12,11 @@ import pytest
 
 from cogless.design import verdict as module
 from cogless.design.closed_loop import Oscillation
-from cogless.design.learning import PeriodicLoop
+from cogless.design.laws.periodic import PeriodicLoop
+from cogless.design.laws.pi_afc import OrderLoop
+from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import SETTLED, Worst
-from cogless.design.order_learning import OrderLoop
 from cogless.design.ripple import WORSE, Ripple
-from cogless.design.space_learning import SpaceLoop
 from cogless.design.verdict import (
     WIDEST,
     Mean,
@@ -32,8 +32,8 @@ from cogless.design.verdict import (
     _verdict,
     judged,
 )
-from cogless.study.controller import PiIlc
-from cogless.study.space_controller import SpacePosition, SpaceSpeed
+from cogless.study.laws.periodic import PiIlc
+from cogless.study.laws.space import SpacePosition, SpaceSpeed
 
 SLOW, FAST = Oscillation(80.0, 2.0), Oscillation(90.0, 3.0)
 

@@ -13,7 +13,7 @@ import pytest
 from cogless.study import Study, TrialStudy
 from cogless.study.base import Base
 from cogless.study.table import Quantity, Table
-from cogless.study.trial_scenario import EitherWay
+from cogless.study.trial_study import EitherWay
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 
@@ -87,7 +87,7 @@ def test_one_rule_for_plain_numbers(model: type[Table]) -> None:
 
 def test_every_table_is_on_the_page() -> None:
     text = (GUIDE / "study-file.md").read_text(encoding="utf-8")
-    told = set(re.findall(r"^```\{study-table\} \w+\.(\w+)$", text, re.MULTILINE))
+    told = set(re.findall(r"^```\{study-table\} [\w.]+\.(\w+)$", text, re.MULTILINE))
     assert {model.__name__ for model in models_within(Study, set())} - told == set()
 
 
@@ -96,7 +96,7 @@ def test_the_words_that_a_key_takes_are_those_that_are_told(page: str) -> None:
     """What stands in quotes, or as code, where a meaning is told is a word that the key takes, or a key."""
     text = (GUIDE / f"{page}.md").read_text(encoding="utf-8")
     keys = {key for model in MODELS for key in model.model_fields}
-    for module, name, rows in re.findall(r"```\{study-table\} (\w+)\.(\w+)\n(.*?)```", text, re.DOTALL):
+    for module, name, rows in re.findall(r"```\{study-table\} ([\w.]+)\.(\w+)\n(.*?)```", text, re.DOTALL):
         model = getattr(import_module(f"cogless.study.{module}"), name)
         for key, meaning in re.findall(r"^(\w+): (.*(?:\n  .*)*)", rows, re.MULTILINE):
             annotation = model.model_fields[key].annotation

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from cogless import load, run_study
 from cogless.cli import app
-from cogless.design.trial_summary import summary
+from cogless.design.trials.trial_summary import summary
 from cogless.report import outcome
 from cogless.study import TrialStudy
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from cogless.ensemble import executors
+from cogless.ensemble import workers
 
 
 @pytest.fixture(autouse=True)
 def forks(monkeypatch: pytest.MonkeyPatch) -> None:
     here = SimpleNamespace(get_context=lambda kind: multiprocessing.get_context("fork"))
-    monkeypatch.setattr(executors, "multiprocessing", here)
+    monkeypatch.setattr(workers, "multiprocessing", here)

@@ -13,16 +13,16 @@ import pytest
 from commands import cogless
 
 from cogless import load, run_study
-from cogless.ensemble import arena_cases, arena_files
-from cogless.ensemble.arena import ArenaResults, prepared, run_arena
-from cogless.ensemble.arena_cases import HOUR, LATE, TOLD, UNTOLD
+from cogless.ensemble import arena as room
+from cogless.ensemble import arena_scores
+from cogless.ensemble.arena import HOUR, LATE, TOLD, UNTOLD, ArenaResults, prepared, run_arena
+from cogless.ensemble.arena_file import Arena, arena_of
 from cogless.ensemble.arena_scores import COLUMNS, Scores
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.run.simulate import rollout
 from cogless.study import Study, changed
-from cogless.study.arena import Arena, arena_of
-from cogless.study.controller import AntiCogging
+from cogless.study.laws.anti_cogging import AntiCogging
 from cogless.study.reading import read
 
 PLANT = {
@@ -62,14 +62,14 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> ArenaResults:
 def test_every_law_meets_every_case_with_every_seed(results: ArenaResults) -> None:
     assert results.absent == {}
     assert len(results.runs) == 3 * 4 * 2
-    scores = Scores(arena_files.to_dict(results))
+    scores = Scores(arena_scores.to_dict(results))
     assert [scores.met(law) for law in scores.laws] == [1, 1, 1]
     everywhere = {column for column in COLUMNS if scores.score(column, "bar") == pytest.approx(1)}
     assert everywhere == {*COLUMNS} - {"after_hour"}
 
 
 def test_learning_beats_the_bar_and_a_law_of_ones_own_is_judged_too(results: ArenaResults) -> None:
-    scores = Scores(arena_files.to_dict(results))
+    scores = Scores(arena_scores.to_dict(results))
     learned, own = scores.score("ripple", "pi-ilc"), scores.score("ripple", "mine")
     assert learned is not None and learned < 0.3
     assert own is not None and own > 1  # no integral
@@ -77,7 +77,7 @@ def test_learning_beats_the_bar_and_a_law_of_ones_own_is_judged_too(results: Are
 
 
 def test_learning_takes_the_plants_torque_orders_away(results: ArenaResults) -> None:
-    scores = Scores(arena_files.to_dict(results))
+    scores = Scores(arena_scores.to_dict(results))
     found = {law: scores.value("orders", "drone", law) for law in ("bar", "pi-ilc")}
     ripple = scores.value("ripple", "drone", "bar")
     assert found["bar"] is not None and found["pi-ilc"] is not None and ripple is not None
@@ -99,12 +99,12 @@ def test_orders_need_a_whole_turn(tmp_path: Path) -> None:
 def test_an_hour_is_run_once_and_shows_the_ripple_at_its_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(arena_cases, "LONG", 6.0)
-    monkeypatch.setattr(arena_cases, "LAST", 2.0)
-    monkeypatch.setattr(arena_cases, "ROWS", 200.0)
+    monkeypatch.setattr(room, "LONG", 6.0)
+    monkeypatch.setattr(room, "LAST", 2.0)
+    monkeypatch.setattr(room, "ROWS", 200.0)
     found = run_arena(arena(tmp_path, plant={"drone": {**PLANT, "hour": True}, "brief": PLANT}))
     assert {(run.plant, run.seed) for run in found.runs if run.case == HOUR} == {("drone", 0)}
-    scores = Scores(json.loads(json.dumps(arena_files.to_dict(found))))
+    scores = Scores(json.loads(json.dumps(arena_scores.to_dict(found))))
     for law in scores.laws:
         early, late = scores.value("ripple", "drone", law, [0]), scores.value("after_hour", "drone", law)
         assert early is not None and late is not None
@@ -148,7 +148,7 @@ def test_the_run_in_which_a_table_was_learned_counts_as_time_to_learn(tmp_path: 
     found = run_arena(fight, ["drone/table"])
     assert found.before == {("drone", "table"): law.calibration.duration}
     alone = next(run.metrics["time_to_learn_s"] for run in found.runs if run.case == TOLD)
-    scores = Scores(arena_files.to_dict(found))
+    scores = Scores(arena_scores.to_dict(found))
     took = scores.of_seed("time_to_learn", "drone", "table", 0)
     assert took == pytest.approx(law.calibration.duration + alone) and took > 5
 
@@ -186,9 +186,9 @@ def test_an_interrupted_arena_keeps_the_plants_that_are_finished(
 
 
 def test_results_are_plain_json(results: ArenaResults, tmp_path: Path) -> None:
-    arena_files.write(results, tmp_path / "results.json")
+    arena_scores.write(results, tmp_path / "results.json")
     content = json.loads((tmp_path / "results.json").read_text())
-    assert content == json.loads(json.dumps(arena_files.to_dict(results)))
+    assert content == json.loads(json.dumps(arena_scores.to_dict(results)))
     gain = next(each["controller"] for each in content["settings"] if each["law"] == "pi-ilc")
     assert gain["gain"] > 0  # what the rule gave stands in the results
 
@@ -198,7 +198,7 @@ def test_a_plant_is_met_as_told_with_a_step_and_a_fault_and_three_times_otherwis
     fight = arena(tmp_path)
     base = load("uomodri")
     assert isinstance(base, Study)
-    found = arena_cases.scenarios(base, fight.plant["drone"])
+    found = room.scenarios(base, fight.plant["drone"])
     own = base.source.tables["scenario"]["fast"]
     taken = {key: own[key] for key in ("reference", "initial_speed", "load") if key in own}
     before = (base.scenario["fast"].load or base.mechanics.load).torque
@@ -229,7 +229,7 @@ def test_a_plants_own_reference_is_met_from_its_speed(tmp_path: Path) -> None:
     base = load("uomodri")
     assert isinstance(base, Study)
     slow = arena(tmp_path, plant={"drone": {**PLANT, "reference": "61.3 rpm"}}).plant["drone"]
-    for scenario in arena_cases.scenarios(base, slow).values():
+    for scenario in room.scenarios(base, slow).values():
         assert (scenario["reference"], scenario["initial_speed"]) == ("61.3 rpm", "61.3 rpm")
 
 
@@ -294,11 +294,11 @@ def test_what_limits_the_best_law_is_found_by_trying(tmp_path: Path) -> None:
     laws = {"bar": LAWS["bar"], "harmonic": {"law": "harmonic", "tuning": AUTO}}
     fight = arena(tmp_path, seeds=[0], law=laws)
     found = run_arena(fight, ["drone/*"], find_limits=True)
-    (told,) = json.loads(json.dumps(arena_files.to_dict(found)))["limits"]
+    (told,) = json.loads(json.dumps(arena_scores.to_dict(found)))["limits"]
     assert (told["plant"], told["law"], told["named"][0]) == ("drone", "harmonic", "dead-time")
     assert found.limits["drone"].controller == "harmonic"
     study, _ = prepared(fight, "drone", ["harmonic"])
-    alone = arena_cases.learning(study, "harmonic")
+    alone = room.learning(study, "harmonic")
     assert alone.scenario[TOLD].duration == 3.5 and not alone.scenario[TOLD].events
     helps = told["helps"]["setting"]
     left = [run_study(changed(alone, each)).runs[0].metrics["ripple_rad_s"] for each in ({}, helps["set"])]
@@ -383,7 +383,7 @@ def test_a_plant_without_the_bar_is_named() -> None:
 
 
 def test_the_table_has_a_row_for_each_law(results: ArenaResults) -> None:
-    shown = arena_files.table(results)
+    shown = arena_scores.table(results)
     assert str(shown.title) == "Times bar, mean over plants" and shown.caption is None
     titles = ("ripple", "orders", "dip", "settling", "time to learn", "copper loss", "chattering")
     titles += ("after a fault", "wrong model", "after an hour")
@@ -404,7 +404,7 @@ def test_speeds_are_told_in_turns_a_minute_and_all_else_in_si() -> None:
 
 def test_without_the_bar_the_table_says_so(tmp_path: Path) -> None:
     found = run_arena(arena(tmp_path, seeds=[0]), ["drone/pi-ilc"])
-    shown = arena_files.table(found)
+    shown = arena_scores.table(found)
     assert str(shown.caption) == "In no score, since bar was not on it: drone."
     of_hour = list(COLUMNS).index("after_hour")
     told = ["not run" if n == of_hour else "no bar" for n in range(len(COLUMNS))]
@@ -417,7 +417,7 @@ def test_trials_meet_their_own_study_s_controllers(tmp_path: Path) -> None:
     trials = {"moves": {"study": "mandra2019", "about": "moves", "changes": changes}}
     found = run_arena(arena(tmp_path, seeds=[3], trials=trials), ["moves/no-ilc", "moves/ilc"])
     assert not found.runs
-    told = json.loads(json.dumps(arena_files.to_dict(found)))
+    told = json.loads(json.dumps(arena_scores.to_dict(found)))
     assert told["arena_trials"] == {"moves": "moves"}
     needed = {run["law"]: run["metrics"]["trials_to_floor"] for run in told["trials"]}
     assert needed["no-ilc"] == [None] * 4 and len(needed["ilc"]) == 4

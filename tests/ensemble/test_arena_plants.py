@@ -16,15 +16,14 @@ import numpy as np
 import pytest
 
 from cogless import load
-from cogless.ensemble.arena import prepared
-from cogless.ensemble.arena_cases import RIPPLE, TOLD, learning
+from cogless.ensemble.arena import RIPPLE, TOLD, learning, prepared
+from cogless.ensemble.arena_file import Arena, ArenaPlant, arena_of
 from cogless.files import shipped
 from cogless.run.simulate import simulate
 from cogless.study import Study, TrialStudy, changed
-from cogless.study.arena import Arena, ArenaPlant, arena_of
+from cogless.study.motor import StepMotor
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall
 from cogless.study.reading import read
-from cogless.study.step_motor import StepMotor
 
 RPM = math.pi / 30
 PATH = shipped("studies")["arena"]

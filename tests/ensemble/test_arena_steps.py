@@ -11,7 +11,7 @@ import pytest
 from test_arena import LAWS, PLANT, arena
 
 from cogless.ensemble import arena as room
-from cogless.ensemble import arena_cases, arena_files
+from cogless.ensemble import arena_scores
 from cogless.ensemble.arena import _controller, _seeded, _tuned, chosen, prepared
 from cogless.errors import StudyError
 
@@ -19,7 +19,7 @@ from cogless.errors import StudyError
 def test_a_run_of_an_hour_is_measured_in_its_last_minute(tmp_path: Path) -> None:
     """It has about 20 rows a second, by an odd divider of the current loop's rate, and no step or fault."""
     study, _ = prepared(arena(tmp_path), "drone", ["bar"])
-    hour = arena_cases.hour(study)
+    hour = room.hour(study)
     (scenario,) = hour.scenario.values()
     assert (scenario.duration, scenario.events, scenario.faults) == (3600.0, (), ())
     (metric,) = hour.metric
@@ -98,7 +98,7 @@ def test_numbers_that_are_not_finite_are_none_in_json() -> None:
         (0.5, 0.5),
         ([1.0, math.inf, math.nan], [1.0, None, None]),
     ):
-        assert arena_files._plain(value) == plain
+        assert arena_scores._plain(value) == plain
 
 
 def test_trials_run_with_each_seed_and_keep_what_has_a_number_for_each_phase(

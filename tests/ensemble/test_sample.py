@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc, spearmanr
 
-from cogless.ensemble.axes import axes, together
-from cogless.ensemble.sample import draw, seeds
+from cogless.ensemble.variants import axes, draw, seeds, together
 from cogless.errors import StudyError
 
 COUNT = 1024

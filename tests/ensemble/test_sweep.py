@@ -20,15 +20,16 @@ from commands import cogless, forked
 from killed import kills
 
 import studies
-from cogless.ensemble import executors, journal, table
 from cogless.ensemble import sweep as sweeping
-from cogless.ensemble.parcel import pack, unpacked
+from cogless.ensemble import sweep_table
+from cogless.ensemble import workers as executing
+from cogless.ensemble.workers import pack, unpacked
 from cogless.errors import StudyError
+from cogless.files import versions
 from cogless.maps.stored_map import StoredMap
 from cogless.run import carry_out
 from cogless.run.simulate import RunDefect, run_study
 from cogless.study import changed
-from cogless.versions import versions
 
 pq = pytest.importorskip("pyarrow.parquet", reason="needs the extra cogless[sweep]")
 COUNT = 40  # three chunks, the last shorter
@@ -65,9 +66,9 @@ def plan(folder: Path, count: int = COUNT, **options: Any) -> sweeping.Plan:
     return sweeping.plan(ensembles.study(folder, **options), count)
 
 
-def content(sweep: table.Sweep | None, folder: Path) -> bytes:
+def content(sweep: sweep_table.Sweep | None, folder: Path) -> bytes:
     assert sweep is not None
-    table.write(sweep, folder / "sweep.parquet")
+    sweep_table.write(sweep, folder / "sweep.parquet")
     return (folder / "sweep.parquet").read_bytes()
 
 
@@ -196,7 +197,7 @@ def test_a_law_that_ends_its_process_is_named(tmp_path: Path, call: str, said: s
     (tmp_path / "law.py").write_text(law)
     study = ensembles.study(tmp_path, None, OWN + ensembles.VARY)
     planned = sweeping.plan(study, 2, ["low/pi", "low/own"])
-    with executors.processes(1) as workers:
+    with executing.processes(1) as workers:
         if said == "died":
             with pytest.raises(StudyError) as error:
                 sweeping.run(planned, tmp_path, workers)
@@ -222,7 +223,7 @@ def test_a_task_whose_dask_worker_died_is_sent_again() -> None:
     sent: list[int] = []
     found: dict[int, int] = {}
     tasks = {number: (number,) for number in (1, 2)}
-    executors.run_all(executors.given(Here()), dies_twice, tasks, found.__setitem__)
+    executing.run_all(executing.given(Here()), dies_twice, tasks, found.__setitem__)
     assert found == {1: 7, 2: 14} and sent.count(1) == 3
 
 
@@ -234,7 +235,7 @@ def test_a_task_that_fails_of_itself_is_not_sent_again() -> None:
         raise ValueError("mine")
 
     with pytest.raises(ValueError, match=r"^mine$"):
-        executors.run_all(executors.given(Here()), fails, {0: ()}, lambda number, result: None)
+        executing.run_all(executing.given(Here()), fails, {0: ()}, lambda number, result: None)
     assert sent == [1]
 
 
@@ -247,7 +248,7 @@ def test_a_cluster_that_is_gone_is_told() -> None:
             return future
 
     with pytest.raises(StudyError, match=r"^the cluster is gone: the same command goes on from here$"):
-        executors.run_all(executors.given(Gone()), int, {0: ()}, lambda number, result: None)
+        executing.run_all(executing.given(Gone()), int, {0: ()}, lambda number, result: None)
 
 
 HERE = versions()["cogless"]
@@ -279,17 +280,17 @@ def test_every_worker_of_a_cluster_has_this_version(there: dict[str, Any], said:
             return self.answers
 
     with pytest.raises(StudyError) as told:
-        executors._check_versions("tcp://a:1", Client(there))
+        executing._check_versions("tcp://a:1", Client(there))
     assert str(told.value) == f"--dask: {said}"
-    executors._check_versions("tcp://a:1", Client({"tcp://b:1": HERE}))
+    executing._check_versions("tcp://a:1", Client({"tcp://b:1": HERE}))
 
 
 def test_a_killed_process_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()  # processes as users get them
     found: dict[int, int] = {}
     tasks: dict[int, tuple[Any, ...]] = {n: (str(tmp_path / "marker"),) for n in range(3)}
-    with executors.processes(1) as workers:
-        executors.run_all(workers, kills, tasks, found.__setitem__)
+    with executing.processes(1) as workers:
+        executing.run_all(workers, kills, tasks, found.__setitem__)
     assert found == {0: 7, 1: 7, 2: 7}
 
 
@@ -455,7 +456,7 @@ def test_no_file_travels_whose_name_is_another_key_s_text(tmp_path: Path) -> Non
     ],
 )
 def test_values_of_a_key_are_numbers_or_texts(values: list[Any], kind: str, kept: list[Any]) -> None:
-    found = table._array(values)
+    found = sweep_table._array(values)
     assert (str(found.type), found.to_pylist()) == (kind, kept)
 
 
@@ -477,7 +478,7 @@ def test_shards_of_different_sweeps_are_refused(tmp_path: Path) -> None:
     assert str(error.value) == f"{first}: variants: 40: expected 41, as here, or another directory"
     with pytest.raises(StudyError, match=r"version: 0\.0\.1: expected .*, as here, or another directory$"):
         about, rest = first.read_bytes().split(b"\n", 1)
-        first.write_bytes(journal._line({**json.loads(about[9:]), "version": "0.0.1"}) + rest)
+        first.write_bytes(sweeping._line({**json.loads(about[9:]), "version": "0.0.1"}) + rest)
         sweeping.merge(planned, tmp_path)
 
 
@@ -505,7 +506,7 @@ def test_missing_and_unfinished_shards_are_named(tmp_path: Path) -> None:
 
 def test_one_writer_at_a_time(tmp_path: Path) -> None:
     planned = plan(tmp_path)
-    with journal.opened(tmp_path / "journal.jsonl", planned.about), pytest.raises(StudyError) as error:
+    with sweeping.opened(tmp_path / "journal.jsonl", planned.about), pytest.raises(StudyError) as error:
         sweeping.run(planned, tmp_path, Here())
     assert (
         str(error.value)
@@ -515,14 +516,14 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
 
 def test_a_line_that_a_kill_cut_off_is_written_anew(tmp_path: Path) -> None:
     path, about = tmp_path / "journal.jsonl", {"study": "x"}
-    with journal.opened(path, about) as first:
+    with sweeping.opened(path, about) as first:
         first.add(0, [1.5])
     with path.open("ab") as file:
         file.write(b"[1,[2.")
-    with journal.opened(path, about) as second:
+    with sweeping.opened(path, about) as second:
         assert second.finished == {0: [1.5]}
         second.add(1, [2.5])
-    assert journal.read(path, about) == {0: [1.5], 1: [2.5]}
+    assert sweeping.read(path, about) == {0: [1.5], 1: [2.5]}
 
 
 def test_a_file_that_is_no_journal(tmp_path: Path) -> None:
@@ -572,11 +573,11 @@ def test_a_line_that_holds_no_chunk_is_not_used(
     tmp_path: Path, value: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, about = tmp_path / "journal.jsonl", {"study": "x"}
-    with journal.opened(path, about) as first:
+    with sweeping.opened(path, about) as first:
         first.add(1, [2.5])
     with path.open("ab") as file:
-        file.write(journal._line(value) + b"00000000 [0,[1.5]]\n")
-    assert journal.read(path, about) == {1: [2.5]}
+        file.write(sweeping._line(value) + b"00000000 [0,[1.5]]\n")
+    assert sweeping.read(path, about) == {1: [2.5]}
     lines = [f"Warning: {path}: line {number} is damaged and not used.\n" for number in (3, 4)]
     assert capsys.readouterr().err == "".join(lines)
 
@@ -596,10 +597,10 @@ def test_a_file_of_the_users_is_not_cut(tmp_path: Path) -> None:
 
 def test_a_first_line_that_a_kill_cut_off_begins_anew(tmp_path: Path) -> None:
     path, about = tmp_path / "journal.jsonl", {"study": "x"}
-    path.write_bytes(journal._line(about)[:12])
-    with journal.opened(path, about) as kept:
+    path.write_bytes(sweeping._line(about)[:12])
+    with sweeping.opened(path, about) as kept:
         kept.add(0, [1.5])
-    assert journal.read(path, about) == {0: [1.5]}
+    assert sweeping.read(path, about) == {0: [1.5]}
 
 
 @pytest.mark.parametrize("count", ["50000000", "999999999", "1000000000", "0", "\u00b2"])
@@ -620,7 +621,7 @@ def test_a_shard_of_a_huge_number_is_refused_at_once(tmp_path: Path, count: str)
 
 def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
     with open("/dev/full", "wb", buffering=0) as full, pytest.raises(StudyError) as error:
-        journal.Journal(tmp_path / "journal.jsonl", full, {}).add(0, [])
+        sweeping.Journal(tmp_path / "journal.jsonl", full, {}).add(0, [])
     expected = "no space left on device: expected a file that can be written"
     assert str(error.value) == f"{tmp_path / 'journal.jsonl'}: {expected}"
 
@@ -662,7 +663,7 @@ def test_table_and_report_are_one_set(
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("cogless.report.sweep.write", full)
+        patch.setattr("cogless.report.sweep_report.write", full)
         assert swept(4) == (2, before)
     code, after = swept(4)
     assert code == 0 and all(after[name] != before[name] for name in ("sweep.parquet", "report.html"))
@@ -712,7 +713,7 @@ def test_a_missing_extra_is_one_line(
     from importlib import util
 
     there = util.find_spec
-    for module in ("table", "search"):
+    for module in ("sweep_table", "search"):
         monkeypatch.setattr(
             f"cogless.ensemble.{module}.find_spec", lambda name: None if name == missing else there(name)
         )
@@ -734,7 +735,7 @@ def test_killed_and_started_again(tmp_path: Path, expected: bytes) -> None:
     assert running.end() == -signal.SIGKILL
     assert forked(tmp_path, *command).end() == 0
     assert (out / "sweep.parquet").read_bytes() == expected
-    assert journal._value(file.read_bytes().splitlines()[0])["runs"] == ["low/pi", "low/pi-ilc"]
+    assert sweeping._value(file.read_bytes().splitlines()[0])["runs"] == ["low/pi", "low/pi-ilc"]
 
 
 # Dask
@@ -751,7 +752,7 @@ def cluster(workers: int) -> Iterator[Any]:
 
 @pytest.mark.filterwarnings("ignore")  # of Dask, about workers that die
 def test_a_dask_cluster_that_loses_a_worker_gives_the_same_table(tmp_path: Path, expected: bytes) -> None:
-    with cluster(2) as found, executors.dask(found.scheduler_address) as workers:
+    with cluster(2) as found, executing.dask(found.scheduler_address) as workers:
         process = next(iter(found.workers.values())).process.process
 
         def kill(done: int) -> None:
@@ -770,7 +771,7 @@ def test_a_cluster_that_does_not_answer(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="needs the extra cogless[dask]")
-    monkeypatch.setattr(executors, "PATIENCE", 0.3)
+    monkeypatch.setattr(executing, "PATIENCE", 0.3)
     study = studies.write(tmp_path, ensembles.TEXT)
     code, said, err = cogless(capsys, "sweep", study, "-o", tmp_path / "out", "--dask", "tcp://127.0.0.1:1")
     assert (code, said) == (2, "")

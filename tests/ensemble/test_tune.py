@@ -22,10 +22,9 @@ import studies
 from cogless.design.verdict import verdict
 from cogless.ensemble import search as searching
 from cogless.ensemble import tune as tuning
-from cogless.ensemble import tuned_file
-from cogless.ensemble.executors import given
-from cogless.ensemble.sample import draw
-from cogless.ensemble.table import Sweep
+from cogless.ensemble.sweep_table import Sweep
+from cogless.ensemble.variants import draw
+from cogless.ensemble.workers import given
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.study import changed, load
@@ -322,7 +321,7 @@ def test_files_that_a_tuned_study_names_are_named_from_where_it_stands(tmp_path:
     changes = {"controller.pi.kp": "0.02 A/rpm", "scenario.low.reference.file": str(home / "speed.csv")}
     for by, reference in (({}, "../home/speed.csv"), (changes, str(home / "speed.csv"))):
         tuned = out / "tuned.toml"
-        tuned.write_text(tuned_file.text(study, by, out, "By: a test"))
+        tuned.write_text(searching.text(study, by, out, "By: a test"))
         tables = load(tuned).source.tables
         assert tables["scenario"]["low"]["reference"] == {"file": reference}
         assert tables["title"] == "notes" and tables["description"] == "../home/notes"

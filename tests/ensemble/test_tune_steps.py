@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 import studies
-from cogless.ensemble import columns, sample
 from cogless.ensemble import search as searching
+from cogless.ensemble import sweep_table, variants
 from cogless.ensemble import tune as tuning
-from cogless.ensemble.columns import Column
-from cogless.ensemble.sample import Ensemble, draw, seeds
-from cogless.ensemble.table import Sweep
+from cogless.ensemble.sweep_table import Column, Sweep
+from cogless.ensemble.variants import Ensemble, draw, seeds
 from cogless.errors import StudyError
 from cogless.study import TrialStudy
 
@@ -46,7 +45,7 @@ def test_settings_are_checked_on_four_times_as_many_fresh_variants(tmp_path: Pat
     assert (searched.count, searched.drawn, searched.axes, fresh.axes) == (1, {}, (), ())
     assert (fresh.count, fresh.drawn) == (16, {"seed": seeds(nominal, 16, fresh=1)})
     assert seeds(nominal, 2, fresh=1) == [5 + 1 + 2**32, 5 + 2 + 2**32]
-    assert sample.draw(found, 1).count == len(sample.draw(found, 1).drawn["mechanics.inertia"]) == 1
+    assert variants.draw(found, 1).count == len(variants.draw(found, 1).drawn["mechanics.inertia"]) == 1
 
 
 def test_keys_of_controllers_are_tuned_for_each_and_others_for_all(tmp_path: Path) -> None:
@@ -128,7 +127,7 @@ def test_controllers_stand_beside_what_was_tuned_of_them(tmp_path: Path) -> None
     (subject,) = tuning.subjects(found)
     ensemble = Ensemble((), {}, 2)
     before, after = (
-        Sweep(found, ensemble, subject.pairs, columns.columns(found), np.full((2, 1, 3), x), {})
+        Sweep(found, ensemble, subject.pairs, sweep_table.columns(found), np.full((2, 1, 3), x), {})
         for x in (1.0, 2.0)
     )
     score = tuning.Score(0.0, 1.0)
@@ -162,7 +161,7 @@ def test_a_generation_grows_with_the_logarithm_of_the_keys(tmp_path: Path) -> No
 
 def test_a_column_is_a_number_of_a_run() -> None:
     metric: Any = SimpleNamespace(name="error", kind="final-error", dimension=SimpleNamespace(unit=""))
-    name = columns.result_name(metric)
+    name = sweep_table.result_name(metric)
     for place, value, found in (
         (None, 3.0, 3.0),
         (None, None, None),

@@ -15,9 +15,9 @@ from typing import Any
 import ensembles
 import pytest
 
-from cogless.ensemble import executors, journal, work
-from cogless.ensemble.executors import Workers, given, run_all
-from cogless.ensemble.parcel import pack
+from cogless.ensemble import sweep as sweeping
+from cogless.ensemble import workers as executing
+from cogless.ensemble.workers import Workers, given, pack, run_all
 from cogless.errors import StudyError
 from cogless.run import simulate
 from cogless.run.carry_out import carried_out_together
@@ -30,7 +30,7 @@ class Waits(Executor):
         self.sent: dict[Future[Any], tuple[Any, ...]] = {}
         self.dying, self.together = list(dying), list[Sequence[int]]()
         self.closed: list[bool] = []
-        monkeypatch.setattr(executors, "wait", self.wait)
+        monkeypatch.setattr(executing, "wait", self.wait)
 
     def submit(self, work: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
         future: Future[Any] = Future()
@@ -106,7 +106,7 @@ def test_a_worker_leaves_ctrl_c_to_the_process_that_started_it_and_ends_with_it(
     if not leader:
         try:
             os.close(ours)
-            with executors.processes(2) as workers:
+            with executing.processes(2) as workers:
                 ignored = workers.executor.submit(signal.getsignal, signal.SIGINT).result() is signal.SIG_IGN
                 os.write(theirs, b"ignored" if ignored else b"heard")
                 signal.pause()
@@ -123,11 +123,11 @@ def test_a_worker_leaves_ctrl_c_to_the_process_that_started_it_and_ends_with_it(
 def test_a_worker_ends_with_its_leader_while_a_task_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Though the task's law may not end it."""
     codes: list[int] = []
-    monkeypatch.setattr(executors, "END_PROCESS", codes.append)
+    monkeypatch.setattr(executing, "END_PROCESS", codes.append)
     leader = SimpleNamespace(join=lambda: None)
-    assert executors._without_exit(executors._end_after, leader) is None and codes == [1]
+    assert executing._without_exit(executing._end_after, leader) is None and codes == [1]
     with pytest.raises(SystemExit):
-        executors._without_exit(_exits)
+        executing._without_exit(_exits)
 
 
 def _exits() -> None:
@@ -146,13 +146,13 @@ def test_a_sweep_that_is_interrupted_kills_its_workers(monkeypatch: pytest.Monke
         def shutdown(self, wait: bool = True, cancel_futures: bool = False) -> None:
             told.append((wait, cancel_futures))
 
-    monkeypatch.setattr(executors, "ProcessPool", Pool)
-    start = (3, executors._led)
-    with executors.processes(3) as workers:
+    monkeypatch.setattr(executing, "ProcessPool", Pool)
+    start = (3, executing._led)
+    with executing.processes(3) as workers:
         assert workers.count() == 3 and workers.executor
     assert told == [start, (True, False)]
     told.clear()
-    with pytest.raises(KeyboardInterrupt), executors.processes(3) as workers:
+    with pytest.raises(KeyboardInterrupt), executing.processes(3) as workers:
         assert workers.executor
         raise KeyboardInterrupt
     assert told == [start, (False, True), "killed"]
@@ -173,14 +173,14 @@ def test_a_line_is_written_whole_to_a_file_that_takes_it_in_parts(tmp_path: Path
             return min(5, len(data))
 
     file: Any = Slow()
-    kept = journal.Journal(tmp_path / "j", file, {})
+    kept = sweeping.Journal(tmp_path / "j", file, {})
     kept.add(3, [[1.5, None]])
     assert file.content == b"462863b4 [3,[[1.5,null]]]\n" and kept.finished == {3: [[1.5, None]]}
 
 
 def test_a_journal_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
     path = tmp_path / "none" / "j"
-    with pytest.raises(StudyError) as error, journal.opened(path, {}):
+    with pytest.raises(StudyError) as error, sweeping.opened(path, {}):
         pass
     assert str(error.value) == f"{path}: no such file or directory: expected a file that can be written"
 
@@ -190,9 +190,9 @@ def test_a_journal_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
 
 def test_a_worker_that_is_interrupted_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parcel = pack(ensembles.study(tmp_path))
-    monkeypatch.setattr(work, "rollout", lambda *of, **how: [SimpleNamespace(interrupted=True)])
-    with pytest.raises(work.Ended):
-        work.rows(parcel, [{}], [("low", "pi")])
+    monkeypatch.setattr(sweeping, "rollout", lambda *of, **how: [SimpleNamespace(interrupted=True)])
+    with pytest.raises(sweeping.Ended):
+        sweeping.rows(parcel, [{}], [("low", "pi")])
 
 
 def test_a_variant_without_a_design_leaves_the_others_theirs(
@@ -213,7 +213,7 @@ def test_a_variant_without_a_design_leaves_the_others_theirs(
     monkeypatch.setattr(simulate, "_prepare", refuses)
     monkeypatch.setattr(simulate, "carried_out_together", together)
     pairs = [("low", "pi"), ("low", "pi-ilc")]
-    one, none, other = work.rows(pack(ensembles.study(tmp_path)), [{"seed": n} for n in (6, 7, 8)], pairs)
+    one, none, other = sweeping.rows(pack(ensembles.study(tmp_path)), [{"seed": n} for n in (6, 7, 8)], pairs)
     assert none[0] == [None, None, None, "study.toml: low/pi: no design"]
     rows = [*one, none[1], *other]
     assert all(row[-1] is None and row[0] > 0 for row in rows)

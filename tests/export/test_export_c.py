@@ -24,16 +24,15 @@ from kept import kept, version
 
 import studies
 from cogless import load
-from cogless.c_headers import Field
+from cogless.control_library import Field
 from cogless.errors import StudyError
-from cogless.export import folder
-from cogless.export.c import figures, literals
-from cogless.export.c.command import export_c, subject_of
-from cogless.export.c.edge_cases import COUNTS, MOST, _plan, awkward
+from cogless.export import sources
+from cogless.export.c import export_c as room
+from cogless.export.c import literals
+from cogless.export.c.export_c import export_c, subject_of
 from cogless.export.c.literals import real
-from cogless.export.c.names import identifier
-from cogless.export.c.self_test import memory_sum
-from cogless.export.c.subject import Subject, study_hash
+from cogless.export.c.self_test import COUNTS, MOST, _plan, awkward, memory_sum
+from cogless.export.c.subject import Subject, identifier, study_hash
 from cogless.export.prepared import prepare
 
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-pedantic", "-Werror"]
@@ -572,7 +571,7 @@ def test_figures_are_flat_and_leave_out_what_is_empty() -> None:
         "i": "ends here */ and  goes on",
         "j": 0.0,
     }
-    assert list(figures._flat(table)) == [
+    assert list(room._flat(table)) == [
         ("a", "0.123457 A (2 samples)"), ("b", "3"), ("c.d.e", "yes, 1.5, x"),
         ("i", "ends here * / and goes on"), ("j", "0"),
     ]  # fmt: skip
@@ -698,45 +697,45 @@ def test_the_readme_says_what_a_board_needs(
 def test_an_earlier_export_is_replaced_and_nothing_else(tmp_path: Path) -> None:
     target = tmp_path / "out"
     target.mkdir()
-    folder.write(target, {"a.c": b"1", "cogless/b.c": b"2"}, {})
-    folder.write(target, {"a.c": b"3"}, {})
+    sources.write(target, {"a.c": b"1", "cogless/b.c": b"2"}, {})
+    sources.write(target, {"a.c": b"3"}, {})
     assert sorted(path.name for path in target.rglob("*")) == ["a.c", "export.json"]
     (target / "mine.c").write_bytes(b"4")
     with pytest.raises(StudyError, match=r"out: not empty: mine\.c: expected a new or empty folder"):
-        folder.write(target, {"a.c": b"5"}, {})
+        sources.write(target, {"a.c": b"5"}, {})
     (target / "mine.c").unlink()
     (target / "a.c").write_bytes(b"6")
     with pytest.raises(StudyError, match=r"out: a\.c: changed since its export: expected a new"):
-        folder.write(target, {"a.c": b"7"}, {})
+        sources.write(target, {"a.c": b"7"}, {})
     assert (target / "a.c").read_bytes() == b"6"
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
 def test_what_a_compiler_made_of_the_sources_goes_with_them(tmp_path: Path) -> None:
     target = tmp_path / "out"
-    folder.write(target, {"a.c": b"1", "cogless/b.c": b"2", "self_test.c": b"3"}, {})
+    sources.write(target, {"a.c": b"1", "cogless/b.c": b"2", "self_test.c": b"3"}, {})
     for name in ("a.o", "b.o", "self_test", "cogless/b.obj"):
         (target / name).write_bytes(b"made")
-    folder.write(target, {"a.c": b"4"}, {})
+    sources.write(target, {"a.c": b"4"}, {})
     assert sorted(path.name for path in target.rglob("*")) == ["a.c", "export.json"]
     (target / "mine.o").write_bytes(b"5")  # of no source of the export
     with pytest.raises(StudyError, match=r"out: not empty: mine\.o"):
-        folder.write(target, {"a.c": b"6"}, {})
+        sources.write(target, {"a.c": b"6"}, {})
 
 
 def test_a_folder_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "main.c").write_text("")
     with pytest.raises(StudyError, match=r"out: not empty: main\.c"):
-        folder.check(tmp_path / "out")
+        sources.check(tmp_path / "out")
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="file: is a file: expected a new or empty folder"):
-        folder.check(tmp_path / "file")
+        sources.check(tmp_path / "file")
 
 
 def test_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "out"
-    folder.write(target, {"a.c": b"1"}, {})
+    sources.write(target, {"a.c": b"1"}, {})
     rename = os.rename
 
     def fail(source: Path, goal: Path) -> None:
@@ -746,6 +745,6 @@ def test_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(os, "rename", fail)
     with pytest.raises(StudyError, match="out: no space left on device: expected a folder that can be"):
-        folder.write(target, {"a.c": b"2"}, {})
+        sources.write(target, {"a.c": b"2"}, {})
     assert (target / "a.c").read_bytes() == b"1"
     assert [path.name for path in tmp_path.iterdir()] == ["out"]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import studies
-from cogless.export.c.command import export_c
+from cogless.export.c.export_c import export_c
 from cogless.study import load
 
 STRICT = [

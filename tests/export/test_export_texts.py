@@ -13,16 +13,16 @@ from typing import Any
 import pytest
 
 import studies
-from cogless.c_laws import C_LAWS
-from cogless.export.c.board import board
-from cogless.export.c.command import self_test_ticks, subject_of
-from cogless.export.c.extras import extras, parts
+from cogless.control_library import C_LAWS
+from cogless.export.c.export_c import self_test_ticks, subject_of
+from cogless.export.c.parts import extras, parts
 from cogless.export.c.subject import Subject
 from cogless.export.c.texts import (
     _left_out_check,
     _precision_check,
     _reset_comment,
     _words,
+    board,
     figure_lines,
     matrix_array,
     plain_comment,
@@ -184,7 +184,7 @@ def test_parts_around_the_drive_have_their_texts_where_the_study_has_them(
 ) -> None:
     """The step is followed by the compensation of dead time. The example has the sensor's table."""
     monkeypatch.setattr(
-        "cogless.export.c.extras.initialiser", lambda headers, struct, *of: f"    /* {struct} */"
+        "cogless.export.c.parts.initialiser", lambda headers, struct, *of: f"    /* {struct} */"
     )
     none = dict.fromkeys(parts(subject), "")
     for plain in (subject, replace(subject, encoder_table_config={"cells": 4})):

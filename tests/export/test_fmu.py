@@ -22,8 +22,8 @@ from kept import version as compilers_version
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
+from cogless.export import fmu
 from cogless.export import fmu as export
-from cogless.export.fmu import build
 from cogless.results.trace import Trace
 from cogless.run.simulate import simulate
 from cogless.study import AnyStudy, load
@@ -149,8 +149,8 @@ def shared() -> Iterator[None]:
         included = (each for each in sorted(source.parent.rglob("*.*")) if each.suffix not in (".c", ".cpp"))
         read = [source, *(each for each in included if each.name != OWN or OWN in source.read_text())]
         words = [
-            *build.OPTIONS,
-            *(compilers_version(build.compiler(language)[0]) for language in build.COMPILERS),
+            *fmu.OPTIONS,
+            *(compilers_version(fmu.compiler(language)[0]) for language in fmu.COMPILERS),
         ]
         return kept(
             f"{source.stem}.o", words, read, lambda made: shutil.move(*compile_all([source], folder), made)
@@ -161,14 +161,14 @@ def shared() -> Iterator[None]:
             link_all(parts, library, language)
             shutil.copy(library, made)
 
-        words = [language, compilers_version(build.compiler(language)[0])]
+        words = [language, compilers_version(fmu.compiler(language)[0])]
         library.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(kept(library.name, words, [*parts, Path(build.__file__)], make), library)
+        shutil.copy(kept(library.name, words, [*parts, Path(fmu.__file__)], make), library)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(export, "objects", objects)
         patch.setattr(export, "link", link)
-        patch.setattr(build, "OPTIONS", ("-O0", *build.OPTIONS[1:]))
+        patch.setattr(fmu, "OPTIONS", ("-O0", *fmu.OPTIONS[1:]))
         if shutil.which("clang++"):
             patch.setenv("CXX", "clang++")
         yield

@@ -16,11 +16,23 @@ import pytest
 
 from cogless import units
 from cogless.errors import StudyError
-from cogless.export.fmu import build, cpp, xml
-from cogless.export.fmu.controller import _trials
-from cogless.export.fmu.drive import _variables
-from cogless.export.fmu.unit import DOUBLE, Unit, in_precision
-from cogless.export.fmu.variables import TIME, Variable, duties, first, measurements, place_of, real, signal
+from cogless.export import fmu as export
+from cogless.export.fmu import variables as room
+from cogless.export.fmu import xml
+from cogless.export.fmu.fmus import _drive_variables, _trials
+from cogless.export.fmu.variables import (
+    DOUBLE,
+    TIME,
+    Unit,
+    Variable,
+    duties,
+    first,
+    in_precision,
+    measurements,
+    place_of,
+    real,
+    signal,
+)
 
 VARIABLES = [
     TIME,
@@ -140,22 +152,22 @@ def test_units_have_the_exponents_of_their_dimension(unit: str) -> None:
     ],
 )
 def test_values_in_cpp(of: object, text: str) -> None:
-    assert cpp.value(of) == text
+    assert room.value(of) == text
 
 
 def test_numbers_that_are_none_are_refused() -> None:
     for x in (np.inf, np.nan):
         with pytest.raises(ValueError, match="expected a finite number"):
-            cpp.value([1.0, x])
+            room.value([1.0, x])
 
 
 def test_variables_in_c() -> None:
-    lines = cpp.variables_c(VARIABLES, "token", 8000).splitlines()
+    lines = room.variables_c(VARIABLES, "token", 8000).splitlines()
     assert 'const char fmu_token[] = "token";' in lines and "const uint32_t fmu_rate = 8000;" in lines
     assert "const uint32_t fmu_variable_count = 7;" in lines
     assert '    {"torque", FMU_REAL, FMU_INPUT, 0.25},' in lines
     assert '    {"external", FMU_BOOLEAN, FMU_PARAMETER, 0.0},' in lines
-    places = cpp.places(VARIABLES, {"A": "torque", "B": "nothing"}).splitlines()
+    places = room.places(VARIABLES, {"A": "torque", "B": "nothing"}).splitlines()
     assert places[1:-1] == [
         "    A = 2,", "    B = 0,", "    FMU_FIRST_INPUT = 2,", "    FMU_FIRST_OUTPUT = 5"
     ]  # fmt: skip
@@ -185,17 +197,17 @@ def test_where_a_binary_is(
     monkeypatch.setattr(sys, "platform", system)
     monkeypatch.setattr(platform, "machine", lambda: machine)
     two, three, ending = paths
-    assert build.binary(2, "pi") == f"binaries/{two}/pi.{ending}"
-    assert build.binary(3, "pi") == f"binaries/{three}/pi.{ending}"
+    assert export.binary(2, "pi") == f"binaries/{two}/pi.{ending}"
+    assert export.binary(3, "pi") == f"binaries/{three}/pi.{ending}"
     monkeypatch.setattr(sys, "platform", "win32")
     with pytest.raises(StudyError, match="export --to fmu: win32: expected Linux or macOS"):
-        build.binary(2, "pi")
+        export.binary(2, "pi")
 
 
 def test_equal_fmus_are_equal_files(tmp_path: Path) -> None:
     """Whenever they are packed, and in whatever order; whoever unpacks one may read it."""
-    build.pack(tmp_path / "a.fmu", {"b": b"2", "a/c": b"1" * 1000})
-    build.pack(tmp_path / "b.fmu", {"a/c": b"1" * 1000, "b": b"2"})
+    export.pack(tmp_path / "a.fmu", {"b": b"2", "a/c": b"1" * 1000})
+    export.pack(tmp_path / "b.fmu", {"a/c": b"1" * 1000, "b": b"2"})
     assert (tmp_path / "a.fmu").read_bytes() == (tmp_path / "b.fmu").read_bytes()
     with zipfile.ZipFile(tmp_path / "a.fmu") as fmu:
         assert fmu.namelist() == ["a/c", "b"] and fmu.read("a/c") == b"1" * 1000
@@ -207,7 +219,7 @@ def test_equal_fmus_are_equal_files(tmp_path: Path) -> None:
 def test_a_compiler_s_first_error_is_told() -> None:
     def told(*lines: str) -> str:
         done = subprocess.CompletedProcess([], 3, "", "\n".join(lines))
-        return str(build._failed("sources/a.c", done))
+        return str(export._failed("sources/a.c", done))
 
     begin = "export --to fmu: a.c does not compile: "
     assert told("a.c: in f:", "a.c:1: error: x", "a.c:2: error: y") == f"{begin}a.c:1: error: x"
@@ -250,7 +262,7 @@ def test_each_trial_of_a_controller_s_fmu_has_the_motion_of_its_phase() -> None:
 @pytest.mark.parametrize("ideal", [False, True])
 def test_a_drive_s_fmu_tells_when_its_inputs_count(ideal: bool) -> None:
     run: Any = SimpleNamespace(phases=2, bus_voltage=None if ideal else 24.0, trials=False)
-    variables = _variables(run, [("time", "s"), ("omega_ref", "rad/s"), ("omega_m", "rad/s")])
+    variables = _drive_variables(run, [("time", "s"), ("omega_ref", "rad/s"), ("omega_m", "rad/s")])
     told = {v.name: (v.causality, v.kind, v.unit, v.about) for v in variables if v.causality != "output"}
     what = "input.i_q_ref" if ideal else "the duty inputs"
     of_current = ("input", "real", "A", "q-axis current; counts where external_control is true")
@@ -280,25 +292,25 @@ def test_a_drive_s_fmu_tells_when_its_inputs_count(ideal: bool) -> None:
     ]  # fmt: skip
     run.trials = True  # whose reference is the motion that is taught
     about_references = {"external_reference", "input.omega_ref"}
-    of_trials = {v.name for v in _variables(run, [("omega_ref", "rad/s")])}
+    of_trials = {v.name for v in _drive_variables(run, [("omega_ref", "rad/s")])}
     assert of_trials.isdisjoint(about_references) and told.keys() - of_trials == about_references
 
 
 def test_the_compiler_is_the_user_s_or_the_first_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
     there = {"gcc", "clang", "g++"}
-    monkeypatch.setattr(build.shutil, "which", lambda name: name if name in there else None)
+    monkeypatch.setattr(export.shutil, "which", lambda name: name if name in there else None)
     for variable in ("CC", "CXX"):
         monkeypatch.delenv(variable, raising=False)
-    assert (build.compiler("C"), build.compiler("C++")) == (["gcc"], ["g++"])
+    assert (export.compiler("C"), export.compiler("C++")) == (["gcc"], ["g++"])
     monkeypatch.setenv("CC", "clang -m64 '-DA=1 2'")
-    assert build.compiler("C") == ["clang", "-m64", "-DA=1 2"]
+    assert export.compiler("C") == ["clang", "-m64", "-DA=1 2"]
     monkeypatch.setenv("CC", "icc -x")
     expected = "export --to fmu: no C compiler: expected CC=icc on the PATH"
     with pytest.raises(StudyError, match=f"^{expected}$"):
-        build.compiler("C")
+        export.compiler("C")
     there.clear()
     with pytest.raises(StudyError) as told:
-        build.compiler("C++")
+        export.compiler("C++")
     names = "c++, g++, clang++"
     assert str(told.value) == (f"export --to fmu: no C++ compiler: expected {names}, or CXX set, on the PATH")
 
@@ -329,15 +341,15 @@ def test_a_library_has_its_runtime_inside_where_that_links(
         asked.append(command)
         return SimpleNamespace(returncode=int(len(asked) <= fails), stderr="ld: error: no x")
 
-    monkeypatch.setattr(build, "_run", run)
-    monkeypatch.setattr(build, "compiler", lambda language: [language])
+    monkeypatch.setattr(export, "_run", run)
+    monkeypatch.setattr(export, "compiler", lambda language: [language])
     monkeypatch.setattr(sys, "platform", system)
     library = tmp_path / "deep" / "pi.so"
     if fails < len(extra):
-        build.link([Path("a.o"), Path("b.o")], library, language)
+        export.link([Path("a.o"), Path("b.o")], library, language)
     else:
         with pytest.raises(StudyError, match=r"^export --to fmu: pi\.so does not compile: ld: error: no x$"):
-            build.link([Path("a.o"), Path("b.o")], library, language)
+            export.link([Path("a.o"), Path("b.o")], library, language)
     command = [language, "-shared", "-o", str(library), "a.o", "b.o"]
     exports = tmp_path / "deep" / "pi.map"
     if system == "linux":

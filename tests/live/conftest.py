@@ -11,7 +11,7 @@ from cogless.live import write
 @pytest.fixture(scope="session", autouse=True)
 def keys_found_once():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("cogless.live.page.adjustable", live_studies.found)
+        patch.setattr("cogless.live.live_page.adjustable", live_studies.found)
         yield
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from cogless.live import engine
 from cogless.live.compile import NAMES
-from cogless.live.page import asset
+from cogless.live.live_page import asset
 
 NODE = shutil.which("node")
 NO_NODE = "" if NODE else "needs node"

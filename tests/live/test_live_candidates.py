@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from cogless.errors import StudyError
-from cogless.live import keys, motor
+from cogless.live import keys
+from cogless.live import own_motor as room
 from cogless.live.candidates import (
     LINES,
     OF_REFERENCE,
@@ -25,7 +26,7 @@ from cogless.live.candidates import (
     of_motor,
     shortest,
 )
-from cogless.live.packed import Number, Packed
+from cogless.live.description import Number, Packed
 from cogless.study.table import Quantity
 from cogless.units import TORQUE
 
@@ -272,7 +273,7 @@ RATIO_ENDS = (1 / 30, 4.0)
 def test_places_of_the_curve_are_chebyshevs_over_a_thirtieth_to_four_times():
     """All zeros of the 24th polynomial: cos(24 arccos x)."""
     low, high = math.log(1 / 30), math.log(4)
-    x = (2 * np.array(motor.nodes(RATIO_ENDS)) - low - high) / (high - low)
+    x = (2 * np.array(room.nodes(RATIO_ENDS)) - low - high) / (high - low)
     assert len(x) == 24 and np.cos(24 * np.arccos(x)) == pytest.approx(np.zeros(24), abs=1e-11)
     assert np.all(np.diff(x) < 0)
 
@@ -282,9 +283,9 @@ def test_between_the_places_the_curve_is_a_polynomial(at):
     def curve(x):
         return 2.0 + x - 0.5 * x**3
 
-    places = motor.nodes(RATIO_ENDS)
-    assert motor._between(places, [curve(x) for x in places], at) == pytest.approx(curve(at), rel=1e-12)
-    assert motor._between(places, [float(n) for n in range(24)], places[7]) == 7.0
+    places = room.nodes(RATIO_ENDS)
+    assert room._between(places, [curve(x) for x in places], at) == pytest.approx(curve(at), rel=1e-12)
+    assert room._between(places, [float(n) for n in range(24)], places[7]) == 7.0
 
 
 @pytest.mark.parametrize(
@@ -299,45 +300,45 @@ def test_between_the_places_the_curve_is_a_polynomial(at):
     ],
 )
 def test_a_power_is_how_often_a_number_doubles(x, start, power):
-    assert motor._power(x, start, 2.0) == pytest.approx(power, nan_ok=True)
-    assert motor._power(x, start, 1.0) == 0.0  # of a key that can't be changed
+    assert room._power(x, start, 2.0) == pytest.approx(power, nan_ok=True)
+    assert room._power(x, start, 1.0) == 0.0  # of a key that can't be changed
 
 
 def test_a_power_shows_by_any_share():
-    assert motor._power(1.25**-2 * 3, 3.0, 1.25) == pytest.approx(-2)
-    assert motor._power(0.98**3 * 3, 3.0, 0.98) == pytest.approx(3)
+    assert room._power(1.25**-2 * 3, 3.0, 1.25) == pytest.approx(-2)
+    assert room._power(0.98**3 * 3, 3.0, 0.98) == pytest.approx(3)
 
 
 def test_a_power_is_whole_within_a_hundred_thousandth():
-    found = [motor._is_whole(x) for x in (1.0, -2 + 0.9e-5, 1 + 1.1e-5, 0.5, math.nan, math.inf)]
+    found = [room._is_whole(x) for x in (1.0, -2 + 0.9e-5, 1 + 1.1e-5, 0.5, math.nan, math.inf)]
     assert found == [True, True, False, False, False, False]
 
 
 def test_a_number_is_a_product_of_powers_a_factor_for_the_pole_pairs_and_a_curve():
     about = {name: candidate(0.1, 100.0, start=start) for name, start in (
-        ("a", 2.0), (motor.RESISTANCE, 5.0), (motor.INDUCTANCE, 7.0)
+        ("a", 2.0), (room.RESISTANCE, 5.0), (room.INDUCTANCE, 7.0)
     )}  # fmt: skip
-    about[motor.POLE_PAIRS] = candidate(2.0, 5.0, start=4.0)
-    own = motor.OwnMotor({}, about, RATIO_ENDS, {})
+    about[room.POLE_PAIRS] = candidate(2.0, 5.0, start=4.0)
+    own = room.OwnMotor({}, about, RATIO_ENDS, {})
     number = Number("x", 0, "d")
-    plain = motor.Product(number, 10.0, {"a": 2, motor.RESISTANCE: -1})
-    assert motor.computed(plain, own, {}) == 10.0
-    assert motor.computed(plain, own, {"a": 6.0, motor.RESISTANCE: 2.5}) == pytest.approx(10 * 9 * 2)
-    by_pairs = motor.Product(number, 10.0, {}, factors=(0.25, 0.5, 1.0, 4.0))
-    assert [motor.computed(by_pairs, own, {motor.POLE_PAIRS: float(n)}) for n in (2, 5)] == [2.5, 40.0]
-    assert motor.computed(by_pairs, own, {}) == 10.0
-    bent = motor.Product(
-        number, 10.0, {}, curve=tuple(1 + x for x in motor.nodes(RATIO_ENDS))
+    plain = room.Product(number, 10.0, {"a": 2, room.RESISTANCE: -1})
+    assert room.computed(plain, own, {}) == 10.0
+    assert room.computed(plain, own, {"a": 6.0, room.RESISTANCE: 2.5}) == pytest.approx(10 * 9 * 2)
+    by_pairs = room.Product(number, 10.0, {}, factors=(0.25, 0.5, 1.0, 4.0))
+    assert [room.computed(by_pairs, own, {room.POLE_PAIRS: float(n)}) for n in (2, 5)] == [2.5, 40.0]
+    assert room.computed(by_pairs, own, {}) == 10.0
+    bent = room.Product(
+        number, 10.0, {}, curve=tuple(1 + x for x in room.nodes(RATIO_ENDS))
     )  # of log(R_s / L)
-    values = {motor.RESISTANCE: 2.5, motor.INDUCTANCE: 14.0}
-    assert motor.computed(bent, own, values) == pytest.approx(10 * (1 + math.log(0.25)))
+    values = {room.RESISTANCE: 2.5, room.INDUCTANCE: 14.0}
+    assert room.computed(bent, own, values) == pytest.approx(10 * (1 + math.log(0.25)))
 
 
 def test_a_motor_is_tried_at_a_hundredth_to_a_hundred_times_its_values():
     """Where the study refuses such a value, one nearer to its own is tried, within the page's range."""
     by_key, _, _ = own_motor([], "")
     wide = {key.key: replace(key, least=0, most=math.inf) for key in by_key}
-    own = motor.OwnMotor({}, wide | {motor.POLE_PAIRS: by_key[0]}, RATIO_ENDS, {})
+    own = room.OwnMotor({}, wide | {room.POLE_PAIRS: by_key[0]}, RATIO_ENDS, {})
     golden = (math.sqrt(5) - 1) / 2
     for n, reach in ((0, 1), (1, 1), (5, 1), (3, 0.25)):
         values = own.together(n, reach)
@@ -345,18 +346,18 @@ def test_a_motor_is_tried_at_a_hundredth_to_a_hundred_times_its_values():
         assert [np.log10(shares[key]) for key in ("motor.kv", "mechanics.inertia")] == pytest.approx(
             [reach * (4 * (golden * (k + 1) * (n + 1) % 1) - 2) for k in (3, 4)], abs=1e-5
         )
-        ratio = shares[motor.RESISTANCE] / shares[motor.INDUCTANCE]
+        ratio = shares[room.RESISTANCE] / shares[room.INDUCTANCE]
         assert ratio == pytest.approx((120 ** ((n + 0.5) / 12) / 30) ** reach, rel=1e-5)
-        assert values[motor.POLE_PAIRS] == round(4 + reach * (1 + 7 * n % 6 - 4))
+        assert values[room.POLE_PAIRS] == round(4 + reach * (1 + 7 * n % 6 - 4))
     narrow = replace(own, keys=wide | {"motor.kv": replace(wide["motor.kv"], least=50.0, most=70.0)})
-    narrow.keys[motor.POLE_PAIRS] = by_key[0]
+    narrow.keys[room.POLE_PAIRS] = by_key[0]
     assert {narrow.together(n, 1)["motor.kv"] for n in range(12)} >= {50.0, 70.0}
 
 
 PLACE = ("low", "pi", "run")
 KEYS = {
-    motor.POLE_PAIRS: (4.0, 1.0, 6.0), motor.RESISTANCE: (2.0, 0.6, 6.0),
-    motor.INDUCTANCE: (1e-3, 3e-4, 3e-3),
+    room.POLE_PAIRS: (4.0, 1.0, 6.0), room.RESISTANCE: (2.0, 0.6, 6.0),
+    room.INDUCTANCE: (1e-3, 3e-4, 3e-3),
     "motor.kv": (60.0, 20.0, 180.0), "mechanics.inertia": (4e-5, 1e-5, 1e-4),
     "drive.inverter.bus_voltage": (24.0, 8.0, 72.0),
 }  # fmt: skip
@@ -376,7 +377,7 @@ def own_motor(formulas, formats):
             high=high,
             least=low,
             most=high,
-            whole=key == motor.POLE_PAIRS,
+            whole=key == room.POLE_PAIRS,
         )
         for key, (start, low, high) in KEYS.items()
     }
@@ -406,18 +407,18 @@ def test_numbers_of_a_motor_are_products_of_its_keys_powers():
         lambda p, R, L, kv, J, bus: 5.0,
     )
     by_key, numbers, described = own_motor(formulas, "dfIfdQ")
-    own = motor.own_motor(described([]), described, by_key, lambda key: key)
+    own = room.own_motor(described([]), described, by_key, lambda key: key)
     assert own.ends == RATIO_ENDS and {*own.turned} == {1, 2, 3, 4, 5, 6}
     first, second, pairs, bent = own.products[PLACE]
     assert (first.number, first.start, first.factors, first.curve) == (numbers[0], 6000.0, (), ())
-    assert first.powers == {motor.RESISTANCE: 1, motor.INDUCTANCE: -1}
+    assert first.powers == {room.RESISTANCE: 1, room.INDUCTANCE: -1}
     assert second.powers == {"motor.kv": 2, "mechanics.inertia": 1}
     assert second.factors == pytest.approx([4 / p for p in range(1, 7)], rel=1e-6) and second.curve == ()
     assert (pairs.number, pairs.start, pairs.powers) == (numbers[2], 1.0, {})
     assert pairs.factors == (1, 2, 3, 4, 5, 6)
     assert bent.powers == {"drive.inverter.bus_voltage": 1} and bent.factors == ()
     assert bent.curve == pytest.approx(
-        [(1 + 0.2 * math.exp(at)) / 1.2 for at in motor.nodes(RATIO_ENDS)], rel=1e-5
+        [(1 + 0.2 * math.exp(at)) / 1.2 for at in room.nodes(RATIO_ENDS)], rel=1e-5
     )
 
 
@@ -434,7 +435,7 @@ def test_numbers_of_a_motor_are_products_of_its_keys_powers():
 def test_a_number_that_is_no_product_is_refused(formula, kind):
     by_key, _, described = own_motor([formula], kind)
     with pytest.raises(StudyError, match=r"as products of powers, which n0 does not"):
-        motor.own_motor(described([]), described, by_key, lambda key: key)
+        room.own_motor(described([]), described, by_key, lambda key: key)
 
 
 REFUSALS = {
@@ -473,10 +474,10 @@ def test_what_the_study_refuses_narrows_the_range_of_its_key_alone(refusal):
         asked.append(key.key)
         return replace(key, least=key.start, low=key.start)
 
-    own = motor.own_motor(described([]), described, by_key, narrow)
+    own = room.own_motor(described([]), described, by_key, narrow)
     same = {key.key for key in by_key if own.keys[key.key] == key}
-    assert same >= KEYS.keys() - {motor.POLE_PAIRS, "motor.kv"}  # R and L are narrowed by their ends alone
-    assert (motor.POLE_PAIRS not in same) == ("pole pairs" in refusal)
+    assert same >= KEYS.keys() - {room.POLE_PAIRS, "motor.kv"}  # R and L are narrowed by their ends alone
+    assert (room.POLE_PAIRS not in same) == ("pole pairs" in refusal)
     assert asked == ["motor.kv"] * ("kv" in refusal and refusal != "a lower kv")
     (slow, fast), none = own.ends, "other R" in refusal
     assert (slow > 1 / 30) == (none or "less than" in refusal)
@@ -485,11 +486,11 @@ def test_what_the_study_refuses_narrows_the_range_of_its_key_alone(refusal):
     rng, base = np.random.default_rng(3), free([])[PLACE]
     for _ in range(50):
         values = {key: start * rng.uniform(0.5, 2) for key, start in study.items()}
-        values[motor.POLE_PAIRS] = float(rng.integers(min(own.turned), max(own.turned) + 1))
-        values[motor.INDUCTANCE] = values[motor.RESISTANCE] / 2000 / rng.uniform(slow, fast)
+        values[room.POLE_PAIRS] = float(rng.integers(min(own.turned), max(own.turned) + 1))
+        values[room.INDUCTANCE] = values[room.RESISTANCE] / 2000 / rng.uniform(slow, fast)
         values["motor.kv"] = 60.0 if "any other kv" in refusal else values["motor.kv"]
         wanted = free([(key, values[key.key]) for key in by_key])[PLACE]
-        products = {one.number: motor.computed(one, own, values) for one in own.products[PLACE]}
+        products = {one.number: room.computed(one, own, values) for one in own.products[PLACE]}
         for number in wanted.numbers:
             mine = products.get(number, number.read(base.data))
             assert mine == pytest.approx(number.read(wanted.data), rel=1e-3 if none else 1e-6)

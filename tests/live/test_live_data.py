@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from cogless.errors import StudyError
-from cogless.live import keys, packed, page
-from cogless.live.blobs import OFF
+from cogless.live import description as room
+from cogless.live import keys, live_page
 from cogless.live.candidates import YOURS, Candidate
+from cogless.live.description import OFF, Number, Packed
 from cogless.live.keys import OTHER_SHAPE, Key, Landing
-from cogless.live.motor import POLE_PAIRS, Product
-from cogless.live.packed import Number, Packed
+from cogless.live.own_motor import POLE_PAIRS, Product
 
 PLACE = ("low", "pi", "run")
 NAMES = ("a", "b", "c", "d", "e", "f", "g", "h", "k", "few", "half")
@@ -143,7 +143,7 @@ def test_a_run_tells_where_the_page_reads_and_how_its_law_stops_learning():
         Number("controller.learning_start", 16, "d"),
         Number("motor.R_s", 24, "d"),
     )
-    made = page._run(Packed(b"abc", numbers, ("page 5 1", "motor 5 2")))
+    made = live_page._run(Packed(b"abc", numbers, ("page 5 1", "motor 5 2")))
     assert made == {
         "bytes": base64.b64encode(b"abc").decode(),
         "about": {"page.ticks": [8, "q"]},
@@ -151,36 +151,36 @@ def test_a_run_tells_where_the_page_reads_and_how_its_law_stops_learning():
         "learned": None,
     }
     learned = (Number("page.learned.0", 40, "d"), Number("controller.config.k_3", 16, "f"))
-    made = page._run(Packed(b"", learned, ("page.learned 2x480 8 2",)))
+    made = live_page._run(Packed(b"", learned, ("page.learned 2x480 8 2",)))
     assert (made["about"], made["off"], made["learned"]) == ({}, [16, "f", 0.0], [40, 2, 480])
-    assert page._off({}) is None
+    assert live_page._off({}) is None
 
 
 def test_landings_and_products_are_lists():
     number = Number("n", 8, "f")
     direct, stops = Key(candidate("a"), {}), Key(candidate("a"), {}, (1.0, 2.0))
-    assert page._landing(direct, Landing(number, 2.0, True)) == [8, "f", 2.0, True]
-    assert page._landing(stops, Landing(number, values=(3.0, 4.0))) == [8, "f", [3.0, 4.0]]
-    assert page._product(Product(number, 3.0, {POLE_PAIRS: 2}, (1.0,), (0.5,))) == [
+    assert live_page._landing(direct, Landing(number, 2.0, True)) == [8, "f", 2.0, True]
+    assert live_page._landing(stops, Landing(number, values=(3.0, 4.0))) == [8, "f", [3.0, 4.0]]
+    assert live_page._product(Product(number, 3.0, {POLE_PAIRS: 2}, (1.0,), (0.5,))) == [
         8, "f", 3.0, {POLE_PAIRS: 2}, (1.0,), (0.5,)
     ]  # fmt: skip
-    assert page._place(PLACE) == "low/pi/run"
+    assert live_page._place(PLACE) == "low/pi/run"
 
 
 def test_keys_that_the_page_leaves_out_are_told_with_the_controllers(monkeypatch):
-    monkeypatch.setattr(page, "left_out", lambda study: ["Mine: its law is <code>."])
+    monkeypatch.setattr(live_page, "left_out", lambda study: ["Mine: its law is <code>."])
     found = SimpleNamespace(left_out=[("b", "why not")])
     lines = "<li>Mine: its law is &lt;code&gt;.</li><li>b: why not.</li>"
-    assert page._left_out(None, found) == (
+    assert live_page._left_out(None, found) == (
         f"<details><summary>Keys that the page can't change</summary><ul>{lines}</ul></details>"
     )
-    monkeypatch.setattr(page, "left_out", lambda study: [])
-    assert page._left_out(None, SimpleNamespace(left_out=[])) == ""
+    monkeypatch.setattr(live_page, "left_out", lambda study: [])
+    assert live_page._left_out(None, SimpleNamespace(left_out=[])) == ""
 
 
 def test_scripts_are_allowed_by_their_hashes():
     one, two = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in ("a", "ü"))
-    assert page._hashes(["a", "ü"]) == f"'sha256-{one}' 'sha256-{two}'"
+    assert live_page._hashes(["a", "ü"]) == f"'sha256-{one}' 'sha256-{two}'"
 
 
 # --- the bytes of a run
@@ -212,24 +212,24 @@ def read(data, numbers, at=0):
         found, at = read(data, numbers, at)
         return found
 
-    if kind in (packed.NONE, packed.INTEGER, packed.NATURAL, packed.REAL):
+    if kind in (room.NONE, room.INTEGER, room.NATURAL, room.REAL):
         assert count == 0
     match kind:
-        case packed.NONE:
+        case room.NONE:
             found = None
-        case packed.BOOL:
+        case room.BOOL:
             found = bool(count)
-        case packed.INTEGER | packed.NATURAL | packed.REAL:
+        case room.INTEGER | room.NATURAL | room.REAL:
             found = number()
-        case packed.TEXT:
+        case room.TEXT:
             found = text(count)
-        case packed.NUMBERS:
+        case room.NUMBERS:
             found = [number() for _ in range(count)]
-        case packed.LIST:
+        case room.LIST:
             found = [value() for _ in range(count)]
-        case packed.TABLE:
+        case room.TABLE:
             found = {text(whole()): value() for _ in range(count)}
-        case packed.MATRIX:
+        case room.MATRIX:
             columns = whole()
             found = [[number() for _ in range(columns)] for _ in range(count)]
     return found, at
@@ -244,7 +244,7 @@ def test_a_description_reads_back_from_its_bytes():
         "vector": np.array([1.5, 2.5]), "matrix": np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]),
         "scalar": np.float32(0.25), "count": np.int64(7),
     }  # fmt: skip
-    made = packed.pack(description, "double")
+    made = room.pack(description, "double")
     found, end = read(made.data, made.numbers)
     assert end == len(made.data) and len(made.data) % 8 == 0
     wanted = {key: x.tolist() if isinstance(x, np.ndarray) else x for key, x in description.items()}
@@ -253,8 +253,8 @@ def test_a_description_reads_back_from_its_bytes():
     forms = {"least": "q", "most": "q", "more": "Q", "half": "d", "yes": "I", "matrix.5": "d", "mixed.0": "q"}
     assert {path: at[path].format for path in forms} == forms
     assert [at[path].read(made.data) for path in ("yes", "no", "matrix.5", "vector.1")] == [1, 0, 6, 2.5]
-    other = packed.pack({**description, "half": 1.5, "yes": False, "numbers": [3.0, 4.0]}, "double")
+    other = room.pack({**description, "half": 1.5, "yes": False, "numbers": [3.0, 4.0]}, "double")
     assert other.shape == made.shape and other.numbers == made.numbers and other.data != made.data
     changed = {"text": "another text", "numbers": [1.0], "nothing": 0, "matrix": np.ones((3, 2))}
     for name, value in changed.items():
-        assert packed.pack({**description, name: value}, "double").shape != made.shape
+        assert room.pack({**description, name: value}, "double").shape != made.shape

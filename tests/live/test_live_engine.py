@@ -13,15 +13,13 @@ from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.live import engine
-from cogless.live.blobs import blobs, held
-from cogless.live.packed import pack
-from cogless.live.page import asset
+from cogless.live.description import blobs, held, pack
+from cogless.live.live_page import asset
 from cogless.results.status import Status
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import Study
-from cogless.study.arena import is_arena
-from cogless.study.reading import read
+from cogless.study.reading import is_arena, read
 
 TICKS = 3000
 SPEED = [

@@ -14,13 +14,12 @@ import studies
 from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.live import toml
-from cogless.live.blobs import held
 from cogless.live.candidates import OF_REFERENCE, PLANT, candidates, quoted, shortest
+from cogless.live.description import Number, held, pack
 from cogless.live.keys import Found, Landing, _accepted, landed, packed
-from cogless.live.packed import Number, pack
-from cogless.live.page import data
+from cogless.live.live_page import data
 from cogless.report import speed_tracking
-from cogless.report.status_lanes import MOMENT
+from cogless.report.speed_tracking import MOMENT
 from cogless.results.status import Status
 from cogless.study.reading import changed
 

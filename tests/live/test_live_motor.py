@@ -14,13 +14,12 @@ from node import NO_ENGINE, NO_NODE, run_node
 from test_live_page import sets_of, settle
 
 from cogless.errors import StudyError
-from cogless.live import motor, write
-from cogless.live.blobs import held
+from cogless.live import own_motor, write
 from cogless.live.candidates import MOTOR, of_motor
+from cogless.live.description import held
 from cogless.live.keys import _changed, adjustable, packed
-from cogless.live.page import data
-from cogless.report.speed_tracking import missed
-from cogless.report.status_lanes import MOMENT
+from cogless.live.live_page import data
+from cogless.report.speed_tracking import MOMENT, missed
 from cogless.results.status import Status
 from cogless.run.simulate import simulate
 from cogless.study import load
@@ -108,7 +107,7 @@ def test_a_product_that_is_not_what_the_design_gives_is_told(own, off):
         with pytest.raises(
             StudyError, match=r"which controller\.config\.kp does not: \S+ as a product, \S+ by the"
         ):
-            motor._check(base, changes, bent)
+            own_motor._check(base, changes, bent)
 
 
 def same_numbers(folder, study, found, sets):
@@ -194,11 +193,11 @@ def test_a_study_that_run_takes_has_a_page_for_ones_own_motor(tmp_path, name):
     for _ in range(25):
         values = {
             key: float(f"{start[key] * 2 ** rng.uniform(-1, 1):.3g}")
-            for key in ("motor.kv", "mechanics.inertia", motor.RESISTANCE, "drive.inverter.bus_voltage")
+            for key in ("motor.kv", "mechanics.inertia", own_motor.RESISTANCE, "drive.inverter.bus_voltage")
         }
-        share = values[motor.RESISTANCE] / start[motor.RESISTANCE] / rng.uniform(slow, fast)
-        values[motor.INDUCTANCE] = float(f"{start[motor.INDUCTANCE] * share:.3g}")
-        values[motor.POLE_PAIRS] = float(rng.choice(sorted(found.own_motor.turned)))
+        share = values[own_motor.RESISTANCE] / start[own_motor.RESISTANCE] / rng.uniform(slow, fast)
+        values[own_motor.INDUCTANCE] = float(f"{start[own_motor.INDUCTANCE] * share:.3g}")
+        values[own_motor.POLE_PAIRS] = float(rng.choice(sorted(found.own_motor.turned)))
         ends = speed.candidate.low, speed.candidate.high
         to = rng.choice(speed.stops) if speed.stops else float(f"{rng.uniform(*ends):.3g}")
         sets.append(values | {"scenario.slow.reference": to})
@@ -307,7 +306,7 @@ def test_a_motor_that_stands_is_not_praised(own, shown):
 def test_a_number_that_is_no_product_is_refused(own):
     """Such as the orders that are learned, if slots and poles tell them: no power of anything."""
     study, found = own
-    keys = [key.candidate for key in found.keys if key.candidate.key in motor.TOGETHER]
+    keys = [key.candidate for key in found.keys if key.candidate.key in own_motor.TOGETHER]
     base = packed(study, [("slow", "pi")])
 
     def bent(values):
@@ -318,7 +317,7 @@ def test_a_number_that_is_no_product_is_refused(own):
         return packed(made, [("slow", "pi")], study)
 
     with pytest.raises(StudyError, match=r"as products of powers, which mechanics\.inertia does not; "):
-        motor.own_motor(base, bent, keys, lambda key: key)
+        own_motor.own_motor(base, bent, keys, lambda key: key)
 
 
 def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
@@ -331,14 +330,14 @@ def test_a_motor_in_other_words_is_told_what_is_missing(small_study):
 def test_orders_that_slots_and_poles_tell_follow_the_pole_pairs(own):
     """Without a base of its own the law learns the multiples of gcd(slots, poles), or of 6."""
     study = load(own[0].source.path)
-    keys = [key.candidate for key in own[1].keys if key.candidate.key in motor.TOGETHER]
+    keys = [key.candidate for key in own[1].keys if key.candidate.key in own_motor.TOGETHER]
     run = ("slow", "harmonic")
 
     def made(values):
         other = changed(study, {key.key: key.text(x) for key, x in values})
         return packed(other, [run], study)
 
-    found = motor.own_motor(packed(study, [run]), made, keys, lambda key: key).products[*run, "run"]
+    found = own_motor.own_motor(packed(study, [run]), made, keys, lambda key: key).products[*run, "run"]
     (base,) = [one for one in found if one.number.path.endswith(".base")]
     assert base.start == 1.0 and not base.powers
     common = [(math.gcd(12, 2 * n), math.lcm(12, 2 * n)) for n in range(1, 41)]

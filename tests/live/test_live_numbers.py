@@ -8,8 +8,8 @@ import pytest
 from node import NO_NODE, run_node
 
 from cogless import load
-from cogless.live.page import _metric
-from cogless.report.spectra import order_spectrum
+from cogless.live.live_page import _metric
+from cogless.report.order_charts import order_spectrum
 from cogless.report.speed_tracking import DRIFT, FAR, LOST, ONE_WAY, missed, rows_of
 from cogless.results.metrics import KINDS, Conditions, evaluate, result_name, window_of
 from cogless.results.trace import Trace

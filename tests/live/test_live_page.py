@@ -16,7 +16,7 @@ from node import NO_ENGINE
 from test_live_engine import job
 
 from cogless.live import engine, write
-from cogless.live.page import asset
+from cogless.live.live_page import asset
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import load

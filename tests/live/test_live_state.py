@@ -8,11 +8,10 @@ import live_studies
 import pytest
 from node import NO_NODE, run_node
 
-from cogless.live.blobs import held
-from cogless.live.candidates import candidates
+from cogless.live.candidates import candidates, trial_candidates
+from cogless.live.description import held
 from cogless.live.keys import Found, Key
-from cogless.live.page import _key, data
-from cogless.live.trial_candidates import trial_candidates
+from cogless.live.live_page import _key, data
 from cogless.study import TrialStudy, changed, load
 
 pytestmark = pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)

@@ -12,13 +12,13 @@ from test_live_engine import RUN, each_met, native
 from test_live_keys import same_bytes
 from test_live_page import same, sets_of, settle, show, text, type_into
 
-from cogless.design.from_study import design_study, retuned
+from cogless.design.trials.from_study import design_study, retuned
 from cogless.errors import StudyError
 from cogless.live import left_out, toml, write
-from cogless.live.blobs import blobs, held, precision
+from cogless.live.candidates import pinned, trial_candidates
+from cogless.live.description import blobs, held, precision
 from cogless.live.keys import Found
-from cogless.live.page import data
-from cogless.live.trial_candidates import pinned, trial_candidates
+from cogless.live.live_page import data
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import load

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from cogless.errors import StudyError
-from cogless.maps import learned_map, map_table
-from cogless.maps.start import entries, of_current, resampled, within
+from cogless.maps import learned_map, stored_map
+from cogless.maps.learned_map import entries, of_current, resampled, within
 from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, Found, MapError, StoredMap, Valid
-from cogless.study.controller import OwnLaw
+from cogless.study.laws.own import OwnLaw
 
 TURN = 2 * np.pi
 
@@ -105,7 +105,7 @@ def test_maps_as_lines() -> None:
     """The newest with all its fields; of several each with its place."""
     one = stored([[0.3, -0.4, 0.0, 0.0]], parts=4, motor=0x1F2E3D4C, sequence=5, law=1, motion=0xAB, ratio=7)
     two = replace(one, turns=2, parts=1, sequence=4, motion=0, ratio=1)
-    rows = dict(map_table.rows(one))
+    rows = dict(stored_map.rows(one))
     assert list(rows) == [
         "learned by",
         "motor",
@@ -120,19 +120,19 @@ def test_maps_as_lines() -> None:
     assert rows["period"] == "1/4 of a mechanical revolution, 90 deg" and rows["cells"] == "4"
     assert rows["rad of the units"] == "of 7 theta_m"
     assert rows["current"] == "rms 0.25, peak 0.4, limit 3 A"
-    plain = dict(map_table.rows(two))
+    plain = dict(stored_map.rows(two))
     assert "motion" not in plain and "rad of the units" not in plain
     assert plain["period"] == "2 of a mechanical revolution, 720 deg"
-    trial = dict(map_table.rows(replace(one, turns=0, parts=0)))
+    trial = dict(stored_map.rows(replace(one, turns=0, parts=0)))
     assert trial["period"] == "a trial" and trial["samples"] == "4"
     of_orders = stored([[0.1, 0.2], [0.0, 0.0], [6, 12]], (COSINE, SINE, ORDER))
-    shown = dict(map_table.rows(of_orders))
+    shown = dict(stored_map.rows(of_orders))
     assert (
         shown["orders"] == "2" and shown["period"] == "a mechanical revolution" and "6, 12" in shown.values()
     )
-    alone = map_table.lines([Found(0, one)], Valid(0, one))
+    alone = stored_map.lines([Found(0, one)], Valid(0, one))
     assert alone[0] == "a valid map" and alone[1] == f"  {'learned by':<26}{rows['learned by']}"
-    several = map_table.lines([Found(0, "no mark"), Found(64, two), Found(128, one)], Valid(128, one))
+    several = stored_map.lines([Found(0, "no mark"), Found(64, two), Found(128, one)], Valid(128, one))
     assert several[:3] == [
         "At byte 0: no mark",
         "At byte 64: a valid map, save 4",
@@ -143,18 +143,18 @@ def test_maps_as_lines() -> None:
 
 def test_maps_as_csv() -> None:
     quarter = stored([[0.3, -0.4, 0.0, 0.125]], parts=4)
-    head, *rows = map_table.to_csv(quarter).splitlines()
+    head, *rows = stored_map.to_csv(quarter).splitlines()
     assert head.startswith("theta_m_rad,") and len(rows) == 4
     assert [float(row.split(",")[0]) for row in rows] == pytest.approx(TURN / 16 * np.arange(4), rel=1e-8)
     assert [float(row.split(",")[1]) for row in rows] == pytest.approx([0.3, -0.4, 0.0, 0.125], rel=1e-6)
-    assert map_table.to_csv(replace(quarter, turns=0, parts=0)).splitlines()[1].startswith("0,0.3")
-    assert map_table.to_csv(replace(quarter, turns=0, parts=0)).startswith("sample,")
+    assert stored_map.to_csv(replace(quarter, turns=0, parts=0)).splitlines()[1].startswith("0,0.3")
+    assert stored_map.to_csv(replace(quarter, turns=0, parts=0)).startswith("sample,")
     of_orders = stored([[0.1, 0.2], [0.0, 0.0], [6, 12]], (COSINE, SINE, ORDER))
-    assert map_table.to_csv(of_orders).splitlines()[2] == "1,0.200000003,0,12"
+    assert stored_map.to_csv(of_orders).splitlines()[2] == "1,0.200000003,0,12"
 
 
 def test_a_motors_identity_has_32_bits() -> None:
-    assert [map_table.identity(text) for text in ("0x1F", "0X1f", "31", "0", "0xFFFFFFFF")] == [
+    assert [stored_map.identity(text) for text in ("0x1F", "0X1f", "31", "0", "0xFFFFFFFF")] == [
         31,
         31,
         31,
@@ -163,7 +163,7 @@ def test_a_motors_identity_has_32_bits() -> None:
     ]
     for wrong in ("0x100000000", "-1", "1F", "x", ""):
         with pytest.raises(StudyError, match=f'--motor: "{wrong}": expected 32 bits'):
-            map_table.identity(wrong)
+            stored_map.identity(wrong)
 
 
 def test_a_map_is_of_a_current_over_a_revolution_by_another_law_unless_it_says_more() -> None:

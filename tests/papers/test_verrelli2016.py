@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from cogless import run_study
-from cogless.design.pi import gains
-from cogless.design.space_bounds import theorem
+from cogless.design.laws.space_bounds import theorem
+from cogless.design.speed_loop import gains
 from cogless.design.verdict import verdict
 from cogless.results import Run
 from cogless.run.simulate import simulate
 from cogless.study import Study, load
-from cogless.study.controller import Pi, PiIlc
+from cogless.study.laws.periodic import PiIlc
+from cogless.study.laws.pi import Pi
 
 
 @pytest.fixture(scope="module")

@@ -22,10 +22,19 @@ from cogless.pil.compare import (
     _instructions,
     _memory_difference,
     _Watched,
+    lines,
 )
-from cogless.pil.image import Function, Image, Symbol
-from cogless.pil.processor import PAGE, PAINT, STACK_SIZE, STACK_TOP, Processor, _pages
-from cogless.pil.table import lines
+from cogless.pil.processor import (
+    PAGE,
+    PAINT,
+    STACK_SIZE,
+    STACK_TOP,
+    Function,
+    Image,
+    Processor,
+    Symbol,
+    _pages,
+)
 from cogless.pil.target import COMPILERS, Target
 from cogless.pil.toolchain import Toolchain
 

@@ -17,7 +17,7 @@ import pytest
 import studies
 from cogless.design.auto import load
 from cogless.design.current_needed import starts_after
-from cogless.design.feedback import feedback_of
+from cogless.design.law_rules import feedback_of
 from cogless.design.warnings import beyond_drive, loop_remarks, too_short, warnings
 from cogless.errors import StudyError
 from cogless.identify import diagnosis, plan
@@ -25,7 +25,7 @@ from cogless.report import limit, verdicts, with_limits
 from cogless.results import Results, Run
 from cogless.results.limits import Limits
 from cogless.results.status import Status
-from cogless.run.limits import limits
+from cogless.run.limit_search import limits
 from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed
 from cogless.study.remark import Remark

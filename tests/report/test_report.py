@@ -15,28 +15,27 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from cogless.report import (
     Line,
+    angle_charts,
     compare,
     comparison,
-    criterion,
-    maps,
-    overtime,
-    periods,
+    map_charts,
+    order_charts,
     render,
-    sensitivity,
-    spectra,
-    tracking,
     verdicts,
     write,
     write_plots,
 )
+from cogless.report import (
+    waveforms as room,
+)
+from cogless.report.charts import SPEED_PICTURES
 from cogless.report.comparison import QUANTITIES, factor_text, held_back, misses, pretty
-from cogless.report.packing import number, pack, thin, unpack
-from cogless.report.plots import PICTURES
-from cogless.report.sensor import SEEN
-from cogless.report.settings import assumptions, settings
-from cogless.report.spectra import order_spectrum, turned_back
+from cogless.report.markup import number, pack, thin, unpack
+from cogless.report.order_charts import order_spectrum, turned_back
+from cogless.report.page import assumptions, settings
 from cogless.report.speed_tracking import late, missed, span_of
-from cogless.report.verdict import listed, over, times, worst
+from cogless.report.speed_verdict import SEEN
+from cogless.report.verdicts import listed, over, times, worst
 from cogless.results import Results, Run
 from cogless.results.status import Status
 from cogless.results.trace import Trace
@@ -883,8 +882,14 @@ def test_page_is_one_offline_file(page):
 
 
 def test_every_section_has_its_note(page):
-    notes = [spectra.NOTE, maps.NOTE, periods.NOTE, criterion.NOTE, sensitivity.NOTE]
-    notes += [tracking.NOTE, tracking.WATERFALL_NOTE]
+    notes = [
+        order_charts.SPECTRA_NOTE,
+        map_charts.NOTE,
+        angle_charts.PERIODS_NOTE,
+        angle_charts.CRITERION_NOTE,
+        angle_charts.SENSITIVITY_NOTE,
+    ]
+    notes += [order_charts.TRACKING_NOTE, order_charts.WATERFALL_NOTE]
     assert [text for text in notes if escape(text) not in page] == []
     assert (
         "RMS of each term of the current reference late in low-speed; the varying part is about its" in page
@@ -1018,7 +1023,7 @@ def test_an_event_is_drawn_if_more_than_ten_periods_follow_it(made):
     at = runs[0].trace.window(0.0, event.time).stop
     for rows, drawn in ((at + 8, 0), (at + 15, 1)):
         ended = [replace(run, trace=short(run.trace, rows)) for run in runs]
-        assert len(overtime.events(made, ended)) == drawn
+        assert len(room.events(made, ended)) == drawn
 
 
 def test_waveforms_lie_in_time(page):
@@ -1034,7 +1039,7 @@ def test_waveforms_lie_in_time(page):
 
 
 def test_the_last_revolutions_have_finer_points(made, monkeypatch):
-    monkeypatch.setattr(overtime, "MOST", 2000)
+    monkeypatch.setattr(room, "MOST", 2000)
     low = data_of(render(made))["scenarios"][0]
     waveforms, zoom = low["waveforms"], next(z for z in low["zooms"] if z["name"] == "last two revolutions")
     (detail,) = waveforms["details"]
@@ -1105,8 +1110,8 @@ def test_page_of_a_diverged_run(made, tmp_path, monkeypatch, value):
     if np.isnan(value):  # a plot draws what isn't finite alike
         assert len(write_plots(Results(made.study, slow), tmp_path)) == 3
     elif value == 1e300:  # and only a map has such a number
-        monkeypatch.delitem(PICTURES, "waveforms")
-        monkeypatch.delitem(PICTURES, "spectra")
+        monkeypatch.delitem(SPEED_PICTURES, "waveforms")
+        monkeypatch.delitem(SPEED_PICTURES, "spectra")
         assert len(write_plots(Results(made.study, slow), tmp_path)) == 1
 
 

@@ -6,11 +6,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cogless.design.certificate import Learning
-from cogless.report import maps, packing, palette, paths, periods, sensitivity, spectra, tracking, unlearned
-from cogless.report.trials import certificate, overtrials
+from cogless.design.trials.certificate import Learning
+from cogless.report import (
+    angle_charts,
+    comparison,
+    map_charts,
+    markup,
+    order_charts,
+    panels,
+    trial_certificate,
+    trials,
+)
 from cogless.results.trace import Trace
-from cogless.study.controller import PiIlc
+from cogless.study.laws.periodic import PiIlc
 
 TURN = 2 * np.pi
 
@@ -18,9 +26,9 @@ TURN = 2 * np.pi
 @pytest.fixture
 def results(monkeypatch):
     """Results of a motor with two pole pairs, in rpm; a run's place is its own."""
-    for module in (spectra, tracking, maps, certificate, overtrials):
+    for module in (order_charts, order_charts, map_charts, trial_certificate, trials):
         monkeypatch.setattr(module, "place", lambda results, run: run.place)
-    for module in (spectra, tracking):
+    for module in (order_charts, order_charts):
         monkeypatch.setattr(module, "speed_unit", lambda results: "rpm")
     return SimpleNamespace(
         study=SimpleNamespace(motor=SimpleNamespace(pole_pairs=2), label=lambda name: name)
@@ -48,9 +56,9 @@ def found(monkeypatch):
         early, after = kept[run.place]
         return [x if x is None else np.asarray(x)[: highest + 1] * np.pi / 30 for x in (early, after)]
 
-    monkeypatch.setattr(spectra, "_before_and_after", spectrum)
-    monkeypatch.setattr(spectra, "_highest", lambda results, run: run.highest)
-    monkeypatch.setattr(spectra, "_signal", lambda run: getattr(run, "signal", "omega_m"))
+    monkeypatch.setattr(order_charts, "_before_and_after", spectrum)
+    monkeypatch.setattr(order_charts, "_highest", lambda results, run: run.highest)
+    monkeypatch.setattr(order_charts, "_signal", lambda run: getattr(run, "signal", "omega_m"))
     return kept
 
 
@@ -62,7 +70,7 @@ def test_bars_are_of_twelve_electrical_orders_and_the_24_strongest_mechanical_on
     """Up to the order that all runs resolve."""
     found[0] = None, [0.0, *np.arange(40.0, 0, -1)]
     found[1] = np.arange(41.0), [0.0, *np.arange(1.0, 41.0)]
-    electrical, mechanical = spectra.spectra(results, [resolved(0, 40), resolved(1, 30)])
+    electrical, mechanical = order_charts.spectra(results, [resolved(0, 40), resolved(1, 30)])
     assert electrical["orders"] == list(range(1, 13))
     assert (electrical["title"], electrical["x"]) == (
         "Speed by electrical order",
@@ -77,24 +85,24 @@ def test_bars_are_of_twelve_electrical_orders_and_the_24_strongest_mechanical_on
     sizes = sorted(range(1, 31), key=lambda n: -max(41 - n, n))
     assert set(mechanical["orders"]) >= set(sizes[:22]) and len(mechanical["orders"]) == 24
     assert mechanical["orders"] == sorted(mechanical["orders"])
-    few, _ = spectra.spectra(results, [resolved(0, 11)])
+    few, _ = order_charts.spectra(results, [resolved(0, 11)])
     assert few["orders"] == [1, 2, 3, 4, 5]
 
 
 def test_a_mechanical_order_has_a_bar_from_a_thousandth_of_the_largest_on(results, found):
     found[0] = None, [0.0, 0.0101, 10.0, 0.0099, 0.0, np.nan]
-    _, mechanical = spectra.spectra(results, [resolved(0, 5)])
+    _, mechanical = order_charts.spectra(results, [resolved(0, 5)])
     assert mechanical["orders"] == [1, 2]
     results.study.motor.pole_pairs = 1
-    (only,) = spectra.spectra(results, [resolved(0, 5)])
+    (only,) = order_charts.spectra(results, [resolved(0, 5)])
     assert only["title"] == "Speed by electrical order" and only["orders"] == [1, 2, 3, 4, 5]
     found[0] = None, None
-    assert spectra.spectra(results, [resolved(0, 5)]) == []
+    assert order_charts.spectra(results, [resolved(0, 5)]) == []
 
 
 def test_where_any_reference_varies_the_bars_are_of_the_error(results, found):
     found[0] = found[1] = None, [0.0, 1.0, 2.0]
-    chart, _ = spectra.spectra(results, [resolved(0, 2), resolved(1, 2, signal="omega_error")])
+    chart, _ = order_charts.spectra(results, [resolved(0, 2), resolved(1, 2, signal="omega_error")])
     assert (chart["title"], chart["quantity"]) == ("Speed error by electrical order", "speed error amplitude")
 
 
@@ -105,25 +113,25 @@ def test_where_any_reference_varies_the_bars_are_of_the_error(results, found):
 def test_orders_are_resolved_by_two_and_a_half_rows_each_and_24_electrical_ones_are_enough(
     results, monkeypatch, turns, rows, highest
 ):
-    monkeypatch.setattr(spectra, "late", lambda *_: slice(None))
+    monkeypatch.setattr(order_charts, "late", lambda *_: slice(None))
     run = run_of(0, theta_m=TURN * turns * np.arange(rows) / (rows - 1))
-    assert spectra._highest(results, run) == highest
+    assert order_charts._highest(results, run) == highest
 
 
 @pytest.fixture
 def angles(results, monkeypatch):
     """In place of a spectrum the revolutions from and to which it is taken. Laws learn by default."""
-    monkeypatch.setattr(spectra, "late", lambda results, run: slice(run.late, len(run.trace)))
-    monkeypatch.setattr(spectra, "learned_terms", lambda results, run: getattr(run, "learned", ["term"]))
+    monkeypatch.setattr(order_charts, "late", lambda results, run: slice(run.late, len(run.trace)))
+    monkeypatch.setattr(order_charts, "learned_terms", lambda results, run: getattr(run, "learned", ["term"]))
     monkeypatch.setattr(
-        spectra,
+        order_charts,
         "order_spectrum",
         lambda theta, x, *_: tuple(np.round(theta[[0, -1]] / TURN, 9)) if len(x) > 1 else None,
     )
 
     def between(run, late, **more):
         run.__dict__.update(late=late, **more)
-        return spectra._before_and_after(results, run, 9)
+        return order_charts._before_and_after(results, run, 9)
 
     return between
 
@@ -158,22 +166,22 @@ def test_a_waterfall_is_sorted_by_speed_and_ends_with_the_last_order_of_any_run(
     amplitudes[:, 0] = [2.0, 3.0]
     other = np.zeros((2, 4))
     other[:, 2] = [1.0, 9.0]
-    swept = tracking.Tracked(
+    swept = order_charts.Tracked(
         np.array([1.0, 2.0]), np.array([30.0, 10.0]) * np.pi / 30, {0: amplitudes, 1: other}
     )
-    first, second = tracking.waterfall(results, swept)
+    first, second = order_charts.waterfall(results, swept)
     assert (first["speeds"], first["orders"], first["top"]) == ([10.0, 30.0], 3, 9.0)
     assert [chart["controller"] for chart in (first, second)] == [0, 1]
-    assert packing.unpack(first["values"]) == pytest.approx([3, 0, 0, 2, 0, 0], abs=1e-4)
-    assert packing.unpack(second["values"]) == pytest.approx([0, 0, 9, 0, 0, 1], abs=1e-4)
-    charts = tracking.tracking(results, [], swept)
+    assert markup.unpack(first["values"]) == pytest.approx([3, 0, 0, 2, 0, 0], abs=1e-4)
+    assert markup.unpack(second["values"]) == pytest.approx([0, 0, 9, 0, 0, 1], abs=1e-4)
+    charts = order_charts.tracking(results, [], swept)
     assert [(c["title"], c["x"], c["along"]) for c in charts] == [
         (f"Order {n} of the mechanical revolution", "speed (rpm)", [10.0, 30.0]) for n in (1, 3)
     ]
     assert [series["values"] for series in charts[1]["series"]] == [[0, 0], [9, 1]]
-    still = tracking.Tracked(np.array([1.0, 2.0]), np.array([3.0, 3.0]), {0: amplitudes})
-    assert tracking.waterfall(results, still) == tracking.waterfall(results, None) == []
-    assert tracking.tracking(results, [], still) == tracking.tracking(results, [], None) == []
+    still = order_charts.Tracked(np.array([1.0, 2.0]), np.array([3.0, 3.0]), {0: amplitudes})
+    assert order_charts.waterfall(results, still) == order_charts.waterfall(results, None) == []
+    assert order_charts.tracking(results, [], still) == order_charts.tracking(results, [], None) == []
 
 
 # --- maps
@@ -188,16 +196,18 @@ def test_maps_are_drawn_on_the_grid_of_the_finest_up_to_1440_cells(results):
     results.study.controller = {name: SimpleNamespace(learned=name != "c") for name in "abc"}
     full, half = np.arange(4) * TURN / 4, np.arange(2) * TURN / 4
     runs = [learned(0, full, [0, 1, 2, 3]), learned(1, half, [5, 7]), learned(2, full, [9] * 4)]
-    (chart,) = maps.maps(results, [*runs, learned(0, full, [1] * 4, "trial"), SimpleNamespace(memory={})])
+    (chart,) = map_charts.maps(
+        results, [*runs, learned(0, full, [1] * 4, "trial"), SimpleNamespace(memory={})]
+    )
     assert (chart["x"], chart["angle"]) == ("mechanical angle (°)", [0, 90, 180, 270, 360])
     assert [series["controller"] for series in chart["series"]] == [0, 1]
     assert [series["values"] for series in chart["series"]] == [[0, 1, 2, 3, 0], [5, 7, 5, 7, 5]]
     long = np.arange(2000) * TURN / 2000
-    (fine,) = maps.maps(results, [learned(0, long, np.cos(long), "electrical")])
+    (fine,) = map_charts.maps(results, [learned(0, long, np.cos(long), "electrical")])
     assert fine["x"] == "electrical angle (°)" and len(fine["angle"]) == 1441
-    assert maps.maps(results, [learned(0, [0.0], [1.0])]) == []
+    assert map_charts.maps(results, [learned(0, [0.0], [1.0])]) == []
     third = np.arange(3) * TURN / 7
-    (odd,) = maps.maps(results, [learned(0, third, [0, 1, 2])])
+    (odd,) = map_charts.maps(results, [learned(0, third, [0, 1, 2])])
     assert odd["angle"] == pytest.approx([0, 51.429, 102.857, 154.286], abs=1e-9)  # thousandths of a degree
 
 
@@ -206,14 +216,14 @@ def test_maps_are_drawn_on_the_grid_of_the_finest_up_to_1440_cells(results):
 )
 def test_the_polar_map_needs_two_turns_of_its_frame(results, monkeypatch, frame, turns, rows):
     """Two pole pairs: an electrical turn is half of one. What is learned is the sum of its terms."""
-    monkeypatch.setattr(maps, "learned_terms", lambda results, run: getattr(run, "terms", ["a", "b"]))
+    monkeypatch.setattr(map_charts, "learned_terms", lambda results, run: getattr(run, "terms", ["a", "b"]))
     theta = np.linspace(0.0, TURN * turns, 2000)
     x = theta / TURN * (2 if frame == "electrical" else 1)
     run = run_of(0, theta_m=theta, a=x, b=2 * x)
     run.memory = {"frame": frame}
     unlearned = run_of(1, theta_m=theta)
     unlearned.memory, unlearned.terms = {}, []
-    found = maps.polar(results, [run, unlearned])
+    found = map_charts.polar(results, [run, unlearned])
     if not rows:
         assert found == []
         return
@@ -224,22 +234,22 @@ def test_the_polar_map_needs_two_turns_of_its_frame(results, monkeypatch, frame,
     for name, turn in (("low", 0.0), ("values", 0.5), ("high", 1.0)):
         assert series[name] == pytest.approx(3 * (turn + cell), abs=5e-3)
     run.memory = {"frame": "trial"}
-    assert maps.polar(results, [run]) == []
+    assert map_charts.polar(results, [run]) == []
 
 
 def test_the_last_eight_turns_are_laid_over_each_other_from_angle_zero():
     turns = np.linspace(0.25, 10.5, 4101)
-    rows = maps._last_turns(turns, turns)
+    rows = map_charts._last_turns(turns, turns)
     assert rows.shape == (8, 360) and rows[:, 0] == pytest.approx(np.arange(2, 10))
     assert rows[0] == pytest.approx(2 + np.arange(360) / 360, abs=1e-3)
-    back = maps._last_turns(-turns, turns)
+    back = map_charts._last_turns(-turns, turns)
     assert back.shape == (8, 360) and back[:, 0] == pytest.approx(np.arange(2, 10))
     assert back[0, 1:] == pytest.approx(3 - np.arange(1, 360) / 360, abs=1e-3)
-    assert maps._last_turns(np.linspace(0.25, 1.9, 99), np.zeros(99)).shape == (0, 360)
-    assert maps._last_turns(np.linspace(0.0, 1.0, 99), np.zeros(99)).shape == (1, 360)
+    assert map_charts._last_turns(np.linspace(0.25, 1.9, 99), np.zeros(99)).shape == (0, 360)
+    assert map_charts._last_turns(np.linspace(0.0, 1.0, 99), np.zeros(99)).shape == (1, 360)
     for broken in (np.array([np.nan, 3.0]), np.zeros(0)):
-        assert maps._last_turns(broken, np.zeros(len(broken))).shape == (0, 360)
-    assert maps._last_turns(np.array([0.0, 3.0]), np.array([0.0, np.inf])).shape == (0, 360)
+        assert map_charts._last_turns(broken, np.zeros(len(broken))).shape == (0, 360)
+    assert map_charts._last_turns(np.array([0.0, 3.0]), np.array([0.0, np.inf])).shape == (0, 360)
 
 
 # --- over the angle, and over frequency
@@ -258,25 +268,29 @@ def test_the_last_eight_turns_are_laid_over_each_other_from_angle_zero():
     ],
 )
 def test_periods_are_chosen_ever_more_sparsely(begun, end, chosen):
-    assert periods._chosen(begun, end) == chosen
+    assert angle_charts._chosen(begun, end) == chosen
 
 
 def test_a_period_is_on_an_even_grid():
     turns = np.linspace(0.0, 4.0, 4001)
-    assert periods._within(turns, turns**2, 2) == pytest.approx((2 + np.arange(361) / 360) ** 2, abs=1e-4)
-    assert periods._within(turns, turns, 0) == pytest.approx(np.arange(361) / 360, abs=1e-9)
+    assert angle_charts._within(turns, turns**2, 2) == pytest.approx(
+        (2 + np.arange(361) / 360) ** 2, abs=1e-4
+    )
+    assert angle_charts._within(turns, turns, 0) == pytest.approx(np.arange(361) / 360, abs=1e-9)
 
 
 def test_what_learning_leaves_is_drawn_between_what_is_learned():
     """A loop leaves at each frequency that frequency itself here; its lines are 10 Hz apart, up to 45 Hz."""
     f = np.array([9.0, 10.0, 15.0, 40.0, 41.0])
     loop = SimpleNamespace(periods_per_second=10.0, highest=45.0, orders=None, left=lambda at: at + 0j)
-    assert sensitivity._left(loop, f, 0.0) == pytest.approx([np.nan, 10, 15, 40, np.nan], nan_ok=True)
-    assert sensitivity._left(loop, f, 0.5) == pytest.approx([np.nan, np.nan, 15, 40, 41], nan_ok=True)
+    assert angle_charts._left(loop, f, 0.0) == pytest.approx([np.nan, 10, 15, 40, np.nan], nan_ok=True)
+    assert angle_charts._left(loop, f, 0.5) == pytest.approx([np.nan, np.nan, 15, 40, 41], nan_ok=True)
     loop.orders = np.array([1.5, 2.0])
-    assert sensitivity._left(loop, f, 0.0) == pytest.approx([np.nan, np.nan, 15, np.nan, np.nan], nan_ok=True)
+    assert angle_charts._left(loop, f, 0.0) == pytest.approx(
+        [np.nan, np.nan, 15, np.nan, np.nan], nan_ok=True
+    )
     loop.orders = np.zeros(0)
-    assert np.all(np.isnan(sensitivity._left(loop, f, 0.0)))
+    assert np.all(np.isnan(angle_charts._left(loop, f, 0.0)))
 
 
 @pytest.mark.parametrize(
@@ -295,23 +309,23 @@ def test_a_sensitivity_is_from_a_tenth_of_the_revolutions_to_nearly_half_the_rat
         "sensitivity": lambda plant, feedback, omega, *_: omega / TURN * np.exp(0.01j * feedback),
         "learned_terms": lambda *_: [], "_loop": lambda *_: None,
     }.items():  # fmt: skip
-        monkeypatch.setattr(sensitivity, name, value)
+        monkeypatch.setattr(angle_charts, name, value)
     run = type("Run", (int,), {"scenario": "low"})
     results = SimpleNamespace(study=SimpleNamespace(scenario=scenario))
-    magnitude, phase = sensitivity.bode(results, [run(0), run(1)])
+    magnitude, phase = angle_charts.bode(results, [run(0), run(1)])
     f = magnitude["frequency"]
     assert (f[0], f[-1], len(f)) == (*map(pytest.approx, ends), 400)
     (series,) = magnitude["series"]
     assert (series["controller"], series["label"], series["fade"]) == (1, "", 1.0)
     assert series["values"] == pytest.approx(20 * np.log10(f), abs=1e-3)
     assert phase["series"][0]["values"] == pytest.approx([np.degrees(0.01 * TURN * turns)] * 400, abs=1e-2)
-    assert sensitivity.bode(results, [run(0)]) == []
+    assert angle_charts.bode(results, [run(0)]) == []
 
 
 def test_a_sensitivity_in_decibels_and_degrees():
     S = np.array([1.0, -0.1, 10j, 0.0, 1e-5])
-    assert sensitivity._decibels(S) == pytest.approx([0, -20, 20, -80, -80])
-    assert sensitivity._degrees(S)[:3] == pytest.approx([0, 180, 90])
+    assert angle_charts._decibels(S) == pytest.approx([0, -20, 20, -80, -80])
+    assert angle_charts._degrees(S)[:3] == pytest.approx([0, 180, 90])
 
 
 # --- trials
@@ -325,15 +339,15 @@ def test_factors_of_all_controllers_share_the_frequencies_above_zero(results):
     """A controller has a full curve, that with its Q filter if there is one; the one without it is dashed."""
     one, two = factors([0.0, 10.0, 30.0], [1.0, 0.5, 0.5]), factors([0.0, 20.0], [2.0, 4.0])
     runs = [run_of(0, x=[0.0]), run_of(1, x=[0.0])]
-    chart = certificate._chart(results, "Plant", [(runs[0], one, False), (runs[1], two, True)])
+    chart = trial_certificate._chart(results, "Plant", [(runs[0], one, False), (runs[1], two, True)])
     assert chart["frequency"] == [10, 20, 30]
     assert chart["title"] == "Plant: |F| of the worst plant, without Q filter dashed"
     full, dashed = chart["series"]
     assert ("dash" in full, dashed["dash"]) == (False, True)
-    assert packing.unpack(full["values"]) == pytest.approx([0.5] * 3, abs=1e-4)
-    assert packing.unpack(dashed["values"]) == pytest.approx([3, 4, 4], abs=1e-4)
+    assert markup.unpack(full["values"]) == pytest.approx([0.5] * 3, abs=1e-4)
+    assert markup.unpack(dashed["values"]) == pytest.approx([3, 4, 4], abs=1e-4)
     assert (
-        certificate._chart(results, "Plant", [(runs[0], one, False)])["title"]
+        trial_certificate._chart(results, "Plant", [(runs[0], one, False)])["title"]
         == "Plant: |F| of the worst plant"
     )
 
@@ -346,33 +360,33 @@ def test_factors_of_all_controllers_share_the_frequencies_above_zero(results):
     ],
 )  # fmt: skip
 def test_a_factor_is_told_by_its_distance_from_one_where_that_is_small(value, text):
-    assert certificate.close_to_one(value) == text
+    assert trial_certificate.close_to_one(value) == text
 
 
 @pytest.mark.parametrize(
     ("limit", "text"),
-    [(0.9e-4, "none"), (1.1e-4, "0.00022"), (-1.1e-4, "-0.00022"), (None, certificate.NONE)],
+    [(0.9e-4, "none"), (1.1e-4, "0.00022"), (-1.1e-4, "-0.00022"), (None, trial_certificate.NONE)],
 )
 def test_a_limit_of_a_gain_is_none_if_it_is_rounding(limit, text):
     """A ten-thousandth of the gain in use, here 2."""
     learning = SimpleNamespace(K_3_limit=limit and 2 * limit)
-    assert certificate._limit(learning, 2.0) == certificate._limit(learning, -2.0) == text
-    beside = certificate._limit(learning, 2.0, " with Q filter")
+    assert trial_certificate._limit(learning, 2.0) == trial_certificate._limit(learning, -2.0) == text
+    beside = trial_certificate._limit(learning, 2.0, " with Q filter")
     assert beside == ("" if limit is None else f'<span class="small"><br>{text} with Q filter</span>')
-    assert certificate._limit(None, 2.0, " with Q filter") == ""
+    assert trial_certificate._limit(None, 2.0, " with Q filter") == ""
 
 
 def test_trials_that_a_logarithmic_axis_cannot_show_are_told(results):
     runs = [run_of(n, x=[0.0]) for n in range(3)]
     values = {"a": np.array([1.0, 0.0, 100.0]), "b": np.array([0.0, 0.0, np.inf, np.nan]), "c": None}
-    chart = overtrials._chart(results, "Title", "RMS", "mrad", runs, values)
+    chart = trials._chart(results, "Title", "RMS", "mrad", runs, values)
     assert chart["note"] == (
         "Not on a logarithmic axis: a, 1 trial at zero; b, 2 trials at zero; b, 2 trials not finite."
     )
     assert [series["controller"] for series in chart["series"]] == [0, 1]
-    assert packing.unpack(chart["series"][0]["values"])[[0, 2]] == pytest.approx([0, 2], abs=1e-4)
+    assert markup.unpack(chart["series"][0]["values"])[[0, 2]] == pytest.approx([0, 2], abs=1e-4)
     assert (chart["title"], chart["x"], chart["quantity"], chart["unit"]) == ("Title", "trial", "RMS", "mrad")
-    assert overtrials._chart(results, "", "", "", runs[:1], {"a": np.array([1.0])})["note"] == ""
+    assert trials._chart(results, "", "", "", runs[:1], {"a": np.array([1.0])})["note"] == ""
 
 
 # --- numbers
@@ -386,24 +400,24 @@ def test_trials_that_a_logarithmic_axis_cannot_show_are_told(results):
     ],
 )  # fmt: skip
 def test_a_number_has_an_exponent_below_a_ten_thousandth_and_from_a_million_on(value, text):
-    assert packing.number(value) == text and packing.number(-value) == f"-{text}"
+    assert markup.number(value) == text and markup.number(-value) == f"-{text}"
 
 
 @pytest.mark.parametrize(
     ("count", "points", "rows"), [(100, 100, 0), (101, 100, 3), (1000, 100, 20), (1001, 100, 21), (7, 4, 4)]
 )
 def test_a_bucket_has_the_fewest_rows_that_leave_so_many_points(count, points, rows):
-    assert packing.bucket(count, points) == rows
+    assert markup.bucket(count, points) == rows
 
 
 def test_a_constant_is_packed_as_it_is_and_what_is_no_number_as_none():
-    assert packing.unpack(packing.pack(np.full(3, 2.5))).tolist() == [2.5] * 3
-    packed = packing.pack(np.array([-1.0, np.nan, np.inf, 3.0]))
+    assert markup.unpack(markup.pack(np.full(3, 2.5))).tolist() == [2.5] * 3
+    packed = markup.pack(np.array([-1.0, np.nan, np.inf, 3.0]))
     assert (packed["offset"], packed["scale"]) == (1.0, pytest.approx(4 / 65534))
-    assert packing.unpack(packed) == pytest.approx([-1, np.nan, np.nan, 3], nan_ok=True)
-    nothing = packing.pack(np.array([np.nan]))
+    assert markup.unpack(packed) == pytest.approx([-1, np.nan, np.nan, 3], nan_ok=True)
+    nothing = markup.pack(np.array([np.nan]))
     assert (nothing["offset"], nothing["scale"]) == (0.0, 1.0)
-    assert packing.plain(np.array([1.234567, np.inf, 0.0])) == [1.2346, None, 0.0]
+    assert markup.plain(np.array([1.234567, np.inf, 0.0])) == [1.2346, None, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -418,18 +432,18 @@ def test_a_constant_is_packed_as_it_is_and_what_is_no_number_as_none():
     ],
 )
 def test_a_reference_varies_by_more_than_rounding(reference, varies):
-    assert paths.varies(np.array(reference)) is varies
+    assert panels.varies(np.array(reference)) is varies
 
 
 def test_the_baseline_has_a_colour_for_itself_and_the_others_share_seven():
     names = [f"c{n}" for n in range(10)]
     study = SimpleNamespace(controller=dict.fromkeys(names), baseline="c2")
     ran = [SimpleNamespace(controller=name) for name in reversed(names) if name != "c9"]
-    found = palette.colours(SimpleNamespace(study=study, runs=ran))
+    found = markup.colours(SimpleNamespace(study=study, runs=ran))
     assert list(found.items()) == [
         ("c0", 1), ("c1", 2), ("c2", 0), ("c3", 3), ("c4", 4), ("c5", 5), ("c6", 6), ("c7", 7), ("c8", 1)
     ]  # fmt: skip
-    assert palette.place(SimpleNamespace(study=study, runs=ran[:2]), ran[0]) == 1
+    assert markup.place(SimpleNamespace(study=study, runs=ran[:2]), ran[0]) == 1
 
 
 # --- what a run turned
@@ -439,7 +453,7 @@ def test_the_baseline_has_a_colour_for_itself_and_the_others_share_seven():
 def test_a_revolution_lacks_two_rows_at_most(rows, whole):
     """A hundred rows have 99 ways between them."""
     theta = TURN / rows * np.arange(100)
-    assert (spectra.order_spectrum(theta, np.cos(theta), 4, pole_pairs=1) is not None) == whole
+    assert (order_charts.order_spectrum(theta, np.cos(theta), 4, pole_pairs=1) is not None) == whole
 
 
 @pytest.mark.parametrize(("turned", "why"), [(0.99, "it was frozen all the time"), (1.01, "of its period")])
@@ -451,8 +465,8 @@ def test_learning_shows_once_the_rotor_has_turned_by_a_cell(monkeypatch, turned,
         "never": lambda *_: None, "starts_too_late": lambda *_: None,
         "too_short": lambda law, share, theta, time, speed: "of its period" if time == 1.0 else None,
     }.items():  # fmt: skip
-        monkeypatch.setattr(unlearned, name, value)
+        monkeypatch.setattr(comparison, name, value)
     theta = TURN / 40 * turned * np.linspace(0, 1, 100)
     run = run_of(0, theta_m=theta, status=np.zeros(100), omega_ref=np.ones(100))
     study = SimpleNamespace(controller={"a": law})
-    assert unlearned.unlearned(SimpleNamespace(study=study), run) == why
+    assert comparison.unlearned(SimpleNamespace(study=study), run) == why

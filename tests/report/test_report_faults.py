@@ -226,11 +226,11 @@ def test_the_status_has_names(made):
 
 
 def test_faults_have_finer_points(made, monkeypatch):
-    from cogless.report import overtime
+    from cogless.report import waveforms
 
-    monkeypatch.setattr(overtime, "FEWEST", 200)
-    monkeypatch.setattr(overtime, "POINTS", 6_000)
-    monkeypatch.setattr(overtime, "POINTS_FINE", 24_000)
+    monkeypatch.setattr(waveforms, "FEWEST", 200)
+    monkeypatch.setattr(waveforms, "POINTS", 6_000)
+    monkeypatch.setattr(waveforms, "POINTS_FINE", 24_000)
     shown = scenario_of(made)
     starts = [detail["start"] for detail in shown["waveforms"]["details"]]
     assert starts[0] == pytest.approx(shown["zooms"][-1]["from"], abs=2e-3) and starts == sorted(starts)

@@ -7,9 +7,9 @@ import pytest
 from commands import cogless
 
 import studies
-from cogless.cli.limits import sentences
+from cogless.cli.studies import sentences
 from cogless.report import best_runs, limit, render, verdicts, with_limits
-from cogless.report.limits import setting
+from cogless.report.limit_sentences import setting
 from cogless.results import results_json
 from cogless.results.limits import Cause, Cure, Limits
 from cogless.run.simulate import run_study

@@ -9,9 +9,9 @@ from test_report import data_of
 
 from cogless.design.learning_loop import LearningLoop
 from cogless.design.verdict import judged
-from cogless.report import late, maps, render, sensitivity, tracking
+from cogless.report import angle_charts, map_charts, order_charts, render, tables
 from cogless.report.comparison import runs_in
-from cogless.report.packing import unpack
+from cogless.report.markup import unpack
 from cogless.results import Results
 
 RATE, RPM = 5000, 2 * np.pi / 60
@@ -53,7 +53,7 @@ def run_up(made):
 
 def test_an_order_stands_upright_and_a_resonance_runs_across(run_up):
     runs = runs_in(run_up, "low-speed")
-    chart, *others = tracking.waterfall(run_up, tracking.tracked(run_up, runs))
+    chart, *others = order_charts.waterfall(run_up, order_charts.tracked(run_up, runs))
     assert [c["controller"] for c in (chart, *others)] == [0, 1, 2]
     cells = unpack(chart["values"]).reshape(len(chart["speeds"]), chart["orders"])
     speeds = np.array(chart["speeds"])
@@ -69,8 +69,8 @@ def test_an_order_stands_upright_and_a_resonance_runs_across(run_up):
 
 def test_the_strongest_orders_are_followed_over_the_speed(run_up):
     runs = runs_in(run_up, "low-speed")
-    found = tracking.tracked(run_up, runs)
-    charts = tracking.tracking(run_up, runs, found)
+    found = order_charts.tracked(run_up, runs)
+    charts = order_charts.tracking(run_up, runs, found)
     assert found.sweeps and charts[0]["x"] == "speed (rpm)"
     chart = next(c for c in charts if c["title"].startswith(f"Order {UPRIGHT} "))
     assert chart["series"][0]["values"] == pytest.approx([0.5] * len(chart["along"]), rel=0.1)
@@ -78,9 +78,9 @@ def test_the_strongest_orders_are_followed_over_the_speed(run_up):
 
 def test_at_a_constant_speed_a_law_that_learns_lowers_its_orders_over_time(made):
     runs = runs_in(made, "low-speed")
-    found = tracking.tracked(made, runs)
-    assert not found.sweeps and tracking.waterfall(made, found) == []
-    charts = tracking.tracking(made, runs, found)
+    found = order_charts.tracked(made, runs)
+    assert not found.sweeps and order_charts.waterfall(made, found) == []
+    charts = order_charts.tracking(made, runs, found)
     chart = next(c for c in charts if c["title"] == "Order 24 of the mechanical revolution")
     pi, _, ilc = (np.array(s["values"]) for s in chart["series"])
     times = np.array(chart["along"])
@@ -92,31 +92,31 @@ def test_at_a_constant_speed_a_law_that_learns_lowers_its_orders_over_time(made)
 
 def test_without_learning_or_a_sweep_nothing_is_followed(made):
     runs = [run for run in runs_in(made, "low-speed") if run.controller != "pi-ilc"]
-    assert tracking.tracking(made, runs, tracking.tracked(made, runs)) == []
+    assert order_charts.tracking(made, runs, order_charts.tracked(made, runs)) == []
 
 
 def test_eight_revolutions_are_enough_for_orders_over_time(made):
     runs = runs_in(made, "low-speed")  # one revolution a second
     for rows, pieces in ((7.99 * RATE, None), (8.01 * RATE, 8)):
         part = [replace(run, trace=replace(run.trace, data=run.trace.data[: round(rows)])) for run in runs]
-        found = tracking.tracked(made, part)
+        found = order_charts.tracked(made, part)
         assert (None if found is None else len(found.times)) == pieces
 
 
 def test_48_pieces_at_most_of_as_many_revolutions_each(run_up):
     runs = runs_in(run_up, "low-speed")
-    found = tracking.tracked(run_up, runs)
-    assert list(tracking.tracked(run_up, runs[:1]).amplitudes) == [0]  # of one controller too
+    found = order_charts.tracked(run_up, runs)
+    assert list(order_charts.tracked(run_up, runs[:1]).amplitudes) == [0]  # of one controller too
     assert len(found.times) == len(found.speeds) == 27  # 55 revolutions, two a piece
     assert {amplitudes.shape for amplitudes in found.amplitudes.values()} == {(27, 120)}
-    (chart, *_) = tracking.waterfall(run_up, found)
+    (chart, *_) = order_charts.waterfall(run_up, found)
     assert (chart["title"], chart["quantity"], chart["unit"]) == ("Orders over speed", "speed", "rpm")
     assert chart["top"] == max(np.nanmax(amplitudes) for amplitudes in found.amplitudes.values())
 
 
 def test_the_four_strongest_orders_of_anybody_are_followed_and_half_as_fast_again_is_a_sweep():
     quiet, loud = np.array([[3.0, 0.0, 1.0, 0.0, 5.0, 0.0]]), np.array([[0.0, 4.0, 2.0, 0.0, 0.0, 0.0]])
-    found = tracking.Tracked(np.ones(2), np.array([1.0, 1.5]), {0: quiet, 1: loud})
+    found = order_charts.Tracked(np.ones(2), np.array([1.0, 1.5]), {0: quiet, 1: loud})
     assert found.followed == [1, 2, 3, 5] and found.sweeps
     assert replace(found, amplitudes={1: loud}).followed == [2, 3]  # what isn't there isn't followed
     assert replace(found, amplitudes={0: 1.0 + np.arange(6.0)[None]}).followed == [3, 4, 5, 6]
@@ -124,12 +124,12 @@ def test_the_four_strongest_orders_of_anybody_are_followed_and_half_as_fast_agai
 
 
 def test_a_run_of_few_revolutions_has_no_orders_over_time(made):
-    assert tracking.tracked(made, runs_in(made, "step-on")) is None  # four revolutions
+    assert order_charts.tracked(made, runs_in(made, "step-on")) is None  # four revolutions
 
 
 def test_orders_that_the_rows_do_not_resolve_are_left_out(made):
     slow = [replace(r, trace=replace(r.trace, data=r.trace.data[::50])) for r in runs_in(made, "low-speed")]
-    found = tracking.tracked(made, slow)
+    found = order_charts.tracked(made, slow)
     assert np.all(np.isnan(found.amplitudes[0][:, 40:]))  # 100 rows per revolution
     assert np.all(np.isfinite(found.amplitudes[0][:, :39]))
 
@@ -143,7 +143,7 @@ def test_the_polar_map_has_the_mean_and_the_spread_of_the_last_revolutions(made,
     theta = direction * 2 * np.pi * time  # the law's frame is electrical, of four pole pairs
     learned = (0.1 + 0.01 * np.floor(time)) * np.sin(4 * theta) + 0.02 * np.cos(4 * theta)
     results = with_signals(made, "low-speed", theta_m=theta, term_ilc=learned)
-    (chart,) = maps.polar(results, runs_in(results, "low-speed"))
+    (chart,) = map_charts.polar(results, runs_in(results, "low-speed"))
     (series,) = chart["series"]
     angle = np.deg2rad(np.arange(360))
     # the last eight electrical revolutions: one with 0.17 A, four with 0.18 A, three with 0.19 A
@@ -156,7 +156,7 @@ def test_the_polar_map_has_the_mean_and_the_spread_of_the_last_revolutions(made,
 
 def test_a_controller_that_learns_nothing_is_not_in_the_polar_map(made):
     runs = [run for run in runs_in(made, "low-speed") if run.controller != "pi-ilc"]
-    assert maps.polar(made, runs) == []
+    assert map_charts.polar(made, runs) == []
 
 
 # --- sensitivity
@@ -164,7 +164,7 @@ def test_a_controller_that_learns_nothing_is_not_in_the_polar_map(made):
 
 def test_sensitivity_is_that_of_the_design_and_learning_lowers_what_repeats(made):
     runs = runs_in(made, "low-speed")
-    magnitude, phase = sensitivity.bode(made, runs)
+    magnitude, phase = angle_charts.bode(made, runs)
     assert (magnitude["unit"], phase["unit"]) == ("dB", "°")
     named = {(s["controller"], s["label"]): np.array(s["values"], float) for s in magnitude["series"]}
     assert set(named) == {(0, ""), (1, ""), (2, "off"), (2, "on"), (2, "between")}
@@ -197,14 +197,14 @@ def test_jitter_and_torque_ripple_are_those_of_the_rows_at_the_end(made):
         made, "low-speed", tau_e=lambda run: 0.2 + 0.05 * np.sin(4 * run.trace["theta_m"]), tau_cogging=0.0
     )
     runs = runs_in(results, "low-speed")
-    text = late.table(results, runs)
+    text = tables.late_table(results, runs)
     found = cells(text)
     assert list(found) == [
         "speed ripple, rms", "speed ripple as measured, rms", "torque ripple, (max \u2212 min) / (max + min)"
     ]  # fmt: skip
     assert "Over the last part of the run, from 8 to 10 s. Jitter is about the mean." in text
     assert found["torque ripple, (max \u2212 min) / (max + min)"] == ["0.250"] * 3
-    rows = late.late(results, runs[0])
+    rows = tables.late(results, runs[0])
     expected = np.std(runs[0].trace["omega_error"][rows]) / RPM
     assert found["speed ripple, rms"][0] == f"{expected:.2f} rpm"
     measured = np.std(runs[0].trace["omega_error_measured"][rows]) / RPM
@@ -218,7 +218,7 @@ def test_a_drive_that_holds_its_position_has_its_jitter_true_and_measured(made):
     results = with_signals(
         made, "low-speed", omega_ref=0.0, omega_m=0.0, theta_m=jitter, theta_measured=3 * jitter
     )
-    found = cells(late.table(results, runs_in(results, "low-speed")))
+    found = cells(tables.late_table(results, runs_in(results, "low-speed")))
     sigma = np.std(jitter[8 * RATE :])
     values = {name: float(row[0].split()[0]) for name, row in found.items() if "position" in name}
     assert values == pytest.approx(

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cogless.report import overtime
-from cogless.report.overtime import View
+from cogless.report import waveforms
+from cogless.report.waveforms import View
 from cogless.results.fault_response import Fault
 from cogless.results.trace import Trace
 
@@ -37,18 +37,18 @@ def broken(monkeypatch):
     def at(*faults):
         made = [Fault(t, end, ("stuck",), ()) for t, end in faults]
         shown = [(fault, fault.time - 1, fault.end + 1) for fault in made]
-        monkeypatch.setattr(overtime, "spans", lambda *_: shown)
+        monkeypatch.setattr(waveforms, "spans", lambda *_: shown)
 
     at()
-    monkeypatch.setattr(overtime, "in_angle", lambda results, run: getattr(run, "law", None))
-    monkeypatch.setattr(overtime, "speed_unit", lambda results: "rpm")
+    monkeypatch.setattr(waveforms, "in_angle", lambda results, run: getattr(run, "law", None))
+    monkeypatch.setattr(waveforms, "speed_unit", lambda results: "rpm")
     return at
 
 
 def buttons(results, *runs):
     return [
         (z["name"], z["from"], z["to"], *(["first"] if "first" in z else []))
-        for z in overtime.zooms(results, runs)
+        for z in waveforms.zooms(results, runs)
     ]
 
 
@@ -69,7 +69,7 @@ def test_the_points_of_a_view_are_in_the_middle_of_the_rows_that_they_stand_for(
     assert View((0.2, 0.599), 40).thinned(trace, of) == pytest.approx(values[20:60])
     read = []
     for block in (25, 3):  # rows that are read at once, but a bucket at least
-        monkeypatch.setattr(overtime, "BLOCK", block)
+        monkeypatch.setattr(waveforms, "BLOCK", block)
         pieces = []
         part = View((0.1, 0.999), 20).thinned(trace, lambda rows: pieces.append(rows) or values[rows])  # noqa: B023
         assert part.tolist() == View((0.1, 0.999), 20).thinned(trace, of).tolist()
@@ -131,7 +131,7 @@ def test_start_up_ends_when_the_error_is_within_a_fifth_above_that_of_later(brok
     error = np.where(time < 1.995, -early, late)
     found = buttons(results_of(), run_of(10, omega_error=error), run_of(10))
     assert [since for name, since, *_ in found if name == "after start-up"] == ([started] if started else [])
-    assert overtime._started([run_of(10, omega_error=np.where(error < 0, np.nan, error))], 10.0) == 0.0
+    assert waveforms._started([run_of(10, omega_error=np.where(error < 0, np.nan, error))], 10.0) == 0.0
     event = buttons(results_of(1.5), run_of(10, omega_error=error))  # all the same up to there
     assert "after start-up" not in [name for name, *_ in event]
 
@@ -140,25 +140,25 @@ def test_two_faults_and_the_last_revolutions_have_finer_points(broken):
     """Spans that overlap are one. They share the points that are left, if these are twice as fine."""
     broken((2.0, 3.0), (3.5, 6.0), (7.0, 8.0))
     runs = [run_of(20)]
-    details = overtime._details(results_of(), runs, 3000, 4)
+    details = waveforms._details(results_of(), runs, 3000, 4)
     assert [view.points for view in details] == [4000] * 3
     assert [view.span for view in details] == [
         (1.0, 4.0), (4.0, 7.0), pytest.approx((17.99, 19.99), abs=0.011)
     ]  # fmt: skip
-    assert [view.points for view in overtime._details(results_of(), runs, 100, 30)] == [200_000 // 90] * 3
-    assert [view.points for view in overtime._details(results_of(), runs, 100, 100)] == [1500] * 3
+    assert [view.points for view in waveforms._details(results_of(), runs, 100, 30)] == [200_000 // 90] * 3
+    assert [view.points for view in waveforms._details(results_of(), runs, 100, 100)] == [1500] * 3
     broken((1.0, 8.99))  # half of the run
-    (last,) = overtime._details(results_of(), runs, 4003, 4)
+    (last,) = waveforms._details(results_of(), runs, 4003, 4)
     assert last.span[0] == pytest.approx(17.99, abs=0.011)
-    assert len(overtime._details(results_of(), runs, 4002, 4)) == 2
+    assert len(waveforms._details(results_of(), runs, 4002, 4)) == 2
     broken()
-    assert overtime._details(results_of(), [run_of(1.5)], 10, 4) == []
+    assert waveforms._details(results_of(), [run_of(1.5)], 10, 4) == []
 
 
 def test_a_fault_has_a_mark_from_its_beginning_to_its_end(monkeypatch):
     found = [Fault(2.0, 3.0, ("stuck", "late")), Fault(4.0, 4.5, ("lost",))]
-    monkeypatch.setattr(overtime, "faults_in", lambda study, scenario: found if scenario == "low" else [])
-    assert overtime.marks(results_of(), [run_of(1)]) == [
+    monkeypatch.setattr(waveforms, "faults_in", lambda study, scenario: found if scenario == "low" else [])
+    assert waveforms.marks(results_of(), [run_of(1)]) == [
         {"from": 2.0, "to": 3.0, "label": "stuck and late"}, {"from": 4.0, "to": 4.5, "label": "lost"}
     ]  # fmt: skip
 
@@ -167,13 +167,13 @@ def test_the_last_revolutions_begin_a_row_before_the_rows_that_turn_them():
     """Of four rows a second, each a quarter of a revolution; what is no number doesn't turn."""
     trace = run_of(5).trace
     slow = replace(trace, data=trace.data[:20] * [25, 1, 1])
-    assert [overtime._since(slow, n) for n in (1, 2)] == [3.75, 2.75]
-    short = [overtime._since(replace(slow, data=slow.data[:rows]), 2) for rows in (10, 9, 8)]
+    assert [waveforms._since(slow, n) for n in (1, 2)] == [3.75, 2.75]
+    short = [waveforms._since(replace(slow, data=slow.data[:rows]), 2) for rows in (10, 9, 8)]
     assert short == [0.25, None, None]
-    assert overtime._since(slow, 5) is None and overtime._since(slow, 6) is None
+    assert waveforms._since(slow, 5) is None and waveforms._since(slow, 6) is None
     data = slow.data.copy()
     data[-2, 1], data[-3, 1] = np.nan, -data[-3, 1]
-    assert overtime._since(replace(slow, data=data), 1) == pytest.approx(3.5)
+    assert waveforms._since(replace(slow, data=data), 1) == pytest.approx(3.5)
 
 
 @pytest.fixture
@@ -185,12 +185,12 @@ def drawn(broken, monkeypatch):
         made.append(([(p.title, p.signal, p.quantity, p.unit) for p in panels], views))
         return {"start": views[0].span[0] if views[0].span else 0.0}
 
-    monkeypatch.setattr(overtime, "_times", keep)
+    monkeypatch.setattr(waveforms, "_times", keep)
     return made
 
 
 def test_an_event_is_drawn_from_a_tenth_before_to_one_and_a_half_seconds_after_it_or_the_next(drawn):
-    charts = overtime.events(results_of(0.05, 2.0, 3.0, 9.95), [run_of(10)])
+    charts = waveforms.events(results_of(0.05, 2.0, 3.0, 9.95), [run_of(10)])
     spans = [view.span for _, (view,) in drawn]
     assert spans == [(0.0, 1.55), (1.9, 3.0), (2.9, 4.5)]  # four rows after the last are too few
     assert [chart["start"] for chart in charts] == pytest.approx([-0.05, -0.1, -0.1])
@@ -204,8 +204,8 @@ def test_an_event_is_drawn_from_a_tenth_before_to_one_and_a_half_seconds_after_i
 
 @pytest.mark.parametrize(("runs", "points"), [(1, 20_000), (10, 14_000), (20, 7_000), (100, 1_500)])
 def test_points_are_shared_by_all_waveforms_of_a_page(drawn, monkeypatch, runs, points):
-    monkeypatch.setattr(overtime, "errors", lambda *_: [])
-    overtime.waveforms(results_of(runs=runs), [run_of(1)])
+    monkeypatch.setattr(waveforms, "errors", lambda *_: [])
+    waveforms.waveforms(results_of(runs=runs), [run_of(1)])
     ((panels, views),) = drawn
     assert [view.points for view in views][:1] == [points]
     assert panels == [
@@ -217,7 +217,7 @@ def test_points_are_shared_by_all_waveforms_of_a_page(drawn, monkeypatch, runs, 
 
 
 def test_laws_that_learn_in_angle_have_their_currents_and_the_time_of_a_period(drawn, monkeypatch):
-    monkeypatch.setattr(overtime, "errors", lambda *_: [])
+    monkeypatch.setattr(waveforms, "errors", lambda *_: [])
     for needed, signals, titles in (
         (None, {}, ["Learned part of the current reference", "q current", "d current"]),
         (
@@ -229,17 +229,17 @@ def test_laws_that_learn_in_angle_have_their_currents_and_the_time_of_a_period(d
             ],
         ),
     ):  # fmt: skip
-        monkeypatch.setattr(overtime, "needed_current", lambda *_, needed=needed: needed)
+        monkeypatch.setattr(waveforms, "needed_current", lambda *_, needed=needed: needed)
         run = run_of(1, **signals)
         run.law = SimpleNamespace()
-        overtime.waveforms(results_of(), [run_of(1), run] if needed is None else [run])
+        waveforms.waveforms(results_of(), [run_of(1), run] if needed is None else [run])
         assert [title for title, *_ in drawn[-1][0]][3:] == titles
     assert [panel[1:] for panel in drawn[-1][0]][4:] == [
         ("i_q", "i_q", "A"), ("i_d", "i_d", "A"), ("P_t", "P_t", "s")
     ]  # fmt: skip
-    assert overtime.waveforms(results_of(), []) == {"panels": []}
+    assert waveforms.waveforms(results_of(), []) == {"panels": []}
 
 
 def test_the_spread_of_a_signal_is_that_of_its_second_half():
-    assert overtime._spread(np.array([9.0, -9.0, 1.0, 3.0])) == 1.0
-    assert overtime._spread(np.array([1.0, 9.0, 1.0, np.nan])) == overtime._spread(np.zeros(0)) == 0.0
+    assert waveforms._spread(np.array([9.0, -9.0, 1.0, 3.0])) == 1.0
+    assert waveforms._spread(np.array([1.0, 9.0, 1.0, np.nan])) == waveforms._spread(np.zeros(0)) == 0.0

@@ -10,8 +10,8 @@ import synthetic
 from cogless.report import page, tables
 from cogless.report.comparison import Line
 from cogless.report.markup import NONE
-from cogless.report.trials.gains import _gains
-from cogless.report.verdict import ScenarioVerdict, Told
+from cogless.report.trials import _gains
+from cogless.report.verdicts import ScenarioVerdict, Told
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
 

@@ -9,9 +9,9 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from cogless.identify.result import Value, Wave
-from cogless.report import identified, plots, png
-from cogless.report.packing import pack
-from cogless.report.trials import plots as trial_plots
+from cogless.report import charts, identified
+from cogless.report import charts as trial_plots
+from cogless.report.markup import pack
 
 LOOKS = [{"color": f"C{n}", "label": name} for n, name in enumerate("abc")]
 
@@ -37,7 +37,7 @@ def chart(**more):
 
 def test_axes_are_named_by_quantity_and_unit():
     for unit, name in (("A", "what (A)"), ("", "what")):
-        (row,) = png.stack([chart(unit=unit)], lambda *_: None)
+        (row,) = charts.stack([chart(unit=unit)], lambda *_: None)
         assert [(plot.x, plot.y, plot.title) for plot in row] == [("along", name, "Title")]
 
 
@@ -47,7 +47,7 @@ def test_errors_over_the_trials_with_floor_and_changes():
     marks = [{"trial": 10 * n, "name": f"change {n}"} for n in range(1, 6)]
     both = [series(0, [0.0, 1.0, 2.0]), series(2, [1.0, 0.0, -1.0])]
     data = {"over_trials": {"charts": [chart(series=both, **floor), chart(series=both)], "marks": marks}}
-    (first,), (second,) = trial_plots.PICTURES["rms"].rows(data, LOOKS)
+    (first,), (second,) = trial_plots.TRIAL_PICTURES["rms"].rows(data, LOOKS)
     axes = axes_of(first)
     drawn = curves(axes)
     assert [(colour, x) for colour, x, _ in drawn[:2]] == [("C0", [1, 2, 3]), ("C2", [1, 2, 3])]
@@ -81,13 +81,13 @@ def test_the_first_trials_of_four_phases_are_drawn_with_their_references():
         chart(series=[{"controller": 0, "trials": trials[0]}], references=[]),
     ]
     waves = {"x": "time in the trial (s)", "start": 0.5, "step": 2.0, "phases": phases, "panels": panels}
-    above, below = trial_plots.PICTURES["trials"].rows({"waveforms": waves}, LOOKS)
+    above, below = trial_plots.TRIAL_PICTURES["trials"].rows({"waveforms": waves}, LOOKS)
     assert [plot.x for plot in above] == [
         f"time in the trial (s); phase no\n{n}" for n in range(4)
     ]  # 32 a line
     axes = axes_of(above[3])
     assert [(colour, x) for colour, x, _ in curves(axes)] == [
-        (colour, [0.5, 2.5]) for colour in ("C1", "C2", png.REFERENCE["color"])
+        (colour, [0.5, 2.5]) for colour in ("C1", "C2", charts.REFERENCE["color"])
     ]
     assert np.array([y for *_, y in curves(axes)]) == pytest.approx(np.array([[3, 4], [3, 5], [0, 3]]))
     assert axes.lines[2].get_linestyle() == "--"
@@ -97,7 +97,7 @@ def test_the_first_trials_of_four_phases_are_drawn_with_their_references():
 def test_factors_of_a_certificate_are_over_a_logarithmic_axis_with_a_line_at_one():
     both = [series(1, [0.5, 0.25]), series(1, [0.75, 1.5], dash=True)]
     data = {"certificate": [chart(frequency=[1.0, 100.0], series=both)]}
-    ((plot,),) = trial_plots.PICTURES["certificate"].rows(data, LOOKS)
+    ((plot,),) = trial_plots.TRIAL_PICTURES["certificate"].rows(data, LOOKS)
     axes = axes_of(plot)
     full, dashed, one = axes.lines
     assert [line.get_color() for line in (full, dashed)] == ["C1", "C1"]
@@ -132,12 +132,12 @@ def test_waveforms_are_drawn_whole_and_at_their_end_or_their_fault():
     ):
         buttons = [{"name": name, "from": zooms[name][0], "to": zooms[name][1]} for name in names]
         data = {"waveforms": waves(), "zooms": buttons, "marks": []}
-        (row,) = plots.PICTURES["waveforms"].rows(data, LOOKS)
+        (row,) = charts.SPEED_PICTURES["waveforms"].rows(data, LOOKS)
         assert [plot.x for plot in row] == [f"time (s), {name}" for name in shown]
         for plot, name in zip(row, shown, strict=True):
             first, last = zooms[name]
             both = curves(axes_of(plot))
-            assert [colour for colour, *_ in both] == ["C1", png.REFERENCE["color"]]
+            assert [colour for colour, *_ in both] == ["C1", charts.REFERENCE["color"]]
             for _, x, y in both:
                 assert x == np.arange(first, last + 1).tolist() and y == pytest.approx(x, abs=1e-3)
 
@@ -148,7 +148,7 @@ def test_waveforms_are_drawn_whole_and_at_their_end_or_their_fault():
 )
 def test_a_zoom_is_drawn_in_the_finer_points_that_reach_within_a_coarse_one(begin, end, step):
     shown = waves((7.0, 2), (3.0, 4))
-    grid, values = plots._finest(shown, shown["panels"][0]["series"][0], {"from": begin, "to": end})
+    grid, values = charts._finest(shown, shown["panels"][0]["series"][0], {"from": begin, "to": end})
     assert grid["step"] == step and len(values) == (4 if step == 0.5 else 10)
     assert values[0] == pytest.approx(3.0 if step == 0.5 else 0.0)
 
@@ -156,7 +156,7 @@ def test_a_zoom_is_drawn_in_the_finer_points_that_reach_within_a_coarse_one(begi
 def test_a_fault_is_shaded_as_far_as_it_is_shown():
     marks = [{"from": a, "to": b} for a, b in ((0.0, 2.0), (1.0, 3.0), (4.0, 4.5), (5.0, 8.0), (6.0, 7.0))]
     zoom = {"name": "whole run", "from": 2.0, "to": 6.0}
-    ((plot,),) = plots.PICTURES["waveforms"].rows(
+    ((plot,),) = charts.SPEED_PICTURES["waveforms"].rows(
         {"waveforms": waves(), "zooms": [zoom], "marks": marks}, LOOKS
     )
     shaded = axes_of(plot).patches
@@ -168,14 +168,16 @@ def test_a_fault_is_shaded_as_far_as_it_is_shown():
 
 def test_a_learned_map_is_a_curve_over_the_angle():
     both = [{"controller": n, "values": [n, 1.0, 2.0]} for n in (1, 0)]
-    ((plot,),) = plots.PICTURES["map"].rows({"maps": [chart(angle=[0, 90, 180], series=both)]}, LOOKS)
+    ((plot,),) = charts.SPEED_PICTURES["map"].rows({"maps": [chart(angle=[0, 90, 180], series=both)]}, LOOKS)
     assert curves(axes_of(plot)) == [("C1", [0, 90, 180], [1, 1.0, 2.0]), ("C0", [0, 90, 180], [0, 1.0, 2.0])]
 
 
 def test_bars_of_an_order_stand_side_by_side_about_its_place():
     """Of two controllers each is 0.39 wide, and drawn in 92 % of that; what is no number has no height."""
     both = [{"controller": n, "values": values} for n, values in ((2, [1.0, None]), (0, [3.0, 4.0]))]
-    ((plot,),) = plots.PICTURES["spectra"].rows({"spectra": [chart(orders=[6, 24], series=both)]}, LOOKS)
+    ((plot,),) = charts.SPEED_PICTURES["spectra"].rows(
+        {"spectra": [chart(orders=[6, 24], series=both)]}, LOOKS
+    )
     axes = axes_of(plot)
     for bars, colour, x, heights in zip(
         axes.containers, ("C2", "C0"), (-0.195, 0.195), ([1, 0], [3, 4]), strict=True
@@ -205,11 +207,11 @@ def figures(monkeypatch):
 
 def test_a_picture_is_as_wide_as_its_columns_need_and_as_high_as_its_rows(tmp_path, figures):
     def line(label):
-        return png.Plot(lambda ax: ax.plot([0, 1], [2.00004, np.nan], label=label), label, "y", "title")
+        return charts.Plot(lambda ax: ax.plot([0, 1], [2.00004, np.nan], label=label), label, "y", "title")
 
-    png.save(tmp_path / "one.png", "Word " * 30, [[line("a")], [line("b")], [line("b")]], 2.0, "run")
-    png.save(tmp_path / "two.png", "Short", [[line("a"), line("a")]], 1.5, "", (2, 1, 7))
-    png.save(tmp_path / "bars.png", "", [[png.Plot(lambda ax: ax.bar([0, 1], [3, -1]))]], 1.0, "")
+    charts.save(tmp_path / "one.png", "Word " * 30, [[line("a")], [line("b")], [line("b")]], 2.0, "run")
+    charts.save(tmp_path / "two.png", "Short", [[line("a"), line("a")]], 1.5, "", (2, 1, 7))
+    charts.save(tmp_path / "bars.png", "", [[charts.Plot(lambda ax: ax.bar([0, 1], [3, -1]))]], 1.0, "")
     (one, about), (two, _), (bars, of_bars) = figures
     assert one.get_size_inches().tolist() == pytest.approx([9, 0.9 + 3 * 2.0])
     assert two.get_size_inches().tolist() == pytest.approx([12, 0.9 + 1.5])
@@ -223,29 +225,31 @@ def test_a_picture_is_as_wide_as_its_columns_need_and_as_high_as_its_rows(tmp_pa
 
 
 def test_only_pictures_with_a_plot_are_written(tmp_path, figures, monkeypatch):
-    monkeypatch.setattr(png, "run_id", lambda results: "id")
-    one = png.Picture(lambda data, looks: [[png.Plot(lambda ax: ax.plot([0], [data], **looks[0]))]], 1.5)
+    monkeypatch.setattr(charts, "run_id", lambda results: "id")
+    one = charts.Picture(
+        lambda data, looks: [[charts.Plot(lambda ax: ax.plot([0], [data], **looks[0]))]], 1.5
+    )
     pictures = {
-        "none": png.Picture(lambda *_: [], 1.0),
+        "none": charts.Picture(lambda *_: [], 1.0),
         "one": one,
-        "empty": png.Picture(lambda *_: [[]], 1.0),
+        "empty": charts.Picture(lambda *_: [[]], 1.0),
     }
     results = SimpleNamespace(scenarios=["low"], study=SimpleNamespace(title="Study"))
     drawn = {"controllers": [{"colour": 1, "label": "PI"}], "scenarios": [5.0]}
-    assert png.write_plots(results, drawn, pictures, tmp_path) == [tmp_path / "low-one.png"]
+    assert charts.write_plots(results, drawn, pictures, tmp_path) == [tmp_path / "low-one.png"]
     ((figure, about),) = figures
     assert (figure.get_suptitle(), about["Run"]) == ("Study: low", "id")
     (line,) = figure.axes[0].lines
     assert (line.get_label(), list(line.get_ydata()), line.get_linewidth()) == ("PI", [5.0], 0.9)
-    assert line.get_color() == png.asset("report.css").split("--c1: ")[1][:7]
+    assert line.get_color() == charts.asset("report.css").split("--c1: ")[1][:7]
 
 
 @pytest.mark.parametrize(("count", "length", "abreast"), [(3, 4, 3), (20, 3, 12), (20, 6, 9), (2, 200, 1)])
 def test_a_legend_has_as_many_columns_as_its_labels_leave_room_for(tmp_path, figures, count, length, abreast):
     """108 letters in a line; each label takes six more."""
     labels = [f"{n:02d}".ljust(length, "x")[:length] for n in range(count)]
-    plot = png.Plot(lambda ax: [ax.plot([0], [0], label=label) for label in labels])
-    png.save(tmp_path / "legend.png", "", [[plot]], 1.0, "")
+    plot = charts.Plot(lambda ax: [ax.plot([0], [0], label=label) for label in labels])
+    charts.save(tmp_path / "legend.png", "", [[plot]], 1.0, "")
     assert figures[0][0].legends[0]._ncols == abreast
 
 
@@ -267,7 +271,7 @@ def test_the_found_orders_are_bars_with_their_errors(tmp_path, figures):
     assert [(bar.get_x(), bar.get_width(), bar.get_height()) for bar in bars] == [
         pytest.approx((-0.3, 0.6, 15.0)), pytest.approx((0.7, 0.6, 25.0))
     ]  # fmt: skip
-    blue = png.asset("report.css").split("--c1: ")[1][:7]
+    blue = charts.asset("report.css").split("--c1: ")[1][:7]
     assert {to_hex(bar.get_facecolor()) for bar in bars} == {blue.lower()}
     (first, second) = cogging.lines
     assert list(first.get_xdata()) == [0, 0] and first.get_ydata() == pytest.approx([10, 20])

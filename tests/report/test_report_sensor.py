@@ -12,9 +12,9 @@ from engine import run
 import studies
 from cogless.report import verdicts
 from cogless.report.comparison import compare
-from cogless.report.late import table
-from cogless.report.sensor import sensor
 from cogless.report.speed_tracking import late
+from cogless.report.speed_verdict import sensor
+from cogless.report.tables import late_table
 from cogless.results import Results
 from cogless.run import simulate
 from cogless.study import load
@@ -205,7 +205,7 @@ def test_a_sensor_that_gives_no_number_says_nothing(ripples):
 
 
 def test_late_in_a_run_that_turns_jitter_is_of_the_errors(made):
-    text = re.sub(r"<[^>]+>", "|", table(made, made.runs))
+    text = re.sub(r"<[^>]+>", "|", late_table(made, made.runs))
     for name, signal in (("", "theta_error"), (" as measured", "theta_error_measured")):
         row = re.search(rf"position jitter{name}, rms(.*?)position jitter", text, re.DOTALL)[1]
         told = [float(value) for value in re.findall(r"([\d.]+) deg", row)]

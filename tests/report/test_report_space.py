@@ -11,18 +11,17 @@ from cogless import load
 from cogless.design.verdict import judged, verdict, warnings
 from cogless.errors import StudyError
 from cogless.report import render, verdicts
+from cogless.report.angle_charts import _period, growth, over_angle, sentences, worse_since
 from cogless.report.comparison import compare
-from cogless.report.growth import growth, sentences, worse_since
 from cogless.report.markup import asset
-from cogless.report.paths import errors, periods
-from cogless.report.periods import _period, over_angle
-from cogless.report.required_current import needed_current
+from cogless.report.panels import errors, periods
+from cogless.report.waveforms import needed_current
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
 from cogless.run import simulate
 from cogless.run.carry_out import measure
 from cogless.study import changed
-from cogless.study.space_controller import Period
+from cogless.study.laws.space import Period
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +160,7 @@ def test_what_gets_worse_is_said_where_the_design_can_tell_nothing(made, monkeyp
     def unknown(study, name):
         raise StudyError("no bounds")
 
-    monkeypatch.setattr("cogless.report.growth.verdict", unknown)
+    monkeypatch.setattr("cogless.report.angle_charts.verdict", unknown)
     pi, printed, _ = made.runs
     told = verdicts(replace(made, runs=[pi, with_line(printed, 400, 1.0, 9.0)]))[0].details
     (worse,) = (line for line in told if "Worse with time" in line)

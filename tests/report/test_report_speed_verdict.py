@@ -11,7 +11,7 @@ import synthetic
 from test_report_orders import RATE, with_signals
 
 from cogless.report.comparison import Line, compare, remarks, runs_in
-from cogless.report.sensor import Sensor
+from cogless.report.speed_verdict import Sensor
 
 room = import_module("cogless.report.speed_verdict")
 PI, FAIR, ILC = "PI as published", "PI re-tuned", "PI-ILC"  # the first is the baseline, the last learns

@@ -17,11 +17,10 @@ from commands import cogless
 import studies
 from cogless.ensemble import judge
 from cogless.ensemble import sweep as sweeping
-from cogless.ensemble.columns import LAST, Column, columns
-from cogless.ensemble.sample import draw
-from cogless.ensemble.sensitivity import influences, positions
-from cogless.ensemble.table import Sweep
-from cogless.report import sweep as report
+from cogless.ensemble.judge import influences, positions
+from cogless.ensemble.sweep_table import LAST, Column, Sweep, columns
+from cogless.ensemble.variants import draw
+from cogless.report import sweep_report as report
 
 pytest.importorskip("SALib", reason="needs the extra cogless[sweep]")
 
@@ -204,7 +203,7 @@ def test_the_worst_command_repeats_the_worst_variant(
 
 def test_variants_of_the_plant_meet_controllers_of_the_study(tmp_path: Path) -> None:
     """Gains by a rule stay those of the nominal motor; in a study with that inertia they would be others."""
-    from cogless.design.pi import gains
+    from cogless.design.speed_loop import gains
     from cogless.study import changed, for_scenario
 
     tuned = '[controller.rule]\nlaw = "pi"\ntuning = { rule = "phase-margin", phase_margin = "60 deg" }\n'

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 import synthetic
 
-from cogless.design.certificate import ENDS
-from cogless.design.response import MONOTONE
-from cogless.report.trials.case import case
-from cogless.report.trials.errors import settled
-from cogless.report.trials.phases import Phase
+from cogless.design.trials.certificate import ENDS
+from cogless.design.trials.response import MONOTONE
+from cogless.report.phases import Phase, settled
+from cogless.report.trial_case import case
 
-room = import_module("cogless.report.trials.verdict")  # its package has a function of this name
+room = import_module("cogless.report.trial_verdict")  # its package has a function of this name
 ILC, INPUT = "“ILC, Fig. 1”", "ILC into the input"
 START = "from the start"
 LOAD, SECOND = "after the load change (trial 21)", "after the load change (trial 41)"

@@ -10,19 +10,17 @@ import pytest
 import synthetic
 import trial_studies
 
-from cogless.cli.tables import print_tables
-from cogless.design.from_study import design_study
-from cogless.design.trial_summary import labelled_notes, megabytes
+from cogless.cli.printed import print_tables
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.trial_summary import labelled_notes, megabytes
 from cogless.report import lines, outcome, render, verdicts
-from cogless.report.trials.case import case
-from cogless.report.trials.outcome import own_lines, same_size, than
-from cogless.report.trials.overtrials import over_trials
-from cogless.report.trials.phases import NAMED_MOST, Phase, after, groups, phases
-from cogless.report.trials.waveforms import waveforms
+from cogless.report.phases import NAMED_MOST, Phase, after, groups, phases
+from cogless.report.trial_case import case, own_lines, same_size, than
+from cogless.report.trials import over_trials, waveforms
 from cogless.results.trace import Trace
 from cogless.run.simulate import run_study
 
-room = import_module("cogless.report.trials.verdict")  # its package has a function of this name
+room = import_module("cogless.report.trial_verdict")  # its package has a function of this name
 ILC = "“ILC, Fig. 1”"
 TRIALS = 60
 FALLS = np.tile(np.hypot(3e-3 * 0.3 ** np.arange(20.0), 0.5e-3), 3)

@@ -12,18 +12,17 @@ import trial_studies
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from test_report import Checker, data_of
 
-from cogless.design.certificate import Certificate, Learning, ModelCertificate
-from cogless.design.finite import FiniteTrial
-from cogless.design.from_study import design_study
-from cogless.design.lmi import Check
-from cogless.design.trial_summary import _proof, warnings, words
-from cogless.report import lines, page, render, verdicts, write, write_plots
-from cogless.report.packing import unpack
-from cogless.report.trials import overtrials, waveforms
-from cogless.report.trials.case import case
-from cogless.report.trials.certificate import certificate_table, close_to_one
-from cogless.report.trials.gains import _check, gain_table
-from cogless.report.trials.phases import Phase, phases, zooms
+from cogless.design.trials.certificate import Certificate, Learning, ModelCertificate
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.response import FiniteTrial
+from cogless.design.trials.state_feedback import Check
+from cogless.design.trials.trial_summary import _proof, warnings, words
+from cogless.report import lines, page, render, trials, verdicts, write, write_plots
+from cogless.report.markup import unpack
+from cogless.report.phases import Phase, phases, zooms
+from cogless.report.trial_case import case
+from cogless.report.trial_certificate import certificate_table, close_to_one
+from cogless.report.trials import _check, gain_table
 from cogless.results import Run, TrialResults
 from cogless.results.results_json import to_dict
 from cogless.results.trace import Trace
@@ -485,7 +484,7 @@ def test_a_logarithmic_axis_has_no_place_for_zero(study):
     rms = synthetic.rms_of_trials(study, "ilc")
     rms[[3, 4]], rms[7] = 0.0, np.nan
     made = synthetic.trial_results(study, {"ilc": rms}, designed=False)
-    chart = overtrials.over_trials(made, made.runs)["charts"][0]
+    chart = trials.over_trials(made, made.runs)["charts"][0]
     values = unpack(chart["series"][1]["values"])
     assert np.flatnonzero(np.isnan(values)).tolist() == [3, 4, 7]
     assert chart["note"] == (
@@ -516,16 +515,16 @@ def test_chosen_trials_hold_what_the_trace_has(made, study):
 
 
 def test_so_many_phases_are_drawn_and_the_rest_is_told(made, monkeypatch):
-    monkeypatch.setattr(waveforms, "MOST_PHASES", 2)
-    waves = waveforms.waveforms(made, made.runs)
+    monkeypatch.setattr(trials, "MOST_PHASES", 2)
+    waves = trials.waveforms(made, made.runs)
     assert waves["note"] == "Of the first 2 of 3 phases."
     assert [phase["name"] for phase in waves["phases"]] == ["start", "trial 21: load"]
 
 
 def test_long_trials_are_thinned(made, monkeypatch):
-    monkeypatch.setattr(waveforms, "POINTS", 1)
-    monkeypatch.setattr(waveforms, "FEWEST", 20)
-    waves = waveforms.waveforms(made, made.runs)
+    monkeypatch.setattr(trials, "POINTS", 1)
+    monkeypatch.setattr(trials, "FEWEST", 20)
+    waves = trials.waveforms(made, made.runs)
     values = unpack(waves["panels"][1]["series"][0]["trials"]["1"])
     assert len(values) <= 20
     assert waves["start"] + waves["step"] * (len(values) - 1) == pytest.approx(0.25, abs=0.02)
@@ -533,14 +532,14 @@ def test_long_trials_are_thinned(made, monkeypatch):
 
 def test_points_are_shared_by_panels_runs_and_chosen_trials(made, monkeypatch):
     """Four panels, three runs, twelve trials: 144 waveforms."""
-    monkeypatch.setattr(waveforms, "FEWEST", 1)
-    monkeypatch.setattr(waveforms, "POINTS", 144 * 20 + 143)
-    waves = waveforms.waveforms(made, made.runs)
+    monkeypatch.setattr(trials, "FEWEST", 1)
+    monkeypatch.setattr(trials, "POINTS", 144 * 20 + 143)
+    waves = trials.waveforms(made, made.runs)
     assert len(unpack(waves["panels"][1]["series"][0]["trials"]["1"])) == 20
 
 
 def test_trials_stay_readable_however_many_runs_share_the_page(made):
-    waves = waveforms.waveforms(replace(made, runs=made.runs * 500), made.runs)
+    waves = trials.waveforms(replace(made, runs=made.runs * 500), made.runs)
     assert len(unpack(waves["panels"][1]["series"][0]["trials"]["1"])) == len(made.runs[0].trace) / 60
 
 

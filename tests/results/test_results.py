@@ -12,11 +12,10 @@ import pytest
 from synthetic import STUDY, results, study
 
 from cogless.errors import StudyError
-from cogless.files import reason, replacing, writable
+from cogless.files import reason, replacing, versions, writable
 from cogless.results import Results
 from cogless.results.fault_response import Fault, Response
 from cogless.results.results_json import run_id, to_dict, write
-from cogless.versions import versions
 
 
 @pytest.fixture(scope="module")

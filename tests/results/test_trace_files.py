@@ -12,14 +12,14 @@ import pytest
 
 import studies
 from cogless import StudyError, rollout, run_study
-from cogless.report import overtime, render
-from cogless.report.packing import thin
-from cogless.report.paths import varies, varies_in
-from cogless.report.spectra import _first
-from cogless.results import Run, trace_files
+from cogless.report import render, waveforms
+from cogless.report.markup import thin
+from cogless.report.order_charts import _first
+from cogless.report.panels import varies, varies_in
+from cogless.results import Run
+from cogless.results import trace as tracing
 from cogless.results.results_json import to_dict
-from cogless.results.trace import BLOCK, Trace, write_netcdf
-from cogless.results.trace_files import TraceFile
+from cogless.results.trace import BLOCK, Trace, TraceFile, write_netcdf
 from cogless.study import changed
 
 SIGNALS = [("time", "s"), ("omega_ref", "rad/s"), ("omega_m", "rad/s")]
@@ -29,7 +29,7 @@ def test_results_and_report_are_those_of_traces_in_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study = studies.study(tmp_path, {"trace.energy": True})
-    monkeypatch.setattr(trace_files, "IN_MEMORY", 0)
+    monkeypatch.setattr(tracing, "IN_MEMORY", 0)
     in_files, in_memory = run_study(study, jobs=2, traces=tmp_path), run_study(study)
     assert all(run.trace.mapped is not None for run in in_files.runs)
     assert not any(run.trace.mapped for run in in_memory.runs)
@@ -46,7 +46,7 @@ def test_traces_of_runs_in_step_may_be_in_files(tmp_path: Path, monkeypatch: pyt
     study = studies.study(tmp_path)
     noisy = [changed(study, {"drive.current_sensors.noise": f"{noise} mA"}) for noise in (1, 2, 3)]
     in_memory = rollout(noisy, ["low/pi"], 1)
-    monkeypatch.setattr(trace_files, "IN_MEMORY", 0)
+    monkeypatch.setattr(tracing, "IN_MEMORY", 0)
     in_files = rollout(noisy, ["low/pi"], 1, traces=tmp_path)
     for a, b in zip(in_files, in_memory, strict=True):
         (a_run,), (b_run,) = a.runs, b.runs
@@ -57,11 +57,11 @@ def test_traces_of_runs_in_step_may_be_in_files(tmp_path: Path, monkeypatch: pyt
 def test_a_trace_in_memory_has_no_file_until_the_room_is_used_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    room = trace_files.TraceRoom(tmp_path)
+    room = tracing.TraceRoom(tmp_path)
     assert room.file(SIGNALS, 2_000_000) is None  # 48 MB
     assert room.file(SIGNALS, 1) is not None
-    monkeypatch.setattr(trace_files, "IN_MEMORY", 8 * 3 * 100)
-    room = trace_files.TraceRoom(tmp_path)
+    monkeypatch.setattr(tracing, "IN_MEMORY", 8 * 3 * 100)
+    room = tracing.TraceRoom(tmp_path)
     assert room.file(SIGNALS, 60) is None
     assert room.file(SIGNALS, 60) is not None
     assert room.file(SIGNALS, 40) is None
@@ -107,7 +107,7 @@ def long() -> Trace:
 
 def test_a_long_trace_is_thinned_as_a_whole_one(long: Trace) -> None:
     for span, points in ((None, 1501), (None, 20_000), ((100.0, 400.0), 4000), ((1.0, 1.5), 900)):
-        view = overtime.View(span, points)
+        view = waveforms.View(span, points)
         whole, step = thin(long["omega_m"][view.rows(long)], points)
         assert np.array_equal(view.thinned(long, lambda rows: long.part("omega_m", rows)), whole)
         assert view.grid(long)["step"] == pytest.approx(step * 1e-3)
@@ -115,13 +115,13 @@ def test_a_long_trace_is_thinned_as_a_whole_one(long: Trace) -> None:
 
 def test_what_is_searched_in_a_long_trace(long: Trace) -> None:
     end = long.time[-1]
-    assert overtime._since(long, 400) == pytest.approx(end - 400, abs=2e-3)
-    assert overtime._since(long, 2) == pytest.approx(end - 2, abs=2e-3)
-    assert overtime._since(long, round(end) + 1) is None
+    assert waveforms._since(long, 400) == pytest.approx(end - 400, abs=2e-3)
+    assert waveforms._since(long, 2) == pytest.approx(end - 2, abs=2e-3)
+    assert waveforms._since(long, round(end) + 1) is None
     run = Run("s", "c", long)
     error = np.abs(long["omega_error"])
     calm = 1.2 * error[len(error) // 2 :].max()
-    assert overtime._started([run], end) == long.time[np.flatnonzero(error > calm)[-1]]
+    assert waveforms._started([run], end) == long.time[np.flatnonzero(error > calm)[-1]]
     late = int(np.argmax(long.time > 400))
     assert _first(long, 0, lambda rows: long.part("time", rows) > 400) == late
     assert _first(long, late + 7, lambda rows: long.part("time", rows) > 400) == late + 7

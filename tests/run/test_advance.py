@@ -9,9 +9,9 @@ from typing import Any, cast
 
 import pytest
 
-from cogless.run import advance as room
+from cogless.run import plan as room
 from cogless.run import simulate
-from cogless.run.advance import Stopped, advance
+from cogless.run.plan import Stopped, advance
 
 
 def pieces(

@@ -8,8 +8,7 @@ import pytest
 
 import studies
 from cogless.c_layout import control_layout
-from cogless.run.drive_config import engine_config
-from cogless.run.monitor_defaults import OBSERVER_PEAK
+from cogless.run.drive_config import OBSERVER_PEAK, engine_config
 
 # all that a drive may have, and a belief that is neither the motor nor the scenario's motor
 RICH: dict[str, Any] = {

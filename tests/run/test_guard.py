@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cogless
-from cogless.design.pi import gains
+from cogless.design.speed_loop import gains
 from cogless.results.status import Status
 from cogless.run.simulate import simulate
 

@@ -12,7 +12,7 @@ from cogless.design.auto import load
 from cogless.report import limit, with_limits
 from cogless.results import Results
 from cogless.results.limits import HELPS
-from cogless.run.limits import _Tries, limits
+from cogless.run.limit_search import _Tries, limits
 from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed
 

@@ -9,7 +9,7 @@ import pytest
 
 import studies
 from cogless import load, run_study
-from cogless.report.maps import maps
+from cogless.report.map_charts import maps
 from cogless.results import Results, Run
 from cogless.results.status import Status
 

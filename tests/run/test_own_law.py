@@ -14,7 +14,7 @@ import pytest
 import cogless
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.run.known_drive import KnownDrive, known_drive
+from cogless.run.own_law import KnownDrive, known_drive
 
 STUDY = """
 title = "Own laws"

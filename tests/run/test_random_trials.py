@@ -12,7 +12,7 @@ from trial_studies import DRIVE, LINEAR
 
 from cogless import run_study
 from cogless.errors import StudyError
-from cogless.report.trials.case import case
+from cogless.report.trial_case import case
 from cogless.results import TrialResults
 from cogless.study import load
 

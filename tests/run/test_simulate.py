@@ -11,7 +11,7 @@ import pytest
 from engine import unpacked
 
 import studies
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.errors import StudyError
 from cogless.results import Results
 from cogless.results.results_json import to_dict

@@ -10,7 +10,7 @@ import pytest
 
 from cogless import StudyError, load
 from cogless.export.prepared import prepare, record
-from cogless.maps import start
+from cogless.maps import learned_map
 from cogless.maps.stored_map import MapError, StoredMap
 from cogless.run.simulate import Run, rollout, run_study, simulate
 from cogless.study import Study
@@ -160,29 +160,31 @@ def stored(values: Any, units: tuple[int, ...] = (1,), **other: Any) -> StoredMa
 
 def test_orders_stay_when_the_cells_change() -> None:
     """Of both kinds: cells to cells, cells to amplitudes, and back, within the float of the stored map."""
-    finer = start.entries(stored(WAVE), {**OWN, "values": np.zeros((1, 90))}, 1.0)
+    finer = learned_map.entries(stored(WAVE), {**OWN, "values": np.zeros((1, 90))}, 1.0)
     angle = 2 * np.pi / 90 * np.arange(90)
     np.testing.assert_allclose(finer[0], 0.5 * np.cos(2 * angle) - 0.2 * np.sin(9 * angle), atol=1e-7)
-    coarser = start.entries(stored(finer[0]), {**OWN, "values": np.zeros((1, 21))}, 1.0)
-    np.testing.assert_allclose(start.resampled(coarser[0], 64), WAVE, atol=1e-7)
-    waves = start.entries(stored(WAVE), AFC, 1.0)
+    coarser = learned_map.entries(stored(finer[0]), {**OWN, "values": np.zeros((1, 21))}, 1.0)
+    np.testing.assert_allclose(learned_map.resampled(coarser[0], 64), WAVE, atol=1e-7)
+    waves = learned_map.entries(stored(WAVE), AFC, 1.0)
     np.testing.assert_allclose(waves, [[0.5, 0.0], [0.0, -0.2], [2.0, 9.0]], atol=1e-7)
-    np.testing.assert_allclose(start.entries(stored(waves, (6, 7, 8)), OWN, 1.0)[0], WAVE, atol=1e-7)
-    np.testing.assert_array_equal(start.entries(stored(waves, (6, 7, 8)), AFC, 1.0), np.float32(waves))
+    np.testing.assert_allclose(learned_map.entries(stored(waves, (6, 7, 8)), OWN, 1.0)[0], WAVE, atol=1e-7)
+    np.testing.assert_array_equal(learned_map.entries(stored(waves, (6, 7, 8)), AFC, 1.0), np.float32(waves))
     halves = stored([[1.0, 0.0], [0.0, 0.0], [1.0, 2.0]], (6, 7, 8), parts=2)  # orders of half a revolution
-    found = start.entries(halves, {**AFC, "values": np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 2.0]])}, 1.0)
+    found = learned_map.entries(
+        halves, {**AFC, "values": np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 2.0]])}, 1.0
+    )
     np.testing.assert_allclose(found[:2], [[0.0, 1.0], [0.0, 0.0]], atol=1e-7)
 
 
 def test_a_map_of_an_electrical_revolution_repeats_in_a_mechanical_one() -> None:
     electrical = stored(np.cos(ANGLE), parts=3)
-    found = start.entries(electrical, {**OWN, "units": (4,), "values": np.zeros((1, 192))}, -2.0)
+    found = learned_map.entries(electrical, {**OWN, "units": (4,), "values": np.zeros((1, 192))}, -2.0)
     np.testing.assert_allclose(found[0], -2.0 * np.cos(3 * 2 * np.pi / 192 * np.arange(192)), atol=1e-6)
     short = {**OWN, "parts": 3}
     with pytest.raises(MapError, match="a map over a revolution: expected one that fits into the law's 1/3"):
-        start.entries(stored(WAVE), short, 1.0)
+        learned_map.entries(stored(WAVE), short, 1.0)
     with pytest.raises(MapError, match="a map over 1/2 of a revolution: expected"):
-        start.entries(replace(electrical, parts=2), short, 1.0)
+        learned_map.entries(replace(electrical, parts=2), short, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +204,7 @@ def test_a_map_of_an_electrical_revolution_repeats_in_a_mechanical_one() -> None
 )
 def test_what_says_nothing_about_a_law_is_refused(given: StoredMap, law: Any, expected: str) -> None:
     with pytest.raises(MapError, match=expected):
-        start.entries(given, law, 1.0)
+        learned_map.entries(given, law, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 import trial_studies
 
 from cogless.c_layout import control_layout
-from cogless.design.from_study import design_study
+from cogless.design.trials.from_study import design_study
 from cogless.run.trial_config import engine_config
 
 

@@ -16,11 +16,11 @@ from typer.testing import CliRunner
 
 from cogless import run_study
 from cogless.cli import app
-from cogless.design.from_study import design_study
+from cogless.design.trials.from_study import design_study
 from cogless.design.warnings import warnings
 from cogless.errors import StudyError
 from cogless.export.prepared import prepare
-from cogless.live.blobs import held, left_out
+from cogless.live.description import held, left_out
 from cogless.report import verdicts
 from cogless.results import TrialResults
 from cogless.results.results_json import to_dict

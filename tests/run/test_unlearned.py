@@ -16,7 +16,7 @@ from cogless.__main__ import main
 from cogless.design.unlearned import foreseen, too_short
 from cogless.errors import StudyError
 from cogless.report import compare, render, verdicts
-from cogless.report.unlearned import unlearned
+from cogless.report.comparison import unlearned
 from cogless.results import Results
 from cogless.run import simulate
 from cogless.study import load

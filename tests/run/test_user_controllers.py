@@ -13,7 +13,7 @@ from engine import config, drive_of, run
 
 import cogless
 from cogless import _simulator_f64
-from cogless.run.known_drive import KnownDrive
+from cogless.run.own_law import KnownDrive
 
 PLUGIN = """
 #include "cogless/plugin.h"

@@ -12,8 +12,8 @@ from control_library import control_library
 from engine import PI_ILC, RIPPLE, config, described, drive_of, trial_config
 
 from cogless import _simulator_f32, _simulator_f64
-from cogless.c_laws import C_LAWS
 from cogless.c_layout import control_layout
+from cogless.control_library import C_LAWS
 
 CHANGE: dict[str, Any] = {
     "motor": RIPPLE,

@@ -20,8 +20,8 @@ import pytest
 from engine import PI_ILC, RIPPLE, config, described
 
 from cogless import _simulator_f32 as engine
-from cogless.export.fmu.build import OPTIONS, STANDARDS
-from cogless.export.fmu.cpp import description_cpp
+from cogless.export.fmu import OPTIONS, STANDARDS
+from cogless.export.fmu.variables import description_cpp
 
 ROOT = Path(__file__).parents[2]
 TICKS = 2000

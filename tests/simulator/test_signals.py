@@ -10,15 +10,15 @@ import pytest
 
 import studies
 from cogless import load
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.files import control_sources
-from cogless.run.advance import ENGINES
 from cogless.run.drive_config import engine_config
+from cogless.run.plan import ENGINES
 from cogless.run.simulate import simulate
 from cogless.signals import DERIVED, RECORDED, exists
 from cogless.study import AnyStudy, Study
 from cogless.study.metric import SIGNALS
-from cogless.study.signals import kinds, missing, terms
+from cogless.study.metric_checks import kinds, missing, terms
 from cogless.units import ANGULAR_SPEED, UnitError, dimension_of
 
 DRIVES: list[tuple[str, dict[str, Any]]] = [

@@ -9,8 +9,7 @@ import pytest
 from pydantic_core import PydanticCustomError
 
 from cogless import units
-from cogless.study.angle_table import read
-from cogless.study.csv_file import finite, shown
+from cogless.study.csv_table import finite, read, shown
 
 ERROR = {"error": units.ANGLE}
 WAVES = {1: (0.3, 0.4), 3: (0.1, -2.0), 17: (0.02, 1.5)}  # order: amplitude, phase

@@ -10,9 +10,8 @@ import cogless
 import studies
 from cogless.errors import StudyError
 from cogless.study import Study, changed, load
-from cogless.study.arena import is_arena
-from cogless.study.error_messages import look_up
-from cogless.study.reading import checked, read, shipped, split
+from cogless.study.messages import look_up
+from cogless.study.reading import checked, is_arena, read, shipped, split
 
 FILES = {name: path for name, path in shipped("studies").items() if not is_arena(read(path))}
 SPEED = [name for name in FILES if isinstance(load(name), Study)]

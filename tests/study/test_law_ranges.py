@@ -11,11 +11,11 @@ import trial_studies
 
 import studies
 from cogless.errors import StudyError
-from cogless.run.advance import ENGINES
 from cogless.run.drive_config import engine_config
+from cogless.run.plan import ENGINES
 from cogless.study import changed, load
 from cogless.study.laws import AnyController
-from cogless.study.space_controller import Period
+from cogless.study.laws.space import Period
 
 PI = {"law": "pi", "kp": 0.1, "ki": 1.0}
 TABLE = {"speed": "2 rpm", "revolutions": 1, "position_gain": 20.0}

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from cogless.study.controller import LawLoop
 from cogless.study.drive import AnyCurrentLoop, StarBelief
 from cogless.study.laws import Controller
+from cogless.study.laws.law import LawLoop
 
 POLE_PAIRS = 4
 BY_HAND = {"kp": 0.1, "ki": 2.0}

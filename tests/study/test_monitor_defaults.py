@@ -12,16 +12,15 @@ from engine import unpacked
 
 from cogless import changed
 from cogless.design.auto import load
-from cogless.design.from_study import design_study
+from cogless.design.trials.from_study import design_study
 from cogless.errors import StudyError
-from cogless.run.advance import ENGINES
 from cogless.run.drive_config import engine_config
 from cogless.run.own_law import make_law
+from cogless.run.plan import ENGINES
 from cogless.run.simulate import simulate
 from cogless.run.trial_config import engine_config as trial_engine_config
 from cogless.study import TrialStudy
-from cogless.study.arena import is_arena
-from cogless.study.reading import read
+from cogless.study.reading import is_arena, read
 
 FILES = (Path(__file__).parents[2] / "studies").glob("*.toml")
 STUDIES = sorted(path.stem for path in FILES if not is_arena(read(path)))

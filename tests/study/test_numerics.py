@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import studies
-from cogless.study.datasheet_words import PER_BACK_EMF, mixed_up, replaced_by, torque_constant
+from cogless.study.datasheet import PER_BACK_EMF, mixed_up, replaced_by, torque_constant
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import CoggingTorque, FluxHarmonic, StarMotor, TorqueRipple
 from cogless.study.numerics import (
@@ -23,7 +23,7 @@ from cogless.study.numerics import (
     steps_needed,
     voltage_reach,
 )
-from cogless.study.temperature import Heating, MotorTemperature
+from cogless.study.saturation import Heating, MotorTemperature
 
 MOTOR = StarMotor(
     pole_pairs=4, R_s=2.0, L_d=4e-3, L_q=5e-3, psi_f=0.05, K_t=0.3, impedance_factor=1.0, flux_factor=1.0,

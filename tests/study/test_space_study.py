@@ -16,8 +16,8 @@ from cogless.run.carry_out import measure
 from cogless.study import load
 from cogless.study.drive import Belief
 from cogless.study.motion import course
+from cogless.study.motor import StepMotor
 from cogless.study.scenario import Scenario
-from cogless.study.step_motor import StepMotor
 
 STEP = {
     "kind": "step",

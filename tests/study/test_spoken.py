@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import studies
-from cogless.study.spoken import speed_text, spoken_unit
+from cogless.study.base import speed_text, spoken_unit
 from cogless.units import ANGLE, ANGULAR_SPEED, TORQUE, Dimension
 
 NO_METRIC: dict[str, Any] = {"metric": []}

@@ -19,12 +19,12 @@ from cogless.errors import StudyError
 from cogless.run.drive_config import engine_config
 from cogless.run.simulate import simulate
 from cogless.study import changed, for_scenario, load
-from cogless.study.datasheet_words import MAGNET
+from cogless.study.datasheet import MAGNET
 from cogless.study.drive import Belief
-from cogless.study.fault import Fault
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change, split, with_unit
 from cogless.study.saturation import Saturation
+from cogless.study.scenario import Fault
 
 MOTOR = """
 pole_pairs = 12

@@ -11,8 +11,8 @@ import pytest
 import studies
 from cogless.errors import StudyError
 from cogless.study import changed, load
-from cogless.study.error_messages import look_up, shown, toml
 from cogless.study.laws import AnyController
+from cogless.study.messages import look_up, shown, toml
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change
 from cogless.study.table import Table, check_precision

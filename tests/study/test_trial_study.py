@@ -13,8 +13,8 @@ from trial_studies import DRIVE, LINEAR
 
 from cogless.errors import StudyError
 from cogless.study import Study, load
-from cogless.study.expression import ExpressionError, evaluate
-from cogless.study.trial_scenario import PositionReference
+from cogless.study.linear_plant import ExpressionError, evaluate
+from cogless.study.trial_study import PositionReference
 
 
 def line_of(folder: Path, changes: dict[str, Any], text: str) -> str:

@@ -7,15 +7,10 @@ from typing import Annotated
 
 import typer
 
-from cogless.cli.calibrate import calibrate
-from cogless.cli.catalogue import list_
-from cogless.cli.design import design
-from cogless.cli.ensemble import sweep, tune
-from cogless.cli.firmware import export, pil
-from cogless.cli.live import live
+from cogless.cli.ensembles import sweep, tune
+from cogless.cli.firmware import export, map_, pil
 from cogless.cli.logs import diagnose, identify
-from cogless.cli.maps import map_
-from cogless.cli.run import run
+from cogless.cli.studies import calibrate, design, list_, live, run
 
 __all__ = ["app"]
 
@@ -33,7 +28,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from cogless.versions import versions
+        from cogless.files import versions
 
         print(f"cogless {versions()['cogless']}")
         raise typer.Exit

@@ -1,4 +1,4 @@
-"""`export` and `pil`: a controller as C, as an FMU, and on an emulated processor."""
+"""`export`, `pil`, `map`: a controller as C or FMU or on an emulated processor; maps as firmware has them."""
 
 from __future__ import annotations
 
@@ -10,9 +10,17 @@ from typing import Annotated
 
 import typer
 
-from cogless.cli.options import ControllerOption, ScenarioOption, SetOption, StudyArgument, output_option
-from cogless.cli.study import command_line, load
-from cogless.cli.tables import print_warnings
+from cogless.cli.options import (
+    ControllerOption,
+    ScenarioOption,
+    SetOption,
+    StudyArgument,
+    command_line,
+    load,
+    output_option,
+    place,
+)
+from cogless.cli.printed import print_warnings
 from cogless.cli.terminal import new_console, share_progress
 from cogless.errors import StudyError
 
@@ -52,7 +60,7 @@ def export(
         return
     if to != "c":
         raise StudyError(f'--to: "{to}": expected c or fmu')
-    from cogless.export.c.command import export_c
+    from cogless.export.c.export_c import export_c
     from cogless.export.c.linear import export_linear
     from cogless.study import TrialStudy
 
@@ -96,9 +104,8 @@ def pil(
     """
     from cogless.export.prepared import first_scenario
     from cogless.pil import toolchain
-    from cogless.pil.compare import compare
+    from cogless.pil.compare import compare, lines
     from cogless.pil.processor import require
-    from cogless.pil.table import lines
 
     if compiler not in (None, "gcc", "zig"):
         raise StudyError(f'--compiler: "{compiler}": expected gcc or zig')
@@ -115,3 +122,47 @@ def pil(
     print_warnings(loaded, [(where, controller)])
     if found.difference is not None:
         sys.exit(DIFFERENT)
+
+
+def map_(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A stored map, or a dump of flash with some in it.")
+    ],
+    csv: Annotated[
+        Path | None,
+        typer.Option(
+            "--csv",
+            parser=place,
+            metavar="FILE",
+            help="Write the newest map's entries, a row each; - prints.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        output_option("Write the newest map, alone.", "FILE"),
+    ] = None,
+    motor: Annotated[
+        str | None,
+        typer.Option("--motor", metavar="ID", help="What is written is for this motor, such as 0x1F2E3D4C."),
+    ] = None,
+) -> None:
+    """Show learned maps as firmware stores them: whose they are, what is in them, or why they are not valid.
+
+    The newest map is the one that firmware would load. Exit 2 if none is valid.
+    """
+    from cogless.maps import stored_map
+    from cogless.maps.stored_map import identity, lines, to_csv
+
+    if motor is not None and output is None:
+        raise StudyError("--motor: expected --output too")
+    found = stored_map.read(file)
+    newest = stored_map.newest(found)
+    if newest is None:
+        raise StudyError(f"{file}: " + "; ".join(f"at byte {place.offset}: {place.map}" for place in found))
+    stored, to_screen = newest.map, str(csv) == "-"
+    if csv is not None and not to_screen:
+        stored_map.write_map(csv, to_csv(stored).encode())
+    if output is not None:
+        wanted = stored.motor if motor is None else identity(motor)
+        stored_map.write_map(output, bytes(dataclasses.replace(stored, motor=wanted)))
+    print(to_csv(stored) if to_screen else "\n".join(lines(found, newest)), end="" if to_screen else "\n")

@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cogless.cli.options import output_option
-from cogless.cli.study import load
+from cogless.cli.options import load, output_option
 from cogless.cli.terminal import new_console
 from cogless.errors import StudyError
 

@@ -29,30 +29,30 @@ from typing import Any
 
 import numpy as np
 
-from cogless.design.adrc import bandwidths
 from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import oscillation
-from cogless.design.commissioning import position_gain
-from cogless.design.current_loop import tuned
-from cogless.design.learning import LONGEST_LEAD, PeriodicLoop
+from cogless.design.laws.adrc import bandwidths
+from cogless.design.laws.anti_cogging import position_gain
+from cogless.design.laws.periodic import LONGEST_LEAD, PeriodicLoop
+from cogless.design.laws.pi_afc import OrderLoop
+from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import SETTLED, LearningLoop
 from cogless.design.margins import Complex, Real
-from cogless.design.order_learning import OrderLoop
-from cogless.design.pi import gains, phase_margin_pi, speed_loop, tuning_of
 from cogless.design.ripple import ripple
-from cogless.design.space_learning import SpaceLoop
+from cogless.design.speed_loop import gains, phase_margin_pi, speed_loop, tuned, tuning_of
 from cogless.design.verdict import WIDEST
 from cogless.errors import StudyError
 from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
-from cogless.study.adrc import Adrc
-from cogless.study.controller import SETTLING, AntiCogging, PiIlc, RobustIlc
-from cogless.study.error_messages import dotted
-from cogless.study.harmonic import FASTEST
 from cogless.study.laws import AnyController
-from cogless.study.pi_afc import ORDERS, PiAfc
+from cogless.study.laws.adrc import Adrc
+from cogless.study.laws.anti_cogging import SETTLING, AntiCogging
+from cogless.study.laws.harmonic import FASTEST
+from cogless.study.laws.periodic import PiIlc, RobustIlc
+from cogless.study.laws.pi_afc import ORDERS, PiAfc
+from cogless.study.laws.space import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed
+from cogless.study.messages import dotted
 from cogless.study.reading import Changes
-from cogless.study.space_controller import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed
 
 # As told, and each corner: true K_t / J over that of the study, and samples of delay that the study
 # doesn't tell.

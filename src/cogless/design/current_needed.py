@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
+from cogless.design.changes import either, helping, text
 from cogless.design.closed_loop import Linear
-from cogless.design.cures import either, helping, text
 from cogless.study import Study, for_scenario
 from cogless.study.motion import course
 from cogless.study.reading import Changes

@@ -24,10 +24,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.closed_loop import Linear
-from cogless.design.pi import SpeedLoop, gains, speed_loop
 from cogless.design.ripple import orders, responses
+from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
 from cogless.study import Study
-from cogless.study.spoken import speed_text
+from cogless.study.base import speed_text
 
 STOPS = 1.0  # ripple / speed, at which the rotor stops
 LARGE = 0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor

@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cogless.design.cures import text
-from cogless.design.pi import gains
-from cogless.design.position import harmonic_gains, position_gains
+from cogless.design.changes import text
+from cogless.design.closed_loop import harmonic_gains, position_gains
+from cogless.design.speed_loop import gains
 from cogless.study import Study
-from cogless.study.controller import Feedback, PiIlc, RobustIlc
-from cogless.study.error_messages import dotted
-from cogless.study.harmonic import Harmonic
 from cogless.study.laws import AnyController
-from cogless.study.pi_afc import PiAfc
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.law import Feedback
+from cogless.study.laws.periodic import PiIlc, RobustIlc
+from cogless.study.laws.pi_afc import PiAfc
+from cogless.study.laws.space import SpacePosition, SpaceSpeed
+from cogless.study.messages import dotted
 from cogless.study.position_sensor import Absolute, Encoder, Hall, Resolver
 from cogless.study.reading import Changes
-from cogless.study.space_controller import SpacePosition, SpaceSpeed
 
 HALVINGS = 12  # of gains that are tried
 CORNER_SHARES = (0.25, 0.5)  # of the crossover: where a PI's integral takes over, 14 and 27 deg of its phase

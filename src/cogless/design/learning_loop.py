@@ -1,8 +1,8 @@
 """The factor per period by which a learning law changes each frequency of what it learned, at one speed.
 
 The analysis is for small signals, at a speed that hardly changes within the loop's memory. P is the response
-from current reference to measured speed and angle (pi.py), C the linear feedback, Gamma the learning gain on
-the error that is fed back, and T the sample period:
+from current reference to measured speed and angle (speed_loop.py), C the linear feedback, Gamma the learning
+gain on the error that is fed back, and T the sample period:
 
     G = ratio (P_omega + k_theta P_theta),    C = k + k_i T z / (z - 1), and what closed_loop.py adds
     S = 1 / (1 + C G + k_v ratio P_theta),    X = Gamma G S
@@ -17,6 +17,8 @@ frequencies, with weights that add up to one:
 
 Linear interpolation between samples attenuates further. The factor leaves this out, so it is an upper bound.
 `lines` gives the interpolation's gain, as a mean over the positions between two samples.
+
+The highest speed at which a law learns: above it the memory is frozen, and what is learned acts on.
 """
 
 from __future__ import annotations
@@ -31,13 +33,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cogless.design.closed_loop import Linear, Oscillation, oscillation
-from cogless.design.feedback import feedback_of
+from cogless.design.law_rules import feedback_of
 from cogless.design.margins import Complex, Real
-from cogless.design.pi import SpeedLoop, pi_response, speed_loop
+from cogless.design.speed_loop import SpeedLoop, pi_response, speed_loop
 from cogless.study import Study
-from cogless.study.controller import Learning
-from cogless.study.pi_afc import PiAfc
-from cogless.study.space_controller import SpaceLearning
+from cogless.study.laws.law import Learning
+from cogless.study.laws.pi_afc import PiAfc
+from cogless.study.laws.space import SpaceLearning
 
 SETTLED = 1.0 + 1e-3  # largest factor per period that counts as settling
 POINTS = 3000  # of a curve
@@ -307,7 +309,31 @@ def _closed_at(loop: SpeedLoop, feedback: Linear, frequencies: bytes) -> Complex
 
 @lru_cache(maxsize=16)
 def plants(loop: SpeedLoop) -> tuple[Real, Complex, Complex]:
-    """Frequencies, Hz, and the plants P_omega and P_theta of pi.py at them."""
+    """Frequencies, Hz, and the plants P_omega and P_theta of speed_loop.py at them."""
     f = np.geomspace(LOWEST, 0.5 / loop.period, GRID)
     f = _with_near(f, loop)
     return f, *loop.plant(2 * math.pi * f)
+
+
+def fewest_samples(law: Learning | SpaceLearning, lead: int) -> int:
+    """Fewest samples in a period with which a law learns.
+
+    A sample, and the lead (samples), are at most a quarter of the period. A delay line's Q filter is within
+    the period.
+    """
+    within_quarter = 4 * max(1, lead)
+    return within_quarter if law.over_angle else max(within_quarter, law.q_half_width + 1)
+
+
+def fastest(study: Study, name: str) -> float | None:
+    """The highest mechanical speed at which a controller learns, rad/s; None if it doesn't learn.
+
+    PI-AFC learns its lowest order up to there: two samples in a cycle.
+    """
+    law, rate = study.controller[name], study.drive.rates.outer_loop
+    if isinstance(law, PiAfc):
+        return math.pi * rate / law.orders[0]
+    if not isinstance(law, Learning | SpaceLearning) or not law.learns:
+        return None
+    lead = round(law.lead * rate) if isinstance(law, Learning) else 0
+    return 2 * math.pi * float(law.revolutions(study.motor.pole_pairs)) * rate / fewest_samples(law, lead)

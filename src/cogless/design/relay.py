@@ -5,8 +5,9 @@ current to -S the loop has the response
 
     W = H P / (1 + C P),    H = 1 + c T z / (z - 1),    z = exp(jwT)
 
-with the plant P of pi.py. The relay switches to and fro where W turns its current by half a turn. A current
-that is M for n samples and -M for n samples, with w n T = pi, has the fundamental 2 M / (n sin(pi / (2 n))).
+with the plant P of speed_loop.py. The relay switches to and fro where W turns its current by half a turn. A
+current that is M for n samples and -M for n samples, with w n T = pi, has the fundamental 2 M / (n sin(pi /
+(2 n))).
 """
 
 from __future__ import annotations
@@ -17,17 +18,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cogless.design.closed_loop import oscillation
-from cogless.design.feedback import feedback_of
+from cogless.design.law_rules import feedback_of
 from cogless.design.margins import POINTS
-from cogless.design.pi import pi_response, speed_loop
 from cogless.design.ripple import ripple
+from cogless.design.speed_loop import pi_response, speed_loop
 from cogless.design.verdict import judged
 from cogless.study import Study
-from cogless.study.controller import RobustIlc
-from cogless.study.error_messages import dotted
+from cogless.study.base import speed_text
+from cogless.study.laws.periodic import RobustIlc
+from cogless.study.messages import dotted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
-from cogless.study.spoken import speed_text
 
 
 @dataclass(frozen=True)

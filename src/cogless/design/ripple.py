@@ -32,8 +32,7 @@ from cogless.design.angle_functions import functions_in
 from cogless.design.closed_loop import Linear
 from cogless.design.learning_loop import LearningLoop, plants, sensitivity
 from cogless.design.margins import Complex, Real
-from cogless.design.observer import counting_window
-from cogless.design.pi import SpeedLoop
+from cogless.design.speed_loop import SpeedLoop, counting_window
 from cogless.study import Study, for_scenario
 from cogless.study.position_sensor import Counted, Hall
 

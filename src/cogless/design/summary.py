@@ -7,22 +7,21 @@ import math
 from typing import Any, get_args
 
 from cogless import units
-from cogless.design.adrc import adrc_margins
-from cogless.design.current_loop import current_loops, weakness
-from cogless.design.fastest import fastest
-from cogless.design.feedback import feedback_of
-from cogless.design.harmonic import Certificate, certificate
+from cogless.design.closed_loop import harmonic_gains, position_gains, position_margins
+from cogless.design.law_rules import feedback_of
+from cogless.design.laws.adrc import adrc_margins
+from cogless.design.laws.harmonic import Certificate, certificate
+from cogless.design.laws.space_bounds import Theorem, theorem
+from cogless.design.learning_loop import fastest
 from cogless.design.margins import Margins, finite
-from cogless.design.pi import gains, speed_loop
-from cogless.design.position import harmonic_gains, position_gains, position_margins
-from cogless.design.space_bounds import Theorem, theorem
+from cogless.design.speed_loop import current_loops, gains, speed_loop, weakness
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
-from cogless.study.adrc import Adrc
-from cogless.study.controller import Feedback, Learning
-from cogless.study.harmonic import Harmonic
 from cogless.study.laws import AnyController
-from cogless.study.space_controller import SpaceLearning, SpacePosition
+from cogless.study.laws.adrc import Adrc
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.law import Feedback, Learning
+from cogless.study.laws.space import SpaceLearning, SpacePosition
 from cogless.study.table import Quantity
 from cogless.units import TIME
 

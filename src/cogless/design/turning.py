@@ -23,14 +23,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cogless.design.cures import either, first, helping, text
-from cogless.design.current_loop import FACTORS, current_loops, slower_loop
-from cogless.design.model import exponential
+from cogless.design.changes import either, first, helping, text
+from cogless.design.speed_loop import FACTORS, current_loops, slower_loop
+from cogless.design.trials.model import exponential
 from cogless.study import Study, for_scenario
+from cogless.study.base import speed_text
 from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
-from cogless.study.spoken import speed_text
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 SPEED_RESERVE = 1.2  # speed up to which a loop that is advised is stable / the scenario's top speed

@@ -31,33 +31,31 @@ from numpy.typing import NDArray
 
 from cogless import units
 from cogless.design.angle_functions import angle_functions
-from cogless.design.closed_loop import Oscillation, oscillation
-from cogless.design.cures import either, first, helping, helps, text, words
-from cogless.design.current_loop import LEAST
+from cogless.design.changes import either, first, helping, helps, text, words
+from cogless.design.closed_loop import Oscillation, oscillation, position_margins
 from cogless.design.detent import LARGE, snaps, swing
-from cogless.design.feedback import feedback_of
 from cogless.design.gentler import HALVINGS, finer_sensor, slower_feedback, weaker_learning
-from cogless.design.learning import PeriodicLoop
+from cogless.design.law_rules import feedback_of
+from cogless.design.laws.periodic import PeriodicLoop
+from cogless.design.laws.pi_afc import OrderLoop
+from cogless.design.laws.space import SpaceLoop
+from cogless.design.laws.space_bounds import unfit
 from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Real
-from cogless.design.order_learning import OrderLoop
-from cogless.design.pi import speed_loop
-from cogless.design.position import position_margins
 from cogless.design.ripple import WORSE, ripple, sampled
-from cogless.design.space_bounds import unfit
-from cogless.design.space_learning import SpaceLoop
+from cogless.design.speed_loop import LEAST, speed_loop
 from cogless.errors import StudyError
 from cogless.study import Study, changed, for_scenario
-from cogless.study.controller import Learning
-from cogless.study.error_messages import dotted
+from cogless.study.base import speed_text, spoken_unit
 from cogless.study.laws import AnyController
+from cogless.study.laws.law import Learning
+from cogless.study.laws.pi_afc import PiAfc
+from cogless.study.laws.space import SpaceLearning
 from cogless.study.mechanics import Load
+from cogless.study.messages import dotted
 from cogless.study.motion import course
-from cogless.study.pi_afc import PiAfc
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
-from cogless.study.space_controller import SpaceLearning
-from cogless.study.spoken import speed_text, spoken_unit
 from cogless.units import ANGULAR_SPEED
 
 STEP = 1.06  # ratio of one judged speed to the one before

@@ -1,32 +1,282 @@
-"""Warnings about a controller before it is run, exported, or run on a processor."""
+"""Warnings about a controller before it is run, exported, or run on a processor.
+
+Whether a position sensor's edges come often enough for the loop around them.
+
+docs/theory/sensors.md#few-edges derives it. Let edges come every T_e, longer than a sample T. A speed timed
+from edge to edge is then T_e late, where speed_loop.py assumes T / 2. This costs w_c (T_e - T / 2) of the
+phase margin at the crossover w_c. A speed from counts over a fixed time then consists of single counts. If
+w_c T_e is above one, the rotor coasts from one count to the next.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cogless.design import verdict as learning
-from cogless.design.commissioning import commissioning_warning
-from cogless.design.cures import either, helping
-from cogless.design.current_loop import gentler_loop
-from cogless.design.current_needed import too_much_current
-from cogless.design.feedback import unstable_feedback
-from cogless.design.harmonic import BENDS_FROM, learner, least_base, main_order, roomy_base
-from cogless.design.map_size import map_warning
-from cogless.design.pi import speed_loop
+from cogless.design.changes import either, first, helping, text
+from cogless.design.closed_loop import Linear, position_margins
+from cogless.design.current_needed import starts_after, too_much_current
+from cogless.design.detent import snaps, swing, turns_from
+from cogless.design.gentler import (
+    finer_sensor,
+    slower_feedback,
+    slower_proportional,
+    timed_edges,
+    younger_speeds,
+)
+from cogless.design.law_rules import feedback_of, unstable_feedback
+from cogless.design.laws.anti_cogging import commissioning_warning
+from cogless.design.laws.harmonic import BENDS_FROM, learner, least_base, main_order, roomy_base
+from cogless.design.margins import Margins, Real
 from cogless.design.relay import relay_warning
-from cogless.design.slow_running import reads_zero, slow_warning
+from cogless.design.ripple import Sampled, counting, sampled
+from cogless.design.speed_loop import SpeedLoop, gentler_loop, speed_loop
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weakest_margins
 from cogless.design.turning import late_angle, unstable_turning
-from cogless.design.unlearned import foreseen
+from cogless.design.unlearned import foreseen, map_warning
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
-from cogless.study.harmonic import ORDERS, Harmonic
-from cogless.study.motion import course
+from cogless.study.base import speed_text
+from cogless.study.laws.harmonic import ORDERS, Harmonic
+from cogless.study.messages import dotted
+from cogless.study.motion import Course, course
 from cogless.study.numerics import voltage_reach
+from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
+
+SHARE = 0.05  # of the time in motion: speeds that are lower only for less time than this are ignored
+SPENT = 0.5  # of the phase margin
+COASTS = 1.0  # rad
+MOST = 0.5  # counts in a speed sample: with fewer, most samples have none
+AHEAD = 1.2  # speed that is advised / speed from which on the rotor turns; the same of counts
+LESS = 0.9  # ripple with a change that is advised / without it, at most
+# The same of a slower feedback, which lets more of the cogging through. In 30 random drives a ratio of .2 or
+# more came out up to 1.4 times as large as predicted (benchmarks/slow_feedback.py).
+LESS_BY_FEEDBACK = 0.7
+STARTED_SHARE = 0.5  # of a run: by then a feedback that is advised turns a rotor that rests
+
+
+def slow_warning(study: Study, name: str) -> Remark | None:
+    """Warning that the rotor turns unevenly at the slowest speed of a controller; None if it turns evenly.
+
+    Either the rotor snaps from detent to detent, or the sensor's edges come too rarely.
+    """
+    found = (_snapping(study, name, key) or _few_edges(study, name, key) for key in study.scenarios_of(name))
+    return next((remark for remark in found if remark is not None), None)
+
+
+def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
+    """Warning of a rotor that snaps, with the speed from which on it turns if there is one.
+
+    A law that begins with a learned map does not depend on its feedback alone, and gets no warning.
+    """
+    law, omega = study.controller[name], held(study, scenario)
+    if (law.learned and not law.learns) or getattr(law, "start", None) is not None:
+        return None
+    feedback = feedback_of(study, name, omega)
+    found = swing(study, scenario, feedback, omega) if feedback is not None and omega else None
+    if found is None or feedback is None or not found.stops:
+        return None
+    said = snaps(study, found, omega, position_margins(speed_loop(study, scenario), feedback).crossover)
+    begins = turns_from(study, scenario, feedback, omega)
+    if begins is None:
+        return Remark(said)
+    turns = f"{said}; from {speed_text(study, AHEAD * begins, 2)} on it turns"
+    cure: Changes = {dotted(("scenario", scenario, "reference")): text(AHEAD * begins, "rad/s")}
+    return Remark(turns, (cure,) if study.scenario[scenario].reference.kind == "constant" else ())
+
+
+@dataclass(frozen=True)
+class _Edges:
+    """A sensor's edges at the slowest speed of a scenario, and a loop around them."""
+
+    omega: float  # rad/s
+    source: Sampled
+    loop: SpeedLoop
+    feedback: Linear
+    margins: Margins
+    late_margins: Margins  # with the speed as late as its edges are
+    swing: float  # rad/s rms, of the speed, by what depends on the angle
+    late_swing: float  # the same with a speed as late as its edges
+
+    @property
+    def time(self) -> float:
+        """Time from edge to edge, s."""
+        return self.source.count / self.omega
+
+    @property
+    def late(self) -> float:
+        """Time by which a timed speed is later than the design assumes, s."""
+        return self.time - self.loop.period / 2
+
+    @property
+    def factor(self) -> float:
+        """Factor by which the counts are too few for the loop; at one or less they are enough."""
+        if not self.source.timed:
+            return self.margins.crossover * self.time / COASTS
+        allowed = SPENT * self.margins.phase_margin / self.margins.crossover + self.loop.period / 2
+        return self.time / allowed
+
+    @property
+    def enough(self) -> bool:
+        """Whether the edges come often enough: the speed's lateness takes no more than half of the margin."""
+        if not self.source.hall:
+            return self.factor <= 1
+        least = (1 - SPENT) * self.margins.phase_margin
+        return self.late_margins.stable and self.late_margins.phase_margin >= least
+
+    @property
+    def spent(self) -> bool:
+        """Whether nothing is left of the phase margin of a timed speed."""
+        if self.source.hall:
+            return not self.late_margins.stable
+        return self.margins.crossover * self.late > self.margins.phase_margin
+
+    @property
+    def counts(self) -> float:
+        """Speed ripple that single counts cause, rad/s rms.
+
+        Edges that come later than samples make a sawtooth of the angle, one count high. Beyond the crossover
+        w_c the loop turns it into a sawtooth of the speed, w_c times as high, however often the edges come. A
+        timed speed has no such ripple while its edges come in time. From then on the ripple that depends on
+        the angle is that of the later loop. With no margin left the rotor stops and goes.
+        """
+        if self.source.timed:
+            if self.enough:
+                return 0.0
+            return self.omega if self.spent else math.sqrt(max(0.0, self.late_swing**2 - self.swing**2))
+        steps = math.sqrt(counting(self.loop, self.feedback, self.source))
+        sawtooth = self.margins.crossover * self.source.count / math.sqrt(12)
+        return max(sawtooth, steps) if self.time > self.loop.period else steps
+
+    @property
+    def ripple(self) -> float:
+        """Speed ripple, rad/s rms, from the counts and from torques over the angle together."""
+        return math.hypot(self.counts, self.swing)
+
+
+def _edges(study: Study, name: str, scenario: str) -> _Edges | None:
+    """The edges that a controller gets; None without edges, at rest, or if no loop is stable."""
+    omega, loop = held(study, scenario), speed_loop(study, scenario)
+    source, feedback = sampled(study, scenario), feedback_of(study, name, omega)
+    if not omega or source is None or feedback is None:
+        return None
+    margins = position_margins(loop, feedback)
+    if not margins.stable or math.isnan(margins.crossover):
+        return None
+    later = _late(loop, source, omega)
+    both = (swing(study, scenario, feedback, omega, each) for each in (loop, later))
+    sizes = [found.rms * omega if found is not None else 0.0 for found in both]
+    return _Edges(omega, source, loop, feedback, margins, position_margins(later, feedback), *sizes)
+
+
+def _late(loop: SpeedLoop, source: Sampled, omega: float) -> SpeedLoop:
+    """The loop with a timed speed as late as its edges are: a delay, or a mean over several of them."""
+    if source.hall:
+        return replace(loop, edge=source.edge / omega, edges=source.intervals)
+    late = max(0.0, source.count / omega - loop.period / 2) if source.timed else 0.0
+    return replace(loop, delay=loop.delay + late) if late else loop
+
+
+def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
+    """Warning of edges that come too rarely, with enough counts, or with a feedback slow enough."""
+    edges = _edges(study, name, scenario)
+    if edges is None or edges.enough:
+        return None
+    source = edges.source
+    every = 1e3 * source.edge / edges.omega
+    comes = f"at {speed_text(study, edges.omega)} an edge comes every {every:.2g} ms"
+    if source.intervals > 1:
+        comes += f" and the speed is the mean over {source.intervals} of them"
+    comes += f", the crossover is {edges.margins.crossover / math.tau:.3g} Hz: {_costs(edges)}"
+
+    late = max(
+        STARTED_SHARE * study.scenario[scenario].duration,
+        starts_after(study, scenario, edges.feedback, edges.omega),
+    )
+
+    def cured(other: Study, most: float = LESS) -> bool:
+        after = _edges(other, name, scenario)
+        enough = after is not None and after.enough and after.ripple <= most * edges.ripple
+        starts = after is not None and starts_after(other, scenario, after.feedback, after.omega) <= late
+        return enough and starts and _snapping(other, name, scenario) is None
+
+    factor = AHEAD * edges.factor
+    slower = slower_feedback(study, name, factor)
+    quicker = slower_proportional(study, name, factor, edges.margins.crossover)
+    gentler = [*([slower] if slower is not None else []), *quicker]
+    feedbacks = first(study, gentler, lambda other: cured(other, LESS_BY_FEEDBACK))
+    finer = helping(study, (finer_sensor(study, factor),), cured)
+    cures = (*first(study, younger_speeds(study), cured), *finer, *feedbacks)
+    ways = either(cures, dotted(("controller", name)))
+    return Remark(f"{comes}; {ways} would do" if cures else comes, cures)
+
+
+def _costs(edges: _Edges) -> str:
+    """The effect of edges that come too rarely, in words."""
+    if not edges.source.timed:
+        return "the rotor coasts from count to count"
+    has, late = edges.margins.phase_margin, f"the speed is {1e3 * edges.late:.2g} ms late"
+    if edges.source.hall:
+        remains = "nothing" if edges.spent else f"{math.degrees(edges.late_margins.phase_margin):.0f} deg"
+        return f"{late}, which leaves {remains} of {math.degrees(has):.0f} deg of phase margin"
+    costs = f"{late}, which costs {math.degrees(edges.margins.crossover * edges.late):.0f} deg"
+    high = "; where it stops and goes it reads high, by 10 % if every other edge takes twice as long"
+    return f"{costs} of {math.degrees(has):.0f} deg of phase margin{high if edges.spent else ''}"
+
+
+def reads_zero(study: Study, scenario: str) -> Remark | None:
+    """Warning that most samples of a counted speed are zero at the slowest speed; None if they aren't.
+
+    The warning advises to time the edges if each controller of the scenario then leaves less ripple. Timed
+    edges leave more where they come so late that their delay takes the loop's phase margin.
+    """
+    omega, source = held(study, scenario), sampled(study, scenario)
+    sensor = for_scenario(study, scenario).drive.position_sensor
+    if not (omega and source and isinstance(sensor, Counted)) or sensor.speed_method not in ("M", "average"):
+        return None
+    if source.counts(omega) >= MOST:
+        return None
+    comes = f"at {speed_text(study, omega)} {source.told(omega)}"
+    reads = f"{comes}: most read 0, others {speed_text(study, source.count / source.window)}"
+    found = {name: _edges(study, name, scenario) for name in study.controllers_in(scenario)}
+    before = {name: edges for name, edges in found.items() if edges is not None}
+
+    def cured(other: Study) -> bool:
+        after = [(_edges(other, name, scenario), edges) for name, edges in before.items()]
+        return bool(after) and all(
+            new is not None and new.factor <= 1 and new.ripple <= LESS * old.ripple for new, old in after
+        )
+
+    cures = helping(study, (timed_edges(study),), cured)
+    return Remark(f"{reads}; {either(cures)} times the edges" if cures else reads, cures)
+
+
+def held(study: Study, scenario: str) -> float:
+    """The slowest speed at which a scenario's reference spends some time, rad/s; 0 if it stands still.
+
+    Within a count of where the reference stops or turns back, the sensor sees no motion: that counts as rest.
+    """
+    sampling, source = course(study.scenario[scenario]), sampled(study, scenario)
+    omega, count = np.abs(sampling.omega), source.count if source else 0.0
+    moving = omega[(omega > 0) & (_from_rest(sampling) >= count)]
+    return float(np.quantile(moving, SHARE)) if len(moving) else 0.0
+
+
+def _from_rest(sampling: Course) -> Real:
+    """The way from each sample to the nearest rest of a reference, rad; infinite if it never rests."""
+    direction = np.sign(sampling.omega)
+    way = np.cumsum(np.abs(sampling.omega)) * sampling.step
+    turns = np.concatenate(([False], direction[1:] * direction[:-1] < 0))
+    rests = (direction == 0) | turns
+    before = np.maximum.accumulate(np.where(rests, way, -np.inf))
+    after = np.minimum.accumulate(np.where(rests, way, np.inf)[::-1])[::-1]
+    return np.asarray(np.minimum(way - before, after - way))
+
 
 RPM = 30 / math.pi
 
@@ -34,8 +284,8 @@ RPM = 30 / math.pi
 def warnings(study: AnyStudy, scenario: str, name: str) -> list[Remark]:
     """Warnings about a controller and its current loop, one line each, which begins with the study's key."""
     if isinstance(study, TrialStudy):
-        from cogless.design.from_study import design_study
-        from cogless.design.trial_summary import warnings as trial_warnings
+        from cogless.design.trials.from_study import design_study
+        from cogless.design.trials.trial_summary import warnings as trial_warnings
 
         found = trial_warnings(design_study(study, [(scenario, name)])[scenario, name])
         return [Remark(f"controller.{name}: {line}") for line in found]

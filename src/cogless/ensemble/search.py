@@ -1,8 +1,12 @@
-"""Search by Optuna's CMA-ES, with a journal, so that a killed search goes on."""
+"""Search by Optuna's CMA-ES, with a journal, so that a killed search goes on.
+
+The text of a study with other values, its text and comments as they were.
+"""
 
 from __future__ import annotations
 
 import math
+import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,9 +14,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from cogless.ensemble import journal
-from cogless.ensemble.journal import Journal
+from cogless.ensemble import sweep
+from cogless.ensemble.sweep import Journal
 from cogless.errors import StudyError
+from cogless.study import AnyStudy
+from cogless.study.messages import look_up
+from cogless.study.named_files import named_files
+from cogless.study.reading import put
 
 Settings = Mapping[str, float]  # a share of each range, 0 to 1
 SPREAD = 0.2  # of the first settings around the start, in shares of the ranges
@@ -27,7 +35,7 @@ def require() -> None:
 @contextmanager
 def opened(path: Path, about: Mapping[str, Any], start: Settings, seed: int) -> Iterator[Search]:
     """Open a search with its journal at `path`. StudyError: the journal is of another search than `about`."""
-    with journal.opened(path, about) as kept:
+    with sweep.opened(path, about) as kept:
         yield Search(kept, start, seed)
 
 
@@ -90,3 +98,21 @@ class Search:
 
     def _finished(self) -> list[Any]:
         return list(self.study.get_trials(deepcopy=False, states=(self._states.COMPLETE,)))
+
+
+def text(study: AnyStudy, changes: Mapping[str, Any], folder: Path, about: str) -> str:
+    """The file of a study with changes, by dotted key. `about`: a comment for its top.
+
+    Files that it names beside itself are named from `folder`, where it is to stand.
+    """
+    import tomlkit
+
+    source = study.source.path
+    document = tomlkit.parse(source.read_text(encoding="utf-8-sig"))
+    for key, value in changes.items():
+        put(document, key, value)
+    for file in named_files(type(study), document):
+        if not os.path.isabs(file.path):
+            table = look_up(document, file.key[:-1])
+            table[file.key[-1]] = os.path.relpath(study.source.folder / file.path, folder) + file.rest
+    return f"# {about}\n{tomlkit.dumps(document)}"

@@ -1,25 +1,212 @@
-"""Run every variant of an ensemble, on workers of any kind, and keep what is finished."""
+"""Run every variant of an ensemble, on workers of any kind, and keep what is finished.
+
+The journal of a sweep or a search: what is finished is kept, so that one which ended goes on.
+
+A file of lines, each written in one go: first what it is of, then a line for each finished chunk. A line
+is the CRC-32 of a JSON text in eight hex digits, a space, and that text. A damaged line isn't used, so that
+its chunk runs again.
+
+The work of one task of an ensemble, in whatever process or machine it runs.
+"""
 
 from __future__ import annotations
 
+import fcntl
+import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass
+from io import RawIOBase
 from pathlib import Path
 from typing import Any
 
-from cogless.ensemble import journal
-from cogless.ensemble.columns import columns
-from cogless.ensemble.executors import Workers, given, run_all
-from cogless.ensemble.parcel import pack
-from cogless.ensemble.sample import Ensemble, draw
-from cogless.ensemble.table import Sweep, gathered
-from cogless.ensemble.work import needed, rows
-from cogless.errors import StudyError
-from cogless.run.simulate import Pair, runs_of
-from cogless.study import AnyStudy
-from cogless.versions import versions
+from cogless.ensemble.sweep_table import Row, Sweep, columns, gathered
+from cogless.ensemble.variants import Ensemble, draw
+from cogless.ensemble.workers import Parcel, Workers, given, pack, run_all, unpacked
+from cogless.errors import StudyError, say
+from cogless.files import no_device, no_link, reason, versions
+from cogless.results import AnyResults
+from cogless.run.simulate import Pair, RunError, rollout, runs_of
+from cogless.study import AnyStudy, changed
+from cogless.study.laws.own import LibraryLaw, PythonLaw
+
+Chunk = int
+CHECKSUM_BYTES = 9  # at the start of a line
+
+
+class Journal:
+    """An open journal. `finished`: rows of each chunk, as `work.rows` returns them."""
+
+    def __init__(self, path: Path, file: RawIOBase, finished: dict[Chunk, Any]) -> None:
+        self.path, self.finished = path, finished
+        self._file = file
+
+    def add(self, chunk: Chunk, rows: Any) -> None:
+        """Keep a finished chunk. StudyError: the file can't be written, such as on a full disk."""
+        _append(self.path, self._file, [chunk, rows])
+        self.finished[chunk] = rows
+
+
+@contextmanager
+def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
+    """Open the journal of the sweep `about`, and go on with it if there is one.
+
+    StudyError: it belongs to another sweep, another process writes it, it can't be written.
+    """
+    try:
+        no_link(path)
+        no_device(path)
+        file = open(path, "a+b", buffering=0)  # noqa: SIM115
+    except OSError as error:
+        raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise StudyError(f"{path}: in use: expected no other command that writes here") from None
+        file.seek(0)
+        content = file.read()
+        lines = _whole_lines(content)
+        begun = lines or not _line(about).startswith(content)
+        finished = _read(path, lines, about) if begun else {}
+        file.truncate(sum(len(line) + 1 for line in lines))  # without a line that a kill cut off
+        if not begun:
+            _append(path, file, about)
+        yield Journal(path, file, finished)
+
+
+def read(path: Path, about: Mapping[str, Any]) -> dict[Chunk, Any]:
+    """The finished chunks of a journal that nobody writes any more."""
+    try:
+        no_device(path)
+        content = path.read_bytes()
+    except OSError as error:
+        raise StudyError(f"{path}: {reason(error)}: expected a shard's file") from error
+    return _read(path, _whole_lines(content), about)
+
+
+def _whole_lines(content: bytes) -> list[bytes]:
+    """The lines that end, without their ends; a kill may have cut off the last one."""
+    return content.split(b"\n")[:-1]
+
+
+def _append(path: Path, file: RawIOBase, value: Any) -> None:
+    """Write a line at once, without a buffer that would be tried again when the file is closed."""
+    line = memoryview(_line(value))
+    try:
+        while line:
+            line = line[file.write(line) :]
+    except OSError as error:
+        raise StudyError(f"{path}: {reason(error)}: expected a file that can be written") from error
+
+
+def _line(value: Any) -> bytes:
+    text = json.dumps(value, separators=(",", ":")).encode()
+    return _checksum(text) + text + b"\n"
+
+
+def _checksum(text: bytes) -> bytes:
+    return b"%08x " % zlib.crc32(text)
+
+
+def _value(line: bytes) -> Any:
+    """What a line holds; None if it is damaged."""
+    text = line[CHECKSUM_BYTES:]
+    try:
+        return json.loads(text) if line.startswith(_checksum(text)) else None
+    except (ValueError, RecursionError):
+        return None
+
+
+def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chunk, Any]:
+    has = _value(lines[0]) if lines else None
+    if not isinstance(has, dict):
+        expected = "expected a file that this command has written"
+        if lines and lines[0].startswith(b"{"):
+            expected = "has no checksums, as of an earlier cogless: expected another directory"
+        raise StudyError(f"{path}: not readable: {expected}")
+    different = next((key for key in about if has.get(key) != about[key]), None)
+    if different is not None:
+        wanted = f"{about[different]}, as here" if different != "study" else "the same study"
+        where = f"{path}: {different}: {has.get(different)}"
+        raise StudyError(f"{where}: expected {wanted}, or another directory")
+    finished: dict[Chunk, Any] = {}
+    for number, line in enumerate(lines[1:], 2):
+        match _value(line):
+            case [int(chunk), list(rows)]:
+                finished[chunk] = rows
+            case _:
+                say(f"Warning: {path}: line {number} is damaged and not used.")
+    return finished
+
+
+class Ended(Exception):  # noqa: N818, it isn't an error
+    """Ctrl-C reached a worker."""
+
+
+def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[Pair]) -> list[list[Row]]:
+    """Run these variants: for each, in order, one row per pair of scenario and controller."""
+    study = unpacked(parcel)
+    wanted = columns(study)
+    made = [_made(study, of_variant) for of_variant in changes]
+    errors: Sequence[Mapping[Pair, StudyError]] = []
+    valid = [variant for variant in made if not isinstance(variant, str)]
+    try:
+        results: Sequence[AnyResults] = rollout(
+            valid, ["/".join(pair) for pair in pairs], jobs=1, keep_traces=False
+        )
+        if any(found.interrupted for found in results):
+            raise Ended
+    except RunError as error:
+        results, errors = error.all_results, error.all_errors
+    finished = zip(results, errors or [{}] * len(valid), strict=True)
+    found = []
+    for variant in made:
+        if isinstance(variant, str):
+            found.append([_failed_row(len(wanted), variant) for _ in pairs])
+            continue
+        of_variant, failed = next(finished)
+        runs = {(run.scenario, run.controller): run.metrics for run in of_variant.runs}
+        found.append(
+            [
+                _failed_row(len(wanted), _told(variant, failed[pair]))
+                if pair in failed
+                else [*(column.of(runs[pair]) for column in wanted), None]
+                for pair in pairs
+            ]
+        )
+    return found
+
+
+def needed(study: AnyStudy) -> str:
+    """What a task needs to end: memory, and own laws that don't crash, which is the likelier cause."""
+    own = [
+        f"controller.{name} not to end the process ({study.source.folder / law.code})"
+        for name, law in study.controller.items()
+        if isinstance(law, PythonLaw | LibraryLaw)
+    ]
+    return f"{', '.join(own)}, or enough memory" if own else "enough memory for it"
+
+
+def _failed_row(columns: int, why: str) -> Row:
+    return [*[None] * columns, why]
+
+
+def _made(study: AnyStudy, changes: Mapping[str, Any]) -> AnyStudy | str:
+    """The variant, or why the study doesn't allow it."""
+    try:
+        return changed(study, changes)
+    except StudyError as error:
+        return _told(study, error)
+
+
+def _told(study: AnyStudy, error: StudyError) -> str:
+    """The error without the folder of the study, which differs between machines."""
+    return str(error).replace(str(study.source.path), study.source.path.name)
+
 
 SHARD_NUMBER = re.compile("[1-9][0-9]{0,8}")
 CHUNK = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker
@@ -100,7 +287,7 @@ def run(
     """
     part = shard or Shard()
     wanted = planned.part(part)
-    with journal.opened(folder / part.file, planned.for_shards(part)) as kept:
+    with opened(folder / part.file, planned.for_shards(part)) as kept:
         report = progress or (lambda variants: None)
         # a last chunk that was shorter in an earlier, smaller sweep runs again
         left = [c for c in wanted if len(kept.finished.get(c, ())) < len(planned.changes(c))]
@@ -131,7 +318,7 @@ def merge(planned: Plan, folder: Path) -> Sweep:
     finished: dict[int, Any] = {}
     for shard in (Shard(index, int(count)) for index in range(int(count))):
         path = folder / shard.file
-        found = journal.read(path, planned.for_shards(shard))
+        found = read(path, planned.for_shards(shard))
         wanted = planned.part(shard)
         if not set(wanted) <= set(found):
             has = f"{len(found)} of {len(wanted)} chunks"

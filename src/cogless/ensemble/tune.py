@@ -16,23 +16,19 @@ from numpy.typing import NDArray
 
 from cogless.design.verdict import judgement as forecast
 from cogless.ensemble import judge
-from cogless.ensemble.axes import Reader, tried
-from cogless.ensemble.columns import Column, columns
-from cogless.ensemble.executors import Workers, run_all
-from cogless.ensemble.parcel import pack
-from cogless.ensemble.sample import SEED, Ensemble, draw, seeds
 from cogless.ensemble.search import Settings, opened
-from cogless.ensemble.sweep import CHUNK
-from cogless.ensemble.table import Sweep, gathered
-from cogless.ensemble.work import needed, rows
+from cogless.ensemble.sweep import CHUNK, needed, rows
+from cogless.ensemble.sweep_table import Column, Sweep, columns, gathered
+from cogless.ensemble.variants import SEED, Ensemble, Reader, draw, seeds, tried
+from cogless.ensemble.workers import Workers, pack, run_all
 from cogless.errors import StudyError
 from cogless.run.simulate import Pair, runs_of
 from cogless.study import AnyStudy, TrialStudy, changed
-from cogless.study.error_messages import MISSING, shown
+from cogless.study.base import Tune
+from cogless.study.messages import MISSING, shown
 from cogless.study.metric import result_name
 from cogless.study.reading import split
 from cogless.study.table import perhaps
-from cogless.study.vary import Tune
 
 DECADE = 10.0  # a range at least this wide is searched by ratios
 FRESH = 4  # variants of the check, for each that was searched over

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
-from cogless.run.advance import failures
-from cogless.run.plan import Plan, plan
+from cogless.run.plan import Plan, failures, plan
 from cogless.study import AnyStudy, TrialStudy
-from cogless.study.controller import LibraryLaw, PythonLaw
+from cogless.study.laws.own import LibraryLaw, PythonLaw
 from cogless.study.table import perhaps
 
 Reals = NDArray[np.floating[Any]]

@@ -1,12 +1,18 @@
-"""The C sources that come with cogless, and which of them a law needs."""
+"""The C sources that come with cogless, and the folder of an export, written completely or not at all."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
 import re
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
-from cogless.files import control_sources
+from cogless.errors import StudyError
+from cogless.files import control_sources, reason
 
 DEFINITION = re.compile(r"^\w[\w ]*[ *](cgl_\w+)\(", re.MULTILINE)
 STORE = ("map", "map_store", "crc32")
@@ -54,3 +60,93 @@ def defined_in() -> dict[str, str]:
     return {
         name: path.stem for path in files for name in DEFINITION.findall(path.read_text(encoding="utf-8"))
     }
+
+
+MANIFEST = "export.json"
+COMPILED = (".o", ".obj", ".d", ".exe", "")  # what compilers leave beside sources
+
+
+def check(folder: Path) -> None:
+    """Raise StudyError if the folder holds a file that no export wrote, or that was changed since."""
+    if folder.exists() and not folder.is_dir():
+        raise StudyError(f"{folder}: is a file: expected a new or empty folder, or an earlier export")
+    if not folder.exists() or not any(folder.iterdir()):
+        return
+    sums = _sums(folder)
+    paths = folder.rglob("*")
+    for path in paths if sums is None else sorted(paths):  # no sums: any file is refused, so no sorting
+        name = path.relative_to(folder).as_posix()
+        if path.is_dir() or name == MANIFEST:
+            continue
+        if sums is not None and name not in sums and _is_compiled(path, sums):
+            continue
+        if sums is None or name not in sums:
+            raise StudyError(
+                f"{folder}: not empty: {name}: expected a new or empty folder, or an earlier export as it was"
+            )
+        if sums[name] != _sum(path.read_bytes()):
+            raise StudyError(f"{folder}: {name}: changed since its export: expected a new or empty folder")
+
+
+def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
+    """Write these files (by path in the folder) and a manifest with `about` and their checksums.
+
+    StudyError: the folder can't be written, or it holds something else than an unchanged export.
+    """
+    check(folder)
+    manifest = {**about, "files": {name: _sum(data) for name, data in sorted(files.items())}}
+    text = json.dumps(manifest, indent=2, ensure_ascii=False) + "\n"
+    target = folder.absolute()
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as scratch:
+            made = Path(scratch) / "new"
+            for name, data in {**files, MANIFEST: text.encode()}.items():
+                path = made / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(data)
+            _swap(made, target, Path(scratch) / "old")
+    except OSError as error:
+        raise StudyError(f"{folder}: {reason(error)}: expected a folder that can be written") from error
+
+
+def size(files: Mapping[str, bytes], matrix: int) -> str:
+    """How large an export with a learning matrix of so many bytes is, for a line before it is written."""
+    whole, largest = sum(map(len, files.values())), max(files, key=lambda name: len(files[name]))
+    return (
+        f"{whole / 1e6:.3g} MB of files, {len(files[largest]) / 1e6:.3g} MB of them {largest}; "
+        f"its learning matrix takes {matrix / 1e6:.3g} MB of flash"
+    )
+
+
+def _swap(made: Path, target: Path, old: Path) -> None:
+    """Replace the target by the new folder, and move it to `old`; if that fails, it is put back."""
+    if not target.exists():
+        os.rename(made, target)
+        return
+    os.rename(target, old)
+    try:
+        os.rename(made, target)
+    except BaseException:
+        os.rename(old, target)
+        raise
+
+
+def _sums(folder: Path) -> dict[str, str] | None:
+    """Checksums of the files of an earlier export; None if the folder isn't an export."""
+    try:
+        sums = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
+        return {str(name): str(value) for name, value in sums.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def _is_compiled(path: Path, sums: Mapping[str, str]) -> bool:
+    """Whether a compiler made a file from one of the export's sources; it goes with them."""
+    return path.suffix in COMPILED and any(
+        source.suffix == ".c" and source.stem == path.stem for source in map(Path, sums)
+    )
+
+
+def _sum(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from cogless.errors import StudyError
-from cogless.study.datasheet_words import replaced_by
+from cogless.study.datasheet import replaced_by
 
 Cure = Mapping[str, Any]
 RECORD = "record"  # begins the keys of what a log should have: record.kind, record.signal, record.rate (Hz)

@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationError, field_validator, model_validator
 
 from cogless import units
-from cogless.study.controller import LibraryLaw, PythonLaw
 from cogless.study.drive import Drive
-from cogless.study.error_messages import problems, study_error
 from cogless.study.laws import Controller
+from cogless.study.laws.own import LibraryLaw, PythonLaw
+from cogless.study.messages import problems, study_error
 from cogless.study.motor import Motor
 from cogless.study.position_sensor import Counted
 from cogless.study.reading import read, with_datasheet

@@ -15,8 +15,8 @@ from cogless.errors import StudyError
 from cogless.identify.described import metrics, with_steps
 from cogless.identify.weak_form import VISIBLE, WIDTH
 from cogless.study import AnyStudy, Study
-from cogless.study.controller import Feedback
-from cogless.study.error_messages import toml
+from cogless.study.laws.law import Feedback
+from cogless.study.messages import toml
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Hall
 

@@ -19,7 +19,7 @@ from cogless.identify.files import Array
 from cogless.identify.log import Log
 from cogless.identify.result import Value
 from cogless.identify.steady import Steady, steady
-from cogless.study.datasheet_words import mixed_up
+from cogless.study.datasheet import mixed_up
 
 FEWEST = 4  # steady parts, for three unknowns
 RMS = math.sqrt(2)  # peak over rms

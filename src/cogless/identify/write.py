@@ -14,9 +14,8 @@ from cogless.identify.result import Estimate, Value, Wave
 from cogless.identify.sessions import sessions
 from cogless.maps import stored_map
 from cogless.maps.learned_map import motor_identity
-from cogless.maps.map_table import to_csv
-from cogless.maps.stored_map import StoredMap
-from cogless.study.error_messages import toml
+from cogless.maps.stored_map import StoredMap, to_csv
+from cogless.study.messages import toml
 from cogless.study.motor import Motor
 
 CELLS, POINTS = 1024, 8  # of the table, at least; for each wave of the highest order
@@ -42,7 +41,7 @@ def write_all(made: Estimate, folder: Path) -> None:
     if made.cogging:
         table = compensation(made)
         (folder / "cogging.csv").write_text(to_csv(table), "utf-8")
-        stored_map.write(folder / "cogging.bin", bytes(table))
+        stored_map.write_map(folder / "cogging.bin", bytes(table))
 
 
 def to_dict(made: Estimate) -> dict[str, Any]:

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from cogless.errors import StudyError
 from cogless.files import replacing
-from cogless.live import engine, page
-from cogless.live.blobs import held, left_out, precision
-from cogless.live.page import NO_LIMITS
-from cogless.live.trial_candidates import pinned
+from cogless.live import engine, live_page
+from cogless.live.candidates import pinned
+from cogless.live.description import held, left_out, precision
+from cogless.live.live_page import NO_LIMITS
 from cogless.study import AnyStudy, TrialStudy
 from cogless.study.reading import Changes
 
@@ -36,7 +36,7 @@ def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[st
     pins: Changes = {}
     if isinstance(study, TrialStudy):
         study, pins = pinned(study)
-    return page.render(study, command, told, limits, pins)
+    return live_page.render(study, command, told, limits, pins)
 
 
 def write(

@@ -23,14 +23,12 @@ import numpy as np
 
 from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
-from cogless.live.blobs import blobs, held
-from cogless.live.candidates import MOTOR, YOURS, Candidate, candidates
-from cogless.live.motor import TOGETHER, OwnMotor, own_motor
-from cogless.live.packed import Number, Packed
-from cogless.live.trial_candidates import trial_candidates
+from cogless.live.candidates import MOTOR, YOURS, Candidate, candidates, trial_candidates
+from cogless.live.description import Number, Packed, blobs, held
+from cogless.live.own_motor import TOGETHER, OwnMotor, own_motor
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, TrialStudy
-from cogless.study.datasheet_words import replaced_by_any
+from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import changed
 
 STOPS = 21

@@ -1,10 +1,15 @@
-"""Read, check and write learned maps in the format that firmware keeps in flash (see control/SPEC.md)."""
+"""Read, check and write learned maps in the format that firmware keeps in flash (see control/SPEC.md).
+
+Show stored maps to a person: as lines of text, and as a table of their entries.
+"""
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 from zlib import crc32
@@ -12,7 +17,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.errors import StudyError
 from cogless.files import no_device, reason, replacing
 
@@ -242,7 +247,7 @@ def read(path: Path) -> list[Found]:
     return found
 
 
-def write(path: Path, content: bytes) -> None:
+def write_map(path: Path, content: bytes) -> None:
     """Write the bytes of a map or of its table, completely or not at all; StudyError if that fails."""
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(content)
@@ -255,3 +260,79 @@ def _mark(header_crc: int, write_size: int) -> bytes:
 
 def _write_sizes() -> tuple[int, ...]:
     return tuple(1 << n for n in range(LONGEST_WRITE.bit_length()))
+
+
+HEX = 16
+
+
+def lines(found: list[Found], newest: Valid) -> list[str]:
+    """Lines about every map that was found; the newest one in detail."""
+    text = []
+    for place in found:
+        where = f"At byte {place.offset}: " if len(found) > 1 else ""
+        if not isinstance(place.map, StoredMap):
+            text.append(f"{where}{place.map}")
+        elif place.offset == newest.offset:
+            text.append(f"{where}a valid map{', the newest' if len(found) > 1 else ''}")
+            text += [f"  {name:<26}{value}" for name, value in rows(place.map)]
+        else:
+            text.append(f"{where}a valid map, save {place.map.sequence}")
+    return text
+
+
+def rows(stored: StoredMap) -> list[tuple[str, str]]:
+    """Name and value of the map's header fields, then a row for each channel."""
+    facts = [
+        ("learned by", stored.law_name),
+        ("motor", f"0x{stored.motor:08X}"),
+        ("save", str(stored.sequence)),
+        ("period", _period(stored)),
+        ("orders" if ORDER in stored.units else "cells" if stored.turns else "samples", str(stored.cells)),
+    ]
+    if stored.motion:
+        facts.insert(2, ("motion", f"0x{stored.motion:08X}"))
+    if stored.ratio != 1:
+        facts.append(("rad of the units", f"of {stored.ratio} theta_m"))
+    for c, values in enumerate(np.asarray(stored.values, dtype=np.float64)):
+        what, unit, _ = stored.unit(c)
+        if stored.units[c] == ORDER:
+            facts.append((what, ", ".join(f"{value:g}" for value in values)))
+            continue
+        rms, peak = math.sqrt(float(np.mean(values**2))), float(np.max(np.abs(values)))
+        figures = f"rms {rms:.4g}, peak {peak:.4g}, limit {stored.limits[c]:.4g}"
+        facts.append((what, f"{figures} {unit}".rstrip()))
+    return facts
+
+
+def _period(stored: StoredMap) -> str:
+    if stored.turns == 0:
+        return "a trial"
+    revolutions = Fraction(stored.turns, stored.parts)
+    if revolutions == 1:
+        return "a mechanical revolution"
+    return f"{revolutions} of a mechanical revolution, {360 * float(revolutions):.6g} deg"
+
+
+def to_csv(stored: StoredMap) -> str:
+    """The map as CSV: a heading, then a row per entry with its place and the value of each channel.
+
+    The place is a mechanical angle, or the number of a sample or order.
+    """
+    angle = stored.angle
+    first = "theta_m_rad" if angle is not None else "n" if stored.turns else "sample"
+    text = [",".join([first, *(stored.unit(c)[2] for c in range(stored.channels))])]
+    for n in range(stored.cells):
+        place = str(n) if angle is None else f"{angle[n]:.9g}"
+        text.append(",".join([place, *(f"{value:.9g}" for value in stored.values[:, n])]))
+    return "\n".join(text) + "\n"
+
+
+def identity(text: str) -> int:
+    """Parse a motor's identity on the command line: hexadecimal after 0x, otherwise decimal."""
+    try:
+        number = int(text, HEX if text.lower().startswith("0x") else 10)
+    except ValueError:
+        number = -1
+    if not 0 <= number < 2**32:
+        raise StudyError(f'--motor: "{text}": expected 32 bits, such as 0x1F2E3D4C')
+    return number

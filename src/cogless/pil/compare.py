@@ -1,4 +1,7 @@
-"""Compare the emulated processor with the simulation bit for bit, and count instructions and memory."""
+"""Compare the emulated processor with the simulation bit for bit, and count instructions and memory.
+
+Show a comparison as lines of text.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ import numpy as np
 from cogless.c_layout import Layout
 from cogless.export.c.subject import Subject
 from cogless.export.prepared import Prepared, Recording, prepare, record, run
-from cogless.pil.image import Image
+from cogless.pil.processor import Image
 from cogless.pil.target import Target, build
 from cogless.pil.toolchain import Toolchain
 from cogless.study import AnyStudy
@@ -201,3 +204,37 @@ def _comparison(
 
 def _instructions(counts: Any) -> Instructions:
     return Instructions(int(counts.min()), float(counts.mean()), int(counts.max()))
+
+
+def lines(found: Comparison) -> list[str]:
+    """Lines that `cogless pil` prints."""
+    rows = [
+        ("compared", f"{found.ticks} periods of {found.study}, {found.scenario}/{found.controller}"),
+        ("result", "every output and what was learned: bit for bit equal"),
+        ("instructions", _instruction_counts(found.all)),
+        ("  with the law", _instruction_counts(found.with_law)),
+        ("  without", _instruction_counts(found.without_law)),
+        ("  where, with", _sources(found.by_source_with_law)),
+        ("  where, without", _sources(found.by_source_without_law)),
+        ("  end of a trial", str(found.end_of_trial or "")),
+        ("stack", f"{found.stack} bytes"),
+        ("flash", f"{found.flash} bytes, {found.constants} of them the configured constants"),
+        ("RAM", f"{found.ram} bytes, {found.memory} of them what the law learns into"),
+        ("compiler", f"{found.compiler} {found.flags}"),
+    ]
+    if found.difference is not None:
+        rows[1] = ("result", _difference(found.difference, found.ticks))
+    return [f"{name:<18}{value}" for name, value in rows if value]
+
+
+def _difference(d: Difference, ticks: int) -> str:
+    where = "at the end" if d.tick == ticks else f"period {d.tick}"
+    return f"NOT equal: {where}: {d.field}: simulation {d.simulation!r}, processor {d.processor!r}"
+
+
+def _instruction_counts(found: Instructions | None) -> str:
+    return f"{found.least} to {found.most}, mean {found.mean:.1f}" if found else ""
+
+
+def _sources(by_source: dict[str, float]) -> str:
+    return ", ".join(f"{name} {count:.0f}" for name, count in by_source.items() if count >= 0.5)

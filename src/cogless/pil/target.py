@@ -13,14 +13,12 @@ from string import Template
 import numpy as np
 
 from cogless.errors import StudyError
-from cogless.export.c.command import contents, subject_of
-from cogless.export.c.extras import parts
-from cogless.export.c.names import stem
-from cogless.export.c.subject import Subject
+from cogless.export.c.export_c import contents, subject_of
+from cogless.export.c.parts import parts
+from cogless.export.c.subject import Subject, stem
 from cogless.export.prepared import Prepared, Reals, Recording
 from cogless.export.sources import defined_in
-from cogless.pil.image import Function, Image, read
-from cogless.pil.processor import Processor, Visits
+from cogless.pil.processor import Function, Image, Processor, Visits, read
 from cogless.pil.toolchain import Toolchain
 
 # C source: memory for inputs and outputs, and references to functions, so that the linker keeps them.

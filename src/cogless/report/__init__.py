@@ -3,14 +3,14 @@
 from pathlib import Path
 
 from cogless.files import replacing
-from cogless.report import page, png
+from cogless.report import charts, page
 from cogless.report.best_runs import is_quick, with_limits
 from cogless.report.comparison import Line, compare, runs_in
-from cogless.report.limits import remark
-from cogless.report.sections import Outcome, Sections
+from cogless.report.limit_sentences import remark
+from cogless.report.page import Outcome, Sections
 from cogless.report.speed import SPEED
 from cogless.report.trials import TRIALS
-from cogless.report.verdict import ScenarioVerdict
+from cogless.report.verdicts import ScenarioVerdict
 from cogless.results import AnyResults, Results, TrialResults
 from cogless.study import AnyStudy, TrialStudy
 from cogless.study.remark import Remark
@@ -84,11 +84,11 @@ def write(results: AnyResults, path: Path) -> None:
 def plot_names(study: AnyStudy) -> list[str]:
     """The names of all still pictures that a study may have."""
     kinds = (TRIALS if isinstance(study, TrialStudy) else SPEED).pictures
-    return [png.name(scenario, kind) for scenario in study.scenario for kind in kinds]
+    return [charts.name(scenario, kind) for scenario in study.scenario for kind in kinds]
 
 
 def write_plots(results: AnyResults, directory: Path) -> list[Path]:
     """Write the still pictures as PNG files and return their paths."""
     sections = _sections(results)
     drawn = page.data(page.drawable(results), sections)
-    return png.write_plots(results, drawn, sections.pictures, directory)
+    return charts.write_plots(results, drawn, sections.pictures, directory)

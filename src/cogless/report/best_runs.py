@@ -9,9 +9,9 @@ from pathlib import Path
 from cogless.report.speed_verdict import judged
 from cogless.results import Results
 from cogless.results.limits import Limits
-from cogless.run.limits import limits
+from cogless.run.limit_search import limits
 from cogless.study import Study, for_scenario
-from cogless.study.controller import OwnLaw
+from cogless.study.laws.own import OwnLaw
 
 TICKS_MOST = 5_000_000  # of a run that is made a dozen times again without being asked for
 
@@ -26,8 +26,8 @@ def with_limits(
     """The results, with what limits the best run of each scenario added.
 
     Each scenario takes about a dozen further runs. `long`: run them also where a run is long or executes a
-    user's code. `jobs`, `traces`: as in `cogless.run.limits`. `progress`: called with each scenario. Ctrl-C
-    ends the search early.
+    user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario.
+    Ctrl-C ends the search early.
     """
     found: dict[str, Limits] = {}
     try:

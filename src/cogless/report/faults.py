@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from cogless.report.comparison import speed_unit
-from cogless.report.packing import number
-from cogless.report.paths import varies
+from cogless.report.markup import number
+from cogless.report.panels import varies
 from cogless.report.speed_tracking import missed
-from cogless.report.verdict import ScenarioVerdict, Told, times
+from cogless.report.verdicts import ScenarioVerdict, Told, times
 from cogless.results import Results, Run
 from cogless.results.fault_response import Fault, Response, faults_in, ripple, without_faults
 from cogless.units import ANGULAR_SPEED, factor

@@ -12,17 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.files import replacing
+from cogless.files import replacing, versions
 from cogless.identify import described
 from cogless.identify.command import Identified, lines
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Wave
 from cogless.identify.sessions import TOLD, sessions
 from cogless.identify.write import shown
+from cogless.report.charts import STYLE, Plot, save
 from cogless.report.markup import asset, note, table
-from cogless.report.png import STYLE, Plot, save
 from cogless.results.trace import Trace
-from cogless.versions import versions
 
 Array = NDArray[np.float64]
 WIDE, HIGH, EDGE = 720, 200, 46  # of a picture

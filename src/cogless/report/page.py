@@ -1,23 +1,124 @@
-"""The report page: one self-contained HTML file. Its templates, style and scripts are in assets/."""
+"""The report page: one self-contained HTML file. Its templates, style and scripts are in assets/.
+
+The study as readable tables, with the texts and units of its file, and its assumptions with reasons.
+
+The page's sections and the pictures for one kind of scenario; the rest of the page is common to all.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from html import escape
 from string import Template
 from typing import Any
 
-from cogless.report.comparison import runs_in
-from cogless.report.markup import asset, key, note, tint
-from cogless.report.palette import colours, place
-from cogless.report.sections import Sections
-from cogless.report.settings import assumptions, settings
-from cogless.report.verdict import ScenarioVerdict, Told
-from cogless.results import AnyResults
+from cogless.files import versions
+from cogless.report.charts import Picture
+from cogless.report.comparison import Line, runs_in
+from cogless.report.markup import asset, colours, key, note, place, rows, tint
+from cogless.report.verdicts import ScenarioVerdict, Told
+from cogless.results import AnyResults, Run
 from cogless.results.results_json import run_id
-from cogless.versions import versions
+from cogless.study.base import StudyBase
+
+SHOWN_ELSEWHERE = ("title", "description", "assumption", "seed")
+
+
+def settings(study: StudyBase) -> str:
+    """One small HTML table for each table of the study, with values as in its file and datasheet."""
+    groups = []
+    for name, table in _groups(study.source.tables):
+        body = rows((key, f"<td>{escape(text)}</td>") for key, text in _texts(table))
+        if body:
+            groups.append(
+                f'<div class="group"><h3><code>[{escape(name)}]</code></h3>'
+                f'<div class="boxed"><table>{body}</table></div></div>'
+            )
+    return f'<div class="settings">{"".join(groups)}</div>'
+
+
+def assumptions(study: StudyBase) -> str:
+    """The HTML table of the study's assumptions with their reasons; "" without assumptions."""
+    if not study.assumption:
+        return ""
+    body = "".join(
+        f"<tr><th><code>{escape(a.about)}</code></th><td>{escape(a.reason)}</td></tr>"
+        for a in study.assumption
+    )
+    head = "<thead><tr><th>Assumption about</th><th>because</th></tr></thead>"
+    return f'<h3>Assumptions</h3><div class="boxed"><table>{head}<tbody>{body}</tbody></table></div>'
+
+
+def _groups(tables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yields each table with its dotted name: one per scenario and controller; each metric is one line."""
+    for name, table in tables.items():
+        if name in SHOWN_ELSEWHERE:
+            continue
+        if name in ("scenario", "controller"):
+            yield from ((f"{name}.{key}", inner) for key, inner in table.items())
+        elif isinstance(table, list):
+            yield name, {str(row.get("name", i)): _summary(row) for i, row in enumerate(table)}
+        elif isinstance(table, dict):
+            yield name, table
+
+
+def _summary(row: dict[str, Any]) -> str:
+    return "; ".join(f"{key} {_text(value)}" for key, value in row.items() if key != "name")
+
+
+def _texts(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    for name, value in table.items():
+        if isinstance(value, dict) and value:
+            yield from _texts(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_text(inner)}" for key, inner in value.items())
+    if isinstance(value, list):
+        tables = any(isinstance(item, dict) for item in value)
+        return ("; " if tables else ", ").join(_text(item) for item in value)
+    return str(value)
+
+
+Runs = Sequence[Run]  # of one scenario
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How each controller's runs ended, as a table of words for the terminal.
+
+    `rows`: a controller and its cells, one for each of `columns`.
+    """
+
+    note: str  # what the columns mean
+    columns: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[str]]]
+
+
+def no_outcome(results: Any, runs: Runs) -> Outcome | None:
+    """None: the lines of metrics say how the runs ended."""
+    return None
+
+
+@dataclass(frozen=True)
+class Sections:
+    """Functions that take the results, of the kind's own type, and the scenario or its runs."""
+
+    kind: str  # "speed" or "trials", as in the names of template and script in assets/
+    lines: Callable[[Any, str], list[Line]]
+    verdict: Callable[[Any, Runs], ScenarioVerdict | None]
+    charts: Callable[[Any, Runs], dict[str, Any]]  # plain values for the script
+    parts: Callable[[Any, Runs], dict[str, str]]  # tables and notes as HTML, for the template
+    pictures: Mapping[str, Picture]
+    outcome: Callable[[Any, Runs], Outcome | None] = no_outcome
+
 
 HUGE = 1e30  # far beyond any drive
 

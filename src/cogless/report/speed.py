@@ -4,27 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from cogless.report import criterion, late, maps, periods, sensitivity, spectra, tracking
+from cogless.report import angle_charts, map_charts, order_charts, tables
+from cogless.report.charts import SPEED_PICTURES
 from cogless.report.comparison import compare
 from cogless.report.markup import note, reservations
-from cogless.report.overtime import events, marks, waveforms, zooms
-from cogless.report.plots import PICTURES
-from cogless.report.sections import Runs, Sections
+from cogless.report.page import Runs, Sections
+from cogless.report.speed_tracking import strip
 from cogless.report.speed_verdict import verdict
-from cogless.report.status_lanes import strip
 from cogless.report.tables import line_table, term_tables
+from cogless.report.waveforms import events, marks, waveforms, zooms
 from cogless.results import Results
 
 LISTS = {
     "zooms": zooms,
     "marks": marks,
     "strip": strip,
-    "spectra": spectra.spectra,
-    "maps": maps.maps,
-    "polar": maps.polar,
-    "angle": periods.over_angle,
-    "criterion": criterion.criterion,
-    "bode": sensitivity.bode,
+    "spectra": order_charts.spectra,
+    "maps": map_charts.maps,
+    "polar": map_charts.polar,
+    "angle": angle_charts.over_angle,
+    "criterion": angle_charts.criterion,
+    "bode": angle_charts.bode,
     "events": events,
 }
 
@@ -32,11 +32,11 @@ LISTS = {
 def _charts(results: Results, runs: Runs) -> dict[str, Any]:
     drawn = [run for run in runs if len(run.trace) > 1]
     lists = {name: chart(results, drawn) if drawn else [] for name, chart in LISTS.items()}
-    followed = tracking.tracked(results, drawn) if drawn else None
+    followed = order_charts.tracked(results, drawn) if drawn else None
     return {
         "waveforms": waveforms(results, drawn),
-        "waterfall": tracking.waterfall(results, followed),
-        "tracking": tracking.tracking(results, drawn, followed),
+        "waterfall": order_charts.waterfall(results, followed),
+        "tracking": order_charts.tracking(results, drawn, followed),
         **lists,
     }
 
@@ -44,17 +44,17 @@ def _charts(results: Results, runs: Runs) -> dict[str, Any]:
 def _parts(results: Results, runs: Runs) -> dict[str, str]:
     return {
         "tables": line_table(results, runs, compare(results, runs[0].scenario)),
-        "spectra_note": note(" ".join((spectra.NOTE, spectra.turned_back(results, runs)))),
-        "spectra_left_out": reservations([spectra.left_out(results, run) for run in runs]),
-        "map_note": note(maps.NOTE),
-        "angle_note": note(periods.NOTE),
-        "criterion_note": note(criterion.NOTE),
-        "bode_note": note(sensitivity.NOTE),
-        "waterfall_note": note(tracking.WATERFALL_NOTE),
-        "tracking_note": note(tracking.NOTE),
-        "late": late.table(results, runs),
+        "spectra_note": note(" ".join((order_charts.SPECTRA_NOTE, order_charts.turned_back(results, runs)))),
+        "spectra_left_out": reservations([order_charts.left_out(results, run) for run in runs]),
+        "map_note": note(map_charts.NOTE),
+        "angle_note": note(angle_charts.PERIODS_NOTE),
+        "criterion_note": note(angle_charts.CRITERION_NOTE),
+        "bode_note": note(angle_charts.SENSITIVITY_NOTE),
+        "waterfall_note": note(order_charts.WATERFALL_NOTE),
+        "tracking_note": note(order_charts.TRACKING_NOTE),
+        "late": tables.late_table(results, runs),
         "terms": term_tables(results, runs),
     }
 
 
-SPEED = Sections("speed", compare, verdict, _charts, _parts, PICTURES)
+SPEED = Sections("speed", compare, verdict, _charts, _parts, SPEED_PICTURES)

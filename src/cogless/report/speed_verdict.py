@@ -1,4 +1,12 @@
-"""The verdict on a speed scenario, by the remaining ripple or error of the speed."""
+"""The verdict on a speed scenario, by the remaining ripple or error of the speed.
+
+The share of a true error that comes from the position sensor's own error, which no law can see.
+
+A law follows its sensor's signal. The true error E is the measured error M, which the law sees, plus the
+sensor's own error S: E = M + S. The share 1 - M^2 / E^2 of E's square is attributed to S. It is nearly one if
+a law follows S. If no law can follow S, as with an encoder's steps, M is larger than E, and nothing is
+attributed to S.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +15,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from cogless.report.angle_charts import sentences as growing
+from cogless.report.angle_charts import worsened
 from cogless.report.comparison import (
     SAME,
     SPEEDS,
@@ -22,20 +32,88 @@ from cogless.report.comparison import (
     speed_unit,
 )
 from cogless.report.faults import account
-from cogless.report.growth import sentences as growing
-from cogless.report.growth import worsened
-from cogless.report.limits import remark
-from cogless.report.paths import varies_in
-from cogless.report.sensor import Sensor, sensor
-from cogless.report.verdict import CLEARLY, Contest, ScenarioVerdict, listed, over, times, worst
+from cogless.report.limit_sentences import remark
+from cogless.report.panels import varies_in
+from cogless.report.verdicts import CLEARLY, Contest, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Results, Run
+from cogless.results.metrics import Conditions, evaluate
 from cogless.study import Study
 from cogless.study.metric import Metric
 from cogless.study.remark import Remark
 from cogless.units import ANGULAR_SPEED, convert, factor
 
+DOMINANT_SHARE = 0.5  # share of the square above which the sensor's error dominates
+# For each true signal, the measured signal that a law sees.
+SEEN = {
+    "omega_m": "omega_measured",
+    "omega_error": "omega_error_measured",
+    "theta_m": "theta_measured",
+    "theta_error": "theta_error_measured",
+}
+# For each kind of metric, the kind from which its share is computed: one whose squares add up.
+SQUARES = {
+    "rms": "rms",
+    "maximum": "rms",
+    "ripple-rms": "ripple-rms",
+    "three-sigma": "ripple-rms",
+    "peak-to-peak": "ripple-rms",
+    "order": "order",
+}
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A comparison line of measured values, and the sensor's share of each true value's square."""
+
+    seen: Line
+    shares: Mapping[str, float]
+
+    def dominates(self, controller: str) -> bool:
+        """Whether most of a controller's remaining error is the sensor's own error."""
+        return self.shares[controller] > DOMINANT_SHARE
+
+    def percent(self, controller: str) -> str:
+        """The sensor's share of a controller's squared value, such as "99 %"."""
+        return f"{100 * self.shares[controller]:.0f} %"
+
+
+def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
+    """The sensor's part of a scenario's line; None if the metric has none, or a value or trace is missing."""
+    metric = next((m for m in results.study.metrics_in(scenario) if m.name == line.name), None)
+    if metric is None or metric.signal not in SEEN or metric.kind not in SQUARES:
+        return None
+    conditions, measured = Conditions.of(results.study, scenario), SEEN[metric.signal]
+    seen, shares = {}, {}
+    for run in runs_in(results, scenario):
+        if line.values.get(run.controller) is None:
+            continue
+        if not len(run.trace) or measured not in run.trace:
+            return None
+        true, left = (
+            _value(run, metric, line, signal, SQUARES[metric.kind], conditions)
+            for signal in (metric.signal, measured)
+        )
+        if not (true > 0 and math.isfinite(true + left)):
+            return None
+        shares[run.controller] = 1 - (left / true) ** 2
+        value = _value(run, metric, line, measured, metric.kind, conditions)
+        seen[run.controller] = value / factor(line.unit, metric.dimension)
+    if not shares:
+        return None
+    name = f"{line.name} as measured"
+    return Sensor(replace(line, name=name, signal=measured, values=seen), shares)
+
+
+def _value(run: Run, metric: Metric, line: Line, signal: str, kind: str, conditions: Conditions) -> float:
+    """The metric's value, SI, with another signal and kind; for an order metric, at the line's order."""
+    value = evaluate(metric.model_copy(update={"signal": signal, "kind": kind}), run.trace, conditions)
+    if isinstance(value, list):
+        return value[list(metric.order or ()).index(line.order or 0.0)]
+    return math.nan if value is None else value
+
+
 COST = 0.01  # relative; a metric that gets worse by less isn't reported as a cost
-MOST = 3  # largest number of metrics in a sentence about another controller
+METRICS_MOST = 3  # largest number of metrics in a sentence about another controller
 
 TOTALS = ("ripple-rms", "peak-to-peak")
 
@@ -363,7 +441,7 @@ def _worse(case: _Case, controller: str, other: str) -> str:
     worst = sorted((pair for pair in ratios if pair[0] >= CLEARLY), key=lambda pair: -pair[0])
     parts = [
         f"{times(ratio)} the {line.quantity} ({line.text(controller)} against {line.text(other)})"
-        for ratio, line in worst[:MOST]
+        for ratio, line in worst[:METRICS_MOST]
     ]
     return f"Against {case.label(other)}, {case.label(controller)} has {listed(parts)}." if parts else ""
 

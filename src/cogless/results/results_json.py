@@ -1,4 +1,7 @@
-"""Write results.json: the study's settings, and each run's metrics with a summary of what it learned."""
+"""Write results.json: the study's settings, and each run's metrics with a summary of what it learned.
+
+Files of the maps that a study's runs have learned, as firmware stores them: one file per run.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.files import replacing
+from cogless.files import replacing, versions
+from cogless.maps.stored_map import write_map
 from cogless.results.fault_response import Response
 from cogless.results.metrics import Value, result_name
 from cogless.results.runs import AnyResults, Results, TrialResults
-from cogless.versions import versions
 
 if TYPE_CHECKING:
-    from cogless.design.trial import TrialDesign
+    from cogless.design.trials.gains import TrialDesign
 
 
 def to_dict(results: AnyResults) -> dict[str, Any]:
@@ -138,7 +141,7 @@ def _not_designed(results: TrialResults) -> dict[str, Any]:
 
 
 def _design(design: TrialDesign) -> dict[str, Any]:
-    from cogless.design.trial_summary import design_dict
+    from cogless.design.trials.trial_summary import design_dict
 
     return design_dict(design)
 
@@ -210,3 +213,17 @@ def _plain(value: Value) -> Any:
 def _rms(x: NDArray[np.float64]) -> float:
     with np.errstate(over="ignore"):  # of a run that grew
         return float(np.sqrt(np.mean(np.square(x))))
+
+
+def name(scenario: str, controller: str) -> str:
+    """The file of a run's map, within the folder of maps."""
+    return f"{scenario}/{controller}.bin"
+
+
+def write_all(results: AnyResults, folder: Path) -> None:
+    """Write folder/SCENARIO/CONTROLLER.bin for each run that has a map."""
+    for run in results.runs:
+        if run.map is not None:
+            path = folder / name(run.scenario, run.controller)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_map(path, bytes(run.map))

@@ -12,7 +12,7 @@ from cogless.results.metrics import Value
 from cogless.results.trace import Trace
 
 if TYPE_CHECKING:
-    from cogless.design.trial import TrialDesign
+    from cogless.design.trials.gains import TrialDesign
     from cogless.errors import StudyError
     from cogless.maps.stored_map import StoredMap
     from cogless.study import AnyStudy, Study, TrialStudy

@@ -21,8 +21,8 @@ from cogless.errors import StudyError
 from cogless.results.metrics import Value, result_name
 from cogless.run.simulate import run_study
 from cogless.study import AnyStudy, changed
-from cogless.study.calibration import FitParameter
-from cogless.study.error_messages import MISSING, look_up, shown
+from cogless.study.base import FitParameter
+from cogless.study.messages import MISSING, look_up, shown
 from cogless.study.metric import Metric
 from cogless.study.reading import split
 

@@ -12,12 +12,10 @@ from cogless.maps import learned_map
 from cogless.results import Run
 from cogless.results.fault_response import faults_in, responses
 from cogless.results.metrics import Conditions, Value, evaluate, result_name
-from cogless.results.trace import Trace
-from cogless.results.trace_files import TraceRoom
-from cogless.run.advance import Progress, advance, failures, memory_enough, trace_of
-from cogless.run.plan import Plan, feedback_plan
+from cogless.results.trace import Trace, TraceRoom
+from cogless.run.plan import Plan, Progress, advance, failures, feedback_plan, memory_enough, trace_of
 from cogless.study import AnyStudy, TrialStudy, for_scenario
-from cogless.study.controller import OwnLaw
+from cogless.study.laws.own import OwnLaw
 
 
 def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:

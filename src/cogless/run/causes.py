@@ -11,8 +11,8 @@ import numpy as np
 from cogless.results import Run
 from cogless.results.status import Status
 from cogless.study import Study, for_scenario
-from cogless.study.controller import LearnsWhileRunning
 from cogless.study.drive import Belief
+from cogless.study.laws.law import LearnsWhileRunning
 from cogless.study.metric import Metric
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall
 from cogless.study.reading import Changes

@@ -10,9 +10,9 @@ from cogless.design.gentler import timed_edges
 from cogless.results import Run
 from cogless.run.causes import CURRENTS, INVERTER, LOOP, SENSOR, later, longer
 from cogless.study import Study, for_scenario
-from cogless.study.controller import Feedback, Learning, LearnsWhileRunning
 from cogless.study.drive import CurrentLoop, EncoderTable
-from cogless.study.harmonic import Harmonic
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.law import Feedback, Learning, LearnsWhileRunning
 from cogless.study.metric import Metric
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall, Resolver
 from cogless.study.reading import Changes

@@ -1,27 +1,166 @@
-"""Plan of a run: one controller in one scenario, prepared for the engine."""
+"""Plan of a run: one controller in one scenario, prepared for the engine.
+
+Load what a law begins with: a map that was learned before, or a table of current or torque.
+
+Helpers of a run: the engine's modules, simulation in short pieces, failures as one-line errors.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
 from threading import Event
 from typing import Any
 
+import numpy as np
+
 from cogless.c_layout import MisfitError
-from cogless.design.from_study import design_study
-from cogless.design.trial import TrialDesign
+from cogless.design.trials.from_study import design_study
+from cogless.design.trials.gains import TrialDesign
 from cogless.errors import StudyError
+from cogless.maps import learned_map, stored_map
+from cogless.maps.stored_map import CURRENT, MapError, StoredMap
 from cogless.results.status import Status
-from cogless.run.advance import ENGINES, advance, failures, trace_of
+from cogless.results.trace import Trace
 from cogless.run.drive_config import Mode, engine_config
-from cogless.run.own_law import make_law
-from cogless.run.starting import starting_map
+from cogless.run.own_law import describe, is_failure, law_file, make_law
 from cogless.run.trial_config import engine_config as trial_config
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
-from cogless.study.controller import AntiCogging, Startable
-from cogless.study.trial_controller import TrialLaw
+from cogless.study.laws.anti_cogging import AntiCogging
+from cogless.study.laws.law import Start, Startable
+from cogless.study.laws.own import OwnLaw
+from cogless.study.laws.trial import TrialLaw
+
+
+def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> learned_map.Reals:
+    """The entries of a law's map at the start of a run, (channels, cells).
+
+    `drive`: the engine's, with this law. StudyError: the file is no map, or nothing that fits the law, or
+    that a user's law takes.
+    """
+    given = law.start
+    assert given is not None
+    key, name = ("table", given.table) if given.map is None else ("map", given.map)
+    where = f'{study.source.path}: controller.{controller}.start.{key}: "{name}": '
+    try:
+        with _law_failures(study, controller, where):
+            state = drive.start()
+            own = drive.stored(state)
+        if own is None:
+            needs = law.NEEDS if isinstance(law, OwnLaw) else "none, since the memory is over time"
+            raise MapError(f"expected {needs}")
+        found = _of_table(study, given) if given.map is None else _newest(study, given.map)
+        entries = learned_map.entries(found, own, law.unit)
+        if isinstance(law, OwnLaw):
+            with _law_failures(study, controller, where):
+                drive.load_map(state, entries)  # it may refuse it: before the first run
+        return entries
+    except MapError as error:
+        raise StudyError(f"{where}{error}") from None
+
+
+@contextmanager
+def _law_failures(study: Study, controller: str, where: str) -> Iterator[None]:
+    """Turn any exception of a user's law into a StudyError that begins with `where`."""
+    try:
+        yield
+    except BaseException as error:
+        if not isinstance(study.controller[controller], OwnLaw) or not is_failure(error):
+            raise
+        raise StudyError(f"{where}{describe(error, law_file(study, controller))}") from error
+
+
+def _newest(study: Study, name: str) -> StoredMap:
+    path = study.source.folder / name
+    if not path.is_file():
+        raise MapError(f"expected a file at {path}")
+    found = stored_map.read(path)
+    newest = stored_map.newest(found)
+    if newest is None:
+        raise MapError(str(found[0].map))
+    return newest.map
+
+
+def _of_table(study: Study, given: Start) -> StoredMap:
+    """The table as the map of a current over its revolution."""
+    table = given.over_angle
+    cells, parts = len(table.angle), study.motor.pole_pairs if given.frame == "electrical" else 1
+    amplitude, phase = np.transpose(table.harmonics((cells - 1) // 2))
+    spectrum = amplitude / 2 * np.exp(1j * (phase - np.pi / 2))
+    spectrum[0] *= 2
+    current = np.fft.irfft(spectrum, cells) * cells
+    if table.name == "torque":
+        current /= study.K_t
+    if given.sign == "cogging":
+        current = -current
+    return StoredMap(current.astype(np.float32), (CURRENT,), (float(np.max(np.abs(current))),), parts=parts)
+
+
+ENGINES = {"single": "cogless._simulator_f32", "double": "cogless._simulator_f64"}
+REFUSALS = (ValueError, RuntimeError, MemoryError)  # exactly these does the engine raise about a study
+PIECE = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
+
+Progress = Callable[[float], None]
+
+
+class Stopped(Exception):  # noqa: N818, it isn't an error
+    """Ctrl-C was pressed."""
+
+
+@contextmanager
+def failures(
+    study: AnyStudy, scenario: str, controller: str, when: Callable[[], str] = str
+) -> Iterator[None]:
+    """Turn what a call of the engine raises into a StudyError of one line: the engine's refusal, or any
+    exception of a user's law.
+
+    Any other exception is a defect of cogless, and goes on. So only calls of the engine belong in here.
+    `when`: returns the time in the run, or "".
+    """
+    try:
+        yield
+    except BaseException as error:
+        of_user = isinstance(study.controller[controller], OwnLaw) and is_failure(error)
+        if isinstance(error, StudyError) or not (of_user or type(error) in REFUSALS):
+            raise
+        where = f"controller.{controller}: scenario {scenario}{when()}"
+        cause = describe(error, law_file(study, controller))
+        raise StudyError(f"{study.source.path}: {where}: {cause}") from error
+
+
+@contextmanager
+def memory_enough(study: AnyStudy, scenario: str, controller: str) -> Iterator[None]:
+    """Turn a MemoryError into a StudyError of one line: the run needs more memory than there is."""
+    try:
+        yield
+    except MemoryError as error:
+        where = f"controller.{controller}: scenario {scenario}"
+        raise StudyError(f"{study.source.path}: {where}: {describe(error, None)}") from error
+
+
+def advance(run: Callable[[int], None], ticks: int, progress: Progress, stop: Event) -> None:
+    """Call `run` for all the ticks, in pieces of about PIECE. In between, report progress, see `stop`."""
+    done, piece = 0, 1000
+    while done < ticks:
+        if stop.is_set():
+            raise Stopped
+        begun = time.perf_counter()
+        step = min(piece, ticks - done)
+        run(step)
+        done += step
+        progress(done / ticks)
+        spent = max(time.perf_counter() - begun, 1e-6)
+        piece = max(1, min(4 * piece, int(step * PIECE / spent)))
+
+
+def trace_of(drive: Any, recorder: Any) -> Trace:
+    """Take the rows recorded so far from the recorder, as a trace."""
+    names, units = zip(*drive.signals, strict=True)
+    return Trace(names, units, recorder.take())
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,16 +14,16 @@ from pathlib import Path
 from threading import Event
 from typing import overload
 
-from cogless.design.from_study import Designs, design_study
+from cogless.design.trials.from_study import Designs, design_study
 from cogless.errors import StudyError
 from cogless.results import AnyResults, Results, Run, TrialResults
-from cogless.results.trace_files import TraceRoom
-from cogless.run.advance import ENGINES, Progress, Stopped, memory_enough
+from cogless.results.trace import TraceRoom
 from cogless.run.carry_out import carried_out, carried_out_together
-from cogless.run.plan import Plan, plan
+from cogless.run.plan import ENGINES, Plan, Progress, Stopped, memory_enough, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study, TrialStudy
-from cogless.study.controller import OwnLaw, Startable
+from cogless.study.laws.law import Startable
+from cogless.study.laws.own import OwnLaw
 from cogless.study.table import perhaps
 
 StudyProgress = Callable[[str, str, float], None]

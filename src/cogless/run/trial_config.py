@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cogless.c_layout import control_layout
-from cogless.design.model import Model, sampled
+from cogless.design.trials.model import Model, sampled
 from cogless.run.drive_config import drive_config, mechanics_config, motor_config, own_law_config
-from cogless.study.trial_controller import TrialLaw
+from cogless.study.laws.trial import TrialLaw
 
 if TYPE_CHECKING:
-    from cogless.design.trial import TrialParameters
+    from cogless.design.trials.gains import TrialParameters
     from cogless.study import TrialStudy
-    from cogless.study.plant import LinearPlant
-    from cogless.study.trial_scenario import TrialConditions
+    from cogless.study.linear_plant import LinearPlant
+    from cogless.study.trial_study import TrialConditions
 
 
 def engine_config(

@@ -1,19 +1,203 @@
-"""Base of both kinds of study: title, seed, assumptions, scenarios, controllers, metrics, source."""
+"""Base of both kinds of study: title, seed, assumptions, scenarios, controllers, metrics, source.
+
+Tables for `cogless calibrate`: parameters of a study to fit, and target values of its metrics.
+
+Tables `[vary]` and `[tune]`: how a study's values spread over an ensemble, and which gains to choose.
+
+Units in which speeds and angles are shown: a user who wrote rpm in his study reads rpm.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
-from cogless.study.calibration import Calibration
-from cogless.study.controller import Base
+from cogless import units
+from cogless.study.laws.law import Base
 from cogless.study.metric import Metric
-from cogless.study.table import Frequency, Line, Many, StudyKeys, Table
-from cogless.study.vary import Tune, Vary
+from cogless.study.table import Frequency, Line, Many, Quantity, StudyKeys, Table, dotted_keys, invalid
+from cogless.units import ANGLE, ANGULAR_SPEED, Dimension, UnitError, factor, unit_of
+
+
+class FitParameter(Table):
+    """A parameter to fit: a dotted key of the study, or of one scenario's overrides.
+
+    Initial value and bounds are texts with a unit, or numbers in the unit that the study uses at this key.
+    """
+
+    key: str
+    scenario: str | None = None
+    initial: str | float | None = None  # default: the study's value
+    lower: str | float | None = None
+    upper: str | float | None = None
+
+
+class Target(Table):
+    """The value that a metric should have in a run; a list for kind "order" and in studies of trials."""
+
+    scenario: str
+    controller: str
+    metric: str
+    value: Any
+    weight: Annotated[float, Field(gt=0)] = 1.0
+
+    def values(self, metric: Metric, count: int) -> tuple[float, ...]:
+        """The target values in SI; raises an error if there aren't `count` of them or one is invalid."""
+        wanted = self.value if isinstance(self.value, list) else [self.value]
+        if len(wanted) != count:
+            raise invalid(f"expected {count} values", "value")
+        quantity = Quantity(metric.dimension, bare=not metric.dimension.unit)
+        return tuple(quantity.read(value) for value in wanted)
+
+
+class Calibration(Table):
+    """A fit of parameters by least squares of the relative deviations from the targets."""
+
+    parameters: Many[FitParameter]
+    targets: Many[Target]
+
+    @field_validator("parameters", "targets")
+    @classmethod
+    def _some(cls, value: tuple[Any, ...]) -> tuple[Any, ...]:
+        if not value:
+            raise invalid("expected one or more")
+        return value
+
+
+FORMS = ("uniform", "log", "normal", "corners", "list")
+Number = str | float | int  # a text with a unit or with %, or a plain number
+
+
+class Distribution(Table):
+    """How a value spreads: one of these forms.
+
+    One number is a deviation from the study's own value, two are limits; each is a text with the key's unit,
+    or with % of the study's value.
+    """
+
+    uniform: Number | Many[Number] | None = None
+    log: Number | Many[Number] | None = None
+    normal: Number | Many[Number] | None = None
+    corners: Number | Many[Number] | None = None
+    list: Many[Any] | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        if len([form for form in FORMS if getattr(self, form) is not None]) != 1:
+            raise invalid(f'expected one of {", ".join(FORMS)}, such as uniform = "20 %"')
+        form, value = self.form
+        if isinstance(value, tuple) and form != "list" and len(value) != 2:
+            raise invalid("expected one number, or two", form)
+        if value == ():
+            raise invalid("expected one or more", form)
+        return self
+
+    @property
+    def form(self) -> tuple[str, Any]:
+        """The form that is given, and its value."""
+        name = next(form for form in FORMS if getattr(self, form) is not None)
+        return name, getattr(self, name)
+
+
+class Together(Table):
+    """Keys whose values are correlated: the correlation of each pair, behind every distribution."""
+
+    keys: Many[str]
+    correlation: Annotated[float, Field(ge=-1, le=1)]
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if len(self.keys) < 2 or len(set(self.keys)) < len(self.keys):
+            raise invalid("expected two or more different keys", "keys")
+        least = -1 / (len(self.keys) - 1)
+        if self.correlation < least:
+            expected = f"expected {least:.3g} or more, since no {len(self.keys)} values can all be less alike"
+            raise invalid(expected, "correlation")
+        return self
+
+
+class Vary(Table):
+    """How an ensemble spreads around the study: a distribution for each dotted key."""
+
+    keys: dict[str, Distribution] = Field(default={})  # in the file they stand in [vary] itself
+    together: Many[Together] = ()
+    seeds: bool = False  # each variant draws its own sensor noise
+
+    @classmethod
+    def spelled_out(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        own = {key: data[key] for key in ("together", "seeds") if key in data}
+        return {"keys": _flat({key: data[key] for key in data if key not in own}), **own}
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        taken: set[str] = set()
+        for index, group in enumerate(self.together):
+            for place, key in enumerate(group.keys):
+                if key not in self.keys:
+                    raise invalid(f"expected one of {', '.join(self.keys)}", "together", index, "keys", place)
+                if key in taken:
+                    expected = "expected a key that is in no other group"
+                    raise invalid(expected, "together", index, "keys", place)
+                taken.add(key)
+        if not self.keys and not self.seeds:
+            raise invalid("expected one or more, or seeds = true", "keys", value="missing")
+        return self
+
+
+class Hold(Table):
+    """What must hold of the tuned controllers: a metric's limit, in at least this share of the variants."""
+
+    metric: str
+    limit: Number
+    share: Annotated[float, Field(gt=0, le=1)] = 1.0
+
+
+class Tune(Table):
+    """Gains to choose for each controller by itself, and what is best, over the ensemble or the study."""
+
+    keys: dict[str, Many[Number]]
+    minimise: str  # a metric; one of its orders or phases as NAME.72
+    over: Literal["mean", "worst", "nominal"] | Annotated[float, Field(gt=0, lt=1)] = "mean"
+    hold: Many[Hold] = ()
+    scenarios: Many[str] | None = None  # default: all that the controller runs in
+    variants: Annotated[int, Field(ge=1)] = 32  # of the ensemble
+    budget: Annotated[int, Field(ge=2)] = 200  # settings that are tried, for each controller
+
+    @field_validator("keys", mode="before")
+    @classmethod
+    def _dotted(cls, keys: Any) -> Any:
+        return _flat(keys)
+
+    @field_validator("keys")
+    @classmethod
+    def _ranges(cls, keys: dict[str, tuple[Number, ...]]) -> dict[str, tuple[Number, ...]]:
+        for key, limits in keys.items():
+            if len(limits) != 2:
+                raise invalid("expected two limits", key)
+        if not keys:
+            raise invalid("expected one or more")
+        return keys
+
+
+def _flat(keys: Any) -> Any:
+    """Distributions or ranges by dotted key; what is no table stays as it is."""
+    return dotted_keys(keys, _holds_more) if isinstance(keys, dict) else keys
+
+
+def _holds_more(_key: str, value: Any) -> bool:
+    """Whether a value is a table of distributions or ranges, and no distribution itself."""
+    return (
+        isinstance(value, dict)
+        and all(isinstance(inner, dict | list) for inner in value.values())
+        and not any(form in value for form in FORMS)
+    )
+
 
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
@@ -124,3 +308,41 @@ class StudyBase(Table):
     def values_of(self, metric: Metric, scenario: str) -> int:
         """Number of values of a metric: one, or for kind "order" one per order."""
         return len(metric.order or ()) if metric.kind == "order" else 1
+
+
+SPOKEN = (ANGULAR_SPEED, ANGLE)
+TOLD_IN = ("scenario", "drive")  # tables whose units describe a run, unlike a motor's or a controller's
+
+
+def spoken_unit(study: StudyBase, dimension: Dimension) -> str:
+    """Unit in which to show a quantity: an angle or a speed as in the study, others in SI.
+
+    For an angle or a speed it is the unit of the first metric of this dimension, else of the first such
+    quantity in the scenarios or the drive, else the SI unit.
+    """
+    if dimension not in SPOKEN:
+        return dimension.unit
+    metrics = (m.unit for m in study.metric if m.unit and m.dimension == dimension)
+    texts = (unit_of(text) for room in TOLD_IN for text in _texts(study.source.tables.get(room)))
+    return next(metrics, None) or next((u for u in texts if u and _fits(u, dimension)), dimension.unit)
+
+
+def speed_text(study: StudyBase, omega_m: float, digits: int = 4) -> str:
+    """Magnitude of a speed as a text, in the unit that the study uses. `omega_m`: in rad/s."""
+    return units.format(abs(omega_m), spoken_unit(study, ANGULAR_SPEED), ANGULAR_SPEED, digits)
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every string in a table, including the tables and lists within it."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list | tuple):
+        for inner in value.values() if isinstance(value, dict) else value:
+            yield from _texts(inner)
+
+
+def _fits(unit: str, dimension: Dimension) -> bool:
+    try:
+        return bool(factor(unit, dimension))
+    except UnitError:
+        return False

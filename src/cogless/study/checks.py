@@ -1,4 +1,7 @@
-"""Checks that concern several tables of a study. Each raises an error that names the wrong key."""
+"""Checks that concern several tables of a study. Each raises an error that names the wrong key.
+
+Check that a fault is in something that the drive has, and lasts long enough to be measured.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +12,54 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic_core import PydanticCustomError
 
-from cogless.study import fault_checks, metric_checks, numerics, space_checks
-from cogless.study.controller import Learning, PiIlc, RobustIlc
+from cogless.study import metric_checks, numerics, space_checks
 from cogless.study.drive import OUTER_LOOPS
-from cogless.study.harmonic import Harmonic
+from cogless.study.laws.harmonic import Harmonic
+from cogless.study.laws.law import Learning
+from cogless.study.laws.periodic import PiIlc, RobustIlc
+from cogless.study.laws.pi_afc import PiAfc
 from cogless.study.metric_checks import FEWEST_ROWS
 from cogless.study.motor import Motor
-from cogless.study.pi_afc import PiAfc
 from cogless.study.position_sensor import Hall
-from cogless.study.table import invalid, one_of
+from cogless.study.scenario import BusFault, CurrentFault, FaultBase
+from cogless.study.table import Key, invalid, one_of
 from cogless.study.trial_study import TrialStudy
 
 if TYPE_CHECKING:
     from cogless.study.base import StudyBase
-    from cogless.study.study import Study
+    from cogless.study.speed_study import Study
+
+
+def faults(study: Study | TrialStudy) -> None:
+    """Refuse faults in something that the drive doesn't measure, and faults that are too short.
+
+    An ideal current loop measures neither currents nor bus voltage. With two sensors, phase c isn't measured.
+    """
+    drive, motor = study.drive, study.motor
+    for name, scenario in study.scenario.items():
+        for index, fault in enumerate(scenario.faults):
+            where = ("scenario", name, "faults", index)
+            if drive is None or motor is None:
+                raise invalid("expected none, of a drive", "scenario", name, "faults")
+            if drive.ideal and isinstance(fault, CurrentFault | BusFault):
+                expected = "expected a fault of the angle: an ideal current loop measures no more"
+                raise invalid(expected, *where, "kind")
+            measured = "ab" if motor.phases == 2 or drive.current_sensors.sensors == 2 else "abc"
+            if isinstance(fault, CurrentFault) and fault.phase not in measured:
+                expected = f"expected one of the measured phases {', '.join(measured)}"
+                raise invalid(expected, *where, "phase")
+            _measured_once(drive.rates.current_loop, scenario.run_time, fault, where)
+
+
+def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> None:
+    """Refuse a fault that no measurement would show; they are taken once per current-loop period."""
+    period = f"{1 / rate:g} s, one period of the measurements"
+    if fault.duration * rate < 1 - 1e-9:
+        raise invalid(f"expected {period}, or more", *where, "duration")
+    if round(fault.time * rate) >= round(end * rate):
+        expected = f"expected a time before the scenario's {end:g} s by {period}, or more"
+        raise invalid(expected, *where, "time")
+
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
@@ -193,7 +230,7 @@ ALL: tuple[Check, ...] = (
     feedback_under_guard,
     slots,
     space_checks.space_laws,
-    fault_checks.faults,
+    faults,
     calibration,
 )
 # Checks of the whole study only; the others are also made for each scenario with its overrides.

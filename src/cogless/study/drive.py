@@ -1,4 +1,7 @@
-"""The drive: rates, current loop, inverter, sensors, and the motor parameters that the controller assumes."""
+"""The drive: rates, current loop, inverter, sensors, and the motor parameters that the controller assumes.
+
+Settings of the monitor that checks a drive's measurements, and of the measure of learning quality.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,10 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from cogless.study.monitor import Monitor, Quality
 from cogless.study.motor import StarMotor
 from cogless.study.position_sensor import ORDER_MAX, Counted, IdealSensor, PositionSensor
 from cogless.study.table import (
+    AngleMagnitude,
     AngularSpeedMagnitude,
     Current,
     CurrentGain,
@@ -23,6 +26,7 @@ from cogless.study.table import (
     FluxLinkage,
     Frequency,
     Inductance,
+    NumberGain,
     Resistance,
     Span,
     Table,
@@ -33,6 +37,37 @@ from cogless.study.table import (
     check_sizes,
     invalid,
 )
+
+
+class Monitor(Table):
+    """Bounds of plausible measurements. Zero: not checked. The defaults are derived from the drive."""
+
+    omega_max: AngularSpeedMagnitude | None = None  # rad/s, mechanical
+    angle_step: AngleMagnitude | None = None  # rad, mechanical
+    speed_window: Time | None = None  # s
+    stuck_angle: AngleMagnitude | None = None  # rad, mechanical
+    stuck_time: Time | None = None  # s
+    current_max: CurrentMagnitude | None = None  # A
+    current_sum: CurrentMagnitude | None = None  # A
+    bridge: Time | None = None  # s
+    hold: Time | None = None  # s
+
+
+class Quality(Table):
+    """Settings of the residual ripple: its window, and which speed errors are outliers, excluded from
+    learning."""
+
+    span: Span | None = None  # rad, mechanical, turned per window; default: a revolution
+    longest: Duration = 60.0  # s
+    outlier: NumberGain = 0.0  # bound, in multiples of the usual error; 0: none
+    floor: AngularSpeedMagnitude = 0.0  # rad/s
+
+    @model_validator(mode="after")
+    def _outlier(self) -> Self:
+        if 0 < self.outlier < 1:
+            raise invalid("expected 1 or more, or 0 for none", "outlier")
+        return self
+
 
 ORDERS = 4  # of a table of the sensor's error: CGL_ENCODER_TABLE_ORDERS
 SETTLED_TIMES = 10.0  # time constants after which its observer has settled: encoder_table.c

@@ -56,7 +56,7 @@ class AngleTable(Table):
         return self
 
     def _read(self, info: ValidationInfo) -> Self:
-        from cogless.study.angle_table import read
+        from cogless.study.csv_table import read
 
         if not info.context or self.file is None:
             return self

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Protocol, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cogless import units
-from cogless.c_laws import C_LAWS
+from cogless.control_library import C_LAWS
 from cogless.signals import dimensions
 from cogless.study.table import Duration, Many, Quantity, Table, Time, invalid
 from cogless.units import Dimension

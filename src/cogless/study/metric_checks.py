@@ -1,19 +1,121 @@
-"""Checks of a study's metrics. Each raises an error that names the wrong key."""
+"""Checks of a study's metrics. Each raises an error that names the wrong key.
+
+Find out which signals the runs of a study have, and why a signal is missing.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
+from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING
 
-from cogless.study import signals
-from cogless.study.metric import EACH_PHASE, EACH_TRIAL, Metric, result_name, turns_held, whole_revolutions
-from cogless.study.table import invalid, one_of
+from cogless import units
+from cogless.control_library import C_LAWS
+from cogless.signals import dimensions, exists
+from cogless.study.laws.own import OwnLaw
+from cogless.study.laws.space import SpaceLearning
+from cogless.study.laws.trial import TrialLaw
+from cogless.study.metric import (
+    EACH_PHASE,
+    EACH_TRIAL,
+    OF_LINEAR_PLANTS,
+    Metric,
+    result_name,
+    turns_held,
+    whole_revolutions,
+)
+from cogless.study.motor import Motor
+from cogless.study.table import invalid, nearest, one_of
+from cogless.study.trial_study import TrialStudy
+from cogless.units import Dimension
 
 if TYPE_CHECKING:
+    from cogless.study.laws.law import Base
     from cogless.study.scenario import Scenario
-    from cogless.study.study import Study
-    from cogless.study.trial_study import TrialStudy
+    from cogless.study.speed_study import Study
+
+OF_A_LAW = "expected a signal that a controller of this study has"
+# Properties of a drive that a signal may need (signals.def), and the error text if the drive lacks one.
+NEEDED = {
+    "electrical": "expected another, since the current loop is ideal",
+    "three_phases": "expected another, since the motor has two phases",
+    "thermal": "expected another, or a table motor.temperature",
+    "energy": "expected another, or trace.energy = true",
+    "load_side": "expected another, or a table mechanics.load_side",
+    "path": "expected another, or a controller such as harmonic with position = true",
+    "trial_law": OF_A_LAW,
+}
+
+
+def terms(law: Base) -> frozenset[str]:
+    """Names of the recorded parts of a law's output."""
+    if isinstance(law, OwnLaw):
+        return frozenset({"term_learned"} if law.learning else ())  # if it tells, which only a run shows
+    found = _terms("trial" if isinstance(law, TrialLaw) else getattr(law, "law", ""))
+    if not isinstance(law, SpaceLearning):
+        return found
+    unused = {*("term_beta", "term_h")[law.channels - 1 :], *(() if law.memory == "delay" else ("P_t",))}
+    return found - unused
+
+
+@cache
+def _terms(name: str) -> frozenset[str]:
+    return frozenset(term.signal for term in C_LAWS[name].terms) if name in C_LAWS else frozenset()
+
+
+def kinds(study: Study | TrialStudy) -> set[str]:
+    """Properties that a study's drive has, out of the keys of NEEDED and "trials"."""
+    motor, trials = study.motor, isinstance(study, TrialStudy)
+    has = {
+        "electrical": study.drive is not None and not study.drive.ideal,
+        "three_phases": motor is not None and motor.phases == 3,
+        "thermal": isinstance(motor, Motor) and motor.temperature is not None,
+        "energy": study.trace.energy,
+        "load_side": study.mechanics is not None and study.mechanics.load_side is not None,
+        "path": any(
+            isinstance(law, SpaceLearning) or law.holds_position for law in study.controller.values()
+        ),
+        "trials": trials,
+        "trial_law": any(isinstance(law, TrialLaw) for law in study.controller.values()),
+    }
+    return {kind for kind, there in has.items() if there}
+
+
+def linear(states: int) -> dict[str, Dimension]:
+    """All signals of a linear plant in trials; they have no unit."""
+    own = (term.signal for term in C_LAWS["trial"].terms)
+    names = (*OF_LINEAR_PLANTS, *own, "learned", "status")
+    return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(states))), units.NONE)
+
+
+def missing(study: Study | TrialStudy, signals: Iterable[str]) -> Iterator[str | None]:
+    """Error text for each signal that no run of the study has; None if a run has it."""
+    if isinstance(study, TrialStudy) and study.plant is not None:
+        known = linear(study.states)
+        yield from (None if name in known else f"expected a signal: {', '.join(known)}" for name in signals)
+        return
+    has = kinds(study)
+    own = set[str]().union(*map(terms, study.controller.values()))
+    for name in signals:
+        yield None if name in own else _missing(name, frozenset(has))
+
+
+@cache
+def _missing(signal: str, found: frozenset[str]) -> str | None:
+    possible = NEEDED.keys() | (found & {"trials"})
+    known = dimensions(possible, [name for name in C_LAWS if (name == "trial") == ("trials" in found)])
+    if signal not in known:
+        near = nearest(signal, list(known))
+        return f'expected a signal, perhaps "{near}"' if near else f"expected a signal: {', '.join(known)}"
+    if exists(signal, found):
+        return None
+    if any(signal == term.signal for law in C_LAWS.values() for term in law.terms):
+        return OF_A_LAW
+    lacks = (kind for kind in NEEDED if kind not in found and not exists(signal, possible - {kind}))
+    return NEEDED[next(lacks)]
+
 
 FEWEST_ROWS = 10  # in a metric's window
 OVER_TIME = ("window", "last", "event", "smooth", "order")  # keys that metrics of trials don't have
@@ -42,7 +144,7 @@ def metrics(study: Study | TrialStudy) -> None:
 def known_signals(study: Study | TrialStudy) -> None:
     """Check that metrics are of signals that a run has."""
     named = {index: metric.signal for index, metric in enumerate(study.metric) if metric.signal}
-    for index, absent in zip(named, signals.missing(study, named.values()), strict=True):
+    for index, absent in zip(named, missing(study, named.values()), strict=True):
         if absent is not None:
             raise invalid(absent, "metric", index, "signal")
 

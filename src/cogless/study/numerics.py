@@ -6,15 +6,16 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cogless.study.adrc import Adrc
-from cogless.study.controller import AntiCogging, Learning
+from cogless.study.laws.adrc import Adrc
+from cogless.study.laws.anti_cogging import AntiCogging
+from cogless.study.laws.law import Learning
 from cogless.study.table import invalid
 
 if TYPE_CHECKING:
     from cogless.study.drive import Drive
     from cogless.study.mechanics import LoadSide, Mass, Mechanics
     from cogless.study.motor import StarMotor
-    from cogless.study.study import Study
+    from cogless.study.speed_study import Study
     from cogless.study.trial_study import TrialStudy
 
 LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable

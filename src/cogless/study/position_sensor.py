@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from cogless.study.angle_table import OverAngle, read
+from cogless.study.csv_table import OverAngle, read
 from cogless.study.table import Angle, File, Frequency, Many, Table, Time, invalid
 from cogless.units import ANGLE
 

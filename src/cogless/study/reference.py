@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
-from cogless.study.reference_file import Points, points
+from cogless.study.csv_table import Points, points
 from cogless.study.table import (
     Angle,
     AngularAcceleration,

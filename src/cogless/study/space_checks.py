@@ -6,12 +6,12 @@ import math
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from cogless.study.controller import MOST_SAMPLES
-from cogless.study.space_controller import SpaceLearning
+from cogless.study.laws.law import MOST_SAMPLES
+from cogless.study.laws.space import SpaceLearning
 from cogless.study.table import check_precision, invalid
 
 if TYPE_CHECKING:
-    from cogless.study.study import Study
+    from cogless.study.speed_study import Study
 
 FEWEST_SAMPLES = 4  # of a period
 ANGLE_MAX = 1e5  # rad, CGL_ANGLE_MAX of control/src/cogless/real.h

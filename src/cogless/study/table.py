@@ -177,7 +177,7 @@ def check_precision(table: Table, precision: str, *above: str, terms: int = 1) -
     """Refuse numbers that the controller's number type can't hold, or whose sum of `terms` would overflow."""
     smallest, largest = RANGE[precision]
     most = largest / terms
-    for key in table.__class__.model_fields:  # type() would tell what watches a table (reuse.py)
+    for key in table.__class__.model_fields:  # type() would tell what watches a table (reading.py)
         value = getattr(table, key)
         if isinstance(value, float) and value and not smallest <= abs(value) <= most:
             expected = f"expected 0, or from {smallest:.1e} to {most:.1e}"

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 from pydantic_core import PydanticCustomError
 
-from cogless.study import checks, fault_checks, metric_checks, numerics
-from cogless.study.table import invalid
-from cogless.study.trial_controller import (
+from cogless.study import checks, metric_checks, numerics
+from cogless.study.laws.trial import (
     FilteredLaw,
     NormOptimalIlc,
     ObserverIlc,
@@ -19,7 +18,8 @@ from cogless.study.trial_controller import (
     StateIlc,
     TrialLaw,
 )
-from cogless.study.trial_scenario import Deviations, TrialConditions, WithUnit
+from cogless.study.table import invalid
+from cogless.study.trial_study import Deviations, TrialConditions, WithUnit
 
 if TYPE_CHECKING:
     from cogless.study.trial_study import TrialStudy
@@ -244,6 +244,6 @@ ALL: tuple[Check, ...] = (
     controllers,
     integration,
     metric_checks.of_trials,
-    fault_checks.faults,
+    checks.faults,
     checks.calibration,
 )

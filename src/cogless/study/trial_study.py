@@ -1,24 +1,223 @@
-"""A whole study of trials: a drive or a linear plant, controllers that learn from trial to trial, metrics."""
+"""A whole study of trials: a drive or a linear plant, controllers that learn from trial to trial, metrics.
+
+A scenario of trials: a repeated motion; reference, load, plant and start may change between trials.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from itertools import pairwise
+from math import sqrt
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import Field, PrivateAttr
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 
+from cogless import units
 from cogless.study.base import StudyBase
 from cogless.study.drive import Drive
+from cogless.study.laws.trial import DesignSettings, TrialController
+from cogless.study.linear_plant import LinearPlant
 from cogless.study.mechanics import Load, Mechanics
 from cogless.study.metric import EACH_TRIAL, Metric
 from cogless.study.motor import Motor
-from cogless.study.plant import LinearPlant
-from cogless.study.trial_controller import DesignSettings, TrialController
-from cogless.study.trial_scenario import TrialConditions, TrialScenario
+from cogless.study.scenario import Experiment
+from cogless.study.table import (
+    Angle,
+    AngleMagnitude,
+    AngularSpeed,
+    AngularSpeedMagnitude,
+    Many,
+    Override,
+    Quantity,
+    Table,
+    Time,
+    dotted_keys,
+    invalid,
+)
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+MOST_TRIALS = 100_000
+NORMAL_MOST = 5.0  # standard deviations, beyond which hardly a draw in a million is
+
+
+class WithUnit(float):
+    """A number that was written in the study with a unit."""
+
+
+class EitherWay(Quantity):
+    """A quantity that is a text with a unit for drives, and a plain number for linear plants."""
+
+    def read(self, value: Any) -> float:
+        """The SI value; a WithUnit if it was written with a unit."""
+        number = super().read(value)
+        return WithUnit(number) if isinstance(value, str) else number
+
+
+Position = Annotated[float, EitherWay(units.ANGLE, bare=True)]
+LoadTorque = Annotated[float, EitherWay(units.TORQUE, bare=True)]
+LoadMagnitude = Annotated[float, EitherWay(units.TORQUE, ">=", bare=True)]
+
+
+class PositionReference(Table):
+    """Smooth moves from point to point: polynomials of fifth degree, at rest at both ends."""
+
+    points: Many[tuple[Time, Position]]  # s, rad; the ends are held
+
+    @classmethod
+    def spelled_out(cls, data: Any) -> Any:
+        points = data if isinstance(data, list) else data.get("points") if isinstance(data, dict) else None
+        if isinstance(points, list):
+            return {"points": tuple(tuple(p) if isinstance(p, list) else p for p in points)}
+        return data
+
+    @model_validator(mode="after")
+    def _later(self) -> Self:
+        times = [time for time, _ in self.points]
+        if not times or any(b <= a for a, b in pairwise(times)):
+            raise invalid("expected one or more points, each later than the one before", "points")
+        return self
+
+    def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The reference at these times (s), in rad or in the unit of y."""
+        import numpy as np
+
+        value = np.full(time.shape, self.points[0][1])
+        for (begin, from_), (end, to) in pairwise(self.points):
+            s = np.clip((time - begin) / (end - begin), 0.0, 1.0)
+            value += (to - from_) * s**3 * (10 - 15 * s + 6 * s**2)
+        return value
+
+
+class Deviations(Table):
+    """How far start and load of a trial are from those of its phase."""
+
+    initial_angle: AngleMagnitude | None = None  # rad
+    initial_speed: AngularSpeedMagnitude | None = None  # rad/s
+    initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None  # of a linear plant
+    # of the load throughout a trial: torque of a drive in N*m, or of a linear plant in the unit of u
+    load: LoadMagnitude | None = None
+
+
+class EachTrial(Table):
+    """Deviations that are drawn anew in each trial, around zero."""
+
+    normal: Deviations = Deviations()  # standard deviations
+    uniform: Deviations = Deviations()  # largest deviations
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        for key in self.uniform.model_fields_set & self.normal.model_fields_set:
+            raise invalid("expected none, since normal has it", "uniform", key)
+        return self
+
+    def form_of(self, key: str) -> tuple[str, Any]:
+        """The form of a key's deviation, "normal" or "uniform", and its size; the size is None for none."""
+        size = getattr(self.uniform, key)
+        return ("normal", getattr(self.normal, key)) if size is None else ("uniform", size)
+
+    def deviations(self, key: str) -> tuple[float, ...]:
+        """Standard deviation of a key's deviation, of initial_state one a state; () for none."""
+        form, size = self.form_of(key)
+        sizes = () if size is None else size if isinstance(size, tuple) else (size,)
+        return tuple(one / (1 if form == "normal" else sqrt(3)) for one in sizes)
+
+    def most(self, key: str) -> float:
+        """The largest deviation of an angle or speed that is to be expected."""
+        form, size = self.form_of(key)
+        return (size or 0.0) * (NORMAL_MOST if form == "normal" else 1.0)
+
+    @property
+    def empty(self) -> bool:
+        """Whether all trials are alike."""
+        return not any(any(self.deviations(key)) for key in Deviations.model_fields)
+
+
+class TrialConditions(Table):
+    """Conditions of a trial. In a change, a key that is left out keeps its earlier value."""
+
+    reference: PositionReference | None = None
+    load: Load | None = None  # of a drive; replaces mechanics.load
+    # (sample, load from it on): torque of a drive in N*m, or disturbance of a linear plant in the unit of u
+    load_steps: (
+        Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
+    ) = None
+    initial_angle: Angle | None = None  # rad, mechanical; default: where the reference begins
+    initial_speed: AngularSpeed | None = None  # rad/s, mechanical; default 0
+    initial_state: Many[float] | None = None  # of a linear plant; default 0
+    each_trial: EachTrial | None = None  # replaces that of the phase before; default: all trials are alike
+    override: Override | None = None  # of motor and mechanics, or of a linear plant's parameters
+
+    @field_validator("override")
+    @classmethod
+    def _dotted(cls, override: dict[str, Any] | None) -> dict[str, Any] | None:
+        return None if override is None else dotted_keys(override)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        steps = self.load_steps or ()
+        for index in range(1, len(steps)):
+            if steps[index][0] <= steps[index - 1][0]:
+                raise invalid("expected a sample after that of the step before", "load_steps", index)
+        return self
+
+
+class Change(TrialConditions):
+    """New conditions from trial number `trial` on."""
+
+    trial: Annotated[int, Field(ge=2)]  # the first is 1
+
+
+class TrialScenario(TrialConditions, Experiment):
+    """An experiment of `trials` trials, each a whole number of samples long, with changes in between."""
+
+    trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)]
+    reference: PositionReference
+    changes: Many[Change] = ()
+
+    @model_validator(mode="after")
+    def _changes(self) -> Self:
+        before = 1
+        for index, change in enumerate(self.changes):
+            if not before < change.trial <= self.trials:
+                expected = f"expected a trial after {before}, at most {self.trials}"
+                raise invalid(expected, "changes", index, "trial")
+            before = change.trial
+        return self
+
+    @property
+    def run_time(self) -> float:
+        return self.trials * self.duration
+
+    @property
+    def phases(self) -> tuple[tuple[int, TrialConditions], ...]:
+        """First trial (counted from 1) and complete conditions of each phase (the trials between two
+        changes)."""
+        now = TrialConditions.model_construct(
+            **{key: getattr(self, key) for key in TrialConditions.model_fields}
+        )
+        found = [(1, now)]
+        for change in self.changes:
+            told = {
+                key: getattr(change, key)
+                for key in TrialConditions.model_fields
+                if getattr(change, key) is not None
+            }
+            if "override" in told:
+                told["override"] = {**(now.override or {}), **told["override"]}
+                reloads = any(key.startswith("mechanics.load") for key in change.override or ())
+                if reloads and change.load is None:
+                    told["load"] = None  # the override's load is the newer one
+            now = now.model_copy(update=told)
+            found.append((change.trial, now))
+        return tuple(found)
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """First trial of each phase, counted from 1."""
+        return (1, *(change.trial for change in self.changes))
 
 
 @dataclass(frozen=True)

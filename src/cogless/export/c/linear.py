@@ -11,21 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from cogless.c_laws import C_LAWS
 from cogless.c_layout import control_layout
-from cogless.export import folder, sources
-from cogless.export.c.figures import figures
+from cogless.control_library import C_LAWS
+from cogless.export import sources
+from cogless.export.c.export_c import figures
 from cogless.export.c.literals import initialiser
-from cogless.export.c.names import identifier, stem
-from cogless.export.c.subject import study_hash
+from cogless.export.c.subject import identifier, stem, study_hash
 from cogless.export.c.texts import FLAGS, figure_lines, matrix_array, plain_comment, verdict_comment
 from cogless.export.prepared import first_scenario
-from cogless.files import control_sources
+from cogless.files import control_sources, versions
 from cogless.results.trace import Trace
-from cogless.run.advance import failures, trace_of
-from cogless.run.plan import Plan, plan
+from cogless.run.plan import Plan, failures, plan, trace_of
 from cogless.study import TrialStudy
-from cogless.versions import versions
 
 TEST_SAMPLES = 2000  # of a self-test: it has as many whole trials as are within these, but two at least
 TEST_TRIALS = 3
@@ -43,7 +40,7 @@ def export_linear(
 
     StudyError: the export can't be made or written.
     """
-    folder.check(target)
+    sources.check(target)
     where = first_scenario(study, controller, scenario)
     planned = plan(study, where, controller)
     trials = min(study.scenario[where].trials, max(2, min(TEST_TRIALS, TEST_SAMPLES // study.samples(where))))
@@ -57,8 +54,8 @@ def export_linear(
         "version": versions()["cogless"],
     }
     if planned.description["controller"]["learning_matrix"] is not None:
-        announce(folder.size(written, planned.description["controller"]["learning_matrix"].nbytes))
-    folder.write(target, written, about)
+        announce(sources.size(written, planned.description["controller"]["learning_matrix"].nbytes))
+    sources.write(target, written, about)
 
 
 def recorded(planned: Plan, trials: int) -> Trace:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.c_headers import Field, Headers
+from cogless.control_library import Field, Headers
 
 WIDTH = 120
 INDENT = 4

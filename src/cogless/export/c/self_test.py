@@ -1,17 +1,200 @@
-"""The self-test of an export: recorded inputs and expected outputs as C code."""
+"""The self-test of an export: recorded inputs and expected outputs as C code.
+
+Unusual inputs for the self-test, above all limits and faults, which an ordinary recording doesn't
+contain.
+"""
 
 from __future__ import annotations
 
+import math
+import struct
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from cogless.c_layout import Leaf
-from cogless.export.c.edge_cases import COUNTS, FNV_PRIME, FNV_START, Stretch, fnv
 from cogless.export.c.literals import array
 from cogless.export.c.subject import Subject
-from cogless.export.prepared import Reals, Recording
+from cogless.export.prepared import Prepared, Reals, Recording
+
+COUNTS = 1 << 20  # steps of the angle per revolution; a float represents each of them exactly
+NEAR, BEYOND = 0.97, 1.03  # of a bound
+HUGE = 1e6  # rad/s
+LARGEST = 3e38
+MOST = 5_000  # periods of a stretch
+SIDE = math.sqrt(3) / 2  # share of phase b in a vector on the beta axis
+FNV_START, FNV_PRIME = 2166136261, 16777619
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Successive periods in which only the angle changes, by `step` counts per period.
+
+    `sum`: FNV-1a checksum of all outputs.
+    """
+
+    about: str
+    periods: int
+    counts: int  # the angle at its first period
+    step: int
+    inputs: tuple[int, ...]  # bit patterns of measurement and reference; that of theta_m is an offset
+    sum: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Inputs:
+    """Measurements and references of a step. `i_abc`: phase currents. NaN: a measurement is missing."""
+
+    i_abc: tuple[float, float, float]
+    omega_m: float
+    omega_ref: float
+    u_dc: float
+    theta_m: float = 0.0
+    learn: bool = True
+    torque: bool = False
+    i_q_ref: float = 0.0
+
+
+def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[Stretch]:
+    """Stretches of unusual inputs, with checksums of the controller's outputs.
+
+    The engine's controller is run through them from its initial state. `motion`: reference of a trial.
+    """
+    state = prepared.drive.start()
+    if motion is not None:
+        prepared.drive.begin_trial(state, motion)
+    layout, counts, found = subject.layout, 0, []
+    measured, asked = layout.leaves("cgl_measurement"), layout.leaves("cgl_reference")
+    real: type[np.floating[Any]] = np.float64 if subject.precision == "d" else np.float32
+    for about, periods, jump, step, inputs in _plan(subject):
+        counts += jump
+        now, reference = bytearray(layout.size("cgl_measurement")), bytearray(layout.size("cgl_reference"))
+        values = _values(inputs)
+        for leaves, data in ((measured, now), (asked, reference)):
+            for leaf in leaves:
+                struct.pack_into(leaf.format, data, leaf.offset, values.get(leaf.path, 0.0))
+        words = layout.bits("cgl_measurement", now) + layout.bits("cgl_reference", reference)
+        place = next(leaf for leaf in measured if leaf.path == "theta_m")
+        total = FNV_START
+        turned = ((counts + step * np.arange(periods)) % COUNTS).astype(real)
+        for angle in real(inputs.theta_m) + turned * (real(math.tau) / real(COUNTS)):
+            struct.pack_into(place.format, now, place.offset, angle)
+            out: bytes = prepared.drive.step_controller(state, bytes(now), bytes(reference))
+            total = fnv(layout.bits("cgl_drive_output", out), total)
+        found.append(Stretch(about, periods, counts % COUNTS, step, words, total))
+        counts += periods * step
+    return found
+
+
+def fnv(words: Iterable[int], total: int = FNV_START) -> int:
+    """FNV-1a checksum over words, as the self-test computes it; a word of 64 bits is folded into 32."""
+    for word in words:
+        total = ((total ^ word ^ (word >> 32)) & 0xFFFFFFFF) * FNV_PRIME & 0xFFFFFFFF
+    return total
+
+
+def _values(inputs: _Inputs) -> dict[str, Any]:
+    """Values of the inputs, by their paths in the C structs."""
+    values = {f"i_abc[{n}]": _held(current) for n, current in enumerate(inputs.i_abc)}
+    values |= {
+        name: _held(getattr(inputs, name)) for name in ("theta_m", "omega_m", "u_dc", "omega_ref", "i_q_ref")
+    }
+    return {**values, "learn": inputs.learn, "torque": inputs.torque}
+
+
+def _held(value: float) -> float:
+    """The value, limited to the largest that a float holds; NaN stays NaN."""
+    return math.copysign(LARGEST, value) if abs(value) > LARGEST else value
+
+
+def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
+    """Plan of the stretches, each with description, number of periods, two angles and inputs.
+
+    The angles, in counts, are the jump before the first period and the step per period.
+    """
+    config, monitor = subject.drive_config, subject.drive_config["monitor"]
+    limit, law, ts = config["foc"]["current_limit"], subject.divider, 1 / subject.rate
+    hold, bridge, window = (_periods(monitor[key], ts) for key in ("hold", "bridge", "speed_window"))
+    back = min(hold + bridge + window, MOST) + 2 * law + 4
+    turn = min(monitor["omega_max"] * ts / 2 or 0.01, 0.05)  # rad, in a period
+    step = max(1, round(turn / math.tau * COUNTS))
+    speed = step * math.tau / COUNTS / ts
+    whole = min(math.ceil(config["quality"]["span"] / (speed * ts)), MOST) + 2 * law  # a window of quality
+
+    def currents(length: float) -> tuple[float, float, float]:
+        """Phase currents of a vector with this length on the beta axis."""
+        return (0.0, length, 0.0) if monitor["phases"] == 2 else (0.0, SIDE * length, -SIDE * length)
+
+    length = 0.3 * min(limit, monitor["current_max"] or limit)
+    plain = _Inputs(i_abc=currents(length), omega_m=speed, omega_ref=1.01 * speed, u_dc=_bus(subject))
+    up = replace(plain, omega_ref=HUGE, omega_m=-speed)
+    plan = [
+        ("a small error", whole // 2, 0, step, plain),
+        ("and one the other way", whole - whole // 2, 0, step, replace(plain, omega_ref=0.99 * speed)),
+        ("a large one: the output saturates", 2 * law, 0, step, up),
+        ("the other way", 2 * law, 0, step, replace(up, omega_ref=-HUGE, omega_m=speed)),
+    ]
+    for part, what in ((NEAR, "just within"), (BEYOND, "beyond")):
+        bounds = [
+            ("the current", {"i_abc": currents(part * monitor["current_max"])}, monitor["current_max"]),
+            ("their sum", {"i_abc": (part * monitor["current_sum"], 0.0, 0.0)}, monitor["current_sum"]),
+            ("the speed", {"omega_m": part * monitor["omega_max"]}, monitor["omega_max"]),
+        ]
+        for name, change, bound in bounds:
+            if bound:
+                plan.append((f"{name} {what} its bound", 2, 0, step, replace(plain, **change)))
+    slower = replace(plain, omega_m=0.9 * speed)
+    plan += [
+        ("a current that is no number", 1, 0, step, replace(plain, i_abc=(math.nan, 0.0, 0.0))),
+        ("a bus voltage that is no number", 1, 0, step, replace(plain, u_dc=math.nan)),
+        ("all is well again", back, 0, step, plain),
+        ("the angle jumps, and the speed is not believed", 2 * law + window, COUNTS // 2, step, slower),
+        ("the angle jumps back", 2 * law + window, COUNTS // 2, step, plain),
+        (
+            "the angle is missing, for as long as is bridged",
+            bridge,
+            0,
+            step,
+            replace(plain, theta_m=math.nan),
+        ),
+        ("and longer", 3, 0, step, replace(plain, theta_m=math.nan)),
+        ("all is well again", back, 0, step, plain),
+    ]
+    if monitor["stuck_angle"]:
+        # Two cases: the reference turns by stuck_angle before stuck_time has passed, and after it. Speed and
+        # currents are as far from their references as the monitor allows, so the output is at its limit. A
+        # law that follows an angle pushes one way only, so the reference turns both ways.
+        time = _periods(monitor["stuck_time"], ts)
+        away, pushed = NEAR * (monitor["omega_max"] or HUGE), NEAR * (monitor["current_max"] or 2 * limit)
+        for until, periods in ((10.5, time + 15 + law), (2 * time + 10.5, 2 * time + 13)):
+            for way in (1.0, -1.0):
+                asked = way * monitor["stuck_angle"] / (until * ts)
+                stuck = replace(plain, i_abc=currents(pushed), omega_m=-way * away, omega_ref=asked)
+                plan += [
+                    ("the angle stands still under full current", min(periods, MOST), 0, 0, stuck),
+                    ("all is well again", back, 0, step, plain),
+                ]
+    plan += [
+        ("learning is frozen", 2 * law, 0, step, replace(plain, learn=False)),
+        ("torque mode", 2 * law, 0, step, replace(plain, torque=True, i_q_ref=0.2 * limit)),
+        ("and back", 2 * law, 0, step, plain),
+    ]
+    return [entry for entry in plan if entry[1] > 0]
+
+
+def _bus(subject: Subject) -> float:
+    """The study's bus voltage, V; 0 without an inverter."""
+    inverter = subject.study.drive.inverter if subject.study.drive is not None else None
+    return inverter.bus_voltage if inverter is not None else 0.0
+
+
+def _periods(time: float, ts: float) -> int:
+    """A time (s) as a number of periods, as the monitor counts them; at most MOST."""
+    return min(math.ceil(time / ts * 0.999), MOST)
+
 
 START_MEMORY = """
 /* Memory that had been learned before. */

@@ -1,18 +1,21 @@
-"""All data from which the files of an export are written."""
+"""All data from which the files of an export are written.
+
+Names that a controller gets in C.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.c_headers import Headers
-from cogless.c_laws import CLaw
 from cogless.c_layout import Layout
+from cogless.control_library import CLaw, Headers
 from cogless.results.results_json import as_json
 from cogless.study import AnyStudy
 
@@ -95,3 +98,19 @@ def study_hash(study: AnyStudy) -> str:
     """SHA-256 of the study's tables with datasheet and changes, as JSON with sorted keys and no spaces."""
     text = json.dumps(as_json(study.source.tables), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def identifier(controller: str) -> str:
+    """The controller's name as a C name: pi_ilc for "pi-ilc"."""
+    name = re.sub(r"[^0-9A-Za-z]+", "_", controller).strip("_")
+    begins_well = name[:1].isalpha() and not name.lower().startswith("cgl_")  # that is the library's
+    return name if begins_well else f"my_{name}".rstrip("_")
+
+
+def stem(name: str) -> str:
+    """Name of the controller's header and source without suffix.
+
+    The ending _controller avoids clashes: the library has files named like laws, and some build tools put all
+    objects into one folder.
+    """
+    return f"{name}_controller"

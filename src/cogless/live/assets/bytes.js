@@ -12,7 +12,7 @@ const liveBytes = (page) => {
   };
 
   const share = (name, values) => (values.get(name) ?? keys.get(name).start) / keys.get(name).start;
-  // R_s / L as a share of the study's; the curve over its logarithm, by Lagrange's polynomial (src/cogless/live/motor.py).
+  // R_s / L as a share of the study's; the curve over its logarithm, by Lagrange's polynomial (src/cogless/live/own_motor.py).
   const ratio = (values) => share(page.motor.over, values) / share(page.motor.under, values);
   const pairs = (values, key = keys.get(page.motor.pole_pairs)) => (values.get(key.key) ?? key.start) - key.least; // counted from the least
   function between(curve, at) {

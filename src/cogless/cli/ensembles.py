@@ -1,0 +1,158 @@
+"""`sweep` and `tune`: a study as many variants of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cogless.cli.options import (
+    CORES,
+    DaskOption,
+    JobsOption,
+    NoCodeOption,
+    OnlyOption,
+    OutputOption,
+    SetOption,
+    StudyArgument,
+    command_line,
+    load,
+    to_run,
+)
+from cogless.cli.printed import print_warnings
+from cogless.cli.terminal import tune_progress, variant_progress
+from cogless.errors import StudyError
+
+if TYPE_CHECKING:
+    from cogless.ensemble.sweep import Shard
+    from cogless.ensemble.workers import Workers
+
+
+def sweep(
+    study: StudyArgument,
+    count: Annotated[int, typer.Option("-n", min=1, metavar="N", help="Variants to draw.")] = 1000,
+    output: OutputOption = None,
+    only: OnlyOption = None,
+    changes: SetOption = None,
+    jobs: JobsOption = CORES,
+    dask: DaskOption = None,
+    shard: Annotated[
+        str | None,
+        typer.Option("--shard", metavar="I/N", help="Only this part, such as 3/20, of a job array."),
+    ] = None,
+    merge: Annotated[bool, typer.Option("--merge", help="Put finished shards in DIR together.")] = False,
+    no_code: NoCodeOption = False,
+) -> None:
+    """Run a study as many variants of itself, drawn as its vary table says: what spreads, and why.
+
+    Writes sweep.parquet, a row for each run, and report.html. The same command goes on with a sweep that was
+    ended, and with a larger -n adds to it.
+    """
+    from cogless.ensemble import sweep as sweeping
+    from cogless.ensemble import sweep_table
+    from cogless.files import writable
+    from cogless.report import sweep_report as report
+    from cogless.results.folder import check_names, held, new_set
+
+    sweep_table.require("sweep")
+    part = _shard(shard)
+    loaded = to_run(study, changes, no_code)
+    folder = output or Path("results") / loaded.name
+    planned = sweeping.plan(loaded, count, only)
+    with writable(folder):
+        check_names(folder, ["sweep.parquet", "report.html", part.file])
+        if merge:
+            found: sweep_table.Sweep | None = sweeping.merge(planned, folder)
+        else:
+            wanted = planned.variants(part)
+            with _workers(jobs, dask) as workers, variant_progress(wanted) as progress:
+                found = sweeping.run(planned, folder, workers, part, progress)
+        if found is None:
+            print(f"Shard: {folder / part.file}")
+            return
+        with held(folder), new_set(folder) as stage:
+            sweep_table.write(found, stage / "sweep.parquet")
+            told = report.write(found, stage / "report.html", partial(_repeat, study, changes))
+    for line in told:
+        print(line)
+    print(f"Table: {folder / 'sweep.parquet'}")
+    print(f"Report: {folder / 'report.html'}")
+
+
+def tune(
+    study: StudyArgument,
+    output: OutputOption = None,
+    changes: SetOption = None,
+    jobs: JobsOption = CORES,
+    dask: DaskOption = None,
+    no_code: NoCodeOption = False,
+) -> None:
+    """Choose gains as a study's tune table says, and show on fresh variants what they are worth.
+
+    Writes STUDY-tuned.toml, the same file with the better values, and report.html, before beside after. The
+    same command goes on with a tuning that was ended.
+    """
+    from cogless.ensemble import search, sweep_table
+    from cogless.ensemble import tune as tuning
+    from cogless.files import writable
+    from cogless.report import sweep_report as report
+    from cogless.results.folder import check_names, held, new_set
+    from cogless.study import TrialStudy
+    from cogless.study.reading import changes_from
+
+    sweep_table.require("tune")
+    search.require()
+    loaded = to_run(study, changes, no_code)
+    journals = map(tuning.journal_name, tuning.subjects(loaded))  # a mistake is told before anything runs
+    folder = output or Path("results") / loaded.name
+    path = folder / f"{loaded.name}-tuned.toml"
+    with writable(folder):
+        check_names(folder, [path.name, "sweep.parquet", "report.html", *journals])
+        with _workers(jobs, dask) as workers, tune_progress() as progress:
+            tuned = tuning.tune(loaded, folder, workers, progress)
+        chosen = {key: value for one in tuned for key, value in one.chosen.items()}
+        about = command_line("tune", study, changes, [])
+        text = search.text(loaded, {**changes_from(changes or ()), **chosen}, folder, f"By: {about}")
+        both = tuning.side_by_side(loaded, tuned)
+        with held(folder), new_set(folder) as stage:
+            (stage / path.name).write_text(text, encoding="utf-8")
+            sweep_table.write(both, stage / "sweep.parquet")
+            told = report.write(both, stage / "report.html", lambda settings, pair: "")
+    for line in [line for one in tuned for line in tuning.lines(one)] + told:
+        print(line)
+    print(f"Study: {path}")
+    print(f"Report: {folder / 'report.html'}")
+    if not isinstance(loaded, TrialStudy):  # short runs don't show all, such as learning that grows slowly
+        print_warnings(load(str(path), None), [pair for one in tuned for pair in one.subject.pairs])
+
+
+@contextmanager
+def _workers(jobs: int, dask: str | None) -> Iterator[Workers]:
+    """Processes of this machine, or the workers of a Dask cluster."""
+    from cogless.ensemble import workers as executing
+
+    if dask is None:
+        with executing.processes(jobs) as workers:
+            yield workers
+    else:
+        with executing.dask(dask) as workers:
+            yield workers
+
+
+def _shard(text: str | None) -> Shard:
+    """The part that --shard names; without it the whole."""
+    from cogless.ensemble.sweep import SHARD_NUMBER, Shard
+
+    index, _, of = (text or "1/1").partition("/")
+    if not (SHARD_NUMBER.fullmatch(index) and SHARD_NUMBER.fullmatch(of) and int(index) <= int(of)):
+        raise StudyError(f'--shard: "{text}": expected I/N, such as 3/20, with I from 1 to N')
+    return Shard(int(index) - 1, int(of))
+
+
+def _repeat(study: str, changes: list[str] | None, own: list[str], pair: tuple[str, str]) -> str:
+    """The command that repeats a run of a sweep."""
+    return command_line("run", study, [*(changes or ()), *own], ["--only", "/".join(pair)])

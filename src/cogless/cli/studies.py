@@ -1,0 +1,377 @@
+"""Commands for one study: `run`, `live`, `design`, `calibrate`; and `list`, what is shipped."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cogless.cli.options import (
+    CORES,
+    JobsOption,
+    LimitsOption,
+    NoCodeOption,
+    OnlyOption,
+    OutputOption,
+    SetOption,
+    StudyArgument,
+    command_line,
+    load,
+    name_code,
+    output_option,
+    to_run,
+)
+from cogless.cli.printed import print_tables, print_warnings
+from cogless.cli.terminal import new_bar, new_console, run_progress
+from cogless.errors import INTERRUPTED, StudyError, say
+from cogless.interrupts import deferred
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cogless.ensemble.arena_file import Arena
+    from cogless.results import AnyResults, Results
+    from cogless.study import AnyStudy
+
+MAPS = "maps"  # the folder of learned maps, within that of the results
+WRITING = "Interrupted: the results are being written. Press Ctrl-C again to end at once without them.\n"
+
+
+def run(
+    study: StudyArgument,
+    output: OutputOption = None,
+    only: OnlyOption = None,
+    changes: SetOption = None,
+    plots: Annotated[bool, typer.Option("--plots", help="Also write PNG pictures.")] = False,
+    no_traces: Annotated[bool, typer.Option("--no-traces", help="Write no traces.nc.")] = False,
+    with_page: Annotated[
+        bool, typer.Option("--live", help="Also write live.html, the page of `cogless live`.")
+    ] = False,
+    limits: LimitsOption = None,
+    jobs: JobsOption = CORES,
+    no_code: NoCodeOption = False,
+) -> None:
+    """Simulate a study: every controller in every scenario. Of an arena: every law on every plant.
+
+    Prints a table of controllers against metrics and writes results.json, traces.nc and report.html.
+
+    Ctrl-C and SIGTERM keep the runs that are finished.
+    """
+    from cogless.design.warnings import beyond_drive, coarse_table, too_short
+    from cogless.results import Results
+    from cogless.results.folder import held
+    from cogless.run.own_law import no_exit
+    from cogless.run.simulate import RunDefect, RunError, run_study, runs_of
+
+    arena = _arena(study, changes)
+    if arena is not None:
+        name_code(arena.path, "law", arena.law, no_code, arena.found)
+        _run_arena(arena, output or Path("results") / arena.name, only, jobs, bool(limits))
+        return
+    loaded = to_run(study, changes, no_code)
+    wanted = len(runs_of(loaded, only))
+    folder = output or Path("results") / loaded.name
+    if with_page:
+        from cogless.live import check, render
+
+        check(loaded)  # before the runs
+    pairs = runs_of(loaded, only)
+    far = beyond_drive(loaded, (scenario for scenario, _ in pairs))
+    for line in (*coarse_table(loaded), *far, *too_short(loaded, pairs)):
+        say(f"Warning: {line}.")
+    failures: list[StudyError] = []
+    defect: RunDefect | None = None
+    place = folder.absolute()  # a law may change the directory
+    with held(place, _names(loaded, pairs, plots, not no_traces, with_page)):
+        with run_progress(wanted) as progress, no_exit():
+            try:
+                results: AnyResults = run_study(loaded, only, progress, jobs, traces=place)
+            except RunError as error:
+                failures, results = [error], error.results
+            except RunDefect as error:  # what is finished is written before it is told
+                defect, results = error, error.results
+        if isinstance(results, Results):
+            results = with_limits(results, limits, jobs, place)
+        with deferred(WRITING) as requests:
+            if results.runs:
+                try:
+                    command = command_line("run", study, changes, [])
+                    page = render(loaded, command, limits=sentences(results)) if with_page else None
+                    _write(results, place, plots, not no_traces, page)
+                except StudyError as error:  # such as a full disk; the tables are still printed
+                    failures.append(error)
+                _print(results, folder, with_page, all(isinstance(failure, RunError) for failure in failures))
+    if defect is not None:
+        raise defect
+    if failures:
+        raise StudyError("\n".join(map(str, failures)))
+    if results.interrupted or requests.count:
+        runs = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
+        where = f" ({runs}), written to {folder}" if runs else ", nothing written"
+        say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
+        sys.exit(INTERRUPTED)
+
+
+def _names(
+    study: AnyStudy, pairs: Sequence[tuple[str, str]], plots: bool, traces: bool, with_page: bool
+) -> list[str]:
+    """The files that a run may write."""
+    from cogless.report import plot_names
+    from cogless.results import results_json
+
+    return [
+        *("report.html", "results.json"),
+        *(["traces.nc"] if traces else []),
+        *(["live.html"] if with_page else []),
+        *(plot_names(study) if plots else []),
+        *(f"{MAPS}/{results_json.name(*pair)}" for pair in pairs),
+    ]
+
+
+def _print(results: AnyResults, folder: Path, with_page: bool, written: bool) -> None:
+    """Print the tables, and where the files are if they are `written`."""
+    from cogless.study import TrialStudy
+
+    print_tables(results)
+    if not isinstance(results.study, TrialStudy):  # of trials the report has certificates
+        print_warnings(results.study, [(run.scenario, run.controller) for run in results.runs])
+    if written:
+        print(f"Report: {folder / 'report.html'}")
+        if with_page:
+            from cogless.live import left_out
+
+            print(f"Page: {folder / 'live.html'}")
+            for line in left_out(results.study):
+                say(f"Left out of the page: {line}")
+
+
+def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: str | None) -> None:
+    from cogless import report
+    from cogless.results import results_json
+    from cogless.results.folder import hashes, new_set
+    from cogless.results.trace import write_netcdf
+    from cogless.study import TrialStudy
+
+    study, run = results.study, results_json.run_id(results)
+    with new_set(folder) as stage:
+        if traces:
+            about = {"title": study.title, "seed": study.seed, "run": run}
+            rate = math.inf if isinstance(study, TrialStudy) else study.trace.file_rate
+            write_netcdf(stage / "traces.nc", results.runs, about, rate)
+        report.write(results, stage / "report.html")
+        if page is not None:
+            (stage / "live.html").write_text(page, encoding="utf-8")
+        results_json.write_all(results, stage / MAPS)
+        if plots:
+            report.write_plots(results, stage)
+        results_json.write(results, stage / "results.json", hashes(stage))
+
+
+def _arena(study: str, changes: list[str] | None) -> Arena | None:
+    """The arena of a file, or None if it has a study."""
+    from cogless.ensemble.arena_file import arena_of
+    from cogless.study.reading import changes_from, find, is_arena, put, read
+
+    path = find(study, "studies", "study")
+    tables = read(path)
+    if not is_arena(tables):
+        return None
+    for key, value in changes_from(changes or ()).items():
+        put(tables, key, value)
+    return arena_of(path, tables)
+
+
+def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, find_limits: bool) -> None:
+    from cogless.ensemble import arena_scores
+    from cogless.ensemble.arena import chosen, run_arena
+    from cogless.results.folder import held, new_set
+    from cogless.run.own_law import no_exit
+
+    plants = len(chosen(arena, only))
+    place = folder.absolute()  # a law may change the directory
+    with held(place, ["results.json"]):
+        with new_bar() as bar, no_exit():
+            task = bar.add_task("", total=plants)
+            results = run_arena(
+                arena,
+                only,
+                lambda name, done: bar.update(task, completed=done, description=name),
+                jobs,
+                find_limits=find_limits,
+            )
+        written = bool(results.runs or results.trials or not results.interrupted)
+        with deferred(WRITING) as requests:
+            if written:
+                with new_set(place) as stage:
+                    arena_scores.write(results, stage / "results.json")
+                new_console().print(arena_scores.table(results))
+    for (plant, law), why in results.absent.items():
+        say(f"Absent: {law} on {plant}: {why}")
+    if written:
+        print(f"Results: {folder / 'results.json'}")
+    if results.interrupted or requests.count:
+        finished = dict.fromkeys(run.plant for run in results.runs)
+        where = f" ({', '.join(finished)}), written to {folder}" if finished else ", nothing written"
+        say(f"Interrupted: kept {len(finished)} of {plants} plants{where}.")
+        sys.exit(INTERRUPTED)
+
+
+def design(
+    study: StudyArgument,
+    changes: SetOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
+) -> None:
+    """Show every controller's gains, and what follows from them before any run.
+
+    For a study of speed: gains, given or by a tuning rule, the margins of the loop, whether learning settles.
+
+    For a study of trials: gains, given or by LMIs, and the certificate that they work.
+    """
+    from cogless.study import TrialStudy
+
+    loaded = load(study, changes)
+    if isinstance(loaded, TrialStudy):
+        from cogless.design.trials.trial_summary import summary, table, to_dict
+
+        designs = summary(loaded)
+        found, shown = partial(to_dict, loaded, designs), partial(table, loaded, designs)
+    else:
+        from cogless.design.design_table import design_table
+        from cogless.design.summary import to_dict as speed_dict
+
+        found, shown = partial(speed_dict, loaded), partial(design_table, loaded)
+    if as_json:
+        print(json.dumps(found(), indent=2, ensure_ascii=False))
+    else:
+        new_console().print(shown())
+
+
+def calibrate(
+    study: StudyArgument,
+    changes: SetOption = None,
+    jobs: JobsOption = CORES,
+    no_code: NoCodeOption = False,
+) -> None:
+    """Fit parameters of a study to target values of its metrics, as its calibration table says.
+
+    Prints the fitted values as lines for the study, and each target beside what came out. Changes no file.
+
+    Ctrl-C prints the best fit so far.
+    """
+    from cogless.run.calibrate import calibrate as fit_study
+    from cogless.run.calibrate import residual_rows
+    from cogless.run.own_law import no_exit
+
+    loaded = to_run(study, changes, no_code)
+    with new_console(stderr=True).status("Fitting") as status, no_exit():
+        fit = fit_study(
+            loaded, lambda n, d: status.update(f"Fitting: {n} evaluations, {100 * d:.2f} % off"), jobs
+        )
+    from rich.table import Table
+
+    table = Table(
+        "run", "metric", "wanted", "got", "deviation", box=None, header_style="bold", pad_edge=False
+    )
+    for row in residual_rows(fit):
+        table.add_row(*row)
+    console = new_console()
+    console.print(table)
+    outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
+    print(f"\n# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
+    for parameter in fit.parameters:
+        print(f"{parameter.toml}  # was {parameter.before}")
+    if fit.interrupted:
+        raise KeyboardInterrupt
+    if not fit.settled:
+        raise StudyError(
+            f"{loaded.source.path}: calibration: not settled: expected parameters that move the targets"
+        )
+
+
+def with_limits(results: Results, wanted: bool | None, jobs: int, folder: Path | None) -> Results:
+    """The results, with what limits each scenario's best run added.
+
+    `wanted`: the option --limits or --no-limits, None without either. `folder`: room for long traces.
+    """
+    from cogless import report
+
+    if wanted is False or results.interrupted:
+        return results
+    with new_bar() as bar:
+        task = bar.add_task("", total=None)
+
+        def tell(scenario: str) -> None:
+            bar.update(task, description=f"{scenario}: what limits it")
+
+        return report.with_limits(results, wanted is True, jobs, folder, tell)
+
+
+def sentences(results: AnyResults) -> dict[str, str]:
+    """Sentences on what limits the best run, by scenario; none where no cause is known or stands out."""
+    from cogless import report
+
+    found = {scenario: report.limit(results, scenario) for scenario in results.scenarios}
+    return {scenario: str(remark) for scenario, remark in found.items() if remark is not None}
+
+
+def live(
+    study: StudyArgument,
+    output: Annotated[
+        Path | None,
+        output_option("The page.", "FILE", show_default="STUDY-live.html"),
+    ] = None,
+    own_motor: Annotated[
+        bool,
+        typer.Option("--own-motor", help="Fields for the motor, of which the controller is told, too."),
+    ] = False,
+    limits: LimitsOption = None,
+    jobs: JobsOption = CORES,
+    changes: SetOption = None,
+) -> None:
+    """Write a page that runs a study in the browser: turn a gain, and see the ripple follow.
+
+    One HTML file with the engine and the control laws inside. It needs no network and no installation.
+    """
+    from cogless.live import check, left_out, write
+
+    loaded = load(study, changes)
+    check(loaded)
+    path = output or Path(f"{loaded.name}-live.html")
+    texts = {} if own_motor else _limits(loaded, limits, jobs)
+    with new_console(stderr=True).status("Making the page"):
+        write(loaded, path, command_line("run", study, changes, []), told=own_motor, limits=texts)
+    for line in left_out(loaded):
+        say(f"Left out of the page: {line}")
+    print(f"Page: {path}")
+
+
+def _limits(study: AnyStudy, wanted: bool | None, jobs: int) -> dict[str, str]:
+    """Sentences on what limits the best run, by scenario. They take runs of the whole study."""
+    from cogless.live.description import held
+    from cogless.report import is_quick
+    from cogless.run.simulate import RunError, run_study
+    from cogless.study import Study
+
+    if not isinstance(study, Study) or wanted is False:
+        return {}
+    pairs = [pair for pair in held(study) if wanted or is_quick(study, *pair)]
+    if not pairs:
+        return {}
+    try:
+        with run_progress(len(pairs)) as progress:
+            results = run_study(study, ["/".join(pair) for pair in pairs], progress, jobs)
+    except RunError:  # the page shows that run's failure
+        return {}
+    return sentences(with_limits(results, wanted, jobs, None))
+
+
+def list_() -> None:
+    """List the shipped studies and motors, and the control laws."""
+    from cogless.catalogue import show
+
+    show()

@@ -1,0 +1,69 @@
+"""Changes that the design advises for a study: values by dotted key, and their words.
+
+A change is advised only if it works: the design is computed again with it, and the fault is gone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from itertools import islice
+from typing import Any
+
+from cogless.errors import StudyError
+from cogless.study import changed
+from cogless.study.messages import toml
+from cogless.study.reading import AStudy, Changes
+
+GAINS = ("k_theta", "kp", "ki")
+NUMBER = ".3g"  # digits of a value that is advised
+
+
+def helping(
+    study: AStudy, tried: Iterable[Changes | None], cured: Callable[[AStudy], bool]
+) -> tuple[Changes, ...]:
+    """The changes that the study accepts and that cure it, out of those tried."""
+    return tuple(each for each in tried if each is not None and helps(study, each, cured))
+
+
+def first(study: AStudy, tried: Iterable[Changes], cured: Callable[[AStudy], bool]) -> tuple[Changes, ...]:
+    """The first change that cures the study, as a tuple of one or none; the mildest must come first."""
+    return tuple(islice((each for each in tried if helps(study, each, cured)), 1))
+
+
+def helps(study: AStudy, change: Changes, cured: Callable[[AStudy], bool]) -> bool:
+    """Whether the study accepts this change, and the change cures it."""
+    try:
+        return cured(changed(study, change))
+    except StudyError:
+        return False
+
+
+def words(change: Changes, within: str = "") -> str:
+    """A change in the study's notation, such as `controller.pi.kp = "0.02 A*s/rad"`.
+
+    Keys of the table `within` are written relative to it.
+    """
+    return " and ".join(_words(key.removeprefix(f"{within}."), value) for key, value in change.items())
+
+
+def either(changes: Iterable[Changes], within: str = "") -> str:
+    """The words of several changes, each of which is enough; "" without changes."""
+    return ", or ".join(words(each, within) for each in changes)
+
+
+def _words(key: str, value: Any) -> str:
+    gains = (
+        [f"{each} = {toml(value[each])}" for each in GAINS if each in value]
+        if isinstance(value, dict)
+        else []
+    )
+    if gains:
+        return f"{' and '.join(gains)} in place of tuning"
+    if value is None:
+        return f"no {key}"
+    return f"{key} = {toml(value)}"
+
+
+def text(value: float, unit: str) -> str:
+    """A number in an SI unit, in the study's notation."""
+    return f"{value:{NUMBER}} {unit}"

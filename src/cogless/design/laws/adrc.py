@@ -1,0 +1,66 @@
+"""Active disturbance rejection as a linear feedback: its response, its margins, and its bandwidths by rule.
+
+With p = exp(-omega_o T), l1 = 1 - p^2 and l2 = (1 - p)^2 / T the sampled law is, from measured speed to
+current,
+
+    x[k] = A x[k-1] + B omega[k],    x = (omega^, f^, i),    i = -(omega_c omega^ + f^) / b
+
+so C = i (I - A / z)^-1 B, and the open loop is -C P with P of speed_loop.py. The rule takes the observer
+RATIO times as fast as the loop and both as fast as the wanted phase margin allows.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from cogless.design.margins import Complex, Margins, Real, margins_of, root
+from cogless.design.speed_loop import NoMarginError, SpeedLoop
+
+RATIO = 4.0  # observer's bandwidth / the loop's: 3 to 10 in use
+FASTEST = 2.0  # observer's bandwidth times the period, at most
+TRIED = 60
+
+
+def response(w: Real, T: float, b: float, omega_c: float, omega_o: float) -> Complex:
+    """The law's response from measured speed to current, A*s/rad, at w in rad/s; negative as a feedback
+    is.
+    """
+    p = math.exp(-omega_o * T)
+    l1, l2 = 1 - p * p, (1 - p) ** 2 / T
+    predicted = np.array([1.0, T, T * b])
+    omega, f = (1 - l1) * predicted, np.array([0.0, 1.0, 0.0]) - l2 * predicted
+    A = np.array([omega, f, -(omega_c * omega + f) / b])
+    B = np.array([l1, l2, -(omega_c * l1 + l2) / b])
+    back = np.exp(-1j * w * T)
+    return np.asarray(np.linalg.solve(np.eye(3) - A * back[:, None, None], B[:, None])[:, 2, 0])
+
+
+def adrc_margins(loop: SpeedLoop, b: float, omega_c: float, omega_o: float) -> Margins:
+    """Margins of the loop around the plant that the controller assumes."""
+
+    def opened(w: Real) -> Complex:
+        return np.asarray(-response(w, loop.period, b, omega_c, omega_o) * loop.plant(w)[0])
+
+    return margins_of(opened, loop.period, 2 if omega_c else 1, loop.near)
+
+
+@lru_cache(maxsize=32)
+def bandwidths(loop: SpeedLoop, b: float, phase_margin: float) -> tuple[float, float]:
+    """omega_c and omega_o, 1/s, with this phase margin, rad; NoMarginError if there are none."""
+
+    def margin(omega_c: float) -> float:
+        found = adrc_margins(loop, b, omega_c, RATIO * omega_c)
+        return found.phase_margin if found.stable else -1.0
+
+    tried = np.geomspace(1e-3, 1, TRIED) * FASTEST / RATIO / loop.period
+    last = next((k for k in range(TRIED)[::-1] if margin(float(tried[k])) >= phase_margin), None)
+    if last is None:
+        raise NoMarginError
+    if last + 1 == TRIED:
+        omega_c = float(tried[-1])
+    else:
+        omega_c = root(lambda x: phase_margin - margin(x), float(tried[last]), float(tried[last + 1]))
+    return omega_c, RATIO * omega_c

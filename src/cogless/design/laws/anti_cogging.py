@@ -1,0 +1,134 @@
+"""Whether the slow run that fills an anti-cogging table records the cogging: docs/laws/anti-cogging.md.
+
+In the run k_theta = position_gain stands before the law's PI, so that its open loop L is that of
+closed_loop.py. Against a current of order n the loop gives -T of it, with
+
+    T = L / (1 + L) at w = n omega_cal
+
+Backwards T leads by as much as it lags forwards. The table has the mean of both, -Re T, and leaves 1 - Re T.
+
+The run begins to record after 1/8 of a revolution, at t = (pi / 4) / omega_cal. Its reference has jumped by
+2 omega_cal when it turned back. Before the angle had caught up by the slowest pole, a = k_theta or k_i / k_p,
+it was 2 omega_cal / w_c behind. So the current that accelerates the rotor is 2 omega_cal a^2 / (w_c b) e^-at,
+and this is recorded, too.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cogless.design.angle_functions import functions_in
+from cogless.design.changes import either, first, helping, text
+from cogless.design.closed_loop import Linear, open_loop, oscillation, poles, position_margins
+from cogless.design.detent import snaps, swing
+from cogless.design.gentler import slower_feedback
+from cogless.design.margins import Real
+from cogless.design.speed_loop import LEAST, SpeedLoop, gains, speed_loop
+from cogless.study import Study
+from cogless.study.base import speed_text
+from cogless.study.laws.anti_cogging import SETTLING, AntiCogging, Commissioning
+from cogless.study.messages import dotted
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
+
+SLOWER = 4.0  # the speed loop's crossover / that of the run's position loop
+SHARE = 1e-3  # of the largest order's current: smaller ones aren't looked at
+STIFFER_FACTORS = (2.0, 4.0, 8.0, 16.0)  # by which the crossover of a snapping rotor's loop is raised
+HALF = 0.5  # share of the cogging current that a table leaves; more is hardly worth a table
+
+
+def position_gain(loop: SpeedLoop, pi: tuple[float, float]) -> float:
+    """A position loop that a speed loop with the gains kp and ki follows, 1/s."""
+    return position_margins(loop, Linear(ratio=1, k=pi[0], k_i=pi[1])).crossover / SLOWER
+
+
+def left(loop: SpeedLoop, feedback: Linear, w: Real) -> Real:
+    """Shares that the table leaves of orders which the run meets at w in rad/s."""
+    L = open_loop(loop, feedback, w)
+    return np.asarray(np.abs(1 - (L / (1 + L)).real))
+
+
+def unsettled(loop: SpeedLoop, feedback: Linear, speed: float) -> float:
+    """The current, A, that still accelerates the rotor where a run at `speed`, rad/s, begins to record.
+
+    The loop has a crossover.
+    """
+    found = np.abs(poles(loop, feedback))
+    a = -math.log(float(np.max(found[found < 1 - 1e-9]))) / loop.period
+    w_c = position_margins(loop, Linear(ratio=1, k=feedback.k, k_i=feedback.k_i)).crossover
+    return 2 * speed * a**2 / (w_c * loop.b) * math.exp(-a * SETTLING * math.tau / speed)
+
+
+def commissioning_warning(study: Study, name: str) -> Remark | None:
+    """Warning of a run whose loop is unstable, or that is too fast to record the cogging; None if it does."""
+    law = study.controller[name]
+    if not isinstance(law, AntiCogging) or law.calibration is None:
+        return None
+    found = (_warning(study, name, law.calibration, key) for key in study.scenarios_of(name))
+    return next((remark for remark in found if remark is not None), None)
+
+
+def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Remark | None:
+    loop, pi = speed_loop(study, scenario), gains(study, name)
+    key = f"{dotted(('controller', name))}.calibration"
+    if oscillation(loop, Linear(ratio=1, k=pi[0], k_i=pi[1])):
+        return None  # with the run and without, which is told elsewhere
+    wrong = _unrecorded(study, name, run, scenario)
+    if wrong is None:
+        return None
+    follows = position_gain(loop.rigid, pi)
+    said = f"its calibration run in {scenario} {wrong}"
+    wave = functions_in(study, scenario).waves(run.speed)[1:]
+    orders = np.flatnonzero(wave > SHARE * np.max(wave)) + 1
+    slow = speed_text(study, follows / int(orders[-1]), 2) if len(orders) else ""
+
+    def cured(other: Study) -> bool:
+        law = other.controller[name]
+        assert isinstance(law, AntiCogging) and law.calibration is not None
+        return _unrecorded(other, name, law.calibration, scenario) is None
+
+    def stiff_enough(other: Study) -> bool:
+        kp, ki = gains(other, name)
+        margins = position_margins(speed_loop(other, scenario), Linear(ratio=1, k=kp, k_i=ki))
+        return margins.stable and margins.phase_margin >= LEAST and cured(other)
+
+    gain: Changes = {f"{key}.position_gain": text(follows, "1/s")}
+    speed: Changes | None = {f"{key}.speed": slow} if slow else None
+    both = {**gain, **speed} if speed is not None else None
+    cures = helping(study, (gain, speed), cured) or helping(study, (both,), cured)
+    if not cures:  # a rotor that snaps takes a loop that is stiffer than its detents
+        stiffer = (slower_feedback(study, name, 1 / factor) for factor in STIFFER_FACTORS)
+        cures = first(study, (each for each in stiffer if each is not None), stiff_enough)
+        key = dotted(("controller", name))
+    return Remark(f"{said}; {either(cures, key)} would do" if cures else said, cures)
+
+
+def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> str | None:
+    """The reason, in words, why a commissioning run can't record the cogging; None if it can."""
+    loop, (kp, ki), speed = speed_loop(study, scenario), gains(study, name), run.speed
+    feedback = Linear(ratio=1, k=kp, k_theta=run.position_gain, k_i=ki)
+    swings = oscillation(loop, feedback)
+    if swings:
+        return f"is unstable, at {swings.frequency:.3g} Hz"
+    if math.isnan(position_margins(loop, Linear(ratio=1, k=kp, k_i=ki)).crossover):
+        return "records nothing: the speed loop, whose gain is nowhere one, follows no reference"
+    found = swing(study, scenario, feedback, speed)
+    if found is not None and found.stops:
+        return f"records nothing: {snaps(study, found, speed, position_margins(loop, feedback).crossover)}"
+    wave = functions_in(study, scenario).waves(speed)[1:]
+    orders = np.flatnonzero(wave > SHARE * np.max(wave)) + 1
+    if not len(orders):
+        return None
+    needed = wave[orders - 1]
+    kept = needed * left(loop, feedback, np.asarray(speed * orders, dtype=float))
+    added = unsettled(loop, feedback, speed)
+    share = math.hypot(*kept, added) / math.hypot(*needed)
+    if share <= HALF:
+        return None
+    most = int(orders[np.argmax(kept)])
+    why = f"meets order {most} at {most * speed / math.tau:.3g} Hz"
+    if added > np.max(kept):
+        why = f"records {1e3 * SETTLING * math.tau / speed:.3g} ms after it turned, not settled yet"
+    return f"{why}: the table leaves {share:.2g} of the ripple"

@@ -1,0 +1,398 @@
+"""The rule that computes every number of the law `harmonic`, and what it certifies: docs/laws/harmonic.md.
+
+The measure is Gamma of harmonic_transfer.py: where an order may be turned against learning, it is held.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cogless.design.closed_loop import Gains, harmonic_gains, position_margins
+from cogless.design.detent import LARGE, snaps, swing
+from cogless.design.law_rules import feedback_of
+from cogless.design.laws.harmonic_transfer import (
+    FROM,
+    SPLIT,
+    at_speed,
+    gamma,
+    held_bands,
+    is_held,
+    plants,
+    rate_bound,
+)
+from cogless.design.margins import Real
+from cogless.design.speed_loop import CurrentLoop, SpeedLoop, speed_loop
+from cogless.study import Study
+from cogless.study.laws.harmonic import FASTEST, ORDERS, Harmonic, Learner
+from cogless.study.motor import StepMotor
+from cogless.study.position_sensor import Counted, Hall
+
+FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
+MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have
+TOGETHER = 1 / 16  # a sample, that the rates of all acting orders add up to, as TOGETHER in harmonic.c
+MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
+SURE = 5e-4  # rad, of the sensor's error: what deviates by more is not learned, as SURE in harmonic.c
+FOLLOWS = 10  # times as fast as a load that turns with the rotor: a tenth of what it changes is left
+MARGIN = 2.4  # between the rate and where all orders together oscillate
+RPM = 30 / math.pi
+BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
+
+
+def learner(study: Study, name: str) -> Learner:
+    """The numbers of a controller's learning part."""
+    return study.once(_learner, name)
+
+
+def _learner(study: Study, name: str) -> Learner:
+    law, loop = study.controller[name], speed_loop(study)
+    assert isinstance(law, Harmonic)
+    base, sure, highest = _orders(study, law)
+    fast, orders = (max(1, min(ORDERS, top // base)) for top in (sure, highest))
+    step, bends = _step(study), _bends(study, base)
+    told = Learner(
+        b=loop.b,
+        delay=delay_of(loop),
+        step=step,
+        base=base,
+        bends=bends,
+        orders=orders,
+        fast=fast,
+        rate=MOST,
+        rate_min=LEAST,
+    )
+    pi = harmonic_gains(study, name)
+    speeds = _speeds(study, name, told.base * told.orders * loop.period)
+    if not speeds:
+        return told
+    told = replace(told, rate_min=_least_rate(study, told, speeds[-1], loop.period))
+    told = replace(told, held=held_bands(loop, told, pi, *_halls(study), (speeds[0], speeds[-1])))
+    if loop.shaft is None:
+        return told
+    bound = min(_rate_bound(study, loop, told, pi, omega) for omega in speeds) / MARGIN
+    return replace(told, rate=min(told.rate, bound), rate_min=min(bound, told.rate_min))
+
+
+def _speeds(study: Study, name: str, sampled: float) -> list[float]:
+    """The slowest and the fastest of a controller's references, rad/s, at which an order can be judged.
+
+    `sampled`: angle by which the highest order turns in a sample, divided by the speed, s.
+    """
+    scenarios = [study.scenario[key] for key in study.scenarios_of(name)] or list(study.scenario.values())
+    ends = {speed for s in scenarios for speed in (s.slowest, s.top_reference)}
+    ends = {speed for speed in ends if speed * sampled > FROM}
+    return sorted({min(ends), max(ends)}) if ends else []
+
+
+def _halls(study: Study) -> tuple[float, int]:
+    """Angle between the edges of Hall sensors, rad, and intervals that the speed is taken over; 0: none."""
+    sensor = study.drive.position_sensor
+    return (sensor.step(study.motor.pole_pairs), sensor.edges) if isinstance(sensor, Hall) else (0.0, 0)
+
+
+def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
+    """The base, whose multiples are learned, the highest order that surely exists, and the highest order.
+
+    Cogging has only multiples of the greatest common divisor of slots and poles. The main one is their
+    lowest common multiple. It is sure, and so are the motor's orders in the study. All multiples are sure if
+    dead time is not compensated, since it has every multiple of its order, or if the base is set by hand. No
+    result depends on a speed: the law picks the orders that it can hold at the present speed.
+
+    The misplacement of Hall sensors repeats once per electrical revolution. So an order from there on may be
+    the sensors'; the orders below are the load's.
+    """
+    if isinstance(study.drive.position_sensor, Hall):
+        base = law.base or 1
+        return base, max(base, study.motor.pole_pairs - 1), max(base, study.motor.pole_pairs - 1)
+    poles, slots = _poles_and_slots(study)
+    base, main = math.gcd(slots or poles, poles), math.lcm(slots or poles, poles)
+    highest, motor = FULLEST * main, study.motor.star()
+    cogging = [wave.order for wave in motor.cogging if wave.torque and wave.order <= highest]
+    of_current = [ripple.order for ripple in motor.torque_ripple]
+    of_current += [motor.pole_pairs * flux.order for flux in motor.flux_harmonics]
+    sure = max([main, *cogging, *(order for order in of_current if order <= highest)])
+    chosen = law.base or _base(base, [main, *cogging], 3 * poles, least_base(study))
+    return chosen, highest if law.base or _loses_voltage(study) else sure, highest
+
+
+def _loses_voltage(study: Study) -> bool:
+    """Whether the inverter has dead time or voltage drops without compensation."""
+    inverter = study.drive.inverter
+    lost = inverter is not None and bool(inverter.dead_time or inverter.device_drop)
+    return lost and study.drive.dead_time_compensation is None
+
+
+def _base(base: int, cogging: Sequence[int], inverter: int, least: int) -> int:
+    """The base, or its least multiple of which `ORDERS` reach the highest order of the cogging.
+
+    It divides all orders of cogging and inverter, but may leave out what an uneven magnet or tooth adds. If
+    there is none, the base remains. One of at least `least` comes first.
+    """
+    shared = math.gcd(*cogging, inverter)
+    multiples = (n for n in range(base, shared + 1, base) if shared % n == 0)
+    reaching = [n for n in dict.fromkeys([base, *multiples]) if n * ORDERS >= max(cogging)]
+    return next((n for n in reaching if n >= least), next(iter(reaching), base))
+
+
+def least_base(study: Study) -> int:
+    """The least base with which the error that the study tells of its sensor is learned; 1: any."""
+    sensor = study.drive.position_sensor
+    if not _bends(study, 1 + BENDS_FROM[-1]) or not isinstance(sensor, Counted):
+        return 1
+    told = (free + 1 for n, free in enumerate(BENDS_FROM, 1) if abs(sensor.wave(n)) > SURE)
+    return max(told, default=1)
+
+
+def roomy_base(study: Study) -> int:
+    """A base that leaves room for that error and learns the main order; 1 if there is none."""
+    poles, slots = _poles_and_slots(study)
+    least = least_base(study)
+    found = _base(math.gcd(slots or poles, poles), [math.lcm(slots or poles, poles)], 3 * poles, least)
+    return found if found >= least else 1
+
+
+def delay_of(loop: SpeedLoop) -> float:
+    """Time from a current's reference to what it does to the measured angle, s, less half a law's period.
+
+    The law adds that half itself: a held reference is late by it. The current loop samples the held reference
+    and sees it half of its own period earlier, so that is taken off, too.
+    """
+    if not isinstance(loop.current, CurrentLoop):
+        return loop.delay
+    w = MIDDLE / loop.period
+    opened = loop.current.response(np.array([w]))
+    late = -float(np.angle(opened / (1 + opened))[0]) / w
+    return max(0.0, loop.delay + late - loop.current.period / 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Certified:
+    """One speed: how far the learned orders converge, whatever the inertia and the torque constant."""
+
+    omega_m: float  # rad/s
+    acting: int  # highest order that acts and is learned
+    gamma: float  # least Re Gamma of those, b of the plant 0.5 to 1.5 times the model's
+    late: int  # highest order up to which all converge with a sample that isn't told; 0: none
+    held: tuple[int, ...]  # orders that act, but aren't learned
+    rate: float  # 1/s, at which the orders begin to learn here
+    most: float | None  # 1/s: all orders together settle if the rate is below; None: any rate
+    slow: tuple[int, ...] = ()  # the lowest and the highest order that is too slow to be judged
+    swing: float = 0.0  # speed ripple that the feedback alone leaves, rms / speed
+    snaps: str | None = None  # why the rotor snaps there with the feedback alone: then nothing is judged
+
+    @property
+    def fine(self) -> bool:
+        """Whether all acting orders converge, each by itself and all at the same time."""
+        together = self.rate < (math.inf if self.most is None else self.most)
+        return self.gamma > 0 and together and self.snaps is None
+
+    def words(self) -> str:
+        """The certificate at this speed in words."""
+        if self.snaps is not None:
+            return f"not judged {self.snaps}"
+        slow = ""
+        if self.slow:
+            several = self.slow[0] < self.slow[1]
+            of = f"s {self.slow[0]} to {self.slow[1]} are" if several else f" {self.slow[0]} is"
+            slow = f", order{of} too slow to be judged"
+        swings = f", not sure: its feedback lets the speed swing by {100 * self.swing:.0f} % rms"
+        return (
+            f"at {self.omega_m * RPM:.4g} rpm those to {self.acting} learn at {self.rate:.3g} 1/s, settle at "
+            f"{'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "
+            f"{'converge' if self.gamma > 0 else 'may not all converge'} with b 50 % off "
+            f"(Re Gamma {self.gamma:.2f} or more), to {self.late} with an untold sample of delay"
+            f"{_held_words(self.held)}{slow}{swings if self.swing > LARGE else ''}"
+        )
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What the rule says of the learning part before a run."""
+
+    learner: Learner
+    period: float  # s, of the law
+    speeds: tuple[Certified, ...]  # slowest and fastest reference
+    fastest: float  # rad/s, up to which the lowest order is learned
+    straight: float | None  # rad/s, up to which an eccentric sensor's error is learned; None: nowhere
+
+    @property
+    def fine(self) -> bool:
+        """Whether all acting orders converge at all speeds."""
+        return all(each.fine for each in self.speeds)
+
+    def words(self) -> str:
+        """The certificate in one line."""
+        base = self.learner.base
+        if not self.speeds:
+            highest = base * self.learner.orders
+            return f"not judged: no reference turns order {highest} by {FROM:g} rad a sample"
+        if all(each.snaps is not None for each in self.speeds):
+            return f"not judged: {self.speeds[0].snaps}"
+        found = [each.words() for each in self.speeds]
+        ends = [f"learns at up to {self.fastest * RPM:.4g} rpm"]
+        edges = [edge / (math.tau * self.period) for edge in self.learner.held]
+        if edges:
+            bands = [f"{low:.3g} to {high:.3g}" for low, high in zip(edges[::2], edges[1::2], strict=True)]
+            ends = [f"holds orders from {' and from '.join(bands)} Hz", *ends]
+        if self.straight is not None:
+            ends += [f"an eccentric sensor's error at up to {self.straight * RPM:.4g} rpm"]
+        return "; ".join([f"orders {base} k to {base * self.learner.orders}", *found, *ends])
+
+
+def _held_words(held: tuple[int, ...]) -> str:
+    if not held:
+        return ""
+    return f", {len(held)} held, {held[0]} to {held[-1]}" if len(held) > 1 else f", {held[0]} held"
+
+
+def certificate(study: Study, name: str) -> Certificate:
+    """The certificate of a controller: at the slowest and the fastest reference of its scenarios."""
+    told, pi, loop = learner(study, name), harmonic_gains(study, name), speed_loop(study)
+    speeds = _speeds(study, name, told.base * told.orders * loop.period)
+    judged = ((omega, _judged(told, omega, loop.period)) for omega in speeds)
+    found = tuple(_at(study, name, loop, told, pi, acting, omega) for omega, acting in judged if len(acting))
+    straight = SPLIT / (main_order(study, told.base) * loop.period) if told.bends else None
+    return Certificate(told, loop.period, found, FASTEST / (told.base * loop.period), straight)
+
+
+def _acting(told: Learner, omega: float, T: float) -> Real:
+    """The orders that act at a speed: all slow ones, and the fast ones that the motor is known to have.
+
+    `T`: the law's period, s.
+    """
+    count = np.arange(1, told.orders + 1)
+    turned = told.base * count * abs(omega) * T
+    acts = (turned <= SPLIT) | ((count <= told.fast) & (turned <= FASTEST))
+    return np.asarray(told.base * count[acts], dtype=float)
+
+
+def _judged(told: Learner, omega: float, T: float) -> Real:
+    """The acting orders that are fast enough to be judged."""
+    acting = _acting(told, omega, T)
+    return np.asarray(acting[acting * abs(omega) * T > FROM])
+
+
+def _too_slow(told: Learner, omega: float, T: float) -> tuple[int, ...]:
+    """The lowest and the highest of the orders that are too slow to be judged; empty if none is."""
+    count = min(told.orders, int(FROM / (told.base * omega * T)))
+    return (told.base, told.base * count) if count else ()
+
+
+def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
+    """The largest swing that the feedback alone leaves in scenarios of this speed, and why the rotor snaps.
+
+    The swing is the rms of the speed's ripple over the speed. The reason is None if the rotor turns in all of
+    them.
+    """
+    feedback, largest = feedback_of(study, name, omega), 0.0
+    for key in study.scenarios_of(name) or list(study.scenario):
+        if feedback is None or omega not in (study.scenario[key].slowest, study.scenario[key].top_reference):
+            continue
+        found = swing(study, key, feedback, omega)
+        if found is not None and found.stops:
+            crossover = position_margins(speed_loop(study, key), feedback).crossover
+            return found.rms, snaps(study, found, omega, crossover)
+        largest = max(largest, found.rms if found is not None else 0.0)
+    return largest, None
+
+
+def rate_at(told: Learner, omega: float, T: float) -> float:
+    """The rate, 1/s, at which learning begins at the speed omega, rad/s, without the limit per turn."""
+    return min(told.rate, TOGETHER / (max(1, len(_acting(told, omega, T))) * T))
+
+
+def _rate_bound(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, omega: float) -> float:
+    """The rate below which all orders that are learned at a speed settle together, 1/s."""
+    T, w = loop.period, _judged(told, omega, loop.period) * omega
+    w = w[~is_held(told, w * T)]
+    if not len(w):
+        return math.inf
+    if loop.shaft is None:
+        return rate_bound(T, told, w)
+    return rate_bound(T, told, w, lambda om: gamma(loop, told, pi, om / T), loop.near)
+
+
+def _poles_and_slots(study: Study) -> tuple[int, int | None]:
+    """Poles and slots, as cogging counts them.
+
+    The teeth of a step motor's rotor are one magnet's poles; a phase has two places for each of them.
+    """
+    if isinstance(study.motor, StepMotor):
+        return study.motor.teeth, 4 * study.motor.teeth
+    return 2 * study.motor.pole_pairs, study.motor.slots
+
+
+def _step(study: Study) -> float:
+    """Step of the sensor's angle, rad, or 0.
+
+    A speed that is timed from edge to edge, and not filtered, tells where the rotor is between two steps.
+    """
+    sensor, filtered = study.drive.position_sensor, study.drive.speed_filter
+    return sensor.step if isinstance(sensor, Counted) and sensor.timed and not filtered else 0.0
+
+
+def _bends(study: Study, base: int) -> int:
+    """How much of the sensor's error is learned: none where it is true, or has no angle of its own.
+
+    Counts that lock to the angle are a bend of their own, up to a step of the sensor. A load that varies once
+    or twice a turn bends the phases of ripple that depends on the current, too.
+    """
+    sensor = study.drive.position_sensor
+    varies = any(order <= 2 for order in _load_orders(study))
+    if varies or not isinstance(sensor, Counted) or sensor.step > SURE:
+        return 0
+    return sum(base > free for free in BENDS_FROM)
+
+
+def _load_orders(study: Study) -> list[float]:
+    """Orders of the load that turns with the rotor."""
+    loads = [study.mechanics.load, *(s.load for s in study.scenario.values() if s.load is not None)]
+    return [wave.order for load in loads for wave in load.harmonics if wave.torque]
+
+
+def _least_rate(study: Study, told: Learner, fastest: float, T: float) -> float:
+    """The rate to which learning slows down, 1/s.
+
+    Ripple that depends on the current changes with a load that turns with the rotor. It is followed where it
+    is slow enough for that. A load's order that is learned itself needs no following.
+    """
+    first = rate_at(told, fastest, T)
+    turning = [FOLLOWS * order * fastest for order in _load_orders(study) if order < told.base]
+    return max([LEAST, *(rate for rate in turning if rate <= first)])
+
+
+def main_order(study: Study, base: int) -> int:
+    """Lowest common multiple of slots and poles, the main order of cogging; `base` if slots aren't told."""
+    poles, slots = _poles_and_slots(study)
+    return math.lcm(slots, poles) if slots else base
+
+
+def _at(
+    study: Study, name: str, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float
+) -> Certified:
+    w, sector = orders * omega, _halls(study)
+    held = is_held(told, w * loop.period)
+
+    def real(late: int) -> Real:
+        each = [gamma(at_speed(plant, *sector, omega), told, pi, w, late).real for plant in plants(loop)]
+        return np.asarray(np.where(held, np.inf, np.min(each, axis=0)))
+
+    bad = np.flatnonzero(real(1) <= 0)
+    good = len(orders) if not len(bad) else int(bad[0])
+    late, bound = int(orders[good - 1]) if good else 0, _rate_bound(study, loop, told, pi, omega)
+    swings, stops = _swing(study, name, omega)
+    return Certified(
+        omega_m=omega,
+        acting=int(orders[-1]),
+        gamma=float(np.min(real(0))),
+        late=late,
+        held=tuple(int(n) for n in orders[held]),
+        rate=rate_at(told, omega, loop.period),
+        most=bound if math.isfinite(bound) else None,
+        slow=_too_slow(told, omega, loop.period),
+        swing=swings,
+        snaps=stops,
+    )

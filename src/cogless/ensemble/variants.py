@@ -1,0 +1,329 @@
+"""The axes of an ensemble: from a study's `[vary]` to values of its keys.
+
+Draw the variants of an ensemble: Sobol's sequence over the axes of `[vary]`, the same on every machine.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from cogless import units
+from cogless.errors import StudyError
+from cogless.interrupts import deferred
+from cogless.study import AnyStudy, TrialStudy, changed
+from cogless.study.messages import MISSING, dotted, look_up, shown
+from cogless.study.reading import split
+from cogless.study.table import Key
+
+Array = NDArray[np.float64]
+PERCENT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*%\s*")
+CUT = 3.0  # standard deviations at which a normal distribution ends
+DIGITS = 6  # of a value, so that the command that repeats a variant can be read
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A key that varies. `spread`: from the share of variants below a value, 0 to 1, to the value."""
+
+    key: str
+    unit: str  # of its text in the study; "" for a plain number
+    spread: Callable[[Array], Array] | None
+    choices: tuple[Any, ...] = ()  # instead of a spread
+    whole: bool = False  # takes whole numbers only
+
+    def values(self, share: Array) -> list[Any]:
+        """Values as they stand in a study's file."""
+        if self.spread is None:
+            last = len(self.choices) - 1
+            return [self.choices[min(int(s * len(self.choices)), last)] for s in share]
+        if self.whole:
+            return [round(x) for x in self.spread(share)]
+        numbers = (float(f"{x:.{DIGITS}g}") for x in self.spread(share))
+        return [f"{x!r} {self.unit}" if self.unit else x for x in numbers]
+
+    def si(self, value: Any) -> Any:
+        """A value of a study's file in SI; a text without a number stays what it is."""
+        if isinstance(value, str):
+            unit = units.unit_of(value)
+            return units.number_in(value, unit) * units.si_factor(unit) if unit else value
+        return value
+
+    @property
+    def factor(self) -> float:
+        """Factor from the axis' own unit to SI."""
+        return units.si_factor(self.unit) if self.unit else 1.0
+
+
+def axes(study: AnyStudy) -> list[Axis]:
+    """The axes of a study's ensemble; StudyError names a key or a value that the study refuses."""
+    if study.vary is None:
+        raise StudyError(f"{study.source.path}: vary: missing: expected a table of keys that vary")
+    found = []
+    for key, distribution in study.vary.keys.items():
+        form, given = distribution.form
+        axis = _axis(Reader(study, key, ("vary", key, form), given), form)
+        for value in axis.choices or axis.values(np.array([0.5])):
+            tried(study, "vary", {key: value})
+        found.append(axis)
+    return found
+
+
+def tried(study: AnyStudy, table: str, changes: dict[str, Any]) -> None:
+    """Raises StudyError, about a key of `table`, if the study refuses these changes."""
+    try:
+        changed(study, changes)
+    except StudyError as error:
+        path = str(study.source.path)
+        lines = (line.removeprefix(f"{path}: ") for line in str(error).splitlines())
+        raise StudyError("\n".join(f"{path}: {table}: {line}" for line in lines)) from None
+
+
+def _axis(reader: Reader, form: str) -> Axis:
+    if form == "list":
+        return Axis(reader.key, reader.unit, None, tuple(reader.given))
+    if form == "normal":
+        return Axis(reader.key, reader.unit, _normal(*reader.mean_and_deviation()), whole=reader.whole)
+    low, high = reader.range(ratio=form == "log")
+    if form == "log" and not low > 0:
+        raise reader.wrong("expected limits above zero")
+    spread = {"uniform": _uniform, "log": _log, "corners": _corners}[form](low, high)
+    if reader.whole and form in ("uniform", "log"):  # so that the ends are as likely as the numbers between
+        spread = _within(low, high, {"uniform": _uniform, "log": _log}[form](low - 0.5, high + 0.5))
+    return Axis(reader.key, reader.unit, spread, whole=reader.whole)
+
+
+class Reader:
+    """Reads the numbers that are given for a key, in the unit that the study has there.
+
+    `where`: the key that has them, for messages.
+    """
+
+    def __init__(self, study: AnyStudy, key: str, where: Key, given: Any) -> None:
+        self.study, self.key, self.where, self.given = study, key, where, given
+        self.nominal = self._nominal()
+        self.unit = self._unit()
+
+    def range(self, ratio: bool = False) -> tuple[float, float]:
+        """Two limits, or the study's value and a deviation to both sides, which may be a ratio."""
+        if isinstance(self.given, tuple):
+            low, high = (self._number(value) for value in self.given)
+        else:
+            middle, by = self.middle(), self._above_zero(self._number(self.given, around=0.0))
+            factor = 1 + by / abs(middle) if middle else math.inf
+            low, high = (middle / factor, middle * factor) if ratio else (middle - by, middle + by)
+        if self.whole:
+            low, high = float(math.ceil(low)), float(math.floor(high))
+            if not low < high:
+                raise self.wrong("expected a range with two whole numbers or more")
+        if not low < high:
+            raise self.wrong("expected a range whose second limit is above its first")
+        return low, high
+
+    @cached_property
+    def whole(self) -> bool:
+        """Whether the key takes whole numbers only: the study refuses its own value with a point."""
+        if not isinstance(self.nominal, int) or isinstance(self.nominal, bool):
+            return False
+        try:
+            changed(self.study, {self.key: float(self.nominal)})
+        except StudyError:
+            return True
+        return False
+
+    def mean_and_deviation(self) -> tuple[float, float]:
+        """Mean and deviation; the mean is the study's value unless it is given."""
+        if isinstance(self.given, tuple):
+            mean, deviation = (self._number(value) for value in self.given)
+        else:
+            mean, deviation = self.middle(), self._number(self.given, around=0.0)
+        return mean, self._above_zero(deviation)
+
+    def _nominal(self) -> Any:
+        try:
+            found = look_up(self.study.source.tables, split(self.key))
+        except StudyError as error:
+            raise StudyError(f"{self.study.source.path}: {self.where[0]}: {error}") from None
+        motor = getattr(self.study, "motor", None)
+        if self.key == "motor.K_t" and found is MISSING and motor is not None:
+            return f"{motor.star().K_t!r} N*m/A"  # its magnet is given by another key
+        return found
+
+    def _unit(self) -> str:
+        """The unit of the study's own text, or else the first that the distribution names."""
+        given = self.given if isinstance(self.given, tuple) else (self.given,)
+        texts = [text for text in (self.nominal, *given) if isinstance(text, str)]
+        return next((u for u in map(units.unit_of, texts) if u and u != "%"), "")
+
+    def middle(self) -> float:
+        """The study's own value, in the axis' unit."""
+        if self.nominal is MISSING:
+            raise self.wrong("expected two limits, since the study has no value at this key")
+        if isinstance(self.nominal, bool) or not isinstance(self.nominal, str | int | float):
+            raise self.wrong("expected the key of a number, or a list of values")
+        if self.unit and not isinstance(self.nominal, str):
+            # in a controller's table a plain number is SI, as are those that the rule auto gives
+            number = self.nominal / units.si_factor(self.unit)
+            tried(self.study, str(self.where[0]), {self.key: f"{number!r} {self.unit}"})
+            return number
+        return self._plain(self.nominal)
+
+    def _number(self, value: Any, around: float | None = None) -> float:
+        """A number of the distribution; a percentage of the study's value is added to it, or to `around`."""
+        percent = PERCENT.fullmatch(value) if isinstance(value, str) else None
+        if percent is None:
+            return self._plain(value)
+        middle = self.middle()
+        return (middle if around is None else around) + abs(middle) * float(percent[1]) / 100
+
+    def _plain(self, value: Any) -> float:
+        if isinstance(value, str):
+            try:
+                return units.number_in(value, self.unit)
+            except units.UnitError as error:
+                raise self.wrong(str(error), value) from None
+        if self.unit:
+            raise self.wrong(f'expected a text with a unit, such as "{value} {self.unit}", or with %', value)
+        return float(value)
+
+    def _above_zero(self, by: float) -> float:
+        if not by > 0:
+            raise self.wrong("expected a deviation above zero")
+        return by
+
+    def wrong(self, expected: str, value: Any = None) -> StudyError:
+        given = self.given if value is None else value
+        text = shown(list(given) if isinstance(given, tuple) else given)
+        return StudyError(f"{self.study.source.path}: {'.'.join(map(str, self.where))}: {text}: {expected}")
+
+
+def _uniform(low: float, high: float) -> Callable[[Array], Array]:
+    return lambda share: low + (high - low) * share
+
+
+def _within(low: float, high: float, spread: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    return lambda share: np.clip(np.floor(spread(share) + 0.5), low, high)
+
+
+def _log(low: float, high: float) -> Callable[[Array], Array]:
+    return lambda share: low * (high / low) ** share
+
+
+def _normal(mean: float, deviation: float) -> Callable[[Array], Array]:
+    edge = float(ndtr(-CUT))
+    return lambda share: mean + deviation * ndtri(edge + (1 - 2 * edge) * share)
+
+
+def _corners(low: float, high: float) -> Callable[[Array], Array]:
+    return lambda share: np.where(share < 0.5, low, high)
+
+
+def together(shares: Array, axes: Sequence[Axis], study: AnyStudy) -> Array:
+    """Shares, a column an axis, with the correlations of `[vary]` put in: a Gaussian copula.
+
+    Each column stays evenly spread; only which values meet is changed.
+    """
+    found = shares.copy()
+    assert study.vary is not None
+    places = {axis.key: place for place, axis in enumerate(axes)}
+    for group in study.vary.together:
+        columns = [places[key] for key in group.keys]
+        matrix = np.full((len(columns), len(columns)), group.correlation)
+        np.fill_diagonal(matrix, 1.0)
+        # the symmetric root exists for a correlation of one, too
+        strength, direction = np.linalg.eigh(matrix)
+        root = direction * np.sqrt(np.maximum(strength, 0.0)) @ direction.T
+        inside = np.clip(shares[:, columns], 2.0**-40, 1 - 2.0**-40)
+        found[:, columns] = ndtr(ndtri(inside) @ root)
+    return found
+
+
+SEED = "seed"  # a study's key: of the sensors' noise
+FRESH = 1 << 32  # between the seeds of an ensemble and those of a fresh one
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """The variants of a study: `drawn` has the values of each varied key, as in the study's file.
+
+    `places`: where a key is set, for each scenario. Motor, mechanics and drive vary as a scenario's override:
+    the controllers are designed for the study, and don't know which variant they meet.
+    """
+
+    axes: tuple[Axis, ...]
+    drawn: Mapping[str, list[Any]]
+    count: int
+    places: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    def changes(self, variant: int, scenario: str | None = None) -> dict[str, Any]:
+        """What differs from the study in a variant, by dotted key; of one scenario, or of all."""
+        found = {}
+        for key, values in self.drawn.items():
+            places = self.places.get(key)
+            if places is None:
+                found[key] = values[variant]
+            else:
+                wanted = (
+                    places.values() if scenario is None else [places[scenario]] if scenario in places else []
+                )
+                found |= dict.fromkeys(wanted, values[variant])
+        return found
+
+    def si(self, key: str) -> list[Any]:
+        """The values of a varied key in SI; those that are no quantities unchanged."""
+        axis = next((axis for axis in self.axes if axis.key == key), None)
+        return self.drawn[key] if axis is None else [axis.si(value) for value in self.drawn[key]]
+
+
+def seeds(study: AnyStudy, count: int, fresh: int = 0) -> list[int]:
+    """A seed of the sensors' noise for each variant."""
+    first = study.seed + 1 + fresh * FRESH
+    return [(first + variant) % 2**64 for variant in range(count)]
+
+
+def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
+    """Draw `count` variants; the first of a longer ensemble are the same. StudyError: a mistake in [vary].
+
+    `fresh`: a number above zero draws others than any ensemble with another number.
+    """
+    from scipy.stats import qmc
+
+    found = axes(study)
+    assert study.vary is not None
+    drawn: dict[str, list[Any]] = {}
+    if found:
+        generator = np.random.default_rng([study.seed, fresh])
+        with deferred() as requests:  # SciPy's compiled code drops the exception, and draws equal variants
+            sequence = qmc.Sobol(len(found), scramble=True, rng=generator)
+            shares = sequence.random_base2(max(0, count - 1).bit_length())[:count]
+        if requests.count:
+            raise KeyboardInterrupt
+        columns = together(shares, found, study).T
+        drawn = {axis.key: axis.values(column) for axis, column in zip(found, columns, strict=True)}
+    if study.vary.seeds:
+        drawn[SEED] = seeds(study, count, fresh)
+    return Ensemble(tuple(found), drawn, count, _places(study, drawn))
+
+
+def _places(study: AnyStudy, keys: Iterable[str]) -> dict[str, dict[str, str]]:
+    """The overrides that set a key of the plant, by scenario; a scenario that has its own value keeps it."""
+    of_plant = (
+        ("motor.", "mechanics.") if isinstance(study, TrialStudy) else ("motor.", "mechanics.", "drive.")
+    )
+    return {
+        key: {
+            name: dotted(("scenario", name, "override", key))
+            for name, scenario in study.scenario.items()
+            if key not in (scenario.override or {})
+        }
+        for key in keys
+        if key.startswith(of_plant)
+    }

@@ -1,0 +1,154 @@
+"""Write the folder of `cogless export --to c`.
+
+Results of `cogless design` for one controller, as lines of text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cogless.c_layout import Layout, control_layout
+from cogless.control_library import C_LAWS
+from cogless.export import sources
+from cogless.export.c.parts import motion_parts
+from cogless.export.c.self_test import awkward
+from cogless.export.c.subject import Subject, identifier, study_hash
+from cogless.export.c.texts import texts
+from cogless.export.prepared import Prepared, Recording, first_scenario, prepare_whole, record
+from cogless.files import control_sources, versions
+from cogless.study import AnyStudy, TrialStudy
+
+
+def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple[str, str]], str]:
+    """Results (name, value with its unit) named and ordered as in `cogless design --json`, and the verdict.
+
+    The verdict says in one line whether learning works; it is empty for a law that learns nothing.
+    """
+    if isinstance(study, TrialStudy):
+        from cogless.design.trials import trial_summary
+        from cogless.design.trials.from_study import design_study
+
+        trial = design_study(study, [(scenario, controller)])[scenario, controller]
+        return list(_flat(trial_summary.design_dict(trial))), trial_summary.words(trial)
+    from cogless.design.summary import current_loop_dict, design, design_dict
+
+    found = design(study, controller)
+    loop = {f"current_loop.{axis}": entry for axis, entry in current_loop_dict(study).items()}
+    return [*_flat(loop), *_flat(design_dict(found))], found.words()
+
+
+def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Flatten tables to dotted names with texts; empty values (null, an empty list) are left out."""
+    for key, value in table.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, dict) and value.keys() >= {"value", "unit"}:
+            note = f" ({value['note']})" if "note" in value else ""
+            yield name, f"{_text(value['value'])} {value['unit']}".rstrip() + note
+        elif isinstance(value, dict):
+            yield from _flat(value, f"{name}.")
+        elif value is not None and value != [] and value != "":
+            yield name, _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        return ", ".join(_text(item) for item in value)
+    return " ".join(str(value).split()).replace("*/", "* /")
+
+
+# periods of the self-test: enough for the law to do something, few enough for a microcontroller's flash
+TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
+
+
+def export_c(
+    study: AnyStudy,
+    controller: str,
+    target: Path,
+    scenario: str | None = None,
+    command: str = "",
+    announce: Callable[[str], None] = lambda _: None,
+) -> Subject:
+    """Write a controller as C, completely or not at all, and return the data it was written from.
+
+    `scenario`: the one in which the self-test is recorded, default the first that has the controller.
+    `command`: the command line that made the export, for its README. `announce` gets a sentence on the size
+    of an export with a learning matrix, before it is written. StudyError: the export can't be made or
+    written.
+    """
+    sources.check(target)
+    prepared = prepare_whole(study, first_scenario(study, controller, scenario), controller)
+    subject = subject_of(prepared, command)
+    recording = record(prepared, self_test_ticks(subject, prepared))
+    about = {
+        "study": study.name,
+        "sha256": study_hash(study),
+        "scenario": subject.scenario,
+        "controller": controller,
+        "law": subject.law.name,
+        "version": versions()["cogless"],
+    }
+    written = contents(subject, prepared, recording)
+    if subject.learning_matrix is not None:
+        announce(sources.size(written, subject.learning_matrix.nbytes))
+    sources.write(target, written, about)
+    return subject
+
+
+def self_test_ticks(subject: Subject, prepared: Prepared) -> int:
+    """Number of current-loop periods that the self-test repeats."""
+    return min(max(TICKS, LAW_STEPS * subject.divider), MOST_TICKS, prepared.ticks)
+
+
+def subject_of(prepared: Prepared, command: str = "") -> Subject:
+    """Collect the data for the exported files: study, gains, layout of the C structs, verdict."""
+    drive, controller = prepared.description["drive"], prepared.description["controller"]
+    law, matrix = C_LAWS[controller["law"]], controller.get("learning_matrix")
+    assert prepared.study.drive is not None
+    layout = control_layout(prepared.study.drive.precision)
+    stored = prepared.drive.stored(prepared.start())
+    found, verdict = figures(prepared.study, prepared.scenario, prepared.controller)
+    return Subject(
+        study=prepared.study,
+        scenario=prepared.scenario,
+        controller=prepared.controller,
+        name=identifier(prepared.controller),
+        law=law,
+        layout=layout,
+        drive_config=layout.decode("cgl_drive_config", drive["control"]),
+        law_config=layout.decode(law.config, controller["config"]),
+        dead_time_config=_part(layout, drive, "dead_time"),
+        encoder_table_config=_part(layout, drive, "encoder_table"),
+        rate=round(prepared.rate),
+        memory_length=len(prepared.memory),
+        map=None if stored is None else np.shape(stored["values"]),
+        learning_matrix=None if matrix is None else np.asarray(matrix, prepared.memory.dtype).ravel(),
+        figures=found,
+        verdict=verdict,
+        command=command,
+    )
+
+
+def _part(layout: Layout, drive: dict[str, Any], name: str) -> dict[str, Any] | None:
+    """The decoded configuration of a part that a drive may have; None if it hasn't."""
+    return layout.decode(f"cgl_{name}_config", drive[name]) if name in drive else None
+
+
+def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict[str, bytes]:
+    """Contents of the exported files, by their path in the folder."""
+    motion = recording.begun[0][1] if recording.begun else None
+    stretches = awkward(subject, prepared, motion)
+    written = texts(subject, recording, prepared.memory, stretches)
+    made = {name: text.encode() for name, text in written.items()}
+    library = control_sources() / "cogless"
+    parts = [*subject.parts, *motion_parts(subject)]
+    names = {*sources.closure(parts), *(sources.store() if subject.map else ())}
+    copied = {f"cogless/{name}": (library / name).read_bytes() for name in names - subject.unused}
+    return made | copied | {"cogless/LICENSE": sources.licence().read_bytes()}

@@ -1,0 +1,359 @@
+"""Code of the example for angle and speed from the study's sensor, with the parts that the simulation uses.
+
+The code first corrects the angle for the sensor's own error. It then estimates the speed from the corrected
+angle.
+
+Parts of an export that only some laws need: a calibration run, trials.
+"""
+
+from __future__ import annotations
+
+import math
+from string import Template
+
+from cogless.export.c.literals import initialiser, real
+from cogless.export.c.subject import Subject
+from cogless.study.position_sensor import Counted, Encoder, Hall, IdealSensor
+
+HEADERS = {
+    "M": "speed_count.h",
+    "average": "speed_count.h",
+    "T": "speed_timed.h",
+    "MT": "speed_timed.h",
+    "observer": "angle_observer.h",
+}
+COUNTER = "uint32_t board_counter(void); /* the encoder's: 16 bits, four counts a line */\n"
+WORD = "uint32_t board_counter(void); /* the sensor's word, 0 to ${last} */\n"
+HALL = "uint32_t board_hall(void); /* the sector, 0 to 5 in the order of the forward electrical angle */\n"
+TIMES = """uint32_t board_edge_time(void); /* the timer as captured at the last edge [ticks] */
+uint32_t board_timer(void); /* the timer now [ticks] */
+"""
+COUNTED = """static const cgl_speed_count_config speed_config = {.counts = ${counts}U, .window = ${window}U};
+static cgl_speed_count speed;
+static uint32_t count_before[${window}];
+"""
+STATES = {
+    "M": COUNTED,
+    "average": COUNTED,
+    "MT": """static const cgl_speed_timed_config speed_config = {
+    .counts = ${counts}U, .timer = ${timer}${last_interval}};
+static cgl_speed_timed speed;
+static cgl_edges edges;
+""",
+    "observer": """static const cgl_angle_observer_config speed_config = {.bandwidth = ${bandwidth}};
+static cgl_angle_observer speed;
+""",
+}
+DEFINITIONS = """static const cgl_encoder_config encoder_config = {
+    .counts = ${counts}U, .range = ${range}U${absolute}};
+static cgl_encoder encoder;
+${states}
+/* ${about} */
+static void measure_motion(cgl_measurement *now)
+{
+${due}    cgl_encoder_step(&encoder, board_counter());
+    now->theta_m = cgl_radians(encoder.turns);
+${correct}${speed}${filter}}
+"""
+ABOUT = """The encoder's part of the measurements. Its zero is where it stood at the start: call
+ * cgl_encoder_index at the index pulse, or cgl_encoder_place."""
+ABOUT_WORD = "The sensor's part of the measurements. encoder_config.zero: its word at angle zero."
+HALL_DEFINITIONS = """static const cgl_hall_config hall_config = {
+    .pole_pairs = ${pole_pairs}U, .edges = ${edges}U, .timer = ${timer}};
+static cgl_hall hall;
+${states}
+/* The Hall sensors' part of the measurements. Which of the electrical revolutions it is they do not know. */
+static void measure_motion(cgl_measurement *now)
+{
+    cgl_hall_step(&hall, board_hall(), board_edge_time(), board_timer());
+    now->theta_m = cgl_radians(hall.turns);
+    now->omega_m = hall.omega_m;
+${filter}}
+"""
+FILTER_DEFINITIONS = """${states}
+/* What the drive does to the measured speed. */
+static void measure_motion(cgl_measurement *now)
+{
+${filter}}
+"""
+TABLE_STATE = """static const cgl_encoder_table_config table_config = {
+${table_config}
+};
+static cgl_encoder_table table;
+"""
+TABLE_START = "cgl_encoder_table_init(&table, &table_config, ${period})"
+TAKE = "        omega_m = ${step};\n"
+TAKE_CORRECTED = """        const cgl_real mean = ${step};
+        omega_m = cgl_encoder_table_speed(&table, mean, speed.time);
+"""
+TABLE_AVERAGE = {
+    "due": "    static cgl_real omega_m;\n",
+    "speed": """    const cgl_real mean = ${step};
+    omega_m = cgl_encoder_table_speed(&table, mean, speed.time);
+    now->omega_m = omega_m;
+""",
+}
+CORRECT = """    now->omega_m = ${before}; /* of the last period */
+    cgl_encoder_table_step(&table, now, controller.drive.i_q, true);
+"""
+FILTER_STATE = """static const cgl_low_pass_config filter_config = {.bandwidth = ${corner}};
+static cgl_low_pass speed_filter;
+"""
+FILTER = "    now->omega_m = cgl_low_pass_step(&speed_filter, now->omega_m);\n"
+FILTER_START = "cgl_low_pass_init(&speed_filter, &filter_config, ${period})"
+DUE = """    static cgl_real omega_m;
+    static uint32_t countdown; /* calls until the speed is due, with the law */
+"""
+WHEN_DUE = """    if (countdown == 0U) {
+        countdown = ${NAME}_DIVIDER;
+${take}    }
+    --countdown;
+    now->omega_m = omega_m;
+"""
+STEPS = {
+    "M": "cgl_speed_count_step(&speed, encoder.count)",
+    "average": "cgl_speed_count_step(&speed, encoder.count)",
+    "MT": "cgl_speed_timed_step(&speed, &edges, board_timer())",
+}
+SPEED = {
+    "M": WHEN_DUE,
+    "average": "    now->omega_m = ${step};\n",
+    "MT": "    cgl_edges_pass(&edges, encoder.count, board_edge_time());\n" + WHEN_DUE,
+    "observer": "    cgl_angle_observer_step(&speed, ${turns});\n    now->omega_m = speed.omega;\n",
+}
+STARTS = {
+    "M": "cgl_speed_count_init(&speed, &speed_config, ${law_period}, count_before, ${window}U)",
+    "average": "cgl_speed_count_init(&speed, &speed_config, ${period}, count_before, ${window}U)",
+    "MT": "cgl_speed_timed_init(&speed, &speed_config)",
+    "observer": "cgl_angle_observer_init(&speed, &speed_config, ${period})",
+}
+CORRECTED_TURNS = "cgl_encoder_table_turns(&table, encoder.turns)"
+ENCODER_START = "cgl_encoder_init(&encoder, &encoder_config, board_counter())"
+HALL_START = "cgl_hall_init(&hall, &hall_config)"
+EMPTY = dict.fromkeys(
+    ("motion_includes", "motion_declarations", "motion_definitions", "motion_start", "motion_call"), ""
+)
+
+
+def sensor(subject: Subject) -> IdealSensor | Counted | Hall:
+    """The study's position sensor; without a drive, an ideal one."""
+    drive = subject.study.drive
+    return drive.position_sensor if drive is not None else IdealSensor()
+
+
+def corner(subject: Subject) -> float | None:
+    """Frequency of the drive's speed filter, Hz; None without one."""
+    drive = subject.study.drive
+    return None if drive is None else drive.speed_filter
+
+
+def motion_parts(subject: Subject) -> list[str]:
+    """Headers of the control library that the example needs for the study's sensor and speed filter."""
+    found = sensor(subject)
+    parts = ["encoder.h", HEADERS[found.speed_method]] if isinstance(found, Counted) else []
+    if isinstance(found, Hall):
+        parts = ["hall.h"]
+    if isinstance(found, Counted) and subject.encoder_table_config is not None:
+        parts.append("encoder_table.h")
+    return parts + ["low_pass.h"] * (corner(subject) is not None)
+
+
+def motion(subject: Subject) -> dict[str, str]:
+    """Texts that fill the example's placeholders for angle and speed; empty if the board measures both."""
+    found, frequency = sensor(subject), corner(subject)
+    if isinstance(found, IdealSensor) and frequency is None:
+        return EMPTY
+    words = {
+        "NAME": subject.name.upper(),
+        "period": real(1 / subject.rate, subject.precision),
+        "law_period": real(subject.divider / subject.rate, subject.precision),
+        "pole_pairs": str(subject.drive_config["pole_pairs"]),
+        "corner": real(math.tau * (frequency or 0.0), subject.precision),
+    }
+    declarations, starts, states, text, more = "", list[str](), "", FILTER_DEFINITIONS, dict[str, str]()
+    if isinstance(found, Counted):
+        timer = found.timer if isinstance(found, Encoder) else 0.0
+        method = "MT" if found.timed else found.speed_method
+        count = min(found.counts, 2**32 - 1)
+        words |= {
+            "counts": str(count),
+            "last": str(count - 1),
+            "range": "65536" if isinstance(found, Encoder) else str(count),
+            "absolute": "" if isinstance(found, Encoder) else ", .absolute = true",
+            "about": ABOUT if isinstance(found, Encoder) else ABOUT_WORD,
+            "window": str(found.window if method == "average" else 1),
+            "timer": real(timer, subject.precision),
+            "last_interval": ", .last_interval = true" if found.speed_method == "T" else "",
+            "bandwidth": real(found.bandwidth, subject.precision),
+        }
+        declarations = (COUNTER if isinstance(found, Encoder) else WORD) + TIMES * found.timed
+        starts, states, text = [ENCODER_START, STARTS[method]], STATES[method], DEFINITIONS
+        table = subject.encoder_table_config
+        more = {"due": DUE if found.each_law_period else "", "correct": "", "speed": SPEED[method]}
+        words |= {"step": STEPS.get(method, ""), "turns": "encoder.turns"}
+        take = TAKE if table is None else TAKE_CORRECTED
+        if table is not None:
+            values = initialiser(subject.headers, "cgl_encoder_table_config", table, subject.precision)
+            words |= {"table_config": values, "turns": CORRECTED_TURNS}
+            words["before"] = "speed.omega" if method == "observer" else "omega_m"
+            more |= {"correct": CORRECT} | (TABLE_AVERAGE if method == "average" else {})
+            starts, states = [*starts, TABLE_START], states + TABLE_STATE
+        words["take"] = Template(take).substitute(words)
+    elif isinstance(found, Hall):
+        words |= {"edges": str(found.edges), "timer": real(found.timer, subject.precision)}
+        declarations, starts, text = HALL + TIMES, [HALL_START], HALL_DEFINITIONS
+    if frequency is not None:
+        starts, states = [*starts, FILTER_START], states + FILTER_STATE
+    more |= {"states": states, "filter": "" if frequency is None else FILTER}
+    words |= {key: Template(part).substitute(words) for key, part in more.items()}
+    start = "".join(f"\n           && {Template(each).substitute(words)} == CGL_OK" for each in starts)
+    return {
+        "motion_includes": "".join(f'#include "cogless/{header}"\n' for header in motion_parts(subject)),
+        "motion_declarations": Template(declarations).substitute(words),
+        "motion_definitions": "\n" + Template(text).substitute(words),
+        "motion_start": start,
+        "motion_call": "    measure_motion(&now);\n",
+    }
+
+
+CALIBRATE = """
+/* With the interrupt shut out: the following steps ignore the reference and make the calibration run, which
+ * fills the table: slowly forward, then backward. CGL_STATUS_BUSY is set until it is done. */
+void ${name}_calibrate(${name}_controller *controller)"""
+CALIBRATE_BODY = """
+{
+    cgl_anti_cogging_calibrate(&controller->law);
+}
+"""
+CALIBRATE_DECLARATIONS = """void board_shut_interrupt(void);
+void board_open_interrupt(void);
+void find_cogging(void);
+"""
+CALIBRATE_EXAMPLE = """
+/* From the main loop, with the motor free to turn. */
+void find_cogging(void)
+{
+    board_shut_interrupt();
+    ${name}_calibrate(&controller);
+    board_open_interrupt();
+}
+"""
+CALIBRATE_ROW = "| calibration | `${name}_calibrate` starts it; until then the table is empty |\n"
+
+BEGIN = """
+/* Before each trial, with the rotor where it starts and the interrupt shut out. y_ref: theta_ref at the
+ * ${samples} samples [rad], to be left alone until the next call. */
+void ${name}_begin_trial(${name}_controller *controller, const cgl_real *y_ref)"""
+BEGIN_BODY = """
+{
+    cgl_drive_reset(&controller->drive);
+${begin_resets}    cgl_trial_begin(&controller->law, y_ref);
+}
+"""
+END = """
+/* After each trial, in the background, while steps go on: learns from it. False where it could
+ * not: what was learned stays. */
+bool ${name}_end_trial(${name}_controller *controller)"""
+END_BODY = """
+{
+    return cgl_trial_end(&controller->law);
+}
+"""
+TRIAL_DECLARATIONS = """void board_shut_interrupt(void);
+void board_open_interrupt(void);
+void board_wait_for_trial(void); /* returns after the samples of a trial */
+void repeat_motion(void);
+
+/* The motion: theta_ref at each of the samples [rad]. Its derivative goes into reference.omega_ref meanwhile,
+ * for the checks. */
+static const cgl_real motion[${samples}] = {0};
+"""
+TRIAL_EXAMPLE = """
+/* From the main loop: one trial after the other. */
+void repeat_motion(void)
+{
+    for (;;) {
+        board_shut_interrupt();
+        ${name}_begin_trial(&controller, motion);
+        board_open_interrupt();
+        board_wait_for_trial();
+        (void)${name}_end_trial(&controller);
+    }
+}
+"""
+TRIAL_ROW = (
+    "| a trial | `${name}_begin_trial`, then ${samples} samples, one every ${divider} steps, then "
+    "`${name}_end_trial` from the background |\n"
+)
+
+PART = {
+    "part_includes": '#include "cogless/${part}.h"\n',
+    "part_members": "    cgl_${part} ${part};\n",
+    "part_declarations": "extern const cgl_${part}_config ${name}_${part}_config;\n",
+    "part_configs": """
+const cgl_${part}_config ${name}_${part}_config = {
+${values}
+};
+""",
+    "part_inits": """    if (cgl_${part}_init(&controller->${part}, &${name}_${part}_config, ${period})
+        != CGL_OK) {
+        return CGL_ERROR_CONFIG;
+    }
+""",
+    "part_resets": "    cgl_${part}_reset(&controller->${part});\n",
+}
+BEGIN_RESETS = "    cgl_dead_time_reset(&controller->dead_time);\n"
+COMPENSATE = """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
+        cgl_dead_time_step(&controller->dead_time, &drive->currents, out->duty);
+    }
+"""
+
+
+def parts(subject: Subject) -> dict[str, str]:
+    """Texts that fill the templates' placeholders for the compensation of dead time; empty without it."""
+    config = subject.dead_time_config
+    if config is None:
+        return dict.fromkeys((*PART, "compensate"), "")
+    words = {
+        "part": "dead_time",
+        "name": subject.name,
+        "period": real(1 / subject.rate, subject.precision),
+        "values": initialiser(subject.headers, "cgl_dead_time_config", config, subject.precision),
+    }
+    return {key: Template(text).substitute(words) for key, text in PART.items()} | {"compensate": COMPENSATE}
+
+
+def extras(subject: Subject) -> dict[str, str]:
+    """Texts that fill the templates' placeholders for these parts; empty for laws that don't need them."""
+    found = dict.fromkeys(
+        ("more_declarations", "more_definitions", "more_rows", "example_declarations", "example_definitions"),
+        "",
+    )
+    if subject.law.name == "anti-cogging":
+        found = {
+            "more_declarations": f"{CALIBRATE};\n",
+            "more_definitions": _without_comment(CALIBRATE) + CALIBRATE_BODY,
+            "more_rows": CALIBRATE_ROW,
+            "example_declarations": CALIBRATE_DECLARATIONS,
+            "example_definitions": CALIBRATE_EXAMPLE,
+        }
+    elif subject.law.name == "trial":
+        found = {
+            "more_declarations": f"{BEGIN};\n{END};\n",
+            "more_definitions": _without_comment(BEGIN) + BEGIN_BODY + _without_comment(END) + END_BODY,
+            "more_rows": TRIAL_ROW,
+            "example_declarations": TRIAL_DECLARATIONS,
+            "example_definitions": TRIAL_EXAMPLE,
+        }
+    words = {
+        "name": subject.name,
+        "divider": str(subject.divider),
+        "samples": str(subject.law_config.get("samples", "")),
+        "begin_resets": BEGIN_RESETS if subject.dead_time_config else "",
+    }
+    return {key: Template(text).substitute(words) for key, text in found.items()}
+
+
+def _without_comment(declaration: str) -> str:
+    """The declaration without its comment, as the beginning of the function's definition."""
+    return "\n" + declaration.partition("*/\n")[2]

@@ -1,0 +1,274 @@
+"""The engine's description of a run as flat bytes, and the place of each number in them.
+
+simulator/packed_value.hpp reads these bytes.
+
+The data of each run that a page needs: the engine's packed description, and what the page itself reads.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cogless.c_layout import Leaf, control_layout
+from cogless.control_library import C_LAWS
+from cogless.design.trials.from_study import design_study, retuned
+from cogless.results.metrics import Conditions
+from cogless.run.drive_config import engine_config
+from cogless.run.plan import plan
+from cogless.run.simulate import Pair
+from cogless.run.trial_config import engine_config as trial_config
+from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study.laws.anti_cogging import AntiCogging
+from cogless.study.laws.law import Startable
+from cogless.study.laws.own import OwnLaw
+from cogless.study.laws.trial import NormOptimalIlc
+
+NONE, BOOL, INTEGER, NATURAL, REAL, TEXT, NUMBERS, LIST, TABLE, MATRIX = range(10)
+STRUCTS = {
+    "drive.control": "cgl_drive_config",
+    "drive.encoder_table": "cgl_encoder_table_config",
+    "drive.dead_time": "cgl_dead_time_config",
+}
+POINTER = 4  # bytes, in WebAssembly
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number in the bytes. `format`: as Python's struct module names it."""
+
+    path: str
+    offset: int
+    format: str
+
+    def read(self, data: bytes) -> float:
+        return float(struct.unpack_from(f"<{self.format}", data, self.offset)[0])
+
+    def write(self, data: bytearray, value: float) -> None:
+        """Write the value, rounded if the number's format is a whole one."""
+        struct.pack_into(f"<{self.format}", data, self.offset, value if self.format in "df" else round(value))
+
+
+@dataclass(frozen=True)
+class Packed:
+    """A description as bytes. `numbers`: all numbers in it. `shape`: all else that it holds."""
+
+    data: bytes
+    numbers: tuple[Number, ...]
+    shape: tuple[str, ...]
+
+
+def pack(description: Mapping[str, Any], precision: str) -> Packed:
+    """Pack a description. TypeError: a value that no description has."""
+    law = C_LAWS.get(description["controller"]["law"])
+    structs = STRUCTS | ({"controller.config": law.config} if law else {})
+    packer = _Packer(precision, structs)
+    packer.value(description, "")
+    return Packed(bytes(packer.data), tuple(packer.numbers), tuple(packer.shape))
+
+
+@cache
+def _leaves(precision: str, name: str) -> tuple[Leaf, ...]:
+    return tuple(control_layout(precision, POINTER).leaves(name))
+
+
+class _Packer:
+    def __init__(self, precision: str, structs: Mapping[str, str]) -> None:
+        self.precision, self.structs, self.data = precision, structs, bytearray()
+        self.numbers: list[Number] = []
+        self.shape: list[str] = []
+
+    def value(self, of: Any, path: str) -> None:
+        for kind, put in KINDS:
+            if isinstance(of, kind):
+                put(self, of, path)
+                return
+        raise TypeError(f"{path}: {type(of).__name__}: expected a plain value")
+
+    def none(self, _: None, path: str) -> None:
+        self._head(NONE, 0, path)
+
+    def boolean(self, of: bool, path: str) -> None:
+        self.numbers.append(Number(path, len(self.data) + 4, "I"))
+        self.data += struct.pack("<II", BOOL, of)
+        self.shape.append(f"{path} bool")
+
+    def integer(self, of: int, path: str) -> None:
+        signed = -(2**63) <= of < 2**63
+        self._head(INTEGER if signed else NATURAL, 0, path)
+        self._number(path, "q" if signed else "Q", of)
+
+    def real(self, of: float, path: str) -> None:
+        self._head(REAL, 0, path)
+        self._number(path, "d", float(of))
+
+    def text(self, of: str, path: str) -> None:
+        self._head(TEXT, len(of.encode()), f"{path}={of}")
+        self._padded(of.encode())
+
+    def struct(self, of: bytes, path: str) -> None:
+        name = self.structs[path]
+        ours, theirs = control_layout(self.precision), control_layout(self.precision, POINTER)
+        if ours.size(name) != theirs.size(name):
+            of = theirs.pack(name, ours.decode(name, of))
+        self._head(TEXT, len(of), path)
+        here = len(self.data)
+        for leaf in _leaves(self.precision, name):
+            self.numbers.append(Number(f"{path}.{leaf.path}", here + leaf.offset, leaf.format))
+        self._padded(of)
+
+    def table(self, of: Mapping[str, Any], path: str) -> None:
+        self._head(TABLE, len(of), path)
+        for key, value in of.items():
+            self.data += struct.pack("<Q", len(key.encode()))
+            self._padded(key.encode())
+            self.value(value, f"{path}.{key}" if path else key)
+
+    def matrix(self, of: Any, path: str) -> None:
+        if of.ndim == 1:
+            self.items(of.tolist(), path)
+            return
+        rows, columns = of.shape
+        self._head(MATRIX, rows, f"{path} {rows}x{columns}")
+        self.data += struct.pack("<Q", columns)
+        for n, x in enumerate(of.ravel().tolist()):
+            self._number(f"{path}.{n}", "d", x)
+
+    def items(self, of: Any, path: str) -> None:
+        items = list(of)
+        if items and all(type(item) is float for item in items):
+            self._head(NUMBERS, len(items), path)
+            for n, x in enumerate(items):
+                self._number(f"{path}.{n}", "d", x)
+            return
+        self._head(LIST, len(items), path)
+        for n, item in enumerate(items):
+            self.value(item, f"{path}.{n}")
+
+    def _head(self, kind: int, count: int, shape: str) -> None:
+        self.data += struct.pack("<II", kind, count)
+        self.shape.append(f"{shape} {kind} {count}")
+
+    def _number(self, path: str, format: str, value: float) -> None:
+        self.numbers.append(Number(path, len(self.data), format))
+        self.data += struct.pack(f"<{format}", value)
+
+    def _padded(self, of: bytes) -> None:
+        self.data += of + bytes(-len(of) % 8)
+
+
+KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]], ...] = (
+    (type(None), _Packer.none),
+    (bool, _Packer.boolean),
+    ((int, np.integer), _Packer.integer),
+    ((float, np.floating), _Packer.real),
+    (str, _Packer.text),
+    (bytes, _Packer.struct),
+    (Mapping, _Packer.table),
+    (np.ndarray, _Packer.matrix),
+    ((list, tuple), _Packer.items),
+)
+
+
+OFF = 1e9  # s, a learning_start that never comes
+
+
+def held(study: AnyStudy) -> list[Pair]:
+    """The runs that a page can hold: all but those of the laws that `left_out` names."""
+    return [pair for pair in every(study) if not _why_not(study, pair[1])]
+
+
+def left_out(study: AnyStudy) -> list[str]:
+    """The controllers that a page leaves out and why, a sentence for each."""
+    return [f"{study.label(name)}: {why}." for name in study.controller if (why := _why_not(study, name))]
+
+
+def _why_not(study: AnyStudy, name: str) -> str:
+    if isinstance(study.controller[name], OwnLaw):
+        return "its law is code of its own, which the page doesn't run"
+    if isinstance(study.controller[name], NormOptimalIlc):
+        return "its learning matrix, of a number for each two samples, is too large for a page"
+    run = next((pair for pair in every(study) if pair[1] == name), None)
+    if isinstance(study, TrialStudy) and run is not None:
+        refused = design_study(study, [run]).refused.get(run)
+        return "" if refused is None else f"not designed: {refused.within(study.source.path)}"
+    return ""
+
+
+def every(study: AnyStudy) -> Iterator[Pair]:
+    return ((scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario))
+
+
+def precision(study: AnyStudy) -> str:
+    """The precision of the control laws; a linear plant has them in double precision."""
+    return study.drive.precision if study.drive is not None else "double"
+
+
+def blobs(study: AnyStudy, scenario: str, controller: str, like: AnyStudy | None = None) -> dict[str, Packed]:
+    """The packed descriptions of a run: "run", and "learn" if a commissioning run comes before it.
+
+    `like`: the study of which this one is a changed copy. In trials its designs are reused.
+    StudyError or MisfitError: the study's values don't make a run.
+    """
+    if isinstance(study, TrialStudy):
+        return {"run": _trials(study, scenario, controller, like)}
+    made = {"run": _blob(study, scenario, controller)}
+    law = study.controller[controller]
+    if isinstance(law, AntiCogging) and law.calibration is not None:
+        description = engine_config(study, scenario, controller, "learn")
+        # as long as plan.py waits for it
+        longest = 3 * law.calibration.duration * study.drive.rates.current_loop
+        made["learn"] = _packed(study, description | {"page": {"ticks": math.ceil(longest)}})
+    return made
+
+
+def _blob(study: Study, scenario: str, controller: str) -> Packed:
+    here, law = for_scenario(study, scenario), study.controller[controller]
+    conditions, rates = Conditions.of(study, scenario), here.drive.rates
+    page: dict[str, Any] = {
+        "ticks": round(here.scenario[scenario].duration * rates.current_loop),
+        "decimation": round(rates.current_loop / here.trace_rate),
+        "divider": rates.divider,
+        "pole_pairs": conditions.pole_pairs,
+        "R_s": conditions.R_s,
+        "power_factor": conditions.power_factor,
+        "speed_period": conditions.speed_period,
+        "events": list(conditions.events),
+        "unit": float(np.float32(law.unit)) if study.drive.precision == "single" else float(law.unit),
+        "ratio": law.ratio(here.motor.pole_pairs),
+    }
+    if isinstance(law, Startable) and law.start is not None:
+        learned = plan(study, scenario, controller).learned
+        page["learned"] = np.asarray(learned, np.float64)
+    return _packed(study, engine_config(study, scenario, controller) | {"page": page})
+
+
+def _trials(study: TrialStudy, scenario: str, controller: str, like: AnyStudy | None) -> Packed:
+    run, conditions, experiment = (
+        (scenario, controller),
+        Conditions.of(study, scenario),
+        study.scenario[scenario],
+    )
+    design = retuned(study, run, like) if isinstance(like, TrialStudy) else design_study(study, [run])[run]
+    rates = None if study.drive is None else study.drive.rates
+    divider = 1 if rates is None else rates.divider
+    sampled = 1 / study.period if rates is None else rates.current_loop
+    page = {
+        "trials": experiment.trials,
+        "ticks": study.samples(scenario) * divider,  # of a trial
+        "decimation": divider if study.trace.rate is None else round(sampled / study.trace.rate),
+        "divider": divider,
+        "pole_pairs": conditions.pole_pairs,
+        "starts": [int(start) for start in conditions.starts],
+    }
+    return _packed(study, trial_config(study, scenario, controller, design) | {"page": page})
+
+
+def _packed(study: AnyStudy, description: dict[str, Any]) -> Packed:
+    return pack(description, precision(study))

@@ -1,0 +1,317 @@
+"""The live page: one HTML file with the engine in it, which runs a study again at each change of a value."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+from collections.abc import Mapping
+from html import escape
+from itertools import accumulate, pairwise
+from string import Template
+from typing import Any
+
+from cogless.control_library import C_LAWS
+from cogless.design.unlearned import revolutions_learned
+from cogless.files import package_folders, versions
+from cogless.live import engine, own_motor, toml
+from cogless.live.description import OFF, Packed, held, left_out, precision
+from cogless.live.keys import Found, Key, Place, adjustable, packed
+from cogless.report.markup import asset as report_asset
+from cogless.report.phases import display_unit, groups, judged, phases
+from cogless.report.speed_tracking import DRIFT, FAR, LOST, MOMENT, ONE_WAY
+from cogless.report.trials import panels_of
+from cogless.results.metrics import result_name
+from cogless.results.status import Status
+from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study.laws.trial import TrialLaw
+from cogless.study.metric import EACH_TRIAL, SIGNALS, Metric
+from cogless.study.reading import Changes
+from cogless.units import NONE, factor
+
+NO_LIMITS: Mapping[str, str] = {}
+NO_PINS: Changes = {}
+COLOURS = 8  # as in the report
+FORBID = (
+    "default-src 'none'; script-src {scripts} 'wasm-unsafe-eval'; style-src {styles}; worker-src blob:; "
+    "base-uri 'none'; form-action 'none'"
+)
+
+
+def render(
+    study: AnyStudy,
+    command: str,
+    told: bool = False,
+    limits: Mapping[str, str] = NO_LIMITS,
+    pins: Changes = NO_PINS,
+) -> str:
+    """The page as one HTML text. `command`: the one that runs the study, without changes made in the page.
+
+    `pins`: values of the study that its file leaves to the design; a command that changes a controller needs
+    these, too.
+
+    `limits`: by scenario, what limits its best run, where that was looked for.
+    `told`: the motor's values are changed in the study, so that the controller is told, not in an override.
+
+    StudyError: no WebAssembly engine, or no run that a page can hold.
+    """
+    module = engine.module(precision(study))
+    found = adjustable(study, told)
+    blocks = {
+        "data": json.dumps(data(study, found, command, limits, pins), separators=(",", ":"), allow_nan=False),
+        "engine": base64.b64encode(gzip.compress(module, mtime=0)).decode(),
+    }
+    scripts = {
+        "worker": asset("engine.js") + asset("metrics.js") + asset("worker.js"),
+        "uplot_js": report_asset("uplot.min.js"),
+        "js": asset("bytes.js") + asset("state.js") + asset("live.js"),
+    }
+    styles = {
+        "uplot_css": report_asset("uplot.min.css"),
+        "css": report_asset("report.css") + asset("live.css"),
+    }
+    policy = FORBID.format(
+        scripts=_hashes([scripts["uplot_js"], scripts["js"]]), styles=_hashes(styles.values())
+    )
+    return Template(asset("live.html")).substitute(
+        title=escape(study.title),
+        description=f'<p class="description">{escape(study.description)}</p>' if study.description else "",
+        version=escape(versions()["cogless"]),
+        policy=policy,
+        left_out=_left_out(study, found),
+        **{name: text.replace("<", "\\u003c") for name, text in blocks.items()},
+        **scripts,
+        **styles,
+    )
+
+
+def asset(name: str) -> str:
+    """The text of a file in this folder's assets/."""
+    for folder in package_folders():
+        path = folder / "live" / "assets" / name
+        if path.is_file():
+            return path.read_text(encoding="utf-8")
+    raise FileNotFoundError(name)
+
+
+def _hashes(texts: Any) -> str:
+    return " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(t.encode()).digest()).decode()}'" for t in texts
+    )
+
+
+def data(
+    study: AnyStudy,
+    found: Found,
+    command: str,
+    limits: Mapping[str, str] = NO_LIMITS,
+    pins: Changes = NO_PINS,
+) -> dict[str, Any]:
+    """All that the page's scripts need, as plain values."""
+    pairs = held(study)
+    names = [name for name in study.controller if any(name == c for _, c in pairs)]
+    others = [name for name in names if name != study.baseline]
+    return {
+        "command": command,
+        "pins": [[key, f"{key}={toml.text(value)}"] for key, value in pins.items()],
+        "name": study.name,
+        "toml": toml.sections(study.source),
+        "kind": "trials" if isinstance(study, TrialStudy) else "speed",
+        "busy": int(Status.BUSY),
+        "guarded": int(Status.GUARDED),
+        "moment": MOMENT,
+        "tracking": {"far": FAR, "lost": LOST, "drift": DRIFT, "one_way": ONE_WAY},
+        "scenarios": [
+            {
+                "name": scenario,
+                "controllers": [c for s, c in pairs if s == scenario],
+                "metrics": [_metric(study, scenario, metric) for metric in study.metrics_in(scenario)],
+                "limit": limits.get(scenario, ""),
+                **_about(study, scenario),
+            }
+            for scenario in dict.fromkeys(scenario for scenario, _ in pairs)
+        ],
+        "controllers": [
+            {
+                "name": name,
+                "label": study.label(name),
+                "colour": 0 if name == study.baseline else 1 + others.index(name) % (COLOURS - 1),
+                "learns": _learns(study, name),
+                "baseline": name == study.baseline,
+                "by_order": _by_order(study.controller[name].law),
+                "turn": _turn(study, name),
+            }
+            for name in names
+        ],
+        "keys": [_key(key) for key in found.keys],
+        "motor": _motor(study, found),
+        "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()},
+    }
+
+
+def _learns(study: AnyStudy, name: str) -> bool:
+    law = study.controller[name]
+    return getattr(law, "learning", True) if isinstance(law, TrialLaw) else law.learns
+
+
+def _by_order(law: str) -> bool:
+    return law in C_LAWS and C_LAWS[law].by_order
+
+
+def _turn(study: AnyStudy, name: str) -> float:
+    """Mechanical revolutions that the learned map spans."""
+    return 1.0 if isinstance(study, TrialStudy) else float(revolutions_learned(study, name) or 1)
+
+
+def _about(study: AnyStudy, scenario: str) -> dict[str, Any]:
+    """What a page knows about a scenario besides controllers and metrics."""
+    if isinstance(study, Study):
+        torque, end = study.scenario[scenario].torque_mode, study.scenario[scenario].duration
+        return {
+            "rate": for_scenario(study, scenario).drive.rates.current_loop,
+            "torque": [torque.time, min(torque.end, end)] if torque is not None else None,
+        }
+    about = judged(study, scenario)
+    return {
+        "judged": {
+            "signal": about.signal,
+            "quantity": about.quantity,
+            "unit": about.unit,
+            "factor": about.scale,
+            "floor": about.floor,
+        },
+        "phases": [
+            {"name": phase.name, "trials": phase.chosen}
+            for group in groups(phases(study.scenario[scenario]))
+            for phase in group.drawn
+        ],
+        "panels": [
+            dict(
+                zip(
+                    ("title", "signal", "reference", "quantity", "unit", "factor"),
+                    (*panel, *unit),
+                    strict=True,
+                )
+            )
+            for panel in panels_of(study, scenario)
+            for unit in [display_unit(study, panel[1])]
+        ],
+    }
+
+
+def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
+    dimension = metric.dimension
+    unit = metric.unit or dimension.unit
+    orders = metric.order or (None,)
+    words = metric.name.replace("_", " ")
+    titles = [words if order is None else f"{words} {order:g}" for order in orders]
+    rows: list[tuple[int, int]] | None = None
+    if isinstance(study, TrialStudy):  # a number for each trial is drawn, not listed
+        found = [] if metric.kind in EACH_TRIAL else groups(phases(study.scenario[scenario]))
+        titles = [f"{words}, {group.row}" for group in found]
+        ends = list(accumulate(len(group.phases) for group in found))
+        rows = list(pairwise([0, *ends]))
+    return {
+        "name": result_name(metric),
+        "titles": titles,
+        "groups": rows,  # of each title the first phase and the one after the last; null: a value a title
+        "unit": unit,
+        "factor": factor(unit, dimension) if dimension is not NONE and unit else 1.0,
+        "kind": metric.kind,
+        "signal": metric.signal,
+        "signal_unit": SIGNALS[metric.signal].unit if metric.signal else "",
+        "units": {name: SIGNALS[name].unit for name in ("omega_ref", "i_d_ref", "i_q_ref")},
+        "order": metric.order,
+        "frame": metric.frame,
+        "window": metric.window,
+        "last": metric.last,
+        "event": metric.event,
+        "band": metric.band,
+        "smooth": metric.smooth,
+        "floor": metric.floor,
+        "better": metric.wanted,
+    }
+
+
+def _run(blob: Packed) -> dict[str, Any]:
+    """A packed description, and the places in it of what the page reads."""
+    found = {n.path: [n.offset, n.format] for n in blob.numbers}
+    about = {path: at for path, at in found.items() if path.startswith("page.") and ".learned." not in path}
+    shape = next((shape.split()[1] for shape in blob.shape if shape.startswith("page.learned ")), None)
+    return {
+        "bytes": base64.b64encode(blob.data).decode(),
+        "about": about,
+        "off": _off(found),
+        "learned": shape and [found["page.learned.0"][0], *map(int, shape.split("x"))],
+    }
+
+
+def _off(found: dict[str, list[Any]]) -> list[Any] | None:
+    """The number with which a law never learns: its place, and it."""
+    for path, value in (("controller.learning_start", OFF), ("controller.config.k_3", 0.0)):
+        if path in found:
+            return [*found[path], value]
+    return None
+
+
+def _key(key: Key) -> dict[str, Any]:
+    candidate = key.candidate
+    return {
+        "key": candidate.key,
+        "label": candidate.label,
+        "group": candidate.group,
+        "scenario": candidate.scenario,
+        "controller": candidate.controller,
+        "unit": candidate.unit,
+        "factor": candidate.factor,
+        "start": candidate.start,
+        "low": candidate.low,
+        "high": candidate.high,
+        "least": candidate.least,
+        "most": candidate.most,
+        "whole": candidate.whole,
+        "stops": key.stops,
+        "lands": {_place(place): [_landing(key, one) for one in lands] for place, lands in key.lands.items()},
+    }
+
+
+def _place(place: Place) -> str:
+    return "/".join(place)
+
+
+def _landing(key: Key, one: Any) -> list[Any]:
+    if key.stops:
+        return [one.number.offset, one.number.format, list(one.by_pairs or one.values)]
+    return [one.number.offset, one.number.format, one.scale, one.rounded]
+
+
+def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
+    """What a page needs to set the numbers of one's own motor."""
+    own = found.own_motor
+    if own is None:
+        return None
+    assert isinstance(study, Study)
+    plant = study.motor.star()
+    return {
+        "over": own_motor.RESISTANCE,
+        "under": own_motor.INDUCTANCE,
+        "pole_pairs": own_motor.POLE_PAIRS,
+        "nodes": own_motor.nodes(own.ends),
+        "ends": own.ends,
+        "time": plant.L_d / plant.R_s,
+        "products": {_place(place): list(map(_product, all_of)) for place, all_of in own.products.items()},
+    }
+
+
+def _product(one: own_motor.Product) -> list[Any]:
+    return [one.number.offset, one.number.format, one.start, dict(one.powers), one.factors, one.curve]
+
+
+def _left_out(study: AnyStudy, found: Found) -> str:
+    lines = left_out(study)
+    lines += [f"{key}: {why}." for key, why in found.left_out]
+    if not lines:
+        return ""
+    rows = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return f"<details><summary>Keys that the page can't change</summary><ul>{rows}</ul></details>"

@@ -1,0 +1,261 @@
+"""One's own motor in a page: numbers that several of its keys set together, such as the controller's gains.
+
+The design's rules scale with the motor: a gain of the speed loop is proportional to J / K_t, one of the
+current loop to R_s or L. Beyond that the gains depend on R_s / L alone. So each number is its value in the
+study, times a power of each key, times a factor for the pole pairs, times a curve over R_s / L. All of these
+are found by changing the study as `--set` does, and tested at other values of all keys together.
+
+A change that the study refuses narrows what the page takes, and nothing else: the pole pairs, the ends of
+R_s / L, or the range of the key that was changed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from cogless.c_layout import MisfitError
+from cogless.errors import StudyError
+from cogless.live.candidates import Candidate
+from cogless.live.description import Number, Packed
+
+RESISTANCE, INDUCTANCE = "motor.resistance_line_to_line", "motor.inductance_line_to_line"
+POLE_PAIRS = "motor.pole_pairs"
+TOGETHER = frozenset(
+    (POLE_PAIRS, RESISTANCE, INDUCTANCE, "motor.kv", "mechanics.inertia", "drive.inverter.bus_voltage")
+)
+NODES = 24  # of the curve, at Chebyshev's places over log(R_s / L)
+SLOW, FAST = 1 / 30, 4.0  # widest ends of the curve: R_s / L as a share of the study's
+RETREAT = 0.8  # power of a share of R_s / L that the study refuses, for an end nearer to 1
+NO_ROOM = 1e-3  # an end this near to 1 is 1
+CLOSE = {"f": 3e-7, "d": 1e-12}  # relative; other numbers are whole
+INTEGER = 1e-5  # how near a power must be
+TRIES = 12
+HALVINGS = 8  # of the logarithms of refused shares, until _check gives up: 100 has become 1.02
+STEPS = (2.0, 0.5, 1.25, 0.8, 1.02, 0.98)  # shares of a key's value: the first accepted shows its power
+
+Place = tuple[str, str, str]
+All = Mapping[Place, Packed]
+Changed = Callable[[Sequence[tuple[Candidate, float]]], All]
+Narrow = Callable[[Candidate], Candidate]
+
+
+@dataclass(frozen=True)
+class Product:
+    """A number: `start` times each key's share of its value in the study to its power, and so on."""
+
+    number: Number
+    start: float
+    powers: Mapping[str, int]
+    factors: tuple[float, ...] = ()  # from the least pole pairs on, of a whole number its values; none: 1
+    curve: tuple[float, ...] = ()  # at `nodes`; none: 1
+
+
+@dataclass(frozen=True)
+class OwnMotor:
+    """The data that a page needs for one's own motor.
+
+    `products`: each number as a product of powers of the keys. `keys`: the keys of TOGETHER, with the range
+    that the page accepts. `ends`: the range of R_s / L, as a share of the study's. `turned`: the study's
+    descriptions for each number of pole pairs that the page accepts.
+    """
+
+    products: Mapping[Place, Sequence[Product]]
+    keys: Mapping[str, Candidate]
+    ends: tuple[float, float]
+    turned: Mapping[int, All]
+
+    @property
+    def pole_pairs(self) -> Candidate:
+        return self.keys[POLE_PAIRS]
+
+    @property
+    def numbers(self) -> set[tuple[Place, int]]:
+        """All numbers that these keys set, by place and offset."""
+        return {(place, one.number.offset) for place, all_of in self.products.items() for one in all_of}
+
+    def together(self, n: int, reach: float) -> dict[str, float]:
+        """Irregular values of all keys: the study's times (1/100 to 100) to the power `reach`."""
+        slow, fast = self.ends
+        values = {}
+        for k, (key, about) in enumerate(self.keys.items()):
+            share = 10 ** (reach * (4 * ((0.6180339887498949 * (n + 1) * (k + 1)) % 1.0) - 2))
+            values[key] = min(max(float(f"{about.start * share:.6g}"), about.least), about.most)
+        pairs = self.pole_pairs
+        drawn = pairs.least + 7 * n % round(pairs.most - pairs.least + 1)
+        values[POLE_PAIRS] = float(round(pairs.start + reach * (drawn - pairs.start)))
+        ratio = (slow * (fast / slow) ** ((n + 0.5) / TRIES)) ** reach
+        over, under = self.keys[RESISTANCE], self.keys[INDUCTANCE]
+        values[INDUCTANCE] = float(f"{under.start * values[RESISTANCE] / over.start / ratio:.6g}")
+        return values
+
+
+def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Narrow) -> OwnMotor:
+    """The numbers that the keys of TOGETHER set, as products of powers.
+
+    `changed` gives the descriptions with some values, or raises StudyError or MisfitError if the study
+    refuses them. `narrow` gives a key with the range that the study accepts. StudyError: a number is no such
+    product.
+    """
+    by_key = {key.key: key for key in keys}
+    over, under = by_key[RESISTANCE], by_key[INDUCTANCE]
+    by_key[POLE_PAIRS], turned = _turned(base, changed, by_key[POLE_PAIRS])
+    ends, bent = _bent(changed, under)
+    scaled = {key: _scaled(base, changed, by_key[key]) for key in by_key if key != POLE_PAIRS}
+    for key, (share, _) in scaled.items():
+        if share != STEPS[0] and key not in (RESISTANCE, INDUCTANCE):
+            by_key[key] = narrow(by_key[key])
+    both = _scaled(base, changed, over, under)
+
+    def of(number: Number, place: Place) -> Product | None:
+        def power(share: float, made: All) -> float:
+            return _power(number.read(made[place].data), start, share)
+
+        start = number.read(base[place].data)
+        powers = {key: power(*one) for key, one in scaled.items()}
+        factors = tuple(number.read(turned[n][place].data) for n in sorted(turned))
+        if not any(powers.values()) and set(factors) == {start}:
+            return None
+        if number.format not in CLOSE and not any(powers.values()):
+            return Product(number, 1.0, {}, factors)
+        curve: tuple[float, ...] = ()
+        if not all(_is_whole(powers[key]) for key in (RESISTANCE, INDUCTANCE)):
+            powers |= {RESISTANCE: 0.0, INDUCTANCE: power(*both)}
+            exponent = round(powers[INDUCTANCE])
+            curve = tuple(number.read(made[place].data) / start / share**exponent for share, made in bent)
+        if not all(map(_is_whole, powers.values())):
+            raise _no_product(number, "")
+        whole = {key: round(power) for key, power in powers.items() if round(power)}
+        return Product(
+            number, start, whole, () if set(factors) == {start} else tuple(x / start for x in factors), curve
+        )
+
+    every = {place: [of(number, place) for number in blob.numbers] for place, blob in base.items()}
+    products = {place: [one for one in all_of if one is not None] for place, all_of in every.items()}
+    own = OwnMotor(products, by_key, ends, turned)
+    _check(base, changed, own)
+    return own
+
+
+def nodes(ends: tuple[float, float]) -> list[float]:
+    """Chebyshev nodes over log(R_s / L), R_s / L as a share of the study's, from the upper end down."""
+    low, high = map(math.log, ends)
+    angles = ((2 * j + 1) * math.pi / (2 * NODES) for j in range(NODES))
+    return [(low + high) / 2 + (high - low) / 2 * math.cos(angle) for angle in angles]
+
+
+def _accepted(changed: Changed, values: Sequence[tuple[Candidate, float]]) -> All | None:
+    """The descriptions with these values; None if the study refuses them."""
+    try:
+        return changed(values)
+    except (StudyError, MisfitError):
+        return None
+
+
+def _turned(base: All, changed: Changed, pairs: Candidate) -> tuple[Candidate, dict[int, All]]:
+    """The pole pairs that the study accepts without a gap around its own, and the descriptions of each."""
+    start, turned = round(pairs.start), {round(pairs.start): base}
+    for numbers in (range(start - 1, round(pairs.low) - 1, -1), range(start + 1, round(pairs.high) + 1)):
+        for n in numbers:
+            made = _accepted(changed, [(pairs, float(n))])
+            if made is None:
+                break
+            turned[n] = made
+    low, high = float(min(turned)), float(max(turned))
+    return replace(pairs, low=low, high=high, least=low, most=high), turned
+
+
+def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list[tuple[float, All]]]:
+    """The ends of R_s / L within which the study accepts every node.
+
+    Each node has a share of the study's L and the descriptions with it.
+    """
+    ends = [SLOW, FAST]
+    while True:
+        bent = []
+        for at in nodes((ends[0], ends[1])):
+            share = math.exp(-at)
+            made = _accepted(changed, [(under, share * under.start)])
+            if made is None:
+                end = math.exp(RETREAT * at)
+                ends[at > 0] = end if abs(end - 1) > NO_ROOM else 1.0
+                break
+            bent.append((share, made))
+        else:
+            return (ends[0], ends[1]), bent
+
+
+def _scaled(base: All, changed: Changed, *keys: Candidate) -> tuple[float, All]:
+    """The first of STEPS that the study accepts for these keys together, with its descriptions; else 1."""
+    for share in STEPS:
+        made = _accepted(changed, [(key, share * key.start) for key in keys])
+        if made is not None:
+            return share, made
+    return 1.0, base
+
+
+def computed(one: Product, own: OwnMotor, values: Mapping[str, float]) -> float:
+    """A product at these values, as a page computes it."""
+    shares = {key: values.get(key, about.start) / about.start for key, about in own.keys.items()}
+    pairs = own.pole_pairs
+    result = one.start
+    for key, power in one.powers.items():
+        result *= shares[key] ** power
+    if one.factors:
+        result *= one.factors[round(values.get(POLE_PAIRS, pairs.start) - pairs.least)]
+    if one.curve:
+        result *= _between(nodes(own.ends), one.curve, math.log(shares[RESISTANCE] / shares[INDUCTANCE]))
+    return result
+
+
+def _between(nodes: Sequence[float], curve: Sequence[float], at: float) -> float:
+    """The curve's value, by Lagrange's polynomial through the nodes in its barycentric form."""
+    above = below = 0.0
+    for j, (node, value) in enumerate(zip(nodes, curve, strict=True)):
+        if at == node:
+            return value
+        weight = (-1) ** j * math.sin((2 * j + 1) * math.pi / (2 * NODES)) / (at - node)
+        above, below = above + weight * value, below + weight
+    return above / below
+
+
+def _power(x: float, start: float, share: float) -> float:
+    """The power of `share` by which x differs from `start`; 0 if the study accepted no share but 1."""
+    if x == start or share == 1:
+        return 0.0
+    return math.log(x / start) / math.log(share) if x and start and x / start > 0 else math.nan
+
+
+def _is_whole(x: float) -> bool:
+    return abs(x - round(x)) < INTEGER if math.isfinite(x) else False
+
+
+def _check(base: All, changed: Changed, own: OwnMotor) -> None:
+    """StudyError: a number is not what its product says, or one moves that has none."""
+    for n in range(TRIES):
+        for halvings in range(HALVINGS):
+            values = own.together(n, 0.5**halvings)
+            made = _accepted(changed, [(own.keys[key], x) for key, x in values.items()])
+            if made is not None:
+                _compare(base, made, own, values)
+                break
+
+
+def _compare(base: All, made: All, own: OwnMotor, values: Mapping[str, float]) -> None:
+    for place, blob in made.items():
+        products = {one.number: computed(one, own, values) for one in own.products[place]}
+        for number in blob.numbers:
+            x = number.read(blob.data)
+            mine = products.get(number, number.read(base[place].data))
+            mine = mine if number.format in CLOSE else round(mine)
+            if abs(mine - x) > CLOSE.get(number.format, 0.0) * abs(x):
+                raise _no_product(number, f": {mine!r} as a product, {x!r} by the design")
+
+
+def _no_product(number: Number, what: str) -> StudyError:
+    expected = "expected numbers that follow the motor's keys as products of powers"
+    return StudyError(
+        f"--own-motor: {expected}, which {number.path} does not{what}; cogless live takes the study without "
+        "--own-motor"
+    )

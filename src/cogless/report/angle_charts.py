@@ -1,0 +1,358 @@
+"""Charts of laws that learn in angle: periods, learning factor, sensitivity, growth.
+
+Plots over the angle for laws that learn in angle: errors and learned current, period by period.
+
+The learning factor over frequency for laws that learn in angle, marked where a run's current grew.
+
+The sensitivity of the speed to a torque that repeats, with learning on and off, as a Bode plot.
+
+Whether learning becomes unstable in a run: which frequency grows, since when the baseline is better.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from cogless import units
+from cogless.design.closed_loop import Linear
+from cogless.design.law_rules import feedback_of
+from cogless.design.learning_loop import LearningLoop, plants, sensitivity
+from cogless.design.margins import Complex, Real
+from cogless.design.speed_loop import speed_loop
+from cogless.design.verdict import judged, loop_type, verdict
+from cogless.errors import StudyError
+from cogless.report.comparison import SAME, pretty, speed_unit
+from cogless.report.markup import Array, place, plain
+from cogless.report.panels import errors, in_angle, learned_terms, periods
+from cogless.report.verdicts import called
+from cogless.results import Results, Run
+from cogless.study import Study
+from cogless.study.laws.space import Period
+
+CELLS = 360
+SHOWN = 5  # periods of a chart
+
+PERIODS_NOTE = (
+    "Over the angle that the law counts, period by period: faint is early, full is late. What repeats from "
+    "line to line is what learning can remove; the learned current is all of its learned parts together."
+)
+
+
+def over_angle(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """Charts over the angle, for each controller that learns in angle: its errors and its learned current."""
+    return [chart for run in runs for chart in _charts(results, run)]
+
+
+def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
+    turns, law = periods(results, run), in_angle(results, run)
+    if turns is None or law is None:
+        return []
+    begun = turns[min(run.trace.window(0.0, law.learning_start).stop, len(turns) - 1)]
+    chosen = _chosen(float(begun), float(turns[-1]))
+    if not chosen or np.any(np.diff(turns) < 0):  # the rotor turns back: no function of the angle
+        return []
+    learned = np.sum([run.trace[name] for name in learned_terms(results, run)], axis=0)
+    drawn = [(e.title, e.of(run.trace), e.quantity, e.unit) for e in errors(results, [run])]
+    return [
+        {
+            "title": f"{title} over {_period(law.period)}: {results.study.label(run.controller)}",
+            "x": "angle within the period (°)",
+            "angle": np.linspace(0, 360, CELLS + 1).tolist(),
+            "quantity": quantity,
+            "unit": pretty(unit),
+            "series": [
+                {
+                    "controller": place(results, run),
+                    "label": f"period {k + 1}",
+                    "fade": 0.25 + 0.75 * i / max(1, len(chosen) - 1),
+                    "values": plain(_within(turns, x, k)),
+                }
+                for i, k in enumerate(chosen)
+            ],
+        }
+        for title, x, quantity, unit in [*drawn, ("Learned current", learned, "current", "A")]
+    ]
+
+
+def _chosen(begun: float, end: float) -> list[int]:
+    """Periods to draw: the last whole one without learning, and some after it, more early than late ones."""
+    first, last = max(0, int(begun) - 1), int(end + 1e-6) - 1
+    if last < first:
+        return []
+    steps = np.geomspace(1, last - first + 1, SHOWN) - 1
+    return sorted({first + round(step) for step in steps})
+
+
+def _within(turns: Array, x: Array, period: int) -> Array:
+    """x over the period with this number, on the common grid of angles."""
+    rows = slice(max(0, int(np.searchsorted(turns, period)) - 1), int(np.searchsorted(turns, period + 1)) + 1)
+    return np.asarray(np.interp(period + np.linspace(0, 1, CELLS + 1), turns[rows], x[rows]))
+
+
+def _period(period: Period) -> str:
+    share = f"{period.turns}/{period.parts} of " if (period.turns, period.parts) != (1, 1) else ""
+    return f"{share}one {period.of} revolution"
+
+
+SENSITIVITY_POINTS = 400
+DECADES = (0.1, 0.45)  # of the slowest revolution, and of the sample rate
+LEAST = 1e-4  # of a magnitude: smaller ones are drawn as this
+
+SENSITIVITY_NOTE = (
+    "The share of a disturbance that is left in the speed at each frequency, by the linear model of cogless "
+    "design at the scenario's fastest speed; above 0 dB a frequency is made worse. Full: with learning, once "
+    "it has settled, for what repeats with the angle. Fainter: learning off. Faintest: with learning, for "
+    "what lies midway between two repeating frequencies, which learning amplifies."
+)
+
+
+def bode(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """Charts of magnitude and phase over frequency; empty if no controller has a linear model."""
+    turn = results.study.scenario[runs[0].scenario].top_reference / (2 * math.pi)
+    plant = speed_loop(results.study, runs[0].scenario)
+    low = DECADES[0] * (turn or 1.0)
+    f = np.geomspace(low, max(10 * low, DECADES[1] / plant.period), SENSITIVITY_POINTS)
+    grid, *responses = plants(plant)
+    P_omega, P_theta = (np.interp(f, grid, response) for response in responses)
+    curves: list[tuple[int, str, float, Complex]] = []
+    for run in runs:
+        feedback, where = _feedback(results, run, 2 * math.pi * turn), place(results, run)
+        if feedback is not None:
+            off = sensitivity(plant, feedback, 2 * math.pi * f, P_omega, P_theta)
+            loop, learns = _loop(results, run), bool(learned_terms(results, run))
+            curves.append((where, "off" if learns else "", 0.55 if learns else 1.0, off))
+            if loop is not None:
+                curves.append((where, "on", 1.0, off * _left(loop, f, 0.0)))
+                curves.append((where, "between", 0.25, off * _left(loop, f, 0.5)))
+    charts = [
+        ("Sensitivity, magnitude", "magnitude", "dB", _decibels),
+        ("Sensitivity, phase", "phase", "°", _degrees),
+    ]
+    return [
+        {
+            "title": title,
+            "x": "frequency (Hz)",
+            "quantity": quantity,
+            "unit": unit,
+            "frequency": plain(f),
+            "series": [
+                {"controller": where, "label": label, "fade": fade, "values": plain(shown(S))}
+                for where, label, fade, S in curves
+            ],
+        }
+        for title, quantity, unit, shown in charts
+        if curves
+    ]
+
+
+def _feedback(results: Results, run: Run, omega_m: float) -> Linear | None:
+    with suppress(StudyError):
+        return feedback_of(results.study, run.controller, omega_m)
+    return None
+
+
+def _left(loop: LearningLoop, f: Real, beside: float) -> Complex:
+    """What learning leaves at the learned frequencies, or so far `beside` each, as a smooth curve over f.
+
+    `beside` is a share of the distance to the next. NaN where nothing is learned.
+    """
+    count = int(loop.highest / loop.periods_per_second)
+    learned = np.arange(1, count + 1) if loop.orders is None else loop.orders
+    at = (learned + beside) * loop.periods_per_second
+    if not len(at):
+        return np.full(len(f), np.nan + 0j)
+    left = np.interp(f, at, loop.left(at))
+    return np.where((f >= at[0]) & (f <= at[-1]), left, np.nan)
+
+
+def _decibels(S: Complex) -> Real:
+    return np.asarray(20 * np.log10(np.maximum(np.abs(S), LEAST)))
+
+
+def _degrees(S: Complex) -> Real:
+    return np.asarray(np.rad2deg(np.angle(S)))
+
+
+def _loop(results: Results, run: Run) -> LearningLoop | None:
+    """The run's learning loop at its fastest judged speed; None if its learning has no such model."""
+    if loop_type(results.study.controller[run.controller]) is not None:
+        with suppress(StudyError):
+            found = judged(results.study, run.scenario, run.controller)
+            return found[-1] if found else None
+    return None
+
+
+WINDOW = 2.0  # s, length of the windows in which errors are compared
+GREW = 5.0  # amplitude / amplitude early in learning, above which it has grown
+SHARE = 5e-3  # of i_q's RMS: a smaller spectral line is ignored
+SEGMENT = 2048  # trace rows per spectrum
+
+
+def growth(results: Results, run: Run) -> float | None:
+    """The frequency, Hz, of the spectral line of i_q that grew since learning began; None if no line grew.
+
+    The line is taken from the first window in which it shows, because limits affect it later. It has to be
+    larger, by the factor `GREW`, than all lines within an octave of it when learning began and in the
+    baseline's run.
+    """
+    law = in_angle(results, run)
+    trace = run.trace
+    if law is None:
+        return None
+    begun = trace.window(0.0, law.learning_start + float(getattr(law, "ramp", 0.0))).stop
+    rows = min(SEGMENT, (len(trace) - begun) // 4)
+    if rows < 64:
+        return None
+    before = _spectrum(trace["i_q"][begun : begun + rows])
+    floor = SHARE * float(np.sqrt(np.mean(trace["i_q"][:begun] ** 2) + np.sum(before**2) / 2))
+    base = (r for r in results.runs if (r.scenario, r.controller) == (run.scenario, results.study.baseline))
+    plain = [x for r in base if r is not run for x in _parts(r.trace["i_q"], begun, rows)]
+    usual = _about(np.max([before, *map(_spectrum, plain)], axis=0))
+    for x in _parts(trace["i_q"], begun + rows, rows):
+        after = _spectrum(x)
+        grown = (after > GREW * usual) & (after > floor)
+        if np.any(grown):
+            return float(np.argmax(np.where(grown, after, 0.0)) / (rows * trace.period))
+    return None
+
+
+def _parts(x: Array, first: int, rows: int) -> list[Array]:
+    return [x[k : k + rows] for k in range(first, len(x) - rows + 1, rows)]
+
+
+def _about(amplitudes: Array) -> Array:
+    """The largest amplitude within an octave of each line: a motor's spectral lines move with its speed."""
+    return np.array([np.max(amplitudes[k // 2 : 2 * k + 2]) for k in range(len(amplitudes))])
+
+
+def _spectrum(x: Array) -> Array:
+    """Amplitudes of x's spectral lines, without the trend from first to last value; zero if not finite.
+
+    The first three lines are zero: over these, Hann's window spreads a drift.
+    """
+    if not np.all(np.isfinite(x)):
+        return np.zeros(len(x) // 2 + 1)
+    window = np.hanning(len(x))
+    straight = np.linspace(x[0], x[-1], len(x))
+    amplitudes = np.asarray(2 * np.abs(np.fft.rfft((x - straight) * window)) / window.sum())
+    amplitudes[:3] = 0.0
+    return amplitudes
+
+
+def worsened(results: Results, runs: Sequence[Run]) -> dict[str, float]:
+    """Controllers that learn in angle and are worse than the baseline to the end: since when, s."""
+    runs = [run for run in runs if len(run.trace) > 1]
+    base = next((run for run in runs if run.controller == results.study.baseline), None)
+    if base is None:
+        return {}
+    learning = [run for run in runs if run is not base and in_angle(results, run)]
+    since = {r.controller: worse_since(r, base, errors(results, [r])[0].signal) for r in learning}
+    return {name: time for name, time in since.items() if time is not None}
+
+
+def worse_since(run: Run, other: Run, signal: str) -> float | None:
+    """The time, s, from which a run's error stays above another's, by more than the share `SAME`.
+
+    None if the error isn't above at the end, or is above from the beginning.
+    """
+    mine, base = _errors(run, signal), _errors(other, signal)
+    count = min(len(mine), len(base))
+    worse = ~(mine[:count] <= (1 + SAME) * base[:count])  # NaN is worse
+    if count < 3 or not worse[-1] or np.all(worse):
+        return None
+    return float((1 + np.flatnonzero(~worse)[-1]) * WINDOW)
+
+
+def _errors(run: Run, signal: str) -> Array:
+    """Peak-to-peak values of a signal in successive windows; an incomplete last window is left out."""
+    rows = round(WINDOW / run.trace.period) if run.trace.period else 0
+    x = run.trace[signal]
+    whole = len(x) // rows if rows else 0
+    return np.asarray(np.ptp(x[: whole * rows].reshape(whole, -1), axis=1)) if whole else np.zeros(0)
+
+
+def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float]) -> list[str]:
+    """Sentences on controllers that got worse while learning in angle, and whether that was predicted.
+
+    `worse`: the result of `worsened`.
+    """
+    study, found = results.study, []
+    for run in runs:
+        name, line = run.controller, growth(results, run)
+        if in_angle(results, run) is None:
+            continue
+        grows = _expected(study, name)
+        rising = f"grows at {line:.0f} Hz" if line is not None else ""
+        if name in worse:
+            label = f"Worse with time: {called(study, name)}"
+            than = f"{label} is no worse than {called(study, study.baseline)} until {worse[name]:.0f} s"
+            cause = f"; its current {rising}" if rising else ""
+            found.append(f"{than}, then worse{cause}{_said(grows)}.")
+        elif rising and grows:
+            found.append(f"The current of {called(study, name)} {rising}{_said(grows)}.")
+    return found
+
+
+def _expected(study: Study, name: str) -> str | None:
+    """What cogless design says of a law that doesn't settle; "" if it settles, None if that isn't known."""
+    try:
+        found = verdict(study, name)
+    except StudyError:
+        return None
+    if found is None or found.kind == "rests":
+        return None
+    if found.kind != "settles":
+        return found.short()
+    return found.passing.words(found.unit) if found.passing else ""
+
+
+def _said(grows: str | None) -> str:
+    if grows is None:
+        return ""
+    return f", as cogless design says ({grows})" if grows else ", which cogless design does not foresee"
+
+
+CRITERION_POINTS = 600
+
+CRITERION_NOTE = (
+    "By which factor what is learned changes from period to period, at each frequency, by cogless design: "
+    "below one it settles, above one it grows. Full: at the scenario's fastest speed, faint: at the slowest "
+    "that is judged, both without acceleration. "
+    "An upright line marks what grew in the run: the spectrum of its q current as learning goes on beside "
+    "that when it began; a trace shows frequencies up to half its rate."
+)
+
+
+def criterion(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """The chart of learning factors over frequency, on a common grid; empty if no law learns in angle."""
+    loops: list[tuple[Run, LearningLoop, float]] = []
+    for run in runs:
+        if in_angle(results, run):
+            with suppress(StudyError):
+                ends = judged(results.study, run.scenario, run.controller)
+                loops += [(run, loop, 1.0 if loop is ends[-1] else 0.4) for loop in ends]
+    if not loops:
+        return []
+    lowest = min(loop.frequencies[0] for _, loop, _ in loops)
+    f = np.geomspace(lowest, max(loop.frequencies[-1] for _, loop, _ in loops), CRITERION_POINTS)
+    series = [
+        {
+            "controller": place(results, run),
+            "label": units.format(loop.omega_m, speed_unit(results), units.ANGULAR_SPEED, digits=3),
+            "fade": fade,
+            "values": plain(np.where(f <= loop.highest, loop.factor(f), np.nan)),
+        }
+        for run, loop, fade in loops
+    ]
+    marks = [
+        {"controller": place(results, run), "at": grown}
+        for run in runs
+        if (grown := growth(results, run))  # on a log axis
+    ]
+    about = {"title": "Factor per period", "x": "frequency (Hz)", "quantity": "factor", "unit": ""}
+    return [{**about, "frequency": plain(f), "series": series, "marks": marks}]

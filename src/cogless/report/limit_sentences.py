@@ -1,0 +1,80 @@
+"""Sentences on what limits a scenario's best run, with the changes that they advise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from cogless.report.comparison import shown_in
+from cogless.report.markup import number
+from cogless.report.verdicts import called, listed, times
+from cogless.results.limits import CAUSES, NAMED_MOST, Cause, Cure, Limits
+from cogless.results.metrics import result_name
+from cogless.study import Study
+from cogless.study.messages import dotted, look_up, toml
+from cogless.study.reading import Changes, split
+from cogless.study.remark import Remark
+
+OVERLAP = 1.1  # sum of shares beyond which it is told that they overlap
+
+
+def remark(study: Study, limits: Limits) -> Remark | None:
+    """The causes that limit a run, and the setting and part that helped most; None: no cause stands out."""
+    named = limits.named
+    if not named:
+        return None
+    metric = next(m for m in study.metrics_in(limits.scenario) if result_name(m) == limits.metric)
+    unit, scale = shown_in(study, metric)
+
+    def shown(value: float) -> str:
+        return f"{number(value / scale)} {unit}".rstrip()
+
+    parts = [
+        f"{_words(cause)} {100 * cause.share:.0f} % of the square ({shown(cause.value)} without)"
+        for cause in named[:NAMED_MOST]
+    ]
+    both = "; the shares overlap" if sum(cause.share for cause in named) > OVERLAP else ""
+    text = f"What limits {called(study, limits.controller)}: {listed(parts)}{both}."
+    cures = [cure for cure in (limits.setting, limits.part) if cure is not None]
+    tried = [
+        f"with {setting(study, cure.changes)} it leaves {shown(cure.value)}{_costs(cure)}" for cure in cures
+    ]
+    if tried:
+        text += f" Tried: {'; '.join(tried)}."
+    return Remark(text, tuple(cure.changes for cure in cures))
+
+
+def setting(study: Study, changes: Changes) -> str:
+    """Changes in words, each with its whole key, as the study or `--set` takes it.
+
+    A controller with another law is written as a whole.
+    """
+    new = [entry for name, value in changes.items() for entry in _new(study, split(name), value)]
+    return " and ".join(
+        f"without {dotted(key)}" if value is None else f"{dotted(key)} = {toml(value)}" for key, value in new
+    )
+
+
+def _words(cause: Cause) -> str:
+    """The cause in words; two causes that only have an effect together are named together."""
+    words = " and ".join(CAUSES[name] for name in cause.names)
+    return words if len(cause.names) == 1 else f"{words}, only together,"
+
+
+def _costs(cure: Cure) -> str:
+    """The metric that a cure harms most, such as ", but 2.1 times the dip"; "" if it harms none clearly."""
+    if not cure.costs:
+        return ""
+    name, ratio = max(cure.costs.items(), key=lambda cost: cost[1])
+    return f", but {times(ratio)} the {name}"
+
+
+def _new(study: Study, key: tuple[Any, ...], value: Any) -> list[tuple[tuple[Any, ...], Any]]:
+    """The keys whose values a change replaces, with the new values; None: the change removes the key."""
+    old = look_up(study.source.tables, key)
+    if isinstance(value, Mapping) and "law" in value:
+        return [(key, value)]
+    if not isinstance(value, Mapping) or not isinstance(old, Mapping):
+        return [] if old == value else [(key, value)]
+    gone = [((*key, name), None) for name in old if name not in value]
+    return [pair for name, inner in value.items() for pair in _new(study, (*key, name), inner)] + gone

@@ -1,0 +1,111 @@
+"""The learned maps for the page: current over angle at the end of a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cogless.report.markup import Array, place, plain
+from cogless.report.panels import learned_terms
+from cogless.results import Results, Run
+
+MOST = 1440  # points of a map
+CELLS = 360  # of a polar map
+LAST = 8  # periods, from which its spread comes
+MOST_ROWS = 1_000_000  # from which these periods come: all of a long trace would take gigabytes
+
+NOTE = (
+    "The current that each controller has learned over one revolution, as it stands at the end of the run. "
+    "In the circle, whose middle line is zero: the mean over the last revolutions, and in the band the least "
+    "and the largest at each angle."
+)
+
+
+def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """Charts of the learned current over angle, one electrical and one mechanical, each on a common grid."""
+    charts = []
+    for frame in ("electrical", "mechanical"):
+        learned = [
+            run
+            for run in runs
+            if run.memory
+            and run.memory["frame"] == frame
+            and len(run.memory["current"]) > 1
+            and results.study.controller[run.controller].learned
+        ]
+        if not learned:
+            continue
+        cells = min(MOST, max(len(run.memory["current"]) for run in learned))
+        longest = max(_period(run) for run in learned)
+        grid = np.linspace(0, longest, cells + 1)
+        series = [
+            {
+                "controller": place(results, run),
+                "values": plain(
+                    np.interp(grid, run.memory["angle"], run.memory["current"], period=_period(run))
+                ),
+            }
+            for run in learned
+        ]
+        angle = np.round(np.rad2deg(grid), 3).tolist()
+        charts.append(
+            {
+                "title": "Learned current",
+                "x": f"{frame} angle (°)",
+                "quantity": "current",
+                "unit": "A",
+                "angle": angle,
+                "series": series,
+            }
+        )
+    return charts
+
+
+def _period(run: Run) -> float:
+    """The angle that a map covers, rad: a revolution, or the period of a law that learns in angle."""
+    angle = run.memory["angle"]
+    return float(len(angle) * (angle[1] - angle[0]))
+
+
+def polar(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """Charts of the learned current around one revolution with its spread over the last of them."""
+    series: dict[str, list[dict[str, Any]]] = {"electrical": [], "mechanical": []}
+    for run in runs:
+        frame = run.memory["frame"] if run.memory else "mechanical"
+        names = learned_terms(results, run)
+        if names and frame in series:
+            rows = slice(-MOST_ROWS, None)
+            turns = run.trace.part("theta_m", rows) / (2 * math.pi)
+            turns = turns * (results.study.motor.pole_pairs if frame == "electrical" else 1)
+            found = _last_turns(turns, np.sum([run.trace.part(name, rows) for name in names], axis=0))
+            if len(found) > 1:
+                values = {"values": np.mean(found, axis=0)}
+                values |= {"low": np.min(found, axis=0), "high": np.max(found, axis=0)}
+                shown = {name: plain(x) for name, x in values.items()}
+                series[frame].append({"controller": place(results, run), **shown})
+    return [
+        {"title": f"Learned current around one {frame} revolution", "unit": "A", "series": drawn}
+        for frame, drawn in series.items()
+        if drawn
+    ]
+
+
+def _last_turns(turns: Array, x: Array) -> Array:
+    """x on an even grid of angle, a row for each of the last whole turns from angle zero to angle zero.
+
+    No row if the turns aren't finite, or less than a whole one. Where the rotor turns back, the farthest
+    angle so far counts.
+    """
+    if not np.all(np.isfinite(turns)) or not np.all(np.isfinite(x)) or not len(turns):
+        return np.zeros((0, CELLS))
+    back = turns[-1] < turns[0]
+    onward = np.maximum.accumulate(-turns if back else turns)
+    first, last = math.ceil(onward[0]), math.floor(onward[-1])
+    grid = np.arange(CELLS) / CELLS
+    wanted = np.arange(max(first, last - LAST), last)
+    found = [np.interp(k + grid, onward, x) for k in wanted.tolist()]
+    rows = np.array(found).reshape(len(found), CELLS)
+    return np.roll(rows[:, ::-1], 1, axis=1) if back else rows

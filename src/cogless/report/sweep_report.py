@@ -1,0 +1,350 @@
+"""The report of a sweep: how each controller fares over all variants, the worst one, what explains it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cogless import units
+from cogless.ensemble import judge
+from cogless.ensemble.judge import FEWEST, Influence, Spread, influences, positions
+from cogless.ensemble.sweep_table import LAST, Column, Sweep
+from cogless.files import replacing
+from cogless.report import page
+from cogless.report.comparison import pretty
+from cogless.report.markup import NONE, Array, key, note, number, place, plain, reservations, rows, table
+from cogless.report.page import Runs, Sections
+from cogless.report.verdicts import ScenarioVerdict, Told, listed
+from cogless.results import AnyResults, Run
+from cogless.results.trace import Trace
+
+Repeat = Callable[[list[str], tuple[str, str]], str]  # settings and run to the command that repeats it
+POINTS = 600  # of a plot
+PLOTTED = 3  # metrics with plots, and
+KEYS = 4  # scatter plots for each, of the keys that explain most
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResults(AnyResults):
+    """A sweep as the page's frame takes results: its runs stand for controllers in scenarios."""
+
+    sweep: Sweep | None = None
+    repeat: Repeat = lambda settings, pair: ""
+
+    @property
+    def of(self) -> Sweep:
+        assert self.sweep is not None
+        return self.sweep
+
+
+def write(sweep: Sweep, path: Path, repeat: Repeat) -> list[str]:
+    """Write the report; returns the answer as lines of text for a terminal."""
+    empty = Trace(("time",), ("s",), np.empty((0, 1)))
+    runs = [Run(scenario, controller, empty) for scenario, controller in sweep.pairs]
+    results = SweepResults(sweep.study, runs, sweep=sweep, repeat=repeat)
+    with replacing(path) as temporary:
+        temporary.write_text(page.render(results, SWEEP), encoding="utf-8")
+    return _lines(results)
+
+
+def _lines(results: SweepResults) -> list[str]:
+    found: list[str] = []
+    for verdict in page.verdicts(results, SWEEP):
+        found.append(f"{verdict.scenario}: {verdict.headline}")
+        for told in verdict.told:
+            found.append(f"  {told.heading}")
+            found += [f"    {results.study.label(name)}: {text}" for name, text in told.sentences]
+        found += [f"  {line}" for line in verdict.details]
+    return found
+
+
+# --- the answer
+
+
+def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
+    sweep, scenario = results.of, runs[0].scenario
+    shown = [group for group in judge.spreads(sweep, scenario) if group[0].column.metric.wanted != "none"]
+    limited = [group for group in shown if group[0].within is not None]
+    told = [
+        Told(_heading(group[0].column), [(s.pair[1], _sentence(s)) for s in group])
+        for group in limited or shown
+    ]
+    if not told:
+        return None
+    failed = sum(1 for _, at in sweep.errors if sweep.pairs[at][0] == scenario)
+    details = [f"{failed} runs failed; sweep.parquet has their errors."] if failed else []
+    if not limited:
+        details.append(
+            "No metric has a limit; with one (limit = ... in its table) the share that keeps it is told."
+        )
+    return ScenarioVerdict(
+        scenario, _tone(results, limited), _headline(results, runs, limited), details, told
+    )
+
+
+def _headline(results: SweepResults, runs: Runs, limited: Sequence[Sequence[Spread]]) -> str:
+    sweep = results.of
+    count = sweep.ensemble.count
+    if not limited:
+        return f"How {count} variants spread, by controller."
+    shares = _shares(results, limited)
+    parts = [f"{results.study.label(name)} in {_percent(share)}" for name, share in shares.items()]
+    what = (
+        f"{_name(limited[0][0].column).capitalize()} keeps its limit"
+        if len(limited) == 1
+        else "All limits are kept"
+    )
+    return f"{what}, of {count} variants: {listed(parts)}."
+
+
+def _shares(results: SweepResults, limited: Sequence[Sequence[Spread]]) -> dict[str, float]:
+    """The share of variants that keep all limits of a scenario, the best controller first."""
+    sweep = results.of
+    found = {}
+    for one in limited[0]:
+        at = list(sweep.pairs).index(one.pair)
+        kept = [judge.keeps(sweep, at, list(sweep.columns).index(group[0].column)) for group in limited]
+        found[one.pair[1]] = float(np.mean(np.logical_and.reduce([k for k in kept if k is not None])))
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def _tone(results: SweepResults, limited: Sequence[Sequence[Spread]]) -> str:
+    if not limited:
+        return "even"
+    shares = _shares(results, limited)
+    best = max(shares.values())
+    if best < 0.5:  # most variants break a limit, whatever the controller
+        return "worse"
+    winners = [name for name, share in shares.items() if share == best]
+    if results.study.baseline in winners:
+        return "worse" if len(winners) == 1 and len(shares) > 1 else "even"
+    return "better"
+
+
+def _heading(column: Column) -> str:
+    limit = column.metric.limit
+    bound = (
+        ""
+        if limit is None
+        else f", {'at least' if column.metric.wanted == 'higher' else 'at most'} {_text(column, limit)}"
+    )
+    return f"{_name(column)}{bound}"
+
+
+def _sentence(spread: Spread) -> str:
+    parts = []
+    if spread.within is not None and spread.interval is not None:
+        low, high = spread.interval
+        parts.append(f"{_percent(spread.within)} keep it (95 % sure: {_percent(low)} to {_percent(high)})")
+    column = spread.column
+    parts.append(f"half at {_text(column, spread.median)} or better, 95 % at {_text(column, spread.edge)}")
+    parts.append(f"worst {_text(column, spread.worst_value)} (variant {spread.worst})")
+    return "; ".join(parts)
+
+
+# --- tables
+
+
+def _parts(results: SweepResults, runs: Runs) -> dict[str, str]:
+    scenario = runs[0].scenario
+    groups = judge.spreads(results.of, scenario)
+    return {
+        "tables": _spread_table(results, runs, groups),
+        "worst": _worst_table(results, groups),
+        "influence": "".join(_influence_table(results, runs, group[0].column) for group in _plotted(groups)),
+        "influence_note": _influence_note(results.of),
+    }
+
+
+def _spread_table(results: SweepResults, runs: Runs, groups: Sequence[Sequence[Spread]]) -> str:
+    bodies = []
+    for group in groups:
+        column = group[0].column
+        lines = [
+            ("median", [_text(column, s.median) for s in group]),
+            ("95 % of variants", [_text(column, s.edge) for s in group]),
+            ("worst", [_text(column, s.worst_value) for s in group]),
+        ]
+        if column.metric.limit is not None:
+            lines.insert(0, ("share that keeps the limit", [_percent(s.within or 0.0) for s in group]))
+        if any(s.failed for s in group):
+            lines.append(("without a value", [str(s.failed) for s in group]))
+        cells = "".join("<td></td>" for _ in group)
+        heading = f"<tr><th><strong>{escape(_heading(column))}</strong></th>{cells}</tr>"
+        bodies.append(
+            heading + rows((name, "".join(f"<td>{escape(v)}</td>" for v in values)) for name, values in lines)
+        )
+    head = "<th></th>" + "".join(f"<th>{key(results, run.controller)}</th>" for run in runs)
+    return table("numbers", f"Spread in {runs[0].scenario}", head, *bodies)
+
+
+def _worst_table(results: SweepResults, groups: Sequence[Sequence[Spread]]) -> str:
+    body = ""
+    for group in _plotted(groups):
+        for s in group:
+            command = results.repeat(judge.settings(results.of, s.worst, s.pair[0]), s.pair)
+            body += (
+                f"<tr><th>{escape(_name(s.column))}</th><td>{key(results, s.pair[1])}</td>"
+                f"<td>{escape(_text(s.column, s.worst_value))}</td>"
+                f"<td><code>{escape(command)}</code></td></tr>"
+            )
+    head = "<th>Metric</th><th>Controller</th><th>Worst</th><th>Command that repeats it</th>"
+    return table("worst", "Worst variants", head, body)
+
+
+def _influence_table(results: SweepResults, runs: Runs, column: Column) -> str:
+    found = _influences(results.of, runs, column)
+    if not found or not found[0]:
+        return ""
+    body = rows(
+        (one[0].key, "".join(f"<td>{_figure(i.rank)}</td><td>{_figure(i.first)}</td>" for i in one))
+        for one in zip(*found, strict=True)
+    )
+    head = f"<th>{escape(_name(column))}</th>"
+    head += "".join(f"<th>{key(results, run.controller)} rank</th><th>alone</th>" for run in runs)
+    return table("numbers", f"Influence on {_name(column)}", head, body)
+
+
+def _influences(sweep: Sweep, runs: Runs, column: Column) -> list[list[Influence]]:
+    index = list(sweep.columns).index(column)
+    return [influences(sweep, list(sweep.pairs).index((r.scenario, r.controller)), index) for r in runs]
+
+
+def _influence_note(sweep: Sweep) -> str:
+    said = [
+        "Rank: Spearman's correlation of the key with the metric, -1 to 1. Alone: the share of the metric's "
+        "variance that the key explains by itself (first-order Sobol index, RBD-FAST); what the shares lack "
+        "of 1 is keys acting together, and noise."
+    ]
+    few = f"{sweep.ensemble.count} variants are too few for Sobol indices: expected {FEWEST} or more."
+    if sweep.study.vary is not None and sweep.study.vary.together:
+        said.append("Keys that vary together share what they explain.")
+    return note(" ".join(said)) + reservations([few] if sweep.ensemble.count < FEWEST else [])
+
+
+# --- plots
+
+
+def _plotted(groups: Sequence[Sequence[Spread]]) -> list[Sequence[Spread]]:
+    """The metrics that have plots: those with a limit, or else the first."""
+    judged = [group for group in groups if group[0].column.metric.wanted != "none"]
+    limited = [group for group in judged if group[0].within is not None]
+    return (limited or judged)[:PLOTTED]
+
+
+def _charts(results: SweepResults, runs: Runs) -> dict[str, Any]:
+    sweep = results.of
+    columns = [group[0].column for group in _plotted(judge.spreads(sweep, runs[0].scenario))]
+    return {
+        "spreads": [_spread_chart(results, runs, c) for c in columns],
+        "scatter": [c for column in columns for c in _scatter(results, runs, column)],
+    }
+
+
+def _shown(sweep: Sweep, run: Run, column: Column) -> Array:
+    """A metric of each variant, in the unit that the study shows it in."""
+    index, at = list(sweep.columns).index(column), list(sweep.pairs).index((run.scenario, run.controller))
+    return np.asarray(sweep.values[:, at, index] / _factor(column))
+
+
+def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str, Any]:
+    shares = np.linspace(0, 100, min(POINTS, results.of.ensemble.count))
+    series = []
+    for run in runs:
+        values = _shown(results.of, run, column)
+        values = np.sort(values)[
+            :: -1 if column.metric.wanted == "higher" else 1
+        ]  # NaN is sorted last, or first
+        values = np.concatenate((values[~np.isnan(values)], values[np.isnan(values)]))
+        at = np.rint(shares / 100 * (len(values) - 1)).astype(int)
+        series.append({"controller": place(results, run), "values": plain(values[at])})
+    return {
+        **_about(column),
+        "title": f"{_name(column)}: share of variants",
+        "x": "share of variants that are no worse (%)",
+        "xs": plain(shares),
+        "series": series,
+    }
+
+
+def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str, Any]]:
+    sweep = results.of
+    strength: dict[str, float] = {}
+    for of_run in _influences(sweep, runs, column):
+        for one in of_run:
+            strength[one.key] = max(strength.get(one.key, 0.0), abs(one.rank or 0.0), one.first or 0.0)
+    charts = []
+    for name in sorted(strength, key=lambda k: -strength[k])[:KEYS]:
+        axis = next(axis for axis in sweep.ensemble.axes if axis.key == name)
+        x = positions(sweep, name)[:POINTS] / axis.factor
+        order = np.argsort(x, kind="stable")
+        series = [
+            {"controller": place(results, run), "values": plain(_shown(sweep, run, column)[:POINTS][order])}
+            for run in runs
+        ]
+        unit = f" ({pretty(axis.unit)})" if axis.unit else ""
+        charts.append(
+            {
+                **_about(column),
+                "title": f"{_name(column)} over {name}",
+                "x": f"{name}{unit}",
+                "xs": plain(x[order]),
+                "series": series,
+            }
+        )
+    return charts
+
+
+def _about(column: Column) -> dict[str, Any]:
+    limit = column.metric.limit
+    return {
+        "quantity": _name(column),
+        "unit": pretty(_unit(column)),
+        "limit": None if limit is None else limit / _factor(column),
+    }
+
+
+# --- texts
+
+
+def _name(column: Column) -> str:
+    """The column in words, such as "speed order: order 72"."""
+    name = column.metric.name.replace("_", " ")
+    if not column.part:
+        return name
+    kind = "order" if column.metric.kind == "order" else "trial" if column.part == LAST else "phase"
+    return f"{name}: {column.part} {kind}" if column.part == LAST else f"{name}: {kind} {column.part}"
+
+
+def _unit(column: Column) -> str:
+    return column.metric.unit or column.metric.dimension.unit
+
+
+def _factor(column: Column) -> float:
+    return units.factor(_unit(column), column.metric.dimension) if _unit(column) else 1.0
+
+
+def _text(column: Column, value: float) -> str:
+    if not math.isfinite(value):
+        return "never"
+    return f"{number(value / _factor(column))} {pretty(_unit(column))}".rstrip()
+
+
+def _percent(share: float) -> str:
+    """A share in percent; it is 0 or 100 % only if it is exactly that."""
+    if share in (0.0, 1.0):
+        return f"{100 * share:.0f} %"
+    return f"{min(99.9, max(0.1, 100 * share)):.1f} %"
+
+
+def _figure(value: float | None) -> str:
+    return NONE if value is None else f"{value:.2f}"
+
+
+SWEEP = Sections("sweep", lambda results, scenario: [], _verdict, _charts, _parts, {})

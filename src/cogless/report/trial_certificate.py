@@ -1,0 +1,165 @@
+"""The certificates for the page: a table, and the trial-to-trial operator's |F| over frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from cogless.design.trials.certificate import ENDS, Certificate, Learning, ModelCertificate
+from cogless.report.markup import NONE, key, number, pack, place, plain, table
+from cogless.results import Run, TrialResults
+
+NOTE = (
+    "Known before any run, from the models alone; the largest value over the corners of the uncertain "
+    "parameters and over random plants within them (the pointer tells which). Along the trial: the largest "
+    "pole of the loop, stable below 1. From trial to trial: |F|, the largest factor by which any frequency "
+    "of the error is multiplied from one trial to the next; with the ends: growth a trial in tried trials, "
+    "which begin and end. Neither above 1, the error doesn't grow (monotone); and |F| below 1 everywhere, "
+    "it shrinks at every frequency (contracting). Largest share: of any error without learning (with an "
+    "observer, of any missing input), what a trial may have at most."
+)
+ROUNDING = 1e-4  # of K_3
+MINUS = "−"  # noqa: RUF001
+STABLE = ("stable", "unstable")
+GROWS = ("doesn't grow", "may grow")
+HEADINGS = (
+    "Controller",
+    "Model",
+    "Along the trial",
+    "One more sample of delay",
+    "Radius of Φ",
+    "|F| without Q filter",
+    "|F| with Q filter",
+    "Growth with the ends",
+    "Largest share of the error",
+    "Monotone up to K_3",
+)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A kind of certified model, with its names in the table, in a chart's title and in a sentence."""
+
+    name: str
+    title: str
+    words: str
+
+
+MODELS = {
+    "euler": Model("Euler", "Design model (Euler)", "Euler model"),
+    "exact": Model("exactly sampled", "Plant, exactly sampled", "exactly sampled plant"),
+    None: Model("as given", "Models as given", "models as given"),
+}
+
+
+def models(certificate: Certificate) -> Iterator[tuple[Model, ModelCertificate]]:
+    """Yields the models that a certificate covers: the design's, and exactly sampled ones if they differ."""
+    yield MODELS[certificate.discretisation], certificate.design
+    if certificate.exact is not None and certificate.discretisation != "exact":
+        yield MODELS["exact"], certificate.exact
+
+
+def certificate_table(results: TrialResults, runs: Sequence[Run]) -> str:
+    """HTML table with a row for each controller and kind of model; empty if no run has a certificate."""
+    bodies = [_rows(results, run) for run in runs if run.design is not None]
+    head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
+    return table("proof", f"Certificates in {runs[0].scenario}", head, *bodies)
+
+
+def curves(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """A chart for each kind of model: |F| over frequency of each controller that learns."""
+    charts: dict[Model, list[tuple[Run, Learning, bool]]] = {}
+    for run in runs:
+        for name, model in models(run.design.certificate) if run.design is not None else ():
+            both = [found for found in (model.with_filter, model.without_filter) if found is not None]
+            charts.setdefault(name, []).extend((run, found, found is not both[0]) for found in both)
+    return [_chart(results, name.title, found) for name, found in charts.items() if found]
+
+
+def _chart(results: TrialResults, title: str, found: Sequence[tuple[Run, Learning, bool]]) -> dict[str, Any]:
+    """A chart of all curves on the union of their frequencies, without zero: the axis is logarithmic."""
+    frequency = np.unique(np.concatenate([learning.curve[0] for _, learning, _ in found]))
+    frequency = frequency[frequency > 0]
+    series = [
+        {"controller": place(results, run), "values": pack(np.interp(frequency, *learning.curve))}
+        | ({"dash": True} if dash else {})
+        for run, learning, dash in found
+    ]
+    dashed = ", without Q filter dashed" if any(dash for _, _, dash in found) else ""
+    return {
+        "title": f"{title}: |F| of the worst plant{dashed}",
+        "x": "frequency (Hz)",
+        "quantity": "|F|, factor a trial",
+        "unit": "",
+        "frequency": plain(frequency),
+        "series": series,
+    }
+
+
+def close_to_one(value: float) -> str:
+    """A factor as text; if it is close to one, as one plus or minus the difference."""
+    off = value - 1
+    if abs(off) < 1e-9:
+        return "1"
+    if abs(off) < 5e-3:
+        return f"1 {'+' if off > 0 else MINUS} {abs(off):.1e}"
+    return number(value)
+
+
+def _rows(results: TrialResults, run: Run) -> str:
+    assert run.design is not None
+    found, K_3 = list(models(run.design.certificate)), run.design.K_3
+    first = f'<th rowspan="{len(found)}">{key(results, run.controller)}</th>'
+    body: list[str] = []
+    for name, model in found:
+        deciding = len(found) > 1 and model is run.design.certificate.deciding
+        decides = ", decides" if deciding else ""
+        limits = _limit(model.without_filter, K_3) + _limit(model.with_filter, K_3, " with Q filter")
+        cells = [
+            f"<td>{name.name}{', decides' if decides else ''}</td>",
+            _cell(model.radius, model.stable, STABLE, model.worst),
+            _cell(model.delayed_radius, model.delayed_stable, STABLE),
+            _cell(model.phi_radius),
+            _learning(model.without_filter),
+            _learning(model.with_filter),
+            _cell(model.growth, model.growth is not None and model.growth <= 1 + ENDS, GROWS),
+            _cell(model.finite.share if model.finite is not None else None),
+            f"<td>{limits}</td>",
+        ]
+        body.append(f"<tr>{'' if body else first}{''.join(cells)}</tr>")
+    return "".join(body)
+
+
+def _learning(learning: Learning | None) -> str:
+    if learning is None:
+        return _cell(None)
+    words = ("contracting" if learning.contracting else "monotone", "may grow")
+    at = f'<br><span class="small">at {number(learning.frequency)} Hz</span>'
+    return _cell(learning.norm, learning.monotone, words, learning.worst, at)
+
+
+def _limit(learning: Learning | None, K_3: float, where: str = "") -> str:
+    """The largest K_3 with which no error grows; "none" if it is only rounding relative to the K_3 in use."""
+    if learning is None or learning.K_3_limit is None:
+        return "" if where else NONE
+    limit = f"{learning.K_3_limit:.4g}" if abs(learning.K_3_limit) > ROUNDING * abs(K_3) else "none"
+    return f'<span class="small"><br>{limit}{where}</span>' if where else limit
+
+
+def _cell(
+    factor: float | None,
+    good: bool = True,
+    words: tuple[str, str] | None = None,
+    plant: str = "",
+    detail: str = "",
+) -> str:
+    """A table cell with a factor and one of `words`, for good or for bad; a tooltip names the plant."""
+    if factor is None:
+        return f"<td>{NONE}</td>"
+    title = f' title="{escape(plant)}"' if plant else ""
+    tag = f' <span class="tag {"good" if good else "bad"}">{words[not good]}</span>' if words else ""
+    return f'<td{title}><span class="value">{close_to_one(factor)}</span>{tag}{detail}</td>'

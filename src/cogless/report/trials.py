@@ -1,0 +1,286 @@
+"""The report's sections for a trial scenario.
+
+Plots over trials: every metric with one value per trial, and always the RMS of the error.
+
+The waveforms of chosen trials, which can be drawn over each other.
+
+The gains that each controller ran with, and how they were found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from html import escape
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.design.trials.gains import TrialDesign
+from cogless.design.trials.state_feedback import Check
+from cogless.design.trials.trial_summary import labelled_notes, matrix_flash, matrix_size, megabytes
+from cogless.report import trial_certificate
+from cogless.report.charts import TRIAL_PICTURES
+from cogless.report.comparison import Line, lines_of, runs_in, shown_in
+from cogless.report.markup import NONE, Array, headings, note, number, pack, place, rows, table, thin
+from cogless.report.page import Runs, Sections
+from cogless.report.phases import NAMES, display_unit, groups, judged, phases, rms_of_trials, zooms
+from cogless.report.tables import line_table
+from cogless.report.trial_case import case, outcome, own_lines
+from cogless.report.trial_verdict import verdict
+from cogless.results import Run, TrialResults
+from cogless.results.metrics import result_name
+from cogless.study import TrialStudy
+from cogless.study.metric import EACH_TRIAL, SIGNALS
+
+
+def over_trials(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
+    """Charts on a logarithmic axis, marks of changes, and zooms. A series holds decimal logarithms."""
+    study, scenario = results.study, runs[0].scenario
+    about, described = judged(study, scenario), study.scenario[scenario]
+    found = phases(described)
+    values = {run.controller: rms_of_trials(about, run, described.trials) for run in runs}
+    charts = [_chart(results, f"RMS of the {about.quantity} in each trial", "RMS", about.unit, runs, values)]
+    if about.floor is not None:
+        charts[0] |= {"floor": about.floor, "floor_name": f"floor {about.text(about.floor)}"}
+    for metric in study.metrics_in(scenario):
+        if metric.kind in EACH_TRIAL and (metric.kind, metric.signal) != ("rms", about.signal):
+            unit, scale = shown_in(study, metric)
+            taken = {run.controller: run.metrics.get(result_name(metric)) for run in runs}
+            values = {c: np.asarray(v, dtype=float) / scale for c, v in taken.items() if v is not None}
+            title = metric.name.replace("_", " ").capitalize()
+            charts.append(_chart(results, title, metric.kind, unit, runs, values))
+    return {
+        "charts": [chart for chart in charts if chart["series"]],
+        "trials": described.trials,
+        "marks": [{"trial": group.start, "name": group.name} for group in groups(found) if group.start > 1],
+        "zooms": zooms(found),
+    }
+
+
+def _chart(
+    results: TrialResults,
+    title: str,
+    quantity: str,
+    unit: str,
+    runs: Sequence[Run],
+    values: Mapping[str, Array | None],
+) -> dict[str, Any]:
+    series, untold = [], []
+    for run in runs:
+        x = values.get(run.controller)
+        if x is None:
+            continue
+        with np.errstate(divide="ignore", invalid="ignore"):
+            series.append({"controller": place(results, run), "values": pack(np.log10(x))})
+        for count, what in ((np.sum(x == 0), "at zero"), (np.sum(~np.isfinite(x)), "not finite")):
+            if count:
+                told = f"{count} trial{'s' if count > 1 else ''} {what}"
+                untold.append(f"{results.study.label(run.controller)}, {told}")
+    note = f"Not on a logarithmic axis: {'; '.join(untold)}." if untold else ""
+    about = {"title": title, "x": "trial", "quantity": quantity, "unit": unit}
+    return {**about, "series": series, "note": note}
+
+
+POINTS = 900_000  # in all waveforms of a page, at 2.7 bytes per point
+FEWEST = 200  # of one waveform
+MOST_PHASES = 24
+
+# Title, signal, reference, quantity.
+DRIVE = (
+    ("Position, reference dashed", "theta_m", "theta_ref", "position"),
+    ("Position error", "theta_error", None, "error"),
+    ("Current reference", "i_q_ref", None, "i_q_ref"),
+    ("Learned signal", "learned", None, "v"),
+)
+LINEAR = (
+    ("Output, reference dashed", "y", "y_ref", "y"),
+    ("Error", "y_error", None, "error"),
+    ("Input", "u", None, "u"),
+    ("Learned signal", "learned", None, "v"),
+)
+
+
+def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
+    """Panels over the time within a trial, with a series for each controller and chosen trial.
+
+    "note" says which phases are left out.
+    """
+    study, scenario = results.study, runs[0].scenario
+    count = study.scenario[scenario].trials
+    runs = [run for run in runs if len(run.trace) >= 2 * count and len(run.trace) % count == 0]
+    if not runs:
+        return {"panels": [], "phases": [], "note": ""}
+    together = groups(phases(study.scenario[scenario]))
+    every = [phase for group in together for phase in group.drawn]
+    found = every[:MOST_PHASES]
+    chosen = [trial for phase in found for trial in phase.chosen]
+    points = max(FEWEST, POINTS // (len(DRIVE) * len(results.runs) * len(chosen)))
+
+    def packed(run: Run, signal: str, scale: float, trials: Sequence[int]) -> list[dict[str, Any]]:
+        x = _of_trials(run, signal, count)
+        return [pack(thin(x[trial - 1] / scale, points)[0]) for trial in trials]
+
+    panels = []
+    for title, signal, reference, quantity in panels_of(study, scenario):
+        unit, scale = display_unit(study, signal)
+        series = []
+        for run in runs:
+            if _shown(run, signal, count):
+                values = dict(zip(map(str, chosen), packed(run, signal, scale, chosen), strict=True))
+                series.append({"controller": place(results, run), "trials": values})
+        if not series:
+            continue
+        # the reference is the same for all controllers
+        plan = packed(runs[0], reference, scale, [p.start for p in found]) if reference else []
+        about = {"title": title, "quantity": quantity, "unit": unit}
+        panels.append({**about, "references": plan, "series": series})
+    period = runs[0].trace.period
+    step = thin(_of_trials(runs[0], "time", count)[0], points)[1] * period
+    notes = [
+        f"Of the {group.changes}: the first and the last." for group in together if len(group.phases) > 1
+    ]
+    if len(every) > MOST_PHASES:
+        notes.append(f"Of the first {MOST_PHASES} of {len(every)} phases.")
+    return {
+        "x": "time in the trial (s)",
+        "start": (step - period) / 2,
+        "step": step,
+        "phases": [{"name": phase.name, "trials": phase.chosen} for phase in found],
+        "panels": panels,
+        "note": " ".join(notes),
+    }
+
+
+def panels_of(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | None, str]]:
+    """The panels of a study; the error panel shows the signal judged by, if that is an error."""
+    if study.plant is not None:
+        return list(LINEAR)
+    signal = judged(study, scenario).signal
+    error = signal if signal in NAMES and signal in SIGNALS else "theta_error"
+    title = "Position error as measured" if error == "theta_error_measured" else "Position error"
+    return [(title, error, None, q) if s == "theta_error" else (t, s, r, q) for t, s, r, q in DRIVE]
+
+
+def _shown(run: Run, signal: str, count: int) -> bool:
+    """Whether to draw a run's signal: not if it is missing, or is a learned signal that ends at zero."""
+    if signal not in run.trace:
+        return False
+    return signal != "learned" or bool(np.any(_of_trials(run, signal, count)[-1] != 0))
+
+
+def _of_trials(run: Run, signal: str, count: int) -> Array:
+    """A signal as a two-dimensional array, trials by rows."""
+    return run.trace[signal].reshape(count, -1)
+
+
+def gain_table(results: TrialResults, runs: Sequence[Run]) -> str:
+    """HTML table with a row per gain and a column per controller; empty if no run has a design."""
+    designs = {run.controller: run.design for run in runs if run.design is not None}
+    columns = [dict(_gains(results.study, design)) for design in designs.values()]
+    names = dict.fromkeys(name for column in columns for name in column)
+    body = rows(
+        (name, "".join(f"<td>{escape(column.get(name, NONE))}</td>" for column in columns)) for name in names
+    )
+    head = f"<th></th>{headings(results, designs)}"
+    notes = "".join(map(note, labelled_notes(results.study, designs)))
+    return table("gains", f"Gains in {runs[0].scenario}", head, body) + notes
+
+
+def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:
+    """Yields the name, with unit, and the value of each gain, as text."""
+    drive = study.plant is None
+    states = ("theta_m", "omega_m") if study.plant is None else study.plant.names
+    units = (" (A/rad)", " (A·s/rad)") if drive else ("",) * len(states)
+    angle = units[0] if drive else ""
+    for state, unit, gain in zip(states, units, design.K_1, strict=True):
+        yield f"K_1, {state}{unit}", _plain(gain)
+    yield f"K_2, integrator{angle}", _plain(design.K_2) if design.K_2 else NONE
+    yield f"N{angle}", _plain(design.N)
+    if design.learning_matrix is not None:
+        flash = matrix_flash(study, design)
+        needed = f", {megabytes(flash)} of flash" if flash else ""
+        yield "learning matrix", f"{matrix_size(design)}{needed}"
+    else:
+        yield "K_3", _plain(design.K_3) if design.K_3 else NONE
+    if design.K_3 or design.learning_matrix is not None:
+        yield "learned signal into", "input and integrator" if design.through_integrator else "input"
+        yield "shift r (samples)", str(design.shift)
+    if design.q_filter is not None:
+        yield "Q filter b", _list(design.q_filter.b)
+        yield "Q filter a", _list(design.q_filter.a)
+        yield "Q filter acts on", f"the {'error' if design.filtered == 'error' else 'learned signal'}"
+    ahead = design.feedforward
+    yield "feedforward", f"{ahead.method}, {ahead.preview} samples ahead" if ahead else NONE
+    if ahead is not None:
+        yield f"feedforward num{angle}", _list(ahead.num)
+        yield "feedforward den", _list(ahead.den)
+    feedback, learning = design.gains.feedback, design.gains.learning
+    yield "K_1 and K_2 from", "given" if feedback is None else f"LMIs; {_check(feedback.check)}"
+    if design.K_3:
+        yield "K_3 from", "given, or by frequency" if learning is None else f"LMIs; {_check(learning.check)}"
+
+
+def _check(check: Check) -> str:
+    passed = "checked" if check.passed else "CHECK FAILED"
+    return f"{passed}: cost at the worst vertex {number(check.cost)}, bound {number(check.bound)}"
+
+
+def _list(values: NDArray[np.float64]) -> str:
+    return ", ".join(_plain(value) for value in values.tolist())
+
+
+def _plain(value: float) -> str:
+    return f"{value:.6g}"
+
+
+__all__ = ["TRIALS"]
+
+
+def _lines(results: TrialResults, scenario: str) -> list[Line]:
+    """The lines of metrics that have one value per phase, in the study's order.
+
+    A metric has a line for each group of phases: of many phases the worst value.
+    """
+    study, runs = results.study, runs_in(results, scenario)
+    together = groups(phases(study.scenario[scenario]))
+    lines: list[Line] = []
+    for metric in study.metrics_in(scenario):
+        if metric.kind not in EACH_TRIAL:
+            named = [(metric.name, None) for group in together for _ in group.phases]
+            each = iter(lines_of(study, metric, runs, named))
+            for group in together:
+                lines.append(_worst([next(each) for _ in group.phases], f"{metric.name}, {group.row}"))
+    return lines
+
+
+def _worst(lines: Sequence[Line], name: str) -> Line:
+    """One line with each controller's worst value of several lines: the largest, unless higher is better."""
+    worst = min if lines[0].better == "higher" else max
+    columns = {c: [line.values[c] for line in lines] for c in lines[0].values}
+    known = {c: [value for value in column if value is not None] for c, column in columns.items()}
+    values = {c: worst(known[c]) if len(known[c]) == len(lines) else None for c in columns}
+    return replace(lines[0], name=name, values=values)
+
+
+def _charts(results: TrialResults, runs: Runs) -> dict[str, Any]:
+    return {
+        "over_trials": over_trials(results, runs),
+        "waveforms": waveforms(results, runs),
+        "certificate": trial_certificate.curves(results, runs),
+    }
+
+
+def _parts(results: TrialResults, runs: Runs) -> dict[str, str]:
+    judged = case(results, runs)
+    lines = [*_lines(results, runs[0].scenario), *(own_lines(judged) if judged is not None else [])]
+    return {
+        "tables": line_table(results, runs, lines),
+        "certificates": trial_certificate.certificate_table(results, runs),
+        "certificate_note": note(trial_certificate.NOTE),
+        "gains": gain_table(results, runs),
+    }
+
+
+TRIALS = Sections("trials", _lines, verdict, _charts, _parts, TRIAL_PICTURES, outcome)

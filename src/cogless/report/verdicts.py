@@ -1,0 +1,93 @@
+"""Common parts of the verdicts: a few sentences per scenario, from its values alone, favourable or not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cogless.report.markup import number
+from cogless.study import AnyStudy
+from cogless.study.base import StudyBase
+
+CLEARLY = 1.5  # ratio to another's value from which on a sentence reports it
+TONES = ("worse", "even", "better")  # the worst first
+
+
+@dataclass(frozen=True)
+class Told:
+    """A fault's heading, and pairs of a controller and a sentence on its response."""
+
+    heading: str
+    sentences: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class ScenarioVerdict:
+    """Verdict on a scenario: a headline, details and, with faults, sentences on each fault.
+
+    `tone`: "better" if a learning law is the best, "worse" if the baseline is, else "even". With faults the
+    headline is about these, and the tone is at best the one of the response to these.
+    """
+
+    scenario: str
+    tone: str
+    headline: str
+    details: Sequence[str]
+    told: Sequence[Told] = ()
+
+
+@dataclass(frozen=True)
+class Contest:
+    """The comparison of a scenario's controllers."""
+
+    study: AnyStudy
+
+    @property
+    def baseline(self) -> str:
+        return self.study.baseline
+
+    def label(self, controller: str) -> str:
+        return called(self.study, controller)
+
+    def labels(self, controllers: Sequence[str]) -> str:
+        """Labels of controllers, listed for a sentence."""
+        return listed([self.label(name) for name in controllers])
+
+    def learns(self, controller: str) -> bool:
+        """Whether the controller's output is learned in part, in this run or before."""
+        return self.study.controller[controller].learned
+
+    def tone(self, winners: Sequence[str]) -> str:
+        """The tone of a verdict with these controllers as the winners."""
+        if self.baseline in winners:
+            return "worse" if list(winners) == [self.baseline] else "even"
+        return "better" if all(self.learns(name) for name in winners) else "even"
+
+
+def worst(*tones: str) -> str:
+    """The worst of the given tones, in the order of `TONES`."""
+    return min(tones, key=TONES.index)
+
+
+def called(study: StudyBase, controller: str) -> str:
+    """A controller's label, in quotation marks if it has a comma, since sentences list labels."""
+    label = study.label(controller)
+    return f"“{label}”" if "," in label else label
+
+
+def listed(parts: Sequence[str]) -> str:
+    """The parts as a list in words, such as "a, b and c"."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def over(value: float, other: float) -> float:
+    """A value divided by another; 1 if both are zero, infinite if only the other is."""
+    return value / other if other else math.inf if value else 1.0
+
+
+def times(ratio: float) -> str:
+    """A ratio in words, such as "1.60 times"."""
+    if not math.isfinite(ratio):
+        return "infinitely"
+    return f"{number(ratio) if ratio < 100 else f'{ratio:.0f}'} times"

@@ -1,0 +1,277 @@
+"""Tables in CSV files: any columns, a value over the angle, a reference over time.
+
+Read a CSV file whose heading names columns and their units, with errors that name the line.
+
+A value over one revolution from a CSV file: angle and value, in the units that its heading names.
+
+A reference from a CSV file: time and speed, in the units that its heading names.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+import statistics
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+from pydantic_core import PydanticCustomError
+
+from cogless import units
+from cogless.files import no_device
+from cogless.study.table import invalid
+from cogless.units import Dimension
+
+POINTS = ", and decimal points in numbers"
+DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
+HUGE = 1e9  # in the column's unit: beyond any drive
+NAME = re.compile(r"\s*([^\W\d_]+)")  # in "error [deg]" and "error_deg"
+BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # speed [rpm]
+
+
+def lines(path: Path) -> list[list[str]]:
+    """The cells of each line of the file; an error if it can't be read."""
+    try:
+        no_device(path)
+        return list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except (OSError, ValueError, csv.Error):
+        raise invalid(f"expected a readable file at {path}", "file") from None
+
+
+def finite(text: str, number: float, name: str, where: str) -> float:
+    """The number, if it is finite and not absurd; else an error that quotes its cell."""
+    if not abs(number) < HUGE:
+        raise invalid(f"{where}{shown(text)}: expected a finite {name}", "file")
+    return number
+
+
+def scale(cell: str, name: str, dimension: Dimension) -> float | None:
+    """Factor to SI of the unit that a cell of the heading names; None without one."""
+    unit = _unit(cell)
+    try:
+        return None if unit is None else units.factor(unit, dimension)
+    except units.UnitError:
+        expected = f'expected a unit of {dimension.name}, such as "{name} [{dimension.unit}]"'
+        raise invalid(f"line 1: {shown(cell)}: {expected}", "file") from None
+
+
+def _unit(cell: str) -> str | None:
+    """Unit in "speed [rpm]", "speed (rpm)", "speed rpm", "speed_rpm" and "speed/rpm"; None without one."""
+    bracketed = BRACKETS.search(cell)
+    if bracketed:
+        return bracketed[1].strip()
+    last = (re.split(r"[\s_]+", cell.strip()) or [""])[-1]
+    # a single letter is more likely an index than a unit
+    return next((w for w in (last, last.partition("/")[2]) if len(w) > 1 and units.is_known(w)), None)
+
+
+def shown(*cells: str) -> str:
+    """The cells as written in the file, in quotes, shortened to 40 characters."""
+    text = ",".join(cells)
+    return f'"{text if len(text) <= 40 else text[:37] + "..."}"'
+
+
+@dataclass(frozen=True)
+class Rising:
+    """A value along another that rises from line to line, both SI."""
+
+    name: str  # of the value's column
+    along: list[float] = field(default_factory=list)
+    value: list[float] = field(default_factory=list)
+    line: list[int] = field(default_factory=list)  # of the file, from 1
+
+
+def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimension]) -> Rising:
+    """Read the column `along`, which must rise, and one of `columns`, whichever the heading has.
+
+    Other columns are left alone. The errors' key is "file".
+    """
+    heading, *rows = lines(path) or [[]]
+    if len(heading) == 1 and any(other in heading[0] for other in ";\t"):
+        raise invalid(f"line 1: {shown(*heading)}: expected commas between columns{POINTS}", "file")
+    names = [word[1].lower() if (word := NAME.match(cell)) else "" for cell in heading]
+    axis, dimension = along
+    name = _only(heading, names, columns)
+    units_of = {axis: dimension, name: columns[name]}
+    if names.count(axis) != 1:
+        example = f'"{axis} [{dimension.example or dimension.unit}]"'
+        raise invalid(f"line 1: {shown(*heading)}: expected one column such as {example}", "file")
+    places = {
+        column: (names.index(column), _scale(heading, names, column, units_of[column])) for column in units_of
+    }
+    found = Rising(name)
+    for number, row in enumerate(rows, start=2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(heading):
+            points = POINTS if len(row) > len(heading) else ""
+            raise invalid(f"line {number}: {shown(*row)}: expected {len(heading)} columns{points}", "file")
+        here, there = (
+            _number(row[place], column, number) * factor for column, (place, factor) in places.items()
+        )
+        if found.along and here <= found.along[-1]:
+            cell, article = shown(row[places[axis][0]]), "an" if axis[0] in "aeiou" else "a"
+            raise invalid(f"line {number}: {cell}: expected {article} {axis} above the one before", "file")
+        found.along.append(here)
+        found.value.append(there)
+        found.line.append(number)
+    return found
+
+
+def _only(heading: list[str], names: list[str], columns: Mapping[str, Dimension]) -> str:
+    """The name of the value's column."""
+    found = [name for name in names if name in columns]
+    if len(found) == 1:
+        return found[0]
+    examples = " or ".join(
+        f'"{name} [{dimension.example or dimension.unit}]"' for name, dimension in columns.items()
+    )
+    raise invalid(f"line 1: {shown(*heading)}: expected one column such as {examples}", "file")
+
+
+def _scale(heading: list[str], names: list[str], column: str, dimension: Dimension) -> float:
+    cell = heading[names.index(column)]
+    factor = scale(cell, column, dimension)
+    if factor is None:
+        example = f'"{column} [{dimension.example or dimension.unit}]"'
+        raise invalid(f"line 1: {shown(cell)}: expected a unit too, such as {example}", "file")
+    return factor
+
+
+def _number(text: str, name: str, line: int) -> float:
+    where = f"line {line}: "
+    try:
+        number = float(text)
+    except ValueError:
+        how = " with a decimal point" if DECIMAL_COMMA.fullmatch(text) else ""
+        raise invalid(f"{where}{shown(text)}: expected a number{how}", "file") from None
+    return finite(text, number, name, where)
+
+
+TURN = 2 * math.pi
+FEWEST = 8  # points
+GAP = 5.0  # times the median spacing: a wider one is a hole in the table
+SEAM = 3.0  # times the largest step between neighbours: a larger one from the end to the start is a mistake
+
+
+@dataclass(frozen=True)
+class OverAngle:
+    """A value over one revolution, at rising angles less than a revolution apart."""
+
+    name: str  # of the value's column
+    angle: tuple[float, ...]  # rad
+    value: tuple[float, ...]  # SI
+
+    def harmonics(self, highest: int) -> list[tuple[float, float]]:
+        """Amplitude (SI) and phase (rad) of each order from 0 to `highest`.
+
+        An order is amplitude sin(order angle + phase); order 0 is the mean, with the phase pi/2. Equally
+        spaced points are transformed as they are, others are interpolated by a periodic cubic spline first.
+        `highest`: below half the number of points.
+        """
+        import numpy as np
+
+        angle, value = np.array(self.angle), np.array(self.value)
+        count, step = len(angle), TURN / len(angle)
+        if highest >= count / 2:
+            raise ValueError(f"expected orders below {count / 2:g}, half the number of points")
+        if np.abs(np.diff(angle) - step).max() > 1e-6 * step:
+            from scipy.interpolate import CubicSpline
+
+            spline = CubicSpline([*angle, angle[0] + TURN], [*value, value[0]], bc_type="periodic")
+            count *= 8
+            value = spline(angle[0] + TURN / count * np.arange(count))
+        order = np.arange(highest + 1)
+        waves = np.fft.rfft(value)[: highest + 1] / count * np.exp(-1j * order * angle[0])
+        waves[1:] *= 2
+        return [(float(abs(c)), float(np.angle(1j * c))) for c in waves]
+
+
+def read(path: Path, columns: Mapping[str, Dimension], key: str = "file") -> OverAngle:
+    """Read the column `angle` and one of `columns`, whichever the heading has; others are left alone.
+
+    A last point a revolution after the first closes the table and is left out. `key`: of the study's table,
+    whose value is the file. The errors name it and the line.
+    """
+    try:
+        return _read(path, columns)
+    except PydanticCustomError as error:
+        raise invalid((error.context or {})["expected"], key) from None
+
+
+def _read(path: Path, columns: Mapping[str, Dimension]) -> OverAngle:
+    found = rising(path, ("angle", units.ANGLE), columns)
+    return _whole(found.name, found.along, found.value, found.line)
+
+
+def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> OverAngle:
+    """The table, if it covers a revolution without holes and its end fits its start."""
+    if len(angle) < FEWEST:
+        raise invalid(f"{len(angle)} lines of numbers: expected {FEWEST} or more over a revolution", "file")
+    span, last = angle[-1] - angle[0], at[-1]
+    if span > TURN * (1 + 1e-6):
+        raise invalid(
+            f"line {last}: {math.degrees(span):.6g} deg after the first: expected one revolution", "file"
+        )
+    largest = max(abs(b - a) for a, b in pairwise(value[:-1]))  # the last may be the start again
+    step = abs(value[-1] - value[0])
+    if step > SEAM * largest:
+        raise invalid(
+            f"line {last}: the {name} does not close over the revolution: from the last to the first it "
+            f"steps {step / largest if largest else math.inf:.3g} times as far as anywhere else",
+            "file",
+        )
+    if span > TURN * (1 - 1e-6):
+        del angle[-1], value[-1]
+    gaps = [b - a for a, b in pairwise([*angle, angle[0] + TURN])]
+    widest = max(range(len(gaps)), key=gaps.__getitem__)
+    usual = statistics.median(gaps)
+    if gaps[widest] > GAP * usual:
+        raise invalid(
+            f"line {at[widest]}: the next angle comes after {math.degrees(gaps[widest]):.3g} deg: expected "
+            f"at most {math.degrees(GAP * usual):.3g} deg, {GAP:g} times the usual",
+            "file",
+        )
+    return OverAngle(name, tuple(angle), tuple(value))
+
+
+COLUMNS = (("time", units.TIME), ("speed", units.ANGULAR_SPEED))
+Points = tuple[tuple[float, float], ...]
+
+
+def points(path: Path) -> Points:
+    """Time (s) and speed (rad/s) of each line; raises an error that names the line and quotes it."""
+    found: list[tuple[float, float]] = []
+    scales, expected = (1.0, 1.0), f"expected time in s and speed in rad/s, with a comma between{POINTS}"
+    for number, row in enumerate(lines(path), start=1):
+        where = f"line {number}: "
+        if not any(cell.strip() for cell in row):
+            continue
+        try:
+            time, speed = (float(cell) for cell in row)
+        except ValueError:
+            if number == 1:
+                scales = _scales(row)
+                continue
+            raise invalid(f"{where}{shown(*row)}: {expected}", "file") from None
+        for value, text, (name, _) in zip((time, speed), row, COLUMNS, strict=True):
+            finite(text, value, name, where)
+        if found and time * scales[0] <= found[-1][0]:
+            raise invalid(f"{where}{shown(row[0])}: expected a time after the line before", "file")
+        found.append((time * scales[0], speed * scales[1]))
+    if not found:
+        raise invalid("expected lines of time in s and speed in rad/s", "file")
+    return tuple(found)
+
+
+def _scales(heading: list[str]) -> tuple[float, float]:
+    """Factors that convert times and speeds to SI, from the units that a heading names."""
+    if len(heading) != len(COLUMNS):
+        raise invalid(
+            f"line 1: {shown(*heading)}: expected two columns, time and speed, with a comma between", "file"
+        )
+    time, speed = (scale(cell, *column) or 1.0 for cell, column in zip(heading, COLUMNS, strict=True))
+    return time, speed

@@ -1,0 +1,306 @@
+"""What a datasheet says of a motor: its measured tables, and its words for magnet and winding.
+
+Measured cogging and back-EMF of a motor: CSV tables over a revolution, as harmonics for the plant.
+
+The plant has harmonics, so a table becomes its largest orders, or those that are named. What they leave out
+must be a small share of the table, unless the orders are named.
+
+Words of datasheets for a motor's magnet, resistance and inductance, and their conversion.
+
+A word's name says what its number is of: of a winding, from line to line or from line to star point (phase),
+rms or peak. If a motor has several words for one thing they must agree: the factors between them (2, sqrt 2,
+sqrt 3) are those by which datasheets are misread.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
+
+from cogless import units
+from cogless.study.csv_table import OverAngle, read
+from cogless.study.table import AngularSpeed, Current, File, Many, Table, Torque, Voltage, invalid
+
+MOST_ORDERS = 48  # that a table becomes unless they are named; each costs time in every step
+LEFT_OUT = 0.02  # largest share of the table's rms that may be left out then
+OFFSET = 0.1  # largest mean, as a share of the rms
+FUNDAMENTAL = 0.1  # least, as a share of the rms: with other pole pairs there is none, and no torque
+AGREE = 0.05  # relative difference at which a stated size still agrees with the table
+
+TableOrder = Annotated[int, Field(ge=1, le=10_000)]
+Wave = tuple[int, complex]  # an order n of the table and c: Re(c e^{j n angle})
+
+
+class AngleFile(Table):
+    """A CSV table over a revolution, mechanical or electrical. `orders`: of that revolution."""
+
+    file: File
+    frame: Literal["mechanical", "electrical"]
+    orders: Many[TableOrder] | None = None
+    _table: OverAngle = PrivateAttr()
+
+    def _waves(
+        self, needed: Iterable[int] = (), without_effect: int | None = None, key: tuple[str, ...] = ()
+    ) -> list[Wave]:
+        """The orders that are taken. `needed`: always among them; multiples of `without_effect` never.
+
+        `key`: this table's, within the one that is validated.
+        """
+        table = self._table
+        highest = (len(table.angle) - 1) // 2
+        all_ = [
+            (n, cmath.rect(amplitude, phase - math.pi / 2))
+            for n, (amplitude, phase) in enumerate(table.harmonics(highest))
+        ]
+        mean = all_[0][1].real
+        rms = math.sqrt(sum(abs(c) ** 2 for _, c in all_[1:]) / 2)
+        if abs(mean) > OFFSET * rms:
+            raise invalid(
+                f"expected a mean of zero, not {mean / rms:.3g} of the rms: is friction or an offset in it?",
+                *key,
+                "file",
+            )
+        waves = [(n, c) for n, c in all_[1:] if without_effect is None or n % without_effect]
+        if self.orders is not None:
+            wanted = {*self.orders, *needed}
+            if max(wanted) > highest:
+                raise invalid(
+                    f"expected orders up to {highest}, half the points of the table", *key, "orders"
+                )
+            return [(n, c) for n, c in waves if n in wanted]
+        power = sum(abs(c) ** 2 for _, c in waves)
+        taken, rest = list[Wave](), power
+        for n, c in sorted(waves, key=lambda wave: (wave[0] not in needed, -abs(wave[1]))):
+            if rest <= (LEFT_OUT**2) * power and not {*needed} - {n for n, _ in taken}:
+                break
+            taken.append((n, c))
+            rest -= abs(c) ** 2
+        if len(taken) > MOST_ORDERS:
+            raise invalid(
+                f"expected at most {MOST_ORDERS} orders that leave {LEFT_OUT:.0%} of the rms, it takes "
+                f"{len(taken)}; or name them in orders",
+                *key,
+                "file",
+            )
+        return sorted(taken)
+
+    def _check_size(self, unit: str, start: str = "") -> None:
+        """Refuse a stated size that the table does not have. `start`: of the keys that state it."""
+        low, high = min(self._table.value), max(self._table.value)
+        for key, found in ((f"{start}peak", max(-low, high)), (f"{start}peak_to_peak", high - low)):
+            stated = getattr(self, key)
+            if stated is None or math.isclose(stated, found, rel_tol=AGREE):
+                continue
+            twice = any(math.isclose(stated, factor * found, rel_tol=2 * AGREE) for factor in (2, 0.5))
+            why = "; peak and peak to peak differ by 2" if twice else ""
+            raise invalid(f"expected {found:.4g} {unit} or so, as the table has{why}", key)
+
+
+def _folder(info: ValidationInfo) -> Path:
+    return Path(info.context["folder"]) if info.context else Path()
+
+
+class CoggingTable(AngleFile):
+    """Measured cogging: torque, or the current that is it over K_t, over the angle."""
+
+    sign: Literal[
+        "on-rotor", "holding"
+    ]  # of the motor on its rotor, or of what holds the rotor: the opposite
+    peak: Torque | None = None  # N*m
+    peak_to_peak: Torque | None = None  # N*m
+    current_peak: Current | None = None  # A
+    current_peak_to_peak: Current | None = None  # A
+
+    @model_validator(mode="after")
+    def _read(self, info: ValidationInfo) -> Self:
+        columns = {"torque": units.TORQUE, "current": units.CURRENT}
+        self._table = read(_folder(info) / self.file, columns)
+        of_current = self._table.name == "current"
+        for key in ("peak", "peak_to_peak"):
+            if getattr(self, key if of_current else f"current_{key}") is not None:
+                other, name = (f"current_{key}", "current") if of_current else (key, "torque")
+                wrong = key if of_current else f"current_{key}"
+                raise invalid(f"expected {other}, since the table has a {name}", wrong)
+        self._check_size("A" if of_current else "N*m", "current_" if of_current else "")
+        self._waves()
+        return self
+
+    @property
+    def points(self) -> int:
+        """Points of the table."""
+        return len(self._table.angle)
+
+    def highest(self, pole_pairs: int) -> int:
+        """The highest mechanical order that its points tell."""
+        return (self.points - 1) // 2 * (pole_pairs if self.frame == "electrical" else 1)
+
+    def harmonics(self, K_t: float, pole_pairs: int) -> list[tuple[int, float, float]]:
+        """Mechanical order, torque (N*m) and phase (rad) of each harmonic; `K_t` in N*m/A."""
+        turns = pole_pairs if self.frame == "electrical" else 1
+        factor = (K_t if self._table.name == "current" else 1.0) * (-1 if self.sign == "holding" else 1)
+        return [(n * turns, factor * abs(c), cmath.phase(c) + math.pi / 2) for n, c in self._waves()]
+
+
+class BackEmfTable(AngleFile):
+    """Measured back-EMF over the angle, turning forwards at a constant speed.
+
+    All phases are alike, a third of an electrical revolution apart. The fundamental says where the d axis is.
+    """
+
+    between: Literal["line-to-line", "phase"]
+    speed: AngularSpeed  # rad/s, at which it was measured
+    peak: Voltage | None = None  # V
+    peak_to_peak: Voltage | None = None  # V
+
+    @model_validator(mode="after")
+    def _read(self, info: ValidationInfo) -> Self:
+        if self.speed <= 0:
+            raise invalid("expected a speed above zero", "speed")
+        self._table = read(_folder(info) / self.file, {"voltage": units.VOLTAGE})
+        self._check_size("V")
+        return self
+
+    def flux(self, pole_pairs: int) -> tuple[float, list[tuple[int, float, float, float, float]]]:
+        """psi_f of the star equivalent (Wb), and its harmonics: electrical order, d, q (Wb), their phases.
+
+        An electrical order n of phase a, voltage per electrical speed Re(c e^{j n theta_e}), is c / (j n) of
+        order n - 1 in psi_d + j psi_q if n is 1, 4, 7, ..., and the conjugate of order -(n + 1) if n is 2, 5,
+        8, ... Multiples of 3 are alike in all phases and have no effect.
+        """
+        per_turn = pole_pairs if self.frame == "mechanical" else 1
+        found = self._waves((per_turn,), 3 * per_turn, ("back_emf_table",))
+        rms, fundamental = math.hypot(*(abs(c) for _, c in found)), abs(dict(found)[per_turn])
+        if fundamental <= FUNDAMENTAL * rms:
+            expected = f"expected a fundamental, order {per_turn}, of more than {FUNDAMENTAL:.0%} of the rms"
+            raise invalid(f"{expected}: are pole_pairs and frame right?", "back_emf_table", "file")
+        of_phase = {
+            n // per_turn: c / (pole_pairs * self.speed) / self._difference(n // per_turn)
+            for n, c in found
+            if n % per_turn == 0
+        }
+        zero = cmath.phase(of_phase[1]) - math.pi / 2  # the table's angle where theta_e is zero, negated
+        linkage = dict[int, complex]()
+        for n, c in of_phase.items():
+            wave = c * cmath.exp(-1j * n * zero) / (1j * n)
+            forward = n % 3 == 1
+            order = n - 1 if forward else -(n + 1)
+            linkage[order] = linkage.get(order, 0j) + (wave if forward else wave.conjugate())
+        psi_f = linkage.pop(0).real
+        harmonics = []
+        for h in sorted({abs(order) for order in linkage}):
+            plus, minus = linkage.get(h, 0j), linkage.get(-h, 0j).conjugate()
+            d, q = plus + minus, plus - minus
+            harmonics.append((h, abs(d), abs(q), cmath.phase(d), cmath.phase(q)))
+        return psi_f, harmonics
+
+    def _difference(self, n: int) -> complex:
+        """Voltage of the table over that of phase a, at an electrical order."""
+        return 1 - cmath.exp(-2j * math.pi * n / 3) if self.between == "line-to-line" else 1.0
+
+
+NEAR = 0.03  # relative distance from a factor that still is this factor
+
+# K_t, torque per peak line current, as a factor of each back-EMF constant; phases are sinusoidal. The speed
+# constants are the reciprocals.
+PER_BACK_EMF = {
+    "line_to_line_peak": math.sqrt(3) / 2,
+    "line_to_line_rms": math.sqrt(1.5),
+    "phase_peak": 1.5,
+    "phase_rms": 1.5 * math.sqrt(2),
+}
+BACK_EMF = {f"K_e_{kind}": factor for kind, factor in PER_BACK_EMF.items()}
+SPEED = {"kv": PER_BACK_EMF["line_to_line_peak"]} | {
+    f"kv_{kind}": factor for kind, factor in PER_BACK_EMF.items() if kind != "line_to_line_peak"
+}
+OF_TWO_LINES = ("kv", "K_e_line_to_line_peak")
+OF_A_PHASE = [word for word in (*BACK_EMF, *SPEED) if "phase" in word]
+MAGNET = ("psi_f", "K_t", "K_t_rms", *SPEED, *BACK_EMF)  # the first that is given counts
+RESISTANCE = ("R_s", "resistance_line_to_line")
+INDUCTANCE = ("L_d", "L_q", "inductance_line_to_line")
+
+# of datasheets, for what has another key
+OTHER_WORDS = {"torque_constant": "K_t", "J": "mechanics.inertia", "inertia": "mechanics.inertia"}
+
+RMS, LINES = "rms and peak", "phase and line to line"
+MIXED_UP = (
+    (math.sqrt(2), "sqrt(2)", RMS),
+    (math.sqrt(3), "sqrt(3)", LINES),
+    (math.sqrt(1.5), "sqrt(3/2)", "peak of a phase and rms from line to line"),
+    (math.sqrt(6), "sqrt(6)", "rms of a phase and peak from line to line"),
+    (2 / math.sqrt(3), "2/sqrt(3)", "K_t and 1/kv, which is 2/sqrt(3) K_t"),
+    (1.5, "3/2", "one phase and all three"),
+    (3.0, "3", "star and delta"),
+    (2.0, "2", f"{LINES}, or poles and pole pairs"),
+)
+
+
+def replaced_by(key: str) -> frozenset[str]:
+    """Other keys of [motor] that say the same as this one; a change to it replaces them."""
+    for words in (MAGNET, RESISTANCE):
+        if key in words:
+            return frozenset(words) - {key}
+    if key == "inductance_line_to_line":
+        return frozenset(INDUCTANCE) - {key}
+    return frozenset(INDUCTANCE[2:]) if key in INDUCTANCE else frozenset()
+
+
+def replaced_by_any(keys: Iterable[str]) -> frozenset[str]:
+    """All keys of [motor] that one of these replaces."""
+    return frozenset[str]().union(*map(replaced_by, keys))
+
+
+def torque_constant(word: str, value: float, pole_pairs: int, flux_factor: float) -> float:
+    """K_t of the star equivalent, N*m per peak A, from one of the words for the magnet.
+
+    `flux_factor`: flux linkage of the star equivalent over that of a winding.
+    """
+    if word == "psi_f":
+        return 1.5 * pole_pairs * flux_factor * value
+    if word == "K_t_rms":
+        return value / math.sqrt(2)
+    if word in SPEED:
+        return SPEED[word] / value
+    return BACK_EMF[word] * value if word in BACK_EMF else value
+
+
+def check_agreement(found: Mapping[str, float]) -> None:
+    """Refuse words for one thing that disagree. `found`: what each of them makes of the same quantity."""
+    first, *others = found
+    for other in others:
+        if not math.isclose(found[other], found[first], rel_tol=AGREE):
+            why = _block_commutated(found, first, other) or _why(found[other], found[first])
+            raise invalid(f"expected {first} and {other} to agree within {AGREE:.0%}{why}", other)
+
+
+def _block_commutated(found: Mapping[str, float], first: str, other: str) -> str:
+    """The words that say which key to delete where K_t is that of block commutation; "" elsewhere.
+
+    Block commutation has current in two phases at a time. Its torque per current is the back-EMF between two
+    lines over the speed, 1 / kv. Three sinusoidal currents of the same peak give sqrt(3)/2 of that torque,
+    which is K_t here (`PER_BACK_EMF`). So the back-EMF stays, and the datasheet's K_t goes.
+    """
+    if first != "K_t" or other not in OF_TWO_LINES:
+        return ""
+    if abs(found["K_t"] / found[other] * PER_BACK_EMF["line_to_line_peak"] - 1) > NEAR:
+        return ""
+    return (
+        "; K_t = 1/kv is of block commutation, with sinusoidal currents it is sqrt(3)/2 of that: delete K_t"
+    )
+
+
+def _why(one: float, other: float) -> str:
+    times = max(one, other) / min(one, other) if one and other else math.inf
+    return mixed_up(times, NEAR) or f", not to differ by a factor of {times:.3g}"
+
+
+def mixed_up(times: float, near: float) -> str:
+    """What is mixed up where two numbers for one thing differ by about this factor; "" if that is unknown."""
+    factor, name, mixed = min(MIXED_UP, key=lambda known: abs(times / known[0] - 1))
+    if abs(times / factor - 1) > near:
+        return ""
+    return f"; they differ by {name}, the factor between {mixed}"

@@ -1,0 +1,24 @@
+"""Keys of the law "active disturbance rejection control" in a study."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from cogless import units
+from cogless.study.laws.law import AutoTuning, Base, LawLoop
+from cogless.study.table import CurrentToAcceleration, Quantity, RateGain
+
+
+class Adrc(Base):
+    """Active disturbance rejection with a linear extended state observer (Gao 2003)."""
+
+    law: Literal["adrc"]
+    b: CurrentToAcceleration  # rad/s^2/A, value that the controller assumes
+    omega_c: RateGain  # 1/s, bandwidth of the loop
+    omega_o: Annotated[float, Quantity(units.RATE, ">", bare=True)]  # 1/s, bandwidth of the observer
+    tuning: AutoTuning | None = None  # in place of the gains
+
+    AUTOMATIC: ClassVar[dict[str, Any]] = {"b": 1.0, "omega_c": 0.0, "omega_o": 1.0}
+
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        return {**self.model_dump(include={"b", "omega_c", "omega_o"}), "limit": loop.current_limit}

@@ -1,0 +1,75 @@
+"""Keys of the law "PI with learned harmonics" in a study."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from fractions import Fraction
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from cogless.study.laws.law import Feedback, LawLoop, LearnsWhileRunning
+from cogless.study.table import CurrentBound, RateGain, invalid
+
+ORDERS, HIGHEST = 128, 65_535  # CGL_HARMONIC_ORDERS, CGL_HARMONIC_ORDER_MAX
+BANDS = 4  # half of CGL_HARMONIC_EDGES
+FASTEST = 2.6  # rad a sample of an order: CGL_HARMONIC_FASTEST
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learner:
+    """The numbers of the learning part, as its rule computes them: cogless.design.laws.harmonic."""
+
+    b: float  # rad/s^2/A
+    delay: float  # s
+    step: float  # rad, of an angle whose edges are timed; 0: none
+    base: int  # mechanical
+    bends: int  # 1: a sensor's error once a turn is learned, 2: twice, too
+    orders: int
+    fast: int  # so many of them, the lowest, act up to FASTEST, the others up to 12 samples in a cycle
+    rate: float  # 1/s, at most: the law shares 1/16 a sample among the orders that act
+    rate_min: float  # 1/s, likewise
+    held: tuple[float, ...] = ()  # rad a sample: bands, from and to, in which no order learns
+
+
+class Harmonic(Feedback, LearnsWhileRunning):
+    """PI with learned harmonics: every gain and order follows from motor and drive."""
+
+    law: Literal["harmonic"]
+    base: Annotated[int, Field(ge=1, le=HIGHEST)] | None = None  # mechanical; default: of slots and poles
+    limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+    position: bool = False  # it controls the position: its feedback is that of space-position
+    k_theta: RateGain | None = None  # 1/s, where that feedback is by hand
+
+    @model_validator(mode="after")
+    def _of_position(self) -> Self:
+        by_hand = self.position and self.kp is not None
+        if by_hand and self.k_theta is None:
+            raise invalid(
+                "expected a gain, since kp and ki are given and position is true", "k_theta", value="missing"
+            )
+        if self.k_theta is not None and not by_hand:
+            raise invalid("expected none, unless position is true and kp and ki are given", "k_theta")
+        return self
+
+    @property
+    def holds_position(self) -> bool:
+        return self.position
+
+    @property
+    def over_angle(self) -> bool:
+        """Whether the memory is over the angle; true for this law."""
+        return True
+
+    def revolutions(self, pole_pairs: int) -> Fraction:
+        """Length of the learned period in mechanical revolutions."""
+        return Fraction(1)
+
+    def c_config(self, loop: LawLoop, learner: Learner) -> dict[str, Any]:
+        return {
+            "pi": self.pi_config(loop),
+            "k_theta": self.k_theta or 0.0,
+            **asdict(learner),
+            "held": list(learner.held),
+            "limit": loop.bounded(self.limit),
+        }

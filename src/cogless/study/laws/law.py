@@ -1,0 +1,312 @@
+"""What all laws share: tuning, the loop around a law, learning, and what a law starts from.
+
+Controllers of a speed study; the key `law` of a table tells which control law it configures.
+
+What a law that learns over the angle begins with: a map that was learned before, or a table.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import (
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
+
+from cogless import units
+from cogless.study.csv_table import OverAngle, read
+from cogless.study.table import (
+    CurrentBound,
+    FileName,
+    Line,
+    PhaseMargin,
+    SpeedGain,
+    SpeedIntegralGain,
+    StartTime,
+    Table,
+    check_sizes,
+    invalid,
+)
+
+COLUMNS = {"current": units.CURRENT, "torque": units.TORQUE}
+StartFile = Annotated[Line, FileName(), Field(min_length=1)]  # relative to the study
+
+
+class Start(Table):
+    """A stored map, or a table of current or torque over a revolution as CSV."""
+
+    # in the format of control/SPEC.md, as `cogless run` writes and firmware saves
+    map: StartFile | None = None
+    table: StartFile | None = None
+    frame: Literal["mechanical", "electrical"] = "mechanical"  # of the table's angle
+    sign: Literal["holding", "cogging"] | None = None  # of the table
+    _over_angle: OverAngle | None = PrivateAttr(default=None)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if (self.map is None) == (self.table is None):
+            raise invalid('expected either map = "FILE.bin" or table = "FILE.csv"')
+        if self.table is not None and self.sign is None:
+            meaning = (
+                '"holding" if it holds the rotor against the motor\'s own torque, "cogging" if it is that'
+            )
+            raise invalid(f"expected {meaning}", "sign", value="missing")
+        for key in ("frame", "sign"):
+            if self.map is not None and key in self.model_fields_set:
+                raise invalid("expected none, since a stored map tells it", key)
+        return self
+
+    @model_validator(mode="after")
+    def _readable(self, info: ValidationInfo) -> Self:
+        if self.table is not None and info.context:
+            self._over_angle = read(info.context["folder"] / self.table, COLUMNS, "table")
+        return self
+
+    @property
+    def over_angle(self) -> OverAngle:
+        """The table as read: a current, A, or a torque, N*m."""
+        assert self._over_angle is not None
+        return self._over_angle
+
+
+class Tuning(Table):
+    """A rule that computes the feedback's gains (cogless.design.speed_loop), and as auto all others too.
+
+    cogless.design.auto describes auto; keys that the study gives stay as they are.
+    """
+
+    rule: Literal["phase-margin", "auto"]
+    phase_margin: PhaseMargin = math.radians(45)  # rad, must be given unless the rule is auto
+
+    @property
+    def is_auto(self) -> bool:
+        """Whether the rule computes all of the law's numbers."""
+        return self.rule == "auto"
+
+    @field_validator("phase_margin", mode="wrap")
+    @classmethod
+    def _range(cls, given: Any, read: ValidatorFunctionWrapHandler) -> float:
+        margin: float = read(given)
+        low, high = 0.3, 1.45
+        if not low < margin < high:
+            bare = "" if isinstance(given, str) else "; a plain number is in rad"
+            near = f', perhaps "{given:g} deg"' if bare and low < math.radians(given) < high else ""
+            raise invalid(f'expected a phase margin from "20 deg" to "80 deg"{bare}{near}')
+        return margin
+
+    @model_validator(mode="after")
+    def _given(self) -> Self:
+        if not self.is_auto and "phase_margin" not in self.model_fields_set:
+            raise invalid('expected one, such as "60 deg"', "phase_margin", value="missing")
+        return self
+
+
+@dataclass(frozen=True)
+class LawLoop:
+    """The loop that a law runs in: data of the drive that the law's C configuration needs."""
+
+    current_rate: int  # Hz, of the current loop
+    divider: int  # current-loop periods per period of the law
+    current_limit: float  # A
+    pole_pairs: int
+
+    @property
+    def ts(self) -> float:
+        """Period of the law, s."""
+        return 1 / self.current_rate * self.divider
+
+    def bounded(self, limit: float | None) -> float:
+        """A law's own limit of a current, A: at most what the loop gives; None: all of it."""
+        return self.current_limit if limit is None else min(limit, self.current_limit)
+
+    def samples(self, time: float) -> int:
+        """Convert a time in s to a number of periods of the law."""
+        return round(time * (self.current_rate / self.divider))
+
+
+class AutoTuning(Tuning):
+    """The rule auto alone."""
+
+    rule: Literal["auto"]
+
+
+class Base(Table):
+    """A controller: the keys that every law has.
+
+    A law of the control library also has a method c_config(loop), which returns its C configuration, member
+    by name. Gains from a tuning rule and default limits are filled in before it is called.
+    """
+
+    label: Line | None = None  # in tables and report; default: its name
+    baseline: bool = False  # ratios in tables are relative to it
+
+    # keys that the rule auto gives (cogless.design.auto), with what stands there until it does
+    AUTOMATIC: ClassVar[dict[str, Any]] = {}
+
+    @classmethod
+    def spelled_out(cls, data: Any) -> Any:
+        tuning = data.get("tuning") if isinstance(data, dict) else None
+        is_auto = isinstance(tuning, dict) and tuning.get("rule") == "auto"
+        return {**cls.AUTOMATIC, **data} if is_auto else data
+
+    @property
+    def learns(self) -> bool:
+        """Whether it keeps learning during a run."""
+        return False
+
+    @property
+    def learned(self) -> bool:
+        """Whether a part of its output is learned, in this run or before it."""
+        return self.learns
+
+    @property
+    def learns_from(self) -> float:
+        """Time from which it may learn, s."""
+        return 0.0
+
+    @property
+    def holds_position(self) -> bool:
+        """Whether it controls the position, too."""
+        return False
+
+    @property
+    def linear(self) -> tuple[float, float] | None:
+        """kp [A*s/rad] and ki [A/rad] of its speed feedback without learning; None if its keys don't fix
+        them."""
+        return None
+
+    @property
+    def by_rotor(self) -> bool:
+        """Whether it learns over the rotor's angle; if not, over the angle of its reference."""
+        return True
+
+    @property
+    def unit(self) -> float:
+        """The entry of its memory that results in a current of 1 A."""
+        return 1.0
+
+    def ratio(self, pole_pairs: int) -> int:
+        """Factor from the mechanical angle to the angle that it learns over."""
+        return 1
+
+    @model_validator(mode="after")
+    def _sizes(self) -> Self:
+        check_sizes(self)
+        return self
+
+
+class Feedback(Base):
+    """A speed PI controller: kp and ki, or the rule that computes them."""
+
+    kp: SpeedGain | None = None  # A*s/rad
+    ki: SpeedIntegralGain | None = None  # A/rad
+    tuning: Tuning | None = None
+
+    @model_validator(mode="after")
+    def _gains_or_rule(self) -> Self:
+        gains = (self.kp is not None, self.ki is not None)
+        # kp and ki may stand beside the rule auto, too, which then finds the other numbers
+        allowed = self.tuning is None or self.tuning.is_auto if all(gains) else self.tuning is not None
+        if gains not in ((True, True), (False, False)) or not allowed:
+            margin = '{ rule = "phase-margin", phase_margin = "60 deg" }'
+            rule = '{ rule = "auto" }' if self.learns else margin
+            raise invalid(f"expected either kp and ki or tuning, such as {rule}")
+        return self
+
+    def pi_config(self, loop: LawLoop) -> dict[str, Any]:
+        """Members of the C struct cgl_pi_config."""
+        return {"kp": self.kp, "ki": self.ki, "limit": loop.current_limit}
+
+
+MOST_CELLS = 65_535  # of a map
+MOST_SAMPLES = 1 << 24  # of a delay line
+Cells = Annotated[int, Field(ge=4, le=MOST_SAMPLES)]
+
+
+def check_cells(cells: int, q_half_width: int, line: bool) -> None:
+    """Check that a memory isn't too large and is longer than its Q filter. `line`: a delay line, else a
+    map."""
+    if not line and cells > MOST_CELLS:
+        raise invalid(f"expected at most {MOST_CELLS}, since the memory is a map", "cells")
+    if 2 * q_half_width + 2 > cells:
+        raise invalid(f"expected a filter within the {cells} cells of the memory", "q_half_width")
+
+
+class Startable(Base):
+    """A law whose map over the angle can be one that was learned before."""
+
+    start: Start | None = None  # default: zeros
+
+
+class LearnsWhileRunning(Startable):
+    """A law that learns during the run, from a time on."""
+
+    learning_start: StartTime = 0.0  # s
+
+    @property
+    def learns(self) -> bool:
+        return True
+
+    @property
+    def learns_from(self) -> float:
+        return self.learning_start
+
+
+class Learning(LearnsWhileRunning):
+    """The memory of an iterative learning law."""
+
+    memory: Literal["time", "angle"] = "angle"
+    period: Literal["electrical", "mechanical"] = "mechanical"
+    cells: Cells = 1024  # entries of a map over angle, or most samples of a delay line
+    forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept per period
+    q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the centre of the boxcar Q filter
+    lead: StartTime = 0.0  # s: the present error corrects what was output this long ago
+    limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+
+    @property
+    def over_angle(self) -> bool:
+        """Whether the memory is a map over the angle; if not, it is a delay line over time."""
+        return self.memory == "angle"
+
+    def revolutions(self, pole_pairs: int) -> Fraction:
+        """Length of the learned period in mechanical revolutions."""
+        return Fraction(1, self.ratio(pole_pairs))
+
+    @property
+    @abstractmethod
+    def learning_gain(self) -> tuple[float, float]:
+        """Learning gains on the speed error and its integral, like a PI's kp [A*s/rad] and ki [A/rad]."""
+
+    def ratio(self, pole_pairs: int) -> int:
+        return pole_pairs if self.period == "electrical" else 1
+
+    @model_validator(mode="after")
+    def _cells_fit(self) -> Self:
+        check_cells(self.cells, self.q_half_width, self.memory == "time")
+        return self
+
+    def memory_config(self, loop: LawLoop) -> dict[str, Any]:
+        """Members of the C struct cgl_memory_config."""
+        assert self.limit is not None
+        return {
+            "kind": f"CGL_MEMORY_{self.memory.upper()}",
+            "channels": 1,
+            "cells": self.cells,
+            "turns": 1,
+            "parts": self.ratio(loop.pole_pairs),
+            "q_half_width": self.q_half_width,
+            "lead": loop.samples(self.lead),
+            "forgetting": self.forgetting,
+            "limit": [abs(self.unit) * loop.bounded(self.limit)],
+            "method": "CGL_DELAY_ODE",
+            "k_pp": 0.0,
+        }

@@ -1,0 +1,100 @@
+"""Keys of the laws that a user has written, in Python or as a shared library."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, field_validator
+
+from cogless import units
+from cogless.study.laws.law import Startable
+from cogless.study.table import (
+    File,
+    FileName,
+    Many,
+    StartTime,
+    invalid,
+)
+
+
+class OwnLaw(Startable):
+    """The keys of every controller that a user has written himself."""
+
+    NEEDS: ClassVar[str]  # what it must have to start from a map
+
+    learning: bool = False  # whether it learns, which only the user knows
+    learning_start: StartTime = 0.0  # s: until then inputs.learn is false
+    position: bool = False  # whether it holds the angle of the reference, too
+
+    @property
+    def learns(self) -> bool:
+        return self.learning
+
+    @property
+    def learned(self) -> bool:
+        return self.learning or self.start is not None
+
+    @property
+    def learns_from(self) -> float:
+        return self.learning_start
+
+    @property
+    def holds_position(self) -> bool:
+        return self.position
+
+
+class PythonLaw(OwnLaw):
+    """A user's class with step(inputs) -> i_q_ref or (i_d_ref, i_q_ref), A."""
+
+    NEEDS: ClassVar[str] = "a class with the methods learned_map() and load_map(learned)"
+
+    law: Literal["python"]
+    # "file.py:Class", relative to the study
+    object: Annotated[str, Field(pattern=r"^.+\.py:\w+$"), FileName(with_name=True)]
+    params: dict[str, Any] = Field(default={})  # keyword arguments of the class
+
+    @property
+    def code(self) -> str:
+        """The file whose code runs, relative to the study."""
+        return self.object.rpartition(":")[0]
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The params, texts that are a number with a unit as SI numbers."""
+        return {key: _si(value) for key, value in self.params.items()}
+
+
+class LibraryLaw(OwnLaw):
+    """A user's shared library with the documented C interface."""
+
+    NEEDS: ClassVar[str] = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
+
+    law: Literal["library"]
+    library: File  # relative to the study
+    params: Many[float | str] = ()
+
+    @field_validator("params")
+    @classmethod
+    def _numbers(cls, params: tuple[float | str, ...]) -> tuple[float | str, ...]:
+        for n, value in enumerate(params):
+            if isinstance(_si(value), str):
+                raise invalid('expected a number, or one with a known unit, such as "0.2 A*s/rad"', n)
+        return params
+
+    @property
+    def code(self) -> str:
+        """The file whose code runs, relative to the study."""
+        return self.library
+
+    @property
+    def numbers(self) -> list[float]:
+        """The params as SI numbers."""
+        return [float(_si(value)) for value in self.params]
+
+
+def _si(value: Any) -> Any:
+    """The SI number of a text that is a number with a known unit; anything else as it is."""
+    if isinstance(value, list):
+        return [_si(each) for each in value]
+    unit = units.unit_of(value) if isinstance(value, str) else ""
+    return units.in_si(value) if unit and units.is_known(unit) else value

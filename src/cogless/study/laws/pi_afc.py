@@ -1,0 +1,62 @@
+"""Keys of the law "PI with adaptive feedforward cancellation" in a study."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import pairwise
+from typing import Any, ClassVar, Literal, Self
+
+from pydantic import model_validator
+
+from cogless.study.laws.law import Feedback, LawLoop, LearnsWhileRunning
+from cogless.study.table import CurrentBound, LawSpeed, Many, SpeedIntegralGain, StartTime, invalid
+
+ORDERS, HIGHEST = 16, 65_535  # CGL_PI_AFC_ORDERS, CGL_PI_AFC_ORDER_MAX
+
+
+class PiAfc(Feedback, LearnsWhileRunning):
+    """PI with adaptive feedforward cancellation: amplitudes of chosen orders, learned over the angle."""
+
+    law: Literal["pi-afc"]
+    orders: Many[int]  # mechanical
+    gain: SpeedIntegralGain  # A/rad, learning
+    lead: StartTime = 0.0  # s: delay from the current to the measured speed
+    omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning pauses, but the learned part stays on
+    limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+
+    AUTOMATIC: ClassVar[dict[str, Any]] = {"orders": [1], "gain": 0.0, "lead": 0.0}
+
+    @property
+    def over_angle(self) -> bool:
+        """Whether the memory is over the angle; true for this law."""
+        return True
+
+    @property
+    def cells(self) -> int:
+        """Number of map cells per revolution that would resolve its highest order: two per wave."""
+        return 2 * self.orders[-1]
+
+    @property
+    def q_half_width(self) -> int:
+        """Half width of the Q filter; zero, since this law has none."""
+        return 0
+
+    def revolutions(self, pole_pairs: int) -> Fraction:
+        """Length of the learned period in mechanical revolutions."""
+        return Fraction(1)
+
+    @model_validator(mode="after")
+    def _rising(self) -> Self:
+        rising = all(a < b for a, b in pairwise((0, *self.orders, HIGHEST + 1)))
+        if not rising or not 1 <= len(self.orders) <= ORDERS:
+            raise invalid(f"expected 1 to {ORDERS} orders that rise, from 1 to {HIGHEST}", "orders")
+        return self
+
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        return {
+            "pi": self.pi_config(loop),
+            "orders": len(self.orders),
+            "order": self.orders,
+            **self.model_dump(include={"gain", "lead", "omega_min"}),
+            "limit": loop.bounded(self.limit),
+        }

@@ -1,0 +1,198 @@
+"""Controllers of a study of trials, one class per `law`, and the settings for their design."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from cogless import units
+from cogless.study.laws.law import Base
+from cogless.study.laws.own import LibraryLaw, PythonLaw
+from cogless.study.table import LawFrequency, Many, Quantity, Table, invalid
+
+if TYPE_CHECKING:
+    import numpy as np
+
+Ends = Literal["even", "odd"]
+Weight = Many[float] | Many[Many[float]]
+
+
+class SignalFilter(Table):
+    """A Butterworth low-pass, run forwards and backwards after each trial, so that it has no phase shift."""
+
+    cutoff: LawFrequency  # Hz
+    order: Annotated[int, Field(ge=1, le=4)] = 2
+    ends: Ends = "even"  # reflection by which the filter continues the trial at both ends
+
+
+class QFilter(SignalFilter):
+    """The filter of a law that learns with a single gain."""
+
+    acts_on: Literal["error", "signal"] = "error"  # filter the error to learn from, or the learned signal
+
+
+class TrialLaw(Base):
+    """The keys that every law of trials has."""
+
+    # bound of the learned signal, rad or the unit of y
+    learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
+    # what was learned moves along with a changed reference, by functions of it
+    basis_functions: bool = False
+    guard: bool = True  # what is learned goes back where it leaves more error than the feedback alone
+
+
+class FilteredLaw(TrialLaw):
+    """A law of trials that learns with a single gain, and may have a Q filter."""
+
+    q_filter: QFilter | Literal["auto", "none"] | None = None  # default: none
+    # samples by which the error is ahead of the learned signal; default: the relative degree
+    shift: Annotated[int, Field(ge=1, le=65_534)] | Literal["auto"] | None = None
+
+    @property
+    def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
+        """Filter and shift, "auto" where the design chooses; None: no filter, and the relative degree."""
+        return None if self.q_filter == "none" else self.q_filter, self.shift
+
+
+class TrialIlc(FilteredLaw):
+    """State feedback with integral action, feedforward and trial-to-trial learning (Mandra 2019, Fig. 1)."""
+
+    law: Literal["trial-ilc"]
+    acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"  # the learned signal
+    integral: bool = True
+    learning: bool = True
+    feedforward: bool = True
+    K_s: Many[float] | None = None  # of the states and the integrator; default: from LMIs (9) to (13)
+    N: float | None = None  # static feedforward gain; default: 1 / DC gain
+    # learning gain; default: chosen with shift and filter, or from the LMIs (32) to (35)
+    K_3: float | None = None
+
+    @property
+    def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
+        """As of FilteredLaw, but both are "auto" if nothing is said of the update.
+
+        With one of them "auto" the other is, too, unless it is said.
+        """
+        q_filter, shift = super().choice
+        silent = self.q_filter is None and shift is None and self.K_3 is None
+        if self.q_filter is None and (silent or shift == "auto"):
+            q_filter = "auto"
+        if shift is None and q_filter == "auto":
+            shift = "auto"
+        return q_filter, shift
+
+
+class StateIlc(FilteredLaw):
+    """The older law (3) of Mandra 2019: it corrects the last trial's input, and has no feedforward."""
+
+    law: Literal["state-ilc"]
+    K_stab: Many[float] | None = None  # of the states; default: from the LMIs without integral action
+    K_ilc: float | None = None  # learning gain; default: from the LMIs (32) to (35)
+
+
+class NormOptimalIlc(TrialLaw):
+    """Learning by a whole matrix from the error over a trial, optimal for the nominal plant."""
+
+    law: Literal["norm-optimal"]
+    acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
+    integral: bool = True
+    feedforward: bool = True
+    K_s: Many[float] | None = None
+    N: float | None = None
+    q_filter: SignalFilter | None = (
+        None  # on the learned signal: a weight of the signal itself over frequency
+    )
+    # weight of the learned signal's change in the cost, where the error's weight is 1
+    change_weight: Annotated[float, Field(gt=0)] = 0.01
+
+
+class ObserverIlc(TrialLaw):
+    """Feedback from an observed error, and learning of the input that was missing; all gains by a rule."""
+
+    law: Literal["observer-ilc"]
+    learning: bool = True
+    feedforward: bool = True
+    pole: Annotated[float, Field(ge=0.0, lt=1.0)] | None = (
+        None  # of observer and feedback; default: by the rule
+    )
+    cutoff: LawFrequency | None = None  # of the filter on the learned signal, Hz; default: by the rule
+    ends: Ends = "even"  # as in QFilter
+
+
+AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | ObserverIlc | PythonLaw | LibraryLaw
+TrialController = Annotated[AnyTrialController, Field(discriminator="law")]
+
+
+# Parameters of a drive for which a design may have a range.
+UNCERTAIN = {
+    "mechanics.inertia": Quantity(units.INERTIA, ">"),
+    "mechanics.viscous_friction": Quantity(units.VISCOUS_FRICTION, ">="),
+    "motor.K_t": Quantity(units.TORQUE_CONSTANT, ">"),
+}
+
+
+class DesignSettings(Table):
+    """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
+
+    # of all models; default: Euler's in the inequalities, exact for the feedforward and whatever is judged
+    discretisation: Literal["euler", "exact"] | None = None
+    # whether certificate, prediction and rules know the position sensor; the floor has its steps anyway
+    sensor: bool = True
+    state_weight: Weight  # Q of (8), for states and integrator: its diagonal, or all its rows
+    input_weight: Annotated[float, Field(gt=0)]  # R of (8)
+    initial_state: Many[float]  # gamma of (10): states and integrator where the cost begins
+    initial_change: Many[float] | None = None  # f of (31); default: initial_state
+    initial_error: Annotated[float, Field(gt=0)] = 0.1  # g of (31)
+    range: dict[str, tuple[float, float]] = Field(default={})  # of a drive's parameters, as in UNCERTAIN
+
+    @field_validator("range", mode="before")
+    @classmethod
+    def _ranges(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        return {key: _range(key, ends) for key, ends in data.items()}
+
+    @property
+    def Q(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """The state weight as a matrix."""
+        import numpy as np
+
+        weight = np.asarray(self.state_weight, dtype=float)
+        return np.diag(weight) if weight.ndim == 1 else weight
+
+    @model_validator(mode="after")
+    def _sizes(self) -> Self:
+        import numpy as np
+
+        rows = [row for row in self.state_weight if isinstance(row, tuple)]
+        if rows and (len(rows) != len(self.state_weight) or any(len(r) != len(rows) for r in rows)):
+            raise invalid("expected the diagonal, or as many rows as columns", "state_weight")
+        size = len(self.state_weight)
+        for key in ("initial_state", "initial_change"):
+            start = getattr(self, key)
+            if start is not None and len(start) != size:
+                raise invalid(f"expected {size} numbers, as many as state_weight has", key)
+        if not any(self.initial_state):
+            raise invalid("expected a number that isn't zero", "initial_state")
+        Q = self.Q
+        if not np.allclose(Q, Q.T, rtol=1e-9) or np.linalg.eigvalsh(Q)[0] <= 0:
+            raise invalid("expected a positive definite weight", "state_weight")
+        return self
+
+
+def _range(key: str, ends: Any) -> tuple[float, ...]:
+    if key not in UNCERTAIN:
+        raise invalid(f"expected one of {', '.join(UNCERTAIN)}", key)
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise invalid("expected the smallest and the largest value", key)
+    values = []
+    for index, end in enumerate(ends):
+        try:
+            values.append(UNCERTAIN[key].read(end))
+        except PydanticCustomError as error:
+            raise invalid(error.message(), key, index) from None
+    if values[1] < values[0]:
+        raise invalid("expected a range from the smallest to the largest value", key)
+    return tuple(values)

@@ -1,0 +1,222 @@
+"""A linear plant for studies of trials: matrices with uncertain parameters, or matrices at each vertex.
+
+x' = A x + B (u - d), y = C x        continuous
+x(p+1) = A x(p) + B (u(p) - d(p))    discrete
+
+x: states, u: input, d: load (disturbance of the input), y: output. The law sees x with noise, where the
+plant has noise.
+
+Evaluate arithmetic in a study: texts such as "-B / J" over named parameters. No other code is run.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from cogless.study.table import Duration, Many, Table, invalid
+
+OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: math.pow,
+}
+LONGEST = 200  # characters
+
+
+class ExpressionError(ValueError):
+    """A text that isn't arithmetic or has no value; the message starts with "expected"."""
+
+
+def names(text: str) -> set[str]:
+    """Names of the parameters in an expression; ExpressionError if it isn't arithmetic."""
+    return {node.id for node in ast.walk(_tree(text)) if isinstance(node, ast.Name)}
+
+
+def evaluate(text: str, values: Mapping[str, float]) -> float:
+    """Value of an expression; ExpressionError: unknown name, division by zero, or a value that isn't
+    finite."""
+    try:
+        value = _value(_tree(text), values)
+    except (ArithmeticError, ValueError) as error:
+        if isinstance(error, ExpressionError):
+            raise
+        raise ExpressionError(f"expected a value, not one that fails ({error})") from None
+    if not math.isfinite(value):
+        raise ExpressionError("expected a finite value")
+    return value
+
+
+def _tree(text: str) -> ast.expr:
+    try:
+        if len(text) > LONGEST:
+            raise ValueError
+        return ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise ExpressionError('expected arithmetic over parameters, such as "-B / J"') from None
+
+
+def _value(node: ast.expr, values: Mapping[str, float]) -> float:
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return float(number)
+        case ast.Name(id=name):
+            if name not in values:
+                known = ", ".join(values) or "none are given"
+                raise ExpressionError(f'expected known parameters ({known}), not "{name}"')
+            return values[name]
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=inner):
+            return -_value(inner, values) if isinstance(sign, ast.USub) else _value(inner, values)
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
+            return OPERATORS[type(op)](_value(left, values), _value(right, values))
+    raise ExpressionError('expected arithmetic of + - * / ** over parameters, such as "-B / J"')
+
+
+MOST_STATES = 8  # of the control law, CGL_TRIAL_STATES
+
+Entry = str | float
+Rows = Many[Many[float]]
+
+
+class Parameter(Table):
+    """A physical parameter of the plant: known, or within a range."""
+
+    value: float | None = None  # default: the middle of the range
+    range: tuple[float, float] | None = Field(default=None, strict=False)
+
+    @classmethod
+    def spelled_out(cls, data: Any) -> Any:
+        if isinstance(data, list):
+            return {"range": data}
+        return data if isinstance(data, dict) else {"value": data}
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.range is None and self.value is None:
+            raise invalid("expected value, range or both")
+        if self.range is not None and self.range[1] < self.range[0]:
+            raise invalid("expected a range from the smallest to the largest value", "range")
+        if self.range is not None and self.value is not None:
+            low, high = self.range
+            if not low <= self.value <= high:
+                raise invalid(f"expected a value within the range, {low:g} to {high:g}", "value")
+        return self
+
+    @property
+    def nominal(self) -> float:
+        """The value that the feedforward is designed for, and that trials have unless an override changes
+        it."""
+        if self.value is not None:
+            return self.value
+        assert self.range is not None
+        return sum(self.range) / 2
+
+
+class PlantVertex(Table):
+    """Matrices at one vertex of the set of possible plants, as numbers."""
+
+    A: Rows
+    B: Many[float]
+
+
+class LinearPlant(Table):
+    """A linear plant with one input and one output, sampled with `period`."""
+
+    model: Literal["continuous", "discrete"] = "continuous"
+    period: Duration  # s
+    A: Many[Many[Entry]] | None = None  # numbers, or expressions over the parameters
+    B: Many[Entry] | None = None
+    C: Many[float]
+    parameter: dict[str, Parameter] = Field(default={})
+    vertex: Many[PlantVertex] = ()  # in place of A, B and parameter
+    states: Many[str] | None = None  # their names, default x_1, x_2, ...
+    input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6  # |u| stays below it
+    # standard deviation of white noise on each measured state; default: none
+    noise: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
+    load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0  # standard deviation of white noise on d
+
+    @model_validator(mode="after")
+    def _shapes(self) -> Self:
+        if (self.A is None) != (self.B is None) or (self.A is None) == (not self.vertex):
+            raise invalid(
+                "expected either A and B, or vertex", "A", value="missing" if self.A is None else None
+            )
+        n = len(self.C)
+        if not 1 <= n <= MOST_STATES:
+            raise invalid(f"expected 1 to {MOST_STATES} numbers, one a state", "C")
+        if self.A is not None and self.B is not None:
+            self._check_shape(self.A, self.B)
+            self._check_names()
+            self.at({})
+        for index, vertex in enumerate(self.vertex):
+            self._check_shape(vertex.A, vertex.B, "vertex", index)
+        if self.vertex and self.parameter:
+            raise invalid("expected none, since vertex gives numbers", "parameter")
+        if self.states is not None and len(self.states) != n:
+            raise invalid(f"expected {n} names, one a state", "states")
+        if self.noise is not None and len(self.noise) != n:
+            raise invalid(f"expected {n} numbers, one a state", "noise")
+        return self
+
+    def _check_shape(self, A: Sequence[Sequence[Any]], B: Sequence[Any], *key: str | int) -> None:
+        n = len(self.C)
+        if len(A) != n or any(len(row) != n for row in A):
+            raise invalid(f"expected {n} rows of {n}, as many as C has", *key, "A")
+        if len(B) != n:
+            raise invalid(f"expected {n} numbers, as many as C has", *key, "B")
+
+    def _check_names(self) -> None:
+        assert self.A is not None and self.B is not None
+        entries: dict[tuple[str | int, ...], Entry] = {("B", i): entry for i, entry in enumerate(self.B)}
+        entries |= {("A", i, j): entry for i, row in enumerate(self.A) for j, entry in enumerate(row)}
+        for key, entry in entries.items():
+            try:
+                unknown = names(entry) - self.parameter.keys() if isinstance(entry, str) else set()
+            except ExpressionError as error:
+                raise invalid(str(error), *key) from None
+            if unknown:
+                known = ", ".join(self.parameter) or "none"
+                expected = f'expected known parameters ({known}), not "{min(unknown)}"'
+                raise invalid(expected, *key)
+
+    def at(self, parameters: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
+        """A and B for these parameter values; parameters that are left out are nominal.
+
+        For a plant of vertices: those of vertex number parameters["vertex"], from 1, else the mean of all.
+        """
+        if self.vertex:
+            number = parameters.get("vertex")
+            chosen = self.vertex if number is None else (self.vertex[int(number) - 1],)
+            import numpy as np
+
+            A_, B_ = (np.mean([getattr(v, key) for v in chosen], axis=0) for key in ("A", "B"))
+            return A_.tolist(), B_.tolist()
+        values = {name: p.nominal for name, p in self.parameter.items()} | dict(parameters)
+        A, B = self.A or (), self.B or ()
+        rows = [[_number(e, values, "A", i, j) for j, e in enumerate(row)] for i, row in enumerate(A)]
+        return rows, [_number(entry, values, "B", i) for i, entry in enumerate(B)]
+
+    @property
+    def state_noise(self) -> tuple[float, ...]:
+        """Standard deviation of the noise on each measured state."""
+        return self.noise or (0.0,) * len(self.C)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the states."""
+        return self.states or tuple(f"x_{i + 1}" for i in range(len(self.C)))
+
+
+def _number(entry: Entry, values: Mapping[str, float], *key: str | int) -> float:
+    try:
+        return evaluate(entry, values) if isinstance(entry, str) else float(entry)
+    except ExpressionError as error:
+        at = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+        raise invalid(f"{error} at {at}", *key) from None
