@@ -1,308 +1,199 @@
-"""How right `cogless identify` is, on motors drawn at random and their planned logs.
+"""How right `cogless identify` is, on motors drawn at random, of a plant that is not cogless's.
 
-    python benchmarks/identify.py [MOTORS] [SEED]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identify.py --seeds 1 2 3
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identify.py --seeds 1 --rate 200 --jitter 0.3 --every-key
 
-The drives have what nobody types in: offsets and gain errors of the current sensors, dead time, an encoder
-off its middle, currents that are logged late. Prints a line for each motor, then by kind of value the largest
-deviation, how many are within the bound, and how many intervals at 95 % hold the truth; and each value beyond
-its bound. What is left out counts as a miss, and so does all of a motor that is refused. 20 motors have more
-than 200 values, and take some minutes.
+
+Each seed draws a motor of each of eight kinds, with six logs. A line for each motor names what is off or left
+out. The table has by kind of value: how many there are, how many were told, are within the goal and within
+their own interval, the median interval, and the median of deviation over interval. Orders that are not the
+motor's count as false where they are larger than a twentieth of its largest, or than a twentieth of its
+friction.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
-import sys
 import tempfile
-from dataclasses import dataclass
+import time
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
+import identify_plant as plant
 import numpy as np
 
-from cogless import units
 from cogless.errors import StudyError
 from cogless.identify import plan
 from cogless.identify.command import identified
 from cogless.identify.result import Estimate, Value, Wave
-from cogless.results.trace import Trace
-from cogless.run.simulate import rollout
-from cogless.study import Study, load
-from cogless.study.drive import Drive
-from cogless.study.motor import StarMotor
 
-Random = np.random.Generator
-KINDS = {  # pole pairs, R_s, L, K_t, J, friction as a share of the limit's torque, current limit, counts
-    "gimbal": (7, 5.0, 2e-3, 0.08, 8e-5, 0.02, 3.0, 16_384),
-    "servo": (4, 0.8, 2e-3, 0.3, 5e-4, 0.01, 10.0, 10_000),
-    "drone": (12, 0.53, 2.1e-4, 0.0276, 6e-6, 0.013, 4.0, 4_096),
-    "hub": (15, 0.2, 4e-4, 0.5, 6e-3, 0.01, 20.0, 8_192),
-    "fine": (10, 1.5, 1e-3, 0.12, 1e-4, 0.02, 5.0, 2**18),
-    "stepper": (50, 1.5, 3e-3, 0.3, 6e-6, 0.02, 2.0, 65_536),
-}
-RATE = 10_000  # Hz, at which the logs are simulated; the plan says how many of its rows are logged
-LATEST = 20  # rows of RATE by which currents are logged late, at most
-BOUNDS = {
+GOALS = {  # relative, or s and rad
     "inertia": 0.01,
     "Coulomb": 0.01,
     "viscous": 0.05,
-    "delay (s)": 5e-5,
+    "delay": 5e-5,
     "cogging": 0.03,
-    "phase (rad)": math.radians(2),
+    "cogging phase": math.radians(2),
     "K_t ripple": 0.05,
+    "K_t phase": math.radians(5),
     "encoder": 0.05,
-    "load": 0.02,
+    "encoder phase": math.radians(5),
 }
+MAIN_SHARE = 0.05  # of the largest order
 
 
-def drawn(kind: str, random: Random) -> dict[str, Any]:
-    """Tables of a study of a random motor of a kind."""
-    poles, r, inductance, k_t, inertia, share, limit, counts = KINDS[kind]
+@dataclass
+class Tally:
+    """Of a kind of value: how many there are, and deviation and interval of those that were told."""
 
-    def about(value: float, spread: float = 0.5) -> float:
-        return value * math.exp(random.uniform(-spread, spread))
+    wanted: int = 0
+    off: list[float] = field(default_factory=list)
+    error: list[float] = field(default_factory=list)
 
-    k_t, inertia = about(k_t, 0.2), about(inertia)
-    friction = about(share) * k_t * limit
-    orders = [
-        6 * poles,
-        *sorted(random.choice([n for n in range(6, 8 * poles) if n % poles], 2, replace=False).tolist()),
-    ]
-    if kind == "stepper":
-        orders = [4 * poles, 2 * poles, 7]
-    gains = random.uniform(-0.01, 0.01, 3)
-    gains -= gains.mean()  # their mean is a wrong K_t, which no log of currents tells
-    sensors = {
-        "noise": f"{2e-3 * limit:.3g} A",
-        "bits": 12,
-        "range": f"{2 * limit} A",
-        "offset": [f"{x:.4g} A" for x in 2e-3 * limit * random.standard_normal(3)],
-        "gain_error": [round(x, 5) for x in gains.tolist()],
-    }
-    cogging = [
-        {
-            "order": int(order),
-            "torque": f"{friction * size * random.uniform(0.6, 1.4):.5g} N*m",
-            "phase": f"{random.uniform(-180, 180):.1f} deg",
-        }
-        for order, size in zip(orders, (1.5, 0.6, 0.3), strict=True)
-    ]
-    psi_f = k_t / (1.5 * poles)
-    ripple = {
-        "order": 6,
-        "d": f"{psi_f * random.uniform(0.01, 0.03):.5g} Wb",
-        "d_phase": f"{random.uniform(-180, 180):.1f} deg",
-    }
-    return {
-        "title": kind,
-        "motor": {
-            "pole_pairs": poles,
-            "R_s": f"{r} ohm",
-            "L_d": f"{inductance} H",
-            "L_q": f"{inductance} H",
-            "K_t": f"{k_t:.6g} N*m/A",
-            "cogging": cogging,
-            "flux_harmonics": [ripple],
-        },
-        "mechanics": {
-            "inertia": f"{inertia:.5g} kg*m^2",
-            "coulomb_friction": f"{friction:.5g} N*m",
-            "viscous_friction": f"{friction / 60 * random.uniform(0.5, 1.5):.5g} N*m*s/rad",
-        },
-        "drive": {
-            "rates": {"current_loop": "10 kHz", "speed_loop": "1 kHz"},
-            "current_loop": {"bandwidth": "500 Hz", "current_limit": f"{limit} A"},
-            "inverter": {"bus_voltage": "48 V", "dead_time": f"{random.choice([0, 100, 300])} ns"},
-            "position_sensor": {
-                "kind": "encoder",
-                "lines": counts // 4,
-                "speed_method": "M",
-                "eccentricity": f"{random.uniform(0.05, 0.3):.4f} deg",
-                "eccentricity_phase": f"{random.uniform(-180, 180):.1f} deg",
-            },
-            "current_sensors": sensors,
-        },
-        "scenario": {"one": {"duration": "1 s", "reference": "1 rev/s"}},
-        "controller": {"pi": {"law": "pi", "tuning": {"rule": "phase-margin", "phase_margin": "60 deg"}}},
-        "metric": [{"name": "speed_ripple", "kind": "ripple-rms", "signal": "omega_m"}],
-    }
+    def add(self, off: float, error: float) -> None:
+        self.off.append(off)
+        self.error.append(error)
+
+    def line(self, kind: str) -> str:
+        off, error = np.abs(self.off), np.array(self.error)
+        within, inside = int(np.sum(off <= GOALS[kind])), int(np.sum(off <= error))
+        if not len(off):
+            return f"{kind:14} {self.wanted:4} {0:5}"
+        return (
+            f"{kind:14} {self.wanted:4} {len(off):5} {within:6} {inside:6}  {np.median(error):9.2g} "
+            f"{np.median(off / error):6.2f}"
+        )
 
 
-def typed_in(tables: dict[str, Any]) -> dict[str, Any]:
-    """The study as far as its user knows it: no errors of sensors, no dead time."""
-    drive = {**tables["drive"], "inverter": {"bus_voltage": "48 V"}}
-    sensor = drive["position_sensor"]
-    drive["position_sensor"] = {key: x for key, x in sensor.items() if not key.startswith("ecc")}
-    drive["current_sensors"] = {
-        key: x for key, x in drive["current_sensors"].items() if key not in ("offset", "gain_error")
-    }
-    return {**tables, "drive": drive}
+@dataclass
+class Score:
+    """Of all motors. `main`: those whose largest order was told. `false`: those with false orders."""
+
+    tallies: dict[str, Tally] = field(default_factory=lambda: defaultdict(Tally))
+    motors: int = 0
+    main: int = 0
+    false: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+    def lines(self) -> list[str]:
+        kinds = [kind for kind in GOALS if kind in self.tallies]
+        whole = [self.tallies[kind] for kind in kinds]
+        off, error = (np.abs([x for t in whole for x in getattr(t, name)]) for name in ("off", "error"))
+        count, share = sum(t.wanted for t in whole), off / np.maximum(error, 1e-300)
+        goal = sum(int(np.sum(np.abs(self.tallies[kind].off) <= GOALS[kind])) for kind in kinds)
+        return [
+            f"{'':14} {'of':>4} {'told':>5} {'within':>6} {'inside':>6}  {'interval':>9} {'median':>6}",
+            *(self.tallies[kind].line(kind) for kind in kinds),
+            f"{'all':14} {count:4} {len(off):5} {goal:6} {int(np.sum(share <= 1)):6}  {'':9} "
+            f"{np.median(share) if len(share) else math.nan:6.2f}",
+            f"main order {self.main} of {self.motors}; false orders in {len(self.false)} motors "
+            f"({'; '.join(self.false)}); {self.seconds / max(1, self.motors):.1f} s a motor",
+        ]
 
 
-LOGGED = ("time", "theta_measured", "omega_measured", "i_q", "i_d")
-
-
-def logged(trace: Trace, star: StarMotor, drive: Drive, late: int, every: int) -> dict[str, Any]:
-    """What the drive logs in every so many-th row: angle, speed, and currents, these so many rows late."""
-    theta = trace["theta_measured"]
-    sensors = drive.current_sensors
-    park = [star.pole_pairs * theta - third * 2 * math.pi / 3 for third in range(3)]
-    phases = [
-        (1 + gain) * trace[name] + offset
-        for name, gain, offset in zip(("i_a", "i_b", "i_c"), sensors.gain_error, sensors.offset, strict=True)
-    ]
-    found = {
-        "i_q": -2 / 3 * sum(i * np.sin(x) for i, x in zip(phases, park, strict=True)),
-        "i_d": 2 / 3 * sum(i * np.cos(x) for i, x in zip(phases, park, strict=True)),
-    }
-    count = len(trace) - LATEST
-    return {
-        "time": trace["time"][LATEST : LATEST + count : every],
-        "theta_measured": theta[LATEST : LATEST + count : every],
-        "omega_measured": trace["omega_measured"][LATEST : LATEST + count : every],
-        **{name: x[LATEST - late : LATEST - late + count : every] for name, x in found.items()},
-    }
-
-
-Compared = list[tuple[str, str, float, float]]  # kind, what, deviation from the truth, over the stated error
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """A motor and its planned logs. `late`: rows of RATE by which their currents are late."""
-
-    truth: Study
-    eccentricity: tuple[float, float]  # rad, and its phase
-    logs: tuple[Path, ...]
-    columns: Path
-    late: int
-
-
-def recorded(tables: dict[str, Any], folder: Path, random: Random) -> Recorded:
-    """Simulate the planned logs of the motor of these tables."""
-    (folder / "motor.toml").write_text(plan.text(tables), encoding="utf-8")
-    truth = load(folder / "motor.toml")
-    assert isinstance(truth, Study)
-    play, _ = plan.tables(truth)
-    every = round(RATE / units.parse(play["trace"]["rate"], units.FREQUENCY))
-    (folder / "study.toml").write_text(plan.text({**play, "trace": {"rate": f"{RATE} Hz"}}), encoding="utf-8")
-    (folder / "known.toml").write_text(plan.text(typed_in(tables)), encoding="utf-8")
-    _, columns = plan.tables(load(folder / "known.toml"))
-    columns["columns"] = {signal: name for signal, name in columns["columns"].items() if name in LOGGED}
-    columns["log"] = [{**rule, "file": f"{rule['file']}.npz"} for rule in columns["log"]]
-    (folder / "id.toml").write_text(plan.text(columns), encoding="utf-8")
-    (results,) = rollout([load(folder / "study.toml")], jobs=1)
-    late, star = int(random.integers(0, LATEST)), truth.motor.star()
-    paths = []
-    for run in results.runs:
-        paths.append(folder / f"{run.scenario}.npz")
-        np.savez(paths[-1], **logged(run.trace, star, truth.drive, late, every))
-    sensor = tables["drive"]["position_sensor"]
-    size, phase = (
-        math.radians(float(sensor[key].split()[0])) for key in ("eccentricity", "eccentricity_phase")
-    )
-    return Recorded(truth, (size, phase), tuple(paths), folder / "id.toml", late)
-
-
-def compared(of: Recorded, made: Estimate) -> tuple[Compared, list[str]]:
-    """Every value against the truth, and what was said."""
-    truth, late, star = of.truth, of.late, of.truth.motor.star()
-    found: Compared = []
+def compared(motor: plant.Motor, made: Estimate | None, score: Score) -> list[str]:
+    """Add a motor's values to the score; returns what is off, a text each."""
     said: list[str] = []
 
-    def add(kind: str, name: str, got: Value, true: float) -> None:
-        found.append((kind, name, (got.value - true) / (abs(true) or 1.0), (got.value - true) / got.error))
+    def add(kind: str, name: str, off: float, error: float) -> None:
+        score.tallies[kind].add(off, error)
+        if abs(off) > error:
+            said.append(f"{kind}{name} {off:+.3g} +- {error:.2g}")
 
-    mechanics, known_K_t = truth.mechanics, made.K_t
-    for key, kind, true in (
-        ("j", "inertia", mechanics.inertia),
-        ("c", "Coulomb", mechanics.coulomb_friction),
-        ("b", "viscous", mechanics.viscous_friction),
-    ):
-        if key in made.values:
-            add(kind, "", made.values[key].times(known_K_t), true)
-    if "delay" in made.values:
-        value, true = made.values["delay"], late / RATE
-        found.append(("delay (s)", "", value.value - true, (value.value - true) / value.error))
+    def single(kind: str, got: Value | None, true: float, relative: bool = True) -> None:
+        score.tallies[kind].wanted += 1
+        if got is None:
+            said.append(f"no {kind}")
+            return
+        whole = abs(true) if relative else 1.0
+        add(kind, "", (got.value - true) / whole, got.error / whole)
 
-    def wave(kind: str, got: Wave, factor: float, size: float, phase: float) -> None:
-        add(kind, f"order {got.order}", got.size.times(factor), size)
-        turn = (got.phase.value - phase + math.pi) % (2 * math.pi) - math.pi
-        found.append(("phase (rad)", f"{kind}, order {got.order}", turn, turn / got.phase.error))
+    def add_wave(kind: str, phase: str, got: Wave | None, factor: float, true: plant.Wave) -> None:
+        order, size, angle = true
+        score.tallies[kind].wanted += 1
+        score.tallies[phase].wanted += 1
+        if got is None:
+            said.append(f"no {kind} {order}")
+            return
+        add(kind, f" {order}", got.size.value * factor / size - 1, got.size.error * factor / size)
+        turned = (got.phase.value - angle + math.pi) % (2 * math.pi) - math.pi
+        add(phase, f" {order}", turned, got.phase.error)
 
-    cogging = {c.order: c for c in star.cogging}
-    largest = max(abs(c.torque or 0.0) for c in star.cogging)
-    for got in made.cogging:
-        true_wave = cogging.pop(got.order, None)
-        if true_wave is not None:
-            wave("cogging", got, known_K_t, true_wave.torque or 0.0, true_wave.phase)
-        elif got.size.value * known_K_t > 0.05 * largest:
-            found.append(("cogging", f"order {got.order}, which is not there", math.inf, math.inf))
-    said += [f"cogging of order {order} is not found" for order in cogging]
-    for got in made.ripple:
-        if got.order == 6 * star.pole_pairs:
-            harmonic = star.flux_harmonics[0]
-            wave("K_t ripple", got, 1.0, harmonic.d / star.psi_f, harmonic.d_phase + math.pi / 2)
-        elif got.order != 2 * star.pole_pairs:  # of the gain errors
-            found.append(("K_t ripple", f"order {got.order}, which is not there", math.inf, math.inf))
-    for got in made.encoder:
-        if got.order == 1:
-            wave("encoder", got, 1.0, *of.eccentricity)
-        else:
-            found.append(("encoder", f"order {got.order}, which is not there", math.inf, math.inf))
-    said += [*made.left_out, *made.remarks]
-    return found, said
-
-
-def wanted(of: Recorded) -> list[tuple[str, str]]:
-    """Kind and name of all that a motor's logs should tell."""
-    star = of.truth.motor.star()
-    waves = [
-        *(("cogging", cogging.order) for cogging in star.cogging),
-        ("K_t ripple", 6 * star.pole_pairs),
-        ("encoder", 1),
+    values = {} if made is None else made.values
+    torque = motor.K_t
+    for key, kind, true in (("j", "inertia", motor.inertia), ("c", "Coulomb", motor.coulomb)):
+        single(kind, values[key].times(torque) if key in values else None, true)
+    single("viscous", values["b"].times(torque) if "b" in values else None, motor.viscous)
+    single("delay", values.get("delay"), motor.delay, relative=False)
+    kinds = ("cogging", "ripple", "encoder")
+    by_kind: dict[str, Sequence[Wave]] = {} if made is None else {kind: getattr(made, kind) for kind in kinds}
+    orders = {kind: {w.order: w for w in waves} for kind, waves in by_kind.items()}
+    largest = max((size for _, size, _ in motor.cogging), default=0.0)
+    own = {order for order, _, _ in motor.cogging}
+    for true in motor.cogging:
+        if true[1] > MAIN_SHARE * largest:
+            add_wave("cogging", "cogging phase", orders.get("cogging", {}).get(true[0]), torque, true)
+        if true[1] == largest and true[0] in orders.get("cogging", {}):
+            score.main += 1
+    for true in motor.flux:
+        add_wave("K_t ripple", "K_t phase", orders.get("ripple", {}).get(true[0]), 1.0, true)
+    for true in motor.encoder:
+        add_wave("encoder", "encoder phase", orders.get("encoder", {}).get(true[0]), 1.0, true)
+    least = MAIN_SHARE * (largest or motor.coulomb)
+    false = [
+        wave.order
+        for wave in by_kind.get("cogging", ())
+        if wave.order not in {*own, motor.poles} and wave.size.value * torque > least
     ]
-    single = [(kind, "") for kind in ("inertia", "Coulomb", "viscous", "delay (s)")]
-    sizes = [(kind, f"order {order}") for kind, order in waves]
-    return [*single, *sizes, *(("phase (rad)", f"{kind}, order {order}") for kind, order in waves)]
+    if false:
+        score.false.append(f"{motor.kind} {false}")
+    score.motors += 1
+    return said
+
+
+def scored(
+    seeds: Sequence[int], rate: float, jitter: float, every_key: bool, cogging: bool, kinds: Sequence[str]
+) -> Score:
+    """Draw, log and identify motors of these kinds for each seed; prints a line for each."""
+    score = Score()
+    for seed in seeds:
+        random = np.random.default_rng(seed)
+        motors = [plant.drawn(kind, random, cogging) for kind in plant.KINDS]
+        motors = [motor for motor in motors if motor.kind in kinds]
+        for motor, raw in zip(motors, plant.simulated(motors, seed), strict=True):
+            logs = {
+                name: plant.rows_of(signals, motor, rate, jitter, seed + n)
+                for n, (name, signals) in enumerate(raw.items())
+            }
+            begin, made = time.process_time(), None
+            with tempfile.TemporaryDirectory() as folder:
+                paths = plant.write(Path(folder), logs, plan.text(plant.columns(motor, every_key)))
+                try:
+                    made = identified(paths, Path(folder) / "id.toml", lambda what, share: None).estimate
+                except StudyError as error:
+                    print(*str(error).splitlines()[:2], sep="\n")
+            score.seconds += time.process_time() - begin
+            said = compared(motor, made, score)
+            print(f"{seed} {motor.kind:8} {'; '.join(said)}", flush=True)
+    return score
 
 
 def main() -> None:
-    numbers = [int(text) for text in sys.argv[1:]]
-    count, seed = (numbers + [20, 0][len(numbers) :])[:2]
-    random = np.random.default_rng(seed)
-    everything: Compared = []
-    missed: list[str] = []
-    for n in range(count):
-        kind = list(KINDS)[n % len(KINDS)]
-        with tempfile.TemporaryDirectory() as folder:
-            of = recorded(drawn(kind, random), Path(folder), random)
-            try:
-                made = identified(of.logs, of.columns, lambda what, share: None).estimate
-                found, said = compared(of, made)
-            except StudyError as error:
-                found, said = [], str(error).splitlines()
-        everything += found
-        out = [each for each in wanted(of) if each not in {(what, name) for what, name, *_ in found}]
-        missed += [what for what, _ in out]
-        print(f"{n + 1} {kind}: {len(found)} values, {len(out)} left out")
-        for what, name, off, z in found:
-            if abs(off) > BOUNDS[what] or abs(z) > 1:
-                print(f"  {what} {name}: off by {off:.3g} of {BOUNDS[what]:.3g}, {z:.2f} of its error")
-        print("".join(f"  ! {line}\n" for line in said), end="", flush=True)
-    for what in dict.fromkeys([*(what for what, *_ in everything), *missed]):
-        told = [(off, z) for of, _, off, z in everything if of == what]
-        within = sum(abs(off) <= BOUNDS[what] for off, _ in told)
-        print(
-            f"{what:12} {len(told):4} told of {len(told) + missed.count(what)}, {within} within "
-            f"{BOUNDS[what]:.2g}, off by at most {max((abs(off) for off, _ in told), default=0):.2g}, "
-            f"{sum(abs(z) <= 1 for _, z in told)} in the interval"
-        )
-    inside = sum(abs(z) <= 1 for *_, z in everything)
-    print(
-        f"{len(everything)} values of {len(everything) + len(missed)}, {inside} in their intervals: "
-        f"{100 * inside / max(1, len(everything)):.1f} %"
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
+    parser.add_argument("--rate", type=float, default=1000.0, help="rows a second")
+    parser.add_argument("--jitter", type=float, default=0.0, help="of the rows' distance")
+    parser.add_argument("--every-key", action="store_true", help="a law in the file of columns")
+    parser.add_argument("--no-cogging", action="store_true", help="motors without cogging and ripple of K_t")
+    parser.add_argument("--kinds", nargs="+", default=list(plant.KINDS), choices=list(plant.KINDS))
+    options = parser.parse_args()
+    score = scored(
+        options.seeds, options.rate, options.jitter, options.every_key, not options.no_cogging, options.kinds
     )
+    print(*score.lines(), sep="\n")
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identify_many.py
 
-The logs are simulated: a servo of benchmarks/identify.py at eight speeds, with four accelerations and four
-loads, each for 20 s at 1 kHz. Prints each step with the processor time until then.
+The logs are simulated: a servo of benchmarks/identify_planned.py at eight speeds, with four accelerations
+and four loads, each for 20 s at 1 kHz. Prints each step with the processor time until then.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-import identify as benchmark
+import identify_planned as benchmark
 import numpy as np
 
 from cogless.identify import plan
