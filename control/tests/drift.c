@@ -445,10 +445,11 @@ static void currents_of_adrc(double *integral, double *learned)
     *learned = 0;
 }
 
-/* The filter is Butterworth's of second order at 8 Hz. */
+/* The filter is Butterworth's of second order at 4 Hz: the lag of the current loop, which the law does not know, leaves no more than
+ * this to learn without a guard. */
 static cgl_error init_trial(void)
 {
-    const double w = tan(0.5 * TAU * 8.0 * TS), a = 1 + sqrt(2.0) * w + w * w, b = w * w / a;
+    const double w = tan(0.5 * TAU * 4.0 * TS), a = 1 + sqrt(2.0) * w + w * w, b = w * w / a;
     const cgl_trial_config config = {
         .samples = TRIAL_SAMPLES, .states = 2U, .n = r(1.0), .c = {r(1.0)}, .k_3 = r(1.0), .shift = 2U, .filter_signal = true,
         .q_filter = {.order = 2U, .b = {r(b), r(2 * b), r(b)}, .a = {r(1.0), r(2 * (w * w - 1) / a), r((1 - sqrt(2.0) * w + w * w) / a)}},
@@ -518,6 +519,7 @@ typedef struct {
 static struct {
     const subject *subject;
     plant motor;
+    long shown[WINDOW + 1]; /* counts of the encoder as the firmware reads them, the newest first */
     cgl_drive drive;
     cgl_foc foc;             /* beside a foreign loop, this is the current loop */
     double integral;         /* of the foreign loop [A] */
@@ -564,7 +566,7 @@ static bool start(void)
 static cgl_measurement sensed(void)
 {
     plant *const motor = &rig.motor;
-    static long shown[WINDOW + 1];
+    long *const shown = rig.shown;
     const long shift = rig.fault == ANGLE_SHIFTED ? 517 : 0;
     memmove(shown + 1, shown, WINDOW * sizeof shown[0]);
     shown[0] = rig.fault == ANGLE_HELD ? shown[1] : motor->count[0] + shift;
@@ -713,6 +715,7 @@ static void run_with_dropouts(double seconds)
             rig.fault = ANGLE_TRUE;
             run(0.05);
         }
+        (void)cgl_monitor_trust(&rig.drive.monitor); /* a sensor that was held while the rotor turned has jumped: the firmware homes */
     }
 }
 
