@@ -222,7 +222,7 @@ class Harmonic:
         self.mean += self.share * (self.load - self.mean)
         self.loads = [self.load - self.mean, *self.loads[:-1]]
         self.drift += self.share * (self.loads[0] - self.drift)
-        pause = 2 if self.acting > FEW else TURN_OF_BEND
+        pause = 2 if self.acting > FEW else 4
         if self.since % pause == 1:
             self.make_gain(pause, omega_ref)
         ahead = self.omega * (0.5 + self.d) - self.here

@@ -27,8 +27,8 @@
 #define BEND_VARIANCES CGL_R(64.0) /* a bend whose square is less than so many variances is taken for noise */
 #define SQUARES_MOST CGL_R(1.0e9) /* sums of squares, and gains, stay finite within this bound */
 #define SLOW_PARTS 2U           /* a step teaches one of so many parts of the slow orders */
-#define FEW_ORDERS 8U           /* so many orders have a gain renewed in one of BEND_STEPS steps; more have one in each second step */
-#define BEND_STEPS 8U           /* a power of two: the bend has its turn in one of so many steps */
+#define FEW_ORDERS 8U           /* up to so many acting orders, one of four steps renews a gain; beyond, each second step does */
+#define BEND_STEPS 8U           /* the bend has its turn in one of so many steps */
 
 CGL_SELDOM const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config, const cgl_loop *loop)
 {
@@ -493,9 +493,9 @@ static cgl_real follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t thet
         law->observing = true;
     }
     const cgl_real error = observe(law, theta), loads = two_loads(law);
-    const bool many = law->acting > FEW_ORDERS;
-    if (law->clock == 1U || (many && (law->clock & 1U) == 1U)) {
-        renew_gain(law, many ? 2U : BEND_STEPS, in->gentle, cgl_abs(in->omega_ref));
+    const uint32_t pause = law->acting > FEW_ORDERS ? 2U : 4U; /* a power of two, so the mask gives a remainder */
+    if ((law->clock & (pause - 1U)) == 1U) {
+        renew_gain(law, pause, in->gentle, cgl_abs(in->omega_ref));
     }
     if (in->off) {
         return CGL_R(0.0);

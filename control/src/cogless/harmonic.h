@@ -1,25 +1,26 @@
-/* PI control of speed or of position with learned amplitudes of the orders that the motor can have, and nothing to tune:
+/* PI control of speed or of position, with learned amplitudes of the orders that the motor can have. It has nothing to tune:
  *
  *   i_q_ref = PI(omega_ref - omega + k_theta (theta_ref - theta)) + T
  *   T = Re sum_k c_k exp(j k base (theta + omega (ts/2 + delay)))
  *
- * An observer of angle, speed and load is told the feedback's current alone, u = i_q_ref - T. Its error e holds what T leaves of
- * the ripple, and only that. Where nothing is left, e has no ripple, whatever the lag of the observer's model:
+ * An observer of angle, speed and load knows the feedback's current alone, u = i_q_ref - T. So its error e shows what T leaves of
+ * the ripple, and only that. Where T leaves nothing, e has no ripple, even if the observer's model is wrong:
  *
  *   a = b u + z,   theta' = theta + ts omega + ts^2/2 a,   omega' = omega + ts a,   e = measured - theta'
  *   theta = theta' + (1 - p^3) e,   omega = omega' + 3/2 (1-p)^2 (1+p) e / ts,   z += (1-p)^3 e / ts^2,   p = exp(-1/2)
  *
- * An order learns from s. Where Om = k base omega ts is small, s is ts^2 z without its mean; else it is e. A ripple of 1 A in
- * current shows as b ts^2 G(Om) in s. Each order takes away what it sees of itself, by the exact inverse of that:
+ * An order turns by Om = k base omega ts in a step. It learns from a signal s: a slow order, whose Om is small, from ts^2 z less its
+ * mean, a fast order from e. A ripple of 1 A shows as b ts^2 G(Om) in s, so an order divides by that what it sees of itself:
  *
  *   c_k -= rate ts s exp(-j k base theta) / (b ts^2 G)
  *
- * Such slow orders learn in turns, a half of them in a step, from the sum of the last two s.
+ * Slow orders learn in turns, half of them in a step, from the sum of the last two s.
  *
- * The rate falls like the weight in a mean: it is 1 / (1 / rate + t / 2). t is the time since the last new speed.
+ * The rate is full at first and then falls like the weight in a mean: it is 1 / (1 / rate + t / 2), where t is the time since then.
+ * Its time begins anew at a new speed.
  *
- * The speed decides which orders act: all slow orders, and those fast ones that are among the lowest `fast`. The motor is known to
- * have these. */
+ * The speed decides which orders act: all slow orders act, and of the fast ones those among the lowest `fast`, which the motor is
+ * known to have. */
 #ifndef COGLESS_HARMONIC_H
 #define COGLESS_HARMONIC_H
 
@@ -39,27 +40,29 @@ extern "C" {
 #define CGL_HARMONIC_FASTEST CGL_R(2.6) /* rad in a step: beyond it the samples hardly tell an order from its image */
 #define CGL_HARMONIC_SETTLE 64U         /* steps until learning goes on after it froze */
 
-/* Entries of the caller's memory: cosines, sines, orders, pairs of gains. A stored map tells by the orders whose it is. */
+/* Entries of the caller's memory: cosines, sines, orders, pairs of gains. The orders show to which law a stored map belongs. */
 #define CGL_HARMONIC_LENGTH(orders) (5U * (orders))
 
 typedef struct {
     cgl_pi_config pi;   /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
-    cgl_real k_theta;   /* of the position, of which the short way round counts; 0: speed only [1/s], >= 0 */
+    cgl_real k_theta;   /* gain from the position's error, the short way round, to speed [1/s], >= 0; 0: speed control */
     cgl_real b;         /* acceleration per current, K_t / J [rad/s^2/A], > 0; b ts^2 is a number, > 0, too */
-    cgl_real delay;     /* from the reference to the current, less the half period that a held value is late [s], 0 to 16 ts */
-    cgl_real step;      /* of the angle, if the speed is timed from edge to edge: it tells where between two; 0: unknown [rad], >= 0 */
-    uint32_t base;      /* learned orders of a mechanical revolution are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
-    uint32_t bends;     /* 1: an error of the sensor is learned that comes once a turn, 2: that comes twice, too. A base below
-                           3 allows none, below 5 one. 0 where the sensor is true, or a load that varies as often tells the
-                           same; 0 to 2 */
-    uint32_t orders;    /* how many, 1 to CGL_HARMONIC_ORDERS; base orders is at most CGL_HARMONIC_ORDER_MAX */
+    cgl_real delay;     /* time from the reference to the current, without the half period that a held value is late [s], 0 to 16 ts */
+    cgl_real step;      /* step of the sensor's angle, if the speed is timed from edge to edge, which tells where the rotor is
+                           between two; 0 for other speeds [rad], >= 0 */
+    uint32_t base;      /* the learned orders of a mechanical revolution are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
+    uint32_t bends;     /* 1: the law learns the part of the sensor's error that comes once a turn; 2: the part that comes twice,
+                           too. A base below 3 allows none, below 5 one. Choose 0 for a true sensor, and where the load varies
+                           as often, since that looks the same; 0 to 2 */
+    uint32_t orders;    /* number of orders, 1 to CGL_HARMONIC_ORDERS; base * orders is at most CGL_HARMONIC_ORDER_MAX */
     uint32_t fast;      /* the lowest `fast` orders act up to CGL_HARMONIC_FASTEST: those that the motor is known to have. The
                            others act while they are slow; 0 to `orders` */
-    cgl_real rate;      /* at which learning begins; 0: nothing is learned. The rates of all acting orders add up to 1/16 per step at most [1/s], >= 0 */
-    cgl_real rate_min;  /* to which it falls [1/s], >= 0 */
+    cgl_real rate;      /* rate at which learning begins; 0: nothing is learned. The law lowers it so that the rates of all acting
+                           orders add up to at most 1/16 per step [1/s], >= 0 */
+    cgl_real rate_min;  /* rate to which it falls [1/s], >= 0 */
     cgl_real limit;     /* each amplitude, and the sum, stay within +-limit [A], > 0, at most loop.current_limit */
-    cgl_real held[CGL_HARMONIC_EDGES]; /* bands in which an order acts but is not learned, from and to, rising, none from 0
-                                               to 0 [rad in a step of the order], >= 0 */
+    cgl_real held[CGL_HARMONIC_EDGES]; /* bands in which an order acts but is not learned: the edges from and to, rising; 0 and 0 are
+                                          no band [rad in a step of the order], >= 0 */
 } cgl_harmonic_config;
 
 /* The bend: the error of the measured angle that repeats each turn, as an encoder off the middle has it. */
@@ -121,12 +124,13 @@ typedef struct {
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
 const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config, const cgl_loop *loop);
 
-/* loop: drive.loop, without feed_forward: the observer needs the feedback's current. `cell`: CGL_HARMONIC_LENGTH(orders) entries,
- * which the state keeps using; they are cleared. */
+/* `loop` is drive.loop. It is refused with feed_forward, since the observer needs the feedback's current. `cell` has
+ * CGL_HARMONIC_LENGTH(orders) entries, which init clears and the state keeps using. */
 cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_config *config, const cgl_loop *loop, cgl_real *cell,
                             uint32_t length);
 
-/* Takes other gains and limits while it runs, as cgl_pi_retune. Amplitudes stay, within the limit; the orders must. */
+/* Takes other gains and limits while the law runs, as cgl_pi_retune. The amplitudes stay, within the limit. Another base or number of
+ * orders is refused. */
 cgl_error cgl_harmonic_retune(cgl_harmonic *law, const cgl_harmonic_config *config);
 
 void cgl_harmonic_reset(cgl_harmonic *law);
