@@ -493,9 +493,9 @@ static cgl_real follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t thet
         law->observing = true;
     }
     const cgl_real error = observe(law, theta), loads = two_loads(law);
-    const uint32_t pause = law->acting > FEW_ORDERS ? 2U : 4U; /* a power of two, so the mask gives a remainder */
-    if ((law->clock & (pause - 1U)) == 1U) {
-        renew_gain(law, pause, in->gentle, cgl_abs(in->omega_ref));
+    const bool many = law->acting > FEW_ORDERS;
+    if ((law->clock & 1U) == 1U && (many || (law->clock & 2U) == 0U)) {
+        renew_gain(law, many ? 2U : 4U, in->gentle, cgl_abs(in->omega_ref));
     }
     if (in->off) {
         return CGL_R(0.0);
