@@ -1509,7 +1509,7 @@ void random_inputs(long configs)
         {"quality", try_quality, 0xa29dc678U, 0x8fc9d407U},
         {"drive", try_drive, 0x0928a09dU, 0xecb94ad8U},
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
-        {"harmonic", try_harmonic, 0x9deba4c8U, 0x8b93a460U},
+        {"harmonic", try_harmonic, 0xf86c57b1U, 0x22244692U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
         {"trial_basis", try_trial_basis, 0xac857a4bU, 0x130f461fU},
     };

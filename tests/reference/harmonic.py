@@ -20,7 +20,6 @@ TOGETHER = 1 / 16
 BENT, SURE, STAYS, DOUBTED, CALM = 0.05, 2.5e-7, 1 / 8, 64.0, 0.02
 TURN_OF_BEND, PARTS, FEW = 8, 2, 8
 HUNTS = 2.0
-MOST = 0.4999 * math.tau  # rad: a step moves angle, speed and load by less than half a turn
 
 
 @dataclass
@@ -54,7 +53,6 @@ class Harmonic:
         self.omega = self.load = self.mean = self.drift = self.calm = 0.0
         self.time = self.slowest = self.fastest = self.rate_now = 0.0
         self.round_step = 0.0
-        self.half = self.lead = 0
         free = 2 if self.base > 4 else 1 if self.base > 2 else 0
         self.bend = np.zeros(min(self.bends, free), dtype=complex)
         self.believed = self.bend_rate = self.power = self.rest = self.doubt = self.moved = self.before = 0.0
@@ -83,8 +81,6 @@ class Harmonic:
         """Where the rotor is within the step that a sensor shows whose speed is timed from edge to edge."""
         turned_by = ((shown - self.shown + TURN // 2) % TURN - TURN // 2) / TURN
         half = min(self.sensor_step / (2 * math.tau), 0.25)
-        if half == 0:
-            return shown
         way = self.since_edge + omega_m * self.pi.ts / math.tau - turned_by
         self.since_edge = 0.0 if math.isnan(way) else clip(way, half)
         self.shown = shown
@@ -94,16 +90,16 @@ class Harmonic:
         """What the feedback commands acts from the next step on."""
         kept, shares = self.shares()
         now = kept * self.current + sum(x * y for x, y in zip(shares, [u, *self.told], strict=True))
-        self.current = clip(now, min(self.pi.limit, MOST / self.gain))
+        self.current = clip(now, self.pi.limit)
         self.told = [u, self.told[0]]
 
     def observe(self, theta_m: int) -> float:
         rise = self.gain * self.current + self.load
-        ahead = (self.theta + 2 * parts((self.omega + rise / 2) / math.tau / 2)) % TURN
+        ahead = turned(self.theta, self.omega + rise / 2)
         e = ((theta_m - ahead + TURN // 2) % TURN - TURN // 2) / TURN * math.tau
         self.theta = turned(ahead, L1 * e)
-        self.omega = clip(self.omega + rise + L2 * e, MOST)
-        self.load = clip(self.load + L3 * e, MOST)
+        self.omega = clip(self.omega + rise + L2 * e, math.pi)
+        self.load = clip(self.load + L3 * e, math.pi)
         return e
 
     def begin_round(self, omega_ref: float) -> None:
@@ -127,8 +123,6 @@ class Harmonic:
         asked = HUNTS * self.base * self.pi.ts * abs(omega_ref)
         self.rate_now = min(rate, (asked if asked < abs(step) else abs(step)) / (math.pi * self.pi.ts))
         self.judge_bend(begun)
-        sampled = step if abs(step) <= FASTEST else 0.0
-        self.half, self.lead = parts_of_angle(sampled / 2), parts_of_angle(sampled * (0.5 + self.d))
         self.round_step, self.due = step, 0
 
     def judge_bend(self, begun: float) -> None:
@@ -176,18 +170,18 @@ class Harmonic:
             return
         k = self.due
         om = (k + 1) * self.round_step
-        half, turned = (cmath.exp(1j * math.tau * (k + 1) * angle / TURN) for angle in (self.half, self.lead))
-        z = half**2  # `turned`: what acts is ahead of what is measured
+        z = cmath.exp(1j * om)
+        turned = cmath.exp(1j * om * (0.5 + self.d))  # what acts is ahead of what is measured
         rate = 0.0 if self.is_held(abs(om)) else self.rate_now
         power = (k + 1) * abs(self.c[k]) ** 2
         if k < self.low:
             self.power += 0.0 if self.is_held(abs(om)) else power
-            g = L3 / 2 * (z + 1) * z / (z - P) ** 3 * half
+            g = L3 / 2 * (z + 1) * z / (z - P) ** 3 * cmath.exp(0.5j * om)
             g *= (1 + z**-1) / PARTS
             turned *= 1 - 1j * math.copysign(MEAN, self.omega) / (k + 1)
         else:
             self.rest += power
-            g = (z + 1) * (z - 1) / 2 / (z - P) ** 3 * half
+            g = (z + 1) * (z - 1) / 2 / (z - P) ** 3 * cmath.exp(0.5j * om)
         self.weight[k] = rate / (self.b * self.pi.ts) / g * turned
         self.due = k + 1
 
@@ -216,7 +210,7 @@ class Harmonic:
         if not self.seated:
             self.theta, self.load, self.mean, self.drift = theta, 0.0, 0.0, 0.0
             self.loads = [0.0] * PARTS
-            self.omega = clip(finite_or_zero(omega_m) * self.pi.ts, MOST)
+            self.omega = clip(finite_or_zero(omega_m) * self.pi.ts, math.pi)
             self.wait, self.seated = SETTLE, True
         e = self.observe(theta)
         self.mean += self.share * (self.load - self.mean)

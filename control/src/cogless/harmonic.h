@@ -1,26 +1,25 @@
-/* PI control of speed or of position, with learned amplitudes of the orders that the motor can have. It has nothing to tune:
+/* PI control of speed or of position with learned amplitudes of the orders that the motor can have, and nothing to tune:
  *
  *   i_q_ref = PI(omega_ref - omega + k_theta (theta_ref - theta)) + T
  *   T = Re sum_k c_k exp(j k base (theta + omega (ts/2 + delay)))
  *
- * An observer of angle, speed and load knows the feedback's current alone, u = i_q_ref - T. So its error e shows what T leaves of
- * the ripple, and only that. Where T leaves nothing, e has no ripple, even if the observer's model is wrong:
+ * An observer of angle, speed and load is told the feedback's current alone, u = i_q_ref - T. Its error e holds what T leaves of
+ * the ripple, and only that. Where nothing is left, e has no ripple, whatever the lag of the observer's model:
  *
  *   a = b u + z,   theta' = theta + ts omega + ts^2/2 a,   omega' = omega + ts a,   e = measured - theta'
  *   theta = theta' + (1 - p^3) e,   omega = omega' + 3/2 (1-p)^2 (1+p) e / ts,   z += (1-p)^3 e / ts^2,   p = exp(-1/2)
  *
- * An order turns by Om = k base omega ts in a step. It learns from a signal s: a slow order, whose Om is small, from ts^2 z less its
- * mean, a fast order from e. A ripple of 1 A shows as b ts^2 G(Om) in s, so an order divides by that what it sees of itself:
+ * An order learns from s. Where Om = k base omega ts is small, s is ts^2 z without its mean; else it is e. A ripple of 1 A in
+ * current shows as b ts^2 G(Om) in s. Each order takes away what it sees of itself, by the exact inverse of that:
  *
  *   c_k -= rate ts s exp(-j k base theta) / (b ts^2 G)
  *
- * Slow orders learn in turns, half of them in a step, from the sum of the last two s.
+ * Such slow orders learn in turns, a half of them in a step, from the sum of the last two s.
  *
- * The rate is full at first and then falls like the weight in a mean: it is 1 / (1 / rate + t / 2), where t is the time since then.
- * Its time begins anew at a new speed.
+ * The rate falls like the weight in a mean: it is 1 / (1 / rate + t / 2). t is the time since the last new speed.
  *
- * The speed decides which orders act: all slow orders act, and of the fast ones those among the lowest `fast`, which the motor is
- * known to have. */
+ * The speed decides which orders act: all slow orders, and those fast ones that are among the lowest `fast`. The motor is known to
+ * have these. */
 #ifndef COGLESS_HARMONIC_H
 #define COGLESS_HARMONIC_H
 
@@ -40,83 +39,79 @@ extern "C" {
 #define CGL_HARMONIC_FASTEST CGL_R(2.6) /* rad in a step: beyond it the samples hardly tell an order from its image */
 #define CGL_HARMONIC_SETTLE 64U         /* steps until learning goes on after it froze */
 
-/* Entries of the caller's memory: cosines, sines, orders, pairs of gains. The orders show to which law a stored map belongs. */
+/* Entries of the caller's memory: cosines, sines, orders, pairs of gains. A stored map tells by the orders whose it is. */
 #define CGL_HARMONIC_LENGTH(orders) (5U * (orders))
 
 typedef struct {
     cgl_pi_config pi;   /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
-    cgl_real k_theta;   /* gain from the position's error, the short way round, to speed [1/s], >= 0; 0: speed control */
+    cgl_real k_theta;   /* of the position, of which the short way round counts; 0: speed only [1/s], >= 0 */
     cgl_real b;         /* acceleration per current, K_t / J [rad/s^2/A], > 0; b ts^2 is a number, > 0, too */
-    cgl_real delay;     /* time from the reference to the current, without the half period that a held value is late [s], 0 to 16 ts */
-    cgl_real step;      /* step of the sensor's angle, if the speed is timed from edge to edge, which tells where the rotor is
-                           between two; 0 for other speeds [rad], >= 0 */
-    uint32_t base;      /* the learned orders of a mechanical revolution are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
-    uint32_t bends;     /* 1: the law learns the part of the sensor's error that comes once a turn; 2: the part that comes twice,
-                           too. A base below 3 allows none, below 5 one. Choose 0 for a true sensor, and where the load varies
-                           as often, since that looks the same; 0 to 2 */
-    uint32_t orders;    /* number of orders, 1 to CGL_HARMONIC_ORDERS; base * orders is at most CGL_HARMONIC_ORDER_MAX */
+    cgl_real delay;     /* from the reference to the current, less the half period that a held value is late [s], 0 to 16 ts */
+    cgl_real step;      /* of the angle, if the speed is timed from edge to edge: it tells where between two; 0: unknown [rad], >= 0 */
+    uint32_t base;      /* learned orders of a mechanical revolution are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
+    uint32_t bends;     /* 1: an error of the sensor is learned that comes once a turn, 2: that comes twice, too. A base below
+                           3 allows none, below 5 one. 0 where the sensor is true, or a load that varies as often tells the
+                           same; 0 to 2 */
+    uint32_t orders;    /* how many, 1 to CGL_HARMONIC_ORDERS; base orders is at most CGL_HARMONIC_ORDER_MAX */
     uint32_t fast;      /* the lowest `fast` orders act up to CGL_HARMONIC_FASTEST: those that the motor is known to have. The
                            others act while they are slow; 0 to `orders` */
-    cgl_real rate;      /* rate at which learning begins; 0: nothing is learned. The law lowers it so that the rates of all acting
-                           orders add up to at most 1/16 per step [1/s], >= 0 */
-    cgl_real rate_min;  /* rate to which it falls [1/s], >= 0 */
+    cgl_real rate;      /* at which learning begins; 0: nothing is learned. The rates of all acting orders add up to 1/16 per step at most [1/s], >= 0 */
+    cgl_real rate_min;  /* to which it falls [1/s], >= 0 */
     cgl_real limit;     /* each amplitude, and the sum, stay within +-limit [A], > 0, at most loop.current_limit */
-    cgl_real held[CGL_HARMONIC_EDGES]; /* bands in which an order acts but is not learned: the edges from and to, rising; 0 and 0 are
-                                          no band [rad in a step of the order], >= 0 */
+    cgl_real held[CGL_HARMONIC_EDGES]; /* bands in which an order acts but is not learned, from and to, rising, none from 0
+                                               to 0 [rad in a step of the order], >= 0 */
 } cgl_harmonic_config;
 
-/* The bend: the error of the measured angle that repeats each turn, as an encoder off the middle has it. */
+/* The measured angle's error that repeats each turn, as an encoder off the middle has it. */
 typedef struct {
-    cgl_real part[4];        /* its cosine and sine once a turn, and twice [rad] */
-    cgl_real share;          /* share of it that acts, 0 to 1 */
-    cgl_real angle;          /* what acts of it at the present angle [turns] */
-    cgl_real slope;          /* what `angle` grows by, per turn of the rotor [turns] */
-    cgl_real rate;           /* of learning it [rad/A^2] */
-    cgl_real slow_power;     /* sum of k |c_k|^2 over this round's slow orders, from which the bend is learned [A^2] */
-    cgl_real fast_power;     /* the same sum over the fast orders [A^2] */
-    cgl_real drift_limit;    /* the bend is not learned where the square of the load's drift is larger [turns^2/ts^4] */
-    cgl_real moved;          /* what the slow orders moved in phase since the bend's last turn, weighted with |c_k|^2 [A^2] */
-    cgl_real moved_before;   /* `moved` at the last turn [A^2] */
-    cgl_real moved_variance; /* variance of `moved` per step that noise makes [A^4] */
+    cgl_real part[4]; /* cosine and sine of it once a turn, and twice [rad] */
+    cgl_real share;   /* of it that is believed, 0 to 1 */
+    cgl_real here;    /* what is believed of it, at the present angle [turns] */
+    cgl_real slope;   /* and how fast it grows with the angle */
+    cgl_real rate;    /* of learning it [rad/A^2] */
+    cgl_real power;   /* sum of k |c_k|^2 over this round's slow orders, from which the bend is learned [A^2] */
+    cgl_real rest;    /* the same sum over the fast orders [A^2] */
+    cgl_real calm;    /* square of the drift above which the bend is not learned [turns^2/ts^4] */
+    cgl_real moved;   /* how much they went on in phase, weighted with |c_k|^2, since it was learned last [A^2] */
+    cgl_real before;  /* `moved` at the last turn */
+    cgl_real doubt;   /* variance of `moved` per step that noise makes [A^4] */
 } cgl_harmonic_bend;
 
 typedef struct {
     cgl_harmonic_config config;
     cgl_pi pi;
-    cgl_real *cosine;        /* caller's memory: `orders` cosines [A], sines [A], orders, and pairs of gains [A/turn] */
-    cgl_real turns;          /* turns in a step per speed, ts / 2 pi [s/rad] */
-    cgl_real gain;           /* acceleration per current, b ts^2 [turns/ts^2/A] */
-    cgl_real lead;           /* the current acts so much after the angle was measured, half a period included [ts] */
-    cgl_real half_step;      /* half a step of the sensor; 0: its steps are unknown [turns] */
-    cgl_real lag_share;      /* share of the thrust that a lag keeps in a step; 0: no lag */
-    cgl_real tap[3];         /* shares of a command in the thrust of the next three steps, times `gain` [turns/ts^2/A] */
-    cgl_real pending[2];     /* thrust that past commands leave for the step after the next, and the one after that [turns/ts^2] */
-    cgl_real thrust;         /* acceleration by the feedback's current as it acts [turns/ts^2] */
-    cgl_real thrust_most;    /* bound of it, which pi.limit has [turns/ts^2] */
-    uint32_t sensor_angle;   /* the angle that the sensor showed last [turns of 2^32] */
-    cgl_real since_edge;     /* way since the sensor's last edge, but for a constant; within half a step [turns] */
-    uint32_t theta;          /* the observer's angle [turns of 2^32] */
-    cgl_real omega;          /* its speed [turns/ts] */
-    cgl_real load;           /* its load, z [turns/ts^2] */
-    cgl_real load_mean;      /* mean of the load [turns/ts^2] */
-    cgl_real load_drift;     /* mean of the load less load_mean: no multiple of the base explains it [turns/ts^2] */
-    cgl_real load_before;    /* the load less its mean, in the last step [turns/ts^2] */
-    cgl_real mean_share;     /* share of the load that the means take in a step */
+    cgl_real *cosine;        /* caller's memory: `orders` cosines [A], sines [A], orders, and pairs of gains [A/rad] */
+    cgl_real ahead;          /* with half a period: so much later acts what is commanded now [ts] */
+    cgl_real gain;           /* b ts^2 [turns/A] */
+    cgl_real weight[3];      /* shares of u in the current of the next steps: a delay between samples, or a lag */
+    cgl_real kept;           /* of the lag */
+    cgl_real later[2];       /* what past u leave for the steps after the next [A] */
+    cgl_real current;        /* u as it acts [A] */
+    uint32_t shown;          /* by the sensor [turns of 2^32] */
+    cgl_real half_step;      /* [turns] */
+    cgl_real since_edge;     /* way from there, but for a constant: within half a step [turns] */
+    uint32_t theta;          /* the observer's angle [turns of 2^32], */
+    cgl_real omega;          /* speed [turns/ts], */
+    cgl_real load;           /* z [turns/ts^2], */
+    cgl_real mean;           /* mean of z [turns/ts^2] */
+    cgl_real drift;          /* mean of z less `mean`: the part that no multiple of the base explains [turns/ts^2] */
+    cgl_real share;          /* of z that the mean takes in a step */
+    cgl_real last;           /* z without its mean, of the last step */
     cgl_real time;           /* of learning since the speed was new [s] */
     cgl_real slowest, fastest; /* span of speeds; a speed a quarter beyond it is new [turns/ts] */
-    cgl_real rate;           /* present rate of learning [1/s] */
-    cgl_real round_angle;    /* what the base order turned in a step when the round of gains began, without sign [rad] */
-    cgl_phasor base_half, base_lead;   /* phasors of what the base order turns in half a step, and in `lead` steps */
-    cgl_phasor order_half, order_lead; /* the same of the order that is due */
+    cgl_real rate;           /* of learning at present [1/s] */
+    cgl_real step;           /* of the base order, when the gains were begun [rad] */
+    cgl_phasor base, half;   /* phasors of the base order: as far ahead as it acts, by half a period; */
+    cgl_phasor delayed, turned; /* and those of the order `due`, whose gain is made anew next */
     cgl_harmonic_bend bend;
-    uint32_t bends;          /* learned parts of the bend, in pairs */
-    uint32_t clock;          /* steps since the bend's turn, which comes even where no bend is learned */
-    uint32_t due;            /* index of the order whose gain is renewed next */
-    uint32_t band;           /* index in config.held of the first band that ends above the order before that one */
-    uint32_t acting;         /* so many of the lowest orders act */
-    uint32_t low;            /* so many of the lowest orders are slow, and learn from the load */
+    uint32_t bends;          /* parts of it that are learned, in pairs */
+    uint32_t since;          /* steps since its turn, even where it has none */
+    uint32_t due;
+    uint32_t band;           /* of those held, the first that ends above the order before that one */
+    uint32_t acting;         /* orders that have samples enough at this speed */
+    uint32_t low;            /* so many of them learn from z */
     uint32_t wait;           /* steps until it may learn */
-    bool observing;          /* the observer follows an angle */
+    bool seated;             /* the observer follows an angle */
     bool learning;           /* the last step learned */
     cgl_real learned;        /* the learned part of the last step [A] */
 } cgl_harmonic;
@@ -124,13 +119,12 @@ typedef struct {
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
 const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config, const cgl_loop *loop);
 
-/* `loop` is drive.loop. It is refused with feed_forward, since the observer needs the feedback's current. `cell` has
- * CGL_HARMONIC_LENGTH(orders) entries, which init clears and the state keeps using. */
+/* loop: drive.loop, without feed_forward: the observer needs the feedback's current. `cell`: CGL_HARMONIC_LENGTH(orders) entries,
+ * which the state keeps using; they are cleared. */
 cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_config *config, const cgl_loop *loop, cgl_real *cell,
                             uint32_t length);
 
-/* Takes other gains and limits while the law runs, as cgl_pi_retune. The amplitudes stay, within the limit. Another base or number of
- * orders is refused. */
+/* Takes other gains and limits while it runs, as cgl_pi_retune. Amplitudes stay, within the limit; the orders must. */
 cgl_error cgl_harmonic_retune(cgl_harmonic *law, const cgl_harmonic_config *config);
 
 void cgl_harmonic_reset(cgl_harmonic *law);

@@ -33,9 +33,9 @@ from cogless.study.position_sensor import Counted, Hall
 
 FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
 MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have
-TOGETHER = 1 / 16  # a sample, that the rates of all acting orders add up to, as RATES_MOST in harmonic.c
+TOGETHER = 1 / 16  # a sample, that the rates of all acting orders add up to, as TOGETHER in harmonic.c
 MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
-SURE = 5e-4  # rad, of the sensor's error: more is not learned; squared it is BEND_VARIANCE_MOST of harmonic.c
+SURE = 5e-4  # rad, of the sensor's error: what deviates by more is not learned, as SURE in harmonic.c
 FOLLOWS = 10  # times as fast as a load that turns with the rotor: a tenth of what it changes is left
 MARGIN = 2.4  # between the rate and where all orders together oscillate
 RPM = 30 / math.pi
