@@ -1502,7 +1502,7 @@ void random_inputs(long configs)
         {"space_position", try_space_position, 0x353b0292U, 0xd97c7802U},
         {"space_speed", try_space_speed, 0xeb447b5cU, 0xf5ded3b1U},
         {"anti_cogging", try_anti_cogging, 0x0ca661c6U, 0x9ac35564U},
-        {"pi_afc", try_pi_afc, 0x5dc2e4e1U, 0x3b2e4088U},
+        {"pi_afc", try_pi_afc, 0x6e44a02dU, 0x497f64edU},
         {"zero_phase", try_zero_phase, 0xa150822aU, 0x9e6668c9U},
         {"trial", try_trial, 0x21fcec74U, 0x68eebc9bU},
         {"monitor", try_monitor, 0x203e3558U, 0xac5eaeb9U},

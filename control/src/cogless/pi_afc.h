@@ -1,5 +1,5 @@
-/* PI speed control with adaptive feedforward cancellation beside it. It learns the Fourier coefficients of chosen orders of the
- * mechanical angle while the rotor turns (Espindola-Lopez 2016; Messner and Bodson 1995):
+/* PI speed control with adaptive feedforward cancellation beside it: Fourier coefficients of chosen orders of the mechanical
+ * angle, learned while the rotor turns (Espindola-Lopez 2016; Messner and Bodson 1995):
  *
  *   i_q_ref = PI + sum_k (a_k cos(h_k theta) + b_k sin(h_k theta)),    e = omega_ref - omega
  *   a_k += gain ts e cos(h_k (theta - omega_ref lead)),    b_k likewise with sin
@@ -20,16 +20,16 @@ extern "C" {
 #define CGL_PI_AFC_ORDERS 16U
 #define CGL_PI_AFC_ORDER_MAX 65535U
 
-/* Entries of the caller's memory: a_k, b_k, and the orders, which show to which law a stored map belongs. */
+/* Entries of the caller's memory: a_k, b_k, and the orders, by which a stored map tells whose they are. */
 #define CGL_PI_AFC_LENGTH(orders) (3U * (orders))
 
 typedef struct {
     cgl_pi_config pi;                  /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
-    uint32_t orders;                   /* number of orders, 1 to CGL_PI_AFC_ORDERS */
+    uint32_t orders;                   /* how many there are, 1 to CGL_PI_AFC_ORDERS */
     uint32_t order[CGL_PI_AFC_ORDERS]; /* orders of a mechanical revolution, rising, 1 to CGL_PI_AFC_ORDER_MAX */
-    cgl_real gain;                     /* learning gain [A/rad], >= 0; 0: nothing is learned. With a guard, a gain needs pi.kp > 0 */
-    cgl_real lead;                     /* time from the current to the measured speed: the present error belongs to the angle of
-                                          so long ago [s], >= 0; default 0 */
+    cgl_real gain;                     /* learning gain [A/rad], >= 0; 0: nothing is learned. A guard wants pi.kp > 0 beside it */
+    cgl_real lead;                     /* the error of now tells of where the rotor was this long ago: the time from the current
+                                          to the measured speed [s], >= 0; default 0 */
     cgl_real omega_min;                /* learning freezes while |omega_ref| is below [rad/s], > 0 */
     cgl_real limit;                    /* each coefficient, and the sum, stay within +-limit [A], > 0, at most loop.current_limit */
 } cgl_pi_afc_config;
@@ -38,7 +38,6 @@ typedef struct {
     cgl_pi_afc_config config;
     cgl_pi pi;
     cgl_real *coefficient; /* caller's memory: `orders` a_k [A], then b_k [A], then h_k */
-    uint32_t unit;         /* the narrowest gap between two orders, or below the first */
     cgl_real learned;      /* the learned part of the last step [A] */
     bool learning;         /* the last step learned */
 } cgl_pi_afc;
@@ -46,12 +45,11 @@ typedef struct {
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
 const char *cgl_pi_afc_bad_field(const cgl_pi_afc_config *config, const cgl_loop *loop);
 
-/* `loop` is drive.loop. `coefficient` has CGL_PI_AFC_LENGTH(orders) entries, which init clears and the state keeps using. */
+/* loop: drive.loop. `coefficient`: CGL_PI_AFC_LENGTH(orders) entries, which the state keeps using; they are cleared. */
 cgl_error cgl_pi_afc_init(cgl_pi_afc *law, const cgl_pi_afc_config *config, const cgl_loop *loop, cgl_real *coefficient,
                           uint32_t length);
 
-/* Takes other gains and limits while the law runs, as cgl_pi_retune. The coefficients stay, within the limit. Other orders are
- * refused. */
+/* Takes other gains and limits while it runs, as cgl_pi_retune. Coefficients stay, within the limit; the orders must. */
 cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config *config);
 
 void cgl_pi_afc_reset(cgl_pi_afc *law);
