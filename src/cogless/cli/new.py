@@ -16,6 +16,7 @@ from cogless.errors import StudyError
 
 if TYPE_CHECKING:
     from cogless.starter import Effect, Ranking, Request
+    from cogless.starter.part_catalogue import Kind
     from cogless.study import Study
 
 LINE_COLUMNS = 80
@@ -159,7 +160,7 @@ def _request(chosen: Mapping[str, str | None], texts: Mapping[str, str]) -> Requ
     return Request(motor=motor, drive=drive, encoder=encoder, numbers=numbers)
 
 
-QUESTIONS = {
+QUESTIONS: dict[str, tuple[Kind, str, str]] = {
     "motor": ("motors", "Which motor is most like yours?", "own"),
     "drive": ("drives", "Which drive?", "generic"),
     "encoder": ("encoders", "Which position sensor?", "as5047"),
@@ -172,14 +173,14 @@ def _part(flag: str, name: str | None) -> str:
 
     kind, text, default = QUESTIONS[flag]
     if name is not None:
-        return check_name(flag, kind, name)  # type: ignore[arg-type]
-    choices = names(kind)  # type: ignore[arg-type]
+        return check_name(flag, kind, name)
+    choices = names(kind)
     if asks():
         width = max(map(len, choices))
         room = LINE_COLUMNS - width - 4
         for choice, description in choices.items():
             print(f"  {choice:<{width}}  {textwrap.shorten(description, room, placeholder=' ...')}")
-    question = _Question(text, default, lambda answer: check_name(flag, kind, answer))  # type: ignore[arg-type]
+    question = _Question(text, default, lambda answer: check_name(flag, kind, answer))
     return str(_ask(flag, question, f"one of {', '.join(choices)}"))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -19,9 +19,7 @@ from pydantic import TypeAdapter
 from cogless import units
 from cogless.design.warnings import slow_warning
 from cogless.starter.amounts import amount, exact_rate
-from cogless.starter.motor_rules import (
-    KV_TO_TORQUE,
-)
+from cogless.starter.motor_rules import KV_TO_TORQUE
 from cogless.starter.motor_sections import (
     MotorFacts,
     adapted,
@@ -41,11 +39,11 @@ from cogless.starter.sensor_choice import (
     fit_observer,
     put_sensor,
     sensor_counts,
-    with_sensor,
 )
 from cogless.starter.sheet import Guess, Section, Sheet, origin, round_125
 from cogless.study import Study
 from cogless.study.mechanics import Mechanics
+from cogless.study.messages import toml
 from cogless.study.motor import AnyMotor
 from cogless.study.numerics import OVERMODULATED, no_load_speed, steps_needed, voltage_reach
 from cogless.study.reading import checked, put, with_datasheet
@@ -87,6 +85,19 @@ class Draft:
         return tomllib.loads(self.text)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """What is chosen by designs of the study itself.
+
+    `steps`: integration steps of the plant in a period of the current loop. `observer`: keys of the sensor;
+    {} where its edges are timed. `feedbacks`: gains in place of the rule's.
+    """
+
+    steps: int = 1
+    observer: Mapping[str, str] = field(default_factory=dict)
+    feedbacks: Feedbacks = field(default_factory=dict)
+
+
 def draft(request: Request, title: str, path: Path) -> Draft:
     """The study of a request; `path`: where it will be.
 
@@ -102,18 +113,13 @@ def draft(request: Request, title: str, path: Path) -> Draft:
     return composed
 
 
-def _fitted(compose: Callable[[int, Feedbacks], Draft], path: Path) -> Draft:
+def _fitted(compose: Callable[[Fit], Draft], path: Path) -> Draft:
     """The study with the integration steps, the speed method and the feedbacks that suit it."""
-    steps = _integration_steps(compose(1, {}), path)
-    composed = compose(steps, {})
-    change = fit_observer(_study(composed, path))
-    composed = _observed(composed, change)
+    fit = Fit(steps=_integration_steps(compose(Fit()), path))
+    fit = replace(fit, observer=fit_observer(_study(compose(fit), path)))
+    composed = compose(fit)
     feedbacks = slower_feedbacks(_study(composed, path))
-    return _observed(compose(steps, feedbacks), change) if feedbacks else composed
-
-
-def _observed(composed: Draft, change: dict[str, str]) -> Draft:
-    return replace(composed, text=with_sensor(composed.text, change)) if change else composed
+    return compose(replace(fit, feedbacks=feedbacks)) if feedbacks else composed
 
 
 def _integration_steps(composed: Draft, path: Path) -> int:
@@ -181,7 +187,7 @@ def turning_speed(study: Study) -> float | None:
     )
 
 
-def _composed(request: Request, title: str, faster: float | None, steps: int, feedbacks: Feedbacks) -> Draft:
+def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> Draft:
     """The study; `faster`: its speed, r/min, in place of the one that suits the cogging."""
     part = class_of(request)
     drive = parts("drives")[request.drive]
@@ -194,10 +200,10 @@ def _composed(request: Request, title: str, faster: float | None, steps: int, fe
     speed = _speed(request, motor, sensor, voltage.typical)
     if faster is not None:
         speed = faster, "the slowest at which the rotor does not snap from detent to detent"
-    current_rate = _drive(sheet, request, motor, drive, voltage, steps)
-    put_sensor(sheet, request, sensor, drive)
+    current_rate = _drive(sheet, request, motor, drive, voltage, fit.steps)
+    put_sensor(sheet, request, sensor, drive, observer=fit.observer)
     rows = _scenario(sheet, request, motor, speed, current_rate, voltage.typical)
-    _controllers(sheet, feedbacks)
+    _controllers(sheet, fit.feedbacks)
     _metrics(sheet, motor, speed[0], rows)
     return Draft(text=sheet.file_text(_head(title, request)), guesses=tuple(sheet.guesses))
 
@@ -206,12 +212,8 @@ def _head(title: str, request: Request) -> list[str]:
     return [
         f"# By `cogless new`: motor {request.motor}, drive {request.drive}, encoder {request.encoder}.",
         '# A line with "guess:" has a range and a reason. Replace what you know.',
-        f"title = {_quoted(title)}",
+        f"title = {toml(title)}",
     ]
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _check_fit(request: Request, part: Part, drive: Part) -> None:

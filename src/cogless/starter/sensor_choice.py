@@ -9,7 +9,7 @@ all others                an observer of the angle, three times as fast as the l
 from __future__ import annotations
 
 import math
-import re
+from collections.abc import Mapping
 
 from cogless import units
 from cogless.design.closed_loop import Linear, position_margins
@@ -32,9 +32,7 @@ CROSSOVER_TIMES = 3.0  # bandwidth of an observer over the crossover: docs/theor
 OBSERVER_ROUNDS = 6  # the search ends after them
 FIRST_SHARE = 1 / 20  # of the speed loop's rate, where the search begins
 SLOWEST_OBSERVER = 2.0  # Hz
-METHOD = re.compile(
-    r"^speed_method = .*\n(?:observer_bandwidth = .*\n|(?:# .*\n)*timer = .*\n)", re.MULTILINE
-)
+UNFITTED_BANDWIDTH = "100 Hz"  # of the study with which fit_observer begins
 
 
 def sensor_counts(request: Request, sensor: Part) -> int:
@@ -44,8 +42,10 @@ def sensor_counts(request: Request, sensor: Part) -> int:
     return int(2 ** (request.value("bits") or sensor["bits"].typical))
 
 
-def put_sensor(sheet: Sheet, request: Request, sensor: Part, drive: Part) -> None:
-    """The section of the position sensor."""
+def put_sensor(
+    sheet: Sheet, request: Request, sensor: Part, drive: Part, *, observer: Mapping[str, str]
+) -> None:
+    """The section of the position sensor. `observer`: the keys of `fit_observer`."""
     section = sheet.section(f"[{PATH}]")
     kind = sensor.table["kind"]
     section.put("kind", kind, note=sensor.description)
@@ -62,14 +62,18 @@ def put_sensor(sheet: Sheet, request: Request, sensor: Part, drive: Part) -> Non
         bits = int(request.value("bits") or sensor["bits"].typical)
         section.put("bits", bits, *(() if stated else (origin(sensor["bits"]),)))
     own = f"{drive.name} itself: {drive.table['own_speed']}"
-    if kind == "encoder" and "timer" in drive.figures:
+    timed = kind == "encoder" and "timer" in drive.figures
+    if timed and not observer:
         section.put("speed_method", "MT", own)
         section.put("timer", exact_rate(drive["timer"].typical), origin(drive["timer"]))
     else:
         section.put("speed_method", "observer", own)
-        section.put("observer_bandwidth", "100 Hz")
-        if "latency" in sensor.figures:
-            sheet.guess(section, "latency", sensor["latency"], units.TIME, path=PATH, name="age of the angle")
+        bandwidth = observer.get("observer_bandwidth", UNFITTED_BANDWIDTH)
+        section.put(
+            "observer_bandwidth", bandwidth, note="three times the crossover, and no faster than counts come"
+        )
+    if not timed and "latency" in sensor.figures:
+        sheet.guess(section, "latency", sensor["latency"], units.TIME, path=PATH, name="age of the angle")
     for place, key in enumerate(("once", "twice")):
         part = sheet.section(f"[[{PATH}.error]]")
         part.put("order", place + 1)
@@ -132,13 +136,6 @@ def fit_observer(study: Study) -> dict[str, str]:
 
 def _observer(bandwidth: float) -> dict[str, str]:
     return {"speed_method": "observer", "observer_bandwidth": _bandwidth_text(bandwidth)}
-
-
-def with_sensor(text: str, change: dict[str, str]) -> str:
-    """The text of a study with the keys of a sensor's observer in place of what it had."""
-    method, bandwidth = (f'{key} = "{change[key]}"' for key in ("speed_method", "observer_bandwidth"))
-    note = "three times the crossover, and no faster than counts come"
-    return METHOD.sub(f"{method}\n{bandwidth}  # {note}\n", text, count=1)
 
 
 def _bandwidth_text(bandwidth: float) -> str:
