@@ -66,8 +66,8 @@ def test_with_the_guard_too(tmp_path: Path) -> None:
 def test_friction_and_inertia_of_a_drive_move_along(tmp_path: Path) -> None:
     """In float, with Coulomb friction, a resolver and an inertia that the design does not know.
 
-    The gains are given to the last digit: with those of another machine's solver, the resolver's steps come at
-    other samples, and the error of a single trial is another one.
+    The gains are given to the last digit. Those of another machine's solver differ in the sixth: then the
+    resolver's steps come at other samples, and a single trial has another error.
     """
     changes = {
         "controller.ilc.K_s": [-98.09313517306917, -0.8985316978894085, 1.373928046311717],
