@@ -3,7 +3,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
-SOURCES := $(shell find src control/src simulator studies motors -type f -not -name '*.pyc') \
+SOURCES := $(shell find src control/src simulator studies motors parts -type f -not -name '*.pyc') \
 	CMakeLists.txt pyproject.toml README.md
 
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile

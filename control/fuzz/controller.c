@@ -113,14 +113,14 @@ static void check_output(const cgl_drive_config *config, const cgl_drive_output 
 static void check_drive(const cgl_drive *drive)
 {
     HOLDS(drive->monitor.theta_m >= CGL_R(0.0) && drive->monitor.theta_m <= CGL_TWO_PI);
-    HOLDS(cgl_is_finite(drive->monitor.omega_m) && cgl_is_finite(drive->monitor.raw));
-    HOLDS(cgl_is_finite(drive->monitor.still));
-    HOLDS(within(drive->monitor.shift, CGL_R(3.15)));
+    HOLDS(cgl_is_finite(drive->monitor.omega_m) && cgl_is_finite(drive->monitor.theta_sensor));
+    HOLDS(cgl_is_finite(drive->monitor.ref_turned));
+    HOLDS(within(drive->monitor.sensor_offset, CGL_R(3.15)));
     HOLDS(cgl_is_finite(drive->foc.integral_d) && cgl_is_finite(drive->foc.integral_q));
     HOLDS(cgl_is_finite(drive->quality.sum + drive->quality.outlier_sum));
     HOLDS(cgl_is_finite(drive->quality.squares + drive->quality.outlier_squares));
     HOLDS(cgl_is_finite(drive->quality.turned) && cgl_is_finite(drive->quality.ripple));
-    HOLDS(cgl_is_finite(drive->quality.before) && cgl_is_finite(drive->quality.trend));
+    HOLDS(cgl_is_finite(drive->quality.ripple_before) && cgl_is_finite(drive->quality.trend));
     const cgl_quality_report report = cgl_quality_read(&drive->quality);
     HOLDS(cgl_is_finite(report.residual) && cgl_is_finite(report.progress));
 }

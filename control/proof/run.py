@@ -61,7 +61,7 @@ PARTS = {
 # Functions whose paths are kept apart further than others': those whose answer says what is valid.
 PRECISE = """
     is_in_range cgl_out_of_range is_valid cgl_foc_bad_field cgl_monitor_bad_field cgl_quality_bad_field
-    cgl_drive_bad_field
+    cgl_drive_bad_field cgl_law_bad_field cgl_own_feedback_bad_field
     cgl_pi_bad_field cgl_adrc_bad_field cgl_memory_bad_field cgl_pi_ilc_bad_field
     cgl_robust_ilc_bad_field cgl_anti_cogging_bad_field cgl_pi_afc_bad_field
     cgl_harmonic_bad_field cgl_space_position_bad_field cgl_space_speed_bad_field

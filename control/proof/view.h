@@ -16,9 +16,13 @@
 #define cgl_is_positive cgl_is_positive_as_written
 #define cgl_is_not_negative cgl_is_not_negative_as_written
 #define cgl_add cgl_add_as_written
+#define cgl_added cgl_added_as_written
+#define cgl_finite_or_zero cgl_finite_or_zero_as_written
 #include "cogless/real.h"
 #undef cgl_is_within
 #undef cgl_add
+#undef cgl_added
+#undef cgl_finite_or_zero
 #undef cgl_is_finite
 #undef cgl_is_angle
 #undef cgl_clamp
@@ -65,5 +69,12 @@ static inline cgl_real cgl_add(cgl_real sum, cgl_real x, cgl_real limit, cgl_rea
     *lost = CGL_R(0.0);
     return cgl_clamp(result, limit);
 }
+
+static inline cgl_real cgl_added(cgl_real sum, cgl_real x, cgl_real limit, cgl_real *lost)
+{
+    return cgl_add(sum, x, limit, lost);
+}
+
+static inline cgl_real cgl_finite_or_zero(cgl_real x) { return cgl_is_finite(x) ? x : CGL_R(0.0); }
 
 #endif

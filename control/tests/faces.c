@@ -14,6 +14,7 @@
 #include "cogless/space_position.h"
 #include "cogless/space_speed.h"
 #include "cogless/speed_pi.h"
+#include "cogless/trial.h"
 
 #ifdef COGLESS_NO_TEXTS
 #define IS_NAMED(field, name) ((field) != NULL)
@@ -139,6 +140,31 @@ static void names_of_the_drive(void)
     CHECK(IS_NAMED(cgl_drive_bad_field(&config, ts), "drive.feed_forward"));
 }
 
+/* A law that is initialised after a retune of the drive is told of the new limit. */
+static void another_limit(void)
+{
+    cgl_drive drive;
+    cgl_drive_config config = some_drive();
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_OK);
+    config.foc.current_limit *= CGL_R(0.5);
+    CHECK(cgl_drive_retune(&drive, &config) == CGL_OK);
+    CHECK(cgl_abs(drive.loop.current_limit - config.foc.current_limit) <= CGL_R(0.0));
+}
+
+/* The first sample that a trial's input can reach is the next one. */
+static void trials_without_a_delay(void)
+{
+    static cgl_real memory[CGL_TRIAL_LENGTH(8U, 0U)];
+    cgl_trial law;
+    cgl_trial_config config = {.samples = 8U, .states = 1U, .c = {CGL_R(1.0)}, .k_3 = CGL_R(0.1), .shift = 1U, .limit = CGL_R(1.0),
+                               .learned_limit = CGL_R(1.0)};
+    CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_OK);
+    config.shift = 0U;
+    CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_ERROR_CONFIG);
+    config.shift = 8U;
+    CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_ERROR_CONFIG);
+}
+
 static void names_of_a_law(void)
 {
     cgl_pi_ilc_config config = some_law();
@@ -198,6 +224,44 @@ static void gains_of_nothing(void)
     }
 }
 
+/* Every law opens with the same check: of the loop, of its limit against that of the loop, and of a foreign feedback if it needs its own. */
+#define CHECK_OPENING(name, config, needs_own)                                                                         \
+    do {                                                                                                               \
+        cgl_##name##_config other = (config);                                                                          \
+        cgl_loop loop = guarded_loop;                                                                                  \
+        CHECK(cgl_##name##_bad_field(&other, &loop) == NULL);                                                          \
+        loop.feed_forward = true;                                                                                      \
+        const char *const refused = cgl_##name##_bad_field(&other, &loop);                                             \
+        CHECK((needs_own) ? IS_NAMED(refused, "loop.feed_forward") : refused == NULL);                                 \
+        loop.feed_forward = false;                                                                                     \
+        loop.ts = CGL_R(0.0);                                                                                          \
+        CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), "loop.ts"));                                             \
+        loop.ts = guarded_loop.ts;                                                                                     \
+        loop.current_limit = CGL_R(-3.0);                                                                              \
+        CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), "loop.current_limit"));                                  \
+        loop.current_limit = CGL_R(2.99);                                                                              \
+        CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), #name ".limit"));                                        \
+        other.limit = CGL_R(2.99);                                                                                     \
+        CHECK(cgl_##name##_bad_field(&other, &loop) == NULL);                                                          \
+        other.limit = CGL_R(0.0);                                                                                      \
+        CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), #name ".limit"));                                        \
+    } while (false)
+
+static void opening_checks(void)
+{
+    const cgl_memory_config memory = {.cells = 64U, .limit = {CGL_R(1.0)}};
+    const cgl_pi_config pi = {CGL_R(0.1), CGL_R(1.0), CGL_R(3.0)};
+    const cgl_adrc_config adrc = {CGL_R(100.0), CGL_R(20.0), CGL_R(100.0), CGL_R(3.0)};
+    const cgl_robust_ilc_config robust = {.b = CGL_R(100.0), .eta = CGL_R(1.0), .limit = CGL_R(3.0), .memory = memory};
+    const cgl_space_speed_config speed = {.eta_bar = CGL_R(9.0), .omega_min = CGL_R(0.1), .limit = CGL_R(3.0), .memory = memory};
+    const cgl_space_position_config position = {.omega_min = CGL_R(0.1), .limit = CGL_R(3.0), .memory = memory};
+    CHECK_OPENING(pi, pi, false);
+    CHECK_OPENING(adrc, adrc, true);
+    CHECK_OPENING(robust_ilc, robust, true);
+    CHECK_OPENING(space_speed, speed, true);
+    CHECK_OPENING(space_position, position, true);
+}
+
 /* Laws whose learning needs a feedback of their own say so. */
 static void laws_that_are_not_fed_forward(void)
 {
@@ -239,12 +303,15 @@ static void defaults(void)
 
 void faces(void)
 {
+    another_limit();
+    trials_without_a_delay();
     unmade_states();
     unmade_drive();
     refused_again();
     names_of_the_drive();
     names_of_a_law();
     gains_of_nothing();
+    opening_checks();
     laws_that_are_not_fed_forward();
     defaults();
 }

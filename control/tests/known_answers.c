@@ -10,9 +10,12 @@
 #include "cogless/encoder.h"
 #include "cogless/encoder_table.h"
 #include "cogless/feedforward.h"
+#include "cogless/hall.h"
 #include "cogless/harmonic.h"
 #include "cogless/map.h"
 #include "cogless/sine.h"
+#include "cogless/space_position.h"
+#include "cogless/speed_pi.h"
 #include "cogless/turns.h"
 
 /* Numbers that logs and other programs know. */
@@ -182,31 +185,65 @@ static void reject_a_load(void)
     CHECK(within(law.rejected + law.proportional - out.i_q_ref, CGL_R(1.0e-6)));
 }
 
-/* A rotor [rad, rad/s] that cogs, seen by a sensor off its middle: the ripple of its true speed in the last of so many seconds. */
-static cgl_real ripple_of(cgl_harmonic *law, cgl_real rotor[2], cgl_real reference, int seconds)
+/* A step of a rotor [rad, rad/s] that cogs, seen by a sensor off its middle. */
+static void turn_by_orders(cgl_harmonic *law, cgl_real rotor[2], cgl_real reference, cgl_real theta_ref)
 {
     const cgl_real ts = CGL_R(1.0e-3), off = CGL_R(0.01);
-    cgl_real low = reference, high = reference, sine, cosine;
+    cgl_real sine, cosine;
+    cgl_sincos(rotor[0], &sine, &cosine);
+    cgl_real shown = rotor[0] + off * cosine;
+    shown += shown < CGL_R(0.0) ? CGL_TWO_PI : CGL_R(0.0);
+    const cgl_law_input in = {.theta_ref = theta_ref, .omega_ref = reference, .omega_m = rotor[1] * (CGL_R(1.0) - off * sine),
+                              .theta_m = shown, .learn = true};
+    cgl_law_output out;
+    cgl_harmonic_step(law, &in, &out);
+    for (int part = 0; part < 4; ++part) {
+        cgl_sincos(CGL_R(6.0) * rotor[0], &sine, &cosine);
+        const cgl_real alpha = law->config.b * out.i_q_ref + CGL_R(50.0) * cosine + CGL_R(40.0) * (cosine * cosine - sine * sine);
+        rotor[1] += CGL_R(0.25) * ts * alpha;
+        rotor[0] = cgl_fraction((rotor[0] + CGL_R(0.25) * ts * rotor[1]) / CGL_TWO_PI) * CGL_TWO_PI;
+    }
+}
+
+/* The ripple of its true speed in the last of so many seconds. */
+static cgl_real ripple_of(cgl_harmonic *law, cgl_real rotor[2], cgl_real reference, int seconds)
+{
+    cgl_real low = reference, high = reference;
     for (int n = 0; n < 1000 * seconds; ++n) {
-        cgl_sincos(rotor[0], &sine, &cosine);
-        cgl_real shown = rotor[0] + off * cosine;
-        shown += shown < CGL_R(0.0) ? CGL_TWO_PI : CGL_R(0.0);
-        const cgl_law_input in = {.omega_ref = reference, .omega_m = rotor[1] * (CGL_R(1.0) - off * sine), .theta_m = shown,
-                                  .learn = true};
-        cgl_law_output out;
-        cgl_harmonic_step(law, &in, &out);
-        for (int part = 0; part < 4; ++part) {
-            cgl_sincos(CGL_R(6.0) * rotor[0], &sine, &cosine);
-            const cgl_real alpha = law->config.b * out.i_q_ref + CGL_R(50.0) * cosine + CGL_R(40.0) * (cosine * cosine - sine * sine);
-            rotor[1] += CGL_R(0.25) * ts * alpha;
-            rotor[0] = cgl_fraction((rotor[0] + CGL_R(0.25) * ts * rotor[1]) / CGL_TWO_PI) * CGL_TWO_PI;
-        }
+        turn_by_orders(law, rotor, reference, CGL_R(0.0));
         if (n >= 1000 * (seconds - 1)) {
             low = rotor[1] < low ? rotor[1] : low;
             high = rotor[1] > high ? rotor[1] : high;
         }
     }
     return high - low;
+}
+
+/* A law that has learned what the sensor is off follows a position with the rotor, not with what the sensor shows. */
+static void follow_positions(cgl_harmonic *law, cgl_real rotor[2])
+{
+    const cgl_real omega = CGL_R(20.0), ts = CGL_R(1.0e-3);
+    const cgl_harmonic_config config = law->config;
+    const cgl_harmonic_bend *const bend = &law->bend;
+    cgl_harmonic_config position = config;
+    cgl_real theta_ref = rotor[0], low = CGL_R(1.0), high = CGL_R(-1.0);
+    position.k_theta = CGL_R(10.0);
+    CHECK(cgl_harmonic_retune(law, &position) == CGL_OK);
+    for (int n = 0; n < 1600; ++n) {
+        turn_by_orders(law, rotor, omega, theta_ref);
+        theta_ref = cgl_fraction((theta_ref + omega * ts) / CGL_TWO_PI) * CGL_TWO_PI;
+        if (n >= 1200) {
+            cgl_real sine, cosine;
+            const cgl_real apart = cgl_unwrap(rotor[0] - theta_ref, CGL_R(0.0));
+            low = apart < low ? apart : low;
+            high = apart > high ? apart : high;
+            cgl_sincos(rotor[0] - omega * ts, &sine, &cosine);
+            const cgl_real angle = bend->share * (bend->part[0] * cosine + bend->part[1] * sine) / CGL_TWO_PI;
+            CHECK(within(bend->here - angle, CGL_R(5.0e-5))); /* between the bend's turns, too */
+        }
+    }
+    CHECK(high - low < CGL_R(0.007)); /* a loop that believed the sensor: 0.02 rad * 10 / hypot(10, 20) = 0.009 rad */
+    CHECK(cgl_harmonic_retune(law, &config) == CGL_OK);
 }
 
 /* The amplitudes are those of the cogging, and the bend is the sensor's; a new speed is learned at once. */
@@ -235,6 +272,7 @@ static void learn_orders(void)
     CHECK(within(law.bend.part[0] - CGL_R(0.01), CGL_R(2.5e-3)) && within(law.bend.part[1], CGL_R(2.0e-3)));
     CHECK(within(law.bend.part[2], CGL_R(0.0)) && within(law.bend.part[3], CGL_R(0.0))); /* a bend of one order */
     CHECK(law.bend.share > CGL_R(0.95) && within(law.time - CGL_R(8.94), CGL_R(0.05)));
+    follow_positions(&law, rotor);
     CHECK(ripple_of(&law, rotor, CGL_R(45.0), 2) < CGL_R(0.25) * early);
     CHECK(within(law.time - CGL_R(2.0), CGL_R(0.05)) && law.rate > CGL_R(1.2) && law.rate < CGL_R(1.5)); /* it learns anew there */
     (void)ripple_of(&law, rotor, CGL_R(12.0), 2);
@@ -250,6 +288,99 @@ static void learn_orders(void)
     lower = config;
     lower.limit = CGL_R(0.02);
     CHECK(cgl_harmonic_retune(&law, &lower) == CGL_OK && within(cell[0] + lower.limit, CGL_R(1.0e-6)));
+}
+
+/* Hall sensors at a constant speed, either way: the angle goes on evenly from edge to edge. */
+static void turn_by_halls(void)
+{
+    const cgl_hall_config config = {.pole_pairs = 2U, .edges = 6U, .timer = CGL_R(1.0e6)};
+    const int32_t per_sector = 5000, sectors = 12; /* ticks of a sector */
+    for (int32_t way = -1; way <= 1; way += 2) {
+        cgl_hall hall;
+        CHECK(cgl_hall_init(&hall, &config) == CGL_OK);
+        for (int32_t now = 0; now < 200 * per_sector; now += 700) {
+            const int32_t passed = (now + per_sector / 2) / per_sector; /* it begins in the middle of sector 0 */
+            const int32_t position = ((way * passed) % sectors + sectors) % sectors;
+            const int32_t edge = passed > 0 ? passed * per_sector - per_sector / 2 : 0;
+            cgl_hall_step(&hall, (uint32_t)(position % 6), (uint32_t)edge, (uint32_t)now);
+            if (now > 20 * per_sector) {
+                const cgl_real turned = (cgl_real)way * (cgl_real)now / (cgl_real)(per_sector * sectors)
+                                        + CGL_R(0.5) / (cgl_real)sectors;
+                const cgl_real theta = cgl_fraction(turned) * CGL_TWO_PI;
+                CHECK(within(cgl_unwrap(cgl_radians(hall.turns) - theta, CGL_R(0.0)), CGL_R(1.0e-3)));
+                CHECK(within(hall.omega_m - (cgl_real)way * CGL_TWO_PI / CGL_R(0.06), CGL_R(0.1)));
+            }
+        }
+    }
+}
+
+/* Each bound of the calibrations alone, and what lies on it. */
+static void bound_calibrations(void)
+{
+    const cgl_real ts = CGL_R(1.0e-3), long_time = CGL_R(1.0e9) * ts;
+    const cgl_offsets_config averaging = {.samples = 65535U, .phases = 3U, .largest = CGL_R(1.0), .spread = CGL_R(0.1)};
+    cgl_offsets_config wrong[] = {averaging, averaging, averaging, averaging, averaging, averaging};
+    cgl_offsets offsets;
+    wrong[0].samples = 0U;
+    wrong[1].samples = 65536U;
+    wrong[2].phases = 1U;
+    wrong[3].phases = 4U;
+    wrong[4].largest = CGL_R(0.0);
+    wrong[5].spread = CGL_R(0.0);
+    CHECK(cgl_offsets_init(&offsets, &averaging) == CGL_OK);
+    for (uint32_t n = 0; n < sizeof wrong / sizeof wrong[0]; ++n) {
+        CHECK(cgl_offsets_init(&offsets, &wrong[n]) == CGL_ERROR_CONFIG);
+    }
+    const cgl_align_config config = {.pole_pairs = 10000U, .current = CGL_R(1.0), .ramp = long_time, .sweep = CGL_PI, .speed = CGL_R(1.0),
+                                     .settle = long_time, .tolerance = CGL_R(0.999)};
+    cgl_align_config beyond[12];
+    cgl_align align;
+    for (uint32_t n = 0; n < sizeof beyond / sizeof beyond[0]; ++n) {
+        beyond[n] = config;
+    }
+    beyond[0].pole_pairs = 0U;
+    beyond[1].pole_pairs = 10001U;
+    beyond[2].current = CGL_R(0.0);
+    beyond[3].ramp = CGL_R(0.0);
+    beyond[4].ramp = CGL_R(1.01) * long_time;
+    beyond[5].sweep = CGL_R(1.01) * CGL_PI;
+    beyond[6].speed = CGL_R(0.0);
+    beyond[7].speed = CGL_R(0.99) * CGL_PI / long_time;
+    beyond[8].settle = CGL_R(0.0);
+    beyond[9].settle = CGL_R(1.01) * long_time;
+    beyond[10].tolerance = CGL_R(1.0);
+    beyond[11].tolerance = CGL_R(-0.1);
+    CHECK(cgl_align_init(&align, &config, ts) == CGL_OK && cgl_align_init(&align, &config, CGL_R(0.0)) == CGL_ERROR_CONFIG);
+    for (uint32_t n = 0; n < sizeof beyond / sizeof beyond[0]; ++n) {
+        CHECK(cgl_align_init(&align, &beyond[n], ts) == CGL_ERROR_CONFIG);
+    }
+}
+
+/* A loop without an integral keeps nothing of torque mode: no gain would ever correct it. */
+static void leave_torque_mode(void)
+{
+    static cgl_real cell[2U * CGL_MEMORY_ROW(16U, 0U)];
+    const cgl_loop loop = {.ts = CGL_R(1.0e-3), .current_limit = CGL_R(3.0)};
+    const cgl_law_input pushed = {.torque = true, .i_q_ref = CGL_R(1.0)}, still = {.learn = true};
+    cgl_law_output out;
+    for (int with = 0; with < 2; ++with) {
+        const cgl_real ki = with > 0 ? CGL_R(1.0) : CGL_R(0.0);
+        const cgl_pi_config config = {.kp = CGL_R(0.1), .ki = ki, .limit = CGL_R(3.0)};
+        const cgl_space_position_config position = {.k_theta = CGL_R(1.0), .k_omega = CGL_R(0.1), .k_i = ki, .omega_min = CGL_R(1.0),
+                                                    .limit = CGL_R(3.0), .memory = {.cells = 16U, .limit = {CGL_R(1.0)}}};
+        cgl_pi pi;
+        cgl_space_position law;
+        CHECK(cgl_pi_init(&pi, &config, &loop) == CGL_OK);
+        cgl_speed_pi_step(&pi, &pushed, &out);
+        CHECK(within(out.i_q_ref - CGL_R(1.0), CGL_R(0.0)));
+        cgl_speed_pi_step(&pi, &still, &out);
+        CHECK(within(out.i_q_ref - ki, CGL_R(0.0)));
+        CHECK(cgl_space_position_init(&law, &position, &loop, cell, CGL_MEMORY_ROW(16U, 0U)) == CGL_OK);
+        cgl_space_position_step(&law, &pushed, &out);
+        CHECK(within(out.i_q_ref - CGL_R(1.0), CGL_R(0.0)));
+        cgl_space_position_step(&law, &still, &out);
+        CHECK(within(out.i_q_ref - ki, CGL_R(0.0)));
+    }
 }
 
 /* The filter against its difference equation; it begins at rest. */
@@ -281,5 +412,8 @@ void known_answers(void)
     see_through_a_sensor();
     reject_a_load();
     learn_orders();
+    turn_by_halls();
+    bound_calibrations();
+    leave_torque_mode();
     feed_forward();
 }

@@ -3,6 +3,7 @@
 #include "memories.h"
 
 #include "check.h"
+#include "cogless/angle.h"
 #include "cogless/memory.h"
 #include "cogless/pi_ilc.h"
 
@@ -192,8 +193,51 @@ static void keep_sizes(void)
     }
 }
 
+/* P_t is the time in which the angle went on by a period. */
+static void periods_ago(void)
+{
+    const cgl_real ts = CGL_R(1.0e-3), omega = CGL_R(40.0);
+    for (int method = 0; method < 2; ++method) {
+        cgl_memory memory;
+        const cgl_memory_config config = {.kind = CGL_MEMORY_DELAY, .cells = 300U, .limit = {CGL_R(9.0)},
+                                          .method = method > 0 ? CGL_DELAY_INVERSION : CGL_DELAY_ODE};
+        const cgl_real nothing = CGL_R(0.0);
+        cgl_real value;
+        CHECK(cgl_memory_init(&memory, &config, ts, 1U, cell, entries_of(&config)) == CGL_OK);
+        for (int n = 0; n < 2000; ++n) {
+            const cgl_real theta = cgl_fraction((cgl_real)n * ts * omega / CGL_TWO_PI) * CGL_TWO_PI;
+            (void)cgl_memory_step(&memory, theta, omega, true, &nothing, &value);
+            CHECK(n < 200 || (memory.line.p_t - CGL_TWO_PI / omega < CGL_R(1.0e-5) && memory.line.p_t - CGL_TWO_PI / omega > CGL_R(-1.0e-5)));
+        }
+    }
+}
+
+/* With another lead the last correction went to a place that this lead never names: the line begins anew. */
+static void another_lead(void)
+{
+    cgl_memory memory = a_map(64U, 1U, 1U, 0U);
+    cgl_memory_config config = memory.config;
+    config.forgetting = CGL_R(1.0);
+    config.lead = 12U;
+    CHECK(cgl_memory_init(&memory, &config, CGL_R(1.0e-3), 1U, cell, entries_of(&config)) == CGL_OK);
+    double place = 20.5;
+    for (int n = 0; n < 8; ++n) {
+        go(&memory, place += 0.6, CGL_R(1.0));
+    }
+    config.lead = 1U;
+    CHECK(memory.map.lagging && cgl_memory_retune(&memory, &config) == CGL_OK);
+    const uint32_t untouched = written(&memory, CGL_R(0.0));
+    go(&memory, place += 0.6, CGL_R(1.0));
+    CHECK(written(&memory, CGL_R(0.0)) == untouched);
+    go(&memory, place += 0.6, CGL_R(1.0));
+    go(&memory, place += 0.6, CGL_R(1.0));
+    CHECK(written(&memory, CGL_R(0.0)) < untouched && written(&memory, CGL_R(0.0)) + 3U > untouched);
+}
+
 void memories(void)
 {
+    periods_ago();
+    another_lead();
     keep_sizes();
     laws();
     speeds();

@@ -1196,21 +1196,21 @@ static void check_monitor(const cgl_monitor_config *config, const cgl_monitor *m
 {
     const cgl_monitor_limits *limits = &monitor->limits;
     CHECK(monitor->theta_m >= CGL_R(0.0) && monitor->theta_m < CGL_TWO_PI);
-    CHECK(monitor->raw >= CGL_R(0.0) && monitor->raw < CGL_TWO_PI);
-    CHECK(cgl_is_finite(monitor->omega_m) && within(monitor->shift, CGL_R(3.1416)));
+    CHECK(monitor->theta_sensor >= CGL_R(0.0) && monitor->theta_sensor < CGL_TWO_PI);
+    CHECK(cgl_is_finite(monitor->omega_m) && within(monitor->sensor_offset, CGL_R(3.1416)));
     CHECK(!(config->omega_max > CGL_R(1.0e-15)) /* whose square is a number */
           || within(monitor->omega_m, CGL_R(1.000001) * config->omega_max));
-    CHECK(cgl_is_finite(monitor->still));
-    CHECK(monitor->gap <= limits->bridge + 1U && monitor->holding <= limits->hold + 1U);
-    CHECK(monitor->blind <= limits->window + 1U && monitor->lost >= monitor->gap);
-    CHECK(monitor->attempt <= monitor->standing && monitor->pushing <= monitor->standing);
-    CHECK((monitor->status & (unsigned)CGL_STATUS_ANGLE_STUCK) == 0U || monitor->attempt > 0U);
-    CHECK(monitor->safe == (monitor->holding > 0U));
+    CHECK(cgl_is_finite(monitor->ref_turned));
+    CHECK(monitor->missing_angles <= limits->bridge + 1U && monitor->hold_wait <= limits->hold + 1U);
+    CHECK(monitor->speed_wait <= limits->window + 1U && monitor->gap_periods >= monitor->missing_angles);
+    CHECK(monitor->stuck_after <= monitor->standstill && monitor->full_current <= monitor->standstill);
+    CHECK((monitor->status & (unsigned)CGL_STATUS_ANGLE_STUCK) == 0U || monitor->stuck_after > 0U);
+    CHECK(monitor->safe == (monitor->hold_wait > 0U));
     CHECK(!(monitor->safe && monitor->trusted));
-    CHECK((monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U && monitor->standing == 0U
-           && !monitor->was_stuck)
+    CHECK((monitor->status == 0U && monitor->missing_angles == 0U && monitor->speed_wait == 0U && monitor->standstill == 0U
+           && !monitor->stuck_since_moved)
           == monitor->trusted);
-    CHECK((monitor->blind > 0U) == (monitor->dark > 0U));
+    CHECK((monitor->speed_wait > 0U) == (monitor->speed_lost > 0U));
     CHECK(monitor->safe == ((monitor->status & (unsigned)CGL_STATUS_FAULT) != 0U));
 }
 
@@ -1239,7 +1239,7 @@ static void try_monitor(void)
         cgl_monitor_look(&long_way, &now, omega_ref, full);
         hear(monitor.theta_m);
         hear(monitor.omega_m);
-        hear(monitor.shift);
+        hear(monitor.sensor_offset);
         hear_bits(monitor.status + (monitor.trusted ? 1U << 31 : 0U));
         check_monitor(&config, &monitor);
         check_monitor(&config, &long_way);
@@ -1254,7 +1254,7 @@ static void try_monitor(void)
         } else if (random_below(1000) == 0U) {
             cgl_monitor_reset(&monitor);
         } else if (random_below(500) == 0U) { /* as after years */
-            monitor.lost = monitor.gap > 0U ? UINT32_MAX : 0U;
+            monitor.gap_periods = monitor.missing_angles > 0U ? UINT32_MAX : 0U;
             monitor.jumps = UINT32_MAX;
         }
     }
@@ -1265,12 +1265,12 @@ static void check_quality(const cgl_quality *quality)
     CHECK(cgl_is_finite(quality->sum + quality->outlier_sum) && cgl_is_finite(quality->squares + quality->outlier_squares));
     CHECK(cgl_is_finite(quality->turned) && cgl_is_finite(quality->centre));
     CHECK(quality->ripple >= CGL_R(0.0) && cgl_is_finite(quality->ripple));
-    CHECK(quality->before >= CGL_R(0.0) && cgl_is_finite(quality->before));
-    CHECK(cgl_is_finite(quality->usual_square) && (quality->usual_square >= CGL_R(0.0) || quality->windows == 0U));
-    CHECK(quality->run <= quality->outliers && quality->refused_square >= quality->usual_square);
+    CHECK(quality->ripple_before >= CGL_R(0.0) && cgl_is_finite(quality->ripple_before));
+    CHECK(cgl_is_finite(quality->outlier_square) && (quality->outlier_square >= CGL_R(0.0) || quality->windows == 0U));
+    CHECK(quality->run_length <= quality->outliers && quality->refused_square >= quality->outlier_square);
     CHECK(within(quality->trend, CGL_R(0.16001)));
-    CHECK(quality->left >= 1U && quality->left <= quality->longest);
-    CHECK(quality->missing + quality->outliers <= quality->longest - quality->left);
+    CHECK(quality->remaining >= 1U && quality->remaining <= quality->longest);
+    CHECK(quality->missing + quality->outliers <= quality->longest - quality->remaining);
     const cgl_quality_report report = cgl_quality_read(quality);
     CHECK(report.residual >= CGL_R(0.0) && report.residual <= CGL_R(1.1e14));
     CHECK(cgl_is_finite(report.progress) && report.progress <= CGL_R(1.0));
@@ -1399,7 +1399,7 @@ static void try_drive(void)
             CHECK(memcmp(&drive.monitor.config.hold, &now_in->monitor.hold, sizeof now_in->monitor.hold) == 0);
             CHECK(config.foreign || memcmp(&drive.foc.config.kp_q, &now_in->foc.kp_q, sizeof now_in->foc.kp_q) == 0);
             CHECK(drive.divider == config.divider && drive.learn_saturated == now_in->learn_saturated);
-            CHECK(taken || memcmp(&before.quality.left, &drive.quality.left, sizeof drive.quality.left) == 0);
+            CHECK(taken || memcmp(&before.quality.remaining, &drive.quality.remaining, sizeof drive.quality.remaining) == 0);
             config = taken ? other : config;
         }
     }
@@ -1497,11 +1497,11 @@ void random_inputs(long configs)
         {"foc", try_foc, 0x5b274328U, 0x6724c587U},
         {"pi", try_pi, 0x9c475f64U, 0xb1f1788bU},
         {"memory", try_memory, 0x2d03223fU, 0xd98b4ef0U},
-        {"pi_ilc", try_pi_ilc, 0x24f77dfbU, 0x8637d57aU},
+        {"pi_ilc", try_pi_ilc, 0x0b83e9ffU, 0xc2006fd7U},
         {"robust_ilc", try_robust_ilc, 0x476ec3d1U, 0x761e993bU},
-        {"space_position", try_space_position, 0xfe0a2c02U, 0x2b1a13d8U},
+        {"space_position", try_space_position, 0x353b0292U, 0xd97c7802U},
         {"space_speed", try_space_speed, 0xeb447b5cU, 0xf5ded3b1U},
-        {"anti_cogging", try_anti_cogging, 0x49d06b15U, 0x1eddd603U},
+        {"anti_cogging", try_anti_cogging, 0x0ca661c6U, 0x9ac35564U},
         {"pi_afc", try_pi_afc, 0x6e44a02dU, 0x497f64edU},
         {"zero_phase", try_zero_phase, 0xa150822aU, 0x9e6668c9U},
         {"trial", try_trial, 0x21fcec74U, 0x68eebc9bU},
@@ -1509,7 +1509,7 @@ void random_inputs(long configs)
         {"quality", try_quality, 0xa29dc678U, 0x8fc9d407U},
         {"drive", try_drive, 0x0928a09dU, 0xecb94ad8U},
         {"adrc", try_adrc, 0x6d05d906U, 0x0de23e25U},
-        {"harmonic", try_harmonic, 0x9bef06e3U, 0xa35d88e0U},
+        {"harmonic", try_harmonic, 0xf86c57b1U, 0x22244692U},
         {"any_config", try_any_config, 0x00000000U, 0x00000000U},
         {"trial_basis", try_trial_basis, 0xac857a4bU, 0x130f461fU},
     };

@@ -101,9 +101,9 @@ def test_equals_the_reference(precision, events, omega, seed, phases, pushes):
             said = reference.step(i, seen, speed, u_dc, asked, full)
             assert c.said() == said
             assert (c.state.safe, c.state.trusted) == (reference.safe, reference.trusted)
-            assert (c.state.gap, c.state.blind) == (reference.gap, reference.blind)
-            assert (c.state.dark, c.state.standing) == (reference.dark, reference.standing)
-            assert (c.state.pushing, c.state.attempt) == (reference.pushing, reference.attempt)
+            assert (c.state.missing_angles, c.state.speed_wait) == (reference.gap, reference.blind)
+            assert (c.state.speed_lost, c.state.standstill) == (reference.dark, reference.standing)
+            assert (c.state.full_current, c.state.stuck_after) == (reference.pushing, reference.attempt)
             assert abs(between(c.state.theta_m, reference.theta)) < 600 * library.eps
             assert abs(c.state.omega_m - reference.omega) < 300 * library.eps
 
@@ -146,12 +146,12 @@ def test_a_jump_is_taken_out_and_learning_waits_until_it_goes_back(precision, ju
     assert not any(safe)
     assert abs(rotor.error) < 2e-3
     assert rotor.monitor.said() == {"ANGLE_SHIFTED"}
-    assert abs(between(rotor.state.shift, jump)) < 2e-3
+    assert abs(between(rotor.state.sensor_offset, jump)) < 2e-3
     assert not rotor.state.trusted
     rotor.offset = 0.0
     rotor.run(25)
     assert rotor.state.trusted
-    assert rotor.state.shift == 0
+    assert rotor.state.sensor_offset == 0
     assert abs(rotor.error) < 1e-6
     assert rotor.state.jumps == 2
 

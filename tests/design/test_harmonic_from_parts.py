@@ -447,14 +447,14 @@ FINE = Certificate(TOLD, 1e-3, (SLOW,), 300 * RPM, None)
 
 def test_a_certificate_in_one_line() -> None:
     assert FINE.words() == (
-        "orders 2 k to 6; at 10 rpm those to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
+        "orders 2, 4 to 6; at 10 rpm those to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
         "off (Re Gamma 0.66 or more), to 4 with an untold sample of delay, 2 held, 4 to 6; "
         "learns at up to 300 rpm"
     )
     both = replace(FINE, speeds=(replace(SLOW, held=()), FAST), straight=50 * RPM)
     held = replace(both, learner=replace(TOLD, held=(0.01, 0.02, 0.1, math.tau / 10)))
     assert held.words() == (
-        "orders 2 k to 6; at 10 rpm those to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
+        "orders 2, 4 to 6; at 10 rpm those to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
         "off (Re Gamma 0.66 or more), to 4 with an untold sample of delay; at 200 rpm those to 4 learn at "
         "5 1/s, settle at rates to 12.3 1/s and may not all converge with b 50 % off "
         "(Re Gamma -0.10 or more), to 2 with an untold sample of delay, 2 held; "
@@ -463,7 +463,7 @@ def test_a_certificate_in_one_line() -> None:
     )
     slow = replace(FINE, speeds=(replace(SLOW, held=(), slow=(2, 4), swing=0.64),))
     assert slow.words() == (
-        "orders 2 k to 6; at 10 rpm those to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
+        "orders 2, 4 to 6; at 10 rpm those to 6 learn at 5 1/s, settle at any rate and converge with b 50 % "
         "off (Re Gamma 0.66 or more), to 4 with an untold sample of delay, orders 2 to 4 are too slow to be "
         "judged, not sure: its feedback lets the speed swing by 64 % rms; learns at up to 300 rpm"
     )

@@ -93,7 +93,7 @@ class SpacePosition:
         return clip(sum(self.terms.values()), self.limit)
 
     def torque(self, i: PositionInput, current: float) -> float:
-        """The integral will take over from the current, where it has a share."""
+        """The integral will take over from the current, where it has a share and a gain."""
         n, current = self.ratio, finite_or_zero(current)
         plausible = all(map(math.isfinite, i[:5])) and is_angle(i.theta_ref) and is_angle(i.theta_m)
         moving = plausible and abs(i.omega_ref) >= self.omega_min
@@ -104,7 +104,7 @@ class SpacePosition:
         f = [1.0, n * i.omega_ref, n * i.alpha_ref] if plausible else [1.0, 0.0, 0.0]
         ramp = 1.0 if self.learned * self.ts >= self.ramp else self.learned * self.ts / self.ramp
         share_i = 1 - ramp * (self.learned > 0) if self.hand_over else 1.0
-        start = clip(-clip(current, self.limit) / share_i, self.limit) if share_i > 0 else 0.0
+        start = clip(-clip(current, self.limit) / share_i, self.limit) if share_i * self.k_i > 0 else 0.0
         self.integral, self.saturated = start, False
         return clip(current + sum(v * f_i for v, f_i in zip(values, f, strict=False)), self.limit)
 

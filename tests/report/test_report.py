@@ -25,9 +25,7 @@ from cogless.report import (
     write,
     write_plots,
 )
-from cogless.report import (
-    waveforms as room,
-)
+from cogless.report import waveforms as room
 from cogless.report.charts import SPEED_PICTURES
 from cogless.report.comparison import QUANTITIES, factor_text, held_back, misses, pretty
 from cogless.report.markup import number, pack, thin, unpack

@@ -258,7 +258,7 @@ def learned(folder: Path) -> dict[str, Run]:
     runs = {name: ran(folder, law, 1 if name == "pi" else 20) for name, law in LAWS.items()}
     for name, run in runs.items():
         if run.map is not None:
-            stored_map.write_map(folder / f"{name}.bin", bytes(run.map))
+            stored_map.write(folder / f"{name}.bin", bytes(run.map))
     return runs
 
 
@@ -455,7 +455,7 @@ def test_a_start_that_cannot_be_is_told_before_the_run(
     values, units, *turns = given
     over = turns[0] if turns else 1
     stored = StoredMap(values, units, (10.0,), turns=over, parts=over)
-    stored_map.write_map(folder / "given.bin", bytes(stored))
+    stored_map.write(folder / "given.bin", bytes(stored))
     with pytest.raises(StudyError) as failed:
         ran(folder, law, start={"map": "given.bin"})
     where = f'{folder / "study.toml"}: controller.law.start.map: "given.bin"'

@@ -47,8 +47,9 @@ def test_the_name_of_a_shipped_study_is_told_that_was_probably_meant(name: str, 
 
 def test_a_file_beside_it_may_be_meant_too(tmp_path: Path) -> None:
     (tmp_path / "my_motor.toml").write_text(MY_MOTOR.read_text(encoding="utf-8"), encoding="utf-8")
-    for name in ("my_moter.toml", "my_motor", "mymotor.toml"):
+    for name in ("my_moter.toml", "my_moter", "mymotor.toml"):
         assert refused(tmp_path / name).endswith(', perhaps "my_motor.toml"')
+    assert load(tmp_path / "my_motor").source.path == tmp_path / "my_motor.toml"
     assert "perhaps" not in refused(tmp_path / "something-else.toml")
 
 

@@ -1,21 +1,16 @@
 #include "adrc.h"
 
 #include "decay.h"
-#include "range.h"
 
-#define FASTEST CGL_R(2.0) /* bandwidth in 1/ts: beyond it nothing is smoothed */
+#define FASTEST CGL_R(2.0) /* largest bandwidth times ts: beyond it the observer smooths nothing */
 
 CGL_SELDOM const char *cgl_adrc_bad_field(const cgl_adrc_config *config, const cgl_loop *loop)
 {
     static const cgl_range range[] = {CGL_RANGE(adrc, b, CGL_POSITIVE), CGL_RANGE(adrc, omega_c, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(adrc, omega_o, CGL_POSITIVE), CGL_RANGE(adrc, limit, CGL_POSITIVE)};
-    const char *field = cgl_loop_bad_field(loop);
-    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    const char *const field = CGL_OWN_FEEDBACK_BAD_FIELD(config, range, loop);
     if (field != 0) {
         return field;
-    }
-    if (loop->feed_forward) {
-        return CGL_FIELD("loop.feed_forward");
     }
     if (!(config->omega_o * loop->ts <= FASTEST)) {
         return CGL_FIELD("adrc.omega_o");
@@ -23,11 +18,10 @@ CGL_SELDOM const char *cgl_adrc_bad_field(const cgl_adrc_config *config, const c
     if (!cgl_is_positive(CGL_R(1.0) / config->b)) {
         return CGL_FIELD("adrc.b");
     }
-    const bool bounded = cgl_is_positive(config->b * config->limit) && config->limit <= loop->current_limit;
-    return bounded ? 0 : CGL_FIELD("adrc.limit");
+    return cgl_is_positive(config->b * config->limit) ? 0 : CGL_FIELD("adrc.limit");
 }
 
-/* Resets the estimates, as if `current` [A] held the speed. */
+/* Starts the estimates anew, as if `current` [A] had held the speed constant. */
 CGL_SELDOM static void start(cgl_adrc *law, cgl_real current)
 {
     const cgl_adrc_config *const config = &law->config;
@@ -38,6 +32,7 @@ CGL_SELDOM static void start(cgl_adrc *law, cgl_real current)
     law->started = false;
 }
 
+/* Takes a config, and the gains of the observer that follow from it. */
 static void take(cgl_adrc *law, const cgl_adrc_config *config)
 {
     const cgl_real p = cgl_decay(config->omega_o * law->loop.ts), q = CGL_R(1.0) - p;

@@ -1,5 +1,5 @@
-/* Active disturbance rejection control of the speed. An extended state observer estimates what accelerates the rotor besides the
- * current, and the current takes that away (Gao 2003; sampled as in Miklosovic 2006, with the estimate of the present step).
+/* Active disturbance rejection control of the speed (Gao 2003; sampled as in Miklosovic 2006, with the estimate of the present step). An
+ * extended state observer estimates the disturbance: all acceleration that does not come from the current. The current then cancels it.
  *
  *   domega/dt = b i_q + f
  *   predicted = omega^ + ts (f^ + b i_q[k-1]),    e = omega - predicted,    p = exp(-omega_o ts)
@@ -17,22 +17,22 @@ extern "C" {
 typedef struct {
     cgl_real b;       /* acceleration per current, K_t / J [rad/s^2/A], > 0 */
     cgl_real omega_c; /* bandwidth of the loop [1/s], >= 0 */
-    cgl_real omega_o; /* bandwidth of the observer, its double pole [1/s], > 0, at most 2 a sample */
+    cgl_real omega_o; /* bandwidth of the observer, which is its double pole [1/s], > 0, at most 2 / ts */
     cgl_real limit;   /* the output stays within +-limit [A], > 0; at most loop.current_limit; b limit finite */
 } cgl_adrc_config;
 
 typedef struct {
     uint32_t ready;        /* CGL_READY after init */
-    cgl_adrc_config config;
-    cgl_loop loop;
+    bool started;          /* a speed has been measured, so omega is valid */
     cgl_real l1, l2;       /* gains of the observer [-], [1/s] */
-    cgl_real most;         /* b limit: the disturbance that the current can reject [rad/s^2] */
+    cgl_real most;         /* largest disturbance that the current can cancel, b limit [rad/s^2] */
     cgl_real omega;        /* estimate of the speed [rad/s] */
     cgl_real f;            /* estimate of the disturbance, within +-most [rad/s^2] */
-    cgl_real before;       /* the last output, which the observer is told [A] */
-    cgl_real proportional; /* the share of the last step [A] */
-    cgl_real rejected;     /* -f / b, the share of the last step [A] */
-    bool started;          /* omega is an estimate */
+    cgl_real before;       /* last output, which the observer uses [A] */
+    cgl_real proportional; /* proportional part of the last output [A] */
+    cgl_real rejected;     /* part of the last output that cancels the disturbance, -f / b [A] */
+    cgl_loop loop;
+    cgl_adrc_config config;
 } cgl_adrc;
 
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
@@ -40,14 +40,14 @@ const char *cgl_adrc_bad_field(const cgl_adrc_config *config, const cgl_loop *lo
 
 cgl_error cgl_adrc_init(cgl_adrc *law, const cgl_adrc_config *config, const cgl_loop *loop);
 
-/* Takes other gains and limits while it runs, as cgl_pi_retune; the estimates stay, f within the limit. */
+/* Replaces gains and limits at run time, as cgl_pi_retune() does. The estimates stay, f within its new limit. */
 cgl_error cgl_adrc_retune(cgl_adrc *law, const cgl_adrc_config *config);
 
 void cgl_adrc_reset(cgl_adrc *law);
 
-/* The observer is told the limited output, so that nothing winds up. A speed that is not finite corrects no estimate. A reference
- * that is not finite counts as the estimated speed. While in->off the output is 0 and the estimates start anew. In torque mode f takes
- * over in->i_q_ref. */
+/* The observer uses the limited output, so nothing winds up. A speed that is not finite corrects no estimate. A reference that is not
+ * finite counts as the estimated speed. While in->off, the output is 0 and the estimates start anew. In torque mode f starts from
+ * in->i_q_ref. */
 void cgl_adrc_step(cgl_adrc *law, const cgl_law_input *in, cgl_law_output *out);
 
 #ifdef __cplusplus

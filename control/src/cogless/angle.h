@@ -1,4 +1,4 @@
-/* Angles: sine and cosine without libm, and positions within a period. */
+/* Sine and cosine without libm, and positions within a period. */
 #ifndef COGLESS_ANGLE_H
 #define COGLESS_ANGLE_H
 
@@ -11,10 +11,10 @@ extern "C" {
 #endif
 
 /* Sine and cosine of theta [rad], to 1.5e-7 (float) or 1e-15 (double) for |theta| below CGL_ANGLE_MAX.
- * Anything else, NaN included, gives sine 0 and cosine 1. */
+ * Any other theta, and NaN, gives sine 0 and cosine 1. */
 void cgl_sincos(cgl_real theta, cgl_real *sine, cgl_real *cosine);
 
-/* A sine as a complex number. Its product with another phasor stands at the sum of both angles. */
+/* cos + j sin of an angle. The product of two phasors is the phasor of the sum of their angles. */
 typedef struct {
     cgl_real cosine, sine;
 } cgl_phasor;
@@ -26,26 +26,26 @@ static inline cgl_phasor cgl_product(cgl_phasor a, cgl_phasor b)
 }
 
 /* Phasor of an angle [turns of 2^32], to 1.5e-7 (float) or 1e-15 (double). A product adds its factors' errors and rounds by
- * sqrt(5) 2^-24 at most (double: 2^-53). So the phasor of order h that products make of lower ones is off by at most h 2.9e-7, in double
- * h 1.3e-15: in float that is what the rounding of the angle itself does to it. */
+ * sqrt(5) 2^-24 at most (double: 2^-53). So a phasor of order h, as a product of lower orders, has an error of at most h 2.9e-7 (double:
+ * h 1.3e-15). In float, the rounding of the angle itself makes as large an error. */
 cgl_phasor cgl_phasor_of(uint32_t turns);
 
-/* theta [rad], which is an angle, in revolutions of which 2^32 are one: they wrap as an angle does. */
+/* theta [rad], |theta| < CGL_ANGLE_MAX, as an integer of which 2^32 is a revolution, so that it wraps as an angle does. */
 static inline uint32_t cgl_turns(cgl_real theta)
 {
     const cgl_real rest = cgl_rest(theta * (CGL_R(1.0) / CGL_TWO_PI));
 #ifdef COGLESS_DOUBLE
     return (uint32_t)(int64_t)(rest * CGL_R(4294967296.0));
-#else /* no bit is lost: a float has 24 */
+#else /* the shift loses nothing, as a float has 24 bits */
     return (uint32_t)(int32_t)(rest * CGL_R(2147483648.0)) << 1;
 #endif
 }
 
-/* Fractional part of x in [0, 1); 0 for what is not a plausible number. */
+/* Fractional part of x, in [0, 1); 0 if |x| is not below 1e9. */
 cgl_real cgl_fraction(cgl_real x);
 
-/* theta [rad] plus the whole turns that bring it nearest to `near`: the angle without its jumps, where `near` is the last
- * one. `near` itself where either is not finite, or they are more than 1e9 turns apart. */
+/* theta [rad] plus the whole turns that bring it nearest to `near` [rad]. If `near` is the last angle, this removes the wraps. It is
+ * `near` itself if either is not finite, or if they are more than 1e9 turns apart. */
 cgl_real cgl_unwrap(cgl_real theta, cgl_real near);
 
 #ifdef __cplusplus

@@ -21,7 +21,7 @@ CGL_SELDOM const char *cgl_anti_cogging_bad_field(const cgl_anti_cogging_config 
     return config->revolutions <= 100U ? 0 : CGL_FIELD("anti_cogging.revolutions");
 }
 
-cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, const cgl_loop *loop, cgl_real *table,
+CGL_SELDOM cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_config *config, const cgl_loop *loop, cgl_real *table,
                                 uint32_t length)
 {
     law->pi.ready = 0U;
@@ -45,7 +45,7 @@ cgl_error cgl_anti_cogging_init(cgl_anti_cogging *law, const cgl_anti_cogging_co
     return CGL_OK;
 }
 
-cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config)
+CGL_SELDOM cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_config *config)
 {
     const bool same_run = law->stage == CGL_ANTI_COGGING_RUN || config->revolutions == law->config.revolutions;
     if (cgl_anti_cogging_bad_field(config, &law->pi.loop) != 0 || config->cells != law->config.cells || !same_run) {
@@ -60,10 +60,10 @@ cgl_error cgl_anti_cogging_retune(cgl_anti_cogging *law, const cgl_anti_cogging_
     return CGL_OK;
 }
 
-void cgl_anti_cogging_reset(cgl_anti_cogging *law)
+CGL_SELDOM void cgl_anti_cogging_reset(cgl_anti_cogging *law)
 {
     const cgl_anti_cogging_config *const config = &law->config;
-    if (law->stage != CGL_ANTI_COGGING_RUN) { /* half a table is worse than none */
+    if (law->stage != CGL_ANTI_COGGING_RUN) { /* half a table is worse than an empty one */
         for (uint32_t n = 0; n < config->cells; ++n) {
             law->table[n] = CGL_R(0.0);
         }
@@ -82,12 +82,12 @@ CGL_SELDOM void cgl_anti_cogging_calibrate(cgl_anti_cogging *law)
     if (law->pi.loop.feed_forward) {
         return;
     }
-    law->stage = CGL_ANTI_COGGING_FORWARD; /* so that reset clears the table */
+    law->stage = CGL_ANTI_COGGING_FORWARD; /* reset clears the table of an unfinished calibration */
     cgl_anti_cogging_reset(law);
     law->stage = CGL_ANTI_COGGING_FORWARD;
 }
 
-/* Revolutions beyond which the count stays: further than any run goes. */
+/* Largest count of revolutions, more than any run makes. */
 #define TURNS_MAX 1000
 
 static void count_turn(cgl_anti_cogging *law, bool up)
@@ -99,7 +99,7 @@ static void count_turn(cgl_anti_cogging *law, bool up)
     }
 }
 
-/* Follows the rotor through the revolutions; a step moves it by less than half of one. */
+/* Follows the rotor over whole revolutions. A step is shorter than half a revolution. */
 CGL_SELDOM static void follow(cgl_anti_cogging *law, cgl_real theta_m)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -123,7 +123,7 @@ static cgl_real direction(const cgl_anti_cogging *law)
     return law->stage == CGL_ANTI_COGGING_BACKWARD ? CGL_R(-1.0) : CGL_R(1.0);
 }
 
-/* Aims for the first entry after an eighth of a revolution. */
+/* Begins a direction. The first entry to be recorded is an eighth of a revolution ahead. */
 CGL_SELDOM static void start_direction(cgl_anti_cogging *law, cgl_anti_cogging_stage stage)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -136,7 +136,7 @@ CGL_SELDOM static void start_direction(cgl_anti_cogging *law, cgl_anti_cogging_s
     law->samples = 0U;
 }
 
-/* Ends the calibration: without the mean over the revolution, which is load and not cogging. */
+/* Ends the calibration, and subtracts the mean over the revolution, which is load and not cogging. */
 CGL_SELDOM static void finish(cgl_anti_cogging *law)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -152,9 +152,9 @@ CGL_SELDOM static void finish(cgl_anti_cogging *law)
     cgl_pi_reset(&law->pi);
 }
 
-/* An entry stands for half a cell on either side of its angle. Adds the mean current of the entry just left, and of any
- * that the rotor jumped over, to the table. Only progress counts: a rotor that rocks back changes nothing twice. Where
- * nothing is to be learned from a sample, its entry waits until the rotor comes there again, a revolution later. */
+/* Records a sample. An entry covers half a cell on either side of its angle. When the rotor leaves an entry, the mean current there is
+ * added to the table, and also to entries that the rotor jumped over. A rotor that rocks back records nothing twice. If the sample must
+ * not be learned, the rotor has to come to its entry again, a revolution later. */
 CGL_SELDOM static void record(cgl_anti_cogging *law, cgl_real i_q, bool learn)
 {
     const cgl_anti_cogging_config *const config = &law->config;
@@ -166,7 +166,7 @@ CGL_SELDOM static void record(cgl_anti_cogging *law, cgl_real i_q, bool learn)
         return;
     }
     if (!learn) {
-        count_turn(law, backward); /* back */
+        count_turn(law, backward); /* counts one revolution less, so that the entry is still ahead */
         law->sum = CGL_R(0.0);
         law->samples = 0U;
         return;
@@ -194,13 +194,13 @@ static cgl_real look_up(const cgl_anti_cogging *law, cgl_real theta_m)
     return cgl_clamp(here + (x - (cgl_real)n) * (next - here), config->pi.limit);
 }
 
-/* What the table gives at a plausible angle. */
+/* Takes the current from the table, at a plausible angle. */
 static void look(cgl_anti_cogging *law, const cgl_law_input *in)
 {
     law->looked_up = cgl_law_share(in) * look_up(law, in->theta_m + law->config.lead * in->omega_m);
 }
 
-/* Off, or in torque mode: a calibration begins anew after it. */
+/* Sets the output while off or in torque mode. A calibration begins anew afterwards. */
 CGL_SELDOM static void stand_by(cgl_anti_cogging *law, const cgl_law_input *in, cgl_law_output *out)
 {
     law->looked_up = CGL_R(0.0);

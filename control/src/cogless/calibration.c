@@ -40,7 +40,7 @@ cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3])
         const cgl_real i = i_abc[x];
         const cgl_real low = first || i < offsets->low[x] ? i : offsets->low[x];
         const cgl_real high = first || i > offsets->high[x] ? i : offsets->high[x];
-        /* false for NaN; a mean of what is within the spread of finite numbers is finite */
+        /* the comparison is false for NaN; the mean of finite numbers within the spread is finite */
         if (!(cgl_is_finite(i) && high - low <= offsets->config.spread)) {
             offsets->result = CGL_CALIBRATION_FAILED;
             return offsets->result;
@@ -59,7 +59,7 @@ cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3])
     return offsets->result;
 }
 
-/* The stages: the field stands at `to` sweeps, the rotor comes to rest, the angle goes to a reading. */
+/* The stages of the alignment. In each the field goes to its place, the rotor comes to rest, and its angle is read. */
 enum { RISE, FORWARD_HALF, FORWARD_REST, BACK, FALL };
 
 CGL_SELDOM cgl_error cgl_align_init(cgl_align *align, const cgl_align_config *config, cgl_real ts)
@@ -95,20 +95,20 @@ CGL_SELDOM void cgl_align_reset(cgl_align *align)
     align->result = CGL_CALIBRATION_BUSY;
 }
 
-/* x, nearer to `to` by one step. */
+/* x moved towards `to` by at most `step`. */
 static cgl_real toward(cgl_real x, cgl_real to, cgl_real step)
 {
     return cgl_is_within(to - x, step) ? to : x + (to > x ? step : -step);
 }
 
-/* Whether the rotor went as far as the field, and its way. */
+/* Whether the rotor has gone as far as the field, in the same direction. */
 static bool has_followed(const cgl_align *align)
 {
     const cgl_real way = CGL_R(2.0) * align->config.sweep / (cgl_real)align->config.pole_pairs;
     return cgl_is_within(align->far[1] - align->far[0] - way, align->config.tolerance * way);
 }
 
-/* Takes the reading of a stage that has come to rest. */
+/* Takes the angle at the end of a stage, with the rotor at rest, and begins the next stage. */
 static void read(cgl_align *align)
 {
     switch (align->stage) {
@@ -130,9 +130,10 @@ static void read(cgl_align *align)
     ++align->stage;
 }
 
+/* Ends the alignment with its result. */
 static void end(cgl_align *align)
 {
-    /* a rotor that turns against the field, or sticks, comes back to where it was too: its way tells */
+    /* a rotor that sticks or turns against the field also comes back to its place, so only its way shows the fault */
     const bool followed = has_followed(align) && cgl_abs(align->apart) * (cgl_real)align->config.pole_pairs
                                                      <= align->config.sweep;
     align->zero = cgl_unwrap(align->zero, CGL_R(0.0));
@@ -141,7 +142,7 @@ static void end(cgl_align *align)
 
 cgl_calibration cgl_align_step(cgl_align *align, cgl_real theta_m, cgl_align_output *out)
 {
-    static const cgl_real place[] = {CGL_R(-1.0), CGL_R(0.0), CGL_R(1.0), CGL_R(0.0), CGL_R(0.0)}; /* in sweeps */
+    static const cgl_real place[] = {CGL_R(-1.0), CGL_R(0.0), CGL_R(1.0), CGL_R(0.0), CGL_R(0.0)}; /* place of the field at the end of each stage [sweeps] */
     const cgl_align_config *const config = &align->config;
     const cgl_real ts = align->ts;
     if (align->result == CGL_CALIBRATION_BUSY && !cgl_is_angle(theta_m)) {

@@ -4,7 +4,7 @@
 #include "sine.h"
 #include "transform.h"
 
-#define BUS_MIN CGL_R(1.0e-30) /* as in foc.c: its reciprocal is finite */
+#define BUS_MIN CGL_R(1.0e-30) /* lowest bus voltage with a finite reciprocal, as in foc.c [V] */
 
 CGL_SELDOM static bool is_valid(const cgl_dead_time_config *config, cgl_real ts)
 {
@@ -47,7 +47,7 @@ CGL_SELDOM cgl_error cgl_dead_time_retune(cgl_dead_time *dead_time, const cgl_de
     return CGL_OK;
 }
 
-/* The duty cycle that gives back `loss` [periods] at the current i, in parts of the band. */
+/* The duty cycle that makes up for `loss` [periods]. i is the phase current divided by the band. */
 static cgl_real corrected(cgl_real duty, cgl_real loss, cgl_real i)
 {
     if (!(duty > CGL_R(0.0) && duty < CGL_R(1.0))) {

@@ -1,7 +1,7 @@
-/* Compensation of the inverter's dead time: the voltage that a leg loses while both its transistors are off, and the drop
- * across its devices, given back by the sign of the phase's current. The sign is that of the reference, which has no noise,
- * delayed as the current loop delays it, at the angle where the voltage will act. Within a band about zero current, where the
- * sign is not certain, the correction is linear.
+/* Compensation of the inverter's dead time. While both transistors of a leg are off, and across the devices that conduct, the leg loses
+ * voltage, with the sign of its phase current. This part adds that voltage. It takes the sign from the current reference, which has no
+ * noise: delayed as the current loop delays it, and at the angle where the voltage will act. Within a band about zero current the sign
+ * is uncertain, so the correction is linear there.
  *
  * After the current loop's step, once per period:
  *
@@ -21,9 +21,9 @@ extern "C" {
 #endif
 
 typedef struct {
-    cgl_real time;    /* both transistors of a leg are off at each switching [s], 0 to ts/2, default 0 */
-    cgl_real drop;    /* across a leg's transistor or diode that conducts [V], >= 0, default 0 */
-    cgl_real band;    /* phase currents below this get a part of the correction [A], > 0 */
+    cgl_real time;    /* time for which both transistors of a leg are off at each switching [s], 0 to ts/2, default 0 */
+    cgl_real drop;    /* voltage across a leg's transistor or diode that conducts [V], >= 0, default 0 */
+    cgl_real band;    /* half width of the linear band of phase current [A], > 0 */
     cgl_real lag;     /* time constant of the current loop, L / kp [s], >= 0, default 0 */
     cgl_real advance; /* the voltage acts this many periods after sampling, as in cgl_foc_config [periods], >= 0 */
     uint32_t phases;  /* 3 (or 0): half bridges; 2: two H-bridges, of two legs each; default 3 */
@@ -31,24 +31,24 @@ typedef struct {
 
 typedef struct {
     cgl_dead_time_config config;
-    cgl_real ts;       /* [s] */
-    cgl_real ahead;    /* advance ts [s] */
-    cgl_real share;    /* time / ts [periods] */
+    cgl_real ts;       /* period of the current loop [s] */
+    cgl_real ahead;    /* time until the voltage acts, advance ts [s] */
+    cgl_real share;    /* dead time as a share of the period */
     cgl_real per_band; /* 1 / band [1/A] */
-    cgl_real follow;   /* the delayed reference follows by this part of the way in a period */
+    cgl_real follow;   /* share of the way to the reference that the delayed reference moves in a period */
     cgl_real i_d, i_q; /* the delayed reference [A] */
 } cgl_dead_time;
 
-/* Takes the config, which need not stay; ts: period of the current loop, which is that of the pulses [s], > 0. */
+/* Copies the config. ts is the period of the current loop and of the pulses [s], > 0. */
 cgl_error cgl_dead_time_init(cgl_dead_time *dead_time, const cgl_dead_time_config *config, cgl_real ts);
 
 void cgl_dead_time_reset(cgl_dead_time *dead_time);
 
-/* Other constants for a state that init has made; checked as by init. */
+/* Replaces the config at run time, within the ranges that init accepts. */
 cgl_error cgl_dead_time_retune(cgl_dead_time *dead_time, const cgl_dead_time_config *config);
 
-/* Corrects the duty cycles of this period in place; they stay in [0, 1]. theta_e, omega_e, u_dc and the references of `in` are
- * looked at. A duty cycle of 0 or 1 has no edges and stays; all stay where an input is not plausible (as cgl_foc_step says it). */
+/* Corrects the duty cycles of this period in place, within [0, 1]. Of `in` it reads theta_e, omega_e, u_dc and the references. A duty
+ * cycle of 0 or 1 has no edges and stays. If an input is not plausible, as cgl_foc_step() defines it, all duty cycles stay. */
 void cgl_dead_time_step(cgl_dead_time *dead_time, const cgl_foc_input *in, cgl_real duty[3]);
 
 #ifdef __cplusplus

@@ -1,6 +1,6 @@
 #include "delay_line.h"
 
-#define MOVES 8U /* samples by which the place of one period ago moves in a step, at most */
+#define MOVES 8U /* largest number of samples by which the place of one period ago moves in a step */
 
 CGL_SELDOM bool cgl_delay_is_valid(const cgl_memory_config *config, cgl_real ts)
 {
@@ -26,13 +26,13 @@ CGL_SELDOM static uint32_t older(const cgl_memory *memory, uint32_t at)
     return at > 0U ? at - 1U : memory->row - 1U;
 }
 
-/* Samples from one place on to a later one. */
+/* Number of samples from one index of the ring on to a later one. */
 static uint32_t samples_to(const cgl_memory *memory, uint32_t from, uint32_t to)
 {
     return to >= from ? to - from : to + memory->row - from;
 }
 
-/* The distance between places in a period of length 1, the shorter way round. */
+/* A distance in a period of length 1, as the shorter way round. */
 CGL_SELDOM static cgl_real shorter_way(cgl_real distance)
 {
     return distance > CGL_R(0.5) ? distance - CGL_R(1.0)
@@ -41,20 +41,20 @@ CGL_SELDOM static cgl_real shorter_way(cgl_real distance)
 
 /* ---- kind time ---- */
 
-/* Finds the place of one period of the reference speed ago, counted from the sample that comes next. False where the line is
- * too short for it, or the Q filter too wide. */
+/* Finds the sample of one period of the reference speed before the next sample. Returns false if the line is too short for the period, or
+ * the Q filter too wide. */
 CGL_SELDOM static bool find_time(cgl_memory *memory, cgl_real speed)
 {
     cgl_delay_line *const line = &memory->line;
     const cgl_memory_config *const config = &memory->config;
     const cgl_real per_rad = (cgl_real)memory->periods / ((cgl_real)config->turns * CGL_TWO_PI);
-    const cgl_real periods = cgl_abs(speed) * memory->ts * per_rad; /* in a sample */
+    const cgl_real periods = cgl_abs(speed) * memory->ts * per_rad; /* the rotor moves by so many periods in a sample */
     if (!(periods > CGL_R(0.0) && periods * (cgl_real)config->cells >= CGL_R(1.0)
           && periods * (cgl_real)memory->fewest <= CGL_R(1.0))) {
         return false;
     }
     const cgl_real period = CGL_R(1.0) / periods;
-    uint32_t age = (uint32_t)cgl_clamp(period, (cgl_real)config->cells); /* it may round above the longest period */
+    uint32_t age = (uint32_t)cgl_clamp(period, (cgl_real)config->cells); /* rounding may put the period above the longest */
     age = age > config->q_half_width ? age : config->q_half_width + 1U;
     line->part = cgl_clamp(period - (cgl_real)age, CGL_R(1.0));
     const uint32_t place = line->newest + memory->row + 1U - age;
@@ -70,7 +70,7 @@ static bool is_oldest(const cgl_memory *memory)
     return line->then == (line->known < memory->row ? 0U : newer(memory, line->newest));
 }
 
-/* Rise of the angle to this sample. */
+/* Rise of the angle from the sample before to this one. */
 CGL_SELDOM static cgl_real rise(const cgl_memory *memory, uint32_t at)
 {
     return shorter_way(memory->cell[at] - memory->cell[older(memory, at)]);
@@ -88,7 +88,7 @@ CGL_SELDOM static void go_older(cgl_memory *memory)
     memory->line.then = older(memory, memory->line.then);
 }
 
-/* Moves towards the oldest sample less than a period ago, on with the angle. */
+/* Finds P_t by inversion. It moves `then` to the oldest sample whose angle is at most a period behind the present one. */
 static void invert(cgl_memory *memory)
 {
     cgl_delay_line *const line = &memory->line;
@@ -105,13 +105,13 @@ static void invert(cgl_memory *memory)
                      : CGL_R(0.0);
 }
 
-/* A step of the differential equation, counted in samples. */
+/* Finds P_t by a step of the differential equation, with P_t in samples. */
 static void follow_equation(cgl_memory *memory, cgl_real moved)
 {
     cgl_delay_line *const line = &memory->line;
     const cgl_real slope = rise(memory, line->then);
     const cgl_real error = line->distance - moved + line->part * slope - CGL_R(1.0);
-    line->part -= (moved + memory->config.k_pp * memory->ts * error) / slope; /* P_t grows by a sample as the samples age */
+    line->part -= (moved + memory->config.k_pp * memory->ts * error) / slope; /* the equation has 1 - this; the 1 is there already, as every sample is one older now */
     uint32_t moves = MOVES;
     for (; moves > 0U && line->part < CGL_R(0.0) && line->then != line->newest; --moves) {
         go_newer(memory);
@@ -124,12 +124,12 @@ static void follow_equation(cgl_memory *memory, cgl_real moved)
     line->tracking = !is_oldest(memory) && line->part >= CGL_R(0.0) && line->part < CGL_R(1.0);
 }
 
-/* Finds P_t for an angle that has risen by `moved` since the last sample; the distance counts to now meanwhile. */
+/* Finds P_t for an angle that has risen by `moved` since the newest sample. Within this function the distance is up to the present angle. */
 CGL_SELDOM static void find_period(cgl_memory *memory, cgl_real moved)
 {
     cgl_delay_line *const line = &memory->line;
     line->distance += moved;
-    line->tracking = line->tracking && !is_oldest(memory); /* the period may have outgrown the line */
+    line->tracking = line->tracking && !is_oldest(memory); /* the period may have become longer than the line */
     if (line->tracking && memory->config.method == CGL_DELAY_ODE) {
         follow_equation(memory, moved);
     }
@@ -139,7 +139,7 @@ CGL_SELDOM static void find_period(cgl_memory *memory, cgl_real moved)
     line->distance -= moved;
 }
 
-/* Whether the angle has risen; finds P_t then. */
+/* Finds P_t if the angle has risen, and returns whether it has. */
 static bool find_angle(cgl_memory *memory, uint32_t place, cgl_real speed)
 {
     cgl_delay_line *const line = &memory->line;
@@ -157,21 +157,21 @@ static bool find_angle(cgl_memory *memory, uint32_t place, cgl_real speed)
     return true;
 }
 
-/* Keeps the angle of a sample. Sums of rises drift; the angles themselves do not, and the sum still tells the whole
- * periods. */
+/* Stores the angle of a sample, and updates the distance. A sum of rises would drift. So the distance is the difference of two stored
+ * angles, plus the whole periods, which the sum tells. */
 CGL_SELDOM static void store_angle(cgl_memory *memory, uint32_t next)
 {
     cgl_delay_line *const line = &memory->line;
     memory->cell[next] = line->x;
     const cgl_real apart = line->x - memory->cell[line->then];
     const cgl_real sum = line->known > 0U ? line->distance + rise(memory, next) : CGL_R(0.0);
-    const cgl_real most = (cgl_real)CGL_SAMPLES_MAX; /* periods: the angle rises by less than one a sample */
+    const cgl_real most = (cgl_real)CGL_SAMPLES_MAX; /* [periods], as the angle rises by less than one in a sample */
     line->distance = apart + (cgl_real)(int32_t)cgl_clamp(sum - apart + CGL_R(0.5), most);
 }
 
 /* ---- both ---- */
 
-/* The mean of the 2 m + 1 samples about the one of one period ago, between it and the one before. */
+/* The sum of 2 m + 1 samples about the place of one period ago, which is interpolated between `then` and the sample before. */
 CGL_SELDOM static cgl_real mean_of(const cgl_memory *memory, const cgl_real *row, uint32_t m)
 {
     const uint32_t length = memory->row;
@@ -193,7 +193,7 @@ CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real spee
     const cgl_memory_config *const config = &memory->config;
     const uint32_t length = memory->row, channels = config->channels;
     const bool by_time = config->kind == CGL_MEMORY_TIME;
-    if (!(by_time ? find_time(memory, speed) : find_angle(memory, place, speed))) { /* it waits */
+    if (!(by_time ? find_time(memory, speed) : find_angle(memory, place, speed))) { /* the line waits */
         for (uint32_t c = 0; c < channels; ++c) {
             value[c] = memory->channel[c].value;
         }
@@ -202,7 +202,7 @@ CGL_SELDOM bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real spee
     const uint32_t age = samples_to(memory, line->then, line->newest) + 1U;
     const bool found = by_time || line->tracking;
     const bool fits = age > config->q_half_width && age + config->q_half_width < length;
-    const bool reads = found && fits; /* what nothing is known of yet is 0 */
+    const bool reads = found && fits; /* without a sample of one period ago, the recalled value is 0 */
     learn = learn && ((reads && age >= memory->fewest) || (line->known < length && !line->tracking));
     const uint32_t next = line->known > 0U ? newer(memory, line->newest) : 0U;
     const uint32_t back = next + length - (config->lead <= line->known ? config->lead : 0U);

@@ -1,8 +1,8 @@
-/* A delay line as a learning law's memory (memory.h), for up to three functions at once.
+/* A delay line as the memory of a learning law (memory.h), for up to three functions at once.
  *
- * Kind time: it reaches back by a period of the reference speed, which may be a fraction of a sample. Kind delay: to where
- * the angle x was one period less, at the time P_t ago. For an angle that rises; while it does not, the line waits. P_t is
- * found by the differential equation of Verrelli 2016, Section 5,
+ * Kind time reads the sample of one period of the reference speed ago, interpolated between samples. Kind delay reads where the angle x
+ * was one period less, at the time P_t ago. Its angle must rise; while it does not, the line waits. P_t follows from the differential
+ * equation of Verrelli 2016, Section 5,
  *
  *   dP_t/dt = 1 - (dx(t) + k_pp (x(t) - T - x(t - P_t))) / dx(t - P_t),   dx = dx/dt of the angle x
  *
@@ -16,12 +16,12 @@
 extern "C" {
 #endif
 
-/* Whether the config's kind is delay, and what that kind alone needs is in its range. */
+/* Whether the config's kind is delay, and the fields of that kind are in their ranges. */
 bool cgl_delay_is_valid(const cgl_memory_config *config, cgl_real ts);
 
 void cgl_delay_reset(cgl_delay_line *line);
 
-/* cgl_memory_step for both kinds; place: in the period [2^-32 periods]. */
+/* cgl_memory_step() of both kinds; `place` is the place in the period [2^-32 periods]. */
 bool cgl_delay_step(cgl_memory *memory, uint32_t place, cgl_real speed, bool learn, const cgl_real *correction,
                     cgl_real *value);
 

@@ -1,15 +1,15 @@
 #include "drive.h"
 
-#define POLE_PAIRS_MAX 10000U /* an electrical angle of so many turns is still below CGL_ANGLE_MAX */
+#define POLE_PAIRS_MAX 10000U /* it keeps the electrical angle below CGL_ANGLE_MAX */
 #define DIVIDER_MAX 65535U
-#define FULL_SHARE CGL_R(0.95) /* share of the current limit from which on a current is full */
+#define FULL_SHARE CGL_R(0.95) /* a current of at least this share of its limit counts as full */
 
 static uint32_t phases_of(const cgl_drive_config *config)
 {
     return config->foc.phases == 0U ? 3U : config->foc.phases;
 }
 
-/* The monitor's config, which watches the current loop's phases where it names none. */
+/* The monitor's config. If it names no phases, it gets those of the current loop. */
 CGL_SELDOM static cgl_monitor_config monitor_config(const cgl_drive_config *config)
 {
     cgl_monitor_config full = config->monitor;
@@ -19,7 +19,7 @@ CGL_SELDOM static cgl_monitor_config monitor_config(const cgl_drive_config *conf
     return full;
 }
 
-/* Of what the drive itself takes, and where its parts do not agree. */
+/* The first bad field among the drive's own, or where its parts disagree. */
 CGL_SELDOM static const char *own_bad_field(const cgl_drive_config *config)
 {
     if (config->pole_pairs < 1U || config->pole_pairs > POLE_PAIRS_MAX) {
@@ -45,16 +45,15 @@ CGL_SELDOM static const char *own_bad_field(const cgl_drive_config *config)
 
 CGL_SELDOM const char *cgl_drive_bad_field(const cgl_drive_config *config, cgl_real ts)
 {
-    const cgl_monitor_config monitor = monitor_config(config);
     const char *field = own_bad_field(config);
     if (field == 0 && !config->foreign) {
         field = cgl_foc_bad_field(&config->foc, ts);
     }
-    field = field != 0 ? field : cgl_monitor_bad_field(&monitor, ts);
+    field = field != 0 ? field : cgl_monitor_bad_field(&config->monitor, ts);
     return field != 0 ? field : cgl_quality_bad_field(&config->quality, (cgl_real)config->divider * ts);
 }
 
-/* What a law is told of this drive. */
+/* The loop that steps a law of this drive. */
 CGL_SELDOM static cgl_loop loop_of(const cgl_drive_config *config, cgl_real law_period)
 {
     const cgl_real limit = config->foc.current_limit;
@@ -62,7 +61,7 @@ CGL_SELDOM static cgl_loop loop_of(const cgl_drive_config *config, cgl_real law_
     return loop;
 }
 
-cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts)
+CGL_SELDOM cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_real ts)
 {
     drive->ready = 0U;
     if (cgl_drive_bad_field(config, ts) != 0) {
@@ -92,10 +91,10 @@ cgl_error cgl_drive_init(cgl_drive *drive, const cgl_drive_config *config, cgl_r
     return CGL_OK;
 }
 
-cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
+CGL_SELDOM cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
 {
     const cgl_monitor_config monitor = monitor_config(config);
-    const cgl_foc foc = drive->foc;
+    const cgl_foc last_foc = drive->foc;
     if (cgl_drive_bad_field(config, drive->monitor.ts) != 0 || (uint32_t)drive->pole_pairs != config->pole_pairs
         || config->divider != drive->divider || config->foreign != drive->foreign
         || config->feed_forward != drive->loop.feed_forward) {
@@ -105,7 +104,7 @@ cgl_error cgl_drive_retune(cgl_drive *drive, const cgl_drive_config *config)
         return CGL_ERROR_CONFIG;
     }
     if (cgl_quality_retune(&drive->quality, &config->quality) != CGL_OK) {
-        drive->foc = foc;
+        drive->foc = last_foc;
         return CGL_ERROR_CONFIG;
     }
     (void)cgl_monitor_retune(&drive->monitor, &monitor);
@@ -136,7 +135,7 @@ CGL_SELDOM void cgl_drive_reset(cgl_drive *drive)
     drive->status = drive->held = 0U;
 }
 
-/* The law follows a speed of its own, which is not known here. */
+/* Whether the law follows a speed that the drive does not know. */
 static bool is_busy(const cgl_drive *drive)
 {
     return (drive->command.status & (unsigned)CGL_STATUS_BUSY) != 0U;
@@ -161,7 +160,7 @@ static bool is_allowed(cgl_drive *drive, cgl_real error, bool wanted, bool learn
 }
 #endif
 
-/* Torque mode: the references follow the rotor, and nothing is learned. */
+/* In torque mode the references follow the rotor, and nothing is learned. */
 CGL_SELDOM static void follow_rotor(cgl_law_input *in)
 {
     in->theta_ref = in->theta_m;
@@ -170,7 +169,7 @@ CGL_SELDOM static void follow_rotor(cgl_law_input *in)
     in->learn = false;
 }
 
-/* The law's input; the law has seen what was saturated or safe. */
+/* Fills in the law's input. The flags `saturated` and `off` begin anew, as the law now has them. */
 CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *reference)
 {
     const cgl_monitor *const monitor = &drive->monitor;
@@ -200,14 +199,14 @@ CGL_APART static void prepare_law(cgl_drive *drive, const cgl_reference *referen
             in->learn = false;
         }
 #endif
-    } else { /* nothing to judge: the law follows a speed of its own */
+    } else { /* the error of a busy law says nothing */
     }
     drive->saturated = drive->off = false;
     drive->countdown = drive->divider - 1U;
 }
 
-/* Whether the output pushes in the direction of omega_ref and was at its limit at some time since the law's last step. The law or
- * the current loop reports the limit. A law may also stop just below it without a report, so FULL_SHARE of the limit is enough. */
+/* Whether the output pushes in the direction of omega_ref and has been at its limit since the law's last step. The law or the current
+ * loop reports the limit. A law may stop just below it without a report, so FULL_SHARE of the limit is enough. */
 CGL_SELDOM static bool is_full(const cgl_drive *drive, cgl_real omega_ref)
 {
     const cgl_real i_d = drive->currents.i_d_ref, i_q = drive->command.i_q_ref;
@@ -233,7 +232,7 @@ bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
     cgl_monitor *const monitor = &drive->monitor;
     const cgl_real omega_ref = is_busy(drive) || reference->torque ? CGL_R(0.0) : reference->omega_ref;
     /* is_full matters only while the angle stands still, so an ordinary period does not compute it */
-    cgl_monitor_step(monitor, now, omega_ref, monitor->standing > 0U && is_full(drive, omega_ref));
+    cgl_monitor_step(monitor, now, omega_ref, monitor->standstill > 0U && is_full(drive, omega_ref));
     drive->status = monitor->status;
     if (monitor->safe) {
         drive->off = true;
@@ -254,7 +253,7 @@ bool cgl_drive_measure(cgl_drive *drive, const cgl_measurement *now,
     return true;
 }
 
-/* No voltage, no current reference. */
+/* An output without voltage and without a current reference. */
 CGL_SELDOM static void rest(cgl_drive *drive, cgl_drive_output *out)
 {
     out->duty[0] = out->duty[1] = out->duty[2] = CGL_R(0.5);
@@ -287,7 +286,7 @@ void cgl_drive_actuate(cgl_drive *drive, cgl_drive_output *out)
     drive->currents.i_q_ref = drive->command.i_q_ref;
     cgl_foc_step(&drive->foc, &drive->currents, out);
     drive->i_q = out->i_q;
-    if (out->status != 0U) { /* the current loop could not do what was asked, or would not */
+    if (out->status != 0U) { /* the current loop has fallen short of its reference */
         drive->saturated = true;
     }
     out->status |= status;

@@ -1,17 +1,17 @@
-/* Duty cycles of voltages that are given as fractions of the bus voltage. Internal to cgl_modulate. */
+/* From voltages, as shares of the bus voltage, to duty cycles. foc.c and modulation.c use it. */
 #ifndef COGLESS_DUTIES_H
 #define COGLESS_DUTIES_H
 
 #include "real.h"
 
-/* Voltages of three half bridges about the middle of the bus for the voltage (alpha, beta), all in parts of the bus. */
+/* Voltages of three half bridges, from the middle of the bus, for the voltage (alpha, beta); all are shares of the bus voltage. */
 static inline void cgl_centred(cgl_real alpha, cgl_real beta, cgl_real part[3])
 {
     const cgl_real half = CGL_R(-0.5) * alpha;
     const cgl_real side = CGL_R(0.86602540378443864676) * beta;
     const cgl_real reach = cgl_abs(side);
-    const cgl_real lower = half - reach, upper = half + reach; /* of the phases b and c */
-    /* the three add up to zero: the mean of highest and lowest is minus half the middle one */
+    const cgl_real lower = half - reach, upper = half + reach; /* the voltages of phases b and c */
+    /* the three add up to zero, so the mean of the highest and the lowest is minus half the middle one */
     const cgl_real middle = alpha < lower ? lower : (alpha > upper ? upper : alpha);
     const cgl_real shift = CGL_R(0.5) * middle;
     const cgl_real between = half + shift;
@@ -20,7 +20,7 @@ static inline void cgl_centred(cgl_real alpha, cgl_real beta, cgl_real part[3])
     part[2] = between - side;
 }
 
-/* Duty cycles in [0, 1] for these; not finite: 0.5. */
+/* Duty cycles in [0, 1] for these voltages; 0.5 for NaN. */
 static inline void cgl_duties(const cgl_real part[3], cgl_real duty[3])
 {
     duty[0] = CGL_R(0.5) + cgl_clamp(part[0], CGL_R(0.5));

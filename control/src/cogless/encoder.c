@@ -1,6 +1,6 @@
 #include "encoder.h"
 
-/* 2^64 / counts, digit by digit: a processor of 32 bits has no division for it. */
+/* 2^64 / counts, digit by digit: a 32-bit processor has no division that wide. */
 CGL_SELDOM static uint64_t turns_per_count(uint32_t counts)
 {
     uint32_t rest = UINT32_MAX % counts, low = 0U;
@@ -28,13 +28,13 @@ CGL_SELDOM cgl_error cgl_encoder_init(cgl_encoder *encoder, const cgl_encoder_co
     return CGL_OK;
 }
 
-/* Whether the register can show this. */
+/* Whether the register can show this value. */
 static bool is_reading(const cgl_encoder *encoder, uint32_t reading)
 {
     return encoder->config.range == 0U || reading < encoder->config.range;
 }
 
-/* position + by, less a whole revolution: both below counts. */
+/* (position + by) modulo counts; both are below counts. */
 static uint32_t on(const cgl_encoder *encoder, uint32_t position, uint32_t by)
 {
     const uint32_t left = encoder->config.counts - position;
@@ -47,23 +47,23 @@ static void put(cgl_encoder *encoder, uint32_t position)
     encoder->turns = (uint32_t)((position * encoder->per_count) >> 32U);
 }
 
-/* The counts from one reading to another, the short way, and whether they go the angle's way. */
+/* The counts from one reading to another on the shorter way. `forward` says whether the angle grows on that way. */
 static uint32_t moved(const cgl_encoder *encoder, uint32_t from, uint32_t to, bool *forward)
 {
-    const uint32_t range = encoder->config.range; /* 0 stands for 2^32, as subtraction has it */
+    const uint32_t range = encoder->config.range; /* 0 stands for 2^32: unsigned subtraction wraps there */
     const uint32_t up = to >= from ? to - from : to - from + range, down = from >= to ? from - to : from - to + range;
     *forward = (up <= down) != encoder->config.backward;
     return up <= down ? up : down;
 }
 
-/* Moves the position by so many counts. */
+/* Moves the position by a number of counts. */
 static void move(cgl_encoder *encoder, uint32_t by, bool forward)
 {
     const uint32_t counts = encoder->config.counts, part = by < counts ? by : by % counts;
     put(encoder, on(encoder, encoder->position, forward || part == 0U ? part : counts - part));
 }
 
-/* The position that a word of an absolute encoder says. */
+/* Sets the position to that of an absolute encoder's word. */
 static void put_word(cgl_encoder *encoder, uint32_t word)
 {
     const uint32_t counts = encoder->config.counts, zero = encoder->config.zero;

@@ -1,7 +1,8 @@
-/* Encoders: the register of a quadrature counter or the word of an absolute encoder, to the mechanical angle.
+/* Mechanical angle from the register of a quadrature counter, or from the word of an absolute encoder.
  *
- * The register runs round at any number, so the difference of two readings is taken the short way: read it before it has moved
- * half of its range. An incremental encoder does not know where it is until its index pulse, or cgl_encoder_place:
+ * The register wraps at any number. The difference of two readings is the shorter of the two ways round, so read the register before
+ * it has moved by half of its range. The angle of an incremental encoder is right from its index pulse on, or from a call of
+ * cgl_encoder_place():
  *
  *   cgl_encoder_step(&encoder, board_counter());
  *   now.theta_m = cgl_radians(encoder.turns); */
@@ -19,37 +20,37 @@ extern "C" {
 #endif
 
 typedef struct {
-    uint32_t counts; /* in a revolution, four a line of a quadrature encoder, 2 to 2^32 - 1 */
-    uint32_t range;  /* the register runs from 0 to range - 1, 65536 for 16 bits; 0: 2^32; at least 4. Absolute: of one
-                        revolution, so equal to counts */
-    uint32_t zero;   /* the position at the index pulse, or the word of an absolute one at angle zero, below counts, default 0 */
+    uint32_t counts; /* counts in a revolution, four per line of a quadrature encoder, 2 to 2^32 - 1 */
+    uint32_t range;  /* the register runs from 0 to range - 1: 65536 for 16 bits; 0: 2^32; at least 4. An absolute encoder
+                        needs the value of `counts` here */
+    uint32_t zero;   /* position at the index pulse, or the word of an absolute encoder at angle zero, below counts, default 0 */
     bool absolute;   /* the register is the position; default false */
-    bool backward;   /* the register falls where the angle grows; default false */
+    bool backward;   /* the register falls as the angle grows; default false */
 } cgl_encoder_config;
 
 typedef struct {
     cgl_encoder_config config;
     uint64_t per_count; /* 2^64 / counts */
     uint32_t reading;   /* the register's last value */
-    uint32_t count;     /* counts moved, forward less backward; wraps at 2^32: for the speed */
-    uint32_t position;  /* counts from angle zero, below config.counts */
-    uint32_t turns;     /* the mechanical angle, 2^32 a revolution */
-    bool placed;        /* the angle is that of the rotor: absolute, or the index has passed */
+    uint32_t count;     /* counts moved forward less those backward, for a speed estimate; wraps at 2^32 */
+    uint32_t position;  /* place of the rotor, from angle zero [counts], below config.counts */
+    uint32_t turns;     /* mechanical angle; 2^32 is a revolution */
+    bool placed;        /* the angle is right: the encoder is absolute, or its index has passed, or its place was set */
 } cgl_encoder;
 
-/* Takes the config, which need not stay; reading: what the register shows. */
+/* Copies the config. `reading` is what the register shows. */
 cgl_error cgl_encoder_init(cgl_encoder *encoder, const cgl_encoder_config *config, uint32_t reading);
 
-/* As after init. */
+/* Starts anew, as init does. */
 void cgl_encoder_reset(cgl_encoder *encoder, uint32_t reading);
 
-/* Takes in the register. A value that it cannot have changes nothing. */
+/* Takes a reading of the register. A value outside its range has no effect. */
 void cgl_encoder_step(cgl_encoder *encoder, uint32_t reading);
 
-/* The index pulse: the register showed `reading` at it, before or after the last step. */
+/* Takes the index pulse. `reading` is what the register showed at the pulse, which may come before or after the last step. */
 void cgl_encoder_index(cgl_encoder *encoder, uint32_t reading);
 
-/* The rotor is at this position [counts from angle zero], after homing or a calibration. */
+/* Sets the position of the rotor, from angle zero [counts], as after homing or a calibration. */
 void cgl_encoder_place(cgl_encoder *encoder, uint32_t position);
 
 #ifdef __cplusplus

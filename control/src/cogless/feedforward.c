@@ -4,7 +4,7 @@
 
 #define PREVIEW_MAX 65535U
 
-/* The steady output for a reference of 1. */
+/* The steady output for a constant reference of 1. */
 CGL_SELDOM static cgl_real steady_gain(const cgl_feedforward_config *config)
 {
     cgl_real num = CGL_R(0.0), den = CGL_R(0.0);

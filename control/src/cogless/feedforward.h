@@ -1,8 +1,8 @@
-/* Dynamic feedforward from a reference that is known ahead (Mandra 2019, (41)):
+/* Dynamic feedforward from a reference that is known in advance (Mandra 2019, (41)):
  *
  *   f(p) = sum_i num[i] y_ref(p + preview - i) - sum_{j >= 1} den[j] f(p - j)
  *
- * The reference rests at its first sample before it, and at its last one after it. */
+ * Before its first sample the reference has that value, and after its last sample it keeps that one. */
 #ifndef COGLESS_FEEDFORWARD_H
 #define COGLESS_FEEDFORWARD_H
 
@@ -18,9 +18,9 @@ extern "C" {
 #define CGL_FEEDFORWARD_TAPS 16
 
 typedef struct {
-    uint32_t numerator;                 /* coefficients of num, 0 to CGL_FEEDFORWARD_TAPS; 0: no feedforward; default 0 */
-    uint32_t denominator;               /* coefficients of den, 1 to CGL_FEEDFORWARD_TAPS; 1: no recursion */
-    uint32_t preview;                   /* how far the filter looks ahead [samples], 0 to 65535 */
+    uint32_t numerator;                 /* number of coefficients in num, 0 to CGL_FEEDFORWARD_TAPS; 0: no feedforward; default 0 */
+    uint32_t denominator;               /* number of coefficients in den, 1 to CGL_FEEDFORWARD_TAPS; 1: no recursion */
+    uint32_t preview;                   /* the filter looks ahead by this [samples], 0 to 65535 */
     cgl_real num[CGL_FEEDFORWARD_TAPS]; /* [output/reference], finite */
     cgl_real den[CGL_FEEDFORWARD_TAPS]; /* den[0] = 1, all roots inside the unit circle */
 } cgl_feedforward_config;
@@ -34,8 +34,8 @@ cgl_error cgl_feedforward_init(const cgl_feedforward_config *config, cgl_feedfor
 /* Starts in the steady state of a reference that rests at y_ref. */
 void cgl_feedforward_reset(const cgl_feedforward_config *config, cgl_feedforward *feedforward, cgl_real y_ref);
 
-/* f(p), for p = 0, 1, ... in turn, also beyond the `samples` entries of y_ref. Where the reference is not finite, or the
- * sum overflows, the result is not finite either; a recursion then goes on from finite values. */
+/* Returns f(p). Call it for p = 0, 1, ... in this order, also beyond the `samples` entries of y_ref. If the reference is not finite or the
+ * sum overflows, the result is not finite, but the recursion goes on from finite values. */
 cgl_real cgl_feedforward_step(const cgl_feedforward_config *config, cgl_feedforward *feedforward,
                               const cgl_real *y_ref, uint32_t samples, uint32_t p);
 

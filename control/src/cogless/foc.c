@@ -6,7 +6,7 @@
 #include "sine.h"
 #include "transform.h"
 
-#define BUS_MIN CGL_R(1.0e-30) /* so that its reciprocal is finite */
+#define BUS_MIN CGL_R(1.0e-30) /* lowest bus voltage with a finite reciprocal [V] */
 
 CGL_SELDOM const char *cgl_foc_bad_field(const cgl_foc_config *config, cgl_real ts)
 {
@@ -32,7 +32,7 @@ CGL_SELDOM const char *cgl_foc_bad_field(const cgl_foc_config *config, cgl_real 
     return cgl_is_positive(ts) ? 0 : CGL_FIELD("ts");
 }
 
-/* What follows from a config that is valid. */
+/* Takes a valid config, and what follows from it. */
 CGL_SELDOM static void take(cgl_foc *foc, const cgl_foc_config *config)
 {
     foc->config = *config;
@@ -41,7 +41,7 @@ CGL_SELDOM static void take(cgl_foc *foc, const cgl_foc_config *config)
     foc->rise_q = config->ki_q * foc->ts;
 }
 
-cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
+CGL_SELDOM cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
 {
     if (cgl_foc_bad_field(config, ts) != 0) {
         return CGL_ERROR_CONFIG;
@@ -52,7 +52,7 @@ cgl_error cgl_foc_init(cgl_foc *foc, const cgl_foc_config *config, cgl_real ts)
     return CGL_OK;
 }
 
-cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config)
+CGL_SELDOM cgl_error cgl_foc_retune(cgl_foc *foc, const cgl_foc_config *config)
 {
     if (cgl_foc_bad_field(config, foc->ts) != 0 || (config->phases == 2U) != (foc->config.phases == 2U)) {
         return CGL_ERROR_CONFIG;
@@ -72,7 +72,7 @@ typedef struct {
     cgl_real d, q;
 } vector;
 
-/* Square root of x in [1, 2]: Newton from the best straight line takes the same time for every x. */
+/* Square root of x in [1, 2]. Newton's iteration starts at the best straight line, and takes the same time for every x. */
 CGL_SELDOM static cgl_real square_root(cgl_real x)
 {
     cgl_real root = CGL_R(0.59) + CGL_R(0.4142) * x;
@@ -82,39 +82,45 @@ CGL_SELDOM static cgl_real square_root(cgl_real x)
     return root;
 }
 
-/* x, shortened to the given length where it is longer. What is not finite counts as zero. */
+/* A component with its sign and a new size >= 0, which rounding may not make larger than it was. */
+CGL_SELDOM static cgl_real with_size(cgl_real component, cgl_real size)
+{
+    return cgl_clamped(size, cgl_abs(component)) * cgl_sign(component);
+}
+
+/* x, shortened to this length if it is longer. A component that is not finite counts as zero. */
 CGL_SELDOM static vector shortened(vector x, cgl_real length)
 {
-    x.d = cgl_is_finite(x.d) ? x.d : CGL_R(0.0);
-    x.q = cgl_is_finite(x.q) ? x.q : CGL_R(0.0);
+    x.d = cgl_finite_or_zero(x.d);
+    x.q = cgl_finite_or_zero(x.q);
     const cgl_real u = x.d / length;
     const cgl_real v = x.q / length;
     if (!(u * u + v * v > CGL_R(1.0))) {
         return x;
     }
-    /* by the ratio of the components, which cannot overflow */
+    /* the ratio of the components cannot overflow, and their squares could */
     const bool steep = cgl_abs(x.q) > cgl_abs(x.d);
     const cgl_real ratio = steep ? x.d / x.q : x.q / x.d;
     const cgl_real longer = length / square_root(CGL_R(1.0) + ratio * ratio);
     const cgl_real shorter = longer * cgl_abs(ratio);
-    const vector within = {cgl_abs(x.d), cgl_abs(x.q)}; /* rounding may not lengthen either */
-    x.d = cgl_clamp(steep ? shorter : longer, within.d) * cgl_sign(x.d);
-    x.q = cgl_clamp(steep ? longer : shorter, within.q) * cgl_sign(x.q);
+    x.d = with_size(x.d, steep ? shorter : longer);
+    x.q = with_size(x.q, steep ? longer : shorter);
     return x;
 }
 
-/* Whether a reference was shortened: one that is as long as the limit and no longer was not. */
+/* Whether x has a smaller component than another vector. Shortening a reference as long as the limit changes nothing. */
 static bool is_shorter(vector x, vector than)
 {
     return cgl_abs(x.d) < cgl_abs(than.d) || cgl_abs(x.q) < cgl_abs(than.q);
 }
 
-/* The error that the integral sees: without what could not be realised. */
+/* The error that the integral gets: without the part whose voltage is missing. */
 static cgl_real taken_back(cgl_real error, cgl_real kp, cgl_real missing)
 {
     return kp > CGL_R(0.0) ? error + missing / kp : error;
 }
 
+/* The output at a fault: no voltage. */
 CGL_SELDOM static void safe(const cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
 {
     const vector wanted = {in->i_d_ref, in->i_q_ref};
@@ -131,7 +137,7 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
     const cgl_foc_config *const config = &foc->config;
     const bool two_phases = config->phases == 2U;
     const cgl_real omega_e = in->omega_e, u_dc = in->u_dc;
-    /* the rotor turns on until the voltage acts */
+    /* the angle by which the rotor turns until the voltage acts */
     const cgl_real ahead = foc->ahead * omega_e;
     if (!(cgl_is_angle(in->theta_e) && cgl_is_angle(in->theta_e + ahead) && u_dc >= BUS_MIN
           && cgl_is_finite(u_dc))) {
@@ -163,9 +169,9 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
         u.q += omega_e * (config->L_d * i_d + config->psi_f);
     }
 
-    /* a current that is not finite shows in both, whatever the gains */
+    /* a current that is not finite makes both voltages so, whatever the gains */
     const cgl_real per_bus = CGL_R(1.0) / u_dc;
-    const cgl_real longest = two_phases ? CGL_R(1.0) : CGL_R(0.57735026918962576451); /* in parts of the bus */
+    const cgl_real longest = two_phases ? CGL_R(1.0) : CGL_R(0.57735026918962576451); /* longest voltage as a share of the bus voltage */
     const cgl_real u_max = u_dc * longest;
     cgl_real part_d = u.d * per_bus, part_q = u.q * per_bus;
     if (!(part_d * part_d + part_q * part_q < longest * longest)) {
@@ -192,7 +198,7 @@ void cgl_foc_step(cgl_foc *foc, const cgl_foc_input *in, cgl_foc_output *out)
 
     const cgl_phasor measured = {cosine, sine}, acting = cgl_product(measured, cgl_phasor_ahead(ahead));
     cgl_park_inverse(part_d, part_q, acting.sine, acting.cosine, &alpha, &beta);
-    cgl_real part[3] = {CGL_R(0.5) * alpha, CGL_R(0.5) * beta, CGL_R(0.0)}; /* of two H-bridges */
+    cgl_real part[3] = {CGL_R(0.5) * alpha, CGL_R(0.5) * beta, CGL_R(0.0)}; /* shares of the bus voltage of two H-bridges */
     if (!two_phases) {
         cgl_centred(alpha, beta, part);
     }

@@ -41,7 +41,7 @@ CGL_SELDOM const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config,
                                       CGL_RANGE(harmonic, rate_min, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(harmonic, limit, CGL_POSITIVE)};
     const char *field = cgl_pi_bad_field(&config->pi, loop);
-    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    field = field != 0 ? field : CGL_OWN_FEEDBACK_BAD_FIELD(config, range, loop);
     if (field != 0) {
         return field;
     }
@@ -49,9 +49,6 @@ CGL_SELDOM const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config,
         if (!cgl_is_not_negative(config->held[n])) {
             return CGL_FIELD("harmonic.held");
         }
-    }
-    if (loop->feed_forward) {
-        return CGL_FIELD("loop.feed_forward");
     }
     if (config->orders > CGL_HARMONIC_ORDERS) {
         return CGL_FIELD("harmonic.orders");
@@ -64,9 +61,6 @@ CGL_SELDOM const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config,
     }
     if (config->fast > config->orders) {
         return CGL_FIELD("harmonic.fast");
-    }
-    if (config->limit > loop->current_limit) {
-        return CGL_FIELD("harmonic.limit");
     }
     if (!(config->delay <= LONGEST * loop->ts)) {
         return CGL_FIELD("harmonic.delay");

@@ -1,11 +1,17 @@
 #include "law.h"
 
-CGL_SELDOM const char *cgl_loop_bad_field(const cgl_loop *loop)
+CGL_SELDOM const char *cgl_law_bad_field(const void *config, const cgl_range *range, uint32_t count, const cgl_loop *loop)
 {
-    if (!cgl_is_positive(loop->ts)) {
-        return CGL_FIELD("loop.ts");
+    static const cgl_range loop_range[] = {CGL_RANGE_OF(cgl_loop, "loop.ts", ts, CGL_POSITIVE),
+                                           CGL_RANGE_OF(cgl_loop, "loop.current_limit", current_limit, CGL_POSITIVE)};
+    const char *field = CGL_OUT_OF_RANGE(loop, loop_range);
+    field = field != 0 ? field : cgl_out_of_range(config, range, count);
+    if (field != 0) {
+        return field;
     }
-    return cgl_is_positive(loop->current_limit) ? 0 : CGL_FIELD("loop.current_limit");
+    const cgl_range *const last = range + count - 1U;
+    const cgl_real limit = *(const cgl_real *)(const void *)((const char *)config + last->offset);
+    return limit <= loop->current_limit ? 0 : CGL_RANGE_NAME(last);
 }
 
 CGL_SELDOM bool cgl_loop_can_learn(const cgl_loop *loop, cgl_real gain, cgl_real feedback)
@@ -28,7 +34,7 @@ CGL_SELDOM cgl_real cgl_law_stand_by(const cgl_law_input *in, cgl_real learned, 
         return CGL_R(0.0);
     }
     const bool plausible = cgl_is_finite(in->i_q_ref) && cgl_is_angle(in->theta_m);
-    const cgl_real current = cgl_is_finite(in->i_q_ref) ? in->i_q_ref : CGL_R(0.0);
+    const cgl_real current = cgl_finite_or_zero(in->i_q_ref);
     const cgl_real wanted = current + learned;
     out->i_q_ref = cgl_clamped(wanted, limit);
     out->status |= (cgl_is_below(wanted, limit) ? 0U : (unsigned)CGL_STATUS_SATURATED)

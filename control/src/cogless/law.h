@@ -1,36 +1,38 @@
-/* What every law is told of the loop that steps it, and its input and output, once per period of the law. */
+/* The loop that steps a law, and the law's input and output, which are the same for every law. */
 #ifndef COGLESS_LAW_H
 #define COGLESS_LAW_H
 
 #include "guard.h"
+#include "range.h"
 #include "real.h"
 #include "status.h"
 
 /* The loop that steps a law. cgl_drive_init fills in drive.loop; without a cgl_drive, fill in one of your own. */
 typedef struct {
     cgl_real ts;            /* period of the law [s], > 0 */
-    cgl_real current_limit; /* the largest current that the loop gives; a law's limits of current are at most this [A], > 0 */
-    bool feed_forward;      /* somebody else's feedback acts. The law gives only what it learns, and its pi.kp and pi.ki tell the
-                               gains of that feedback: see README.md. Laws that learn from their own feedback refuse it */
-    bool guarded;           /* the guard acts: a law without any feedback gain could never learn, and is refused */
+    cgl_real current_limit; /* largest current of the loop [A], > 0; no limit of a law may be higher */
+    bool feed_forward;      /* foreign firmware controls the speed. The law returns only what it learns, and its pi.kp and pi.ki are
+                               the gains of the foreign feedback: see README.md. Laws that learn from their own feedback refuse it */
+    bool guarded;           /* the guard acts. Without any feedback gain it would leave nothing of the learning gain, so a law
+                               without one is refused */
 } cgl_loop;
 
 typedef struct {
-    cgl_real theta_ref; /* mechanical angle reference [rad], any revolution below CGL_ANGLE_MAX; laws of position read it. In
-                           torque mode these three follow the rotor: theta_m, omega_m and 0 */
-    cgl_real omega_ref; /* its derivative: mechanical speed reference [rad/s] */
-    cgl_real alpha_ref; /* the derivative of that [rad/s^2]; the space-learning laws read it */
+    cgl_real theta_ref; /* mechanical angle reference [rad], any revolution below CGL_ANGLE_MAX; only position laws read it. In
+                           torque mode this and the next two are theta_m, omega_m and 0 */
+    cgl_real omega_ref; /* mechanical speed reference, the derivative of theta_ref [rad/s] */
+    cgl_real alpha_ref; /* derivative of omega_ref [rad/s^2]; only the space-learning laws read it */
     cgl_real theta_m;   /* measured mechanical angle [rad], any revolution below CGL_ANGLE_MAX */
     cgl_real omega_m;   /* measured mechanical speed [rad/s] */
     cgl_real i_q;       /* measured q-axis current [A]; only a calibration run reads it */
     bool learn;         /* false freezes what is learned */
-    bool off;           /* true: the output is 0 and integrals start anew; what is learned stays, frozen */
-    bool forget;        /* clear what is learned, cell by cell as the rotor passes, even where learn is false; not while off,
-                           nor in torque mode */
-    cgl_real muted;     /* share of what is learned that does not act, 0 to 1; default 0, and so is whatever is no share */
-    uint32_t gentle;    /* 0: learn as configured; k >= 1: with a smaller gain and more forgetting, cgl_gentle_steps[k] */
-    bool torque;        /* torque mode: the output is i_q_ref and what is learned, frozen; the feedback does not act */
-    cgl_real i_q_ref;   /* somebody else's current, in torque mode [A] */
+    bool off;           /* true: the output is 0, integrals start anew, and what is learned stays, frozen */
+    bool forget;        /* true: what is learned is cleared, cell by cell as the rotor passes, even if learn is false; it has no
+                           effect while off or in torque mode */
+    cgl_real muted;     /* share of what is learned that does not act, 0 to 1; any other value counts as 0; default 0 */
+    uint32_t gentle;    /* 0: the law learns as configured; k >= 1: it learns with a smaller gain and more forgetting, as cgl_gentle_steps[k] */
+    bool torque;        /* torque mode: the output is i_q_ref plus what is learned, frozen; the feedback does not act */
+    cgl_real i_q_ref;   /* q-axis current reference of torque mode [A] */
 } cgl_law_input;
 
 typedef struct {
@@ -38,7 +40,7 @@ typedef struct {
     unsigned status;  /* CGL_STATUS_ bits */
 } cgl_law_output;
 
-/* How gently a law learns: to forget is to learn nothing and to recall nothing. */
+/* The step of gentle learning, cgl_gentle_steps[k]. To forget is the last step, which learns nothing and recalls nothing. */
 static inline uint32_t cgl_law_gentle(const cgl_law_input *in)
 {
 #ifdef COGLESS_NO_GUARD
@@ -49,14 +51,14 @@ static inline uint32_t cgl_law_gentle(const cgl_law_input *in)
 #endif
 }
 
-/* The share of what is learned that acts, 0 to 1; whatever is no share acts. */
+/* The share of what is learned that acts, 0 to 1. If `muted` is no share, all of it acts. */
 static inline cgl_real cgl_law_share(const cgl_law_input *in)
 {
     const cgl_real share = CGL_R(1.0) - in->muted;
     return CGL_OFTEN(share >= CGL_R(0.0) && share <= CGL_R(1.0)) ? share : CGL_R(1.0);
 }
 
-/* The feedback does not act: the law is off, or in torque mode. */
+/* Whether the feedback does not act, because the law is off or in torque mode. */
 static inline bool cgl_law_stands_by(const cgl_law_input *in)
 {
     return in->off || in->torque;
@@ -66,18 +68,29 @@ static inline bool cgl_law_stands_by(const cgl_law_input *in)
 extern "C" {
 #endif
 
-/* The first field of the loop that is outside its range, as CGL_FIELD; NULL: none. */
-const char *cgl_loop_bad_field(const cgl_loop *loop);
+/* The check with which every law's init begins. It returns the first field that it refuses, as CGL_FIELD, or NULL: a field of the
+ * loop or of the config outside its range, or a limit above loop.current_limit. The last row of `range` is the config's limit of the
+ * output [A]. */
+const char *cgl_law_bad_field(const void *config, const cgl_range *range, uint32_t count, const cgl_loop *loop);
+#define CGL_LAW_BAD_FIELD(config, range, loop) cgl_law_bad_field((config), (range), CGL_ROWS(range), (loop))
 
-/* Whether the guard leaves anything of a learning gain beside a feedback's gain, in one unit. */
+/* The same check for a law that learns from its own feedback: it refuses loop.feed_forward too. */
+static inline const char *cgl_own_feedback_bad_field(const void *config, const cgl_range *range, uint32_t count, const cgl_loop *loop)
+{
+    const char *const field = cgl_law_bad_field(config, range, count, loop);
+    return field == 0 && loop->feed_forward ? CGL_FIELD("loop.feed_forward") : field;
+}
+#define CGL_OWN_FEEDBACK_BAD_FIELD(config, range, loop) cgl_own_feedback_bad_field((config), (range), CGL_ROWS(range), (loop))
+
+/* Whether the guard leaves anything of a learning gain beside a feedback gain in the same unit. */
 bool cgl_loop_can_learn(const cgl_loop *loop, cgl_real gain, cgl_real feedback);
 
-/* The output of a law whose state no init has made: 0, with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
+/* Sets the output of a law without a successful init: 0, with CGL_STATUS_FAULT and CGL_STATUS_OFF. */
 void cgl_law_refuse(cgl_law_output *out);
 
-/* The output of a law that stands by: 0 where it is off, else i_q_ref and what is learned [A] within the limit [A]. Returns the
- * current that the feedback takes over from, so that the output does not jump when it acts again [A]. An i_q_ref that is not
- * finite counts as 0. */
+/* Sets the output of a law whose feedback does not act: 0 if the law is off, else i_q_ref plus what is learned [A], within the limit
+ * [A]. Returns the current from which the feedback will start when it acts again, so that the output does not jump [A]. An i_q_ref
+ * that is not finite counts as 0. */
 cgl_real cgl_law_stand_by(const cgl_law_input *in, cgl_real learned, cgl_real limit, cgl_law_output *out);
 
 #ifdef __cplusplus

@@ -2,7 +2,7 @@
 
 #include "decay.h"
 
-#define FASTEST CGL_R(2.0) /* bandwidth in 1/ts: beyond it nothing is smoothed */
+#define FASTEST CGL_R(2.0) /* largest bandwidth times ts: beyond it the filter smooths nothing */
 
 CGL_SELDOM cgl_error cgl_low_pass_init(cgl_low_pass *filter, const cgl_low_pass_config *config, cgl_real ts)
 {
@@ -27,7 +27,7 @@ CGL_SELDOM cgl_error cgl_low_pass_retune(cgl_low_pass *filter, const cgl_low_pas
 
 CGL_SELDOM void cgl_low_pass_reset(cgl_low_pass *filter, cgl_real x)
 {
-    filter->y = cgl_is_finite(x) ? x : CGL_R(0.0);
+    filter->y = cgl_finite_or_zero(x);
 }
 
 cgl_real cgl_low_pass_step(cgl_low_pass *filter, cgl_real x)
@@ -35,7 +35,7 @@ cgl_real cgl_low_pass_step(cgl_low_pass *filter, cgl_real x)
     if (!cgl_is_finite(x)) {
         return x;
     }
-    /* of both, not of their difference, which may be beyond the number type */
+    /* a weighted sum, as the difference of x and y may overflow */
     filter->y = (CGL_R(1.0) - filter->share) * filter->y + filter->share * x;
     return filter->y;
 }

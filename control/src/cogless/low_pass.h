@@ -1,4 +1,4 @@
-/* A low-pass of first order, as drives have it behind their measured speed:
+/* First-order low-pass filter, as drives use it for their measured speed:
  *
  *   y = y + (1 - exp(-bandwidth ts)) (x - y)
  *
@@ -19,21 +19,21 @@ typedef struct {
 
 typedef struct {
     cgl_low_pass_config config;
-    cgl_real ts;    /* [s] */
-    cgl_real share; /* of the difference that a step takes in */
-    cgl_real y;     /* of the last step */
+    cgl_real ts;    /* period of the steps [s] */
+    cgl_real share; /* weight of a new x */
+    cgl_real y;     /* output of the last step */
 } cgl_low_pass;
 
-/* Takes the config, which need not stay; ts: period of the steps [s], > 0. It begins at 0. */
+/* Copies the config. ts is the period of the steps [s], > 0. The output starts at 0. */
 cgl_error cgl_low_pass_init(cgl_low_pass *filter, const cgl_low_pass_config *config, cgl_real ts);
 
-/* Another bandwidth while it runs: the state stays. Checked as by init. */
+/* Changes the bandwidth at run time, within the range that init accepts. The state stays. */
 cgl_error cgl_low_pass_retune(cgl_low_pass *filter, const cgl_low_pass_config *config);
 
-/* As if x had been there for long. */
+/* Starts in the steady state of the input x; one that is not finite counts as 0. */
 void cgl_low_pass_reset(cgl_low_pass *filter, cgl_real x);
 
-/* The filtered value. An x that is not finite comes out as it is, and changes nothing. */
+/* Returns the filtered value. An x that is not finite is returned as it is, and has no other effect. */
 cgl_real cgl_low_pass_step(cgl_low_pass *filter, cgl_real x);
 
 #ifdef __cplusplus

@@ -1,7 +1,7 @@
 #include "map.h"
 
 #define FLOAT_MAX CGL_R(3.402823466e38)
-#define ROUNDING CGL_R(1.0e-6) /* share of the limit by which a mean may be off through rounding */
+#define ROUNDING CGL_R(1.0e-6) /* largest mean that is only a rounding error, as a share of the limit */
 
 CGL_SELDOM bool cgl_map_is_valid(const cgl_map *map)
 {
@@ -11,7 +11,7 @@ CGL_SELDOM bool cgl_map_is_valid(const cgl_map *map)
         return false;
     }
     for (uint32_t c = 0; c < map->channels; ++c) {
-        /* the first comparison keeps the conversion within what float holds */
+        /* the first comparison makes sure that a float can hold the limit */
         if (!(map->limit[c] <= FLOAT_MAX && map->limit[c] > CGL_R(0.0) && (float)map->limit[c] > 0.0f
               && map->unit[c] <= 255U)) {
             return false;
@@ -29,7 +29,7 @@ CGL_SELDOM void cgl_map_centre(const cgl_map *map)
             mean += entry[n] / (cgl_real)map->cells;
         }
         if (cgl_is_within(mean, ROUNDING * map->limit[c])) {
-            continue; /* the map is centred already and stays as it was saved */
+            continue; /* the map has no mean, and stays bit for bit */
         }
         for (uint32_t n = 0; n < map->cells; ++n) {
             entry[n] = cgl_clamp(entry[n] - mean, map->limit[c]);
@@ -37,7 +37,7 @@ CGL_SELDOM void cgl_map_centre(const cgl_map *map)
     }
 }
 
-/* Fills in a map of one channel; others are added by the caller. */
+/* Fills in a map of one channel. The caller adds others. */
 CGL_SELDOM static void fill(cgl_map *map, uint32_t law, cgl_real *entry, uint32_t cells, uint32_t unit, cgl_real limit)
 {
     map->entry = entry;
@@ -59,7 +59,7 @@ static cgl_map_result checked(const cgl_map *map)
     return cgl_map_is_valid(map) ? CGL_MAP_OK : CGL_MAP_INVALID;
 }
 
-/* ratio: of the angle in which the gains are. */
+/* Fills in the map of a memory. `ratio` is that of the angle in the units of the gains. */
 CGL_SELDOM static cgl_map_result of_memory(const cgl_memory *memory, uint32_t law, uint32_t first_unit, uint32_t ratio,
                                            cgl_map *map)
 {
@@ -95,7 +95,7 @@ CGL_SELDOM cgl_map_result cgl_map_of_anti_cogging(const cgl_anti_cogging *law,
                                        cgl_map *map)
 {
     fill(map, CGL_MAP_LAW_ANTI_COGGING, law->table, law->config.cells, CGL_MAP_UNIT_CURRENT, law->config.pi.limit);
-    map->centred = 1U; /* a calibration leaves a map without a mean */
+    map->centred = 1U; /* a calibrated table has no mean */
     return checked(map);
 }
 
@@ -117,7 +117,7 @@ CGL_SELDOM cgl_map_result cgl_map_of_trial(const cgl_trial *law, cgl_map *map)
     return checked(map);
 }
 
-/* Orders with their cosines and sines. */
+/* Fills in a map of orders: their cosines, their sines, and the orders themselves. */
 static cgl_map_result of_orders(uint32_t law, cgl_real *entry, uint32_t orders, cgl_real limit, cgl_real highest,
                                 const bool *learning, cgl_map *map)
 {

@@ -9,7 +9,7 @@
 #define PADDING 0xFFFFFFFFU   /* erased flash */
 #define WORDS (CGL_MAP_HEADER / 4U)
 
-/* Words of the header; SPEC.md. */
+/* Index of each word in the header; SPEC.md describes them. */
 enum { AT_MAGIC, AT_VERSION, AT_SEQUENCE, AT_MOTOR, AT_MOTION, AT_LAW, AT_CELLS, AT_TURNS, AT_PARTS, AT_RATIO, AT_UNITS,
        AT_LIMITS, AT_ENTRIES_CRC = 14, AT_HEADER_CRC };
 
@@ -63,7 +63,7 @@ static uint32_t end_of(const cgl_map *map, uint32_t align)
     return CGL_MAP_ROUND_UP(CGL_MAP_HEADER + entry_bytes(map), align);
 }
 
-/* Header words of the map itself, from AT_CELLS to AT_UNITS. */
+/* Fills in the header words that describe the map, AT_CELLS to AT_UNITS. */
 static void describe(const cgl_map *map, uint32_t *word)
 {
     word[AT_CELLS] = map->cells;
@@ -102,14 +102,14 @@ static uint32_t header_crc(const uint32_t *word)
     return crc;
 }
 
-/* Entry k of all channels in a row, and its channel. */
+/* Entry k, counted over all channels one after the other, and its channel. */
 static cgl_real *entry_at(const cgl_map *map, uint32_t k, uint32_t *channel)
 {
     *channel = k / map->cells;
     return map->entry + *channel * map->stride + k % map->cells;
 }
 
-/* The stored bytes from `position` on; both are multiples of 4. */
+/* Fills the buffer with the bytes to be stored from `position` on. Position and count are multiples of 4. */
 static void fill(const cgl_map_store *store, uint32_t position, uint32_t count)
 {
     const cgl_map *map = store->map;
@@ -128,7 +128,7 @@ static void fill(const cgl_map_store *store, uint32_t position, uint32_t count)
     }
 }
 
-/* Byte `place` of the mark, which holds for this header only. */
+/* Byte `place` of the mark, which is valid with this header only. */
 static uint8_t mark_byte(const cgl_map_store *store, uint32_t place)
 {
     const uint32_t word = place < 4U ? ~store->header_crc : (place < CGL_MAP_MARK ? DONE : PADDING);
@@ -144,7 +144,7 @@ CGL_SELDOM static bool read_bytes(const cgl_map_store *store, uint32_t offset, u
     return config->read(config->context, store->slot, offset, bytes, count) == CGL_FLASH_DONE;
 }
 
-/* Periods may be written in several ways; a trial has none. */
+/* Whether the header describes a map of the same layout. Two fractions turns / parts of the same value are the same period. */
 static bool has_layout(const cgl_map *map, const uint32_t *word)
 {
     uint32_t own[WORDS];
@@ -175,7 +175,7 @@ static cgl_map_result check_header(cgl_map_store *store)
     }
     store->header_crc = word[AT_HEADER_CRC];
     if (header_crc(word) != store->header_crc) {
-        return CGL_MAP_DAMAGED; /* versions do not differ up to here */
+        return CGL_MAP_DAMAGED; /* the words up to here are the same in every version */
     }
     if ((word[AT_VERSION] & 0xFFFFU) != CGL_MAP_VERSION) {
         return CGL_MAP_OTHER_VERSION;
@@ -204,7 +204,8 @@ static cgl_map_result check_header(cgl_map_store *store)
     return CGL_MAP_OK;
 }
 
-/* The entries in the buffer: whether they are within their limits, and orders the law's; and into the map. */
+/* Checks that the entries in the buffer are within their limits, and that orders are those of the law. With `into` it copies them into the
+ * map. */
 static void take_entries(cgl_map_store *store, uint32_t count, bool into)
 {
     const cgl_map *map = store->map;
@@ -217,7 +218,7 @@ static void take_entries(cgl_map_store *store, uint32_t count, bool into)
         cgl_real *entry = entry_at(map, place / 4U, &c);
         const float number = number_of(get(store->buffer + n));
         const float limit = (float)map->limit[c], own = (float)*entry;
-        if (!(number >= -limit && number <= limit)) { /* nor is NaN */
+        if (!(number >= -limit && number <= limit)) { /* or NaN */
             store->bad_value = true;
         } else if (map->unit[c] == (uint32_t)CGL_MAP_UNIT_ORDER) {
             store->other_order = store->other_order || number < own || number > own;
@@ -250,7 +251,7 @@ static void begin_check(cgl_map_store *store, uint32_t slot)
     store->bad_value = store->other_order = false;
 }
 
-/* Checks the next piece of the slot that begin_check began with; CGL_MAP_BUSY until the slot is finished. */
+/* Checks the next piece of the slot. Returns CGL_MAP_BUSY until the whole slot is checked. */
 static cgl_map_result check_step(cgl_map_store *store, bool marked, bool into)
 {
     if (store->position == 0U) {
@@ -285,7 +286,7 @@ static void note(cgl_map_store *store, cgl_map_result result)
     store->crcs[store->slot] = store->entries_crc;
 }
 
-/* The slot that a load takes; 2: none. Sequence numbers wrap around. */
+/* The slot that a load takes, or 2 if there is none. Sequence numbers wrap. */
 CGL_SELDOM static uint32_t newest(const cgl_map_store *store)
 {
     if (store->fits[0] && store->fits[1]) {
@@ -307,7 +308,7 @@ CGL_SELDOM static cgl_map_result check(cgl_map_store *store, uint32_t slot, bool
     return result;
 }
 
-/* Flash that gave whole entries a moment ago and others now: no map is better than half of one. */
+/* Clears a map that was loaded in part, after flash that had passed the check read otherwise: no map is better than half of one. */
 static void forget(const cgl_map *map)
 {
     for (uint32_t c = 0; c < map->channels; ++c) {
@@ -344,7 +345,7 @@ cgl_map_result cgl_map_store_load(cgl_map_store *store, const cgl_map *map)
     } else if (result == CGL_MAP_OK) {
         cgl_map_centre(map);
     } else {
-        /* no entry was written, so there is no mean to remove */
+        /* no entry has changed, so there is no mean to remove */
     }
     return result;
 }
@@ -431,7 +432,7 @@ CGL_SELDOM static cgl_map_result look(cgl_map_store *store)
     return go_on(store, CGL_STORE_SUM, CGL_MAP_HEADER);
 }
 
-/* Checksum over the entries and the padding, as they are now; then chooses the slot. */
+/* Computes the CRC of the present entries and the padding. Then it chooses the slot and makes the header. */
 CGL_SELDOM static cgl_map_result sum(cgl_map_store *store)
 {
     const uint32_t count = smaller(store->chunk, store->end - store->position);
@@ -447,7 +448,7 @@ CGL_SELDOM static cgl_map_result sum(cgl_map_store *store)
     }
     store->slot = now == 0U ? 1U : 0U;
     store->entries_crc = store->crc;
-    /* newer than what stays, which may fit again another day, when a limit is raised or a motor is back */
+    /* it must be newer than the map in the other slot, which may fit again with another motor or limit */
     store->sequence = store->sequences[1U - store->slot] + 1U;
     uint32_t word[WORDS];
     make_header(store, word);
@@ -491,7 +492,7 @@ CGL_SELDOM static cgl_map_result write_bytes(cgl_map_store *store)
     return go_on(store, CGL_STORE_VERIFY, 0U);
 }
 
-/* Flash that took nothing still has the map that was there before: it must be this one. */
+/* Reads the slot back. If a write had no effect, the slot still has the old map, so its header must be the new one. */
 CGL_SELDOM static cgl_map_result verify(cgl_map_store *store)
 {
     const cgl_map_result result = check_step(store, false, false);

@@ -7,11 +7,11 @@
 #include "delay_line.h"
 #endif
 
-#define QUARTER 0x40000000U /* of a period */
+#define QUARTER 0x40000000U /* [2^-32 periods] */
 #define QUARTER_BACK 0xC0000000U
-#define REACH 16U           /* cells that a rotor may always pass in a step */
+#define REACH 16U           /* a rotor may pass this many cells in any step */
 #define PER_TURN CGL_R(2.3283064365386963e-10) /* 2^-32 */
-#define MEAN_MOST CGL_R(0.9375) /* share of the mean over a period that is recalled, at most, if the mean belongs to an integral */
+#define MEAN_MOST CGL_R(0.9375) /* largest share of the mean that is recalled if the mean belongs to an integral */
 
 /* Puts the defaults in place of zeros. */
 CGL_SELDOM static void fill_defaults(cgl_memory_config *config)
@@ -141,7 +141,7 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
     if (!smaller) {
         return CGL_OK;
     }
-    memory->map.started = false; /* the sums are of other entries */
+    memory->map.started = false; /* the sums have entries from before the limiting */
     cgl_real *entry = memory->cell + (full.kind == CGL_MEMORY_DELAY ? memory->row : 0U);
     for (uint32_t c = 0; c < full.channels; ++c, entry += memory->row) {
         for (uint32_t n = 0; n < memory->row; ++n) {
@@ -152,7 +152,7 @@ CGL_SELDOM cgl_error cgl_memory_retune(cgl_memory *memory, const cgl_memory_conf
     return CGL_OK;
 }
 
-/* Begins a new sum for the mean. Until the sum is a whole period, no mean is taken away. */
+/* Begins a new sum for the mean. Until it covers a whole period, no mean is removed. */
 CGL_SELDOM static void forget_mean(cgl_memory *memory)
 {
     for (cgl_channel *channel = memory->channel; channel < memory->channel + CGL_CHANNELS; ++channel) {
@@ -194,7 +194,7 @@ CGL_SELDOM void cgl_memory_reset(cgl_memory *memory)
 #endif
 }
 
-/* n, below two times the cells, within them. */
+/* n modulo `cells`, for n below 2 cells. */
 static inline uint32_t wrapped(uint32_t n, uint32_t cells)
 {
     return n < cells ? n : n - cells;
@@ -202,7 +202,7 @@ static inline uint32_t wrapped(uint32_t n, uint32_t cells)
 
 /* ---- where the rotor is ---- */
 
-/* The place of an angle in the period; with more turns than one, of the turn that the rotor is in. */
+/* The place of an angle in a period of several turns. It keeps track of the turn in which the rotor is. */
 CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
 {
     cgl_angle_map *const map = &memory->map;
@@ -213,27 +213,27 @@ CGL_SELDOM static uint32_t place_in_turns(cgl_memory *memory, uint32_t angle)
         map->turn = angle > map->angle ? wrapped(map->turn + turns - 1U, turns) : map->turn;
     }
     map->angle = angle;
-    /* (turn + angle) periods / turns, of which whole periods fall off: in parts whose products fit */
+    /* the fractional part of (turn + angle) periods / turns, in parts whose products fit into 32 bits */
     const uint32_t whole = memory->periods / turns, over = memory->periods % turns;
     const uint32_t from = map->turn * over % turns, rest = angle % turns;
     return cgl_share_of_turn(from, turns)
            + angle / turns * memory->periods + rest * whole + rest * over / turns;
 }
 
-/* The entry of cell n, as it is counted. */
+/* The entry of cell number n, which is counted in the direction of motion. */
 static inline uint32_t entry_of(const cgl_memory *memory, uint32_t n)
 {
     return memory->map.backward ? memory->config.cells - 1U - n : n;
 }
 
-/* Place in the ring of the entry that was passed `age` cells ago. */
+/* Index of the old entry of the cell that was passed `age` cells ago. */
 static inline uint32_t ring_place(const cgl_memory *memory, uint32_t age)
 {
     const uint32_t length = memory->config.q_half_width + 1U;
     return memory->config.cells + wrapped(memory->map.head + length - age, length);
 }
 
-/* Starts anew at a place: the sum is that of one cell. */
+/* Starts anew at a place, with a sum over one cell. */
 CGL_SELDOM static void seat(cgl_memory *memory, uint32_t x)
 {
     cgl_angle_map *const map = &memory->map;
@@ -253,7 +253,7 @@ CGL_SELDOM static void seat(cgl_memory *memory, uint32_t x)
     }
 }
 
-/* The sum takes in a cell more on each side. */
+/* Widens the sum by one cell on each side. */
 CGL_SELDOM static void widen(cgl_memory *memory)
 {
     cgl_angle_map *const map = &memory->map;
@@ -270,7 +270,7 @@ CGL_SELDOM static void widen(cgl_memory *memory)
     map->anew_left = 2U * half + 1U;
 }
 
-/* The rotor passes `count` cells, whose entries go into the ring as they are. */
+/* Passes `count` cells, and puts their old entries into the ring. */
 CGL_APART static void pass(cgl_memory *memory, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;
@@ -308,23 +308,24 @@ CGL_APART static void pass(cgl_memory *memory, uint32_t count)
     }
 }
 
-/* The rotor is where no way leads on to: it starts, jumps, or turns back. Returns 0, or how far it is beyond a quarter of the
- * period either way. */
+/* Starts anew at a place that does not continue the motion, because the rotor starts, jumps, or turns back. Returns the way if it is a
+ * jump by more than a quarter of the period, else 0. */
 CGL_SELDOM static uint32_t start_there(cgl_memory *memory, uint32_t x, uint32_t moved, uint32_t count)
 {
     cgl_angle_map *const map = &memory->map;
     const bool back = map->started && moved >= QUARTER_BACK - map->width;
     const uint32_t leap = map->started && moved > QUARTER && !back ? moved : 0U;
-    if (back) { /* from where it seemed to stand: by up to a cell more */
+    if (back) { /* it has turned back by a cell or more */
         map->backward = !map->backward;
         x = 0U - map->width - x;
     }
     seat(memory, x);
-    map->passed = moved <= QUARTER ? count : 0U; /* where it goes on like this, it is no jump */
+    map->passed = moved <= QUARTER ? count : 0U; /* if the next step is as long, it is no jump */
     return leap;
 }
 
-/* Follows the rotor to a place in the period; how far it moved [2^-32 periods], 0 where it starts anew but after a leap. */
+/* Follows the rotor to a place in the period. Returns the way [2^-32 periods], or 0 if it starts anew, except after a jump by more than a
+ * quarter of the period. */
 static inline uint32_t follow(cgl_memory *memory, uint32_t place)
 {
     cgl_angle_map *const map = &memory->map;
@@ -332,7 +333,7 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
     const uint64_t wide = (uint64_t)x * cells;
     const uint32_t n = (uint32_t)(wide >> 32), apart = n - map->at, count = apart < cells ? apart : apart + cells;
     if (!(map->started && moved <= QUARTER && count <= REACH + 2U * map->passed)) {
-        if (map->started && moved > 0U - map->width) { /* back by less than a cell: it stands */
+        if (map->started && moved > 0U - map->width) { /* back by less than a cell counts as standing */
             map->passed = 0U;
             return 0U;
         }
@@ -343,7 +344,7 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
     map->passed = count;
     if (count > 0U && memory->config.q_half_width > 0U) {
         pass(memory, count);
-    } else if (count > 0U) { /* without a filter the last cell is all */
+    } else if (count > 0U) { /* without a filter only the last cell counts */
         cgl_real *entry = memory->cell;
         for (uint32_t c = 0; c < memory->config.channels; ++c, entry += memory->row) {
             memory->channel[c].sum = entry[cells] = entry[entry_of(memory, n)];
@@ -355,7 +356,7 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
 
 /* ---- what is learned there ---- */
 
-/* Ends the sum over a period, which had this many entries, and sets what the next period takes away of the mean. */
+/* Ends the sum of the mean over a period of this many entries, and sets the part of the mean that the next period removes. */
 CGL_SELDOM static void take_mean(cgl_memory *memory, cgl_real entries)
 {
     const cgl_real share = (cgl_real)memory->config.cells / entries;
@@ -367,9 +368,9 @@ CGL_SELDOM static void take_mean(cgl_memory *memory, cgl_real entries)
     }
 }
 
-/* Adds the next cells of the map to the mean, as many as the rotor passes in this step and one at least. The place in the map is
- * independent of the rotor's. So the mean of a turning rotor is at most a period old. A rotor that rocks within a few cells still
- * reads the whole map. */
+/* Adds the next cells of the map to the sum of the mean: as many as the rotor passes in this step, and at least one. These cells need not
+ * be where the rotor is. So while the rotor turns, the mean is at most a period old, and while it rocks within a few cells the whole map
+ * still is read. */
 CGL_APART static void scan(cgl_memory *memory, uint32_t moved)
 {
     const uint32_t cells = memory->config.cells, first = memory->scan_cell, passed = memory->map.passed;
@@ -393,8 +394,8 @@ CGL_APART static void scan(cgl_memory *memory, uint32_t moved)
 }
 
 #ifndef COGLESS_NO_DELAY_LINE
-/* Adds the present sample of a delay line to the mean. A period ends within a sample: the rest of that sample counts for the next
- * period. */
+/* Adds the present sample of a delay line to the sum of the mean. A period ends within a sample; the rest of that sample counts for the
+ * next period. */
 CGL_APART static void gather_samples(cgl_memory *memory)
 {
     cgl_delay_line *const line = &memory->line;
@@ -417,14 +418,14 @@ CGL_APART static void gather_samples(cgl_memory *memory)
 }
 #endif
 
-/* Adds the corrections where the rotor was `lead` samples ago, had it always moved as it does now. */
+/* Adds the corrections at the place of `lead` samples ago, which assumes the present speed since then. */
 CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_real *correction)
 {
     cgl_angle_map *const map = &memory->map;
     const uint32_t cells = memory->config.cells, lead = memory->config.lead;
     const uint32_t x = map->x - moved * lead, passed = x - map->lag_x;
     if (map->lagging && (passed == 0U || passed > 0x80000000U)) {
-        return; /* the rotor gains speed faster than it moves: wait until the place comes by again */
+        return; /* strong acceleration moves that place backward: it waits until the place is ahead again */
     }
     const uint64_t wide = (uint64_t)x * cells;
     const uint32_t n = (uint32_t)(wide >> 32), apart = n - (uint32_t)(((uint64_t)map->lag_x * cells) >> 32);
@@ -449,7 +450,7 @@ CGL_SELDOM static void correct(cgl_memory *memory, uint32_t moved, const cgl_rea
     map->lagging = true;
 }
 
-/* What is held at the place, as it is. */
+/* Fills `value` with what the map holds at the place, without learning. */
 CGL_SELDOM static void repeat(cgl_memory *memory, cgl_real *value)
 {
     cgl_angle_map *const map = &memory->map;
@@ -462,6 +463,7 @@ CGL_SELDOM static void repeat(cgl_memory *memory, cgl_real *value)
     map->follows = map->lagging = false;
 }
 
+/* Recalls, corrects and stores at a place of the map. The cells passed get values on the line from the last value to this one. */
 CGL_APART static void learn_on(cgl_memory *memory, uint32_t moved, const cgl_real *correction, cgl_real *value)
 {
     cgl_angle_map *const map = &memory->map;
@@ -510,7 +512,7 @@ static inline bool are_finite(const cgl_real *x, uint32_t count)
     return finite;
 }
 
-/* No place is known: what acts is what acted last. */
+/* Repeats the last values, as the place is unknown. */
 CGL_SELDOM static void lose(cgl_memory *memory, cgl_real *value)
 {
     for (uint32_t c = 0; c < memory->config.channels; ++c) {
@@ -529,7 +531,7 @@ bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool le
         return false;
     }
     const uint32_t angle = cgl_turns(theta);
-    const uint32_t place = CGL_OFTEN(memory->config.turns == 1U) ? angle * memory->periods /* whole periods fall off */
+    const uint32_t place = CGL_OFTEN(memory->config.turns == 1U) ? angle * memory->periods /* whole periods drop out as the product wraps */
                                                                  : place_in_turns(memory, angle);
     if (CGL_OFTEN(memory->config.kind == CGL_MEMORY_ANGLE)) {
         const uint32_t moved = follow(memory, place);
@@ -561,6 +563,6 @@ bool cgl_memory_step(cgl_memory *memory, cgl_real theta, cgl_real speed, bool le
 CGL_SELDOM cgl_real cgl_memory_fastest(const cgl_memory *memory)
 {
     const cgl_memory_config *const config = &memory->config;
-    const cgl_real period = CGL_TWO_PI * (cgl_real)config->turns / (cgl_real)memory->periods; /* of theta [rad] */
+    const cgl_real period = CGL_TWO_PI * (cgl_real)config->turns / (cgl_real)memory->periods; /* the period in theta [rad] */
     return period / ((cgl_real)memory->fewest * memory->ts);
 }

@@ -3,13 +3,13 @@
 #include "angle.h"
 #include "range.h"
 
-/* A stuck rotor gets current again after this many times the length of the last attempt. That is soon enough for a sensor that works
- * again, and seldom enough for a winding that heats. */
-#define TRY_AGAIN 11U
+/* The next attempt to turn a stuck rotor begins after 11 times the length of the last one: the attempt and a rest of ten times its
+ * length. That is soon enough for a sensor that works again, and seldom enough for the heat of a winding. */
+#define ATTEMPT_SPACING 11U
 #define PERIODS_MAX CGL_R(1.0e9)
 
-/* The square of a bound, or the largest number where it is not watched. Never infinite: infinity is not plausible. */
-CGL_SELDOM static cgl_real square(cgl_real bound)
+/* The square of a bound. It is the largest number where the bound is 0, and never infinite: so infinity is never plausible. */
+CGL_SELDOM static cgl_real squared_bound(cgl_real bound)
 {
     return bound > CGL_R(0.0) ? cgl_clamped(bound * bound, CGL_REAL_MAX) : CGL_REAL_MAX;
 }
@@ -19,12 +19,12 @@ CGL_SELDOM static bool is_time(cgl_real time, cgl_real ts)
     return cgl_is_not_negative(time) && time / ts <= PERIODS_MAX;
 }
 
-/* Whole periods that are no shorter. */
+/* The number of periods in a time, rounded up. */
 CGL_SELDOM static uint32_t periods(cgl_real time, cgl_real ts)
 {
     const cgl_real exact = cgl_clamped(time / ts, PERIODS_MAX);
     const uint32_t whole = (uint32_t)exact;
-    /* a thousandth less is rounding */
+    /* an excess of less than a thousandth comes from the rounding of time / ts */
     return (cgl_real)whole < exact * CGL_R(0.999) ? whole + 1U : whole;
 }
 
@@ -51,77 +51,96 @@ CGL_SELDOM const char *cgl_monitor_bad_field(const cgl_monitor_config *config, c
     if (!is_time(config->hold, ts)) {
         return CGL_FIELD("monitor.hold");
     }
-    if (!(is_time(config->stuck_time, ts) && is_time((cgl_real)TRY_AGAIN * config->stuck_time, ts))) {
+    if (!(is_time(config->stuck_time, ts) && is_time((cgl_real)ATTEMPT_SPACING * config->stuck_time, ts))) {
         return CGL_FIELD("monitor.stuck_time");
     }
     return config->phases == 0U || config->phases == 2U || config->phases == 3U ? 0 : CGL_FIELD("monitor.phases");
 }
 
-CGL_SELDOM static void take(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
+CGL_SELDOM static void apply_config(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
 {
     monitor->config = *config;
     monitor->ts = ts;
     cgl_monitor_limits *limits = &monitor->limits;
-    /* two angles are at most half a revolution apart */
-    limits->reach = config->omega_max > CGL_R(0.0)
+    /* a bound of 2 pi checks nothing: two angles are at most half a revolution apart */
+    limits->travel = config->omega_max > CGL_R(0.0)
                         ? cgl_clamped(config->omega_max * ts + config->angle_step, CGL_TWO_PI)
                         : CGL_TWO_PI;
-    limits->reach_square = limits->reach * limits->reach;
-    limits->speed_square = square(config->omega_max);
-    limits->stuck_square = square(config->stuck_angle);
-    limits->doubt_square = square(CGL_R(0.25) * config->stuck_angle);
-    /* three phases: the vector's length is sqrt(2/3) of the root of the squares' sum */
-    limits->current_square = square(config->current_max);
+    limits->travel_square = limits->travel * limits->travel;
+    limits->speed_square = squared_bound(config->omega_max);
+    limits->stuck_square = squared_bound(config->stuck_angle);
+    limits->doubt_square = squared_bound(CGL_R(0.25) * config->stuck_angle);
+    /* in three phases the squares add up to 3/2 of the square of the vector's length */
+    limits->current_square = squared_bound(config->current_max);
     if (config->phases == 3U) {
         limits->current_square = cgl_clamped(CGL_R(1.5) * limits->current_square, CGL_REAL_MAX);
     }
-    limits->sum_square = square(config->current_sum);
+    limits->sum_square = squared_bound(config->current_sum);
     limits->window = periods(config->speed_window, ts);
     limits->bridge = periods(config->bridge, ts);
     limits->hold = periods(config->hold, ts);
     limits->stuck = periods(config->stuck_time, ts);
 }
 
-cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
+CGL_SELDOM cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts)
 {
     if (cgl_monitor_bad_field(config, ts) != 0) {
         return CGL_ERROR_CONFIG;
     }
-    take(monitor, config, ts);
+    apply_config(monitor, config, ts);
     cgl_monitor_reset(monitor);
     return CGL_OK;
 }
 
-cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config)
+CGL_SELDOM cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config)
 {
     if (cgl_monitor_bad_field(config, monitor->ts) != 0) {
         return CGL_ERROR_CONFIG;
     }
-    take(monitor, config, monitor->ts);
+    apply_config(monitor, config, monitor->ts);
     return CGL_OK;
 }
 
 CGL_SELDOM void cgl_monitor_reset(cgl_monitor *monitor)
 {
-    monitor->theta_m = monitor->omega_m = monitor->shift = monitor->slip = monitor->raw = monitor->still = CGL_R(0.0);
-    monitor->gap = monitor->lost = monitor->blind = monitor->dark = 0U;
-    monitor->standing = monitor->pushing = monitor->attempt = monitor->holding = monitor->jumps = 0U;
+    monitor->theta_m = monitor->omega_m = monitor->sensor_offset = monitor->offset_before_gap = monitor->theta_sensor = monitor->ref_turned = CGL_R(0.0);
+    monitor->missing_angles = monitor->gap_periods = monitor->speed_wait = monitor->speed_lost = 0U;
+    monitor->standstill = monitor->full_current = monitor->stuck_after = monitor->hold_wait = monitor->jumps = 0U;
     monitor->status = 0U;
-    monitor->started = monitor->known = monitor->trusted = monitor->was_stuck = monitor->unsure = false;
+    monitor->started = monitor->has_angle = monitor->trusted = monitor->stuck_since_moved = monitor->position_unknown = false;
     monitor->safe = true;
 }
 
-bool cgl_monitor_trust(cgl_monitor *monitor)
+CGL_SELDOM bool cgl_monitor_trust(cgl_monitor *monitor)
 {
-    if (monitor->known) {
-        monitor->shift = monitor->slip = CGL_R(0.0);
-        monitor->theta_m = monitor->raw;
-        monitor->gap = monitor->lost = 0U;
-        monitor->unsure = false;
+    if (monitor->has_angle) {
+        monitor->sensor_offset = monitor->offset_before_gap = CGL_R(0.0);
+        monitor->theta_m = monitor->theta_sensor;
+        monitor->missing_angles = monitor->gap_periods = 0U;
+        monitor->position_unknown = false;
     }
-    return monitor->known;
+    return monitor->has_angle;
 }
 
+/* Adds 1 to a count, which stays at its largest value. */
+CGL_SELDOM static void count_up(uint32_t *count)
+{
+    *count += *count < UINT32_MAX ? 1U : 0U;
+}
+
+/* Takes 1 from a count, which stays at 0. */
+CGL_SELDOM static void count_down(uint32_t *count)
+{
+    *count -= *count > 0U ? 1U : 0U;
+}
+
+/* Whether x is a number and not 0. */
+static bool is_not_zero(cgl_real x)
+{
+    return cgl_abs(x) > CGL_R(0.0);
+}
+
+/* The same angle within the first turn. */
 CGL_SELDOM static cgl_real in_turn(cgl_real theta)
 {
     if (cgl_is_in_turn(theta)) {
@@ -130,55 +149,56 @@ CGL_SELDOM static cgl_real in_turn(cgl_real theta)
     return CGL_TWO_PI * cgl_fraction(theta * (CGL_R(1.0) / CGL_TWO_PI));
 }
 
-/* The short way between two angles within a turn. */
+/* The short way from one angle to another, both within the first turn. */
 CGL_SELDOM static cgl_real difference(cgl_real to, cgl_real from)
 {
     const cgl_real d = to - from;
     return d > CGL_PI ? d - CGL_TWO_PI : (d < -CGL_PI ? d + CGL_TWO_PI : d);
 }
 
-/* Sum of the squares of the currents that are looked at. */
-static inline cgl_real squares_of(const cgl_monitor_config *config, const cgl_real i[3])
+/* Sum of the squares of the phase currents that are checked. */
+static inline cgl_real sum_of_squares(const cgl_monitor_config *config, const cgl_real i[3])
 {
     const cgl_real two = i[0] * i[0] + i[1] * i[1];
     return config->phases == 3U ? two + i[2] * i[2] : two;
 }
 
-/* Three phases in a star add up to zero. */
-static inline bool is_sum(const cgl_monitor *monitor, const cgl_real i[3])
+/* Whether the currents of three phases in a star add up to zero. */
+static inline bool is_sum_zero(const cgl_monitor *monitor, const cgl_real i[3])
 {
     const cgl_real sum = i[0] + i[1] + i[2];
     return monitor->config.phases != 3U || sum * sum <= monitor->limits.sum_square;
 }
 
-/* An ordinary period, in few instructions: nothing was amiss, and nothing is. */
+/* Handles an ordinary period in few instructions: the last period was trusted, and this one is plausible. Returns false, with the
+ * state untouched, in any other period. */
 static inline bool is_ordinary(cgl_monitor *monitor, const cgl_measurement *now,
                                cgl_real omega_ref)
 {
     const cgl_monitor_config *const config = &monitor->config;
     const cgl_monitor_limits *limits = &monitor->limits;
     const cgl_real theta = now->theta_m, omega = now->omega_m;
-    const cgl_real d = theta - monitor->raw;
-    if (!(monitor->trusted && d * d <= limits->reach_square && omega * omega <= limits->speed_square
+    const cgl_real d = theta - monitor->theta_sensor;
+    if (!(monitor->trusted && d * d <= limits->travel_square && omega * omega <= limits->speed_square
           && cgl_is_in_turn(theta))) {
         return false;
     }
     if (config->phases != 0U) {
-        const cgl_real nothing = now->u_dc - now->u_dc; /* or NaN */
-        if (!(now->u_dc > CGL_R(0.0) && is_sum(monitor, now->i_abc)
-              && squares_of(config, now->i_abc) + nothing <= limits->current_square)) {
+        const cgl_real zero_or_nan = now->u_dc - now->u_dc; /* NaN where u_dc is infinite: then the comparison below fails */
+        if (!(now->u_dc > CGL_R(0.0) && is_sum_zero(monitor, now->i_abc)
+              && sum_of_squares(config, now->i_abc) + zero_or_nan <= limits->current_square)) {
             return false;
         }
     }
-    cgl_real still = CGL_R(0.0);
+    cgl_real ref_turned = CGL_R(0.0);
     if (d == CGL_R(0.0)) {
-        still = monitor->still + omega_ref * monitor->ts;
-        if (!(still * still <= limits->doubt_square)) {
+        ref_turned = monitor->ref_turned + omega_ref * monitor->ts;
+        if (!(ref_turned * ref_turned <= limits->doubt_square)) {
             return false;
         }
     }
-    monitor->still = still;
-    monitor->theta_m = monitor->raw = theta;
+    monitor->ref_turned = ref_turned;
+    monitor->theta_m = monitor->theta_sensor = theta;
     monitor->omega_m = omega;
     return true;
 }
@@ -191,161 +211,207 @@ void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
     }
 }
 
-/* The angles of two periods agree, and the rotor has turned by d between them: where is it, after those that were missing?
- * Beyond what it can have turned in them, it can be anywhere where its angle was stuck, and where it stood still while the
- * reference turned, further that way by about as much, since the sensor may have been what stood. */
-CGL_SELDOM static void settle(cgl_monitor *monitor, cgl_real theta, cgl_real d)
+/* Decides at the end of a gap which offset the sensor has: none, the one before the gap, or a new one. `theta` is the sensor's angle,
+ * which agrees with the one before, and `d` the way between the two.
+ *
+ * An offset of 0 is possible where it puts the rotor within reach of its expected place. A rotor that counted as stuck may be
+ * anywhere. Where the angle stood still while the reference turned, the sensor may have been what stood, and the rotor may have
+ * turned on by about as much as the reference. */
+CGL_SELDOM static void end_gap(cgl_monitor *monitor, cgl_real theta, cgl_real d)
 {
     const cgl_monitor_config *const config = &monitor->config;
-    const cgl_real shift = difference(theta, in_turn(monitor->theta_m + d)), still = monitor->still;
-    const cgl_real reach = monitor->limits.reach * ((cgl_real)monitor->lost + CGL_R(1.0)); /* the one before may be wrong, too */
-    const bool unseen = config->stuck_angle > CGL_R(0.0) && shift * still > CGL_R(0.0);
-    const cgl_real from_last = cgl_abs(difference(shift, monitor->slip)), from_none = cgl_abs(shift);
-    const bool can_be_none =
-        monitor->was_stuck || from_none <= reach + (unseen ? CGL_R(2.0) * cgl_abs(still) : CGL_R(0.0));
-    const bool slipped = monitor->slip < CGL_R(0.0) || monitor->slip > CGL_R(0.0);
-    monitor->unsure = monitor->unsure || (slipped && monitor->lost > monitor->limits.bridge);
-    if (from_none <= from_last || !slipped) {
-        monitor->shift = can_be_none ? CGL_R(0.0) : shift;
+    const cgl_real offset = difference(theta, in_turn(monitor->theta_m + d)), ref_turned = monitor->ref_turned;
+    /* one period more than are missing: the angle before the gap may be wrong too */
+    const cgl_real reach = monitor->limits.travel * ((cgl_real)monitor->gap_periods + CGL_R(1.0));
+    const bool moved_unseen = config->stuck_angle > CGL_R(0.0) && offset * ref_turned > CGL_R(0.0);
+    const cgl_real from_old = cgl_abs(difference(offset, monitor->offset_before_gap)), from_none = cgl_abs(offset);
+    const bool can_be_none = monitor->stuck_since_moved
+                             || from_none <= reach + (moved_unseen ? CGL_R(2.0) * cgl_abs(ref_turned) : CGL_R(0.0));
+    const bool had_offset = is_not_zero(monitor->offset_before_gap);
+    monitor->position_unknown = monitor->position_unknown || (had_offset && monitor->gap_periods > monitor->limits.bridge);
+    if (from_none <= from_old || !had_offset) {
+        monitor->sensor_offset = can_be_none ? CGL_R(0.0) : offset;
     } else {
-        monitor->shift = from_last <= reach ? monitor->slip : shift;
+        monitor->sensor_offset = from_old <= reach ? monitor->offset_before_gap : offset;
     }
 }
 
 /* Ends the attempt to turn the rotor, and clears its counters. */
-static void try_again(cgl_monitor *monitor)
+CGL_SELDOM static void end_attempt(cgl_monitor *monitor)
 {
-    monitor->still = CGL_R(0.0);
-    monitor->standing = monitor->pushing = monitor->attempt = 0U;
+    monitor->ref_turned = CGL_R(0.0);
+    monitor->standstill = monitor->full_current = monitor->stuck_after = 0U;
 }
 
-/* Counts the periods of an attempt, and those of them with full current. True if the rotor is stuck: then the attempt is over. A
- * period with less current takes back one with full current, since a limit may flicker. */
-CGL_SELDOM static bool is_given_up(cgl_monitor *monitor, cgl_real far, bool full)
+/* Counts the periods of an attempt to turn the rotor, and those of them with full current. A period with less current takes back
+ * one with full current, since a limit may flicker. Returns whether the attempt has failed: then the rotor counts as stuck. */
+CGL_SELDOM static bool has_attempt_failed(cgl_monitor *monitor, cgl_real ref_turned_square, bool full)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
-    monitor->standing += monitor->standing < UINT32_MAX ? 1U : 0U;
-    if (monitor->attempt == 0U) {
+    count_up(&monitor->standstill);
+    if (monitor->stuck_after == 0U) {
         if (full) {
-            ++monitor->pushing;
+            ++monitor->full_current;
         } else {
-            monitor->pushing -= monitor->pushing > 0U ? 1U : 0U;
+            count_down(&monitor->full_current);
         }
-        if (far > limits->stuck_square && monitor->pushing > 0U && monitor->pushing >= limits->stuck) {
-            monitor->attempt = monitor->standing / TRY_AGAIN < UINT32_MAX / TRY_AGAIN ? monitor->standing : UINT32_MAX / TRY_AGAIN;
-            monitor->pushing = 0U;
+        if (ref_turned_square > limits->stuck_square && monitor->full_current > 0U && monitor->full_current >= limits->stuck) {
+            const uint32_t most = UINT32_MAX / ATTEMPT_SPACING; /* larger values would overflow when multiplied by the spacing */
+            monitor->stuck_after = monitor->standstill / ATTEMPT_SPACING < most ? monitor->standstill : most;
+            monitor->full_current = 0U;
         }
     }
-    return monitor->attempt > 0U;
+    return monitor->stuck_after > 0U;
 }
 
-/* Whether full current has not turned the rotor while the reference has turned. A reference at rest ends this state. A reference that
- * goes on gets another attempt after a rest that is ten times as long as the last attempt. */
+/* Whether full current has not turned the rotor although the reference has turned. `d` is the way of the angle in this period. The
+ * state ends when the angle moves or the reference stands still. If the reference goes on, it is false for one period when the next
+ * attempt is due. */
 CGL_SELDOM static bool is_stuck(cgl_monitor *monitor, cgl_real d, cgl_real omega_ref, bool full)
 {
     const cgl_monitor_limits *limits = &monitor->limits;
     const cgl_real turned = omega_ref * monitor->ts;
-    const cgl_real most = cgl_clamped((cgl_real)TRY_AGAIN * monitor->config.stuck_angle, CGL_REAL_MAX);
-    if (d < CGL_R(0.0) || d > CGL_R(0.0)) {
-        try_again(monitor);
+    const cgl_real most = cgl_clamped((cgl_real)ATTEMPT_SPACING * monitor->config.stuck_angle, CGL_REAL_MAX);
+    if (is_not_zero(d)) {
+        end_attempt(monitor);
         return false;
     }
     if (cgl_is_finite(turned)) {
-        monitor->still = cgl_clamped(monitor->still + turned, most);
+        monitor->ref_turned = cgl_clamped(monitor->ref_turned + turned, most);
     }
-    const cgl_real far = monitor->still * monitor->still;
-    if (far <= limits->doubt_square) {
-        monitor->standing = monitor->pushing = monitor->attempt = 0U;
+    const cgl_real ref_turned_square = monitor->ref_turned * monitor->ref_turned;
+    if (ref_turned_square <= limits->doubt_square) {
+        monitor->standstill = monitor->full_current = monitor->stuck_after = 0U;
         return false;
     }
-    if (!is_given_up(monitor, far, full)) {
+    if (!has_attempt_failed(monitor, ref_turned_square, full)) {
         return false;
     }
-    const bool again = cgl_abs(monitor->still) >= most && monitor->standing / TRY_AGAIN >= monitor->attempt - 1U;
-    if (!again && (omega_ref > CGL_R(0.0) || omega_ref < CGL_R(0.0))) {
+    const bool is_next_due = cgl_abs(monitor->ref_turned) >= most
+                             && monitor->standstill / ATTEMPT_SPACING >= monitor->stuck_after - 1U;
+    if (!is_next_due && is_not_zero(omega_ref)) {
         return true;
     }
-    monitor->holding = again ? 0U : monitor->holding; /* the new attempt begins at once: `hold` may be longer than it */
-    try_again(monitor);
+    monitor->hold_wait = is_next_due ? 0U : monitor->hold_wait; /* else `hold` could outlast the new attempt */
+    end_attempt(monitor);
     return false;
 }
 
-/* Whether the angle has jumped so often that no speed was plausible for longer than `bridge`. The law then gets no speed. */
-static bool is_dark(const cgl_monitor *monitor)
+/* Whether no speed was plausible for longer than `bridge`, because the angle jumped again and again. */
+static bool is_speed_lost(const cgl_monitor *monitor)
 {
-    return monitor->dark > monitor->limits.window + monitor->limits.bridge;
+    return monitor->speed_lost > monitor->limits.window + monitor->limits.bridge;
 }
 
-/* Looks at angle and speed; returns their status bits. */
-CGL_SELDOM static unsigned look_at_rotor(cgl_monitor *monitor, const cgl_measurement *now,
+/* Follows an angle that agrees with the one before, with the way `d` between them. Returns whether the rotor is stuck. */
+static bool follow_angle(cgl_monitor *monitor, cgl_real theta, cgl_real d, cgl_real omega_ref, bool full)
+{
+    if (monitor->missing_angles > 0U) {
+        end_gap(monitor, theta, d);
+    }
+    monitor->theta_m = in_turn(theta - monitor->sensor_offset);
+    count_down(&monitor->speed_wait);
+    const bool stuck = is_stuck(monitor, d, omega_ref, full);
+    monitor->stuck_since_moved = stuck || (monitor->stuck_since_moved && d * d <= CGL_R(0.0));
+    return stuck;
+}
+
+/* Lets the rotor turn on at its last speed, as the angle is missing or has jumped. */
+static void bridge_angle(cgl_monitor *monitor, bool jumped)
+{
+    monitor->theta_m = in_turn(monitor->theta_m + monitor->omega_m * monitor->ts);
+    monitor->speed_wait = monitor->limits.window + 1U;
+    if (jumped) {
+        count_up(&monitor->jumps);
+    }
+}
+
+/* Takes the measured speed if it can be believed. Returns false if it is implausible although no jump disturbs it. */
+static bool follow_speed(cgl_monitor *monitor, cgl_real omega_m)
+{
+    if (monitor->speed_wait > 0U) {
+        count_up(&monitor->speed_lost);
+        return true;
+    }
+    monitor->speed_lost = 0U;
+    if (!(omega_m * omega_m <= monitor->limits.speed_square)) {
+        return false;
+    }
+    monitor->omega_m = omega_m;
+    return true;
+}
+
+/* Counts how far a gap has come, and how far it has been made up for. */
+static void count_gap(cgl_monitor *monitor, bool missing)
+{
+    if (missing) {
+        monitor->missing_angles += monitor->missing_angles <= monitor->limits.bridge ? 1U : 0U;
+        count_up(&monitor->gap_periods);
+    } else if (monitor->missing_angles > 0U) {
+        --monitor->missing_angles;
+        monitor->gap_periods = monitor->missing_angles > 0U ? monitor->gap_periods : 0U;
+    }
+    if (monitor->missing_angles == 0U) {
+        monitor->offset_before_gap = monitor->sensor_offset;
+    }
+}
+
+/* Checks angle and speed, and returns their status bits. */
+CGL_SELDOM static unsigned check_rotor(cgl_monitor *monitor, const cgl_measurement *now,
                               cgl_real omega_ref, bool full)
 {
-    const cgl_monitor_limits *limits = &monitor->limits;
-    const bool is_angle = cgl_is_angle(now->theta_m), is_speed = now->omega_m * now->omega_m <= limits->speed_square;
-    const cgl_real theta = is_angle ? in_turn(now->theta_m) : monitor->raw;
-    const cgl_real d = difference(theta, monitor->raw);
-    const bool two = is_angle && monitor->known, agree = two && cgl_abs(d) <= limits->reach;
+    const bool is_angle = cgl_is_angle(now->theta_m);
+    const cgl_real theta = is_angle ? in_turn(now->theta_m) : monitor->theta_sensor;
+    const cgl_real d = difference(theta, monitor->theta_sensor);
+    const bool has_two = is_angle && monitor->has_angle, agree = has_two && cgl_abs(d) <= monitor->limits.travel;
     bool missing = !is_angle, stuck = false;
-    monitor->raw = theta;
-    monitor->known = is_angle;
+    monitor->theta_sensor = theta;
+    monitor->has_angle = is_angle;
 
     if (!monitor->started) {
         monitor->started = is_angle;
         monitor->theta_m = theta;
-    } else if (!agree) {
-        missing = true;
-        monitor->theta_m = in_turn(monitor->theta_m + monitor->omega_m * monitor->ts); /* the rotor turns on */
-        monitor->blind = limits->window + 1U;
-        monitor->jumps += two && monitor->jumps < UINT32_MAX ? 1U : 0U;
+    } else if (agree) {
+        stuck = follow_angle(monitor, theta, d, omega_ref, full);
     } else {
-        if (monitor->gap > 0U) {
-            settle(monitor, theta, d);
-        }
-        monitor->theta_m = in_turn(theta - monitor->shift);
-        monitor->blind -= monitor->blind > 0U ? 1U : 0U;
-        stuck = is_stuck(monitor, d, omega_ref, full);
-        monitor->was_stuck = stuck || (monitor->was_stuck && d * d <= CGL_R(0.0));
+        missing = true;
+        bridge_angle(monitor, has_two);
     }
-    if (monitor->blind == 0U) {
-        missing = missing || !is_speed;
-        monitor->omega_m = is_speed ? now->omega_m : monitor->omega_m;
+    missing = !follow_speed(monitor, now->omega_m) || missing;
+    count_gap(monitor, missing);
+    return (missing || is_speed_lost(monitor) ? (unsigned)CGL_STATUS_ANGLE_LOST : 0U)
+           | (stuck ? (unsigned)CGL_STATUS_ANGLE_STUCK : 0U)
+           | (is_not_zero(monitor->sensor_offset) ? (unsigned)CGL_STATUS_ANGLE_SHIFTED : 0U);
+}
+
+/* Checks currents and bus voltage, and returns their status bits. */
+static unsigned check_currents(const cgl_monitor *monitor, const cgl_measurement *now)
+{
+    const cgl_monitor_config *const config = &monitor->config;
+    if (config->phases == 0U) {
+        return 0U;
     }
-    monitor->dark = monitor->blind > 0U ? monitor->dark + (monitor->dark < UINT32_MAX ? 1U : 0U) : 0U;
-    if (missing) {
-        monitor->gap += monitor->gap <= limits->bridge ? 1U : 0U;
-        monitor->lost += monitor->lost < UINT32_MAX ? 1U : 0U;
-    } else if (monitor->gap > 0U) {
-        --monitor->gap;
-        monitor->lost = monitor->gap > 0U ? monitor->lost : 0U;
-    }
-    monitor->slip = monitor->gap == 0U ? monitor->shift : monitor->slip;
-    return (missing || is_dark(monitor) ? (unsigned)CGL_STATUS_ANGLE_LOST : 0U) | (stuck ? (unsigned)CGL_STATUS_ANGLE_STUCK : 0U)
-           | (monitor->shift < CGL_R(0.0) || monitor->shift > CGL_R(0.0) ? (unsigned)CGL_STATUS_ANGLE_SHIFTED : 0U);
+    const bool are_currents =
+        sum_of_squares(config, now->i_abc) <= monitor->limits.current_square && is_sum_zero(monitor, now->i_abc);
+    const bool is_bus = now->u_dc > CGL_R(0.0) && now->u_dc <= CGL_REAL_MAX;
+    return (are_currents ? 0U : (unsigned)CGL_STATUS_CURRENT) | (is_bus ? 0U : (unsigned)CGL_STATUS_BUS);
 }
 
 CGL_SELDOM void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref, bool full)
 {
-    const cgl_monitor_config *const config = &monitor->config;
+    const unsigned unsafe_bits = (unsigned)CGL_STATUS_ANGLE_STUCK | (unsigned)CGL_STATUS_CURRENT | (unsigned)CGL_STATUS_BUS;
     const cgl_monitor_limits *limits = &monitor->limits;
-    unsigned status = look_at_rotor(monitor, now, omega_ref, full);
-    bool safe = !monitor->started || monitor->unsure || monitor->gap > limits->bridge || is_dark(monitor)
-                || (status & (unsigned)CGL_STATUS_ANGLE_STUCK) != 0U;
-    if (config->phases != 0U) {
-        const bool are_currents =
-            squares_of(config, now->i_abc) <= limits->current_square && is_sum(monitor, now->i_abc);
-        const bool is_bus = now->u_dc > CGL_R(0.0) && now->u_dc <= CGL_REAL_MAX;
-        status |= (are_currents ? 0U : (unsigned)CGL_STATUS_CURRENT) | (is_bus ? 0U : (unsigned)CGL_STATUS_BUS);
-        safe = safe || !are_currents || !is_bus;
-    }
-    if (safe) {
-        monitor->holding = limits->hold + 1U;
+    const unsigned status = check_rotor(monitor, now, omega_ref, full) | check_currents(monitor, now);
+    if (!monitor->started || monitor->position_unknown || monitor->missing_angles > limits->bridge || is_speed_lost(monitor)
+        || (status & unsafe_bits) != 0U) {
+        monitor->hold_wait = limits->hold + 1U;
     } else {
-        monitor->holding -= monitor->holding > 0U ? 1U : 0U;
+        count_down(&monitor->hold_wait);
     }
-    monitor->safe = monitor->holding > 0U;
+    monitor->safe = monitor->hold_wait > 0U;
     monitor->status = status | (monitor->safe ? (unsigned)CGL_STATUS_FAULT : 0U);
-    /* after a stuck sensor, a period counts as ordinary only once the sensor has shown the rotor turn */
-    monitor->trusted = monitor->status == 0U && monitor->gap == 0U && monitor->blind == 0U && monitor->standing == 0U
-                       && !monitor->was_stuck;
+    /* after a stuck sensor a period is trusted only once the sensor has shown that the rotor turns */
+    monitor->trusted = monitor->status == 0U && monitor->missing_angles == 0U && monitor->speed_wait == 0U
+                       && monitor->standstill == 0U && !monitor->stuck_since_moved;
 }

@@ -1,24 +1,24 @@
-/* Plausibility of a drive's measurements, looked at once per current-loop period before anything uses them.
+/* Checks once per current-loop period whether the measurements of a drive are plausible, before anything uses them.
  *
- * Jump: a step of the angle beyond omega_max ts + angle_step. No rotor turns so fast, so the sensor has jumped. The jump is
- * taken out of the angle, and torque and commutation go on. Learning waits, since a map belongs to its angle, until the
- * angle has jumped back or cgl_monitor_trust() says that the new one is right.
+ * Jump: the angle steps by more than omega_max ts + angle_step. No rotor turns so fast, so the sensor has jumped. The jump is
+ * subtracted from the angle, and torque and commutation go on. A map belongs to the true angle. So learning waits until the sensor
+ * jumps back, or until cgl_monitor_trust() says that the new angle is right.
  *
- * Gap: angles that are missing, which means not finite, or jumping all the time. They are bridged by the last speed. With
- * more of them than `bridge` has periods, or a speed that has not been believed for as long, the output is safe: no voltage.
- * Two angles that agree end the gap. The sensor is then off by as much as before it or right again, whichever is nearer to
- * where the rotor should be; if the rotor can be at neither, the sensor has jumped. After a gap longer than `bridge` of a
- * sensor that was off before it nobody can tell: the output stays safe until cgl_monitor_trust().
+ * Gap: angles are missing, because they are not finite or jump in every period. The last speed bridges a gap of up to `bridge`. The
+ * output is safe, which means zero voltage, if the gap is longer, or if the speed has been implausible for as long. Two angles in a
+ * row that agree end the gap. The sensor is then right, or has the same offset as before the gap, whichever puts the rotor nearer to
+ * where it should be. If the rotor can be at neither place, the sensor has jumped. After a gap longer than `bridge` in a sensor that
+ * had an offset before it, the rotor's place is unknown. The output then stays safe until cgl_monitor_trust().
  *
- * Stuck: an angle that stands still while the reference turns. First the angle is doubted, and learning stops. The feedback has all
- * the time that it needs to raise the current. The output becomes safe once the reference has turned by stuck_angle and full current
- * has not moved the angle for stuck_time. It stays safe until the angle moves or the reference stands still. After a rest of ten
- * times the length of that attempt, the next attempt follows.
+ * Stuck: the angle stands still while the reference turns. Once the reference has turned by a quarter of stuck_angle, learning stops,
+ * and the feedback gets time to raise the current. The output becomes safe once the reference has turned by stuck_angle and full
+ * current has not moved the angle for stuck_time. It stays safe until the angle moves or the reference stands still. After a rest
+ * of ten times the length of that attempt, the next attempt follows.
  *
- * An implausible current or bus voltage gives a safe output, too. The output stays safe for `hold` after the last cause.
+ * An implausible current or bus voltage makes the output safe too. The output stays safe for `hold` after the last cause.
  *
- * At no voltage the current of a turning motor is that of a short circuit, up to psi_f / L_d. Open the bridge where the
- * output is safe (CGL_STATUS_OFF), if the hardware can. */
+ * At zero voltage a turning motor carries its short-circuit current, up to psi_f / L_d. If the hardware can, open the bridge while
+ * the output is safe (CGL_STATUS_OFF). */
 #ifndef COGLESS_MONITOR_H
 #define COGLESS_MONITOR_H
 
@@ -31,68 +31,69 @@
 extern "C" {
 #endif
 
-/* A bound of 0 is not watched. What is not finite is never plausible. No time is longer than 1e9 ts. */
+/* A bound of 0 is not checked. A value that is not finite is never plausible. No time is longer than 1e9 ts. */
 typedef struct {
-    cgl_real omega_max;    /* bound on the true speed, and on the measured one with a count more in its window,
-                              mechanical [rad/s], >= 0; default 0 */
-    cgl_real angle_step;   /* resolution of the angle sensor, mechanical [rad], >= 0; default 0 */
-    cgl_real speed_window; /* window of a measured speed; the speed stays implausible for as long after a jump [s], >= 0 */
-    cgl_real stuck_angle;  /* the angle counts as stuck if the reference turns by this while it stands still [rad], >= 0;
-                              learning stops at a quarter of this; default 0 */
-    cgl_real stuck_time;   /* and if full current has pushed in the reference's direction for this time since that quarter
-                              [s], 0 to 9e7 ts; default 0 */
-    cgl_real current_max;  /* the current vector is never longer, in a short circuit neither [A], >= 0; default 0 */
-    cgl_real current_sum;  /* three measured phases: |i_a + i_b + i_c| is not larger [A], >= 0; default 0 */
-    cgl_real bridge;       /* a missing angle is bridged so long [s], >= 0; default 0 */
-    cgl_real hold;         /* a safe output is held so long after its cause [s], >= 0; default 0 */
-    uint32_t phases;       /* measured currents that are looked at: 3, 2, or 0; default 0 */
+    cgl_real omega_max;    /* largest mechanical speed of the rotor; the measured speed, with one more count in its window, stays
+                              below it too [rad/s], >= 0; default 0 */
+    cgl_real angle_step;   /* mechanical resolution of the angle sensor [rad], >= 0; default 0 */
+    cgl_real speed_window; /* time over which the speed is measured; after a jump the speed is implausible for as long [s], >= 0 */
+    cgl_real stuck_angle;  /* the angle counts as stuck if the reference turns by this while the angle stands still; learning
+                              stops at a quarter of it [rad], >= 0; default 0 */
+    cgl_real stuck_time;   /* since that quarter, full current must also have pushed in the reference's direction for this
+                              time [s], 0 to 9e7 ts; default 0 */
+    cgl_real current_max;  /* the current vector is never longer than this, even in a short circuit [A], >= 0; default 0 */
+    cgl_real current_sum;  /* largest |i_a + i_b + i_c| if three phases are measured [A], >= 0; default 0 */
+    cgl_real bridge;       /* longest gap of the angle that the last speed bridges [s], >= 0; default 0 */
+    cgl_real hold;         /* the output stays safe for this time after the last cause [s], >= 0; default 0 */
+    uint32_t phases;       /* number of measured phase currents that are checked: 3, 2, or 0; default 0 */
 } cgl_monitor_config;
 
 typedef struct {
-    cgl_real i_abc[3]; /* measured phase currents [A]; those beyond config.phases are not looked at */
+    cgl_real i_abc[3]; /* measured phase currents [A]; the first config.phases are checked */
     cgl_real theta_m;  /* measured mechanical angle [rad], any revolution below CGL_ANGLE_MAX; fastest in [0, 2 pi) */
     cgl_real omega_m;  /* measured mechanical speed [rad/s] */
-    cgl_real u_dc;     /* bus voltage [V]; not looked at if config.phases is 0 */
+    cgl_real u_dc;     /* bus voltage [V]; it is not checked if config.phases is 0 */
 } cgl_measurement;
 
-/* Bounds that init derives from a config, so that a step neither divides nor multiplies constants. */
+/* Bounds that init derives from a config, so that a step needs no division. */
 typedef struct {
-    cgl_real reach;          /* of the rotor in a period [rad] */
-    cgl_real reach_square;   /* [rad^2] */
-    cgl_real speed_square;   /* [rad^2/s^2] */
-    cgl_real stuck_square;   /* [rad^2] */
-    cgl_real doubt_square;   /* [rad^2] */
-    cgl_real current_square; /* of all measured phases together [A^2] */
-    cgl_real sum_square;     /* [A^2] */
-    uint32_t window, bridge, hold, stuck; /* periods */
+    cgl_real travel;         /* largest angle between the sensor's readings of two successive periods [rad] */
+    cgl_real travel_square;  /* [rad^2] */
+    cgl_real speed_square;   /* square of omega_max [rad^2/s^2] */
+    cgl_real stuck_square;   /* square of stuck_angle [rad^2] */
+    cgl_real doubt_square;   /* square of a quarter of stuck_angle [rad^2] */
+    cgl_real current_square; /* largest sum of the squares of the measured phase currents [A^2] */
+    cgl_real sum_square;     /* square of current_sum [A^2] */
+    uint32_t window, bridge, hold, stuck; /* speed_window, bridge, hold and stuck_time [periods] */
 } cgl_monitor_limits;
 
+/* Config and bounds come last: a processor reaches the first bytes of a struct with shorter instructions. */
 typedef struct {
-    cgl_monitor_config config;
-    cgl_real ts;        /* period of the calls [s] */
+    bool safe;                  /* the output must be zero: the measurements allow no torque */
+    bool trusted;               /* nothing is against learning */
+    bool started;               /* the sensor has shown an angle, so theta_m is valid */
+    bool has_angle;             /* the last period had an angle, theta_sensor */
+    bool stuck_since_moved;     /* the rotor counted as stuck, and its angle has not moved since; it may reappear anywhere */
+    bool position_unknown;      /* a long gap hit a sensor with an offset: only cgl_monitor_trust() tells where the rotor is */
+    uint32_t missing_angles;    /* a missing angle adds 1, an angle that agrees with the one before takes 1; 0: there is no gap */
+    uint32_t gap_periods;       /* periods with a missing angle in this gap */
+    uint32_t speed_wait;        /* periods until the measured speed is plausible again, as a jump leaves its window */
+    uint32_t speed_lost;        /* successive periods in which speed_wait was not 0 */
+    uint32_t standstill;        /* periods since the angle, standing still, was first doubted */
+    uint32_t full_current;      /* periods of standstill with full current, less those without it */
+    uint32_t stuck_after;       /* value of standstill when the rotor counted as stuck; 0: it does not */
+    uint32_t hold_wait;         /* periods for which the output stays safe */
+    uint32_t jumps;             /* jumps since init or reset, there and back; the count stays at its largest value */
+    unsigned status;            /* CGL_STATUS_ bits of the last step */
+    cgl_real theta_m;           /* plausible mechanical angle for use, without the sensor's offset, in [0, 2 pi) [rad] */
+    cgl_real omega_m;           /* plausible mechanical speed for use [rad/s] */
+    cgl_real sensor_offset;     /* sum of the sensor's jumps, in [-pi, pi] [rad] */
+    cgl_real offset_before_gap; /* sensor_offset when no angle was missing last [rad] */
+    cgl_real theta_sensor;      /* last mechanical angle that the sensor showed, in [0, 2 pi) [rad] */
+    cgl_real ref_turned;        /* angle by which the reference has turned since the measured angle last moved [rad] */
     cgl_monitor_limits limits;
-    cgl_real theta_m;    /* to be used: plausible, without the jumps, in [0, 2 pi) [rad] */
-    cgl_real omega_m;    /* to be used [rad/s] */
-    cgl_real shift;      /* of the sensor by its jumps, in [-pi, pi] [rad] */
-    cgl_real slip;       /* the shift when no angle was missing last [rad] */
-    cgl_real raw;        /* the last measured angle, in [0, 2 pi) [rad] */
-    cgl_real still;      /* the reference has turned so far since the angle moved [rad] */
-    uint32_t gap;        /* angles that are missing: one more with each, one less with each that agrees with the last */
-    uint32_t lost;       /* periods without an angle since there was no gap */
-    uint32_t blind;      /* periods for which the measured speed is not believed yet */
-    uint32_t dark;       /* periods for which it has not been believed */
-    uint32_t standing;   /* periods in which the angle stood still and was doubted */
-    uint32_t pushing;    /* number of them with full current in the reference's direction, less those with less current */
-    uint32_t attempt;    /* number of them up to the one in which the rotor counted as stuck; 0: it does not */
-    uint32_t holding;    /* periods for which the output still is safe */
-    uint32_t jumps;      /* since init or reset, there, back and for one period only; stays at its largest value */
-    unsigned status;     /* CGL_STATUS_ bits of the last step */
-    bool was_stuck;      /* said so since the angle moved: it comes back anywhere */
-    bool unsure;         /* lost for long while it was shifted: nothing but trust tells where the rotor is */
-    bool started;        /* theta_m is valid */
-    bool known;          /* raw is of the last period */
-    bool safe;           /* the output must be zero: no torque is possible that one could trust */
-    bool trusted;        /* nothing stands against learning */
+    cgl_monitor_config config;
+    cgl_real ts;                /* period of the calls [s] */
 } cgl_monitor;
 
 /* The first field that init refuses, as CGL_FIELD; NULL: none. */
@@ -100,24 +101,24 @@ const char *cgl_monitor_bad_field(const cgl_monitor_config *config, cgl_real ts)
 
 cgl_error cgl_monitor_init(cgl_monitor *monitor, const cgl_monitor_config *config, cgl_real ts);
 
-/* Takes other bounds while it runs; the angle and its jumps stay, and what is held is held as long as before. */
+/* Replaces the bounds at run time. Angle, jumps and all waiting times stay as they are. */
 cgl_error cgl_monitor_retune(cgl_monitor *monitor, const cgl_monitor_config *config);
 
-/* Forgets the past: the next angle is right, and the output safe until there is one. */
+/* Forgets the past: the next angle counts as right, and the output is safe until it comes. */
 void cgl_monitor_reset(cgl_monitor *monitor);
 
-/* Checks the measurements of this period. omega_ref: the speed's reference [rad/s]. full: the drive pushes in the reference's
- * direction at the limit of its current or voltage. Fills theta_m, omega_m, safe, trusted and status for any input. While `standing`
- * is 0, full has no effect and may be false. */
+/* Checks the measurements of this period. omega_ref is the reference of the mechanical speed [rad/s]. `full` says that the drive
+ * pushes in the reference's direction at the limit of its current or voltage; it has no effect while standstill is 0. Whatever
+ * the input, theta_m, omega_m, safe, trusted and status are valid afterwards. */
 void cgl_monitor_step(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref, bool full);
 
-/* Does what step does, the long way: step takes a short one where nothing was, and nothing is, amiss. */
+/* Does all checks, with the same result as cgl_monitor_step(), which leaves most of them out in an ordinary period. */
 void cgl_monitor_look(cgl_monitor *monitor, const cgl_measurement *now,
                       cgl_real omega_ref, bool full);
 
-/* The measured angle is right as it is now, after a homing run say: jumps are forgotten. False where there is none now:
- * call it again. */
+/* Declares the angle that the sensor shows now to be right, as after a homing run, and so removes the offset. Returns false, and
+ * does nothing, if the last period had no angle: then call it again. */
 bool cgl_monitor_trust(cgl_monitor *monitor);
 
 #ifdef __cplusplus

@@ -1,17 +1,10 @@
 #include "pi.h"
 
-#include "range.h"
-
 CGL_SELDOM const char *cgl_pi_bad_field(const cgl_pi_config *config, const cgl_loop *loop)
 {
     static const cgl_range range[] = {CGL_RANGE(pi, kp, CGL_NOT_NEGATIVE), CGL_RANGE(pi, ki, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(pi, limit, CGL_POSITIVE)};
-    const char *const field = cgl_loop_bad_field(loop);
-    if (field != 0) {
-        return field;
-    }
-    const char *const refused = CGL_OUT_OF_RANGE(config, range);
-    return refused != 0 || config->limit <= loop->current_limit ? refused : CGL_FIELD("pi.limit");
+    return CGL_LAW_BAD_FIELD(config, range, loop);
 }
 
 CGL_SELDOM static void take(cgl_pi *pi, const cgl_pi_config *config)
@@ -21,7 +14,7 @@ CGL_SELDOM static void take(cgl_pi *pi, const cgl_pi_config *config)
     pi->ki = pi->loop.feed_forward ? CGL_R(0.0) : config->ki;
 }
 
-cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, const cgl_loop *loop)
+CGL_SELDOM cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, const cgl_loop *loop)
 {
     pi->ready = 0U;
     if (cgl_pi_bad_field(config, loop) != 0) {
@@ -34,7 +27,7 @@ cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, const cgl_loop *l
     return CGL_OK;
 }
 
-cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config)
+CGL_SELDOM cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config)
 {
     if (cgl_pi_bad_field(config, &pi->loop) != 0) {
         return CGL_ERROR_CONFIG;
@@ -55,7 +48,7 @@ CGL_SELDOM void cgl_pi_reset(cgl_pi *pi)
 
 CGL_SELDOM void cgl_pi_start(cgl_pi *pi, cgl_real integral)
 {
-    pi->integral = pi->loop.feed_forward ? CGL_R(0.0) : cgl_clamped(integral, pi->config.limit);
+    pi->integral = pi->ki > CGL_R(0.0) ? cgl_clamped(integral, pi->config.limit) : CGL_R(0.0);
     pi->lost = CGL_R(0.0);
     pi->proportional = CGL_R(0.0);
     pi->saturated = false;
@@ -64,10 +57,10 @@ CGL_SELDOM void cgl_pi_start(cgl_pi *pi, cgl_real integral)
 CGL_SELDOM cgl_real cgl_pi_step(cgl_pi *pi, cgl_real error, cgl_real feedforward)
 {
     const cgl_pi_config *const config = &pi->config;
-    const cgl_real e = cgl_is_finite(error) ? error : CGL_R(0.0);
-    const cgl_real ff = cgl_is_finite(feedforward) ? feedforward : CGL_R(0.0);
+    const cgl_real e = cgl_finite_or_zero(error);
+    const cgl_real ff = cgl_finite_or_zero(feedforward);
     cgl_real lost = pi->lost;
-    const cgl_real integral = cgl_add(pi->integral, pi->ki * pi->loop.ts * e, config->limit, &lost);
+    const cgl_real integral = cgl_added(pi->integral, pi->ki * pi->loop.ts * e, config->limit, &lost);
 
     pi->proportional = cgl_clamped(pi->kp * e, CGL_REAL_MAX);
     const cgl_real wanted = pi->proportional + integral + ff;

@@ -14,37 +14,37 @@ typedef struct {
     cgl_real kp;    /* proportional gain [output/error], >= 0 */
     cgl_real ki;    /* integral gain [output/error/s], >= 0 */
     cgl_real limit; /* the output stays within +-limit [output], > 0, at most loop.current_limit */
-} cgl_pi_config; /* loop.feed_forward: kp and ki tell the gains of somebody else's loop, and do not act */
+} cgl_pi_config; /* with loop.feed_forward, kp and ki are the gains of the foreign feedback, and do not act here */
 
 typedef struct {
     uint32_t ready;        /* CGL_READY after init */
+    bool saturated;        /* the last output was at its limit */
+    cgl_real kp, ki;       /* gains that act: those of the config, or 0 with loop.feed_forward */
+    cgl_real integral;     /* within +-limit [output] */
+    cgl_real lost;         /* rounding error of the integral, to be added in the next step [output] */
+    cgl_real proportional; /* proportional part of the last output [output] */
     cgl_pi_config config;
     cgl_loop loop;
-    cgl_real kp, ki;       /* the gains that act: 0 in a loop with somebody else's feedback */
-    cgl_real integral;     /* within +-limit [output] */
-    cgl_real lost;         /* what rounding kept from the integral [output] */
-    cgl_real proportional; /* the share of the last step [output] */
-    bool saturated;        /* the last output was at its limit, or would have been */
 } cgl_pi;
 
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
 const char *cgl_pi_bad_field(const cgl_pi_config *config, const cgl_loop *loop);
 
-/* Takes config and loop, which need not stay. */
+/* Copies config and loop. */
 cgl_error cgl_pi_init(cgl_pi *pi, const cgl_pi_config *config, const cgl_loop *loop);
 
-/* Takes other gains while it runs, without a jump of the output: the integral takes up what the proportional part leaves. As
- * every retune it checks as init does, refuses with the state untouched, and is not called while a step runs. */
+/* Replaces the gains at run time. The output does not jump: the integral takes the difference of the proportional parts. Every retune
+ * checks the config as init does, and leaves the state untouched if it refuses. Do not call a retune while a step runs. */
 cgl_error cgl_pi_retune(cgl_pi *pi, const cgl_pi_config *config);
 
-/* Forgets everything; the next output starts from zero integral. */
+/* Starts anew with an integral of 0. */
 void cgl_pi_reset(cgl_pi *pi);
 
-/* The same from another integral [output], which is taken within the limit. */
+/* Starts anew with this integral [output], limited to the limit of the output; with 0 if no gain acts that would ever change it. */
 void cgl_pi_start(cgl_pi *pi, cgl_real integral);
 
-/* Adds to the integral an output that acted beside it until now; `output` is finite. Somebody else's integral takes it over of
- * itself. */
+/* Moves an output [output], finite, that has acted beside the integral into the integral. With loop.feed_forward it does nothing: the
+ * foreign integral makes up for the output by itself. */
 static inline void cgl_pi_take_over(cgl_pi *pi, cgl_real output)
 {
     if (!pi->loop.feed_forward) {
@@ -52,28 +52,27 @@ static inline void cgl_pi_take_over(cgl_pi *pi, cgl_real output)
     }
 }
 
-/* cgl_pi_step where nothing is at its limit and all is finite, in few instructions; else false, and nothing has changed. */
+/* Does what cgl_pi_step() does, in few instructions, if nothing is at its limit and all is finite. Else it returns false and leaves the
+ * state untouched. */
 static inline bool cgl_pi_step_free(cgl_pi *pi, cgl_real error, cgl_real feedforward,
                                     cgl_real *output)
 {
     const cgl_pi_config *const config = &pi->config;
-    const cgl_real proportional = pi->kp * error;
-    cgl_real lost = pi->lost;
-    const cgl_real integral = cgl_add(pi->integral, pi->ki * pi->loop.ts * error, config->limit, &lost);
-    const cgl_real wanted = proportional + integral + feedforward;
-    if (!cgl_is_below(wanted, config->limit)) {
+    const cgl_real proportional = pi->kp * error, term = pi->ki * pi->loop.ts * error + pi->lost;
+    const cgl_real integral = pi->integral + term, wanted = proportional + integral + feedforward;
+    if (!(cgl_is_within(integral, config->limit) && cgl_is_below(wanted, config->limit))) {
         return false;
     }
+    pi->lost = term - (integral - pi->integral); /* the rounding error of the addition, as in cgl_add() */
     pi->proportional = proportional;
     pi->integral = integral;
-    pi->lost = lost;
     pi->saturated = false;
     *output = wanted;
     return true;
 }
 
-/* Returns kp error + integral + feedforward within the limit. The integral holds while the output is at its limit and
- * the error would push it further. An error or feedforward that is not finite counts as zero. */
+/* Returns kp error + integral + feedforward, limited to the limit. The integral holds while the output is at its limit and the error
+ * would push it further. An error or feedforward that is not finite counts as 0. */
 cgl_real cgl_pi_step(cgl_pi *pi, cgl_real error, cgl_real feedforward);
 
 #ifdef __cplusplus

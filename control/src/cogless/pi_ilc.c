@@ -1,6 +1,6 @@
 #include "pi_ilc.h"
 
-/* The number of channels whose mean belongs to the integral. */
+/* The number of channels whose mean belongs to the PI's integral. */
 static uint32_t centred(const cgl_pi_ilc_config *config)
 {
     return config->pi.ki > CGL_R(0.0) ? 1U : 0U;
@@ -25,7 +25,7 @@ CGL_SELDOM const char *cgl_pi_ilc_bad_field(const cgl_pi_ilc_config *config, con
     return cgl_loop_can_learn(loop, config->gain, config->pi.kp) ? 0 : CGL_FIELD("pi.kp");
 }
 
-/* Takes the guard's step. */
+/* Applies a step of gentle learning. */
 CGL_SELDOM static void follow_guard(cgl_pi_ilc *law, uint32_t gentle)
 {
     const cgl_real forgetting = cgl_gentle_forgetting(gentle);
@@ -68,14 +68,14 @@ CGL_SELDOM cgl_error cgl_pi_ilc_retune(cgl_pi_ilc *law, const cgl_pi_ilc_config 
     return CGL_OK;
 }
 
-void cgl_pi_ilc_reset(cgl_pi_ilc *law)
+CGL_SELDOM void cgl_pi_ilc_reset(cgl_pi_ilc *law)
 {
     cgl_pi_reset(&law->pi);
     cgl_memory_reset(&law->memory);
     law->learned = CGL_R(0.0);
 }
 
-/* A step in which something is at its limit, not plausible, or not learning; the memory is done. */
+/* The rest of a step in which something is at its limit, not plausible, or not learning. The memory has had its step. */
 CGL_SELDOM static void step_otherwise(cgl_pi_ilc *law, const cgl_law_input *in,
                                       cgl_real error, bool learn, cgl_law_output *out)
 {

@@ -1,4 +1,4 @@
-/* Denominators of digital filters. */
+/* Stability of the denominators of digital filters. */
 #ifndef COGLESS_POLYNOMIAL_H
 #define COGLESS_POLYNOMIAL_H
 
@@ -12,9 +12,8 @@ extern "C" {
 
 #define CGL_POLYNOMIAL_ORDER 15
 
-/* True where every root of a[0] z^order + ... + a[order] lies inside the unit circle, so that the recursion with these
- * coefficients forgets: Schur-Cohn. a[0] must be 1; an order above CGL_POLYNOMIAL_ORDER, or a coefficient that is not
- * finite, is false. */
+/* Whether every root of a[0] z^order + ... + a[order] lies inside the unit circle (Schur-Cohn test). Then the recursion with these
+ * coefficients is stable. It is false if a[0] is not 1, a coefficient is not finite, or the order is above CGL_POLYNOMIAL_ORDER. */
 bool cgl_is_stable(const cgl_real *a, uint32_t order);
 
 #ifdef __cplusplus

@@ -2,28 +2,27 @@
 
 #include "range.h"
 
-#define LONGEST_WINDOW CGL_R(60.0) /* [s] default */
-#define LONGEST_SAMPLES CGL_R(1.0e9) /* of a window */
-#define SQUARE_MAX CGL_R(1.0e28) /* so that the sum of as many as a window may have is finite in float */
-#define SMALLEST CGL_R(1.0e-30)  /* a square below it is nothing */
-#define IN_A_ROW 4U              /* outliers to one side: no noise, and no step of an encoder */
-#define WAIT 16U                 /* after so many in a row, learning waits for one part in 16 of a window: the error is a wave,
-                                    and passes through zero */
-#define TWICE_SQUARE CGL_R(4.0)  /* errors of up to twice what lasts are learned; larger ones come from something else */
-#define MOVED_SQUARE CGL_R(0.00390625) /* (1/16)^2, of the span's square */
-#define PART 0xFFFU /* samples whose sums are added up on their own, as one bit less than a power of two */
-#define TREND_SMOOTHING CGL_R(0.25)
-#define TREND_STILL CGL_R(0.04) /* of the ripple's square, a window: 2 % of the ripple */
-#define TREND_MOST CGL_R(0.16)  /* of one window, so that a large change is not seen for long */
+#define LONGEST_DEFAULT CGL_R(60.0)    /* default of config.longest [s] */
+#define SAMPLES_MAX CGL_R(1.0e9)       /* samples in a window */
+#define SQUARE_MAX CGL_R(1.0e28)       /* an error with a larger square does not count, so that a float holds a window's sum */
+#define SQUARE_MIN CGL_R(1.0e-30)      /* the root of a smaller square is taken for 0 */
+#define RUN_OUTLIERS 4U                /* outliers of one sign in a row that are neither noise nor a step of an encoder */
+#define WAIT_DIVIDER 16U               /* learning waits for one 16th of a window after such a run */
+#define LASTING_SQUARE CGL_R(4.0)      /* square of 2: errors of up to twice a lasting peak are learned */
+#define MOVED_SQUARE CGL_R(0.00390625) /* square of 1/16: a rotor that turns by less of the span counts as one at rest */
+#define PART_MASK 0xFFFU               /* samples in a part of a window, less one; one bit less than a power of two */
+#define TREND_SMOOTHING CGL_R(0.25)    /* share of a new change in the trend */
+#define TREND_STEADY CGL_R(0.04)       /* largest change of the ripple's square that counts as none: 2 % of the ripple */
+#define TREND_MOST CGL_R(0.16)         /* bound on the change of one window, so that the trend soon forgets a large one */
 
 CGL_SELDOM static void begin_window(cgl_quality *quality)
 {
     quality->sum = quality->squares = quality->outlier_sum = quality->outlier_squares = CGL_R(0.0);
     quality->peak_square = quality->turned = CGL_R(0.0);
     quality->sum_before = quality->squares_before = quality->sum_lost = quality->squares_lost = CGL_R(0.0);
-    quality->left = quality->longest;
-    quality->missing = quality->outliers = quality->run = quality->run_left = 0U;
-    quality->learned = quality->unusual = quality->run_above = false;
+    quality->remaining = quality->longest;
+    quality->missing = quality->outliers = quality->run_length = quality->run_remaining = 0U;
+    quality->learned = quality->has_long_run = quality->run_positive = false;
 }
 
 CGL_SELDOM const char *cgl_quality_bad_field(const cgl_quality_config *config, cgl_real ts)
@@ -32,7 +31,7 @@ CGL_SELDOM const char *cgl_quality_bad_field(const cgl_quality_config *config, c
                                       CGL_RANGE(quality, longest, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(quality, outlier, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(quality, floor, CGL_NOT_NEGATIVE)};
-    const cgl_real longest = cgl_or_default(config->longest, LONGEST_WINDOW);
+    const cgl_real longest = cgl_or_default(config->longest, LONGEST_DEFAULT);
     const char *const field = CGL_OUT_OF_RANGE(config, range);
     if (field != 0) {
         return field;
@@ -40,50 +39,50 @@ CGL_SELDOM const char *cgl_quality_bad_field(const cgl_quality_config *config, c
     if (!cgl_is_positive(ts)) {
         return CGL_FIELD("ts");
     }
-    if (!(longest >= ts && longest / ts <= LONGEST_SAMPLES)) {
+    if (!(longest >= ts && longest / ts <= SAMPLES_MAX)) {
         return CGL_FIELD("quality.longest");
     }
     return config->outlier > CGL_R(0.0) && config->outlier < CGL_R(1.0) ? CGL_FIELD("quality.outlier") : 0;
 }
 
-CGL_SELDOM static cgl_error take(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
+CGL_SELDOM static cgl_error apply_config(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
 {
     if (cgl_quality_bad_field(config, ts) != 0) {
         return CGL_ERROR_CONFIG;
     }
     quality->config = *config;
     quality->config.span = cgl_or_default(config->span, CGL_TWO_PI);
-    quality->config.longest = cgl_or_default(config->longest, LONGEST_WINDOW);
+    quality->config.longest = cgl_or_default(config->longest, LONGEST_DEFAULT);
     quality->ts = ts;
     const cgl_real turned = quality->config.span / ts;
-    quality->turned_square = cgl_clamped(turned * turned, CGL_REAL_MAX);
-    quality->longest = (uint32_t)(cgl_clamped(quality->config.longest / ts, LONGEST_SAMPLES) + CGL_R(0.5));
+    quality->span_square = cgl_clamped(turned * turned, CGL_REAL_MAX);
+    quality->longest = (uint32_t)(cgl_clamped(quality->config.longest / ts, SAMPLES_MAX) + CGL_R(0.5));
     begin_window(quality);
     return CGL_OK;
 }
 
-cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
+CGL_SELDOM cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts)
 {
-    const cgl_error error = take(quality, config, ts);
+    const cgl_error error = apply_config(quality, config, ts);
     if (error == CGL_OK) {
         cgl_quality_reset(quality);
     }
     return error;
 }
 
-cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config)
+CGL_SELDOM cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config)
 {
-    return take(quality, config, quality->ts);
+    return apply_config(quality, config, quality->ts);
 }
 
-void cgl_quality_reset(cgl_quality *quality)
+CGL_SELDOM void cgl_quality_reset(cgl_quality *quality)
 {
     begin_window(quality);
     quality->centre = CGL_R(0.0);
-    quality->quick_square = quality->usual_square = quality->refused_square = CGL_R(-1.0);
+    quality->ordinary_square = quality->outlier_square = quality->refused_square = CGL_R(-1.0);
     quality->wait = quality->waiting = 0U;
     quality->last_peak_square = CGL_R(0.0);
-    quality->ripple = quality->before = quality->trend = CGL_R(0.0);
+    quality->ripple = quality->ripple_before = quality->trend = CGL_R(0.0);
     quality->windows = 0U;
     quality->began = false;
 }
@@ -93,120 +92,146 @@ CGL_SELDOM static cgl_real larger(cgl_real a, cgl_real b)
     return a > b ? a : b;
 }
 
-/* Moves the sum of a part to that of the parts before, where small terms add up beside large sums. */
+/* Adds the sum of a part to that of the parts before it, with what rounding took from the last addition, and clears it. */
 CGL_SELDOM static void gather(cgl_real *part, cgl_real *before, cgl_real *lost)
 {
-    *before = cgl_add(*before, *part, CGL_REAL_MAX, lost);
+    *before = cgl_added(*before, *part, CGL_REAL_MAX, lost);
     *part = CGL_R(0.0);
 }
 
-/* A part of the window is over. */
+/* Ends a part of the window. */
 CGL_SELDOM static void end_part(cgl_quality *quality)
 {
     gather(&quality->sum, &quality->sum_before, &quality->sum_lost);
     gather(&quality->squares, &quality->squares_before, &quality->squares_lost);
 }
 
-/* The bounds of the next window. An outlier counts as one that just was none, so that a shock raises the usual little. */
+/* Sets the bounds of the next window from the sums of this one. An outlier counts with the bound itself, so that a shock hardly
+ * raises the next bound. */
 CGL_SELDOM static void set_bounds(cgl_quality *quality, uint32_t samples)
 {
     const cgl_quality_config *const config = &quality->config;
     const cgl_real count = (cgl_real)samples, share = (cgl_real)quality->outliers / count, centre = quality->centre;
     const cgl_real square = quality->squares_before / count
                             + centre * (CGL_R(2.0) * (quality->sum_before / count) + (CGL_R(1.0) - share) * centre)
-                            + share * quality->usual_square;
-    const cgl_real usual = larger(config->outlier * config->outlier * square, config->floor * config->floor);
-    const cgl_real peak = quality->unusual ? quality->peak_square : CGL_R(0.0);
-    const cgl_real lasting = TWICE_SQUARE * (peak < quality->last_peak_square ? peak : quality->last_peak_square);
-    /* no error at all, as at rest, says nothing of what is usual */
-    quality->usual_square = usual > CGL_R(0.0) && usual < SQUARE_MAX ? usual : SQUARE_MAX;
-    quality->refused_square = larger(quality->usual_square, lasting);
+                            + share * quality->outlier_square;
+    const cgl_real bound = larger(config->outlier * config->outlier * square, config->floor * config->floor);
+    const cgl_real peak = quality->has_long_run ? quality->peak_square : CGL_R(0.0);
+    const cgl_real lasting = LASTING_SQUARE * (peak < quality->last_peak_square ? peak : quality->last_peak_square);
+    /* a window without any error, as at rest, does not tell which error is usual */
+    quality->outlier_square = bound > CGL_R(0.0) && bound < SQUARE_MAX ? bound : SQUARE_MAX;
+    quality->refused_square = larger(quality->outlier_square, lasting);
     quality->last_peak_square = peak;
+}
+
+/* Takes the change of the ripple into the trend. */
+static void update_trend(cgl_quality *quality, cgl_real ripple)
+{
+    const cgl_real largest = larger(ripple, quality->ripple);
+    if (quality->windows > 0U && largest > CGL_R(0.0)) {
+        const cgl_real change = cgl_clamped((ripple - quality->ripple) / largest, TREND_MOST);
+        quality->trend += TREND_SMOOTHING * (change - quality->trend);
+    }
+}
+
+/* Notes the ripple before learning, until learning has begun in a whole window. A rotor at rest and a run-up say nothing of it:
+ * in a run-up the mean error is larger than the ripple, and learning could not take it away. */
+static void update_ripple_before(cgl_quality *quality, cgl_real ripple, cgl_real mean_square, cgl_real turned)
+{
+    const bool moved = turned * turned >= quality->span_square * MOVED_SQUARE, settled = mean_square <= ripple;
+    if (moved && settled && !quality->began) {
+        quality->ripple_before = quality->learned && quality->ripple_before > CGL_R(0.0) ? quality->ripple_before : ripple;
+        quality->began = quality->learned;
+    }
 }
 
 CGL_SELDOM static void end_window(cgl_quality *quality, cgl_real turned)
 {
     const cgl_quality_config *const config = &quality->config;
-    const uint32_t samples = quality->longest - quality->left - quality->missing;
+    const uint32_t samples = quality->longest - quality->remaining - quality->missing;
     end_part(quality);
     if (samples > 0U) {
         const cgl_real sum = quality->sum_before + quality->outlier_sum;
         const cgl_real squares = quality->squares_before + quality->outlier_squares;
-        const cgl_real count = (cgl_real)samples, mean = sum / count;
-        const cgl_real ripple = larger(squares / count - mean * mean, CGL_R(0.0)), last = quality->ripple;
-        const cgl_real largest = larger(ripple, last);
-        if (quality->windows > 0U && largest > CGL_R(0.0)) {
-            const cgl_real change = cgl_clamped((ripple - last) / largest, TREND_MOST);
-            quality->trend += TREND_SMOOTHING * (change - quality->trend);
-        }
-        const bool moved = turned * turned >= quality->turned_square * MOVED_SQUARE; /* at rest nothing begins */
-        const bool settled = mean * mean <= ripple; /* a run-up is no ripple that learning could take away */
-        if (moved && settled && !quality->began) {
-            quality->before = quality->learned && quality->before > CGL_R(0.0) ? quality->before : ripple;
-            quality->began = quality->learned;
-        }
+        const cgl_real count = (cgl_real)samples, mean = sum / count; /* `mean` is that of the deviations from the centre */
+        const cgl_real ripple = larger(squares / count - mean * mean, CGL_R(0.0));
+        update_trend(quality, ripple);
+        update_ripple_before(quality, ripple, mean * mean, turned);
         quality->ripple = ripple;
         quality->windows += quality->windows < UINT32_MAX ? 1U : 0U;
         if (config->outlier > CGL_R(0.0)) {
             set_bounds(quality, samples);
-            quality->wait = samples / WAIT;
+            quality->wait = samples / WAIT_DIVIDER;
         }
         quality->centre += mean;
     }
     begin_window(quality);
 }
 
+/* Counts an outlier, and the run of successive outliers of one sign in which it stands. */
 CGL_SELDOM static void count_outlier(cgl_quality *quality, cgl_real error, cgl_real deviation)
 {
     quality->outlier_sum += deviation;
     quality->outlier_squares += deviation * deviation;
     ++quality->outliers;
     quality->peak_square = larger(quality->peak_square, error * error);
-    const bool goes_on = quality->run_left == quality->left + 1U && (error > CGL_R(0.0)) == quality->run_above;
-    quality->run = goes_on ? quality->run + 1U : 1U;
-    quality->run_left = quality->left;
-    quality->run_above = error > CGL_R(0.0);
-    quality->unusual = quality->unusual || quality->run >= IN_A_ROW;
+    const bool goes_on = quality->run_remaining == quality->remaining + 1U && (error > CGL_R(0.0)) == quality->run_positive;
+    quality->run_length = goes_on ? quality->run_length + 1U : 1U;
+    quality->run_remaining = quality->remaining;
+    quality->run_positive = error > CGL_R(0.0);
+    quality->has_long_run = quality->has_long_run || quality->run_length >= RUN_OUTLIERS;
 }
 
-/* A sample that is an outlier, or not finite, or the first, or the last of its window. */
-CGL_SELDOM static bool step_unusual(cgl_quality *quality, cgl_real error, cgl_real omega_m,
-                         bool learning)
+/* Adds the error to the sums of the window. */
+static void count_error(cgl_quality *quality, cgl_real error)
 {
     const cgl_real square = error * error;
-    const bool counts = square <= SQUARE_MAX;
-    if (counts && quality->usual_square < CGL_R(0.0)) {
-        quality->centre = error;
-        quality->usual_square = quality->refused_square = SQUARE_MAX;
-    }
-    const bool outlier = !(square <= quality->usual_square);
-    const cgl_real deviation = counts ? error - quality->centre : CGL_R(0.0);
-    if (!counts) {
+    if (!(square <= SQUARE_MAX)) {
         ++quality->missing;
-    } else if (outlier) {
-        count_outlier(quality, error, deviation);
-    } else {
+        return;
+    }
+    if (quality->outlier_square < CGL_R(0.0)) { /* the first error */
+        quality->centre = error;
+        quality->outlier_square = quality->refused_square = SQUARE_MAX;
+    }
+    const cgl_real deviation = error - quality->centre;
+    if (square <= quality->outlier_square) {
         quality->sum += deviation;
         quality->squares += deviation * deviation;
+    } else {
+        count_outlier(quality, error, deviation);
     }
-    if (square > quality->refused_square && quality->run >= IN_A_ROW) {
+}
+
+/* Whether the error may be learned. */
+static bool may_learn(cgl_quality *quality, cgl_real square)
+{
+    if (square > quality->refused_square && quality->run_length >= RUN_OUTLIERS) {
         quality->waiting = quality->wait;
     } else if (quality->waiting > 0U) {
         --quality->waiting;
     }
-    const bool taught = square <= quality->refused_square && quality->waiting == 0U;
+    return square <= quality->refused_square && quality->waiting == 0U;
+}
+
+/* Takes any sample: it may be an outlier, not finite, the first of all, or the last of a part or of a window. */
+CGL_SELDOM static bool step_unusual(cgl_quality *quality, cgl_real error, cgl_real omega_m,
+                         bool learning)
+{
+    count_error(quality, error);
+    const bool taught = may_learn(quality, error * error);
     quality->learned = quality->learned || (learning && taught);
-    const cgl_real turned = quality->turned + (cgl_is_finite(omega_m) ? omega_m : CGL_R(0.0));
-    --quality->left;
-    if (turned * turned < quality->turned_square && quality->left > 0U) {
+    const cgl_real turned = quality->turned + cgl_finite_or_zero(omega_m);
+    --quality->remaining;
+    if (turned * turned < quality->span_square && quality->remaining > 0U) {
         quality->turned = turned;
-        if ((quality->left & PART) == 0U) {
+        if ((quality->remaining & PART_MASK) == 0U) {
             end_part(quality);
         }
     } else {
         end_window(quality, turned);
     }
-    quality->quick_square = quality->waiting > 0U ? CGL_R(-1.0) : quality->usual_square;
+    quality->ordinary_square = quality->waiting > 0U ? CGL_R(-1.0) : quality->outlier_square;
     return !taught;
 }
 
@@ -215,25 +240,26 @@ bool cgl_quality_step(cgl_quality *quality, cgl_real error, cgl_real omega_m,
 {
     const cgl_real square = error * error;
     const cgl_real turned = quality->turned + omega_m;
-    if (!(square <= quality->quick_square && turned * turned < quality->turned_square && (quality->left & PART) > 1U)) {
+    if (!(square <= quality->ordinary_square && turned * turned < quality->span_square && (quality->remaining & PART_MASK) > 1U)) {
         return step_unusual(quality, error, omega_m, learning);
     }
     const cgl_real deviation = error - quality->centre;
     quality->sum += deviation;
     quality->squares += deviation * deviation;
     quality->turned = turned;
-    --quality->left;
+    --quality->remaining;
     if (learning) {
         quality->learned = true;
     }
     return false;
 }
 
-/* Newton's iteration, after steps of 2 into [1, 4]. */
+/* Square root of x, or 0 outside SQUARE_MIN to SQUARE_MAX. Powers of 4 bring x into [1, 4], where Newton's iteration needs five
+ * steps. */
 CGL_SELDOM static cgl_real square_root(cgl_real x)
 {
     cgl_real scale = CGL_R(1.0);
-    if (!(x >= SMALLEST && x <= SQUARE_MAX)) {
+    if (!(x >= SQUARE_MIN && x <= SQUARE_MAX)) {
         return CGL_R(0.0);
     }
     for (; x > CGL_R(4.0); x *= CGL_R(0.25)) {
@@ -251,10 +277,10 @@ CGL_SELDOM static cgl_real square_root(cgl_real x)
 
 cgl_quality_report cgl_quality_read(const cgl_quality *quality)
 {
-    const cgl_real residual = square_root(quality->ripple), before = square_root(quality->before);
-    const bool measured = quality->began && before > CGL_R(0.0);
-    const cgl_quality_report report = {residual, measured ? CGL_R(1.0) - residual / before : CGL_R(0.0),
-                                       quality->windows > 0U, quality->began && quality->trend < -TREND_STILL,
-                                       quality->began && quality->trend > TREND_STILL};
+    const cgl_real residual = square_root(quality->ripple), before = square_root(quality->ripple_before);
+    const bool has_before = quality->began && before > CGL_R(0.0);
+    const cgl_quality_report report = {residual, has_before ? CGL_R(1.0) - residual / before : CGL_R(0.0),
+                                       quality->windows > 0U, quality->began && quality->trend < -TREND_STEADY,
+                                       quality->began && quality->trend > TREND_STEADY};
     return report;
 }

@@ -1,10 +1,11 @@
-/* Quality of learning, read at run time: the residual ripple over a turn of the rotor, how far it has come down, whether
- * it still comes down; and which errors are so far from the usual that nothing should be learned from them.
+/* Measures the quality of learning at run time: the residual ripple over a turn of the rotor, how far it has come down, and whether
+ * it still comes down. It also says which errors are outliers, from which nothing should be learned.
  *
- * A window ends when the rotor has turned by `span`, either way, or after `longest`. An outlier teaches nothing. But what
- * lasts does: where two windows in a row have outliers that are no noise, four in a row to one side, errors of up to twice
- * the smaller peak of the two are learned in the next. After four in a row that were not, learning waits for a sixteenth of
- * a window, since a wave passes through zero. */
+ * A window ends when the rotor has turned by `span`, in either direction, or after `longest`. An outlier is an error far beyond the
+ * usual one, and teaches nothing. But a large error that lasts should be learned. A run of four outliers of one sign is no noise.
+ * If two successive windows have such runs, the next window learns errors of up to twice the smaller of the two windows' peaks.
+ * After a run of outliers that were not learned, learning waits for a sixteenth of a window: their error is a wave, whose passage
+ * through zero says nothing. */
 #ifndef COGLESS_QUALITY_H
 #define COGLESS_QUALITY_H
 
@@ -18,53 +19,56 @@ extern "C" {
 #endif
 
 typedef struct {
-    cgl_real span;    /* of a window, mechanical [rad], > 0; 0: default 2 pi */
-    cgl_real longest; /* a window ends after this time in any case [s], one period of the calls to 1e9 of them; 0: default 60 */
-    cgl_real outlier; /* an error beyond so many times the usual, root mean square over the last window, is an outlier [-],
-                         >= 1; 0: none; default 0 */
-    cgl_real floor;   /* but for errors below this [unit of the error], >= 0; default 0 */
+    cgl_real span;    /* mechanical angle of a window [rad], > 0; 0: default 2 pi */
+    cgl_real longest; /* longest time of a window [s], one period of the calls to 1e9 of them; 0: default 60 */
+    cgl_real outlier; /* an error is an outlier if it is larger than this many times the root mean square of the last window's
+                         errors [-], >= 1; 0: nothing is an outlier; default 0 */
+    cgl_real floor;   /* an error below this is never an outlier [unit of the error], >= 0; default 0 */
 } cgl_quality_config;
 
+/* The sums of a window come in parts: so the short sum of a part stays exact, and then adds up to that of the parts before it.
+ * [unit] is the unit of the error. The config comes last: a processor reaches the first bytes of a struct with shorter
+ * instructions. */
 typedef struct {
+    bool run_positive;            /* sign of the errors in the present run */
+    bool has_long_run;            /* this window has had a run long enough to be no noise */
+    bool learned;                 /* something was learned in this window */
+    bool began;                   /* learning has begun in a whole window */
+    uint32_t outliers;            /* outliers in this window */
+    uint32_t wait;                /* samples for which learning waits after a run: a sixteenth of the last window */
+    uint32_t waiting;             /* samples of that wait that are still to come */
+    uint32_t run_length;          /* successive outliers of one sign up to the last outlier */
+    uint32_t run_remaining;       /* value of `remaining` at the last outlier */
+    uint32_t longest;             /* largest number of samples in a window */
+    uint32_t remaining;           /* samples until this window ends at the latest */
+    uint32_t missing;             /* samples of this window without a usable error */
+    uint32_t windows;             /* number of windows that are over; it stays at its largest value */
+    cgl_real centre;              /* mean error of the last window, or the first error [unit] */
+    cgl_real sum, squares;        /* sums over this part: deviation of the error from `centre`, its square; without outliers */
+    cgl_real sum_before, squares_before;   /* the same sums over the parts before */
+    cgl_real sum_lost, squares_lost;       /* rounding errors of those two, to be added */
+    cgl_real outlier_sum, outlier_squares; /* the same sums over the window's outliers */
+    cgl_real peak_square;         /* largest square of an outlier in this window [unit^2] */
+    cgl_real last_peak_square;    /* the same of the last window, or 0 if that had no long run [unit^2] */
+    cgl_real refused_square;      /* an error whose square is larger is not learned; >= outlier_square [unit^2] */
+    cgl_real turned;              /* sum of the speeds in this window [rad/s] */
+    cgl_real span_square;         /* square of the sum of speeds at which a window ends [rad^2/s^2] */
+    cgl_real ordinary_square;     /* an error whose square is at most this is ordinary: a short step handles it [unit^2] */
+    cgl_real outlier_square;      /* an error whose square is larger is an outlier; < 0 before the first error [unit^2] */
+    cgl_real ripple;              /* variance of the error in the last window [unit^2] */
+    cgl_real ripple_before;       /* ripple of the last window before learning began, or else of the first window [unit^2] */
+    cgl_real trend;               /* relative change of the ripple from window to window, clipped and smoothed */
     cgl_quality_config config;
     cgl_real ts;                  /* period of the calls [s] */
-    cgl_real centre;              /* mean of the last window; at first the first error [unit] */
-    cgl_real sum, squares;        /* of what the errors in this part of the window differ from it, but for outliers */
-    cgl_real sum_before, squares_before; /* and in the parts before */
-    cgl_real sum_lost, squares_lost; /* what rounding kept from those */
-    cgl_real outlier_sum, outlier_squares; /* and of those */
-    uint32_t outliers;            /* in this window */
-    uint32_t wait;                /* a sixteenth of the last window [samples] */
-    uint32_t waiting;             /* samples of it to come */
-    uint32_t run;                 /* outliers in a row, to one side */
-    uint32_t run_left;            /* `left` at the last of them */
-    bool run_above;               /* which side */
-    bool unusual;                 /* enough in a row, in this window */
-    cgl_real peak_square;         /* of the outliers in this window [unit^2] */
-    cgl_real last_peak_square;    /* and in the last one; 0: not unusual [unit^2] */
-    cgl_real refused_square;      /* an error with a larger square is not learned from; >= usual_square [unit^2] */
-    cgl_real turned;              /* sum of the speeds in this window [rad/s] */
-    cgl_real turned_square;       /* that ends a window [rad^2/s^2] */
-    cgl_real quick_square;        /* up to which a sample needs no second look [unit^2] */
-    cgl_real usual_square;        /* an error whose square is larger is an outlier [unit^2]; < 0 before the first */
-    cgl_real ripple;              /* of the last whole window: variance of the error [unit^2] */
-    cgl_real before;              /* ripple of the last whole window before something was learned, or of the first [unit^2] */
-    cgl_real trend;               /* relative change of the ripple from window to window, clipped and smoothed */
-    uint32_t longest;             /* samples in a window at most */
-    uint32_t left;                /* samples until this window ends in any case */
-    uint32_t missing;             /* samples of this window that were not finite */
-    uint32_t windows;             /* whole ones; stays at its largest value */
-    bool learned;                 /* something, in this window */
-    bool began;                   /* learning, in a whole window */
 } cgl_quality;
 
 typedef struct {
     cgl_real residual; /* standard deviation of the error over the last window [unit of the error]; 0 before the first */
-    cgl_real progress; /* 1 - residual / the one before learning, in a window that was no run-up: 0 nothing learned, 1 all
-                          gone, < 0 worse [-] */
-    bool known;        /* there is a whole window */
-    bool improving;    /* learning, and the residual still comes down, by more than 2 % a window on average */
-    bool worsening;    /* learning, and it goes up, by more than 2 % a window on average */
+    cgl_real progress; /* 1 - residual / (residual before learning) [-]; 0: no change, 1: no ripple is left, < 0: it is worse. A
+                          window of a run-up does not count as one before learning */
+    bool known;        /* a window is over */
+    bool improving;    /* learning has begun, and the residual comes down by more than 2 % a window on average */
+    bool worsening;    /* learning has begun, and the residual goes up by more than 2 % a window on average */
 } cgl_quality_report;
 
 /* The first field that init refuses, as CGL_FIELD; NULL: none. */
@@ -72,18 +76,18 @@ const char *cgl_quality_bad_field(const cgl_quality_config *config, cgl_real ts)
 
 cgl_error cgl_quality_init(cgl_quality *quality, const cgl_quality_config *config, cgl_real ts);
 
-/* Takes other values while it runs. The window begins anew; what earlier ones told stays, and an outlier is judged by them
- * until it ends. */
+/* Replaces the config at run time. The present window begins anew. The results of earlier windows stay, and bound outliers until it
+ * ends. */
 cgl_error cgl_quality_retune(cgl_quality *quality, const cgl_quality_config *config);
 
 void cgl_quality_reset(cgl_quality *quality);
 
-/* One sample: the error, the mechanical speed [rad/s], and whether it teaches something. What is not finite, or above
- * 1e14, counts for nothing. Returns true where nothing should be learned from it: an outlier. */
+/* Takes one sample: the error, the mechanical speed [rad/s], and whether the law learns from it. An error that is not finite or
+ * beyond 1e14 does not count. Returns whether nothing should be learned from the error. */
 bool cgl_quality_step(cgl_quality *quality, cgl_real error, cgl_real omega_m,
                       bool learning);
 
-/* Reads the quality; takes two square roots, so for a background task. */
+/* Reads the quality. It takes two square roots, so call it in a background task. */
 cgl_quality_report cgl_quality_read(const cgl_quality *quality);
 
 #ifdef __cplusplus

@@ -15,11 +15,7 @@ CGL_SELDOM const char *cgl_out_of_range(const void *config, const cgl_range *ran
 {
     for (uint32_t n = 0; n < count; ++n) {
         if (!is_in_range((const char *)config + range[n].offset, range[n].kind)) {
-#ifdef COGLESS_NO_TEXTS
-            return CGL_FIELD("");
-#else
-            return range[n].name;
-#endif
+            return CGL_RANGE_NAME(range + n);
         }
     }
     return 0;
@@ -30,7 +26,7 @@ CGL_SELDOM cgl_real cgl_or_default(cgl_real x, cgl_real usual)
     return x > CGL_R(0.0) || x < CGL_R(0.0) || !cgl_is_finite(x) ? x : usual;
 }
 
-/* Its second member lies where the type may first lie. */
+/* The offset of its second member is the alignment of cgl_real. */
 typedef struct {
     /* cppcheck-suppress unusedStructMember ; only offsetof reads it */
     char first;

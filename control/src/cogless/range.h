@@ -1,4 +1,5 @@
-/* What every init checks: the caller's memory, and the ranges of config fields, as a table: a row takes 4 bytes, 8 with its name, a comparison in code three times that. */
+/* Checks that every init makes: of the caller's memory, and of the ranges of config fields. The ranges are tables, since a row takes 4
+ * bytes, or 8 with the field's name, and a comparison in code takes three times that. */
 #ifndef COGLESS_RANGE_H
 #define COGLESS_RANGE_H
 
@@ -13,41 +14,51 @@ extern "C" {
 #endif
 
 enum {
-    CGL_FINITE,       /* a cgl_real: any number */
-    CGL_NOT_NEGATIVE, /* a cgl_real: a number, >= 0 */
-    CGL_POSITIVE,     /* a cgl_real: a number, > 0 */
-    CGL_COUNT,        /* a uint32_t: 1 to 65535 */
-    CGL_COUNT_OR_DEFAULT /* the same, or 0 */
+    CGL_FINITE,       /* a cgl_real that is finite */
+    CGL_NOT_NEGATIVE, /* a cgl_real that is finite and >= 0 */
+    CGL_POSITIVE,     /* a cgl_real that is finite and > 0 */
+    CGL_COUNT,        /* a uint32_t from 1 to 65535 */
+    CGL_COUNT_OR_DEFAULT /* a uint32_t from 0 to 65535; 0 stands for the default */
 };
 
-/* CGL_RANGE: the row of a field of cgl_PART_config. */
 #ifdef COGLESS_NO_TEXTS
 typedef struct {
-    uint16_t offset; /* of the field in its config [bytes] */
-    uint16_t kind;   /* CGL_FINITE and so on */
+    uint16_t offset; /* place of the field in its config [bytes] */
+    uint16_t kind;   /* CGL_FINITE or another of the kinds above */
 } cgl_range;
-#define CGL_RANGE(part, field, kind) {(uint16_t)offsetof(cgl_##part##_config, field), (uint16_t)(kind)}
+#define CGL_RANGE_OF(type, name, field, kind) {(uint16_t)offsetof(type, field), (uint16_t)(kind)}
 #else
 typedef struct {
-    const char *name; /* of the field, as "pi.kp" */
-    uint16_t offset;  /* of it in its config [bytes] */
-    uint16_t kind;    /* CGL_FINITE and so on */
+    const char *name; /* name of the field, as "pi.kp" */
+    uint16_t offset;  /* its place in the config [bytes] */
+    uint16_t kind;    /* CGL_FINITE or another of the kinds above */
 } cgl_range;
-#define CGL_RANGE(part, field, kind) {#part "." #field, (uint16_t)offsetof(cgl_##part##_config, field), (uint16_t)(kind)}
+#define CGL_RANGE_OF(type, name, field, kind) {(name), (uint16_t)offsetof(type, field), (uint16_t)(kind)}
 #endif
 
-/* The first of `count` fields that is outside its range, as CGL_FIELD; NULL: none. */
+/* The row of a field of cgl_PART_config. CGL_RANGE_OF is the row of a field of any struct. */
+#define CGL_RANGE(part, field, kind) CGL_RANGE_OF(cgl_##part##_config, #part "." #field, field, kind)
+
+/* The name of a row's field, as CGL_FIELD. */
+#ifdef COGLESS_NO_TEXTS
+#define CGL_RANGE_NAME(row) CGL_FIELD("")
+#else
+#define CGL_RANGE_NAME(row) ((row)->name)
+#endif
+
+/* Returns the first of `count` fields that is outside its range, as CGL_FIELD, or NULL if there is none. */
 const char *cgl_out_of_range(const void *config, const cgl_range *range, uint32_t count);
 
-/* The same for all rows of an array. */
-#define CGL_OUT_OF_RANGE(config, range) cgl_out_of_range((config), (range), (uint32_t)(sizeof(range) / sizeof((range)[0])))
+/* The same check for all rows of an array. */
+#define CGL_ROWS(range) ((uint32_t)(sizeof(range) / sizeof((range)[0])))
+#define CGL_OUT_OF_RANGE(config, range) cgl_out_of_range((config), (range), CGL_ROWS(range))
 #define CGL_IS_IN_RANGE(config, range) (CGL_OUT_OF_RANGE(config, range) == 0)
 
-/* The default where a config's field is 0. */
+/* x, or the default if x is 0. */
 cgl_real cgl_or_default(cgl_real x, cgl_real usual);
 
-/* CGL_OK where the caller's memory is there, aligned, and of the `needed` length: sizeof in place of a number of entries is
- * refused. */
+/* Returns CGL_OK if the caller's memory is not NULL, is aligned, and has exactly the `needed` number of entries. So a sizeof in place of
+ * a number of entries is refused. */
 cgl_error cgl_check_memory(const cgl_real *cell, uint32_t length, uint32_t needed);
 
 #ifdef __cplusplus

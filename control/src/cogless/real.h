@@ -8,10 +8,10 @@
 #if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
 #error "compile without -ffast-math and -ffinite-math-only: they remove the tests for NaN and infinity"
 #endif
-#if defined(__ASSOCIATIVE_MATH__) /* since gcc 12 */
+#if defined(__ASSOCIATIVE_MATH__) /* gcc defines it since version 12 */
 #error "compile without -funsafe-math-optimizations and -fassociative-math: sums in another order make the sine wrong"
 #endif
-#if defined(__clang__) && __clang_major__ >= 12 /* has no such macro, but can be told: for all of the file */
+#if defined(__clang__) && __clang_major__ >= 12 /* clang defines no such macro; the pragma holds for the whole file */
 #pragma clang fp reassociate(off)
 #endif
 
@@ -28,11 +28,11 @@ typedef float cgl_real;
 #define CGL_PI CGL_R(3.14159265358979323846)
 #define CGL_TWO_PI CGL_R(6.28318530717958647693)
 
-/* Largest angle [rad] that is still an angle: beyond it a float cannot tell neighbouring positions apart. It is a few
- * minutes of running, so wrap the angle to a revolution (mechanical where a map is by mechanical angle). */
+/* Largest valid angle [rad]: beyond it a float cannot tell neighbouring positions apart. A motor turns so far in a few minutes, so wrap
+ * the angle to a revolution, the mechanical one for a map over the mechanical angle. */
 #define CGL_ANGLE_MAX CGL_R(1.0e5)
 
-/* |x|, and whether it is at most `limit`; false for NaN. The builtin is one instruction. */
+/* |x|, and whether |x| is at most `limit`, which is false for NaN. The builtin is one instruction. */
 #if defined(__GNUC__) && !defined(__FRAMAC__)
 #ifdef COGLESS_DOUBLE
 #define CGL_BUILTIN_ABS __builtin_fabs
@@ -60,11 +60,11 @@ static inline bool cgl_is_within(cgl_real x, cgl_real limit)
 }
 #endif
 
-/* Marks a function that is seldom called, and keeps it out of the way of the others. (Frama-C 25 loses the values of a struct
- * that such a function returns.) */
+/* CGL_SELDOM marks a function that is seldom called: the compiler makes it small, and keeps it apart from the others. (Frama-C 25 loses
+ * the values of a struct that such a function returns, so there it is empty.) */
 #if defined(__GNUC__) && !defined(__FRAMAC__)
 #define CGL_SELDOM __attribute__((noinline, cold))
-#define CGL_APART __attribute__((noinline)) /* often called, but better off with registers of its own */
+#define CGL_APART __attribute__((noinline)) /* marks a function that is often called, and is faster with registers of its own */
 #define CGL_OFTEN(condition) __builtin_expect((condition), 1)
 #else
 #define CGL_SELDOM
@@ -78,13 +78,13 @@ static inline bool cgl_is_finite(cgl_real x)
     return cgl_is_within(x, CGL_REAL_MAX);
 }
 
-/* |x| below the limit; false for NaN. */
+/* Whether |x| is below the limit; false for NaN. */
 static inline bool cgl_is_below(cgl_real x, cgl_real limit)
 {
     return cgl_abs(x) < limit;
 }
 
-/* Whether theta can be a measured angle; false for NaN. */
+/* Whether theta is a valid angle; false for NaN. */
 static inline bool cgl_is_angle(cgl_real theta)
 {
     return cgl_is_below(theta, CGL_ANGLE_MAX);
@@ -96,7 +96,7 @@ static inline bool cgl_is_in_turn(cgl_real theta)
     return theta >= CGL_R(0.0) && theta < CGL_TWO_PI;
 }
 
-/* The fraction of x, |x| < 2^31: in (-1, 1), exactly, with the sign of x. */
+/* The exact fractional part of x, |x| < 2^31, with the sign of x: in (-1, 1). */
 static inline cgl_real cgl_rest(cgl_real x)
 {
     return x - (cgl_real)(int32_t)x;
@@ -106,24 +106,30 @@ static inline cgl_real cgl_rest(cgl_real x)
 extern "C" {
 #endif
 
-/* Ranges that config fields have: finite, and more than 0, or not less. */
+/* Whether x is finite and > 0, or finite and >= 0. */
 bool cgl_is_positive(cgl_real x);
 bool cgl_is_not_negative(cgl_real x);
 
-/* x within [-limit, limit]; 0 for NaN. A call. */
+/* x limited to [-limit, limit]; 0 for NaN. This is a function call. */
 cgl_real cgl_clamped(cgl_real x, cgl_real limit);
+
+/* x, or 0 if x is not finite. */
+cgl_real cgl_finite_or_zero(cgl_real x);
+
+/* The same as cgl_add(), as a function call, for code that seldom runs. */
+cgl_real cgl_added(cgl_real sum, cgl_real x, cgl_real limit, cgl_real *lost);
 
 #ifdef __cplusplus
 }
 #endif
 
-/* cgl_clamped(), called only for an x that is not within. */
+/* The same as cgl_clamped(), with a call only if |x| is above the limit. */
 static inline cgl_real cgl_clamp(cgl_real x, cgl_real limit)
 {
     return CGL_OFTEN(cgl_is_within(x, limit)) ? x : cgl_clamped(x, limit);
 }
 
-/* The same without any call, for the few places that run so often that they need all registers. */
+/* The same without any call, for the few places that run most often: a call would cost them registers. */
 static inline cgl_real cgl_clamp_here(cgl_real x, cgl_real limit)
 {
     if (CGL_OFTEN(cgl_is_within(x, limit))) {
@@ -132,17 +138,17 @@ static inline cgl_real cgl_clamp_here(cgl_real x, cgl_real limit)
     return x > CGL_R(0.0) ? limit : (x < CGL_R(0.0) ? -limit : CGL_R(0.0));
 }
 
-/* sum + x within +-limit; 0 for NaN. What rounding takes from the sum waits in `lost`, so that small terms add up beside a
- * large sum. */
+/* sum + x, limited to [-limit, limit]; 0 for NaN. The rounding error goes into `lost` and is added the next time. So small terms add up
+ * beside a large sum. */
 static inline cgl_real cgl_add(cgl_real sum, cgl_real x, cgl_real limit, cgl_real *lost)
 {
     const cgl_real term = x + *lost, result = sum + term;
     const bool within = CGL_OFTEN(cgl_is_within(result, limit));
     *lost = within ? term - (result - sum) : CGL_R(0.0);
-    return within ? result : cgl_clamp_here(result, limit);
+    return within ? result : cgl_clamped(result, limit);
 }
 
-/* -1, 0 or 1; 0 for NaN. */
+/* The sign of x: -1, 0 or 1; 0 for NaN. */
 static inline cgl_real cgl_sign(cgl_real x)
 {
     return x > CGL_R(0.0) ? CGL_R(1.0) : (x < CGL_R(0.0) ? CGL_R(-1.0) : CGL_R(0.0));

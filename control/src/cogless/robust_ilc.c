@@ -1,7 +1,5 @@
 #include "robust_ilc.h"
 
-#include "range.h"
-
 CGL_SELDOM const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *config, const cgl_loop *loop)
 {
     static const cgl_range range[] = {CGL_RANGE(robust_ilc, b, CGL_POSITIVE),
@@ -15,14 +13,10 @@ CGL_SELDOM const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *con
                                       CGL_RANGE(robust_ilc, viscous, CGL_FINITE),
                                       CGL_RANGE(robust_ilc, coulomb, CGL_FINITE),
                                       CGL_RANGE(robust_ilc, limit, CGL_POSITIVE)};
-    const char *field = cgl_loop_bad_field(loop);
-    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    const char *field = CGL_OWN_FEEDBACK_BAD_FIELD(config, range, loop);
     field = field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
     if (field != 0) {
         return field;
-    }
-    if (loop->feed_forward) {
-        return CGL_FIELD("loop.feed_forward");
     }
     if (config->memory.channels > 1U) {
         return CGL_FIELD("memory.channels");
@@ -30,7 +24,7 @@ CGL_SELDOM const char *cgl_robust_ilc_bad_field(const cgl_robust_ilc_config *con
     if (!cgl_is_positive(CGL_R(1.0) / config->b)) {
         return CGL_FIELD("robust_ilc.b");
     }
-    if (!(cgl_is_positive(config->b * config->limit) && config->limit <= loop->current_limit)) {
+    if (!cgl_is_positive(config->b * config->limit)) {
         return CGL_FIELD("robust_ilc.limit");
     }
     return cgl_loop_can_learn(loop, config->q * config->beta_2, config->c + config->eta) ? 0 : CGL_FIELD("robust_ilc.eta");
@@ -42,7 +36,7 @@ static uint32_t centred(const cgl_robust_ilc_config *config)
     return config->gamma > CGL_R(0.0) ? 1U : 0U;
 }
 
-/* Takes the guard's step. */
+/* Applies a step of gentle learning. */
 CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
 {
     const cgl_robust_ilc_config *const config = &law->config;
@@ -50,11 +44,11 @@ CGL_SELDOM static void follow_guard(cgl_robust_ilc *law, uint32_t gentle)
     law->gentle = gentle;
     cgl_memory_soften(&law->memory, forgetting);
     law->q = config->q * cgl_gentle_gain(gentle, config->q * config->beta_2, config->c + config->eta);
-    law->beta_1 = gentle > 1U ? CGL_R(0.0) : config->beta_1; /* no gain bounds what switches */
+    law->beta_1 = gentle > 1U ? CGL_R(0.0) : config->beta_1; /* the switching term has no gain that a smaller step could bound */
     law->idle = !(law->q * (law->beta_1 + config->beta_2) > CGL_R(0.0)) && forgetting > CGL_R(0.0);
 }
 
-cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, const cgl_loop *loop, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *config, const cgl_loop *loop, cgl_real *cell,
                               uint32_t length)
 {
     law->memory.ready = 0U;
@@ -72,7 +66,7 @@ cgl_error cgl_robust_ilc_init(cgl_robust_ilc *law, const cgl_robust_ilc_config *
     return error;
 }
 
-cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config *config)
+CGL_SELDOM cgl_error cgl_robust_ilc_retune(cgl_robust_ilc *law, const cgl_robust_ilc_config *config)
 {
     if (cgl_robust_ilc_bad_field(config, &law->loop) != 0 || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
         return CGL_ERROR_CONFIG;
@@ -99,7 +93,8 @@ CGL_SELDOM void cgl_robust_ilc_reset(cgl_robust_ilc *law)
     start_anew(law);
 }
 
-/* Off, or in torque mode: r will take over the current, less the friction that the law adds of its own [rad/s^2]. */
+/* Sets the output while the feedback does not act. In torque mode r becomes the present current's share, less the friction term that
+ * the law will add [rad/s^2]. */
 CGL_SELDOM static void stand_by(cgl_robust_ilc *law, const cgl_law_input *in, cgl_real learned, cgl_real friction,
                                 cgl_law_output *out)
 {
@@ -128,9 +123,9 @@ void cgl_robust_ilc_step(cgl_robust_ilc *law, const cgl_law_input *in,
     const cgl_real acceleration =
         finite && law->started ? (in->omega_ref - law->last_omega_ref) / law->loop.ts : CGL_R(0.0);
     law->last_omega_ref = finite ? in->omega_ref : CGL_R(0.0);
-    law->started = finite; /* a change over a gap is not one over ts */
+    law->started = finite; /* after a missing sample, the next difference does not span one period */
 
-    /* (11); more than this integral could never be commanded */
+    /* (11); an integral beyond 1e9 rad could never be commanded */
     cgl_real lost = law->integral_lost;
     const cgl_real error_integral = cgl_add(law->error_integral, law->loop.ts * error, CGL_R(1.0e9), &lost);
     const cgl_real surface = finite ? error + config->c * error_integral : config->c * law->error_integral;

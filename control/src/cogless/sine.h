@@ -1,4 +1,4 @@
-/* The inside of cgl_sincos, for a step that has checked its angle. */
+/* The core of cgl_sincos(), for a step that has checked its angle. */
 #ifndef COGLESS_SINE_H
 #define COGLESS_SINE_H
 
@@ -7,11 +7,11 @@
 #include "angle.h"
 #include "real.h"
 
-/* Bound within which the series below hold [rad]. */
+/* Largest angle of the series below [rad]. */
 #define CGL_QUARTER (CGL_R(0.25) * CGL_PI)
 
-/* Sine and cosine of r [rad], |r| <= pi/4 and a little: Taylor's series as far as a double can see, or the best
- * polynomials of as few terms as a float needs (minimax, errors 2e-9 and 1e-10). */
+/* Sine and cosine of r [rad], |r| up to pi/4 and slightly above. A double uses Taylor's series up to its last digit. A float uses
+ * minimax polynomials with errors of 2e-9 and 1e-10. */
 static inline void cgl_sincos_of_small(cgl_real r, cgl_real *sine, cgl_real *cosine)
 {
     const cgl_real r2 = r * r;
@@ -56,8 +56,8 @@ static inline void cgl_sincos_of_small(cgl_real r, cgl_real *sine, cgl_real *cos
 /* Sine and cosine of theta [rad], |theta| < CGL_ANGLE_MAX. */
 static inline void cgl_sincos_of_angle(cgl_real theta, cgl_real *sine, cgl_real *cosine)
 {
-    /* theta = n pi/2 + r with |r| <= pi/4. A number so large that its last digit counts ones rounds a sum to whole
-     * ones; pi/2 comes in parts so short that their products with n are exact, but for the last one. */
+    /* theta = n pi/2 + r with |r| <= pi/4. n is rounded by adding a number so large that its last binary digit is 1. pi/2 is a sum of
+     * parts with few digits: the products of n with all parts but the last are exact. */
 #ifdef COGLESS_DOUBLE
     const cgl_real rounded = theta * 0.63661977236758134308 + 6755399441055744.0;
     const cgl_real n = rounded - 6755399441055744.0;
@@ -76,8 +76,8 @@ static inline void cgl_sincos_of_angle(cgl_real theta, cgl_real *sine, cgl_real 
     *cosine = ((quadrant + 1U) & 2U) != 0U ? -b : b;
 }
 
-/* Phasor of a finite angle [rad] that is mostly below CGL_QUARTER. A longer one is halved until the series holds, then the phasor
- * squared as often: that doubles its error each time, as the angle's own rounding does. */
+/* Phasor of a finite angle [rad], fast if the angle is below CGL_QUARTER. A larger angle is halved until the series holds, and the phasor
+ * is squared as many times. Each squaring doubles the error. */
 static inline cgl_phasor cgl_phasor_ahead(cgl_real angle)
 {
     cgl_phasor phasor;
@@ -94,7 +94,7 @@ static inline cgl_phasor cgl_phasor_ahead(cgl_real angle)
     return phasor;
 }
 
-/* Sine and cosine of an angle [turns, of 2^32]: the quarter of the turn is in its first two bits. */
+/* Sine and cosine of an angle [turns of 2^32]. The two highest bits tell the quarter of the turn. */
 static inline void cgl_sincos_of_turns(uint32_t turns, cgl_real *sine, cgl_real *cosine)
 {
     const uint32_t ahead = turns + 0x20000000U;

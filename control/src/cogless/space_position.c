@@ -1,7 +1,6 @@
 #include "space_position.h"
 
 #include "angle.h"
-#include "range.h"
 
 #define SAMPLES_MAX CGL_R(4294967040.0) /* the largest float below 2^32 */
 
@@ -25,37 +24,32 @@ CGL_SELDOM const char *cgl_space_position_bad_field(const cgl_space_position_con
                                       CGL_RANGE(space_position, ramp, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(space_position, omega_min, CGL_POSITIVE),
                                       CGL_RANGE(space_position, limit, CGL_POSITIVE)};
-    const char *field = cgl_loop_bad_field(loop);
-    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
-    field = field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
+    const char *const field = CGL_OWN_FEEDBACK_BAD_FIELD(config, range, loop);
     if (field != 0) {
         return field;
-    }
-    if (loop->feed_forward) {
-        return CGL_FIELD("loop.feed_forward");
     }
     if (config->index != CGL_SPACE_BY_REFERENCE && config->index != CGL_SPACE_BY_ROTOR) {
         return CGL_FIELD("space_position.index");
     }
-    return config->limit <= loop->current_limit ? 0 : CGL_FIELD("space_position.limit");
+    return cgl_memory_bad_field(&config->memory, loop->ts);
 }
 
-/* The number of channels whose mean belongs to the integral: alpha and beta, if the integral acts beside what is learned. At a
- * constant speed their means have the same effect as the integral. The mean of h stays: it is learned where the speed changes, and
+/* The number of channels whose mean belongs to the integral. If the integral acts beside what is learned, these are alpha and beta: at a
+ * constant speed their means have the same effect as the integral. The mean of h stays: it is learned while the speed changes, and
  * accelerates the inertia. */
 static uint32_t centred(const cgl_space_position_config *config)
 {
     return config->k_i > CGL_R(0.0) && !config->hand_over ? 2U : 0U;
 }
 
-/* Takes the guard's step. */
+/* Applies a step of gentle learning. */
 CGL_SELDOM static void follow_guard(cgl_space_position *law, uint32_t gentle)
 {
     law->gentle = gentle;
     cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
 }
 
-cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, const cgl_loop *loop, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, const cgl_loop *loop, cgl_real *cell,
                                   uint32_t length)
 {
     law->memory.ready = 0U;
@@ -75,7 +69,7 @@ cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_posit
     return CGL_OK;
 }
 
-/* The ramp of learning, from 0 to 1, for a sample that learns. */
+/* How far the ramp of learning has come, from 0 to 1. */
 static inline cgl_real share_of_learning(const cgl_space_position *law)
 {
     const cgl_space_position_config *const config = &law->config;
@@ -83,14 +77,14 @@ static inline cgl_real share_of_learning(const cgl_space_position *law)
     return elapsed >= config->ramp ? CGL_R(1.0) : elapsed / config->ramp;
 }
 
-/* Samples of learning after which the ramp has come so far, at least one. */
+/* The number of learning samples, at least one, after which the ramp has come to this share. */
 static uint32_t samples_of_share(const cgl_space_position *law, cgl_real share)
 {
     const cgl_real samples = share * law->config.ramp / law->loop.ts;
     return samples < SAMPLES_MAX ? (uint32_t)samples + 1U : (uint32_t)SAMPLES_MAX;
 }
 
-cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config)
+CGL_SELDOM cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config)
 {
     const cgl_real share = share_of_learning(law);
     if (cgl_space_position_bad_field(config, &law->loop) != 0 || ratio_of(config) != law->config.ratio || config->index != law->config.index
@@ -125,18 +119,20 @@ CGL_SELDOM void cgl_space_position_reset(cgl_space_position *law)
     start_anew(law);
 }
 
-/* Torque mode: the integral will take over the current, where it has a share. */
+/* Sets the output in torque mode. If the integral has a share, it becomes the present current, from which it will start. */
 CGL_SELDOM static void hold(cgl_space_position *law, const cgl_law_input *in, cgl_real share_i, cgl_law_output *out)
 {
     cgl_space_position_terms *const terms = &law->terms;
     const cgl_real limit = law->config.limit;
     const cgl_real current = cgl_law_stand_by(in, terms->alpha + terms->beta + terms->h, limit, out);
-    law->integral = share_i > CGL_R(0.0) ? cgl_clamped(-current / share_i, limit) : CGL_R(0.0);
+    const bool is_corrected = share_i * law->config.k_i > CGL_R(0.0); /* else it would keep this current for good */
+    law->integral = is_corrected ? cgl_clamped(-current / share_i, limit) : CGL_R(0.0);
     law->integral_lost = terms->proportional = terms->integral = CGL_R(0.0);
     law->saturated = false;
 }
 
-/* The factor on the correction. It learns from positions too, where the speed loop's gain is no measure of the first step. */
+/* The factor by which the guard reduces the correction. The law learns from the position error too, for which the speed loop's gain is
+ * no bound, so the first step of gentle learning leaves the correction as it is. */
 static cgl_real factor_of(const cgl_space_position *law, cgl_real omega_ref, cgl_real alpha_ref)
 {
     if (CGL_OFTEN(law->gentle <= 1U)) {
@@ -158,7 +154,7 @@ void cgl_space_position_step(cgl_space_position *law,
     }
     const cgl_real ratio = (cgl_real)config->ratio;
     const cgl_real difference = ratio * (in->omega_m - in->omega_ref);
-    /* a sum is not finite if a part of it is not */
+    /* one check is enough: a sum is not finite if a part of it is not */
     const bool plausible =
         cgl_is_finite(difference + ratio * in->alpha_ref) && cgl_is_angle(in->theta_m) && cgl_is_angle(in->theta_ref);
     const cgl_real omega = plausible ? ratio * in->omega_m : CGL_R(0.0);
@@ -214,12 +210,12 @@ void cgl_space_position_step(cgl_space_position *law,
     }
     const cgl_real rest = terms->proportional + terms->alpha + terms->beta + terms->h;
 
-    if (learn) { /* the integral has the sign of the error, the channels the other one */
+    if (learn) { /* the integral has the sign of the error, and the channels the opposite one */
         const cgl_channel *const channel = law->memory.channel;
         const cgl_real transfer = channel[0].transfer + channel[1].transfer * omega_ref;
         law->integral = cgl_add(law->integral, -acts * transfer, config->limit, &law->integral_lost);
     }
-    if (!(share_i > CGL_R(0.0))) { /* an integral without effect would wind up, and act later when learning fades */
+    if (!(share_i > CGL_R(0.0))) { /* an integral without effect would wind up, and would act when its share returns */
         law->integral = law->integral_lost = CGL_R(0.0);
     }
     cgl_real lost = law->integral_lost;

@@ -10,9 +10,9 @@
  *   beta (theta_ref) = Q sat(beta (theta_ref - T)) - share mu_beta omega_ref / |omega_ref| omega_t
  *   h    (theta_ref) = Q sat(h    (theta_ref - T)) - share mu_h alpha_ref / |omega_ref| omega_t
  *
- * |omega_ref| in place of the paper's omega_ref > 0 lets a map learn in both directions. share rises from 0 to 1
- * within `ramp` of learning, and waits while learning is frozen. share_i = 1 - share with hand_over, else 1. Where share_i is 0 the
- * integral is 0. With k_i > 0 and without hand_over, alpha and beta pass their means on to the integral. */
+ * The paper has omega_ref > 0; |omega_ref| lets a map learn in both directions. The share rises from 0 to 1 while the law learns, over
+ * the time `ramp`, and pauses while learning is frozen. With hand_over, share_i is 1 - share, else it is 1. While share_i is 0, the
+ * integral is 0. With k_i > 0 and without hand_over, alpha and beta move their means into the integral. */
 #ifndef COGLESS_SPACE_POSITION_H
 #define COGLESS_SPACE_POSITION_H
 
@@ -23,67 +23,67 @@
 extern "C" {
 #endif
 
-/* The angle by which the memory counts. */
+/* The angle over which the memory learns. */
 typedef enum { CGL_SPACE_BY_REFERENCE, CGL_SPACE_BY_ROTOR } cgl_space_index;
 
-/* All angles and speeds of the gains are those multiplied by `ratio`. */
+/* The rad in the units of the gains are those of an angle or speed multiplied by `ratio`. */
 typedef struct {
-    uint32_t ratio;        /* rotor teeth or pole pairs for electrical quantities, 1 for mechanical; 1 to 65535; 0: default 1 */
+    uint32_t ratio;        /* rotor teeth or pole pairs for gains in electrical rad, 1 for mechanical rad; 1 to 65535; 0: default 1 */
     cgl_real k_theta;      /* position loop [1/s], >= 0 */
     cgl_real k_omega;      /* speed loop [A s/rad], >= 0 */
-    cgl_real k_v;          /* [A/rad], >= 0; default 0, as in Section 5 */
-    cgl_real v_0;          /* robustifying term v = v_0 + v_2 omega^2 [A s/rad], >= 0; default 0 */
-    cgl_real v_2;          /* [A s^3/rad^3], >= 0; default 0 */
-    cgl_real k_i;          /* integral action, until learning takes over [A/rad], >= 0 */
+    cgl_real k_v;          /* gain on theta_tg [A/rad], >= 0; default 0, as in Section 5 */
+    cgl_real v_0;          /* constant part of the robustifying term v = v_0 + v_2 omega^2 [A s/rad], >= 0; default 0 */
+    cgl_real v_2;          /* quadratic part of it [A s^3/rad^3], >= 0; default 0 */
+    cgl_real k_i;          /* integral gain [A/rad], >= 0 */
     cgl_real mu_alpha;     /* learning gain [A], >= 0 */
     cgl_real mu_beta;      /* learning gain [A s^2/rad^2], >= 0; channel 2 of the memory */
     cgl_real mu_h;         /* learning gain [A s^4/rad^2], >= 0; channel 3 of the memory */
-    bool hand_over;        /* integral action fades out as learning fades in, as in Section 5; default false */
-    cgl_real ramp;         /* of learning, over the time that it learns [s], >= 0 */
-    cgl_real omega_min;    /* learning freezes while the mechanical |omega_ref| is below [rad/s], > 0 */
-    cgl_space_index index; /* default CGL_SPACE_BY_REFERENCE, as in the paper */
+    bool hand_over;        /* true: the integral fades out as learning fades in, as in Section 5; default false */
+    cgl_real ramp;         /* time of learning in which the learning gains rise from 0 to their full values [s], >= 0 */
+    cgl_real omega_min;    /* learning freezes while the mechanical |omega_ref| is below this [rad/s], > 0 */
+    cgl_space_index index; /* angle of the memory; default CGL_SPACE_BY_REFERENCE, as in the paper */
     cgl_real limit;        /* the output stays within +-limit [A], > 0, at most loop.current_limit */
-    cgl_memory_config memory; /* channels: 1 alpha, 2 and beta, 3 and h; limits [A], [A s/rad], [A s^2/rad]; turns
-                                       and parts of a revolution of ratio theta */
+    cgl_memory_config memory; /* channels: 1 for alpha, 2 for alpha and beta, 3 for all; limits [A], [A s/rad], [A s^2/rad];
+                                 turns and parts count revolutions of ratio theta */
 } cgl_space_position_config;
 
 typedef struct {
     cgl_real proportional; /* -(k_omega + v) omega_t - k_v theta_tg [A] */
     cgl_real integral;     /* -share_i k_i integral(omega_t) [A] */
-    cgl_real alpha;        /* [A] */
-    cgl_real beta;         /* beta omega_ref [A] */
-    cgl_real h;            /* h alpha_ref [A] */
+    cgl_real alpha;        /* term of alpha [A] */
+    cgl_real beta;         /* term of beta, beta omega_ref [A] */
+    cgl_real h;            /* term of h, h alpha_ref [A] */
 } cgl_space_position_terms;
 
 typedef struct {
-    cgl_space_position_config config; /* with its defaults */
-    cgl_loop loop;
-    cgl_memory memory;        /* memory.p_t: P_t [s] */
-    cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
-    cgl_real integral_lost;         /* what rounding kept from it [A] */
-    uint32_t learning_samples;      /* in which it learned; counts no further than the ramp */
     bool saturated;                 /* the last output was at its limit */
-    uint32_t gentle;                /* how gently it learns, as the guard says */
-    cgl_space_position_terms terms; /* of the last step */
+    uint32_t gentle;                /* the present step of gentle learning, from the guard */
+    uint32_t learning_samples;      /* number of samples that learned, up to the end of the ramp */
+    cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
+    cgl_real integral_lost;         /* rounding error of the integral, to be added [A] */
+    cgl_space_position_terms terms; /* terms of the last output */
+    cgl_loop loop;
+    cgl_space_position_config config; /* config, with defaults in place of zeros */
+    cgl_memory memory;        /* memory of alpha, beta and h; memory.line.p_t is P_t [s] */
 } cgl_space_position;
 
 /* The first field of config or loop that init refuses, as CGL_FIELD; NULL: none. */
 const char *cgl_space_position_bad_field(const cgl_space_position_config *config, const cgl_loop *loop);
 
-/* loop: drive.loop. `cell`: CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which the state keeps using. */
+/* `loop` is drive.loop. `cell` has CGL_MEMORY_LENGTH(kind, channels, cells, q_half_width) entries, which stay in use. */
 cgl_error cgl_space_position_init(cgl_space_position *law, const cgl_space_position_config *config, const cgl_loop *loop, cgl_real *cell,
                                   uint32_t length);
 
-/* Takes other gains and limits while it runs, as cgl_memory_retune; ratio and index must stay. The integral stays, within
- * the limit, and so does share. */
+/* Replaces gains and limits at run time, as cgl_memory_retune() does. ratio and index must not change. The share stays, and the
+ * integral within the new limit. */
 cgl_error cgl_space_position_retune(cgl_space_position *law, const cgl_space_position_config *config);
 
 void cgl_space_position_reset(cgl_space_position *law);
 
-/* Learning freezes, and what was learned acts on, while in->learn is false, |omega_ref| is below omega_min, no gain is left, the output
- * was at its limit, an input is not plausible, or the memory says so. The integral holds while the output is at its
- * limit and the error would push it further. Where an input is not plausible the output is that of no error.
- * While in->off learning is frozen too, its ramp as well, and the output and the integral are 0. */
+/* Learning freezes, and what is learned still acts, under any of these conditions: in->learn is false; |omega_ref| is below omega_min; no
+ * gain is left; the last output was at its limit; an input is not plausible; the memory does not learn. The integral holds while the
+ * output is at its limit and the error would push it further. If an input is not plausible, the output is that of a zero error. While
+ * in->off, learning and its ramp are frozen, and the output and the integral are 0. */
 void cgl_space_position_step(cgl_space_position *law,
                              const cgl_law_input *in, cgl_law_output *out);
 

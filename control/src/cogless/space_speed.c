@@ -1,7 +1,5 @@
 #include "space_speed.h"
 
-#include "range.h"
-
 static uint32_t ratio_of(const cgl_space_speed_config *config)
 {
     return config->ratio > 0U ? config->ratio : 1U;
@@ -15,28 +13,20 @@ CGL_SELDOM const char *cgl_space_speed_bad_field(const cgl_space_speed_config *c
                                       CGL_RANGE(space_speed, mu_h, CGL_NOT_NEGATIVE),
                                       CGL_RANGE(space_speed, eta_bar, CGL_POSITIVE),
                                       CGL_RANGE(space_speed, omega_min, CGL_POSITIVE),
-                                      CGL_RANGE(space_speed, limit, CGL_POSITIVE),
-                                      CGL_RANGE(space_speed, ratio, CGL_COUNT_OR_DEFAULT)};
-    const char *field = cgl_loop_bad_field(loop);
-    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
-    field = field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
-    if (field != 0) {
-        return field;
-    }
-    if (loop->feed_forward) {
-        return CGL_FIELD("loop.feed_forward");
-    }
-    return config->limit <= loop->current_limit ? 0 : CGL_FIELD("space_speed.limit");
+                                      CGL_RANGE(space_speed, ratio, CGL_COUNT_OR_DEFAULT),
+                                      CGL_RANGE(space_speed, limit, CGL_POSITIVE)};
+    const char *const field = CGL_OWN_FEEDBACK_BAD_FIELD(config, range, loop);
+    return field != 0 ? field : cgl_memory_bad_field(&config->memory, loop->ts);
 }
 
-/* Takes the guard's step. */
+/* Applies a step of gentle learning. */
 CGL_SELDOM static void follow_guard(cgl_space_speed *law, uint32_t gentle)
 {
     law->gentle = gentle;
     cgl_memory_soften(&law->memory, cgl_gentle_forgetting(gentle));
 }
 
-cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, const cgl_loop *loop, cgl_real *cell,
+CGL_SELDOM cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_config *config, const cgl_loop *loop, cgl_real *cell,
                                uint32_t length)
 {
     law->memory.ready = 0U;
@@ -55,7 +45,7 @@ cgl_error cgl_space_speed_init(cgl_space_speed *law, const cgl_space_speed_confi
     return CGL_OK;
 }
 
-cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_config *config)
+CGL_SELDOM cgl_error cgl_space_speed_retune(cgl_space_speed *law, const cgl_space_speed_config *config)
 {
     if (cgl_space_speed_bad_field(config, &law->loop) != 0 || ratio_of(config) != law->config.ratio
         || cgl_memory_retune(&law->memory, &config->memory) != CGL_OK) {
@@ -81,7 +71,8 @@ CGL_SELDOM void cgl_space_speed_reset(cgl_space_speed *law)
     start_anew(law);
 }
 
-/* The factor on the correction. It grows with 1 / |omega| without bound, which is the law as proven: the first step leaves it. */
+/* The factor by which the guard reduces the correction. The correction grows with 1 / |omega| without bound, as in the paper's proof, and
+ * the first step of gentle learning leaves it so. */
 static cgl_real factor_of(const cgl_space_speed *law, cgl_real omega, cgl_real alpha_ref)
 {
     if (CGL_OFTEN(law->gentle <= 1U)) {
@@ -101,7 +92,7 @@ void cgl_space_speed_step(cgl_space_speed *law, const cgl_law_input *in,
         return;
     }
     const cgl_real difference = in->omega_m - in->omega_ref;
-    /* a sum is not finite if a part of it is not */
+    /* one check is enough: a sum is not finite if a part of it is not */
     const bool plausible = cgl_is_finite(difference + in->alpha_ref) && cgl_is_angle(in->theta_m);
     const cgl_real omega = plausible ? in->omega_m : CGL_R(0.0);
     const cgl_real omega_ref = plausible ? in->omega_ref : CGL_R(0.0);

@@ -1,4 +1,4 @@
-/* PI speed control: the baseline that every learning law stands beside. */
+/* PI speed control, the baseline with which every learning law is compared. */
 #ifndef COGLESS_SPEED_PI_H
 #define COGLESS_SPEED_PI_H
 
@@ -9,8 +9,8 @@
 extern "C" {
 #endif
 
-/* Config and state are those of the scalar PI: kp [A s/rad], ki [A/rad], limit [A]. While in->off the output is 0 and the integral too; in
- * torque mode both are in->i_q_ref. */
+/* Config and state are those of the scalar PI, with kp [A s/rad], ki [A/rad] and limit [A]. While in->off, output and integral are 0. In
+ * torque mode both are in->i_q_ref; without ki there is no integral. */
 void cgl_speed_pi_step(cgl_pi *pi, const cgl_law_input *in, cgl_law_output *out);
 
 #ifdef __cplusplus

@@ -1,10 +1,10 @@
-/* Speed by the time of an encoder's edges. MT: the counts since the last step over the exact time from the last edge before
- * them to the last edge among them. T: one count over the time between the last two edges. Where no edge comes for longer than
- * that, both give one count over the time since the last edge, the largest speed that is still possible. After two edges in
- * opposite directions and none since, they give 0.
+/* Speed from the times of an encoder's edges, by one of two methods. MT divides the counts since the last step by the exact time
+ * that they took, from the last edge before them to the last edge among them. T divides one count by the time between the last two
+ * edges. If the next edge takes longer than that, both divide one count by the time since the last edge, which is the largest speed
+ * that is still possible. While the last two edges are in opposite directions, both give 0.
  *
- * The board gives the counter and the timer that it captured at the last edge. Call cgl_edges_pass as often as it reads them, at
- * each edge or once a current-loop period, and the step where the speed is needed:
+ * The board passes the counter and the value of a timer that it captured at the last edge. Call cgl_edges_pass() whenever the board
+ * reads them, at each edge or once a current-loop period. Call the step where the speed is needed:
  *
  *   cgl_edges_pass(&edges, count, captured);
  *   omega_m = cgl_speed_timed_step(&speed, &edges, now); */
@@ -20,42 +20,42 @@
 extern "C" {
 #endif
 
-/* The last edges of an encoder. All zero is a start. */
+/* The last edges of an encoder. It starts with all fields zero. */
 typedef struct {
-    uint32_t count;    /* growing forward, wraps at 2^32 */
-    uint32_t time;     /* of the last edge [ticks], wraps at 2^32 */
-    uint32_t interval; /* between the last two edges [ticks]; the mean, where several came at once */
-    bool backward;     /* the last edge was one backward */
-    bool reversed;     /* and the one before it was not, or the other way round */
+    uint32_t count;    /* counter, which grows forward and wraps at 2^32 */
+    uint32_t time;     /* timer at the last edge [ticks], wraps at 2^32 */
+    uint32_t interval; /* time between the last two edges, or the mean if several came at once [ticks] */
+    bool backward;     /* the last edge was backward */
+    bool reversed;     /* the last two edges were in opposite directions */
 } cgl_edges;
 
 typedef struct {
-    uint32_t counts;    /* of the encoder in a revolution: edges, four a line, 1 to 2^32 - 1 */
-    cgl_real timer;     /* rate of the timer [Hz], > 0; a step comes at least twice in its 2^32 ticks */
-    bool last_interval; /* true: T; default false: MT */
+    uint32_t counts;    /* edges of the encoder in a revolution, four per line, 1 to 2^32 - 1 */
+    cgl_real timer;     /* rate of the timer [Hz], > 0; call the step at least twice in its 2^32 ticks */
+    bool last_interval; /* true: method T; false: method MT; default false */
 } cgl_speed_timed_config;
 
 typedef struct {
     cgl_speed_timed_config config;
-    cgl_real per_tick; /* speed of one count in a tick [rad/s] */
-    cgl_real omega_m;  /* of the last step [rad/s] */
-    cgl_real time;     /* over which omega_m is the mean [s]; 0 after a start */
-    uint32_t count;    /* at the last step */
+    cgl_real per_tick; /* speed at which one count passes in a tick [rad/s] */
+    cgl_real omega_m;  /* speed at the last step [rad/s] */
+    cgl_real time;     /* time over which omega_m is the mean [s]; 0 after a start */
+    uint32_t count;    /* counter at the last step */
     uint32_t edge;     /* time of the last edge before the last step [ticks] */
     uint32_t now;      /* time of the last step [ticks] */
-    uint32_t since;    /* from that edge to that step, 2^32 - 1 for longer [ticks] */
+    uint32_t since;    /* time from that edge to that step, at most 2^32 - 1 [ticks] */
 } cgl_speed_timed;
 
-/* Takes in what the counter shows, and the timer's value at its last edge. */
+/* Takes the counter, and the timer at its last edge [ticks]. */
 void cgl_edges_pass(cgl_edges *edges, uint32_t count, uint32_t time);
 
-/* Takes the config, which need not stay. */
+/* Copies the config. */
 cgl_error cgl_speed_timed_init(cgl_speed_timed *speed, const cgl_speed_timed_config *config);
 
-/* The rotor turns at this speed [rad/s], usually 0, with these edges behind it: call it once the sensor is there. */
+/* Starts at this speed [rad/s], usually 0, with the last edges of the sensor and the timer now [ticks]. */
 void cgl_speed_timed_reset(cgl_speed_timed *speed, const cgl_edges *edges, uint32_t now, cgl_real omega_m);
 
-/* The mechanical speed [rad/s]. now: the timer at this instant [ticks]. */
+/* Returns the mechanical speed [rad/s]. `now` is the timer at this instant [ticks]. */
 cgl_real cgl_speed_timed_step(cgl_speed_timed *speed, const cgl_edges *edges, uint32_t now);
 
 #ifdef __cplusplus

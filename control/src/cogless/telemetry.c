@@ -11,7 +11,7 @@ CGL_SELDOM void cgl_telemetry_reset(cgl_telemetry *telemetry)
 void cgl_telemetry_write(cgl_telemetry *telemetry, const cgl_drive *drive, const cgl_drive_output *out)
 {
     volatile uint32_t *const complete = &telemetry->count;
-    const uint32_t before = *complete, count = before < UINT32_MAX ? before + 1U : 2U; /* 0 is: nothing yet */
+    const uint32_t before = *complete, count = before < UINT32_MAX ? before + 1U : 2U; /* 0 means that there is no snapshot yet */
     volatile cgl_snapshot *const next = &telemetry->buffer[count & 1U];
     next->count = count;
     next->status = out->status;
@@ -37,7 +37,7 @@ bool cgl_telemetry_read(const cgl_telemetry *telemetry, cgl_snapshot *snapshot)
         const cgl_snapshot copy = {newest->count,   newest->status, newest->theta_m, newest->omega_m,
                                    newest->omega_ref, newest->i_d,    newest->i_q,     newest->i_d_ref,
                                    newest->i_q_ref, newest->u_d,    newest->u_q,     newest->u_dc};
-        /* the next snapshot goes into the other buffer; only the one after it would overwrite this */
+        /* the next snapshot goes into the other buffer, and the one after that into this one */
         const uint32_t after = *complete;
         /* cppcheck-suppress knownConditionTrueFalse ; an interrupt writes it meanwhile */
         if ((after == before || after == before + 1U) && copy.count == before) {

@@ -4,14 +4,14 @@
 
 #include "real.h"
 
-/* Phase quantities to the stationary frame; the zero sequence is dropped. */
+/* From phase quantities to the stationary frame, without the zero sequence. */
 static inline void cgl_clarke(const cgl_real abc[3], cgl_real *alpha, cgl_real *beta)
 {
     *alpha = (CGL_R(2.0) * abc[0] - abc[1] - abc[2]) * CGL_R(0.33333333333333333333);
     *beta = (abc[1] - abc[2]) * CGL_R(0.57735026918962576451);
 }
 
-/* Stationary frame to phases, without zero sequence. */
+/* From the stationary frame to phase quantities without zero sequence. */
 static inline void cgl_clarke_inverse(cgl_real alpha, cgl_real beta, cgl_real abc[3])
 {
     const cgl_real half = CGL_R(-0.5) * alpha;
@@ -21,14 +21,14 @@ static inline void cgl_clarke_inverse(cgl_real alpha, cgl_real beta, cgl_real ab
     abc[2] = half - side;
 }
 
-/* Stationary frame to the rotor's frame, whose d axis stands at the angle of the given sine and cosine. */
+/* From the stationary frame to the rotor's frame, whose d axis is at the angle of this sine and cosine. */
 static inline void cgl_park(cgl_real alpha, cgl_real beta, cgl_real sine, cgl_real cosine, cgl_real *d, cgl_real *q)
 {
     *d = cosine * alpha + sine * beta;
     *q = cosine * beta - sine * alpha;
 }
 
-/* Rotor's frame to the stationary frame. */
+/* From the rotor's frame to the stationary frame. */
 static inline void cgl_park_inverse(cgl_real d, cgl_real q, cgl_real sine, cgl_real cosine, cgl_real *alpha,
                                     cgl_real *beta)
 {

@@ -47,19 +47,20 @@ CGL_SELDOM static bool is_valid(const cgl_trial_config *config)
            && (config->learning_matrix == 0 || is_finite_matrix(config->learning_matrix, config->samples));
 }
 
-/* Entries of the caller's memory, and of it those before the best v. */
+/* Number of entries in the caller's memory. */
 static uint32_t entries(const cgl_trial_config *config)
 {
     return CGL_TRIAL_LENGTH(config->samples, config->q_filter.order) - (config->unguarded ? config->samples : 0U);
 }
 
+/* The guard's best v, the last part of the caller's memory. */
 static cgl_real *best_v(const cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
     return law->error + config->samples + CGL_ZERO_PHASE_TAIL(config->samples, config->q_filter.order);
 }
 
-/* Whether the law has a guard: with nothing to learn there is nothing to guard. */
+/* Whether the law has a guard. A law that does not learn needs none. */
 static bool is_guarded(const cgl_trial_config *config)
 {
     return !config->unguarded && (config->k_3 != CGL_R(0.0) || config->learning_matrix != 0);
@@ -126,7 +127,7 @@ static bool observes(const cgl_trial_config *config)
     return config->observer.response != CGL_R(0.0);
 }
 
-/* u = 0, and nothing is learned from this trial. ahead: the input T that would have been fed forward. */
+/* Sets u to 0, and marks the trial so that nothing is learned from it. `ahead` is the input T that would have been fed forward [u]. */
 CGL_SELDOM static void give_up(cgl_trial *law, uint32_t p, cgl_real ahead, unsigned status, cgl_law_output *out)
 {
     const cgl_trial_config *const config = &law->config;
@@ -142,7 +143,7 @@ CGL_SELDOM static void give_up(cgl_trial *law, uint32_t p, cgl_real ahead, unsig
     law->terms = no_terms;
 }
 
-/* One sample, from K_1 x and y = C x, if x is plausible. */
+/* Steps one sample with K_1 x and y = C x; `plausible` says whether x is. */
 static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plausible, bool learn,
                  cgl_law_output *out)
 {
@@ -165,7 +166,7 @@ static void step(cgl_trial *law, cgl_real state_feedback, cgl_real y, bool plaus
     const cgl_real wanted = feedback + integral + f + learned;                    /* Fig. 1 */
     const cgl_real psi = law->psi + (config->through_integrator ? e + law->v : e); /* (4) */
 
-    /* an x that is not finite shows in K_1 x, whatever the gains */
+    /* an x that is not finite makes K_1 x so, whatever the gains */
     const cgl_real besides = observes(config) ? state_feedback + law->observer.missing : CGL_R(0.0);
     if (!(plausible && cgl_is_finite(wanted + psi) && cgl_is_finite(besides))) {
         give_up(law, p, f + learned, (unsigned)CGL_STATUS_FAULT, out);
@@ -236,7 +237,7 @@ void cgl_trial_drive_step(cgl_trial *law, const cgl_law_input *in, cgl_law_outpu
     }
 }
 
-/* v <- v + K_3 e(p + r), or v + L e; within the limit. */
+/* v <- v + K_3 e(p + r), or v <- v + L e, within the limit. */
 CGL_SELDOM static void correct(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
@@ -257,7 +258,7 @@ CGL_SELDOM static void correct(cgl_trial *law)
     }
 }
 
-/* Learns from the trial. */
+/* Learns from the trial, with its filter. */
 static void learn(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
@@ -310,7 +311,7 @@ bool cgl_trial_end(cgl_trial *law)
 {
     const cgl_trial_config *const config = &law->config;
     const bool whole = law->y_ref != 0 && law->sample >= config->samples && !law->spoilt;
-    law->spoilt = true; /* a second end learns nothing */
+    law->spoilt = true; /* so a second end learns nothing */
     if (!whole) {
         return false;
     }

@@ -1,17 +1,17 @@
 #include "trial_basis.h"
 
-/* The constant comes first: what cannot be told from it does not move. */
+/* The constant comes first: a function that the fit cannot tell from it gets no coefficient. */
 enum { CONSTANT, ACCELERATION, SPEED, DIRECTION, JERK, FUNCTIONS };
 
-/* Of a function's sum of squares: with less left beside the functions before it, it is left out. */
+/* A function is left out if the functions before it explain all but this share of its sum of squares. */
 #define PIVOT_LEAST CGL_R(1.0e-3)
 
 typedef struct {
-    cgl_real gram[FUNCTIONS][FUNCTIONS]; /* sums of products of the functions; the upper half is not used */
-    cgl_real moment[FUNCTIONS];          /* and with w */
+    cgl_real gram[FUNCTIONS][FUNCTIONS]; /* sums of products of two functions; the upper half is not used */
+    cgl_real moment[FUNCTIONS];          /* sums of products of a function and w */
 } sums;
 
-/* The functions at sample p. The reference rests before its first and after its last sample. */
+/* Fills in the functions at sample p. The reference is constant before its first and after its last sample. */
 static void functions(const cgl_real *y_ref, uint32_t samples, uint32_t p, cgl_real f[FUNCTIONS])
 {
     const uint32_t last = samples - 1U;
@@ -26,7 +26,7 @@ static void functions(const cgl_real *y_ref, uint32_t samples, uint32_t p, cgl_r
     f[JERK] = (later - speed) - (speed - earlier);
 }
 
-/* Least squares: gram theta = moment, by L D L^T. */
+/* Solves the least squares gram theta = moment by L D L^T. */
 static void solve(const sums *s, cgl_real theta[FUNCTIONS])
 {
     cgl_real lower[FUNCTIONS][FUNCTIONS], pivot[FUNCTIONS];
@@ -55,7 +55,7 @@ static void solve(const sums *s, cgl_real theta[FUNCTIONS])
     }
 }
 
-/* theta from a trial's v and reference; false if a sum is not finite. */
+/* Fits theta to v and the reference of a trial. Returns false if a sum is not finite. */
 static bool fit(const cgl_trial *law, cgl_real k_2, const cgl_real *y_ref, cgl_real theta[FUNCTIONS])
 {
     const cgl_trial_config *const config = &law->config;
@@ -86,7 +86,7 @@ bool cgl_trial_carry(cgl_trial *law, const cgl_real *y_ref)
 {
     const cgl_trial_config *const config = &law->config;
     const cgl_real k_2 = config->through_integrator ? config->k_2 : CGL_R(0.0), n = config->n;
-    /* psi <- (1 - k_2 / n) psi + .. has to stay bounded */
+    /* the recursion psi <- (1 - k_2 / n) psi + .. has to be stable */
     const bool is_invertible = n != CGL_R(0.0) && k_2 * n >= CGL_R(0.0) && cgl_abs(k_2) < CGL_R(2.0) * cgl_abs(n);
     cgl_real theta[FUNCTIONS];
     if (law->y_ref == 0 || y_ref == 0 || !is_invertible || !fit(law, k_2, y_ref, theta)) {

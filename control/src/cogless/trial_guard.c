@@ -1,11 +1,11 @@
 #include "trial_guard.h"
 
-#define WORSE CGL_R(1.1025)       /* times F is too much, and the best at the limit of u: 1.05^2 */
-#define GROWN CGL_R(2.25)         /* times the best is too much: 1.5^2 */
-#define CHANGED CGL_R(1.21)       /* factor on what the best v leaves that is another plant: 1.1^2 */
-#define FAR CGL_R(4.0)            /* factor by which errors are surely apart: 2^2 */
-#define TRIALS_ABOVE 5U           /* in a row, and falling, before v = 0 is compared */
-#define SHARE_FACTOR CGL_R(0.125) /* on the share, by a strike */
+#define WORSE CGL_R(1.1025)       /* 1.05^2: J is too much above this times F, and with u at its limit above this times the best */
+#define GROWN CGL_R(2.25)         /* 1.5^2: J is too much above this times the best */
+#define CHANGED CGL_R(1.21)       /* 1.1^2: a change of J of the best v by more than this factor is a change of the plant */
+#define FAR CGL_R(4.0)            /* 2^2: factor between sums whose roots differ by 2 */
+#define TRIALS_ABOVE 5U           /* number of successive trials that are too much but falling, before COMPARE */
+#define SHARE_FACTOR CGL_R(0.125) /* factor on the share for each strike */
 
 void cgl_trial_guard_reset(cgl_trial_guard *guard)
 {
@@ -24,7 +24,7 @@ static void set_strikes(cgl_trial_guard *guard, uint32_t strikes)
     }
 }
 
-/* Learning was wrong: the best v holds for a while. */
+/* Adds a strike, as learning was wrong. The best v runs for a while. */
 static void strike(cgl_trial_guard *guard)
 {
     set_strikes(guard, guard->strikes + 1U);
@@ -33,13 +33,14 @@ static void strike(cgl_trial_guard *guard)
     guard->phase = CGL_TRIAL_HOLD;
 }
 
-/* growth: the factor on the best that is too much. */
+/* Whether J is too much. `growth` is the factor on the best above which it is. */
 static bool is_too_much(const cgl_trial_guard *guard, cgl_real error, cgl_real growth)
 {
     return error > growth * guard->best || (guard->feedback >= CGL_R(0.0) && error > WORSE * guard->feedback);
 }
 
-/* The plant has changed, and v, whose error this is, is the best: is it better than v = 0? best: before the change. */
+/* Makes v, with this J, the best after a change of the plant, and decides whether it must be compared with v = 0. `best` is J of the best
+ * v before the change. */
 static void accept(cgl_trial_guard *guard, cgl_real error, cgl_real best)
 {
     const cgl_real f = guard->feedback;
@@ -49,13 +50,13 @@ static void accept(cgl_trial_guard *guard, cgl_real error, cgl_real best)
     guard->best = error;
     guard->above = 0U;
     if (is_better) {
-        guard->feedback = more; /* about: it differs by `less` at most, and the best */
+        guard->feedback = more; /* an estimate of the new F */
         set_strikes(guard, 0U);
     }
     guard->phase = is_better ? CGL_TRIAL_LEARN : CGL_TRIAL_COMPARE;
 }
 
-/* v was learned, and runs. */
+/* Judges a trial in LEARN, with a v that was learned. */
 static void judge_learned(cgl_trial_guard *guard, cgl_trial_verdict *verdict)
 {
     const cgl_real error = guard->error, best = guard->best;
@@ -91,14 +92,14 @@ static void judge_learned(cgl_trial_guard *guard, cgl_trial_verdict *verdict)
     }
 }
 
-/* The best v runs. */
+/* Judges a trial in REPLAY or HOLD, with the best v. */
 static void judge_best(cgl_trial_guard *guard, bool none, cgl_trial_verdict *verdict)
 {
     const cgl_real error = guard->error, best = guard->best;
     if (is_too_much(guard, error, CHANGED) || CHANGED * error < best) {
         guard->jump = error;
         accept(guard, error, best);
-        if (none) { /* nothing to compare */
+        if (none) { /* v is 0 already, so F is this J */
             guard->feedback = error;
             set_strikes(guard, 0U);
             guard->phase = CGL_TRIAL_LEARN;
@@ -115,7 +116,7 @@ static void judge_best(cgl_trial_guard *guard, bool none, cgl_trial_verdict *ver
     }
 }
 
-/* v = 0 runs. */
+/* Judges a trial in COMPARE, with v = 0. */
 static void judge_feedback(cgl_trial_guard *guard, cgl_trial_verdict *verdict)
 {
     const cgl_real error = guard->error, before = guard->feedback;

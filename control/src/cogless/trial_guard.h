@@ -1,31 +1,30 @@
-/* A guard for learning from trial to trial: what is learned leaves no more error than the feedback alone for long.
+/* A guard for learning from trial to trial. It makes sure that learning does not leave more error than the feedback alone for long.
  *
- * It knows no plant. It compares J, the sum of e^2 over a trial, e = y_ref - y as measured, with two that it has measured: that
- * of the best v so far, and F, that of the feedback alone, v = 0. J is too much beyond 1.1025 F, which is 1.05 times the RMS,
- * and beyond 2.25 times the best, 1.5 times the RMS; beyond 1.1025 times the best if u was at its limit, where no law of
- * learning holds.
+ * It needs no model of the plant. J is the sum of e^2 over a trial, e = y_ref - y as measured. The guard compares J with two measured
+ * values of it: that of the best v so far, and F, that of the feedback alone, v = 0. J is too much above 1.1025 F, which is 1.05 times
+ * the RMS. It is also too much above 2.25 times that of the best v, which is 1.5 times the RMS, or above 1.1025 times that if u was at
+ * its limit, as learning need not converge then.
  *
- * Too much has two causes: learning, or another plant. The best v tells them apart, as it runs again for a trial: if its J is
- * what it was, within a factor of 1.21, learning was wrong. If not, the plant has changed, and what was measured has expired.
+ * Too much has two possible causes: learning, or a change of the plant. To tell them apart, the best v runs again for a trial. If its J is
+ * the same as before, within a factor of 1.21, learning was wrong. If not, the plant has changed, and the old values are void.
  *
- *   LEARN   J is too much, and no less than 0.91 of the trial before -> v is the best again, REPLAY. As long as J falls, which
- *           is what learning does after the plant has changed, it goes on, for five trials. Then, or as soon as it does not
- *           fall any more and the RMS is half of the first, v is the best, and -> COMPARE
- *   REPLAY  the best v runs. Its J is what it was: a strike, -> HOLD. It is not: -> COMPARE
- *   HOLD    the best v runs, and nothing is learned, for 4^strikes trials with that of REPLAY -> LEARN; J is not what it was
- *           -> COMPARE
- *   COMPARE v = 0 runs, which measures F: the better of the two goes on -> LEARN. If F is what it was, the plant is too, and a v
- *           that is worse than none is a strike, -> HOLD
+ *   LEARN   v is learned. If J is too much, and above 0.91 of the trial before, v becomes the best v -> REPLAY. While J is too much but
+ *           falls, as learning makes it after a change of the plant, learning goes on for up to five trials. Then the present v
+ *           becomes the best v -> COMPARE. So it does earlier, if J stops falling and the RMS has halved since the first such trial
+ *   REPLAY  The best v runs for a trial. If its J is the same as before, that is a strike -> HOLD. Else -> COMPARE
+ *   HOLD    The best v runs without learning, for 4^strikes trials with that of REPLAY -> LEARN. If its J changes -> COMPARE
+ *   COMPARE v = 0 runs for a trial, which measures F. Then the better of v = 0 and the best v runs -> LEARN. If F is the same as before,
+ *           so is the plant; a best v that is worse than v = 0 then is a strike -> HOLD
  *
- * Strikes also make learning gentle: only the share 8^-strikes of what it would add to the best v is added. The best falling to
- * a quarter takes one back, another plant all of them. So the harm comes to nothing, in number of trials and in size, as long as
- * the plant stays.
+ * Strikes also reduce learning: only the share 8^-strikes of what it would add to the best v is added. If the J of the best v falls to a
+ * quarter, one strike is taken back; if the plant changes, all are. So while the plant stays the same, harmful trials become ever rarer,
+ * and their harm ever smaller.
  *
- * COMPARE costs a trial, and is left out where F is surely more than J. If the plant is as it was, it is for J <= F. If not, let
- * z be what v adds to the error, before the change |z| >= | |e_0| - |e| |, after it |e_0'| >= | |z| - |e'| |. With the roots of
- * F, of J in the first trial after the change, of J now and of the best, |e_0'| is above the third if the first two differ by
- * more than the sum of the others. For that it is enough that F and the first J differ by a factor of 4, and that the larger
- * one is 8 times the sum of the others. */
+ * COMPARE costs a trial. It is left out where the new F must be larger than J. If the plant has not changed, that is where J <= F. If it
+ * has changed, let z be the error that v adds, and e_0 the error without v. Before the change |z| >= | |e_0| - |e| |, and after it
+ * |e_0'| >= | |z| - |e'| |. The roots of four sums bound these norms: F, J in the first trial after the change, J now, and J of the best
+ * v. |e_0'| is above the third root if the first two roots differ by more than the sum of the last two. For that it suffices that F and
+ * the first J differ by a factor of 4, and that the larger of them is 8 times the sum of the last two. */
 #ifndef COGLESS_TRIAL_GUARD_H
 #define COGLESS_TRIAL_GUARD_H
 
@@ -38,38 +37,38 @@
 extern "C" {
 #endif
 
-#define CGL_TRIAL_STRIKES 6U /* more are not counted: a try in 4096 trials */
+#define CGL_TRIAL_STRIKES 6U /* largest number of strikes, at which one trial in 4096 is tried */
 
 typedef enum { CGL_TRIAL_LEARN, CGL_TRIAL_REPLAY, CGL_TRIAL_HOLD, CGL_TRIAL_COMPARE } cgl_trial_phase;
 
-/* What is to be done with v at the end of a trial, in this order. */
+/* What to do with v at the end of a trial, in this order. */
 typedef struct {
     bool store; /* the best v <- v */
     bool back;  /* v <- the best v */
     bool clear; /* v and the best v <- 0 */
-    bool learn; /* from this trial */
+    bool learn; /* learn from this trial */
 } cgl_trial_verdict;
 
 typedef struct {
     cgl_real error;      /* sum of e^2 in this trial [y^2] */
-    cgl_real last;       /* and in the trial before */
-    cgl_real best;       /* with the best v, as last measured; below 0: there is none */
-    cgl_real feedback;   /* F; below 0: not yet measured */
-    cgl_real jump;       /* in the first of the trials that were too much */
-    cgl_real mark;       /* the best when the last strike came or was taken back */
-    cgl_real share;      /* 8^-strikes */
-    uint32_t above;      /* trials in a row that were too much, in LEARN */
-    uint32_t wait;       /* trials that HOLD still lasts */
-    uint32_t returns;    /* how often v became the best again, or 0, since the reset */
-    uint32_t strikes;    /* 0 to CGL_TRIAL_STRIKES */
-    cgl_trial_phase phase; /* of the next trial */
+    cgl_real last;       /* the same sum in the trial before [y^2] */
+    cgl_real best;       /* the same sum with the best v, as last measured [y^2]; < 0: there is no best v */
+    cgl_real feedback;   /* F [y^2]; < 0: it has not been measured */
+    cgl_real jump;       /* the sum in the first of the trials that were too much [y^2] */
+    cgl_real mark;       /* value of `best` at the last change of strikes [y^2] */
+    cgl_real share;      /* share of what learning adds, 8^-strikes */
+    uint32_t above;      /* number of successive trials in LEARN that were too much */
+    uint32_t wait;       /* number of trials until HOLD ends */
+    uint32_t returns;    /* number of times since the reset that v went back to the best v, or to 0 */
+    uint32_t strikes;    /* number of strikes, 0 to CGL_TRIAL_STRIKES */
+    cgl_trial_phase phase; /* phase of the next trial */
     bool limited;        /* u was at its limit in this trial */
 } cgl_trial_guard;
 
-/* Knows nothing. */
+/* Starts anew, without any measurement. */
 void cgl_trial_guard_reset(cgl_trial_guard *guard);
 
-/* Judges a whole trial, whose `error` is complete; none: its v was 0. */
+/* Judges a complete trial by guard->error. `none` says that its v was 0. */
 cgl_trial_verdict cgl_trial_guard_judge(cgl_trial_guard *guard, bool none);
 
 #ifdef __cplusplus

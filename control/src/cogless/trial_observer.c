@@ -24,7 +24,7 @@ cgl_real cgl_trial_observer_step(const cgl_trial_observer_config *config, cgl_tr
 {
     const cgl_real p = config->pole;
     const cgl_real q = CGL_R(1.0) - p;
-    if (!observer->started) { /* the trial begins at rest */
+    if (!observer->started) { /* a trial begins at rest */
         observer->started = true;
         observer->e = e_m;
         observer->before[0] = observer->before[1] = observer->before[2] = e_m;

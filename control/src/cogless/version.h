@@ -4,6 +4,6 @@
 
 #define CGL_VERSION 200U /* major * 10000 + minor * 100 + patch: 0.2.0 */
 
-#define CGL_MAP_VERSION 1U /* of the format in SPEC.md: a load takes maps of this one only */
+#define CGL_MAP_VERSION 1U /* version of the format in SPEC.md; a load accepts no other one */
 
 #endif

@@ -10,6 +10,7 @@ import typer
 from cogless.cli.ensembles import sweep, tune
 from cogless.cli.firmware import export, map_, pil
 from cogless.cli.logs import diagnose, identify
+from cogless.cli.new import new
 from cogless.cli.studies import calibrate, design, list_, live, run
 
 __all__ = ["app"]
@@ -44,5 +45,5 @@ def _options(
 
 
 # in the order of `cogless --help`
-for command in (run, live, sweep, tune, design, export, pil, identify, diagnose, list_, calibrate, map_):
+for command in (new, run, live, sweep, tune, design, export, pil, identify, diagnose, list_, calibrate, map_):
     app.command(command.__name__.rstrip("_"))(command)

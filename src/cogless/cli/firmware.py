@@ -161,8 +161,8 @@ def map_(
         raise StudyError(f"{file}: " + "; ".join(f"at byte {place.offset}: {place.map}" for place in found))
     stored, to_screen = newest.map, str(csv) == "-"
     if csv is not None and not to_screen:
-        stored_map.write_map(csv, to_csv(stored).encode())
+        stored_map.write(csv, to_csv(stored).encode())
     if output is not None:
         wanted = stored.motor if motor is None else identity(motor)
-        stored_map.write_map(output, bytes(dataclasses.replace(stored, motor=wanted)))
+        stored_map.write(output, bytes(dataclasses.replace(stored, motor=wanted)))
     print(to_csv(stored) if to_screen else "\n".join(lines(found, newest)), end="" if to_screen else "\n")

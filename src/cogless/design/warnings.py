@@ -390,7 +390,7 @@ def _not_learned(study: Study, name: str) -> Remark | None:
         return None
     (cogging, left), told = found, learner(study, name)
     orders = f"order{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
-    said = f"it learns orders {told.base} k to {told.base * told.orders}, but the cogging has {orders}"
+    said = f"it learns {told.order_words}, but the cogging has {orders}"
     needed = math.gcd(*cogging)
     if cogging[-1] > needed * ORDERS:
         return Remark(f"{said}; no base learns all of it with {ORDERS} orders")

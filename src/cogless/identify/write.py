@@ -41,7 +41,7 @@ def write_all(made: Estimate, folder: Path) -> None:
     if made.cogging:
         table = compensation(made)
         (folder / "cogging.csv").write_text(to_csv(table), "utf-8")
-        stored_map.write_map(folder / "cogging.bin", bytes(table))
+        stored_map.write(folder / "cogging.bin", bytes(table))
 
 
 def to_dict(made: Estimate) -> dict[str, Any]:

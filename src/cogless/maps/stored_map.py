@@ -247,7 +247,7 @@ def read(path: Path) -> list[Found]:
     return found
 
 
-def write_map(path: Path, content: bytes) -> None:
+def write(path: Path, content: bytes) -> None:
     """Write the bytes of a map or of its table, completely or not at all; StudyError if that fails."""
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(content)

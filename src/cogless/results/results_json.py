@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.files import replacing, versions
-from cogless.maps.stored_map import write_map
+from cogless.maps.stored_map import write as write_map
 from cogless.results.fault_response import Response
 from cogless.results.metrics import Value, result_name
 from cogless.results.runs import AnyResults, Results, TrialResults

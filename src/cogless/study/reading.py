@@ -296,6 +296,8 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
     with suppress(OSError):  # a name that is too long
         if path.is_file():
             return path
+        if path.name and (named_file := path.with_name(f"{path.name}.toml")).is_file():
+            return named_file
         if path.is_dir():
             raise StudyError(f"{named}is a directory: expected a {what} file")
     expected = f"expected a file, or one of the shipped: {', '.join(known) or 'none'}"

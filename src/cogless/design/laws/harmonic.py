@@ -225,9 +225,8 @@ class Certificate:
 
     def words(self) -> str:
         """The certificate in one line."""
-        base = self.learner.base
         if not self.speeds:
-            highest = base * self.learner.orders
+            highest = self.learner.base * self.learner.orders
             return f"not judged: no reference turns order {highest} by {FROM:g} rad a sample"
         if all(each.snaps is not None for each in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
@@ -239,7 +238,7 @@ class Certificate:
             ends = [f"holds orders from {' and from '.join(bands)} Hz", *ends]
         if self.straight is not None:
             ends += [f"an eccentric sensor's error at up to {self.straight * RPM:.4g} rpm"]
-        return "; ".join([f"orders {base} k to {base * self.learner.orders}", *found, *ends])
+        return "; ".join([self.learner.order_words, *found, *ends])
 
 
 def _held_words(held: tuple[int, ...]) -> str:

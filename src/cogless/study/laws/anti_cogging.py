@@ -8,13 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from cogless.study.laws.law import MOST_CELLS, Feedback, LawLoop, Startable
-from cogless.study.table import (
-    LawSpeed,
-    RateGain,
-    StartTime,
-    Table,
-    invalid,
-)
+from cogless.study.table import LawSpeed, RateGain, StartTime, Table, invalid
 
 SETTLING = 1 / 8  # revolutions in each direction before a commissioning run begins to record
 

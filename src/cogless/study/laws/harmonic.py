@@ -31,6 +31,16 @@ class Learner:
     rate_min: float  # 1/s, likewise
     held: tuple[float, ...] = ()  # rad a sample: bands, from and to, in which no order learns
 
+    @property
+    def order_words(self) -> str:
+        """What it learns, as "orders 2, 4 to 256"."""
+        last = self.base * self.orders
+        if self.orders == 1:
+            return f"order {last}"
+        if self.orders == 2:
+            return f"orders {self.base} and {last}"
+        return f"orders 1 to {last}" if self.base == 1 else f"orders {self.base}, {2 * self.base} to {last}"
+
 
 class Harmonic(Feedback, LearnsWhileRunning):
     """PI with learned harmonics: every gain and order follows from motor and drive."""

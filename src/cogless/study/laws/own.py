@@ -8,13 +8,7 @@ from pydantic import Field, field_validator
 
 from cogless import units
 from cogless.study.laws.law import Startable
-from cogless.study.table import (
-    File,
-    FileName,
-    Many,
-    StartTime,
-    invalid,
-)
+from cogless.study.table import File, FileName, Many, StartTime, invalid
 
 
 class OwnLaw(Startable):

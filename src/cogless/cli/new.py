@@ -1,0 +1,348 @@
+"""`new`: a first study of one's own motor, by flags or by questions."""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
+
+import typer
+
+from cogless.cli.options import CORES
+from cogless.cli.terminal import share_progress
+from cogless.errors import StudyError
+
+if TYPE_CHECKING:
+    from cogless.starter import Effect, Ranking, Request
+    from cogless.starter.part_catalogue import Kind
+    from cogless.study import Study
+
+LINE_COLUMNS = 80
+SHOWN_EFFECTS = 3
+Text = str | None
+
+
+def _name(flag: str, help: str) -> Any:
+    return typer.Option(flag, metavar="NAME", help=help, show_default=False)
+
+
+def _number(flag: str, help: str) -> Any:
+    return typer.Option(flag, metavar="NUMBER", help=help, show_default=False, rich_help_panel="Numbers")
+
+
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The study's file, with or without .toml.")],
+    motor: Annotated[
+        Text,
+        _name("--motor", "A class: gimbal, drone, direct-drive, hub, servo, spindle, nema17, nema23, own."),
+    ] = None,
+    drive: Annotated[Text, _name("--drive", "generic, moteus, odrive, vesc, simplefoc, stepper.")] = None,
+    encoder: Annotated[
+        Text, _name("--encoder", "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall.")
+    ] = None,
+    pole_pairs: Annotated[
+        Text, _number("--pole-pairs", "Half the number of magnets around the rotor.")
+    ] = None,
+    slots: Annotated[Text, _number("--slots", "Teeth of the stator.")] = None,
+    kv: Annotated[Text, _number("--kv", "Speed without load per volt of the battery, in r/min.")] = None,
+    torque_constant: Annotated[
+        Text, _number("--torque-constant", "Torque per peak ampere of a phase, in N*m/A.")
+    ] = None,
+    back_emf: Annotated[
+        Text, _number("--back-emf", "Rms volts between two terminals per speed, such as '33 mV/rpm'.")
+    ] = None,
+    resistance: Annotated[
+        Text, _number("--resistance", "Between two terminals, in ohm; a step motor's: of a coil.")
+    ] = None,
+    inductance: Annotated[
+        Text, _number("--inductance", "Between two terminals, in mH; a step motor's: of a coil.")
+    ] = None,
+    inertia: Annotated[Text, _number("--inertia", "Of rotor and load together, in kg*m^2.")] = None,
+    load_inertia: Annotated[
+        Text, _number("--load-inertia", "Of the load alone, in kg*m^2; the rotor's is guessed.")
+    ] = None,
+    rated_current: Annotated[
+        Text, _number("--rated-current", "Peak of a phase, in A; a step motor's: of a coil.")
+    ] = None,
+    rated_torque: Annotated[Text, _number("--rated-torque", "In N*m.")] = None,
+    holding_torque: Annotated[Text, _number("--holding-torque", "Of a step motor, in N*m.")] = None,
+    detent_torque: Annotated[
+        Text, _number("--detent-torque", "That turns a step motor without current, in N*m.")
+    ] = None,
+    step_angle: Annotated[Text, _number("--step-angle", "Of a step motor, in deg.")] = None,
+    cogging: Annotated[
+        Text, _number("--cogging", "Amplitude of the cogging torque, half of peak to peak, in N*m.")
+    ] = None,
+    friction: Annotated[Text, _number("--friction", "Torque of friction while it turns, in N*m.")] = None,
+    bits: Annotated[Text, _number("--bits", "Of an absolute encoder.")] = None,
+    cpr: Annotated[Text, _number("--cpr", "Counts a revolution of an incremental encoder.")] = None,
+    bus_voltage: Annotated[Text, _number("--bus-voltage", "Of the supply, in V.")] = None,
+    current_limit: Annotated[Text, _number("--current-limit", "Of the drive, peak of a phase, in A.")] = None,
+    current_rate: Annotated[
+        Text, _number("--current-rate", "Of the current loop, mostly that of the PWM, in Hz.")
+    ] = None,
+    speed_rate: Annotated[Text, _number("--speed-rate", "Of the speed loop, in Hz.")] = None,
+    speed: Annotated[Text, _number("--speed", "The speed that matters to you, in r/min.")] = None,
+    load: Annotated[Text, _number("--load", "Constant torque of the load, in N*m.")] = None,
+    own: Annotated[bool, typer.Option("--own", help="Make the live page of the study, too.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file of this name.")] = False,
+) -> None:
+    """Write a first study of your motor, and say which of its guesses matter most.
+
+    Give what you know; a number without a unit is in the unit below. On a terminal it asks for the rest.
+
+    What nobody knows is guessed, and marked "guess" in the file with its range and its reason.
+    """
+    options = locals()  # the arguments above, by name
+    from cogless.starter.request import NUMBERS
+
+    texts = {flag: text for flag in NUMBERS if (text := options[flag.replace("-", "_")]) is not None}
+    path = _path(name, force)
+    request = _request({"motor": motor, "drive": drive, "encoder": encoder}, texts)
+    study, guesses = _write(request, path)
+    print(f"Wrote {path}.")
+    _show_ranking(study, guesses, path)
+    if own:
+        from cogless.cli.studies import live
+
+        live(str(path), own_motor=_has_own_words(study), jobs=CORES)
+
+
+def _path(name: str, force: bool) -> Path:
+    path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    if not path.stem or path.is_dir():
+        raise StudyError(f"{name}: expected a name of a study, such as my_motor")
+    if path.exists() and not force:
+        raise StudyError(f"{path}: there is such a file: expected a new name, or --force")
+    return path
+
+
+# what is asked
+
+
+class _Question(NamedTuple):
+    """A question, its default, and a function that takes the answer or raises a StudyError."""
+
+    text: str
+    default: str
+    take: Callable[[str], Any]
+
+
+def asks() -> bool:
+    """Whether someone sits at a terminal who can be asked."""
+    return sys.stdin.isatty()
+
+
+def _ask(flag: str, question: _Question, expected: str) -> Any:
+    """The answer to a question; without a terminal a StudyError that names the flag."""
+    if not asks():
+        raise StudyError(f"--{flag}: missing: expected {expected}")
+    while True:
+        answer = typer.prompt(question.text, default=question.default)
+        try:
+            return question.take(answer)
+        except StudyError as error:
+            print("\n".join(_wrapped(error.within(f"--{flag}"))))
+
+
+def _request(chosen: Mapping[str, str | None], texts: Mapping[str, str]) -> Request:
+    from cogless.starter.request import Request, parse_number
+
+    numbers = {flag: parse_number(flag, text) for flag, text in texts.items()}
+    motor = _part("motor", chosen["motor"] or _motor_by(numbers))
+    _ask_motor(motor, numbers)
+    drive = _part("drive", chosen["drive"] or ("generic" if "current-rate" in numbers else None))
+    encoder = _part("encoder", chosen["encoder"] or _encoder_by(numbers))
+    if asks() and "speed" not in numbers:
+        _ask_number("speed", "Speed that matters to you, in r/min (or: slow)", "slow", numbers)
+    return Request(motor=motor, drive=drive, encoder=encoder, numbers=numbers)
+
+
+QUESTIONS: dict[str, tuple[Kind, str, str]] = {
+    "motor": ("motors", "Which motor is most like yours?", "own"),
+    "drive": ("drives", "Which drive?", "generic"),
+    "encoder": ("encoders", "Which position sensor?", "as5047"),
+}
+
+
+def _part(flag: str, name: str | None) -> str:
+    """The name of a part of the catalogue, which is asked for if it is missing."""
+    from cogless.starter.request import check_name, names
+
+    kind, text, default = QUESTIONS[flag]
+    if name is not None:
+        return check_name(flag, kind, name)
+    choices = names(kind)
+    if asks():
+        width = max(map(len, choices))
+        room = LINE_COLUMNS - width - 4
+        for choice, description in choices.items():
+            print(f"  {choice:<{width}}  {textwrap.shorten(description, room, placeholder=' ...')}")
+    question = _Question(text, default, lambda answer: check_name(flag, kind, answer))
+    return str(_ask(flag, question, f"one of {', '.join(choices)}"))
+
+
+def _motor_by(numbers: Mapping[str, Any]) -> str | None:
+    """The class that the numbers alone tell."""
+    if "holding-torque" in numbers:
+        return "nema17" if numbers["holding-torque"].value <= NEMA17_MOST else "nema23"
+    return "own" if "pole-pairs" in numbers else None
+
+
+NEMA17_MOST = 0.8  # N*m, that a step motor of 42 mm holds
+
+
+def _encoder_by(numbers: Mapping[str, Any]) -> str | None:
+    if "bits" in numbers:
+        return "absolute"
+    return "incremental" if "cpr" in numbers else None
+
+
+def _ask_motor(motor: str, numbers: dict[str, Any]) -> None:
+    """Ask for the numbers without which a motor of one's own can't be described."""
+    if motor == "own":
+        _require("pole-pairs", "Pole pairs (half the number of magnets)", "7", numbers)
+        if not {"kv", "torque-constant", "back-emf"} & numbers.keys() and not (
+            {"rated-torque", "rated-current"} <= numbers.keys()
+        ):
+            _require("kv", "Kv, r/min per volt of the battery", "80", numbers)
+        _require("resistance", "Resistance between two terminals, in ohm", "0.5", numbers)
+    elif motor.startswith("nema") and asks():
+        _ask_number("holding-torque", "Holding torque in N*m (or: guess)", "guess", numbers)
+        _ask_number("rated-current", "Rated current of a coil in A (or: guess)", "guess", numbers)
+
+
+def _require(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
+    from cogless.starter.request import parse_number
+
+    if flag not in numbers:
+        question = _Question(text, default, lambda answer: parse_number(flag, answer))
+        numbers[flag] = _ask(flag, question, "a number, since the motor is your own")
+
+
+def _ask_number(flag: str, text: str, default: str, numbers: dict[str, Any]) -> None:
+    """Ask for a number that may stay unknown: the default leaves it so."""
+    from cogless.starter.request import parse_number
+
+    if flag in numbers:
+        return
+    answer = _ask(
+        flag,
+        _Question(text, default, lambda answer: None if answer == default else parse_number(flag, answer)),
+        "a number",
+    )
+    if answer is not None:
+        numbers[flag] = answer
+
+
+# what is written and said
+
+
+def _write(request: Request, path: Path) -> tuple[Study, Any]:
+    from cogless.files import replacing
+    from cogless.starter import draft
+
+    drafted = draft(request, _title(path), path)
+    with replacing(path) as temporary:
+        temporary.write_text(drafted.text, encoding="utf-8")
+    from cogless.study import Study, load
+
+    return cast(Study, load(path)), drafted.guesses
+
+
+def _title(path: Path) -> str:
+    words = path.stem.replace("_", " ").replace("-", " ").strip() or path.stem
+    return words[0].upper() + words[1:]
+
+
+def _show_ranking(study: Study, guesses: Any, path: Path) -> None:
+    from cogless.starter import rank
+
+    with share_progress("Trying the guesses") as report:
+        ranking = rank(study, guesses, report)
+    for line in _ranking_lines(study, ranking, path):
+        print(line)
+
+
+def _ranking_lines(study: Study, ranking: Ranking, path: Path) -> list[str]:
+    """What the command says of a ranking, in lines of at most LINE_COLUMNS."""
+    lines = ["", *_wrapped(_answer(study, ranking))]
+    effects = [effect for effect in ranking.effects[:SHOWN_EFFECTS] if effect.size != (False, 1.0)]
+    if effects:
+        count = {1: "One guess matters", 2: "Two guesses matter", 3: "Three guesses matter"}[len(effects)]
+        lines += ["", f"{count} most. Measure or look up first:"]
+    for place, effect in enumerate(effects, 1):
+        head = f"{place}. {effect.guess.name}, {effect.guess.span} ({effect.guess.key}):"
+        lines += _wrapped(f"{head} {_effect_text(effect)}", "  ", "     ")
+    return [
+        *lines,
+        "",
+        *_wrapped(f"Next: cogless run {_called(path)}"),
+        *_wrapped(f"  or: cogless live {_called(path)}"),
+    ]
+
+
+def _answer(study: Study, ranking: Ranking) -> str:
+    speed = _rpm(next(iter(study.scenario.values())).top_reference)
+    if not ranking.learned.holds:
+        text = f"With these numbers harmonic does not hold {speed}: {ranking.learned.why}."
+        return f"{text} {_why_not(study)}".strip()
+    before = f"the PI leaves {_rpm(ranking.baseline.ripple)} of ripple (rms)"
+    if not ranking.baseline.holds:
+        before = f"the PI does not hold the speed ({ranking.baseline.why})"
+    return f"At {speed} {before}, harmonic {_rpm(ranking.learned.ripple)}."
+
+
+def _why_not(study: Study) -> str:
+    """The design's own warnings of the scenario and of harmonic, in a sentence each."""
+    from cogless.design.warnings import beyond_drive, warnings
+
+    (scenario,) = study.scenario
+    remarks = [*beyond_drive(study, [scenario]), *warnings(study, scenario, "harmonic")]
+    return " ".join(f"{text}." for text in dict.fromkeys(str(remark) for remark in remarks))
+
+
+def _effect_text(effect: Effect) -> str:
+    if effect.decides:
+        lost = {label: answer for label, answer in effect.outcomes.items() if not answer.holds}
+        if not effect.nominal.holds:
+            good = next(label for label, answer in effect.outcomes.items() if answer.holds)
+            return f"with {good} the speed is held"
+        label, outcome = next(iter(lost.items()))
+        return f"with {label} the speed is not held: {outcome.why}"
+    low, high = effect.ripples
+    return f"harmonic leaves {_rpm(low, '')} to {_rpm(high)}"
+
+
+def _rpm(speed: float, unit: str = " r/min") -> str:
+    from cogless import units
+    from cogless.starter.amounts import digits
+
+    return f"{digits(units.convert(speed, 'rpm', units.ANGULAR_SPEED))}{unit}"
+
+
+def _called(path: Path) -> str:
+    """What names the study in a command: without .toml, unless a shipped study has that name."""
+    from cogless.files import shipped
+
+    bare = path.with_suffix("")
+    return str(path if str(bare) in shipped("studies") or bare.exists() else bare)
+
+
+def _wrapped(text: str, first: str = "", others: str = "") -> list[str]:
+    return textwrap.wrap(
+        text,
+        LINE_COLUMNS,
+        initial_indent=first,
+        subsequent_indent=others,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
+
+
+def _has_own_words(study: Study) -> bool:
+    """Whether the motor is in the words of a datasheet that a page's own fields need."""
+    motor = study.source.tables["motor"]
+    return all(key in motor for key in ("kv", "resistance_line_to_line", "inductance_line_to_line"))

@@ -1,0 +1,504 @@
+"""Write a study from a request: motor, mechanics, drive, sensor, a scenario, two controllers, metrics.
+
+Every number that the request lacks is a guess of the catalogue or of `motor_rules`, and is marked so in the
+file. docs/guide/new.md says how the numbers are chosen.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import TypeAdapter
+
+from cogless import units
+from cogless.design.warnings import slow_warning
+from cogless.starter.amounts import amount, exact_rate
+from cogless.starter.motor_rules import KV_TO_TORQUE
+from cogless.starter.motor_sections import (
+    MotorFacts,
+    adapted,
+    class_of,
+    datasheet_tables,
+    detent_friction,
+    is_same_size,
+    put_motor,
+    put_step_motor,
+    share_of,
+)
+from cogless.starter.part_catalogue import Figure, Part, parts
+from cogless.starter.request import Request, RequestError
+from cogless.starter.sensor_choice import (
+    COUNTS_PER_SECOND,
+    HALL_EDGES_PER_SECOND,
+    fit_observer,
+    put_sensor,
+    sensor_counts,
+)
+from cogless.starter.sheet import Guess, Section, Sheet, origin, round_125
+from cogless.study import Study
+from cogless.study.mechanics import Mechanics
+from cogless.study.messages import toml
+from cogless.study.motor import AnyMotor
+from cogless.study.numerics import OVERMODULATED, no_load_speed, steps_needed, voltage_reach
+from cogless.study.reading import checked, put, with_datasheet
+
+Feedbacks = Mapping[str, tuple[str, str]]  # kp and ki by controller
+
+COGGING_FREQUENCY = 40.0  # Hz, of the main order at the speed that is chosen
+VOLTAGE_SHARE = 0.5  # of the speed without load that the chosen speed may be
+SPEED_ROUNDS = 3  # of raising a speed at which the rotor snaps
+SPEED_PERIODS = 5  # of the current loop in one of the speed loop, where a whole rate allows
+SPEED_RATE_MOST = 6000.0  # Hz, that leaves a processor time for a law that learns
+BANDWIDTH_SHARE = 1 / 25  # bandwidth over the rate of the current loop
+RUN_TURNS = 6  # of the rotor in a run
+SHORTEST_RUN, LONGEST_RUN = 6.0, 60.0  # s
+LAST_SHARE = 1 / 3  # of the run, in which metrics are taken, at most
+LAST_LEAST = 2.0  # s, likewise, at least
+ROWS_MOST, ROWS_IN_WAVE = 300_000, 4
+TRACE_RATE_LEAST, TRACE_RATE_MOST = 500.0, 5000.0  # Hz
+OF_PHASES = {  # numbers that only a motor of so many phases has
+    2: ("holding-torque", "detent-torque", "step-angle"),
+    3: ("slots", "kv", "torque-constant", "back-emf", "pole-pairs"),
+}
+OF_A_STEP_DATASHEET = ("resistance", "inductance", "holding-torque", "detent-torque", "step-angle", "cogging")
+OF_ENCODERS = {"bits": "absolute", "cpr": "incremental"}
+ORDER_ROWS = 2.2  # in a wave of an order that a metric tells
+CONVERTER_BITS = 12  # each current sensor has such a converter
+LOAD_FACTOR = 3.0  # times the guessed rotor's inertia, for a load that nobody stated of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draft:
+    """The text of a study, and its guesses."""
+
+    text: str
+    guesses: tuple[Guess, ...]
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        return tomllib.loads(self.text)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """What is chosen by designs of the study itself.
+
+    `steps`: integration steps of the plant in a period of the current loop. `observer`: keys of the sensor;
+    {} where its edges are timed. `feedbacks`: gains in place of the rule's.
+    """
+
+    steps: int = 1
+    observer: Mapping[str, str] = field(default_factory=dict)
+    feedbacks: Feedbacks = field(default_factory=dict)
+
+
+def draft(request: Request, title: str, path: Path) -> Draft:
+    """The study of a request; `path`: where it will be.
+
+    RequestError: an answer that does not go with the others. StudyError: the study of these numbers is
+    refused. A speed that nobody asked for is raised until the rotor does not snap from detent to detent.
+    """
+    speed = None
+    for _ in range(SPEED_ROUNDS):
+        composed = _fitted(partial(_composed, request, title, speed), path)
+        speed = None if "speed" in request.numbers else turning_speed(_study(composed, path))
+        if speed is None:
+            break
+    return composed
+
+
+def _fitted(compose: Callable[[Fit], Draft], path: Path) -> Draft:
+    """The study with the integration steps, the speed method and the feedbacks that suit it."""
+    fit = Fit(steps=_integration_steps(compose(Fit()), path))
+    fit = replace(fit, observer=fit_observer(_study(compose(fit), path)))
+    composed = compose(fit)
+    feedbacks = slower_feedbacks(_study(composed, path))
+    return compose(replace(fit, feedbacks=feedbacks)) if feedbacks else composed
+
+
+def _integration_steps(composed: Draft, path: Path) -> int:
+    """Steps of the plant in a period of the current loop, enough for each guess in its range."""
+    changes: list[Mapping[str, Any]] = [{}]
+    changes += (change for guess in composed.guesses for change in guess.variants.values())
+    return max(_steps(composed.tables, change, path) for change in changes)
+
+
+def _steps(tables: dict[str, Any], change: Mapping[str, Any], path: Path) -> int:
+    for key, value in change.items():
+        put(tables, key, value)
+    tables = with_datasheet(path, tables).tables
+    (scenario,) = tables["scenario"].values()
+    star = TypeAdapter(AnyMotor).validate_python(tables["motor"]).star()
+    voltage = units.parse(tables["drive"]["inverter"]["bus_voltage"], units.VOLTAGE)
+    most = OVERMODULATED * no_load_speed(voltage, star, star.psi_f)
+    return steps_needed(
+        star,
+        Mechanics.model_validate(tables["mechanics"]),
+        min(most, units.parse(scenario["reference"], units.ANGULAR_SPEED)),
+        units.parse(tables["drive"]["rates"]["current_loop"], units.FREQUENCY),
+    )
+
+
+def slower_feedbacks(study: Study) -> Feedbacks:
+    """Gains that the design advises where a sensor's edges come too rarely: controller -> kp and ki."""
+    slower = {}
+    for name in study.controller:
+        remark = slow_warning(study, name)
+        for change in remark.cures if remark is not None else ():
+            table = change.get(f"controller.{name}")
+            gains = table if isinstance(table, dict) else _gains_in(change, name)
+            if "kp" in gains and "ki" in gains:
+                slower[name] = (str(gains["kp"]), str(gains["ki"]))
+                break
+    return slower
+
+
+def _gains_in(change: Mapping[str, Any], name: str) -> dict[str, Any]:
+    begin = f"controller.{name}."
+    return {key.removeprefix(begin): value for key, value in change.items() if key.startswith(begin)}
+
+
+def _study(drafted: Draft, path: Path) -> Study:
+    return cast(Study, checked(with_datasheet(path, drafted.tables)))
+
+
+def turning_speed(study: Study) -> float | None:
+    """The speed, r/min, from which on the rotor turns, if it snaps at the study's; None if it turns."""
+    ((name, scenario),) = study.scenario.items()
+    speeds = [0.0]
+    for controller in study.controller:
+        remark = slow_warning(study, controller)
+        for change in remark.cures if remark is not None else ():
+            reference = change.get(f"scenario.{name}.reference")
+            if isinstance(reference, str):
+                speeds.append(units.parse(reference, units.ANGULAR_SPEED))
+    faster = max(speeds) / units.factor("rpm", units.ANGULAR_SPEED)
+    most = VOLTAGE_SHARE * voltage_reach(study) / units.factor("rpm", units.ANGULAR_SPEED)
+    if max(speeds) <= scenario.top_reference or faster > most:
+        return None
+    return min(
+        up for up in (round_125(faster), round_125(1.5 * faster), round_125(2 * faster)) if up >= faster
+    )
+
+
+def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> Draft:
+    """The study; `faster`: its speed, r/min, in place of the one that suits the cogging."""
+    part = class_of(request)
+    drive = parts("drives")[request.drive]
+    _check_fit(request, part, drive)
+    sheet = Sheet()
+    motor = put_motor(sheet, request, part) if part.layouts else put_step_motor(sheet, request, part)
+    _mechanics(sheet, request, motor)
+    sensor = parts("encoders")[request.encoder]
+    voltage = _voltage(request, motor, drive)
+    speed = _speed(request, motor, sensor, voltage.typical)
+    if faster is not None:
+        speed = faster, "the slowest at which the rotor does not snap from detent to detent"
+    current_rate = _drive(sheet, request, motor, drive, voltage, fit.steps)
+    put_sensor(sheet, request, sensor, drive, observer=fit.observer)
+    rows = _scenario(sheet, request, motor, speed, current_rate, voltage.typical)
+    _controllers(sheet, fit.feedbacks)
+    _metrics(sheet, motor, speed[0], rows)
+    return Draft(text=sheet.file_text(_head(title, request)), guesses=tuple(sheet.guesses))
+
+
+def _head(title: str, request: Request) -> list[str]:
+    return [
+        f"# By `cogless new`: motor {request.motor}, drive {request.drive}, encoder {request.encoder}.",
+        '# A line with "guess:" has a range and a reason. Replace what you know.',
+        f"title = {toml(title)}",
+    ]
+
+
+def _check_fit(request: Request, part: Part, drive: Part) -> None:
+    """Refuse answers that no study of these parts can take, rather than drop them."""
+    phases = 3 if part.layouts else 2
+    if phases not in drive.table["phases"]:
+        fitting = [name for name, other in parts("drives").items() if phases in other.table["phases"]]
+        kind = "a step motor has two phases" if phases == 2 else "the motor has three phases"
+        raise RequestError("drive", request.drive, f"expected one of {', '.join(fitting)}, since {kind}")
+    kinds = {2: "two phases, a step motor", 3: "three phases"}
+    for own, names in OF_PHASES.items():
+        _refuse(request, names if phases != own else (), f"unless the motor has {kinds[own]}")
+    for flag, encoder in OF_ENCODERS.items():
+        fits = request.encoder == encoder or (flag == "bits" and request.encoder not in OF_ENCODERS.values())
+        unless = "unless the encoder is absolute" if flag == "bits" else "unless the encoder is incremental"
+        _refuse(request, () if fits and request.encoder != "hall" else (flag,), unless)
+    tables = datasheet_tables(request.motor)
+    if tables:
+        has = OF_A_STEP_DATASHEET if phases == 2 else ("cogging",) if "cogging" in tables else ()
+        _refuse(request, has, f"since the datasheet of {request.motor} has it")
+
+
+def _refuse(request: Request, names: tuple[str, ...], why: str) -> None:
+    for name in names:
+        if name in request.numbers:
+            raise RequestError(name, request.numbers[name].text, f"expected none, {why}")
+
+
+# mechanics
+
+
+def _mechanics(sheet: Sheet, request: Request, motor: MotorFacts) -> None:
+    section = sheet.section("[mechanics]")
+    part, size = motor.part, motor.size
+    if "inertia" in request.numbers:
+        section.put("inertia", request.numbers["inertia"].text)
+    else:
+        rotor = adapted(part["inertia"].scaled(size.inertia_factor), is_same_size(size.inertia_factor))
+        load = request.value("load-inertia")
+        with_load = Figure(
+            typical=rotor.typical + (load or 0.0),
+            low=rotor.low + (load or 0.0),
+            high=rotor.high + load if load is not None else LOAD_FACTOR * rotor.high,
+            reason=f"the rotor {'without a load' if load is None else 'and your load'}: {rotor.reason}",
+            is_guess=True,
+        )
+        sheet.guess(section, "inertia", with_load, units.INERTIA, path="mechanics", name="inertia")
+    if "friction" in request.numbers:
+        section.put("coulomb_friction", request.numbers["friction"].text)
+    else:
+        detent = request.value("detent-torque")
+        friction = (
+            share_of(part["friction"], size.torque) if detent is None else detent_friction(part, detent)
+        )
+        sheet.guess(section, "coulomb_friction", friction, units.TORQUE, path="mechanics", name="friction")
+    if request.value("load"):
+        section.put_text("load", f'{{ torque = "{request.numbers["load"].text}" }}')
+
+
+# the drive
+
+
+def _voltage(request: Request, motor: MotorFacts, drive: Part) -> Figure:
+    """The bus voltage: as stated, or the class's within what the drive bears."""
+    stated = request.value("bus-voltage")
+    bears = drive["voltage"]
+    if stated is not None:
+        if not bears.low <= stated <= bears.high:
+            text = request.numbers["bus-voltage"].text
+            within = f"expected {bears.low:g} to {bears.high:g} V, which {request.drive} bears"
+            raise RequestError("bus-voltage", text, within)
+        return Figure(typical=stated, low=stated, high=stated, reason="", is_guess=False)
+    usual = motor.part["bus_voltage"]
+    typical, low, high = (min(max(v, bears.low), bears.high) for v in (usual.typical, usual.low, usual.high))
+    return Figure(typical=typical, low=low, high=high, reason=usual.reason, is_guess=True)
+
+
+def _speed(request: Request, motor: MotorFacts, sensor: Part, voltage: float) -> tuple[float, str]:
+    """The scenario's speed, r/min, and why it was chosen; "" if it was stated."""
+    if "speed" in request.numbers:
+        return request.numbers["speed"].value / units.factor("rpm", units.ANGULAR_SPEED), ""
+    cogs = 60 * COGGING_FREQUENCY / motor.main_order
+    if sensor.table["kind"] == "hall":
+        seen = 60 * HALL_EDGES_PER_SECOND / (6 * motor.pole_pairs)
+    else:
+        seen = 60 * COUNTS_PER_SECOND / sensor_counts(request, sensor)
+    speed = max(round_125(cogs), round_125(seen))
+    reach = _reach(motor, voltage)
+    reason = f"slow: the main cogging order comes {motor.main_order * speed / 60:.3g} times a second"
+    return min(speed, round_125(VOLTAGE_SHARE * reach)), reason
+
+
+def _reach(motor: MotorFacts, voltage: float) -> float:
+    """The speed without load at a bus voltage, r/min."""
+    factor = KV_TO_TORQUE if motor.phases == 3 else 1.0
+    return 60 / math.tau * factor * voltage / motor.size.torque_constant
+
+
+def _drive(
+    sheet: Sheet, request: Request, motor: MotorFacts, drive: Part, voltage: Figure, steps: int
+) -> float:
+    """Rates, current loop, inverter and current sensors; returns the current loop's rate, Hz."""
+    current_rate, speed_rate = _rates(request, drive)
+    section = sheet.section("[drive.rates]")
+    for key, flag, rate in (
+        ("current_loop", "current-rate", current_rate),
+        ("speed_loop", "speed-rate", speed_rate),
+    ):
+        stated = flag in request.numbers or "current-rate" in request.numbers
+        section.put(key, exact_rate(rate), *(() if stated else (origin(drive[key]),)))
+    if steps > 1:
+        section.put("integration_steps", steps, note="enough at the ends of the guesses, too")
+
+    section = sheet.section("[drive.current_loop]")
+    bandwidth = current_rate * BANDWIDTH_SHARE
+    section.put("bandwidth", f"{bandwidth:.4g} Hz", note="a 25th of the current loop's rate")
+    if "current-limit" in request.numbers:
+        section.put("current_limit", request.numbers["current-limit"].text)
+    else:
+        _limit(sheet, section, motor, drive)
+
+    section = sheet.section("[drive.inverter]")
+    if voltage.is_guess:
+        sheet.guess(section, "bus_voltage", voltage, units.VOLTAGE, path="drive.inverter", name="bus voltage")
+    else:
+        section.put("bus_voltage", request.numbers["bus-voltage"].text)
+    dead = drive["dead_time"]
+    if dead.is_guess:
+        sheet.guess(section, "dead_time", dead, units.TIME, path="drive.inverter", name="dead time")
+    else:
+        section.put("dead_time", amount(dead.typical, units.TIME), origin(dead))
+
+    section = sheet.section("[drive.current_sensors]")
+    step = 2 * drive["current_range"].typical / 2**CONVERTER_BITS
+    noise = Figure(
+        typical=step, low=step / 4, high=2 * step, reason="one step of the converter", is_guess=True
+    )
+    sheet.guess(
+        section,
+        "noise",
+        noise,
+        units.CURRENT,
+        path="drive.current_sensors",
+        name="noise of the current sensors",
+    )
+    section.put("bits", CONVERTER_BITS)
+    section.put(
+        "range", amount(drive["current_range"].typical, units.CURRENT), origin(drive["current_range"])
+    )
+    return current_rate
+
+
+def _limit(sheet: Sheet, section: Section, motor: MotorFacts, drive: Part) -> None:
+    most = drive["current_limit"]
+    if motor.limit >= most.typical:
+        section.put("current_limit", amount(most.typical, units.CURRENT), origin(most))
+        return
+    what = "what the motor bears all day"
+    if not motor.limit_is_guess:
+        section.put("current_limit", amount(motor.limit, units.CURRENT), note=what)
+        return
+    figure = Figure(
+        typical=motor.limit,
+        low=motor.limit / 2,
+        high=min(2 * motor.limit, max(most.typical, motor.limit)),
+        reason=f"{what}: {motor.limit_reason}",
+        is_guess=True,
+    )
+    sheet.guess(
+        section, "current_limit", figure, units.CURRENT, path="drive.current_loop", name="current limit"
+    )
+
+
+def _rates(request: Request, drive: Part) -> tuple[float, float]:
+    current = request.value("current-rate") or drive["current_loop"].typical
+    if current % 1:
+        raise RequestError(
+            "current-rate", request.numbers["current-rate"].text, "expected a whole number of Hz"
+        )
+    stated = request.value("speed-rate")
+    if stated is not None:
+        if stated % 1 or current % stated:
+            text = request.numbers["speed-rate"].text
+            raise RequestError(
+                "speed-rate", text, f"expected a rate that divides the current loop's, {current:g} Hz"
+            )
+        return current, stated
+    if "current-rate" not in request.numbers:
+        return current, drive["speed_loop"].typical
+    return current, current / _divider(int(current))
+
+
+def _divider(rate: int) -> int:
+    """Periods of the current loop in one of the speed loop, about SPEED_PERIODS, which divide the rate."""
+    least = math.ceil(rate / SPEED_RATE_MOST)
+    fitting = [n for n in range(least, 41) if rate % n == 0]
+    return min(fitting or [1], key=lambda n: abs(math.log(n / SPEED_PERIODS)))
+
+
+# scenario, controllers, metrics
+
+
+def _scenario(
+    sheet: Sheet,
+    request: Request,
+    motor: MotorFacts,
+    speed: tuple[float, str],
+    current_rate: float,
+    voltage: float,
+) -> float:
+    """Trace and scenario; returns the trace's rows a second."""
+    rpm, reason = speed
+    duration = _duration(rpm)
+    section = sheet.section("[trace]")
+    fastest = motor.main_order * rpm / 60
+    rate = _trace_rate(int(current_rate), duration, fastest)
+    section.put("rate", exact_rate(rate))
+    section = sheet.section("[scenario.slow]")
+    section.put("duration", f"{duration:g} s")
+    text = request.numbers["speed"].text if "speed" in request.numbers else f"{rpm:.6g} rpm"
+    section.put("reference", text, *((reason,) if reason else ()))
+    if rpm < _reach(motor, voltage):
+        section.put("initial_speed", text)
+    return rate
+
+
+def _duration(rpm: float) -> float:
+    turns = RUN_TURNS * 60 / rpm
+    return float(math.ceil(min(max(SHORTEST_RUN, turns), LONGEST_RUN)))
+
+
+def _trace_rate(rate: int, duration: float, fastest: float) -> float:
+    """Rows a second, Hz: a divisor of the current loop's rate, enough for an order of `fastest`, Hz."""
+    most, least = min(TRACE_RATE_MOST, ROWS_MOST / duration), max(TRACE_RATE_LEAST, ROWS_IN_WAVE * fastest)
+    rates = [rate // n for n in range(1, rate + 1) if rate % n == 0]
+    few = next((rate for rate in rates if rate <= most), rates[-1])
+    return few if few >= least else min((rate for rate in rates if rate >= least), default=rates[0])
+
+
+def _controllers(sheet: Sheet, feedbacks: Feedbacks) -> None:
+    pi = sheet.section("[controller.pi]")
+    pi.put("law", "pi")
+    pi.put("label", "PI")
+    pi.put("baseline", True)
+    learner = sheet.section("[controller.harmonic]")
+    learner.put("law", "harmonic")
+    learner.put("label", "PI and harmonics")
+    rules = {"pi": '{ rule = "phase-margin", phase_margin = "60 deg" }', "harmonic": '{ rule = "auto" }'}
+    for name, section in (("pi", pi), ("harmonic", learner)):
+        if name in feedbacks:
+            kp, ki = feedbacks[name]
+            section.put("kp", kp, "slower than by the rule, since the sensor's edges come rarely")
+            section.put("ki", ki)
+        else:
+            section.put_text("tuning", rules[name])
+
+
+def _metrics(sheet: Sheet, motor: MotorFacts, rpm: float, rows: float) -> None:
+    duration, turn = _duration(rpm), 60 / rpm
+    whole = turn * max(1, math.ceil(min(LAST_LEAST, duration * LAST_SHARE) / turn))
+    last = whole if whole <= 0.5 * duration else duration * LAST_SHARE
+    entries: list[tuple[str, str, str | None, str]] = [
+        ("speed_ripple", "ripple-rms", "omega_m", "rpm"),
+        ("mean_speed", "mean", "omega_m", "rpm"),
+        ("torque_ripple", "ripple-rms", "tau_motor", "mN*m"),
+        ("copper_loss", "copper-loss", None, "mW"),
+    ]
+    for name, kind, signal, unit in entries:
+        section = _metric(sheet, name, kind, signal, last)
+        section.put("unit", unit)
+        if name == "mean_speed":
+            section.put("better", "none")
+    orders = [order for order in sorted(motor.orders) if ORDER_ROWS * order < rows * turn]
+    if last >= turn * (1 - 1e-9) and orders:
+        section = _metric(sheet, "speed_order", "order", "omega_m", last)
+        section.put("order", orders[:4])
+        section.put("frame", "mechanical")
+        section.put("unit", "rpm")
+
+
+def _metric(sheet: Sheet, name: str, kind: str, signal: str | None, last: float) -> Section:
+    section = sheet.section("[[metric]]")
+    section.put("name", name)
+    section.put("kind", kind)
+    if signal:
+        section.put("signal", signal)
+    section.put("last", f"{last:.9g} s")
+    return section

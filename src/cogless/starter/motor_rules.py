@@ -1,0 +1,124 @@
+"""What is not known of a motor, from what is: rules of scale around a class of motors.
+
+A motor of the same build whose torque T is another (all lengths times l, T as l^3) has
+
+    copper loss at its rated torque   as its surface l^2:  R / K_t^2  as  T^(-4/3)
+    electrical time constant L / R    as l^2:              T^(2/3)
+    inertia of the rotor              as l^5:              T^(5/3)
+
+and another winding in the same iron has R and L as K_t^2. So a resistance tells the torque, and a torque the
+resistance. Cogging and friction are shares of the torque. docs/guide/new.md has these rules in words.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cogless.starter.part_catalogue import Part, parts
+
+LOSS_POWER = -4 / 3  # R / K_t^2 grows with this power of the torque
+TIME_POWER = 2 / 3  # L / R does with this one
+INERTIA_POWER = 5 / 3
+KV_TO_TORQUE = math.sqrt(3) / 2  # K_t kv of sinusoidal currents, both SI
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """What is known of a motor, SI, per phase; None is unknown. `torque` of a step motor is that it holds."""
+
+    torque_constant: float | None = None
+    resistance: float | None = None
+    torque: float | None = None
+    current: float | None = None  # of a phase, peak, at the rated torque
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sized:
+    """A motor's size: torque constant, rated torque and current, and how far it is from its class."""
+
+    torque_constant: float
+    torque: float
+    current: float
+    torque_ratio: float  # over the class's
+    winding_ratio: float  # torque constant over the class's, squared
+
+    @property
+    def resistance_factor(self) -> float:
+        return self.winding_ratio * math.pow(self.torque_ratio, LOSS_POWER)
+
+    @property
+    def inductance_factor(self) -> float:
+        return self.resistance_factor * self.time_factor
+
+    @property
+    def time_factor(self) -> float:
+        return math.pow(self.torque_ratio, TIME_POWER)
+
+    @property
+    def inertia_factor(self) -> float:
+        return math.pow(self.torque_ratio, INERTIA_POWER)
+
+
+def class_constant(motor: Part) -> float:
+    """Torque constant of a class's motor, N*m per peak ampere of a phase."""
+    if "kv" in motor.figures:
+        return KV_TO_TORQUE / motor["kv"].typical
+    return motor["rated_torque"].typical / peak_of_coil(motor["rated_current"].typical)
+
+
+def peak_of_coil(rated: float) -> float:
+    """Length of the current vector of a step motor with this current in both coils, A."""
+    return math.sqrt(2) * rated
+
+
+def sized(motor: Part, facts: Known) -> Sized:
+    """The size of a motor of a class, of which some is facts."""
+    own, usual = class_constant(motor), motor["rated_torque"].typical
+    torque = facts.torque
+    constant = facts.torque_constant
+    if constant is None:
+        constant = torque / facts.current if torque and facts.current else own
+    if torque is None:
+        torque = _torque(motor, facts, constant, usual)
+    current = facts.current or torque / constant
+    return Sized(
+        torque_constant=constant,
+        torque=torque,
+        current=current,
+        torque_ratio=torque / usual,
+        winding_ratio=(constant / own) ** 2,
+    )
+
+
+def _torque(motor: Part, facts: Known, constant: float, usual: float) -> float:
+    """The rated torque by the current, else by the resistance, else that of the class, N*m."""
+    if facts.current:
+        return constant * facts.current
+    if not facts.resistance:
+        return usual
+    loss = facts.resistance / constant**2
+    ratio = loss / (motor["resistance"].typical / class_constant(motor) ** 2)
+    return usual * math.pow(ratio, 1 / LOSS_POWER)
+
+
+def layouts_for(motor: Part, pole_pairs: int | None) -> list[tuple[int, int]]:
+    """Slots and poles that a motor may have, the likeliest first.
+
+    Those of its class come first, then those of other classes, then any balanced winding whose slots are
+    about as many as its poles; an odd number of slots pulls the rotor to a side and comes last.
+    """
+    if pole_pairs is None:
+        return list(motor.layouts)
+    poles = 2 * pole_pairs
+    sold = [*motor.layouts, *(layout for part in parts("motors").values() for layout in part.layouts)]
+    fitting = [(slots, p) for slots, p in sold if p == poles]
+    balanced = [s for s in range(3, 3 * poles + 1, 3) if s != poles and not s % (3 * math.gcd(s, pole_pairs))]
+    balanced.sort(key=lambda slots: (slots % 2, abs(math.log(slots / poles))))
+    return list(dict.fromkeys([*fitting, *((slots, poles) for slots in balanced[:3])]))
+
+
+def cogging_orders(slots: int, poles: int) -> dict[str, int]:
+    """Orders of the cogging of a turn: the main one, of the slots, of the poles; none twice."""
+    orders = {"cogging": math.lcm(slots, poles), "slot_cogging": slots, "pole_cogging": poles}
+    return {key: order for key, order in orders.items() if key == "cogging" or order != orders["cogging"]}

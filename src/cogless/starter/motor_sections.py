@@ -1,0 +1,423 @@
+"""The sections of a study that describe the motor, and what the other sections need of it."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from cogless import units
+from cogless.files import shipped
+from cogless.starter.amounts import amount, span
+from cogless.starter.motor_rules import (
+    KV_TO_TORQUE,
+    Known,
+    Sized,
+    cogging_orders,
+    layouts_for,
+    peak_of_coil,
+    sized,
+)
+from cogless.starter.part_catalogue import Figure, Part, named_motors, parts
+from cogless.starter.request import Request, RequestError
+from cogless.starter.sheet import Guess, Section, Sheet, because
+from cogless.study.motor import AnyMotor, StarMotor
+
+OTHER_LAYOUTS = 3
+STEPS_IN_A_PERIOD = 4  # a period is an electrical revolution
+MAGNET_WORDS = {"kv": "kv", "torque-constant": "K_t", "back-emf": "K_e_line_to_line_rms"}
+SLOT_PHASE, POLE_PHASE = "40 deg", "110 deg"  # any: parts of the cogging do not begin together
+DETENT_ORDER = 4  # electrical, of a step motor with two phases
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorFacts:
+    """What the other sections need of the motor, SI."""
+
+    part: Part
+    size: Sized
+    phases: int
+    pole_pairs: int
+    main_order: int
+    orders: tuple[int, ...]
+    limit: float  # A, peak of a phase, that the motor bears all day
+    limit_is_guess: bool
+    limit_reason: str
+
+
+def class_of(request: Request) -> Part:
+    named = named_motors().get(request.motor)
+    name = named["class"] if named else request.motor
+    motors = parts("motors")
+    if name not in motors:  # a shipped motor that the catalogue does not know
+        name = "nema23" if datasheet_tables(request.motor).get("kind") == "step" else "own"
+    return motors[name]
+
+
+def datasheet_tables(name: str) -> dict[str, Any]:
+    """The datasheet of a shipped motor; empty for a class."""
+    path = shipped("motors").get(name)
+    return tomllib.loads(path.read_text(encoding="utf-8")) if path else {}
+
+
+def put_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
+    """A motor with three phases."""
+    tables = datasheet_tables(request.motor)
+    facts, named = _star(request, tables), named_motors().get(request.motor, {})
+    size = sized(part, facts)
+    section = sheet.section("[motor]")
+    if tables:
+        section.put("datasheet", request.motor)
+    (slots, poles), others = _layout(request, part, tables)
+    amplitudes = _amplitudes(request, part, size.torque, (slots, poles))
+    cogs = "cogging" not in tables
+    if "pole_pairs" not in tables or "pole-pairs" in request.numbers:
+        stated = "pole-pairs" in request.numbers
+        section.put("pole_pairs", poles // 2, *(() if stated else (_pole_pairs_guess(others, poles, part),)))
+    if "slots" not in tables or "slots" in request.numbers:
+        stated = "slots" in request.numbers
+        section.put("slots", slots, *(() if stated else (_slots_guess(others, named, slots, poles),)))
+    if others and cogs:
+        sheet.guesses.append(_layout_variants(others, (slots, poles), amplitudes, request))
+    _magnet(sheet, section, request, part, tables)
+    _winding(sheet, section, request, part, tables, size)
+    if cogs:
+        _cogging(sheet, request, amplitudes, slots, poles)
+        orders = cogging_orders(slots, poles)
+        main, all_orders = orders["cogging"], tuple(orders.values())
+    else:
+        all_orders = tuple(wave["order"] for wave in tables["cogging"])
+        main = all_orders[0]
+    return MotorFacts(
+        part=part,
+        size=size,
+        phases=3,
+        pole_pairs=poles // 2,
+        main_order=main,
+        orders=all_orders,
+        limit=size.current,
+        limit_is_guess=not {"rated-current", "rated-torque"} & request.numbers.keys(),
+        limit_reason=named.get("guess") or part["rated_torque"].reason,
+    )
+
+
+def _star(request: Request, tables: Mapping[str, Any]) -> Known:
+    """What request and datasheet tell of a motor with three phases."""
+    constant = request.value("torque-constant")
+    if (kv := request.value("kv")) is not None:
+        constant = KV_TO_TORQUE / kv
+    if (emf := request.value("back-emf")) is not None:
+        constant = math.sqrt(1.5) * emf
+    between = request.value("resistance")
+    resistance = None if between is None else between / 2
+    named = named_motors().get(request.motor, {})
+    current, torque = request.value("rated-current"), request.value("rated-torque")
+    if tables:
+        star: StarMotor = TypeAdapter(AnyMotor).validate_python(dict(tables)).star()
+        constant = constant or star.K_t
+        resistance = resistance or star.R_s
+        if current is None and torque is None:
+            current = units.parse(named["rated_current"], units.CURRENT)
+    if constant is None and torque and current:
+        constant = torque / current
+    return Known(torque_constant=constant, resistance=resistance, torque=torque, current=current)
+
+
+def _layout(
+    request: Request, part: Part, tables: Mapping[str, Any]
+) -> tuple[tuple[int, int], list[tuple[int, int]]]:
+    """Slots and poles, and others that the motor may have as well; none if its slots are stated."""
+    named = named_motors().get(request.motor, {})
+    pole_pairs = int(request.value("pole-pairs") or tables.get("pole_pairs") or 0)
+    slots = int(request.value("slots") or tables.get("slots") or named.get("slots") or 0)
+    first, *others = layouts_for(part, pole_pairs or None)
+    if not slots:
+        return first, others[:OTHER_LAYOUTS]
+    poles = next((p for s, p in part.layouts if s == slots), first[1])
+    return (slots, 2 * pole_pairs or poles), []
+
+
+def _pole_pairs_guess(others: list[tuple[int, int]], poles: int, part: Part) -> str:
+    also = _alternatives([other // 2 for _, other in others], poles // 2)
+    table = part.table["layouts"]
+    return f"guess: or {also}; {table.get('source') or table['guess']}"
+
+
+def _slots_guess(others: list[tuple[int, int]], named: Mapping[str, Any], slots: int, poles: int) -> str:
+    if named.get("slots"):
+        return f"guess: or another number that fits {poles} poles; as in the study of this motor"
+    also = _alternatives([other for other, _ in others], slots)
+    return f"guess: or {also}; a winding that is balanced with its poles, as most motors have"
+
+
+def _alternatives(numbers: list[int], chosen: int) -> str:
+    """Other numbers than the one that is chosen, as in "15, 20 or 23"."""
+    *first, last = dict.fromkeys(str(n) for n in numbers if n != chosen) or ["another number"]
+    return f"{', '.join(first)} or {last}" if first else last
+
+
+def _magnet(sheet: Sheet, section: Section, request: Request, part: Part, tables: Mapping[str, Any]) -> None:
+    words = [name for name in MAGNET_WORDS if name in request.numbers]
+    for name in words:
+        section.put(MAGNET_WORDS[name], request.numbers[name].text)
+    if words or tables:
+        return
+    torque, current = request.numbers.get("rated-torque"), request.numbers.get("rated-current")
+    if torque and current:
+        text = amount(torque.value / current.value, units.TORQUE_CONSTANT)
+        section.put("K_t", text, note="rated torque over rated current")
+        return
+    sheet.guess(section, "kv", part["kv"], units.SPEED_CONSTANT, path="motor", name="speed per volt")
+
+
+def _winding(
+    sheet: Sheet,
+    section: Section,
+    request: Request,
+    part: Part,
+    tables: Mapping[str, Any],
+    size: Sized,
+) -> None:
+    """Resistance and inductance, between two terminals."""
+    for key, name, factor, dimension in (
+        ("resistance_line_to_line", "resistance", size.resistance_factor, units.RESISTANCE),
+        ("inductance_line_to_line", "inductance", size.inductance_factor, units.INDUCTANCE),
+    ):
+        if name in request.numbers:
+            section.put(key, request.numbers[name].text)
+        elif not tables:
+            figure = adapted(part[name].scaled(2 * factor), is_same_size(factor))
+            if name == "inductance" and "resistance" in request.numbers:
+                ratio = size.time_factor / part["resistance"].typical
+                figure = part[name].scaled(ratio * request.numbers["resistance"].value)
+                figure = because(figure, "L / R of the class, scaled by the torque to the power 2/3")
+            sheet.guess(section, key, figure, dimension, path="motor", name=f"{name} between two terminals")
+
+
+def is_same_size(factor: float) -> bool:
+    return math.isclose(factor, 1.0, rel_tol=1e-6)
+
+
+def adapted(figure: Figure, same: bool) -> Figure:
+    return figure if same else because(figure, f"the class's ({figure.reason}), scaled to this motor's size")
+
+
+def _amplitudes(request: Request, part: Part, torque: float, layout: tuple[int, int]) -> dict[str, Figure]:
+    """Amplitudes of the parts of the cogging, N*m; what is stated of the main one scales the others."""
+    cogging = request.value("cogging")
+    shares = {key: part[key] for key in ("cogging", "slot_cogging", "pole_cogging") if key in part.figures}
+    factor = math.gcd(*layout) / math.gcd(*part.layouts[0])
+    if factor != 1:
+        slots, poles = layout
+        reason = (
+            f"{shares['cogging'].reason}; scaled by the common divisor of {slots} slots and {poles} poles"
+        )
+        shares["cogging"] = because(shares["cogging"].scaled(factor), reason)
+    if cogging is None:
+        return {key: share_of(figure, torque) for key, figure in shares.items()}
+    ratio = cogging / part["cogging"].typical
+    others = {key: figure.scaled(ratio) for key, figure in shares.items() if key != "cogging"}
+    return {
+        "cogging": Figure(typical=cogging, low=cogging, high=cogging, reason="", is_guess=False),
+        **{
+            key: because(figure, f"{figure.reason}; its share of the main order")
+            for key, figure in others.items()
+        },
+    }
+
+
+def share_of(figure: Figure, torque: float) -> Figure:
+    low, high = (f"{100 * end:.3g}" for end in (figure.low, figure.high))
+    reason = f"{low} to {high} % of {amount(torque, units.TORQUE)}: {figure.reason}"
+    return because(figure.scaled(torque), reason)
+
+
+def _cogging(
+    sheet: Sheet, request: Request, amplitudes: Mapping[str, Figure], slots: int, poles: int
+) -> None:
+    why = {
+        "cogging": f"least common multiple of {slots} slots and {poles} poles",
+        "slot_cogging": "the slots: what uneven magnets add",
+        "pole_cogging": "the poles: what uneven slots add",
+    }
+    for place, (key, order) in enumerate(cogging_orders(slots, poles).items()):
+        section = sheet.section("[[motor.cogging]]")
+        section.put("order", order, note=why[key])
+        figure = amplitudes[key]
+        if key == "cogging" and "cogging" in request.numbers:
+            section.put("torque", request.numbers["cogging"].text)
+        elif figure.typical == 0:
+            section.put("torque", "0 N*m")
+        else:
+            path = f"motor.cogging.{place}"
+            name = f"cogging, {order} waves a turn"
+            sheet.guess(section, "torque", figure, units.TORQUE, path=path, name=name)
+        if place:
+            section.put("phase", (SLOT_PHASE, POLE_PHASE)[place - 1], note="any")
+
+
+def _layout_variants(
+    others: list[tuple[int, int]],
+    layout: tuple[int, int],
+    amplitudes: Mapping[str, Figure],
+    request: Request,
+) -> Guess:
+    """The same motor with other slots, or with other slots and poles, than those of `layout`."""
+    variants = {}
+    for slots, poles in others:
+        factor = 1.0 if "cogging" in request.numbers else math.gcd(slots, poles) / math.gcd(*layout)
+        waves = [
+            {
+                "order": order,
+                "torque": amount((1.0 if place else factor) * amplitudes[key].typical, units.TORQUE),
+                **_phase(place),
+            }
+            for place, (key, order) in enumerate(cogging_orders(slots, poles).items())
+        ]
+        change: dict[str, Any] = {"motor.slots": slots, "motor.cogging": waves}
+        label = f"{slots} slots"
+        if "pole-pairs" not in request.numbers:
+            change["motor.pole_pairs"] = poles // 2
+            label += f" and {poles} poles"
+        variants[label] = change
+    return Guess(key="motor.slots", name="number of slots", span=" or ".join(variants), variants=variants)
+
+
+def _phase(place: int) -> dict[str, str]:
+    return {"phase": (SLOT_PHASE, POLE_PHASE)[place - 1]} if place else {}
+
+
+def put_step_motor(sheet: Sheet, request: Request, part: Part) -> MotorFacts:
+    """A step motor, by what holds it and what its magnets hold without current."""
+    tables = datasheet_tables(request.motor)
+    section = sheet.section("[motor]")
+    named = named_motors().get(request.motor, {})
+    resistance = request.value("resistance")
+    holding = request.value("holding-torque") or request.value("rated-torque")
+    coil = request.value("rated-current")
+    if tables:
+        section.put("datasheet", request.motor)
+        star = TypeAdapter(AnyMotor).validate_python(dict(tables)).star()
+        coil = coil or units.parse(named.get("rated_current", "1 A"), units.CURRENT)
+        constant = star.K_t
+        size = sized(part, Known(torque_constant=constant, current=peak_of_coil(coil)))
+        teeth = int(tables["teeth"])
+        return _step_facts(request, part, size, teeth)
+    section.put("kind", "step")
+    angle = request.value("step-angle") or part["step_angle"].typical
+    teeth = round(math.tau / (STEPS_IN_A_PERIOD * angle))
+    if not math.isclose(teeth * STEPS_IN_A_PERIOD * angle, math.tau, rel_tol=1e-6) or not 1 <= teeth <= 1000:
+        text = request.numbers["step-angle"].text
+        raise RequestError("step-angle", text, "expected 360 deg over four times the teeth, such as 1.8 deg")
+    stated = "step-angle" in request.numbers
+    reason = () if stated else (f"guess: or 100, of 0.9 deg; {part['step_angle'].reason}",)
+    section.put("teeth", teeth, *reason, note="of the rotor: 360 deg / (4 full steps)")
+    usual = part["rated_current"].typical
+    holding_figure, coil_value = part["rated_torque"], coil or usual
+    holding_value = holding or holding_figure.typical
+    size = sized(
+        part,
+        Known(
+            torque_constant=holding_value / peak_of_coil(coil_value),
+            torque=holding_value,
+            current=peak_of_coil(coil_value),
+        ),
+    )
+    for key, name, factor in (
+        ("R_s", "resistance", size.resistance_factor),
+        ("L_0", "inductance", size.inductance_factor),
+    ):
+        dimension = units.RESISTANCE if name == "resistance" else units.INDUCTANCE
+        if name in request.numbers:
+            section.put(key, request.numbers[name].text)
+        else:
+            figure = adapted(part[name].scaled(factor), is_same_size(factor))
+            if name == "inductance" and resistance:
+                ratio = part["inductance"].scaled(resistance / part["resistance"].typical)
+                figure = because(ratio.scaled(size.time_factor), "L / R of the class, scaled")
+            sheet.guess(section, key, figure, dimension, path="motor", name=f"{name} of a coil")
+    section.put("i_f", "1 A", note="by definition: K_t = teeth i_f L_m1")
+    _flux(sheet, section, request, part, teeth, coil)
+    _detent(sheet, section, request, part, size, teeth)
+    return _step_facts(request, part, size, teeth)
+
+
+def _flux(
+    sheet: Sheet, section: Section, request: Request, part: Part, teeth: int, coil: float | None
+) -> None:
+    """L_m1 from the holding torque and the rated current of a coil."""
+    stated = "holding-torque" in request.numbers or "rated-torque" in request.numbers
+    holding = request.value("holding-torque") or request.value("rated-torque")
+    torque = part["rated_torque"]
+    current = coil or part["rated_current"].typical
+
+    def flux(value: float) -> str:
+        return amount(value / peak_of_coil(current) / teeth, units.INDUCTANCE, "mH", 4)
+
+    typical = holding or torque.typical
+    formula = "holding torque / (1.414 rated current teeth)"
+    if stated:
+        section.put("L_m", [flux(typical)], note=formula)
+        return
+    ends = f"{flux(torque.low)} to {flux(torque.high)}, for a holding torque of"
+    ends_text = span(torque.low, torque.high, units.TORQUE)
+    section.put("L_m", [flux(typical)], f"guess: {ends} {ends_text}; {torque.reason}", note=formula)
+    variants = {amount(end, units.TORQUE): {"motor.L_m": [flux(end)]} for end in (torque.low, torque.high)}
+    sheet.guesses.append(Guess(key="motor.L_m", name="holding torque", span=ends_text, variants=variants))
+
+
+def _detent(sheet: Sheet, section: Section, request: Request, part: Part, size: Sized, teeth: int) -> None:
+    """L_f4: amplitude of the detent is 2 teeth i_f^2 L_f4."""
+    detent, own = request.value("detent-torque"), request.value("cogging")
+    figure = part["cogging"].scaled(size.torque)
+
+    def coefficient(torque: float) -> str:
+        return amount(torque / (2 * teeth), units.INDUCTANCE, "uH", 4)
+
+    formula = "amplitude of the detent / (2 teeth)"
+    if own is not None:
+        section.put("L_f", [coefficient(own)], note=formula)
+        return
+    if detent is not None:
+        friction = request.value("friction")
+        share = detent - (friction if friction is not None else detent_friction(part, detent).typical)
+        text = "the datasheet's torque less the friction in it"
+        section.put("L_f", [coefficient(max(share, 0.0))], note=f"{formula}; {text}")
+        return
+    ends_text = span(figure.low, figure.high, units.TORQUE)
+    ends = f"{coefficient(figure.low)} to {coefficient(figure.high)}, for an amplitude of {ends_text}"
+    section.put("L_f", [coefficient(figure.typical)], f"guess: {ends}; {figure.reason}", note=formula)
+    variants = {
+        amount(end, units.TORQUE): {"motor.L_f": [coefficient(end)]} for end in (figure.low, figure.high)
+    }
+    sheet.guesses.append(Guess(key="motor.L_f", name="detent torque", span=ends_text, variants=variants))
+
+
+def detent_friction(part: Part, detent: float) -> Figure:
+    """The friction within a datasheet's detent torque: in the class's proportion."""
+    friction, cogging = part["friction"], part["cogging"]
+    share = friction.typical / (friction.typical + cogging.typical)
+    ends = (share / 2, min(0.9, 1.5 * share))
+    reason = "its part of what turns the motor without current, as in the class"
+    return Figure(
+        typical=share * detent, low=ends[0] * detent, high=ends[1] * detent, reason=reason, is_guess=True
+    )
+
+
+def _step_facts(request: Request, part: Part, size: Sized, teeth: int) -> MotorFacts:
+    main = DETENT_ORDER * teeth
+    return MotorFacts(
+        part=part,
+        size=size,
+        phases=2,
+        pole_pairs=teeth,
+        main_order=main,
+        orders=(main,),
+        limit=size.current,
+        limit_is_guess="rated-current" not in request.numbers,
+        limit_reason=part["rated_torque"].reason,
+    )

@@ -1,0 +1,175 @@
+"""Which guesses of a study matter most: each at the ends of its range, one at a time, by short runs.
+
+What counts is the answer that the user gets: whether the speed is held, and the ripple that `harmonic`
+leaves. A guess whose range changes the first comes before all others; these are in the order of the factor
+between the largest and the smallest ripple. A change is one of the study, as by `--set`: the design follows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cogless.design.law_rules import unstable_feedback
+from cogless.errors import StudyError
+from cogless.results import Run
+from cogless.results.status import NOTICED, SAFE
+from cogless.run.simulate import RunError, rollout
+from cogless.starter.sheet import Guess
+from cogless.study import Study, changed
+
+LEARNING_LAW, BASELINE_LAW = "harmonic", "pi"
+SPEED_ERROR_MOST = 0.05  # of the reference, that the mean speed of a held one may be off
+RIPPLE_SHARE_MOST = 0.5  # of the reference, likewise of the ripple's rms
+RUN_TICKS_MOST = 250_000  # a run has no more
+LAST_SHARE = 1 / 3  # of a run, in which the ripple is taken
+AT_ONCE = 8  # variants in a batch, between which progress is told
+
+Report = Callable[[float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """A run's answer. `ripple`: rms, rad/s. `why`: why the speed is not held; "" if it is."""
+
+    ripple: float
+    why: str
+
+    @property
+    def holds(self) -> bool:
+        return not self.why
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """What a guess changes. `outcomes`: what comes of each of its variants."""
+
+    guess: Guess
+    nominal: Outcome
+    outcomes: Mapping[str, Outcome]
+
+    @property
+    def answers(self) -> tuple[Outcome, ...]:
+        return (self.nominal, *self.outcomes.values())
+
+    @property
+    def decides(self) -> bool:
+        """Whether it depends on the guess that the speed is held."""
+        return len({answer.holds for answer in self.answers}) > 1
+
+    @property
+    def ripples(self) -> tuple[float, float]:
+        """The least and the largest ripple among those that hold the speed, rad/s; nan if none does."""
+        ripples = [answer.ripple for answer in self.answers if answer.holds]
+        return (min(ripples), max(ripples)) if ripples else (math.nan, math.nan)
+
+    @property
+    def size(self) -> tuple[bool, float]:
+        """What guesses are ordered by: whether it decides, and the factor between its ripples."""
+        low, high = self.ripples
+        return self.decides, high / low if low > 0 else 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranking:
+    """Answers of a study with all its guesses as they are, and the effects of the guesses, largest first."""
+
+    learned: Outcome
+    baseline: Outcome
+    effects: tuple[Effect, ...]
+
+
+def rank(study: Study, guesses: Sequence[Guess], progress: Report = lambda share: None) -> Ranking:
+    """Run the study, and again with each guess changed. A variant that is refused or fails holds no speed."""
+    short = shortened(study)
+    (scenario,) = short.scenario
+    changes: list[Mapping[str, Any]] = [
+        {},
+        *(change for guess in guesses for change in guess.variants.values()),
+    ]
+    outcomes = [*_outcomes(short, scenario, changes, progress)]
+    nominal, rest = outcomes[0], iter(outcomes[1:])
+    effects = [
+        Effect(guess=guess, nominal=nominal, outcomes={label: next(rest) for label in guess.variants})
+        for guess in guesses
+    ]
+    (base,) = _runs([short], scenario, BASELINE_LAW)
+    effects.sort(key=lambda effect: effect.size, reverse=True)
+    return Ranking(learned=nominal, baseline=outcome(short, base), effects=tuple(effects))
+
+
+def shortened(study: Study) -> Study:
+    """The study with a run of at most RUN_TICKS_MOST periods, and its metrics in the last third of it."""
+    ((name, scenario),) = study.scenario.items()
+    duration = min(scenario.duration, RUN_TICKS_MOST / study.drive.rates.current_loop)
+    if duration == scenario.duration:
+        return study
+    last = LAST_SHARE * duration
+    metrics = [
+        {**table, "last": f"{last:.6g} s"}
+        for table in study.source.tables["metric"]
+        if table["kind"] != "order"
+    ]
+    return changed(study, {f"scenario.{name}.duration": f"{duration:.6g} s", "metric": metrics})
+
+
+def _outcomes(
+    study: Study, scenario: str, changes: Sequence[Mapping[str, Any]], progress: Report
+) -> Iterator[Outcome]:
+    for begin in range(0, len(changes), AT_ONCE):
+        batch = [_changed(study, change) for change in changes[begin : begin + AT_ONCE]]
+        variants = [variant for variant in batch if not isinstance(variant, StudyError)]
+        runs = iter(_runs(variants, scenario, LEARNING_LAW))
+        for variant in batch:
+            if isinstance(variant, StudyError):
+                yield Outcome(ripple=math.nan, why=str(variant))
+            else:
+                yield outcome(variant, next(runs))
+        progress(min(1.0, (begin + AT_ONCE) / len(changes)))
+
+
+def _changed(study: Study, change: Mapping[str, Any]) -> Study | StudyError:
+    try:
+        return changed(study, change) if change else study
+    except StudyError as error:
+        return error
+
+
+def _runs(variants: Sequence[Study], scenario: str, controller: str) -> list[Run | None]:
+    """A run of each study; None for one that failed."""
+    if not variants:
+        return []
+    try:
+        results = rollout(variants, [f"{scenario}/{controller}"])
+    except RunError as error:
+        results = error.all_results
+    return [next(iter(result.runs), None) for result in results]
+
+
+def outcome(study: Study, run: Run | None) -> Outcome:
+    """What came of a run, over the last part of it in which the study's metrics are taken."""
+    if run is None:
+        return Outcome(ripple=math.nan, why="the run failed")
+    ripple, mean = (
+        float(np.asarray(run.metrics[f"{name}_rad_s"])) for name in ("speed_ripple", "mean_speed")
+    )
+    return Outcome(ripple=ripple, why=_why(study, run, ripple, mean))
+
+
+def _why(study: Study, run: Run, ripple: float, mean: float) -> str:
+    reference = study.scenario[run.scenario].top_reference
+    last = study.metric[0].last or 0.0
+    late = run.trace.time >= run.trace.time[-1] - last
+    status = np.nan_to_num(run.trace.part("status", late)).astype(int)
+    if np.any(status & int(SAFE)):
+        causes = [words for bit, words in NOTICED.items() if np.any(status & int(bit))]
+        return f"the drive switches off{f' ({causes[0]})' if causes else ''}"
+    if not abs(mean - reference) <= SPEED_ERROR_MOST * reference:
+        return f"the mean speed is {100 * mean / reference:.3g} % of the reference"
+    if not ripple <= RIPPLE_SHARE_MOST * reference:
+        return "the rotor turns in jerks"
+    return unstable_feedback(study, run.controller) or ""

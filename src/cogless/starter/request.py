@@ -1,0 +1,127 @@
+"""What a user says of his motor, drive and sensor: names of the catalogue, and numbers of datasheets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from cogless import units
+from cogless.catalogue import catalogue
+from cogless.errors import StudyError
+from cogless.starter.part_catalogue import Kind, parts
+from cogless.study.messages import shown
+from cogless.study.table import perhaps
+from cogless.units import Dimension
+
+
+class RequestError(StudyError):
+    """A mistake in an answer. `flag`: the option that it is about."""
+
+    def __init__(self, flag: str, value: str, expected: str) -> None:
+        super().__init__(f"--{flag}: {shown(value)}: {expected}")
+        self.flag = flag
+
+
+class Number(NamedTuple):
+    """A number that may be given: its dimension, the unit of a bare number, the bounds of a whole one."""
+
+    dimension: Dimension
+    unit: str
+    bounds: tuple[int, int] | None = None
+    zero: bool = False  # may be zero
+
+
+class Answer(NamedTuple):
+    """A number as it was given: with its unit, and in SI."""
+
+    text: str
+    value: float
+
+
+NUMBERS: dict[str, Number] = {
+    "pole-pairs": Number(units.NONE, "", (1, 1000)),
+    "slots": Number(units.NONE, "", (3, 10_000)),
+    "step-angle": Number(units.ANGLE, "deg"),
+    "kv": Number(units.SPEED_CONSTANT, "rpm/V"),
+    "torque-constant": Number(units.TORQUE_CONSTANT, "N*m/A"),
+    "back-emf": Number(units.BACK_EMF_CONSTANT, "V/rpm"),
+    "resistance": Number(units.RESISTANCE, "ohm"),
+    "inductance": Number(units.INDUCTANCE, "mH"),
+    "inertia": Number(units.INERTIA, "kg*m^2"),
+    "load-inertia": Number(units.INERTIA, "kg*m^2", zero=True),
+    "rated-current": Number(units.CURRENT, "A"),
+    "rated-torque": Number(units.TORQUE, "N*m"),
+    "holding-torque": Number(units.TORQUE, "N*m"),
+    "detent-torque": Number(units.TORQUE, "N*m"),
+    "cogging": Number(units.TORQUE, "N*m", zero=True),
+    "friction": Number(units.TORQUE, "N*m", zero=True),
+    "bits": Number(units.NONE, "", (2, 24)),
+    "cpr": Number(units.NONE, "", (4, 4_000_000)),
+    "bus-voltage": Number(units.VOLTAGE, "V"),
+    "current-limit": Number(units.CURRENT, "A"),
+    "current-rate": Number(units.FREQUENCY, "Hz"),
+    "speed-rate": Number(units.FREQUENCY, "Hz"),
+    "speed": Number(units.ANGULAR_SPEED, "rpm"),
+    "load": Number(units.TORQUE, "N*m", zero=True),
+}
+
+
+@dataclass(frozen=True)
+class Request:
+    """Names and numbers of a study to write; what is missing is guessed.
+
+    `motor`, `drive`, `encoder`: names of the catalogue. `numbers`: by the names of `NUMBERS`.
+    """
+
+    motor: str
+    drive: str
+    encoder: str
+    numbers: Mapping[str, Answer] = field(default_factory=dict)
+
+    def value(self, name: str) -> float | None:
+        """A number in SI, None if it is not given."""
+        answer = self.numbers.get(name)
+        return None if answer is None else answer.value
+
+
+def names(kind: Kind) -> dict[str, str]:
+    """Names that a part may have, with a description: name -> what it is."""
+    descriptions = {name: part.description for name, part in parts(kind).items()}
+    return descriptions | catalogue()["Motors"] if kind == "motors" else descriptions
+
+
+def check_name(flag: str, kind: Kind, name: str) -> str:
+    """The name of a part; RequestError with the nearest one if there is none of that name."""
+    choices = [*names(kind)]
+    if name not in choices:
+        raise RequestError(flag, name, f"expected one of {', '.join(choices)}{perhaps(name, choices)}")
+    return name
+
+
+def parse_number(name: str, text: str) -> Answer:
+    """A number that is given as text, with a unit or without one; RequestError says what was expected."""
+    number = NUMBERS[name]
+    if number.bounds is not None:
+        return _whole(name, text, number.bounds)
+    bare = units.NUMBER.fullmatch(text)
+    full = f"{text.strip()} {number.unit}" if bare and not bare.group(2) else text.strip()
+    example = f'expected a number in {number.unit}, or with its unit, such as "1 {number.unit}"'
+    try:
+        value = units.parse(full, number.dimension)
+    except units.UnitError as error:
+        expected = str(error) if bare and bare.group(2) else example
+        raise RequestError(name, text, expected) from None
+    if value < 0 or (value == 0 and not number.zero):
+        raise RequestError(name, text, f"expected {'zero or more' if number.zero else 'more than zero'}")
+    return Answer(full, value)
+
+
+def _whole(name: str, text: str, bounds: tuple[int, int]) -> Answer:
+    low, high = bounds
+    stripped = text.strip()
+    if not stripped.isascii() or not stripped.isdigit() or not low <= int(stripped) <= high:
+        raise RequestError(name, text, f"expected a whole number from {low} to {high}")
+    if name == "cpr" and int(stripped) % 4:
+        raise RequestError(name, text, "expected a multiple of 4, since each line gives four counts")
+    return Answer(str(int(stripped)), float(int(stripped)))

@@ -1,0 +1,154 @@
+"""The position sensor of a study, and the way to the speed that fits it.
+
+Hall sensors              the time over six edges, in which the errors of their places cancel
+incremental, timed edges  counts over the time between edges (MT), where the drive can time them
+all others                an observer of the angle, three times as fast as the loop's crossover, and no
+                          faster than counts come (docs/theory/sensors.md): `fit_observer`
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from cogless import units
+from cogless.design.closed_loop import Linear, position_margins
+from cogless.design.law_rules import feedback_of
+from cogless.design.speed_loop import speed_loop
+from cogless.design.warnings import slow_warning
+from cogless.errors import StudyError
+from cogless.starter.amounts import amount, exact_rate, span
+from cogless.starter.part_catalogue import Part
+from cogless.starter.request import Request
+from cogless.starter.sheet import Guess, Section, Sheet, origin
+from cogless.study import Study, changed
+from cogless.study.position_sensor import Counted
+
+HALL_EDGES_PER_SECOND = 150.0  # at the speed that is chosen, at least
+COUNTS_PER_SECOND = 500.0
+HALL_PATTERN = (1.0, -1.5, 0.5, 1.5, -1.0, -0.5)  # of an edge's misplacement; their sum is zero
+PATH = "drive.position_sensor"
+CROSSOVER_TIMES = 3.0  # bandwidth of an observer over the crossover: docs/theory/sensors.md
+OBSERVER_ROUNDS = 6  # the search ends after them
+FIRST_SHARE = 1 / 20  # of the speed loop's rate, where the search begins
+SLOWEST_OBSERVER = 2.0  # Hz
+UNFITTED_BANDWIDTH = "100 Hz"  # of the study with which fit_observer begins
+
+
+def sensor_counts(request: Request, sensor: Part) -> int:
+    """Steps of the angle in a revolution, of an encoder."""
+    if sensor.table["kind"] == "encoder":
+        return int(request.value("cpr") or sensor["counts"].typical)
+    return int(2 ** (request.value("bits") or sensor["bits"].typical))
+
+
+def put_sensor(
+    sheet: Sheet, request: Request, sensor: Part, drive: Part, *, observer: Mapping[str, str]
+) -> None:
+    """The section of the position sensor. `observer`: the keys of `fit_observer`."""
+    section = sheet.section(f"[{PATH}]")
+    kind = sensor.table["kind"]
+    section.put("kind", kind, note=sensor.description)
+    if kind == "hall":
+        _hall(sheet, section, sensor)
+        return
+    if kind == "encoder":
+        stated = "cpr" in request.numbers
+        section.put(
+            "lines", sensor_counts(request, sensor) // 4, *(() if stated else (origin(sensor["counts"]),))
+        )
+    else:
+        stated = "bits" in request.numbers
+        bits = int(request.value("bits") or sensor["bits"].typical)
+        section.put("bits", bits, *(() if stated else (origin(sensor["bits"]),)))
+    own = f"{drive.name} itself: {drive.table['own_speed']}"
+    timed = kind == "encoder" and "timer" in drive.figures
+    if timed and not observer:
+        section.put("speed_method", "MT", own)
+        section.put("timer", exact_rate(drive["timer"].typical), origin(drive["timer"]))
+    else:
+        section.put("speed_method", "observer", own)
+        bandwidth = observer.get("observer_bandwidth", UNFITTED_BANDWIDTH)
+        section.put(
+            "observer_bandwidth", bandwidth, note="three times the crossover, and no faster than counts come"
+        )
+    if not timed and "latency" in sensor.figures:
+        sheet.guess(section, "latency", sensor["latency"], units.TIME, path=PATH, name="age of the angle")
+    for place, key in enumerate(("once", "twice")):
+        part = sheet.section(f"[[{PATH}.error]]")
+        part.put("order", place + 1)
+        sheet.guess(
+            part,
+            "amplitude",
+            sensor[key],
+            units.ANGLE,
+            path=f"{PATH}.error.{place}",
+            name=f"error of the sensor, {key} a turn",
+        )
+        if place:
+            part.put("phase", "60 deg", note="any")
+
+
+def _hall(sheet: Sheet, section: Section, sensor: Part) -> None:
+    figure = sensor["placement"]
+    text = span(figure.low, figure.high, units.ANGLE)
+    section.put("placement", _placement(figure.typical), f"guess: {text}; {figure.reason}")
+    section.put("edges", 6, note="an electrical revolution, in which errors of place cancel")
+    variants = {
+        amount(end, units.ANGLE): {f"{PATH}.placement": _placement(end)} for end in (figure.low, figure.high)
+    }
+    sheet.guesses.append(
+        Guess(key=f"{PATH}.placement", name="places of the Hall sensors", span=text, variants=variants)
+    )
+
+
+def _placement(size: float) -> list[str]:
+    """Angles by which the six edges come late, electrical."""
+    return [amount(size * share, units.ANGLE) for share in HALL_PATTERN]
+
+
+def fit_observer(study: Study) -> dict[str, str]:
+    """The keys of the study's sensor that give it the speed method that suits it; {} if it has it.
+
+    An observer's bandwidth is three times the crossover of the fastest of the study's controllers with it,
+    but no more than three times the rate of counts, beyond which the rotor coasts from count to count. Timed
+    edges that come too rarely give way to an observer.
+    """
+    sensor = study.drive.position_sensor
+    if not isinstance(sensor, Counted):
+        return {}
+    if sensor.timed and not any(slow_warning(study, name) for name in study.controller):
+        return {}
+    counts = study.scenario[next(iter(study.scenario))].slowest / sensor.step  # 1/s
+    most = max(SLOWEST_OBSERVER, CROSSOVER_TIMES * counts / math.tau)
+    bandwidth = min(most, FIRST_SHARE * study.drive.rates.outer_loop)
+    table = study.source.tables["drive"]["position_sensor"]
+    others = {key: value for key, value in table.items() if key != "timer"}
+    for _ in range(OBSERVER_ROUNDS):
+        observed = changed(study, {PATH: {**others, **_observer(bandwidth)}})
+        crossovers = [_crossover(observed, name) for name in observed.controller]
+        if all(crossovers):
+            bandwidth = min(most, CROSSOVER_TIMES * max(crossovers) / math.tau)
+        else:  # no gains have the margin that the rule asks for behind so slow an observer
+            bandwidth, most = 2 * bandwidth, max(most, 2 * bandwidth)
+    return _observer(bandwidth)
+
+
+def _observer(bandwidth: float) -> dict[str, str]:
+    return {"speed_method": "observer", "observer_bandwidth": _bandwidth_text(bandwidth)}
+
+
+def _bandwidth_text(bandwidth: float) -> str:
+    return f"{float(f'{bandwidth:.2g}'):g} Hz"
+
+
+def _crossover(study: Study, name: str) -> float:
+    """Crossover of a controller's feedback, rad/s; 0 if it has none."""
+    try:
+        feedback: Linear | None = feedback_of(study, name, 0.0)
+    except StudyError:
+        return 0.0
+    if feedback is None:
+        return 0.0
+    crossover = position_margins(speed_loop(study), feedback).crossover
+    return crossover if math.isfinite(crossover) else 0.0

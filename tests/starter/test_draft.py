@@ -1,0 +1,320 @@
+"""Studies that `cogless new` writes: they load, run, mark each guess, and follow the rules they state."""
+
+import math
+import re
+import tomllib
+from collections import Counter
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drafts import request, written
+
+from cogless.design.summary import summary
+from cogless.errors import StudyError
+from cogless.run.simulate import run_study
+from cogless.starter import Draft, Request, draft, parse_number
+from cogless.starter.motor_rules import Known, cogging_orders, layouts_for, sized
+from cogless.starter.part_catalogue import parts
+from cogless.starter.ranking import outcome, shortened
+from cogless.starter.request import RequestError, names
+from cogless.study import changed
+
+
+def phases(motor: str) -> int:
+    return 2 if motor.startswith(("nema", "krishnamurthy")) else 3
+
+
+def drives_for(motor: str) -> list[str]:
+    return [name for name, drive in parts("drives").items() if phases(motor) in drive.table["phases"]]
+
+
+@pytest.mark.parametrize("motor", names("motors"))
+def test_a_study_of_each_motor_encoder_and_drive_runs_and_marks_its_guesses(
+    tmp_path: Path, motor: str
+) -> None:
+    drives = cycle(drives_for(motor))
+    for encoder in parts("encoders"):
+        made, study = written(tmp_path, request(motor, next(drives), encoder))
+        assert made.tables == tomllib.loads((tmp_path / "mine.toml").read_text(encoding="utf-8"))
+        check_marks(made)
+        brief = changed(
+            study,
+            {
+                "scenario.slow.duration": "50 ms",
+                "metric": [{"name": "speed_ripple", "kind": "ripple-rms", "signal": "omega_m"}],
+            },
+        )
+        results = run_study(brief)
+        assert [run.controller for run in results.runs] == ["pi", "harmonic"]
+        for run in results.runs:
+            assert np.all(np.isfinite(run.trace["omega_m"]))
+
+
+def check_marks(made: Draft) -> None:
+    """Each guess has its range and a reason in the comment above its key, and each comment is a guess's."""
+    lines = made.text.splitlines()
+    assert max(map(len, lines)) <= 130
+    for guess in made.guesses:
+        key = guess.key.rsplit(".", 1)[-1]
+        places = [n for n, line in enumerate(lines) if line.startswith(f"{key} = ")]
+        comments = [comment_above(lines, place) for place in places]
+        assert any(comment.startswith("guess: ") and len(comment) > 20 for comment in comments), guess
+        assert guess.variants
+        if guess.key != "motor.slots" and not guess.key.startswith(("motor.L_", "drive.position_sensor.pl")):
+            assert any(comment.startswith(f"guess: {guess.span}; ") for comment in comments), guess
+
+
+def comment_above(lines: list[str], place: int) -> str:
+    first = place
+    while first > 0 and lines[first - 1].startswith("# "):
+        first -= 1
+    return " ".join(line.removeprefix("#").strip() for line in lines[first:place])
+
+
+STRANGERS = [
+    {"pole_pairs": 1, "kv": 1000, "resistance": 0.1, "bits": 8, "current_rate": 30_000, "speed": 3000},
+    {"pole_pairs": 1, "kv": 1000, "resistance": 0.1, "bits": 20, "current_rate": 1000, "speed": 3000},
+    {"pole_pairs": 50, "kv": 10, "resistance": 2, "bits": 20, "current_rate": 1000, "speed": 0.1},
+    {"pole_pairs": 50, "kv": 10, "resistance": 2, "bits": 20, "current_rate": 30_000, "speed": 5},
+    {"pole_pairs": 1, "kv": 1000, "resistance": 0.1, "bits": 8, "current_rate": 10_000, "speed": 0.1},
+    {"pole_pairs": 21, "kv": 40, "resistance": 0.5, "cpr": 16_384, "current_rate": 20_000, "speed": 5},
+    {"pole_pairs": 4, "torque_constant": 0.5, "resistance": 1.5, "inductance": 4, "bits": 17, "speed": 600,
+     "current_rate": 16_000, "rated_current": 8, "inertia": 1e-3},
+    {"pole_pairs": 7, "kv": 2300, "resistance": 0.08, "bits": 12, "current_rate": 24_000, "speed": 60,
+     "bus_voltage": 14.8, "inertia": 5e-6},
+    {"pole_pairs": 11, "back_emf": "33 mV/rpm", "resistance": 12, "bits": 14, "current_rate": 9973,
+     "speed": 3, "cogging": 0.01, "inertia": 2e-3},
+    {"pole_pairs": 14, "rated_torque": 2, "rated_current": 20, "resistance": 0.2, "bits": 16, "speed": 20},
+]  # fmt: skip
+HOLDS = {3, 5, 7, 8, 9}  # those of which the speed must be held
+
+
+@pytest.mark.parametrize("place", range(len(STRANGERS)))
+def test_a_strangers_motor_holds_its_speed_or_says_why_not(tmp_path: Path, place: int) -> None:
+    numbers = STRANGERS[place]
+    encoder = "incremental" if "cpr" in numbers else "absolute"
+    of = Request(
+        "own",
+        "generic",
+        encoder,
+        {flag.replace("_", "-"): parse_number(flag.replace("_", "-"), str(v)) for flag, v in numbers.items()},
+    )
+    _, study = written(tmp_path, of)
+    short = shortened(study)
+    (run,) = run_study(short, ["slow/harmonic"]).runs
+    answer = outcome(short, run)
+    last = run.trace.time >= run.trace.time[-1] - (short.metric[0].last or 0.0)
+    mean = float(np.mean(np.asarray(run.trace["omega_m"])[last]))
+    wanted = float(numbers["speed"]) * math.pi / 30
+    if answer.holds:
+        assert mean == pytest.approx(wanted, rel=0.05)
+    else:
+        assert len(answer.why) > 10
+    assert place not in HOLDS or answer.holds, answer
+
+
+# rules
+
+
+def test_a_step_motor_has_its_holding_torque_and_its_detent(tmp_path: Path) -> None:
+    of = request(
+        "nema17",
+        "stepper",
+        "incremental",
+        holding_torque=0.45,
+        rated_current=1.5,
+        detent_torque=0.02,
+        friction=0.005,
+    )
+    _, study = written(tmp_path, of)
+    star = study.motor.star()
+    assert star.pole_pairs == 50 and star.phases == 2
+    assert star.K_t * math.sqrt(2) * 1.5 == pytest.approx(0.45, rel=1e-3)
+    (detent,) = star.cogging
+    assert detent.order == 4 * 50
+    assert abs(detent.torque) == pytest.approx(0.02 - 0.005, rel=1e-3)
+
+
+def test_kv_and_resistance_between_terminals_reach_the_plant(tmp_path: Path) -> None:
+    _, study = written(
+        tmp_path, request("own", "generic", "absolute", kv=100, resistance=0.6, inductance=0.2)
+    )
+    star = study.motor.star()
+    volts_per_speed = 1 / (100 * math.pi / 30)  # peak, between two lines
+    assert star.psi_f == pytest.approx(volts_per_speed / math.sqrt(3) / 7, rel=1e-6)
+    assert (star.R_s, star.L_d) == (pytest.approx(0.3), pytest.approx(1e-4))
+
+
+def test_a_class_scaled_to_itself_is_itself() -> None:
+    for motor in parts("motors").values():
+        size = sized(motor, Known())
+        assert (size.resistance_factor, size.inductance_factor, size.inertia_factor) == (
+            pytest.approx(1), pytest.approx(1), pytest.approx(1)
+        )  # fmt: skip
+
+
+def test_a_motor_of_twice_the_size_follows_the_rules_of_scale() -> None:
+    """All lengths twice: torque 8, inertia 32, L / R 4, copper loss 4 times as large, with the same K_t."""
+    motor = parts("motors")["drone"]
+    own = sized(motor, Known())
+    size = sized(motor, Known(torque=8 * own.torque, torque_constant=own.torque_constant))
+    assert size.inertia_factor == pytest.approx(32)
+    assert size.inductance_factor / size.resistance_factor == pytest.approx(4)
+    loss = size.resistance_factor * (size.current / own.current) ** 2
+    assert loss == pytest.approx(4)
+    # and back: this resistance tells that torque
+    told = sized(
+        motor,
+        Known(
+            torque_constant=own.torque_constant,
+            resistance=size.resistance_factor * motor["resistance"].typical,
+        ),
+    )
+    assert told.torque == pytest.approx(size.torque)
+
+
+@pytest.mark.parametrize("pole_pairs", [*range(1, 30), 50])
+def test_slots_that_are_guessed_carry_a_balanced_winding(pole_pairs: int) -> None:
+    """Turned by 120 degrees electrical, the slots' voltages are the same set: three phases are alike."""
+    layouts = layouts_for(parts("motors")["own"], pole_pairs)
+    assert layouts and all(poles == 2 * pole_pairs for _, poles in layouts)
+    for slots, _ in layouts:
+        angles = [(k * pole_pairs * 3) % (3 * slots) for k in range(slots)]  # in 1/(3 slots) of a turn
+        turned = [(angle + slots) % (3 * slots) for angle in angles]
+        assert Counter(angles) == Counter(turned), slots
+
+
+def test_the_main_order_of_the_cogging_is_that_of_a_motor_of_teeth_and_magnets() -> None:
+    """Cogging is the sum over slots of what each tooth sees of each magnet."""
+    for slots, poles in ((12, 14), (18, 24), (27, 30), (9, 8), (6, 2)):
+        angle = 2 * np.pi * np.arange(4096) / 4096
+        torque = sum(
+            np.sum([np.sin(m * poles * (angle + 2 * np.pi * k / slots)) / m for k in range(slots)], axis=0)
+            for m in range(1, 40)
+        )
+        spectrum = np.abs(np.fft.rfft(torque))
+        lowest = int(np.flatnonzero(spectrum > 1e-6 * spectrum.max())[0])
+        assert cogging_orders(slots, poles)["cogging"] == lowest
+
+
+def test_cogging_grows_with_the_common_divisor_of_slots_and_poles(tmp_path: Path) -> None:
+    torques = []
+    for slots, pole_pairs in ((12, 7), (18, 12)):
+        of = request("own", "generic", "absolute", slots=slots, pole_pairs=pole_pairs, rated_torque=1)
+        torques.append(written(tmp_path, of)[1].motor.star().cogging[0].torque)
+    assert torques[1] / torques[0] == pytest.approx(math.gcd(18, 24) / math.gcd(12, 14), rel=0.01)
+
+
+def test_the_rated_torque_bounds_the_current(tmp_path: Path) -> None:
+    _, study = written(tmp_path, request("gm5208", "generic", "as5048", rated_torque="0.2 N*m"))
+    assert study.drive.current_loop.current_limit == pytest.approx(0.2 / study.motor.star().K_t, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("motor", "drive", "encoder"), [("gm5208", "generic", "as5048"), ("own", "moteus", "as5047")]
+)
+def test_an_observer_is_three_times_as_fast_as_the_crossover(
+    tmp_path: Path, motor: str, drive: str, encoder: str
+) -> None:
+    _, study = written(tmp_path, request(motor, drive, encoder))
+    crossovers = [d.margins.crossover for d in summary(study).values() if d.margins]
+    sensor = study.drive.position_sensor
+    assert 2 * math.pi * sensor.observer_bandwidth / max(crossovers) == pytest.approx(3, rel=0.06)
+
+
+def test_an_observer_is_no_faster_than_counts_come(tmp_path: Path) -> None:
+    _, study = written(tmp_path, request("gm5208", "generic", "absolute", bits=8, speed=20))
+    counts = 256 * 20 / 60
+    assert study.drive.position_sensor.observer_bandwidth <= 3 * counts / (2 * math.pi) * 1.02
+
+
+def test_edges_are_timed_where_the_drive_can_and_they_come_often(tmp_path: Path) -> None:
+    fast = request("uomodri", "generic", "incremental", cpr=20_000, speed=60)
+    assert written(tmp_path, fast)[1].drive.position_sensor.speed_method == "MT"
+    slow = request("uomodri", "generic", "incremental", cpr=400, speed=5)
+    assert written(tmp_path, slow)[1].drive.position_sensor.speed_method == "observer"
+    counting = request("uomodri", "odrive", "incremental", cpr=20_000, speed=60)
+    assert written(tmp_path, counting)[1].drive.position_sensor.speed_method == "observer"
+
+
+def test_a_datasheets_value_is_replaced_by_what_is_given(tmp_path: Path) -> None:
+    _, study = written(
+        tmp_path, request("gm5208", "generic", "as5048", pole_pairs=11, slots=24, kv=30, resistance=9)
+    )
+    star = study.motor.star()
+    assert (star.pole_pairs, study.motor.slots, star.R_s) == (11, 24, pytest.approx(4.5))
+    assert star.K_t == pytest.approx(math.sqrt(3) / 2 / (30 * math.pi / 30))
+    assert star.L_d == pytest.approx(4.49e-3)
+    assert [wave.order for wave in star.cogging] == [264, 24, 22]
+
+
+def test_what_is_given_stays_as_it_was_written(tmp_path: Path) -> None:
+    made, study = written(
+        tmp_path,
+        request(
+            "own", "generic", "absolute", bits=17, kv="58 rpm/V", inertia="400 g*cm^2", friction="3 mN*m",
+            cogging="4 mN*m", bus_voltage=24, current_limit=1.5, current_rate="20 kHz", speed_rate="4 kHz",
+            speed="3.1 rad/s", load="10 mN*m", slots=12,
+        ),
+    )  # fmt: skip
+    tables = made.tables
+    assert tables["motor"]["kv"] == "58 rpm/V" and tables["motor"]["slots"] == 12
+    assert tables["mechanics"]["inertia"] == "400 g*cm^2"
+    assert tables["mechanics"]["load"] == {"torque": "10 mN*m"}
+    assert tables["motor"]["cogging"][0] == {"order": 84, "torque": "4 mN*m"}
+    assert tables["scenario"]["slow"]["reference"] == "3.1 rad/s"
+    assert study.drive.rates.outer_loop == 4000
+    guessed = {guess.key for guess in made.guesses}
+    given = (
+        "motor.kv",
+        "mechanics.inertia",
+        "mechanics.coulomb_friction",
+        "motor.cogging.0.torque",
+        "motor.slots",
+    )
+    assert not guessed & {*given, "drive.inverter.bus_voltage", "drive.current_loop.current_limit"}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ({"speed_rate": 3000, "current_rate": 20_000},
+         '--speed-rate: "3000 Hz": expected a rate that divides the current loop\'s, 20000 Hz'),
+        ({"current_rate": "2.5 Hz"}, '--current-rate: "2.5 Hz": expected a whole number of Hz'),
+        ({"bus_voltage": 2}, '--bus-voltage: "2 V": expected 5 to 800 V, which generic bears'),
+        ({"holding_torque": 1},
+         '--holding-torque: "1 N*m": expected none, unless the motor has two phases, a step motor'),
+    ],
+)  # fmt: skip
+def test_answers_that_do_not_go_together(tmp_path: Path, numbers: dict[str, object], message: str) -> None:
+    with pytest.raises(RequestError) as error:
+        draft(request("own", "generic", "absolute", **numbers), "Mine", tmp_path / "mine.toml")
+    assert str(error.value) == message
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ({"step_angle": 1.7},
+         '--step-angle: "1.7 deg": expected 360 deg over four times the teeth, such as 1.8 deg'),
+        ({"kv": 100}, '--kv: "100 rpm/V": expected none, unless the motor has three phases'),
+    ],
+)  # fmt: skip
+def test_answers_that_do_not_go_with_a_step_motor(
+    tmp_path: Path, numbers: dict[str, object], message: str
+) -> None:
+    with pytest.raises(StudyError) as error:
+        draft(request("nema17", "stepper", "incremental", **numbers), "Mine", tmp_path / "mine.toml")
+    assert str(error.value) == message
+
+
+def test_a_speed_that_nobody_asked_for_is_one_at_which_the_rotor_turns(tmp_path: Path) -> None:
+    _, study = written(tmp_path, request("nema17", "stepper", "incremental"))
+    made, _ = written(tmp_path, request("nema17", "stepper", "incremental", speed=5))
+    assert re.search(r"does not\n#   snap|does not snap", (tmp_path / "mine.toml").read_text()) is None
+    assert made.tables["scenario"]["slow"]["reference"] == "5 rpm"
+    short = shortened(study)
+    (run,) = run_study(short, ["slow/harmonic"]).runs
+    assert outcome(short, run).holds

@@ -1,0 +1,211 @@
+"""`cogless new` as a user meets it: what it prints, what it asks, and one line for a mistake."""
+
+import io
+import re
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import cogless
+
+from cogless.study import load
+
+SHORT = ("--motor", "gm5208", "--drive", "generic", "--encoder", "as5048")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def unranked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the runs that rank the guesses."""
+    monkeypatch.setattr(sys.modules["cogless.cli.new"], "_show_ranking", lambda *_: None)
+
+
+def test_it_writes_a_study_and_says_what_matters_and_what_is_next(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = cogless(capsys, "new", "my_motor", *SHORT)
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == "Wrote my_motor.toml."
+    assert lines[2].startswith("At 20 r/min the PI leaves ") and lines[2].endswith(" r/min.")
+    assert "Three guesses matter most. Measure or look up first:" in lines
+    assert [line[:4] for line in lines if line.startswith("  ") and line[2:3].isdigit()] == [
+        "  1.",
+        "  2.",
+        "  3.",
+    ]
+    assert lines[-2:] == ["Next: cogless run my_motor", "  or: cogless live my_motor"]
+    code, out, _ = cogless(capsys, "run", "my_motor", "--only", "slow/pi", "--no-limits", "-o", "results")
+    assert code == 0 and "speed ripple [rpm]" in out
+    assert load("my_motor").title == "My motor"
+
+
+GUIDE = (Path(__file__).parents[2] / "docs" / "guide" / "new.md").read_text(encoding="utf-8")
+
+
+def test_the_guide_shows_what_comes_out(capsys: pytest.CaptureFixture[str]) -> None:
+    commands = re.findall(r"^    cogless (new .*)$", GUIDE, re.MULTILINE)
+    output = re.search(r"```text\n(.*?)```", GUIDE, re.DOTALL)
+    example = re.search(r"```toml\n(.*?)```", GUIDE, re.DOTALL)
+    assert output is not None and example is not None
+    assert cogless(capsys, *shlex.split(commands[0])) == (0, output[1], "")
+    assert example[1] in Path("my_motor.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("line", re.findall(r"^    cogless new (.*)$", GUIDE, re.MULTILINE)[1:])
+def test_the_other_commands_of_the_guide_write_a_study(
+    unranked: None, capsys: pytest.CaptureFixture[str], line: str
+) -> None:
+    arguments = shlex.split(line)
+    assert cogless(capsys, "new", *arguments)[0] == 0
+    assert load(arguments[0]).controller.keys() == {"pi", "harmonic"}
+
+
+def test_a_file_is_replaced_by_force_only(unranked: None, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("mine.toml").write_text("mine", encoding="utf-8")
+    line = "mine.toml: there is such a file: expected a new name, or --force\n"
+    for name in ("mine", "mine.toml"):
+        assert cogless(capsys, "new", name, *SHORT) == (2, "", line)
+    assert Path("mine.toml").read_text(encoding="utf-8") == "mine"
+    assert cogless(capsys, "new", "mine", *SHORT, "--force")[0] == 0
+    assert load("mine").title == "Mine"
+
+
+def test_a_shipped_studys_name_is_written_with_its_ending(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = cogless(capsys, "new", "gimbal", *SHORT)
+    assert out.splitlines()[-2] == "Next: cogless run gimbal.toml"
+
+
+def test_it_says_why_a_speed_is_not_held(capsys: pytest.CaptureFixture[str]) -> None:
+    numbers = ("--pole-pairs", 4, "--torque-constant", 0.5, "--resistance", 1.5, "--bits", 17, "--speed", 600)
+    code, out, _ = cogless(capsys, "new", "fast", *numbers, "--drive", "generic")
+    text = " ".join(out.split())
+    assert code == 0 and "With these numbers harmonic does not hold 600 r/min: the mean speed is " in text
+    assert "its reference of 600 rpm needs more voltage than there is" in text
+    assert max(map(len, out.splitlines())) <= 80
+
+
+MOTORS = "gimbal, drone, direct-drive, hub, servo, spindle, own, nema17, nema23"
+DRIVES = "generic, moteus, odrive, vesc, simplefoc, stepper"
+ENCODERS = "as5047, as5048, as5600, ma732, mt6701, absolute, incremental, hall"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("--motor gimbal --drive odrv --encoder hall",
+         f'--drive: "odrv": expected one of {DRIVES}, perhaps "odrive"'),
+        ("--motor gimbal --drive odrive --encoder mt6710",
+         f'--encoder: "mt6710": expected one of {ENCODERS}, perhaps "mt6701"'),
+        ("--motor gimbal --drive odrive", f"--encoder: missing: expected one of {ENCODERS}"),
+        ("--motor gimbal --encoder hall", f"--drive: missing: expected one of {DRIVES}"),
+        ("--motor own --drive odrive --encoder hall",
+         "--pole-pairs: missing: expected a number, since the motor is your own"),
+        ("--pole-pairs 7 --drive odrive --encoder hall",
+         "--kv: missing: expected a number, since the motor is your own"),
+        ("--pole-pairs 7 --kv 80 --drive odrive --encoder hall",
+         "--resistance: missing: expected a number, since the motor is your own"),
+        ("--motor nema17 --drive moteus --encoder hall",
+         '--drive: "moteus": expected one of generic, simplefoc, stepper, since a step motor has two phases'),
+        ("--motor gimbal --drive stepper --encoder hall",
+         '--drive: "stepper": expected one of generic, moteus, odrive, vesc, simplefoc, '
+         "since the motor has three phases"),
+        ("--motor gimbal --drive odrive --encoder as5047 --cpr 4000",
+         '--cpr: "4000": expected none, unless the encoder is incremental'),
+        ("--motor gimbal --drive odrive --encoder hall --bits 14",
+         '--bits: "14": expected none, unless the encoder is absolute'),
+        ("--motor uomodri --drive odrive --encoder as5047 --cogging 0.01",
+         '--cogging: "0.01 N*m": expected none, since the datasheet of uomodri has it'),
+        ("--motor krishnamurthy2003 --drive stepper --encoder as5047 --holding-torque 1",
+         '--holding-torque: "1 N*m": expected none, since the datasheet of krishnamurthy2003 has it'),
+        ("--kv 300V", '--kv: "300V": expected a speed per voltage, such as "1 rpm/V"'),
+        ("--kv fast", '--kv: "fast": expected a number in rpm/V, or with its unit, such as "1 rpm/V"'),
+        ("--kv -3", '--kv: "-3": expected more than zero'),
+        ("--inertia 0", '--inertia: "0": expected more than zero'),
+        ("--pole-pairs 1.5", '--pole-pairs: "1.5": expected a whole number from 1 to 1000'),
+        ("--bits 30", '--bits: "30": expected a whole number from 2 to 24'),
+        ("--cpr 1001", '--cpr: "1001": expected a multiple of 4, since each line gives four counts'),
+        ("--motor gimbal --drive moteus --encoder as5047 --bus-voltage 60",
+         '--bus-voltage: "60 V": expected 10 to 44 V, which moteus bears'),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_one_line(capsys: pytest.CaptureFixture[str], arguments: str, message: str) -> None:
+    assert cogless(capsys, "new", "mine", *arguments.split()) == (2, "", f"{message}\n")
+    assert not Path("mine.toml").exists()
+
+
+def test_a_misspelled_motor_is_told_that_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = cogless(capsys, "new", "mine", "--motor", "gm5280")
+    assert (code, out) == (2, "")
+    assert err.startswith(f'--motor: "gm5280": expected one of {MOTORS}, gm5208, ')
+    assert err.endswith(', perhaps "gm5208"\n') and err.count("\n") == 1
+
+
+def scripted(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:
+    """Someone at a terminal who gives these answers."""
+    monkeypatch.setattr(sys, "stdin", io.StringIO("".join(f"{answer}\n" for answer in answers)))
+    monkeypatch.setattr(sys.modules["cogless.cli.new"], "asks", lambda: True)
+
+
+def test_questions_at_a_terminal(
+    unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripted(monkeypatch, "own", "11", "nothing", "58", "5.6 ohm", "odriv", "odrive", "absolute", "30")
+    code, out, err = cogless(capsys, "new", "asked")
+    assert (code, err) == (0, "")
+    assert "Which motor is most like yours? [own]: " in out
+    assert '"nothing": expected a number in rpm/V, or with its unit, such as "1 rpm/V"' in out
+    assert f'"odriv": expected one of {DRIVES}, perhaps "odrive"' in " ".join(out.split())
+    assert max(map(len, out.replace("]: ", "]: \n").splitlines())) <= 80
+    tables: dict[str, Any] = load("asked").source.tables
+    assert tables["motor"]["pole_pairs"] == 11 and tables["motor"]["kv"] == "58 rpm/V"
+    assert tables["motor"]["resistance_line_to_line"] == "5.6 ohm"
+    assert tables["drive"]["rates"]["current_loop"] == "8 kHz"
+    assert tables["scenario"]["slow"]["reference"] == "30 rpm"
+
+
+def test_each_question_has_a_default(
+    unranked: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripted(monkeypatch, *[""] * 10)
+    assert cogless(capsys, "new", "plain")[0] == 0
+    asked = load("plain").source.tables
+    flags = ("--motor", "own", "--pole-pairs", 7, "--kv", 80, "--resistance", 0.5, "--drive", "generic")
+    monkeypatch.setattr(sys.modules["cogless.cli.new"], "asks", lambda: False)
+    assert cogless(capsys, "new", "flags", *flags, "--encoder", "as5047")[0] == 0
+    assert asked == load("flags").source.tables | {"title": "Plain"}
+
+
+def test_numbers_alone_tell_the_kind_of_motor_and_sensor(
+    unranked: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    step = ("--holding-torque", 0.45, "--rated-current", 1.5, "--drive", "stepper", "--cpr", 4000)
+    assert cogless(capsys, "new", "step", *step)[0] == 0
+    assert "motor nema17, drive stepper, encoder incremental" in Path("step.toml").read_text(encoding="utf-8")
+    own = ("--pole-pairs", 7, "--kv", 80, "--resistance", 1, "--current-rate", 20_000, "--bits", 16)
+    assert cogless(capsys, "new", "own", *own)[0] == 0
+    assert "motor own, drive generic, encoder absolute" in Path("own.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("motor", "own_fields"), [(SHORT, False), (("--motor", "gimbal", *SHORT[2:]), True)])
+def test_own_makes_the_page(
+    unranked: None,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    motor: tuple[str, ...],
+    own_fields: bool,
+) -> None:
+    called: list[tuple[str, bool]] = []
+
+    def live(study: str, *, own_motor: bool, jobs: int) -> None:
+        called.append((study, own_motor))
+
+    monkeypatch.setattr(sys.modules["cogless.cli.studies"], "live", live)
+    assert cogless(capsys, "new", "mine", *motor, "--own")[0] == 0
+    assert called == [("mine.toml", own_fields)]
