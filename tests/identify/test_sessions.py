@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,10 +12,10 @@ from identify.fits import fit_of, of_motor
 from identify.test_traps import shortened
 
 from cogless.identify import config
-from cogless.identify.balance import Rows
+from cogless.identify.balance import LADDER, Rows
 from cogless.identify.estimate import estimate
 from cogless.identify.log import load_logs
-from cogless.identify.sessions import _own, sentences, sessions
+from cogless.identify.sessions import sentences, sessions
 
 MORE = 0.04  # A of friction in the other session
 K_t, COULOMB = 0.3, 30e-3  # N m/A, N m
@@ -50,20 +48,35 @@ def test_without_names_there_are_no_sessions(tmp_path):
     assert sessions(estimate(known, load_logs(paths, known), lambda what, share: None)) == ()
 
 
-@pytest.mark.parametrize(("count", "parts"), [(200, 12), (59, 11), (10, 2)])
-def test_a_session_s_own_friction_is_what_its_rows_have_beyond_the_fit(count: int, parts: int) -> None:
-    """Its error is twice the jackknife error of its rows' mean, with blocks of five rows or more."""
-    log: Any = SimpleNamespace(name="a")
-    noise = np.random.default_rng(2).normal(0, 0.1, count)
-    ones = np.ones((count, 1))
-    rows = Rows(log, (("c",),), ones, 0.7 + noise, 0 * ones, noise, noise, noise)
-    made: Any = SimpleNamespace(fit=fit_of({("c",): 0.5, ("offset",): 0.1}))
-    own = _own(made, [rows])
-    assert list(own) == ["c"] and own["c"].value == pytest.approx(0.7 + noise.mean())
-    means = [np.delete(noise, left).mean() for left in np.array_split(np.arange(count), parts)]
-    assert own["c"].error == pytest.approx(2 * math.sqrt(parts - 1) * np.std(means))
-    few = replace(rows, columns=ones[:9], y=rows.y[:9])
-    assert _own(made, [replace(rows, columns=0 * ones)]) == {} == _own(made, []) == _own(made, [few])
+def rows_of_session(name: str, speed: float, friction: float, count: int, seed: int) -> Rows:
+    """Rows of a log that turns both ways at a speed, rad/s; the viscous friction is 0.01 A s/rad."""
+    noise = np.random.default_rng(seed).normal(0, 0.02, count)
+    way = np.repeat([1.0, -1.0], [count // 2, count - count // 2])
+    rule = SimpleNamespace(session=name)
+    log: Any = SimpleNamespace(name=f"{name} {speed}", rule=rule, kind="", dt=1e-3)
+    names = (("b",), ("c",), ("offset",))
+    columns = np.column_stack((speed * way, way, np.ones(count)))
+    y = columns @ [0.01, friction, 0.003] + noise
+    zero = np.zeros((len(LADDER), count))
+    return Rows(log, names, columns, y, 0 * columns, noise, speed * way, np.arange(count), zero)
+
+
+def test_a_session_s_own_friction_is_fitted_with_what_all_sessions_share() -> None:
+    """A viscous friction that takes a part of the difference would be wrong in every session."""
+    frictions = {"cold": 0.5, "warm": 0.3}
+    runs = [("cold", 5.0), ("cold", 40.0), ("warm", 40.0)]
+    off, errors = [], []
+    for seed in range(40):
+        rows = [rows_of_session(n, v, frictions[n], 400, 3 * seed + k) for k, (n, v) in enumerate(runs)]
+        logs = [each.log for each in rows]
+        made: Any = SimpleNamespace(rows=rows, logs=logs, fit=fit_of({("c",): 0.4}), instrument=5)
+        for session in sessions(made):
+            assert session.logs == tuple(log.name for log in logs if log.name.startswith(session.name))
+            off.append(session.values["c"].value - frictions[session.name])
+            errors.append(session.values["c"].error)
+            assert abs(session.values["offset"].value - 0.003) < 3 * session.values["offset"].error
+    assert 0.88 < np.mean(np.abs(off) < errors) <= 1.0
+    assert np.median(errors) < 4 * np.std(off)
 
 
 def test_one_session_has_nothing_to_be_compared_with() -> None:

@@ -89,7 +89,7 @@ def diagnosed(logs: Sequence[Path], columns: Path, progress: Progress) -> Diagno
     made = None
     if any(log.dt and log.kind != "bridge-off" for log in whole):
         try:
-            made = estimate(known, whole, progress)
+            made = _with_sure_error(estimate(known, whole, progress))
             said += [*made.left_out, *made.remarks]
         except StudyError as error:
             said += error.lines if isinstance(error, AdvisedError) else str(error).splitlines()
@@ -143,6 +143,13 @@ def _explained(made: Estimate | None, loaded: Sequence[Log]) -> dict[str, Log]:
         return {}
     off = [prepared(made.known, log, None) for log in loaded if log.kind == "bridge-off" and "theta" in log]
     return {log.name: _without_error(log, made) for log in (*made.logs, *off) if log.dt}
+
+
+def _with_sure_error(made: Estimate) -> Estimate:
+    """The estimate whose angle is corrected for those errors of the sensor alone that stand out of theirs."""
+    sure = {wave.order for wave in made.encoder if wave.size.value > wave.size.error}
+    error = {order: wave for order, wave in made.model.error.items() if order in sure}
+    return replace(made, model=replace(made.model, error=error))
 
 
 def _without_error(log: Log, made: Estimate) -> Log:

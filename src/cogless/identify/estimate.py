@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
+from functools import cached_property
 
 import numpy as np
 
 from cogless.identify import findings, voltage
 from cogless.identify.advice import Advice, AdvisedError, logs_of_kind
-from cogless.identify.balance import LADDER, WIDE_INSTRUMENT, Model, Name, Rows, Sensor, angle_noise, rows_of
+from cogless.identify.balance import (
+    LADDER,
+    WIDE_INSTRUMENT,
+    WIDTH_ROWS,
+    Model,
+    Name,
+    Rows,
+    Sensor,
+    angle_noise,
+    rows_of,
+)
 from cogless.identify.cogging_orders import FALSE_ALARM, ORDER_CHANCE, found_orders
 from cogless.identify.config import Identification
 from cogless.identify.jackknife import LARGEST_INFLATION, Equations, Fit
@@ -21,7 +31,7 @@ from cogless.identify.result import Estimate, Value, Wave, wave_of
 ORDERS_MOST = 48
 LONGEST_DELAY, EARLIEST_DELAY = 6e-3, -3e-3  # s; i_q before the angle: that of a filtered angle
 UNSURE_DELAY = 5e-3  # s, an error from which on a delay is not told
-DELAY_TRIES, DELAY_STEPS_MOST, DELAY_SETTLED = 6, 2.0, 0.1  # parabolas, and steps of the grid
+DELAY_TRIES, DELAY_STEPS_MOST, DELAY_SETTLED = 10, 2.0, 0.01  # parabolas, and steps of the grid
 ORDERS_FOR_ENCODER = 3  # before so many are known, the encoder's error would take their place
 ENCODER_ROUNDS, ENCODER_SETTLED = 3, 0.1  # intervals of the error that may be left
 SEARCHES = 2
@@ -29,6 +39,8 @@ AGREEMENT = 0.5  # of a wider instrument's interval, within which a narrower one
 ALIKE_INERTIA = 1e-3
 SURE_LADDER = 2.0  # times the interval: of wider instruments whose inertia counts as another measurement
 KERNEL_WIDEST = 0.02  # s
+NARROWER = 0.4  # of the kernel, with which faster orders are sought
+PASSED_PHASE = 2.0  # rad that the fastest order turns in a width: a seventh of it passes
 OTHER_WIDTH = 1.4  # of the kernel: how far the values move is a part of their errors
 FEW_CHANCE = FALSE_ALARM / 4  # of a wave that is among a few candidates
 SEEN_SHARE = 0.1  # of a log's rows that show an order, at least
@@ -109,25 +121,51 @@ class Logs:
         return State(model, equations, best, chosen)
 
     def widths(self, model: Model) -> Model:
-        """The model with kernels up to the frequency at which the angle's noise meets the current's."""
+        """The model with kernels up to the frequency at which the angle's noise meets the current's.
+
+        They are no wider than the slowest log needs to show order 6 p; `narrowed` has those for faster orders.
+        """
         j = abs(self.solve(model).fit.get("j")) or 1e-9
         stretches = {
             log.name: max(log.stretches, key=lambda rows: rows.stop - rows.start) for log in self.moving
         }
         currents = {
-            log.name: white_noise(log["i_q"][stretches[log.name]]) for log in self.moving if "i_q" in log
+            log.name: white_noise(*(log[name][stretches[log.name]] for name in ("i_q", "theta")))
+            for log in self.moving
+            if "i_q" in log
         }
         mean = float(np.mean(list(currents.values()))) if currents else 0.0
+        widest = min(KERNEL_WIDEST, 1 / max(6 * self.poles * self._slowest, 1e-9))
         widths = {}
         for log in self.moving:
             angle = angle_noise(log, stretches[log.name], self.known.step)
             current = currents.get(log.name) or mean
             meeting = np.sqrt(np.sqrt(current / max(angle, 1e-300)) / j) / (2 * np.pi)
-            least = max(2.5 * log.dt, self.period)
+            least = self._narrowest(log)
             widths[log.name] = float(
-                np.clip(1 / max(2 * np.pi * meeting, 1e-9), least, max(KERNEL_WIDEST, least))
+                np.clip(1 / max(2 * np.pi * meeting, 1e-9), least, max(widest, least))
             )
         return replace(model, widths=widths)
+
+    def narrowed(self, model: Model, widest: float) -> Model:
+        """The model with kernels that are no wider, s, where rows and law allow it."""
+        widths = {
+            log.name: min(model.widths[log.name], max(self._narrowest(log), widest)) for log in self.moving
+        }
+        return replace(model, widths=widths)
+
+    def passing(self, model: Model, widths: Mapping[str, float]) -> Model:
+        """The model with these kernels, or those through which its fastest order still passes."""
+        fastest = max(model.cogging, default=1) * self._slowest
+        return self.narrowed(replace(model, widths=widths), PASSED_PHASE / max(fastest, 1e-9))
+
+    def _narrowest(self, log: Log) -> float:
+        return max(WIDTH_ROWS * log.dt, self.period)
+
+    @cached_property
+    def _slowest(self) -> float:
+        """Speed of the slowest log, rad/s."""
+        return min(findings.speed(log) for log in self.moving)
 
     def sees(self, order: int) -> bool:
         """Whether some log has two rows and more for each wave of an order."""
@@ -229,7 +267,7 @@ def at_delay(made: Estimate, delay: Value, simulated: Sequence[Log], truth: Mapp
     drive = Logs(made.known, made.logs, lambda what, share: None)
     state = drive.agreeing(replace(made.model, delay=delay.value))
     state = drive.settled(state.model, state.instrument)
-    fitted = with_errors(drive, state, delay, made, _biases(drive, state, simulated, truth))
+    fitted = with_errors(drive, state, delay, made, lambda steady: _biases(drive, steady, simulated, truth))
     orders = {kind: {wave.order for wave in getattr(made, kind)} for kind in ("cogging", "ripple", "encoder")}
 
     def told(kind: str) -> tuple[Wave, ...]:
@@ -244,10 +282,32 @@ def at_delay(made: Estimate, delay: Value, simulated: Sequence[Log], truth: Mapp
     )
 
 
+def _steadiest(state: State, ends: Sequence[Equations]) -> State:
+    """The state with the instrument whose inertia has the least error, that by the delay included.
+
+    A narrow instrument has more of the motion, but also waves whose phase hangs on the delay. `ends`: the
+    equations at both ends of the delay's interval. The instruments narrower than the state's contradict it.
+    """
+
+    def error(instrument: int) -> float:
+        fit = state.equations.fit(instrument)
+        moved = (end.fit(instrument)["j",] - fit["j",] for end in ends)
+        return float(np.hypot(fit.interval(("j",)), max(map(abs, moved))))
+
+    best = min(range(state.instrument, len(LADDER)), key=error)
+    return state if best == state.instrument else State(
+        state.model, state.equations, state.equations.fit(best), best
+    )
+
+
 def _biases(
     drive: Logs, state: State, simulated: Sequence[Log], truth: Mapping[Name, float]
 ) -> dict[Name, Value]:
-    """What simulated logs show beside their truth, where it stands out of its error; the encoder's in rad."""
+    """What simulated logs show beside their truth, where it stands out of its error; the encoder's in rad.
+
+    It is shrunk by Breiman's garrote, doi:10.1080/00401706.1995.10484371: what barely stands out may be noise
+    of the simulation, and its subtraction would add that to the logs' own.
+    """
     played = Logs(drive.known, simulated, drive.progress)
     twin = played.settled(replace(state.model, error={}), state.instrument)
     shown, j = whole(twin.model, twin.fit), twin.fit.get("j") or 1.0
@@ -255,8 +315,9 @@ def _biases(
     for name, true in truth.items():
         if name in shown:
             error = twin.fit.interval(name) / (abs(j) if name[0] == "encoder" else 1.0)
-            if abs(shown[name] - true) > error:
-                biases[name] = Value(shown[name] - true, error)
+            bias = shown[name] - true
+            if abs(bias) > error:
+                biases[name] = Value(bias * (1 - (error / bias) ** 2), error)
     return biases
 
 
@@ -298,10 +359,12 @@ def _searched(drive: Logs, start: Model) -> tuple[State, float]:
     model = replace(start, columns=start.columns - {"delay"})
     if turning:
         model = drive.widths(model)
-    error = np.inf
+    error, widths = np.inf, model.widths
     for search in range(SEARCHES):
+        if search:  # for orders that are faster than the kernels
+            model = drive.narrowed(model, NARROWER * min(widths.values()))
         state = _with_orders(drive, model, first=not search and turning)
-        model = state.model
+        model = drive.passing(state.model, widths) if turning else state.model
         forced = [n for n in (2 * poles, 4 * poles, 6 * poles) if drive.sees(n)] if turning else []
         both = tuple(sorted({*model.cogging, poles, *forced}))
         model = replace(model, cogging=both, ripple=tuple(forced), encoder=(1, 2) if turning else ())
@@ -312,7 +375,7 @@ def _searched(drive: Logs, start: Model) -> tuple[State, float]:
         state = _standing_out(drive, state)
         if turning:
             state = _with_rubbing(drive, state)
-        model = state.model
+        model = drive.passing(state.model, widths) if turning else state.model
         if not turning:
             break
     if turning:
@@ -430,7 +493,9 @@ def _told_apart(drive: Logs, state: State, left: list[str]) -> State:
         if not wide:
             return state
         worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
-        if worst[0] != "offset" or "c" in state.model.columns:
+        if worst[0] == "cogging" and ("j",) in wide:  # each in the place of the other
+            left.append(not_told_apart("j"))
+        elif worst[0] != "offset" or "c" in state.model.columns:
             left.append(not_told_apart(str(worst[0]), *worst[1:]))
         state = drive.settled(_without(state.model, worst), state.instrument)
 
@@ -471,21 +536,23 @@ def with_errors(
     state: State,
     delay: Value | None,
     made: Estimate,
-    biases: Mapping[Name, Value] = MappingProxyType({}),
+    bias_of: Callable[[State], Mapping[Name, Value]] = lambda state: {},
 ) -> Estimate:
     """The estimate with the values of a state; their errors are a jackknife's, and what they move by with the
-    delay, within its error, and with kernel and instrument.
+    delay, within its error, and with kernel and instrument. `bias_of`: what is taken off the values.
     """
-    model, instrument = state.model, state.instrument
-    fit = state.equations.fit(instrument, exact=True)
-    here, others = whole(model, fit), list[dict[Name, float]]()
+    model, others = state.model, list[dict[Name, float]]()
+    ends: list[Equations] = []
     if "j" in model.columns:
         by = UNSURE_ROWS * max(log.dt for log in drive.moving) + drive.period / 2
         by = by if delay is None else min(by, delay.error)
-        others += [
-            whole(model, drive.solve(replace(model, delay=model.delay + sign * by), instrument).fit)
-            for sign in (-1, 1)
-        ]
+        ends = [drive.equations(replace(model, delay=model.delay + sign * by)) for sign in (-1, 1)]
+        state = _steadiest(state, ends)
+    instrument, biases = state.instrument, bias_of(state)
+    fit = state.equations.fit(instrument, exact=True)
+    here = whole(model, fit)
+    if "j" in model.columns:
+        others += [whole(model, end.fit(instrument)) for end in ends]
         if model.stribeck:
             speeds = (model.stribeck / model.stribeck_ratio, model.stribeck * model.stribeck_ratio)
             falling = [drive.solve(replace(model, stribeck=v), instrument).fit for v in speeds]
@@ -530,4 +597,5 @@ def with_errors(
         model=model,
         rows=state.equations.rows,
         fit=fit,
+        instrument=instrument,
     )

@@ -7,6 +7,7 @@ import numpy as np
 from cogless.identify.files import Array
 
 REACH = 4  # of a kernel, in widths
+ANSWER_ROWS = 8  # in which a law's current follows the angle
 
 
 class Kernel:
@@ -62,7 +63,17 @@ def shifted(x: Array, rows: float) -> Array:
     return np.asarray(b + 0.5 * f * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a))))
 
 
-def white_noise(x: Array) -> float:
-    """Variance of the white noise of a signal, by its fourth differences; 0 for a short one."""
+def white_noise(x: Array, answers: Array | None = None) -> float:
+    """Variance of the white noise of a signal, by its fourth differences; 0 for a short one.
+
+    `answers`: another signal, whose noise the first follows within some rows; this is no noise of its own.
+    """
     fourth = np.diff(x, 4)
-    return float((np.median(np.abs(fourth)) / 0.6745) ** 2 / 70) if len(fourth) > 20 else 0.0
+    if len(fourth) <= ANSWER_ROWS * 10:
+        return 0.0
+    if answers is not None:
+        cause = np.diff(answers, 4)
+        lagged = np.column_stack([cause[ANSWER_ROWS - lag : len(cause) - lag] for lag in range(ANSWER_ROWS)])
+        fourth = fourth[ANSWER_ROWS:]
+        fourth = fourth - lagged @ np.linalg.lstsq(lagged, fourth, rcond=None)[0]
+    return float((np.median(np.abs(fourth)) / 0.6745) ** 2 / 70)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cogless.identify.balance import Model, Rows
+from cogless.identify.balance import WIDE_INSTRUMENT, Model, Rows
 from cogless.identify.config import Identification
 from cogless.identify.jackknife import Fit
 from cogless.identify.log import Log
@@ -52,6 +52,7 @@ class Estimate:
     model: Model = field(repr=False, default=Model())
     rows: tuple[Rows, ...] = field(repr=False, default=())
     fit: Fit | None = field(repr=False, default=None)
+    instrument: int = field(repr=False, default=WIDE_INSTRUMENT)
     offsets: tuple[float, float, float] | None = None
 
     @property

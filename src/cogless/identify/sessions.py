@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cogless.identify.advice import Advice, recording
-from cogless.identify.balance import Rows
+from cogless.identify.balance import Name, Rows
+from cogless.identify.jackknife import Equations
 from cogless.identify.result import Estimate, Value
 
-PARTS = 12  # of a session's rows, for the jackknife
-FEWEST = 5  # rows of a part
-TOLD = ("c", "offset")  # what a session may have of its own
+OWN_COLUMNS: tuple[Name, ...] = (("c",), ("offset",))  # what a session may have of its own
 
 
 @dataclass(frozen=True)
 class Session:
-    """A session's logs, and its friction and offset, A, with all else as in all sessions together."""
+    """A session's logs, and its friction and offset, A, fitted with all else as in all sessions together."""
 
     name: str
     logs: tuple[str, ...]
@@ -29,38 +28,23 @@ def sessions(made: Estimate) -> tuple[Session, ...]:
     names = dict.fromkeys(log.rule.session for log in made.logs if log.rule.session is not None)
     if len(names) < 2 or made.fit is None:
         return ()
+    fit = Equations([_by_session(rows) for rows in made.rows]).fit(made.instrument)
     found = []
     for name in names:
         logs = tuple(log.name for log in made.logs if log.rule.session == name)
-        rows = [each for each in made.rows if each.log.name in logs and each.log.kind != "load"]
-        found.append(Session(str(name), logs, _own(made, rows)))
+        columns = [(key, name) for (key,) in OWN_COLUMNS if (key, name) in fit]
+        values = {str(key): Value(fit[key, name], fit.interval((key, name))) for key, _ in columns}
+        found.append(Session(name, logs, values))
     return tuple(found)
 
 
-def _own(made: Estimate, rows: list[Rows]) -> dict[str, Value]:
-    """Coefficients as these rows alone would have them, the others as all rows have them."""
-    assert made.fit is not None
-    fit = made.fit
-    keys = [key for key in TOLD if (key,) in fit and all((key,) in each.names for each in rows)]
-    parts = []
-    for each in rows:
-        columns = each.columns[:, [each.names.index((key,)) for key in keys]]
-        left = each.y - fit.prediction(each)
-        for own in np.array_split(np.arange(len(left)), max(1, min(PARTS, len(left) // FEWEST))):
-            parts.append((columns[own].T @ columns[own], columns[own].T @ left[own]))
-    if not keys or len(parts) < 2:
-        return {}
-    matrix, vector = sum(a for a, _ in parts), sum(b for _, b in parts)
-    if np.linalg.cond(matrix) > 1e8:
-        return {}
-    moved = np.linalg.solve(matrix, vector)
-    without = np.array([np.linalg.lstsq(matrix - a, vector - b, rcond=None)[0] for a, b in parts])
-    count = len(parts)
-    errors = np.sqrt((count - 1) / count * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
-    return {
-        key: Value(fit[key,] + float(by), 2 * float(error))
-        for key, by, error in zip(keys, moved, errors, strict=True)
-    }
+def _by_session(rows: Rows) -> Rows:
+    """The rows with columns of friction and offset that are the session's own."""
+    session = rows.log.rule.session
+    if session is None:
+        return rows
+    names = tuple((name[0], session) if name in OWN_COLUMNS else name for name in rows.names)
+    return replace(rows, names=names)
 
 
 def sentences(found: tuple[Session, ...]) -> list[str]:
