@@ -90,12 +90,16 @@ def test_a_clock_that_is_off_shows_as_a_delay(tmp_path):
 
 
 def test_ripple_of_k_t_and_cogging_of_order_6p_need_loads(tmp_path):
+    """Two speeds without a load: what the logs cannot tell is left out with the log that tells it."""
     text, logs = commissioned("servo", late=1)
     assert 6 * MOTORS["servo"]["motor"]["pole_pairs"] == 24
     steady = {"slow": slice(500, 7500), "one-speed": slice(500, 3500)}
     unloaded = {name: {key: x[rows] for key, x in logs[name].items()} for name, rows in steady.items()}
     made = told(Path(tmp_path), text, unloaded)
-    assert any(line.startswith("Order 24: ") and "cannot be told apart" in line for line in made.left_out)
     assert 24 not in {wave.order for wave in made.cogging} or made.ripple == ()
-    inertia = made.values["j"].times(K_T)
-    assert abs(inertia.value - INERTIA) < inertia.error
+    if "j" in made.values:
+        inertia = made.values["j"].times(K_T)
+        assert abs(inertia.value - INERTIA) < inertia.error
+        assert any(line.startswith("Order 24: ") and "cannot be told apart" in line for line in made.left_out)
+    else:
+        assert any("add an acceleration log" in line for line in made.left_out)

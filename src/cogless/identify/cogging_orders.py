@@ -18,6 +18,7 @@ ANGLE_BINS = 4096  # of a turn
 NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their gain over the strongest's
 BLOCK_SHARE = 1e-3  # information on an order over the largest block's, from which on a block counts
 BLOCKS_LEAST = 4
+STEP_SHARE = 0.1  # of the sensor's steps: rows fold these into orders of about this size, which repeat
 BLURRED = 3.0  # widths of the kernel, in rad of a wave, that leave a hundredth of it
 ORDER_CHANCE = FALSE_ALARM / ORDER_HIGHEST  # Bonferroni
 
@@ -32,6 +33,7 @@ def found_orders(
     orders = np.arange(1, ORDER_HIGHEST + 1)
     waves: list[NDArray[np.complex128]] = []
     information: list[Array] = []
+    speeds: list[float] = []
     for rows, left in residuals:
         weight = 1 / fit.noise[rows.log.name] ** 2
         width = model.width(rows.log) if rows.log.dt else 0.0
@@ -41,7 +43,8 @@ def found_orders(
                 continue
             summed = np.fft.fft(np.bincount(bins[part], left[part], ANGLE_BINS))[orders]
             summed *= np.exp(-1j * np.pi * orders / ANGLE_BINS)  # from the bin's edge to its middle
-            turning = orders * np.sqrt(np.mean(rows.omega[part] ** 2))
+            speeds.append(float(np.sqrt(np.mean(rows.omega[part] ** 2))))
+            turning = orders * speeds[-1]
             seen = (turning < sensor.top(rows.log)) & (turning * width < BLURRED)
             passed = np.exp(-0.5 * (turning * width) ** 2) * seen
             waves.append(weight * passed * summed)
@@ -57,6 +60,10 @@ def found_orders(
     ratio = np.abs(whole) ** 2 / np.maximum(scatter, 1e-300) * (count - 1) / np.maximum(count, 1)
     spare = 2 * np.maximum(count - 1, 1)
     chance = np.where(count >= BLOCKS_LEAST, fisher.sf(ratio, 2, spare), 1.0)
+    fastest = max(speeds)
+    slowest = np.min(np.where(used, np.array(speeds)[:, None], fastest), axis=0)
+    steps = STEP_SHARE * sensor.step * abs(fit.get("j")) * (orders * slowest) ** 2
+    chance[2 * np.abs(mean) < steps] = 1.0
     gain = np.abs(whole) ** 2 / np.maximum(total, 1e-300)
     new = [int(n) for n in orders[chance < ORDER_CHANCE] if n not in model.cogging]
     new.sort(key=lambda n: -gain[n - 1])

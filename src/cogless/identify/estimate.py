@@ -69,7 +69,6 @@ CURES = {
     "directions.",
     "c": "Friction and a load cannot be told apart; record each log in both directions.",
     "offset": "A current offset and friction cannot be told apart; record each log in both directions.",
-    "delay": "The delay of the log cannot be told apart from inertia; add an acceleration log.",
     "ripple": "Order {0}: K_t ripple and cogging cannot be told apart; record logs with loads of both "
     "signs, and an acceleration log.",
     "encoder": "Order {0}: the encoder's error and cogging cannot be told apart; add a log at a fast speed, "
@@ -78,7 +77,7 @@ CURES = {
     "cogging": "Order {0}: cogging cannot be told apart from the rest; add a slow sweep.",
 }
 CURE_LOGS = {  # kinds of log that tell a column apart
-    **dict.fromkeys(("j", "delay"), ("acceleration",)),
+    "j": ("acceleration",),
     **dict.fromkeys(("b", "encoder"), ("constant-speed",)),
     **dict.fromkeys(("c", "offset", "cogging"), ("slow-sweep",)),
     "ripple": ("load", "acceleration"),

@@ -2,8 +2,8 @@
 
 The row of the normal equations that belongs to the acceleration is multiplied by a slow course of it, its
 instrument, which has none of the angle's fast noise nor the law's answer to that. A log at one speed has no
-such course, and so says nothing of inertia. Errors are a jackknife's over blocks of the logs, widened to
-one over quarters of logs only where an F test says that these contradict each other.
+such course, and so says nothing of inertia. Errors are a jackknife's over blocks of the logs, widened by what
+logs, or quarters of logs, differ by beyond that.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ LOG_BLOCKS = 12
 BLOCK_ROWS = 6  # at least
 QUARTERS = 4  # parts of a log that are compared with each other
 WEIGHING_ROUNDS = 4
-CONTRADICTION = 0.05  # chance that logs which agree are said to contradict each other
 DEPENDENT = 1e-11  # singular value of scaled equations, over the largest, below which they tell nothing
 WELL_POSED = 1e9  # condition of scaled equations, up to which they are inverted
 DELAY_SMOOTHING = 0.02  # s
@@ -297,8 +296,7 @@ class Equations:
             count = len(matrices)
             moved = (vectors - matrices @ values) @ inverse.T * count / max(1, count - 1)
         variance, freedom = _variance_of(moved)
-        intervals = student.ppf(0.975, freedom) * np.sqrt(variance)
-        intervals = np.maximum(intervals, self._between_parts(moved, variance, freedom))
+        intervals = self._intervals(moved, variance, freedom)
         plain = sum(weight * self._plain[log][0] for log, weight in zip(self.logs, weights, strict=True))
         return Fit(
             names=self.names,
@@ -314,18 +312,21 @@ class Equations:
             ),
         )
 
-    def _between_parts(self, moved: Array, variance: Array, freedom: Array) -> Array:
-        """Errors at 95 % over quarters of logs, where these contradict each other; else 0."""
-        widest = np.zeros(len(variance))
+    def _intervals(self, moved: Array, variance: Array, freedom: Array) -> Array:
+        """Errors at 95 %: of blocks, and of what logs and quarters of logs differ by beyond these.
+
+        The excess is a random effect, with few degrees of freedom; their sum has those after Satterthwaite.
+        """
+        widest = student.ppf(0.975, freedom) * np.sqrt(variance)
         for key in (lambda block: (block.log, 0), lambda block: (block.log, block.part)):
             groups: dict[tuple[str, int], Array] = {}
             for block, by in zip(self.blocks, moved, strict=True):
                 groups[key(block)] = groups.get(key(block), 0.0) + by
             between, fewer = _variance_of(np.array(list(groups.values())))
-            ratio = between / np.maximum(variance, 1e-300)
-            apart = fisher.sf(ratio, fewer, freedom) < CONTRADICTION
-            wider = np.where(apart, student.ppf(0.975, fewer) * np.sqrt(between), 0.0)
-            widest = np.maximum(widest, wider)
+            excess = np.maximum(0.0, between - variance)
+            total = np.maximum(variance + excess, 1e-300)
+            spare = total**2 / np.maximum(excess**2 / fewer + variance**2 / freedom, 1e-300)
+            widest = np.maximum(widest, student.ppf(0.975, np.maximum(spare, 1.0)) * np.sqrt(total))
         return widest
 
     def _variance(self, log: str, values: Array) -> float:
