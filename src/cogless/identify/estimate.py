@@ -122,7 +122,7 @@ class Logs:
     def widths(self, model: Model) -> Model:
         """The model with kernels up to the frequency at which the angle's noise meets the current's.
 
-        They are no wider than the slowest log needs to show order 6 p; `narrowed` has those for faster orders.
+        They are no wider than the slowest log needs to show order 6 p; `passing` has faster orders.
         """
         j = abs(self.solve(model).fit.get("j")) or 1e-9
         stretches = {
@@ -141,9 +141,7 @@ class Logs:
             current = currents.get(log.name) or mean
             meeting = np.sqrt(np.sqrt(current / max(angle, 1e-300)) / j) / (2 * np.pi)
             least = self._narrowest(log)
-            widths[log.name] = float(
-                np.clip(1 / max(2 * np.pi * meeting, 1e-9), least, max(widest, least))
-            )
+            widths[log.name] = float(np.clip(1 / max(2 * np.pi * meeting, 1e-9), least, max(widest, least)))
         return replace(model, widths=widths)
 
     def narrowed(self, model: Model, widest: float) -> Model:
@@ -294,8 +292,10 @@ def _steadiest(state: State, ends: Sequence[Equations]) -> State:
         return float(np.hypot(fit.interval(("j",)), max(map(abs, moved))))
 
     best = min(range(state.instrument, len(LADDER)), key=error)
-    return state if best == state.instrument else State(
-        state.model, state.equations, state.equations.fit(best), best
+    return (
+        state
+        if best == state.instrument
+        else State(state.model, state.equations, state.equations.fit(best), best)
     )
 
 

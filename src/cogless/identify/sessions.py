@@ -11,7 +11,7 @@ from cogless.identify.balance import Name, Rows
 from cogless.identify.jackknife import Equations
 from cogless.identify.result import Estimate, Value
 
-OWN_COLUMNS: tuple[Name, ...] = (("c",), ("offset",))  # what a session may have of its own
+SESSION_KEYS = ("c", "offset")  # what a session may have of its own
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ def sessions(made: Estimate) -> tuple[Session, ...]:
     found = []
     for name in names:
         logs = tuple(log.name for log in made.logs if log.rule.session == name)
-        columns = [(key, name) for (key,) in OWN_COLUMNS if (key, name) in fit]
-        values = {str(key): Value(fit[key, name], fit.interval((key, name))) for key, _ in columns}
+        keys = [key for key in SESSION_KEYS if (key, name) in fit]
+        values = {key: Value(fit[key, name], fit.interval((key, name))) for key in keys}
         found.append(Session(name, logs, values))
     return tuple(found)
 
@@ -43,7 +43,8 @@ def _by_session(rows: Rows) -> Rows:
     session = rows.log.rule.session
     if session is None:
         return rows
-    names = tuple((name[0], session) if name in OWN_COLUMNS else name for name in rows.names)
+    own: dict[Name, Name] = {(key,): (key, session) for key in SESSION_KEYS}
+    names = tuple(own.get(name, name) for name in rows.names)
     return replace(rows, names=names)
 
 

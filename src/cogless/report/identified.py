@@ -17,7 +17,7 @@ from cogless.identify import described
 from cogless.identify.command import Identified, lines
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Wave
-from cogless.identify.sessions import TOLD, sessions
+from cogless.identify.sessions import SESSION_KEYS, sessions
 from cogless.identify.write import shown
 from cogless.report.charts import STYLE, Plot, save
 from cogless.report.markup import asset, note, table
@@ -218,7 +218,8 @@ def _sessions(made: Estimate) -> str:
     body = ""
     for session in sessions(made):
         cells = [", ".join(session.logs)]
-        cells += [shown(session.values[key], "A") if key in session.values else "not told" for key in TOLD]
+        values = [session.values.get(key) for key in SESSION_KEYS]
+        cells += ["not told" if value is None else shown(value, "A") for value in values]
         body += f"<tr><th>{escape(session.name)}</th>{''.join(f'<td>{escape(c)}</td>' for c in cells)}</tr>"
     head = "".join(f"<th>{name}</th>" for name in ("Session", "logs", "friction over K_t", "offset of i_q"))
     return table("", "Sessions", head, body) if body else ""
