@@ -144,17 +144,25 @@ class Logs:
             widths[log.name] = float(np.clip(1 / max(2 * np.pi * meeting, 1e-9), least, max(widest, least)))
         return replace(model, widths=widths)
 
-    def narrowed(self, model: Model, widest: float) -> Model:
-        """The model with kernels that are no wider, s, where rows and law allow it."""
+    def narrowed(self, model: Model, widest: Callable[[Log], float]) -> Model:
+        """The model with kernels that are no wider than this for each log, s, where rows and law allow it."""
         widths = {
-            log.name: min(model.widths[log.name], max(self._narrowest(log), widest)) for log in self.moving
+            log.name: min(model.width(log), max(self._narrowest(log), widest(log))) for log in self.moving
         }
         return replace(model, widths=widths)
+
+    def comparable(self, state: State) -> Sequence[Rows]:
+        """Rows in which every log shows the strongest order as clearly as it can."""
+        if not state.model.cogging:
+            return state.equations.rows
+        order = findings.strongest_order(state.fit, state.model)
+        sharp = self.narrowed(state.model, lambda log: 1 / max(order * findings.speed(log), 1e-9))
+        return self.equations(sharp).rows
 
     def passing(self, model: Model, widths: Mapping[str, float]) -> Model:
         """The model with these kernels, or those through which its fastest order still passes."""
         fastest = max(model.cogging, default=1) * self._slowest
-        return self.narrowed(replace(model, widths=widths), PASSED_PHASE / max(fastest, 1e-9))
+        return self.narrowed(replace(model, widths=widths), lambda log: PASSED_PHASE / max(fastest, 1e-9))
 
     def _narrowest(self, log: Log) -> float:
         return max(WIDTH_ROWS * log.dt, self.period)
@@ -248,7 +256,7 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     state = _told_apart(drive, state, left)
     progress("errors", 0.0)
     remarks += voltage.check(known, used)
-    remarks += findings.between_logs(state.equations.rows, state.fit, state.model, left)
+    remarks += findings.between_logs(drive.comparable(state), state.fit, state.model, left)
     empty = Estimate(
         known, tuple(used), {}, (), (), (), {}, tuple(remarks), (), offsets=findings.offsets_of(logs)
     )
@@ -361,7 +369,7 @@ def _searched(drive: Logs, start: Model) -> tuple[State, float]:
     error, widths = np.inf, model.widths
     for search in range(SEARCHES):
         if search:  # for orders that are faster than the kernels
-            model = drive.narrowed(model, NARROWER * min(widths.values()))
+            model = drive.narrowed(model, lambda log: NARROWER * min(widths.values()))
         state = _with_orders(drive, model, first=not search and turning)
         model = drive.passing(state.model, widths) if turning else state.model
         forced = [n for n in (2 * poles, 4 * poles, 6 * poles) if drive.sees(n)] if turning else []

@@ -264,8 +264,13 @@ def between_logs(rows: Sequence[Rows], found: Fit, model: Model, left: list[str]
     return said
 
 
+def strongest_order(found: Fit, model: Model) -> int:
+    """The order of the largest cogging."""
+    return max(model.cogging, key=lambda n: np.hypot(found["cogging", n, "c"], found["cogging", n, "s"]))
+
+
 def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[str]) -> list[str]:
-    strongest = max(model.cogging, key=lambda n: np.hypot(found["cogging", n, "c"], found["cogging", n, "s"]))
+    strongest = strongest_order(found, model)
     names = (("cogging", strongest, "c"), ("cogging", strongest, "s"))
     waves = {name: _own(own, found, names) for name, own in by_log.items()}
     clear = {name: w for name, (w, error) in waves.items() if 0 < error < TURNED * abs(w)}
