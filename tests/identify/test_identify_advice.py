@@ -41,7 +41,7 @@ def identified(logs: Logs, tables: Mapping[str, Any] | None = None) -> Estimate:
     folder = Path(mkdtemp())
     paths = write(folder, plan.text(dict(tables or bench.columns())), logs)
     known = config.load(folder / "id.toml")
-    return estimate(known, load_logs(paths, known), lambda what, share: None)
+    return command.standing_out(estimate(known, load_logs(paths, known), lambda what, share: None))
 
 
 def said(logs: Logs, tables: Mapping[str, Any] | None = None) -> tuple[list[str], Estimate | None]:
@@ -312,8 +312,11 @@ def test_a_slow_log_shows_the_orders_that_fast_ones_hide() -> None:
     up = tuple((0.3 * n, bench.TURN * (18.0 if n % 2 else 26.0)) for n in range(14))
     runs = {"both": bench.both_ways(20.0, 2.0), "up": bench.Run(up)}
     logs = dict(zip(runs, bench.simulated([(drive, run) for run in runs.values()]), strict=True))
-    line = advice(said(logs)[0], "No usable log turns slowly enough")
-    after, made = said({**logs, **recorded(line.cures[0], "cogging")})
+    line = advice(said(logs)[0], "of the motor needs")
+    (speed,) = [cure["record.speed"] for cure in line.cures if "record.speed" in cure]
+    assert speed < 20 * bench.TURN
+    (slower,) = bench.simulated([(drive, bench.both_ways(speed / bench.TURN, 2.0))])
+    after, made = said({**logs, "both": slower})
     assert words(line) not in map(words, after) and made is not None
     assert {wave.order for wave in made.cogging} == {18, 30} and inertia_off(made) < 0.02
 

@@ -28,6 +28,7 @@ STANDS_OUT = 5.0  # standard errors
 LIKELY_RIPPLE = 0.1  # of K_t, at most
 SIDEBAND = 0.5  # of the order between them, at most
 ROUNDING = 1e-6  # relative
+SPARE_SPEED = 0.9  # of the speed that just shows an order: what is advised has some to spare
 SEEN = 3.0  # wavelengths of an order that the kernel blurs to a hundredth
 
 
@@ -412,11 +413,11 @@ def _out_of_sight(made: Estimate) -> list[str]:
     if not hidden:
         return []
     order = max(hidden)
-    slower = turning * highest / order
+    slower = SPARE_SPEED * turning * highest / order
     cures = [recording(speed=slower, log=log.name)]
     needs = f"{slower / (2 * np.pi):.2g} rev/s"
     if made.model.width(log) < (1 + ROUNDING) * WIDTH_ROWS * log.dt:  # more rows make the kernel narrower
-        rate = _up(WIDTH_ROWS * order * turning / SEEN)
+        rate = _up(WIDTH_ROWS * order * turning / SEEN / SPARE_SPEED)
         cures = [recording(rate=rate, log=log.name), *cures]
         needs = f"{rate:.2g} rows a second or {needs}"
     return [
