@@ -19,7 +19,7 @@ from identify.fits import fit_of
 from cogless.errors import StudyError
 from cogless.identify import config, described, diagnosis, findings, plan, speed_alone, write
 from cogless.identify.advice import Advice
-from cogless.identify.balance import Model, Rows
+from cogless.identify.balance import Rows
 from cogless.identify.causes import Cause, Found
 from cogless.identify.command import Identified, lines
 from cogless.identify.config import Identification, LogRule

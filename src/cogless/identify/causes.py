@@ -27,6 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cogless.identify.cogging_orders import ORDER_CHANCE
 from cogless.identify.estimate import CURES
 from cogless.identify.result import Estimate
 from cogless.identify.steady import Steady
@@ -256,7 +257,8 @@ def disturbances(made: Estimate, part: Steady, order: int) -> Phasors:
         before = waves.get(cause, (0j, 0.0))
         waves[cause] = before[0] + factor * complex(c, -s), float(np.hypot(before[1], abs(factor) * error))
 
-    if order in made.model.cogging:
+    shown = order != poles or found.chance("cogging", order) < ORDER_CHANCE  # p is in every fit
+    if order in made.model.cogging and shown:
         add(_cogging(made, order), "cogging", 1.0)
     if order in made.model.ripple:
         add(GAIN if order == 2 * poles else RIPPLE, "ripple", part.current)
