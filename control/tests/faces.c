@@ -1,5 +1,6 @@
 #include "faces.h"
 
+#include <math.h>
 #include <stddef.h>
 #include <string.h>
 
@@ -165,6 +166,21 @@ static void trials_without_a_delay(void)
     CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_ERROR_CONFIG);
 }
 
+/* All of a learning matrix is read before it is taken, and nothing behind it. */
+static void matrix_of_a_trial(void)
+{
+    static cgl_real memory[CGL_TRIAL_LENGTH(4U, 0U)], matrix[4U * 4U + 4U];
+    cgl_trial law;
+    const cgl_trial_config config = {.samples = 4U, .states = 1U, .c = {CGL_R(1.0)}, .k_3 = CGL_R(0.1), .shift = 1U, .limit = CGL_R(1.0),
+                                     .learned_limit = CGL_R(1.0), .learning_matrix = matrix};
+    for (uint32_t i = 0; i < CGL_ENTRIES(matrix); ++i) {
+        matrix[i] = i < 16U ? CGL_R(0.1) : (cgl_real)NAN;
+    }
+    CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_OK);
+    matrix[15] = (cgl_real)NAN;
+    CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_ERROR_CONFIG);
+}
+
 static void names_of_a_law(void)
 {
     cgl_pi_ilc_config config = some_law();
@@ -305,6 +321,7 @@ void faces(void)
 {
     another_limit();
     trials_without_a_delay();
+    matrix_of_a_trial();
     unmade_states();
     unmade_drive();
     refused_again();
