@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from cogless import units
 from cogless.errors import StudyError
-from cogless.results.metrics import KINDS, Conditions, _last_part, evaluate, order_amplitudes, result_name
+from cogless.results.metrics import KINDS, _last_part, evaluate, order_amplitudes, result_name
 from cogless.results.trace import Trace
 from cogless.study import metric as declared
+from cogless.study.metric import Conditions
 
 RATE = 15_000
 

@@ -23,7 +23,7 @@ from cogless.cli.options import (
     load,
     to_run,
 )
-from cogless.cli.printed import print_warnings
+from cogless.cli.printed import print_uncertified
 from cogless.cli.terminal import tune_progress, variant_progress
 from cogless.errors import StudyError
 
@@ -101,7 +101,6 @@ def tune(
     from cogless.files import writable
     from cogless.report import sweep_report as report
     from cogless.results.folder import check_names, held, new_set
-    from cogless.study import TrialStudy
     from cogless.study.reading import changes_from
 
     sweep_table.require("tune")
@@ -126,8 +125,8 @@ def tune(
         print(line)
     print(f"Study: {path}")
     print(f"Report: {folder / 'report.html'}")
-    if not isinstance(loaded, TrialStudy):  # short runs don't show all, such as learning that grows slowly
-        print_warnings(load(str(path), None), [pair for one in tuned for pair in one.subject.pairs])
+    # short runs don't show all, such as learning that grows slowly
+    print_uncertified(load(str(path), None), [pair for one in tuned for pair in one.subject.pairs])
 
 
 @contextmanager

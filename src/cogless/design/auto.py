@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -44,15 +44,16 @@ from cogless.design.verdict import WIDEST
 from cogless.errors import StudyError
 from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
-from cogless.study.laws import AnyController
+from cogless.study.base import StudyBase
 from cogless.study.laws.adrc import Adrc
 from cogless.study.laws.anti_cogging import SETTLING, AntiCogging
 from cogless.study.laws.harmonic import FASTEST
+from cogless.study.laws.law import Base
 from cogless.study.laws.periodic import PiIlc, RobustIlc
 from cogless.study.laws.pi_afc import ORDERS, PiAfc
 from cogless.study.laws.space import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed
 from cogless.study.messages import dotted
-from cogless.study.reading import Changes
+from cogless.study.reading import AStudy, Changes
 
 # As told, and each corner: true K_t / J over that of the study, and samples of delay that the study
 # doesn't tell.
@@ -74,13 +75,12 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
     return filled(load_study(study, changes))
 
 
-def filled(study: AnyStudy) -> AnyStudy:
+def filled(study: AStudy) -> AStudy:
     """The study with the numbers that the rule auto gives; keys that it gives itself stay."""
-    if not isinstance(study, Study):
-        return study
     found: Values = {}
     for name in missing(study):
-        values, given = automatic(study, name), study.source.tables["controller"][name]
+        # only laws of speed have a tuning rule
+        values, given = automatic(cast(Study, study), name), study.source.tables["controller"][name]
         found |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in given}
     return changed(study, found) if found else study
 
@@ -101,7 +101,7 @@ def unfilled(study: Study, name: str) -> Study:
     return bare if all(values[key] == controllers[name][key] for key in of_rule) else study
 
 
-def missing(study: Study) -> list[str]:
+def missing(study: StudyBase) -> list[str]:
     """Names of the controllers whose numbers the rule auto has still to give."""
     tables = study.source.tables["controller"]
     return [
@@ -111,7 +111,7 @@ def missing(study: Study) -> list[str]:
     ]
 
 
-def is_auto(law: AnyController) -> bool:
+def is_auto(law: Base) -> bool:
     """Whether a controller's tuning rule is auto."""
     tuning = getattr(law, "tuning", None)
     return tuning is not None and tuning.is_auto

@@ -38,7 +38,7 @@ from cogless.design.speed_loop import SpeedLoop, gentler_loop, speed_loop
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weakest_margins
 from cogless.design.turning import late_angle, unstable_turning
 from cogless.design.unlearned import foreseen, map_warning
-from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
 from cogless.study.laws.harmonic import ORDERS, Harmonic
 from cogless.study.messages import dotted
@@ -281,14 +281,8 @@ def _from_rest(sampling: Course) -> Real:
 RPM = 30 / math.pi
 
 
-def warnings(study: AnyStudy, scenario: str, name: str) -> list[Remark]:
+def warnings(study: Study, scenario: str, name: str) -> list[Remark]:
     """Warnings about a controller and its current loop, one line each, which begins with the study's key."""
-    if isinstance(study, TrialStudy):
-        from cogless.design.trials.from_study import design_study
-        from cogless.design.trials.trial_summary import warnings as trial_warnings
-
-        found = trial_warnings(design_study(study, [(scenario, name)])[scenario, name])
-        return [Remark(f"controller.{name}: {line}") for line in found]
     return [
         *loop_remarks(study),
         *(remark.about(f"controller.{name}") for remark in _feedback_and_learning(study, name)),
@@ -317,10 +311,8 @@ def likely_harm(study: Study, name: str) -> str | None:
     return None if found is None else str(found)
 
 
-def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
+def too_short(study: Study, runs: Iterable[tuple[str, str]]) -> list[str]:
     """Warnings of scenarios in which a controller will learn nothing; `runs` are (scenario, controller)."""
-    if isinstance(study, TrialStudy):
-        return []
     pairs = [*runs]
     found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in pairs)
     tables = ((scenario, _idle_table(study, scenario)) for scenario in dict.fromkeys(s for s, _ in pairs))
@@ -342,14 +334,12 @@ def _idle_table(study: Study, scenario: str) -> str:
     return f"{settles}, the reference is there for {fast:.3g} s" if fast <= table.settling else ""
 
 
-def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[Remark]:
+def beyond_drive(study: Study, scenarios: Iterable[str]) -> list[Remark]:
     """Warnings of references that the drive cannot follow.
 
     A reference may be too fast for the bus voltage, for the current loop or for the age of the angle, too
     slow for the position sensor, or need more current than the limit.
     """
-    if not isinstance(study, Study):
-        return []
     all_of = (_out_of_reach, unstable_turning, late_angle, too_much_current, reads_zero)
     found = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
     return [remark.about(f"scenario.{name}") for name, remark in found if remark is not None]
@@ -431,10 +421,10 @@ def _no_room(study: Study, name: str) -> Remark | None:
     return Remark(f"{told}; {either(cures)} does{but if cogging else ''}", cures)
 
 
-def coarse_table(study: AnyStudy) -> list[str]:
+def coarse_table(study: Study) -> list[str]:
     """A warning of a table of the cogging with too few points for the main order of slots and poles."""
     table = getattr(study.motor, "cogging_table", None)
-    if not isinstance(study, Study) or table is None:
+    if table is None:
         return []
     main, highest = main_order(study, 0), table.highest(study.motor.pole_pairs)
     if main <= highest:

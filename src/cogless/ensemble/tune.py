@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.design.verdict import judgement as forecast
+from cogless.design.kinds import DESIGNS
 from cogless.ensemble import judge
 from cogless.ensemble.search import Settings, opened
 from cogless.ensemble.sweep import CHUNK, needed, rows
@@ -23,7 +23,7 @@ from cogless.ensemble.variants import SEED, Ensemble, Reader, draw, seeds, tried
 from cogless.ensemble.workers import Workers, pack, run_all
 from cogless.errors import StudyError
 from cogless.run.simulate import Pair, runs_of
-from cogless.study import AnyStudy, TrialStudy, changed
+from cogless.study import AnyStudy, changed
 from cogless.study.base import Tune
 from cogless.study.messages import MISSING, shown
 from cogless.study.metric import result_name
@@ -286,8 +286,7 @@ def growth(study: AnyStudy, controllers: Iterable[str]) -> float:
 
     The largest of these controllers; 0 for studies of trials.
     """
-    if isinstance(study, TrialStudy):
-        return 0.0
+    forecast = DESIGNS[study.kind].forecast
     found = [verdict for name in controllers if (verdict := forecast(study, name)) is not None]
     sure = [each for each in found if each.kind in ("grows", "unstable", "feedback unstable")]
     return max((each.worst.factor - 1 if each.worst else 1.0 for each in sure), default=0.0)

@@ -19,7 +19,7 @@ from scipy.special import ndtr, ndtri
 from cogless import units
 from cogless.errors import StudyError
 from cogless.interrupts import deferred
-from cogless.study import AnyStudy, TrialStudy, changed
+from cogless.study import AnyStudy, changed
 from cogless.study.messages import MISSING, dotted, look_up, shown
 from cogless.study.reading import split
 from cogless.study.table import Key
@@ -315,9 +315,7 @@ def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
 
 def _places(study: AnyStudy, keys: Iterable[str]) -> dict[str, dict[str, str]]:
     """The overrides that set a key of the plant, by scenario; a scenario that has its own value keeps it."""
-    of_plant = (
-        ("motor.", "mechanics.") if isinstance(study, TrialStudy) else ("motor.", "mechanics.", "drive.")
-    )
+    of_plant = tuple(f"{table}." for table in study.overridable)
     return {
         key: {
             name: dotted(("scenario", name, "override", key))

@@ -6,11 +6,10 @@ from pathlib import Path
 from cogless.errors import StudyError
 from cogless.files import replacing
 from cogless.live import engine, live_page
-from cogless.live.candidates import pinned
-from cogless.live.description import held, left_out, precision
+from cogless.live.candidates import PAGE_KEYS
+from cogless.live.description import held, left_out
 from cogless.live.live_page import NO_LIMITS
-from cogless.study import AnyStudy, TrialStudy
-from cogless.study.reading import Changes
+from cogless.study import AnyStudy
 
 __all__ = ["check", "left_out", "render", "write"]
 
@@ -21,7 +20,7 @@ def check(study: AnyStudy) -> None:
         raise StudyError(
             f"{study.source.path}: live: expected a controller that a page can hold: {left_out(study)[0]}"
         )
-    engine.module(precision(study))
+    engine.module(study.precision)
 
 
 def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[str, str] = NO_LIMITS) -> str:
@@ -33,9 +32,7 @@ def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[st
     StudyError as in `check`.
     """
     check(study)
-    pins: Changes = {}
-    if isinstance(study, TrialStudy):
-        study, pins = pinned(study)
+    study, pins = PAGE_KEYS[study.kind].pinned(study)
     return live_page.render(study, command, told, limits, pins)
 
 

@@ -23,11 +23,11 @@ import numpy as np
 
 from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
-from cogless.live.candidates import MOTOR, YOURS, Candidate, candidates, trial_candidates
+from cogless.live.candidates import MOTOR, PAGE_KEYS, YOURS, Candidate
 from cogless.live.description import Number, Packed, blobs, held
 from cogless.live.own_motor import TOGETHER, OwnMotor, own_motor
 from cogless.run.simulate import Pair
-from cogless.study import AnyStudy, TrialStudy
+from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import changed
 
@@ -167,7 +167,7 @@ def packed(study: AnyStudy, pairs: Sequence[Pair], like: AnyStudy | None = None)
 
 
 def _candidates(study: AnyStudy, told: bool) -> Iterator[Candidate]:
-    return trial_candidates(study) if isinstance(study, TrialStudy) else candidates(study, told)
+    return PAGE_KEYS[study.kind].candidates(study, told)
 
 
 def _own_motor(study: AnyStudy, base: All, keys: Sequence[Candidate]) -> OwnMotor:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, MapError, StoredMap
-from cogless.study import AnyStudy, TrialStudy, for_scenario
+from cogless.study import AnyStudy
 from cogless.study.laws.own import OwnLaw
 from cogless.study.motor import StarMotor
 
@@ -60,17 +60,17 @@ def memory_of(
     if stored is None:
         return {}
     values: Reals = stored["values"]
-    if isinstance(study, TrialStudy):
-        return {"learned": values[0]}
     if ORDER in stored["units"]:
         return _over_angle(*values)
-    law, poles = study.controller[controller], for_scenario(study, scenario).motor.pole_pairs
+    if not stored["turns"]:
+        return {"learned": values[0]}
+    law, poles = study.controller[controller], study.conditions(scenario).pole_pairs
     period = Fraction(stored["turns"], stored["parts"])  # revolutions
     if isinstance(law, OwnLaw):
         ratio = poles if period == Fraction(1, poles) else 1
     else:
         ratio = 1 if period == 1 else law.ratio(poles)
-    unit = float(np.float32(law.unit)) if study.drive.precision == "single" else law.unit  # as the law has it
+    unit = float(np.float32(law.unit)) if study.precision == "single" else law.unit  # as the law has it
     cells = values.shape[1]
     angle = 2 * np.pi * float(ratio * period) / cells * np.arange(cells)
     names = ("current", "beta", "h")[: len(values)]

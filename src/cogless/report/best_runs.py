@@ -10,7 +10,7 @@ from cogless.report.speed_verdict import judged
 from cogless.results import Results
 from cogless.results.limits import Limits
 from cogless.run.limit_search import limits
-from cogless.study import Study, for_scenario
+from cogless.study import AnyStudy
 from cogless.study.laws.own import OwnLaw
 
 TICKS_MOST = 5_000_000  # of a run that is made a dozen times again without being asked for
@@ -48,11 +48,8 @@ def with_limits(
     return replace(results, limits=found)
 
 
-def is_quick(study: Study, scenario: str, controller: str) -> bool:
+def is_quick(study: AnyStudy, scenario: str, controller: str) -> bool:
     """Whether a run is short enough to be repeated a dozen times without a request of the user."""
     if isinstance(study.controller[controller], OwnLaw):
         return False
-    return (
-        study.scenario[scenario].duration * for_scenario(study, scenario).drive.rates.current_loop
-        <= TICKS_MOST
-    )
+    return study.timing(scenario).ticks <= TICKS_MOST

@@ -118,6 +118,8 @@ class Sections:
     parts: Callable[[Any, Runs], dict[str, str]]  # tables and notes as HTML, for the template
     pictures: Mapping[str, Picture]
     outcome: Callable[[Any, Runs], Outcome | None] = no_outcome
+    # further runs that find what limits the best run of each scenario; None: nothing is known of that
+    with_limits: Callable[..., AnyResults] | None = None
 
 
 HUGE = 1e30  # far beyond any drive

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cogless.report import angle_charts, map_charts, order_charts, tables
+from cogless.report.best_runs import with_limits
 from cogless.report.charts import SPEED_PICTURES
 from cogless.report.comparison import compare
 from cogless.report.markup import note, reservations
@@ -57,4 +58,4 @@ def _parts(results: Results, runs: Runs) -> dict[str, str]:
     }
 
 
-SPEED = Sections("speed", compare, verdict, _charts, _parts, SPEED_PICTURES)
+SPEED = Sections("speed", compare, verdict, _charts, _parts, SPEED_PICTURES, with_limits=with_limits)

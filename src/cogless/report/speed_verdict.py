@@ -36,9 +36,9 @@ from cogless.report.limit_sentences import remark
 from cogless.report.panels import varies_in
 from cogless.report.verdicts import CLEARLY, Contest, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Results, Run
-from cogless.results.metrics import Conditions, evaluate
+from cogless.results.metrics import evaluate
 from cogless.study import Study
-from cogless.study.metric import Metric
+from cogless.study.metric import Conditions, Metric
 from cogless.study.remark import Remark
 from cogless.units import ANGULAR_SPEED, convert, factor
 
@@ -82,7 +82,7 @@ def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
     metric = next((m for m in results.study.metrics_in(scenario) if m.name == line.name), None)
     if metric is None or metric.signal not in SEEN or metric.kind not in SQUARES:
         return None
-    conditions, measured = Conditions.of(results.study, scenario), SEEN[metric.signal]
+    conditions, measured = results.study.conditions(scenario), SEEN[metric.signal]
     seen, shares = {}, {}
     for run in runs_in(results, scenario):
         if line.values.get(run.controller) is None:

@@ -10,15 +10,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
 from cogless.results.trace import Trace
-from cogless.study import AnyStudy, TrialStudy, for_scenario
-from cogless.study.metric import SIGNALS, Metric, turns_held, whole_revolutions
+from cogless.study.metric import SIGNALS, Conditions, Metric, turns_held, whole_revolutions
 from cogless.study.metric import result_name as result_name
 from cogless.units import ANGLE, ANGULAR_SPEED
 
@@ -33,36 +31,6 @@ SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms u
 
 class TooFewTurnsError(ValueError):
     """An angle that makes no whole revolution, or isn't finite."""
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """Data of a run that metrics need besides its trace."""
-
-    pole_pairs: int = 1
-    R_s: float = math.nan  # ohm, of the star equivalent
-    power_factor: float = math.nan  # as the star equivalent's
-    speed_period: float = math.nan  # s, of the speed loop
-    events: tuple[float, ...] = ()  # s, times of the scenario's events
-    trials: int | None = None
-    starts: tuple[int, ...] = ()  # the phases' first trials, counted from 1
-
-    @classmethod
-    def of(cls, study: AnyStudy, scenario: str) -> Self:
-        """The conditions of a scenario."""
-        if isinstance(study, TrialStudy):
-            poles = 1 if study.motor is None else study.motor.pole_pairs
-            experiment = study.scenario[scenario]
-            return cls(pole_pairs=poles, trials=experiment.trials, starts=experiment.starts)
-        study_here = for_scenario(study, scenario)
-        motor = study_here.motor.star()
-        return cls(
-            pole_pairs=motor.pole_pairs,
-            R_s=motor.R_s,
-            power_factor=motor.power_factor,
-            speed_period=1 / study_here.drive.rates.outer_loop,
-            events=tuple(event.time for event in study_here.scenario[scenario].events),
-        )
 
 
 @dataclass(frozen=True)

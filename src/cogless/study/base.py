@@ -1,4 +1,4 @@
-"""Base of both kinds of study: title, seed, assumptions, scenarios, controllers, metrics, source.
+"""Base of both kinds of study: what callers ask a study of any kind, and the tables that all have.
 
 Tables for `cogless calibrate`: parameters of a study to fit, and target values of its metrics.
 
@@ -9,16 +9,17 @@ Units in which speeds and angles are shown: a user who wrote rpm in his study re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from abc import abstractmethod
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from cogless import units
 from cogless.study.laws.law import Base
-from cogless.study.metric import Metric
+from cogless.study.metric import Conditions, Metric
 from cogless.study.table import Frequency, Line, Many, Quantity, StudyKeys, Table, dotted_keys, invalid
 from cogless.units import ANGLE, ANGULAR_SPEED, Dimension, UnitError, factor, unit_of
 
@@ -238,8 +239,29 @@ class TraceSettings(Table):
     energy: bool = False  # also integrate and record the energies
 
 
+Kind = Literal["speed", "trials"]  # keys of the rooms' tables: PLANS, DESIGNS, SECTIONS, PAGES
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How a run passes in ticks: periods of the current loop, or samples of a linear plant."""
+
+    ticks: int
+    rate: float  # ticks per second
+    divider: int  # ticks per sample of the law
+    decimation: int  # ticks per row of the trace
+
+
 class StudyBase(Table):
-    """Tables that speed studies and studies of trials have in common."""
+    """Tables that speed studies and studies of trials have in common, and what each kind answers for itself.
+
+    A kind implements the abstract methods. A room that treats the kinds differently has a table by `kind`.
+    """
+
+    kind: ClassVar[Kind]
+    outer_loop: ClassVar[str]  # the key of drive.rates that the kind needs
+    overridable: ClassVar[tuple[str, ...]]  # tables of whose keys a scenario may have an override
+    signal_kinds: ClassVar[frozenset[str]] = frozenset()  # properties of signals.def that all runs have
 
     title: Line
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
@@ -305,9 +327,49 @@ class StudyBase(Table):
         """The metrics that are evaluated in a scenario."""
         return tuple(m for m in self.metric if m.applies_in(scenario, self.scenario[scenario]))
 
+    @property
+    @abstractmethod
+    def precision(self) -> str:
+        """The precision of the control laws: "single" or "double"."""
+
+    @property
+    @abstractmethod
+    def file_rate(self) -> float:
+        """Rows per second of traces.nc at most, Hz."""
+
+    @property
+    @abstractmethod
+    def own_signals(self) -> dict[str, Dimension] | None:
+        """All signals of a plant that is no drive; None for a drive, whose signals are in signals.def."""
+
+    @property
+    @abstractmethod
+    def example_metric(self) -> dict[str, str]:
+        """A metric that suits any study of the kind."""
+
+    @abstractmethod
+    def timing(self, scenario: str) -> Timing:
+        """How a run of a scenario passes."""
+
+    @abstractmethod
+    def when(self, scenario: str, tick: int) -> str:
+        """The time of a tick, or its trial, as text that follows other words of a message."""
+
+    @abstractmethod
+    def conditions(self, scenario: str) -> Conditions:
+        """What metrics of a scenario need besides a trace."""
+
+    @abstractmethod
     def values_of(self, metric: Metric, scenario: str) -> int:
-        """Number of values of a metric: one, or for kind "order" one per order."""
-        return len(metric.order or ()) if metric.kind == "order" else 1
+        """Number of values of a metric: one, one per order, per phase or per trial."""
+
+    @abstractmethod
+    def columns_of(self, metric: Metric) -> list[tuple[int | None, str]]:
+        """Place and name of each value of a metric in a table of many runs; None is the last place."""
+
+    @abstractmethod
+    def scenario_facts(self, scenarios: Iterable[str]) -> dict[str, Any]:
+        """Entries of results.json about scenarios, beside their runs."""
 
 
 SPOKEN = (ANGULAR_SPEED, ANGLE)

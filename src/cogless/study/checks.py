@@ -23,11 +23,11 @@ from cogless.study.motor import Motor
 from cogless.study.position_sensor import Hall
 from cogless.study.scenario import BusFault, CurrentFault, FaultBase
 from cogless.study.table import Key, invalid, one_of
-from cogless.study.trial_study import TrialStudy
 
 if TYPE_CHECKING:
     from cogless.study.base import StudyBase
     from cogless.study.speed_study import Study
+    from cogless.study.trial_study import TrialStudy
 
 
 def faults(study: Study | TrialStudy) -> None:
@@ -115,9 +115,9 @@ def energy(study: Study | TrialStudy) -> None:
 
 def outer_loop(study: Study | TrialStudy) -> None:
     """Check that the outer loop is the speed loop, or in a study of trials the position loop."""
-    wanted, other = OUTER_LOOPS[::-1] if isinstance(study, TrialStudy) else OUTER_LOOPS
-    if study.drive is not None and getattr(study.drive.rates, wanted) is None:
-        raise invalid(f"expected {wanted} in its place", "drive", "rates", other)
+    if study.drive is not None and getattr(study.drive.rates, study.outer_loop) is None:
+        (other,) = (loop for loop in OUTER_LOOPS if loop != study.outer_loop)
+        raise invalid(f"expected {study.outer_loop} in its place", "drive", "rates", other)
 
 
 def leads(study: Study) -> None:

@@ -19,6 +19,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from cogless import units
+from cogless.control_library import C_LAWS
+from cogless.study.metric import OF_LINEAR_PLANTS
 from cogless.study.table import Duration, Many, Table, invalid
 
 OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
@@ -185,6 +188,13 @@ class LinearPlant(Table):
                 known = ", ".join(self.parameter) or "none"
                 expected = f'expected known parameters ({known}), not "{min(unknown)}"'
                 raise invalid(expected, *key)
+
+    @property
+    def signals(self) -> dict[str, units.Dimension]:
+        """All signals of the plant in trials; they have no unit."""
+        own = (term.signal for term in C_LAWS["trial"].terms)
+        names = (*OF_LINEAR_PLANTS, *own, "learned", "status")
+        return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(len(self.C)))), units.NONE)
 
     def at(self, parameters: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         """A and B for these parameter values; parameters that are left out are nominal.

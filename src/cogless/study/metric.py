@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, Literal, Protocol, Self
 
@@ -38,6 +39,7 @@ STATE = re.compile(r"x_\d+")
 AT_AN_EVENT = ("dip", "settling", "overshoot")
 WITH_A_BAND = ("settling", "exceeds", "time-to-learn")
 EACH_TRIAL = ("rms", "ripple-rms", "mean", "maximum", "peak-to-peak")  # in a study of trials
+LAST_TRIAL = "last"  # the value that a table of many runs has of a number in each trial
 EACH_PHASE = ("first-rms", "final-rms", "trials-to-floor")  # only there
 
 
@@ -186,6 +188,19 @@ class Metric(Table):
         if self.scenarios is not None:
             return name in self.scenarios
         return self.event is None or scenario.has_event(self.event)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Data of a run that metrics need besides its trace."""
+
+    pole_pairs: int = 1
+    R_s: float = math.nan  # ohm, of the star equivalent
+    power_factor: float = math.nan  # 3/2 for three phases, 1 for two
+    speed_period: float = math.nan  # s, of the speed loop
+    events: tuple[float, ...] = ()  # s, times of the scenario's events
+    trials: int | None = None
+    starts: tuple[int, ...] = ()  # the phases' first trials, counted from 1
 
 
 class WithEvents(Protocol):

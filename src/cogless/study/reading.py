@@ -155,6 +155,8 @@ class _Watched:
             return self._watched(getattr(self.table, name), (*self.key, name))
         found = getattr(kind, name, None)
         self._read_type()
+        if name in kind.__class_vars__:
+            return found
         if isinstance(found, property) and found.fget is not None:
             return found.fget(self)
         if isinstance(found, cached_property):
@@ -240,12 +242,16 @@ def changed(study: AStudy, changes: Changes) -> AStudy:
     return of_its_kind
 
 
-def for_scenario(study: Study, scenario: str) -> Study:
-    """The study with a scenario's overrides applied and without the other scenarios.
+def with_tables(study: AStudy, tables: dict[str, Any]) -> AStudy:
+    """A study of the same kind and source with other tables."""
+    of_its_kind = checked(replace(study.source, tables=tables))
+    assert isinstance(of_its_kind, type(study))
+    return of_its_kind
 
-    If the scenario has no overrides, the study itself.
-    """
-    return study._scenarios.get(scenario, study)
+
+def for_scenario(study: Study, scenario: str) -> Study:
+    """The study in one of its scenarios, see `Study.in_scenario`."""
+    return study.in_scenario(scenario)
 
 
 def _in_scenario(study: Study, like: Study | None, scenario: str) -> Study:

@@ -5,20 +5,21 @@ A scenario of trials: a repeated motion; reference, load, plant and start may ch
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from math import sqrt
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from math import inf, sqrt
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from cogless import units
-from cogless.study.base import StudyBase
-from cogless.study.drive import Drive
+from cogless.study.base import StudyBase, Timing
+from cogless.study.drive import OUTER_LOOPS, Drive
 from cogless.study.laws.trial import DesignSettings, TrialController
 from cogless.study.linear_plant import LinearPlant
 from cogless.study.mechanics import Load, Mechanics
-from cogless.study.metric import EACH_TRIAL, Metric
+from cogless.study.metric import EACH_PHASE, EACH_TRIAL, LAST_TRIAL, Conditions, Metric
 from cogless.study.motor import Motor
 from cogless.study.scenario import Experiment
 from cogless.study.table import (
@@ -232,6 +233,11 @@ class Hardware:
 class TrialStudy(StudyBase):
     """A validated study of trials, all SI. Made by `cogless.study.load`."""
 
+    kind: ClassVar[Literal["trials"]] = "trials"
+    outer_loop: ClassVar[str] = OUTER_LOOPS[1]
+    overridable: ClassVar[tuple[str, ...]] = ("motor", "mechanics")
+    signal_kinds: ClassVar[frozenset[str]] = frozenset({"trials"})
+
     plant: LinearPlant | None = None  # in place of motor, mechanics and drive
     motor: Motor | None = None
     mechanics: Mechanics | None = None
@@ -277,10 +283,66 @@ class TrialStudy(StudyBase):
             found += [abs(conditions.initial_speed or 0.0) + spread, float(np.max(steps))]
         return max(found)
 
+    @property
+    def precision(self) -> str:
+        return "double" if self.drive is None else self.drive.precision
+
+    @property
+    def file_rate(self) -> float:
+        return inf
+
+    @property
+    def own_signals(self) -> dict[str, units.Dimension] | None:
+        return None if self.plant is None else self.plant.signals
+
+    @property
+    def example_metric(self) -> dict[str, str]:
+        signal = "theta_error" if self.plant is None else "y_error"
+        return {"name": "error", "kind": "final-rms", "signal": signal}
+
+    def timing(self, scenario: str) -> Timing:
+        divider, rate = 1, 1 / self.period
+        if self.drive is not None:
+            divider, rate = self.drive.rates.divider, round(self.drive.rates.current_loop)
+        return Timing(
+            ticks=self.samples(scenario) * self.scenario[scenario].trials * divider,
+            rate=rate,
+            divider=divider,
+            decimation=divider if self.trace.rate is None else round(rate / self.trace.rate),
+        )
+
+    def when(self, scenario: str, tick: int) -> str:
+        return f" in trial {tick // (self.timing(scenario).divider * self.samples(scenario)) + 1}"
+
+    def conditions(self, scenario: str) -> Conditions:
+        experiment = self.scenario[scenario]
+        return Conditions(
+            pole_pairs=1 if self.motor is None else self.motor.pole_pairs,
+            trials=experiment.trials,
+            starts=experiment.starts,
+        )
+
     def values_of(self, metric: Metric, scenario: str) -> int:
-        """Number of values of a metric: one per trial, or one per phase."""
         experiment = self.scenario[scenario]
         return experiment.trials if metric.kind in EACH_TRIAL else len(experiment.starts)
+
+    def columns_of(self, metric: Metric) -> list[tuple[int | None, str]]:
+        if metric.kind not in EACH_PHASE:
+            return [(None, LAST_TRIAL)]
+        phases = max(len(scenario.starts) for scenario in self.scenario.values())
+        return [(place, f"{place + 1}") for place in range(phases)]
+
+    def scenario_facts(self, scenarios: Iterable[str]) -> dict[str, Any]:
+        """Number of trials, samples per trial, and first trial of each phase, by scenario."""
+        facts = {
+            name: {
+                "count": self.scenario[name].trials,
+                "samples": self.samples(name),
+                "phases": list(self.scenario[name].starts),
+            }
+            for name in scenarios
+        }
+        return {"trials": facts}
 
     def differs_at_random(self, scenario: str) -> bool:
         """Whether trials of a phase differ at random, beside the noise of a drive's sensors."""
