@@ -16,7 +16,7 @@ from cogless.design.trials.from_study import design_study, retuned
 from cogless.errors import StudyError
 from cogless.live import left_out, toml, write
 from cogless.live.candidates import pinned, trial_candidates
-from cogless.live.description import blobs, held, precision
+from cogless.live.description import blobs, held
 from cogless.live.keys import Found
 from cogless.live.live_page import data
 from cogless.run.plan import plan
@@ -63,7 +63,7 @@ def same_rows(folder, study, trials):
         }
         for p, count in zip(plans, ticks, strict=True)
     ]
-    given = {"module": module_file(folder, precision(study)), "jobs": jobs}
+    given = {"module": module_file(folder, study.precision), "jobs": jobs}
     for each, count, made in zip(plans, ticks, run_node(folder, ("engine.js",), RUN, given), strict=True):
         assert "error" not in made, made
         assert (made["hash"], made["stored"]) == native(each, count), each.names[1:]

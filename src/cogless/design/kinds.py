@@ -1,6 +1,7 @@
 """What the design says of a study, by its kind: gains before runs, tables of `cogless design`, warnings.
 
 DESIGNS is the one place in this room that knows both kinds. Its functions take a study of their own kind.
+Those of trials import late, since SciPy takes longer to import than a speed study's design needs.
 """
 
 from __future__ import annotations
@@ -10,14 +11,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from cogless.design import design_table, law_rules, summary, verdict, warnings
-from cogless.design.trials import trial_summary
-from cogless.design.trials.from_study import Designs, Pair, design_study
 from cogless.study import Study, TrialStudy
 from cogless.study.base import Kind
 from cogless.study.remark import Remark
 
 if TYPE_CHECKING:
     from rich.console import Group
+
+    from cogless.design.trials.from_study import Designs, Pair
 
 
 @dataclass(frozen=True)
@@ -53,19 +54,47 @@ def _speed_warnings_before(study: Study, pairs: Sequence[Pair]) -> list[object]:
     ]
 
 
+def _no_designs(study: Study, pairs: Sequence[Pair]) -> Designs:
+    from cogless.design.trials.from_study import Designs
+
+    return Designs()
+
+
+def _trial_designs(study: TrialStudy, pairs: Sequence[Pair]) -> Designs:
+    from cogless.design.trials.from_study import design_study
+
+    return design_study(study, pairs)
+
+
+def _trial_dict(study: TrialStudy) -> dict[str, Any]:
+    from cogless.design.trials import trial_summary
+
+    return trial_summary.to_dict(study, trial_summary.summary(study))
+
+
+def _trial_table(study: TrialStudy) -> Group:
+    from cogless.design.trials import trial_summary
+
+    return trial_summary.table(study, trial_summary.summary(study))
+
+
 def _trial_figures(study: TrialStudy, scenario: str, controller: str) -> tuple[dict[str, Any], str]:
-    design = design_study(study, [(scenario, controller)])[scenario, controller]
+    from cogless.design.trials import trial_summary
+
+    design = _trial_designs(study, [(scenario, controller)])[scenario, controller]
     return trial_summary.design_dict(design), trial_summary.words(design)
 
 
 def _trial_warnings(study: TrialStudy, scenario: str, name: str) -> list[Remark]:
-    lines = trial_summary.warnings(design_study(study, [(scenario, name)])[scenario, name])
+    from cogless.design.trials import trial_summary
+
+    lines = trial_summary.warnings(_trial_designs(study, [(scenario, name)])[scenario, name])
     return [Remark(f"controller.{name}: {line}") for line in lines]
 
 
 DESIGNS: Mapping[Kind, KindOfDesign] = {
     "speed": KindOfDesign(
-        prepared=lambda study, pairs: Designs(),
+        prepared=_no_designs,
         to_dict=summary.to_dict,
         table=design_table.design_table,
         figures=_speed_figures,
@@ -76,9 +105,9 @@ DESIGNS: Mapping[Kind, KindOfDesign] = {
         likely_harm=warnings.likely_harm,
     ),
     "trials": KindOfDesign(
-        prepared=design_study,
-        to_dict=lambda study: trial_summary.to_dict(study, trial_summary.summary(study)),
-        table=lambda study: trial_summary.table(study, trial_summary.summary(study)),
+        prepared=_trial_designs,
+        to_dict=_trial_dict,
+        table=_trial_table,
         figures=_trial_figures,
         warnings=_trial_warnings,
         certified=True,
