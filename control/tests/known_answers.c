@@ -18,6 +18,7 @@
 #include "cogless/space_position.h"
 #include "cogless/speed_pi.h"
 #include "cogless/speed_timed.h"
+#include "cogless/trial_guard.h"
 #include "cogless/turns.h"
 
 /* Numbers that logs and other programs know. */
@@ -331,6 +332,22 @@ static void hand_over_a_speed(void)
     }
 }
 
+/* Learning that only makes the error larger is a strike. The best v then runs for four trials, and learning begins anew. */
+static void hold_the_best_trial(void)
+{
+    static const cgl_real errors[] = {CGL_R(1.0), CGL_R(3.0), CGL_R(3.5), CGL_R(1.0), CGL_R(1.0), CGL_R(1.0), CGL_R(1.0)};
+    static const cgl_trial_phase phases[] = {CGL_TRIAL_LEARN, CGL_TRIAL_LEARN, CGL_TRIAL_REPLAY, CGL_TRIAL_HOLD,
+                                             CGL_TRIAL_HOLD,  CGL_TRIAL_HOLD,  CGL_TRIAL_LEARN};
+    cgl_trial_guard guard;
+    cgl_trial_guard_reset(&guard);
+    for (uint32_t n = 0; n < CGL_ENTRIES(errors); ++n) {
+        guard.error = errors[n];
+        const cgl_trial_verdict verdict = cgl_trial_guard_judge(&guard, false);
+        CHECK(guard.phase == phases[n] && verdict.learn == (phases[n] == CGL_TRIAL_LEARN));
+    }
+    CHECK(guard.strikes == 1U && within(guard.share - CGL_R(0.125), CGL_R(0.0)));
+}
+
 /* Each bound of the calibrations alone, and what lies on it. */
 static void bound_calibrations(void)
 {
@@ -431,6 +448,7 @@ void known_answers(void)
     learn_orders();
     turn_by_halls();
     hand_over_a_speed();
+    hold_the_best_trial();
     bound_calibrations();
     leave_torque_mode();
     feed_forward();
