@@ -5,20 +5,20 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 129,
-    "number_of_one_word": 373,
+    "constant_with_several_values": 126,
+    "number_of_one_word": 358,
     "vague_local": 900,
     "vague_argument": 269,
     "vague_function": 150,
     "many_positional_arguments": 47,
-    "fragment_of_a_comment": 102,
+    "fragment_of_a_comment": 101,
     "alias_defined_again": 21,
     "type_test_of_a_study": 5,
     "comparison_of_a_kind_of_study": 3,
     "type_test_of_a_law": 156,
     "message_taken_apart": 10,
-    "number_copied_from_c": 8,
-    "unit_factor_written_out": 100,
+    "number_copied_from_c": 0,
+    "unit_factor_written_out": 56,
     "file_name_used_again": 3,
     "small_file": 5,
 }

@@ -25,10 +25,10 @@ from cogless.design.margins import Real
 from cogless.study import Study, for_scenario
 from cogless.study.mechanics import AngleTable, Load, Mechanics
 from cogless.study.motor import StarMotor
+from cogless.units import TURN
 
 POINTS = 256  # grid points per period of the highest order
 MOST_POINTS = 2**20
-TURN = 2 * math.pi
 
 Rises = list[float]  # bounds of |f|, |f'|, |f''| and |f'''| of a function f
 

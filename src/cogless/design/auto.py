@@ -47,13 +47,14 @@ from cogless.study import load as load_study
 from cogless.study.base import StudyBase
 from cogless.study.laws.adrc import Adrc
 from cogless.study.laws.anti_cogging import SETTLING, AntiCogging
-from cogless.study.laws.harmonic import FASTEST
+from cogless.study.laws.harmonic import ORDER_ANGLE_MOST
 from cogless.study.laws.law import Base
 from cogless.study.laws.periodic import PiIlc, RobustIlc
-from cogless.study.laws.pi_afc import ORDERS, PiAfc
+from cogless.study.laws.pi_afc import PI_AFC_ORDERS, PiAfc
 from cogless.study.laws.space import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed
 from cogless.study.messages import dotted
 from cogless.study.reading import AStudy, Changes
+from cogless.units import TURN
 
 # As told, and each corner: true K_t / J over that of the study, and samples of delay that the study
 # doesn't tell.
@@ -156,7 +157,7 @@ def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
     found = known_orders(study, name)
     held = [n for n in found if _settles(study, name, n)] or found[:1]
     by_hand = _by_hand(study, name)
-    orders = list(by_hand.get("orders", sorted(held[:ORDERS]) or [1]))
+    orders = list(by_hand.get("orders", sorted(held[:PI_AFC_ORDERS]) or [1]))
     T = speed_loop(study).period
     loops = list(_loops(OrderLoop, _with(study, name, {"orders": tuple(orders), "gain": 1.0}), name))
 
@@ -177,11 +178,11 @@ def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
 def _settles(study: Study, name: str, order: int) -> bool:
     """Whether a lead exists with which the order is learned at all speeds and corners.
 
-    An order that turns by more than `FASTEST` rad a sample looks almost like its image, and is left out.
+    An order that turns by more than ORDER_ANGLE_MOST in a sample looks almost like its image: it is left out.
     """
     loops = list(_loops(OrderLoop, _with(study, name, {"orders": (order,), "gain": 1.0}), name))
     turned = max(order * abs(loop.omega_m) * loop.plant.period for loop in loops)
-    if turned > FASTEST:
+    if turned > ORDER_ANGLE_MOST:
         return False
     leads = range(LONGEST_LEAD + 1)
     return any(all(np.all(_cosine(loop, loop.frequencies, n) > IN_PHASE) for loop in loops) for n in leads)
@@ -212,7 +213,7 @@ def _anti_cogging(study: Study, name: str, law: AntiCogging) -> Values:
     speed = follows / highest
     turns = 1 + SETTLING
     run = {"speed": speed, "revolutions": 1, "position_gain": follows}
-    cells = min(_cells(study, name), int(2 * math.pi * turns / speed / loop.period))
+    cells = min(_cells(study, name), int(TURN * turns / speed / loop.period))
     return {"cells": cells, "lead": lead, "calibration": run}
 
 

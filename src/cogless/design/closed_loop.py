@@ -53,6 +53,7 @@ from cogless.study import Study
 from cogless.study.laws.harmonic import Harmonic
 from cogless.study.laws.law import Tuning
 from cogless.study.laws.space import SpacePosition
+from cogless.units import TURN
 
 ALMOST = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
 ROUNDING = 1e-6  # error of the integrators' poles at z = 1: a double pole if nothing is fed back
@@ -110,7 +111,7 @@ def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
     if abs(fastest) <= 1 + ROUNDING:
         return None
     T = loop.period
-    return Oscillation(abs(float(np.angle(fastest))) / (2 * math.pi * T), math.log(abs(fastest)) / T)
+    return Oscillation(abs(float(np.angle(fastest))) / (TURN * T), math.log(abs(fastest)) / T)
 
 
 def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = ()) -> Complex:

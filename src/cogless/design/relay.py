@@ -29,6 +29,7 @@ from cogless.study.laws.periodic import RobustIlc
 from cogless.study.messages import dotted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
+from cogless.units import TURN
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def switching(study: Study, scenario: str, name: str) -> Switching | None:
     fundamental[-1] = 1.0  # rms of a current that changes its sign with each sample
     made = law.g / law.b * fundamental * np.abs(true * closed)
     most = turned[np.argmax(made[turned])]
-    return Switching(float(w[most]) / (2 * math.pi), float(made[most]))
+    return Switching(float(w[most]) / TURN, float(made[most]))
 
 
 def relay_warning(study: Study, name: str) -> Remark | None:

@@ -57,7 +57,7 @@ from cogless.study.laws.law import Feedback, Tuning
 from cogless.study.messages import dotted, shown
 from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
-from cogless.units import unit_of
+from cogless.units import TURN, unit_of
 
 FACTORS = (2.0, 4.0, 8.0)  # of gains and bandwidths that are tried
 SLOWER_FACTORS = (*FACTORS, 16.0, 32.0, 64.0)  # by which the gains of the current loop are divided
@@ -297,7 +297,7 @@ class SoftShaft:
             (self.resonance, 1 / (1 / self.inertia + 1 / self.load_inertia)),
         ):
             width = self.damping_in_design / (2 * inertia)
-            folded = abs((w + math.pi / period) % (2 * math.pi / period) - math.pi / period)
+            folded = abs((w + math.pi / period) % (TURN / period) - math.pi / period)
             found.append(folded + width * np.concatenate([-AROUND, [0.0], AROUND]))
         return np.concatenate(found)
 

@@ -56,7 +56,7 @@ from cogless.study.messages import dotted
 from cogless.study.motion import course
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
-from cogless.units import ANGULAR_SPEED
+from cogless.units import ANGULAR_SPEED, TURN
 
 STEP = 1.06  # ratio of one judged speed to the one before
 FEWEST_SPEEDS = 15
@@ -64,7 +64,7 @@ SAME = 1e-6  # of speeds, relative
 ACCELERATIONS = 3  # judged at each speed, if mu depends on the acceleration
 WIDEST = 400  # widest Q filter that is tried, in cells or samples on each side
 SLOWEST = 200.0  # speeds below the fastest one divided by this count as rest
-ORDERS = 2000
+ORDER_POINTS = 2000
 ANGLES = 720  # in an electrical revolution
 RIPPLE = 0.01  # relative; a smaller ripple of the torque constant is neglected
 MARGIN = 2  # proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
@@ -565,7 +565,7 @@ def _torques(study: Study, scenario: str) -> list[float]:
     """Least, largest and mean torque constant over the angle, divided by the mean; only 1 without ripple."""
     study_here = for_scenario(study, scenario)
     motor = study_here.motor.star()
-    theta = np.linspace(0, 2 * math.pi / motor.pole_pairs, ANGLES, endpoint=False)
+    theta = np.linspace(0, TURN / motor.pole_pairs, ANGLES, endpoint=False)
     K_t = study_here.mechanics.stiff.inertia / angle_functions(motor, study_here.mechanics, Load()).h(theta)
     found = K_t / motor.K_t
     least, most = float(np.min(found)), float(np.max(found))
@@ -639,12 +639,12 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
     constant = len(judged) == 1
     channels = 1 if constant else _channels(judged)
     highest = min(at.loop.highest / at.loop.periods_per_second for at, _ in judged)
-    orders, window = np.linspace(1, max(highest, 1), ORDERS), 1
+    orders, window = np.linspace(1, max(highest, 1), ORDER_POINTS), 1
     chosen = [at.loop.orders for at, _ in judged if at.loop.orders is not None]
     if chosen:
         orders = max(chosen, key=len)  # of the slowest speed: the most orders
     else:
-        window += math.ceil(1 / max(orders[1] - orders[0], 1 / ORDERS))
+        window += math.ceil(1 / max(orders[1] - orders[0], 1 / ORDER_POINTS))
     rate, bound = np.zeros(len(orders)), np.zeros(len(orders))
     for at, share in judged:
         f = orders * at.loop.periods_per_second

@@ -40,13 +40,14 @@ from cogless.design.turning import late_angle, unstable_turning
 from cogless.design.unlearned import foreseen, map_warning
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
-from cogless.study.laws.harmonic import ORDERS, Harmonic
+from cogless.study.laws.harmonic import HARMONIC_ORDERS, Harmonic
 from cogless.study.messages import dotted
 from cogless.study.motion import Course, course
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
+from cogless.units import RPM, TURN
 
 SHARE = 0.05  # of the time in motion: speeds that are lower only for less time than this are ignored
 SPENT = 0.5  # of the phase margin
@@ -278,9 +279,6 @@ def _from_rest(sampling: Course) -> Real:
     return np.asarray(np.minimum(way - before, after - way))
 
 
-RPM = 30 / math.pi
-
-
 def warnings(study: Study, scenario: str, name: str) -> list[Remark]:
     """Warnings about a controller and its current loop, one line each, which begins with the study's key."""
     return [
@@ -351,9 +349,9 @@ def _out_of_reach(study: Study, scenario: str) -> Remark | None:
     most = voltage_reach(here)
     if wanted <= most or here.drive.inverter is None:
         return None
-    needs = f"its reference of {wanted * RPM:.4g} rpm needs more voltage than there is"
+    needs = f"its reference of {wanted / RPM:.4g} rpm needs more voltage than there is"
     volts = here.drive.inverter.bus_voltage
-    return Remark(f"{needs}: {volts:.4g} V turn this motor at {most * RPM:.4g} rpm without load")
+    return Remark(f"{needs}: {volts:.4g} V turn this motor at {most / RPM:.4g} rpm without load")
 
 
 def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]] | None:
@@ -382,8 +380,8 @@ def _not_learned(study: Study, name: str) -> Remark | None:
     orders = f"order{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
     said = f"it learns {told.order_words}, but the cogging has {orders}"
     needed = math.gcd(*cogging)
-    if cogging[-1] > needed * ORDERS:
-        return Remark(f"{said}; no base learns all of it with {ORDERS} orders")
+    if cogging[-1] > needed * HARMONIC_ORDERS:
+        return Remark(f"{said}; no base learns all of it with {HARMONIC_ORDERS} orders")
 
     def cured(other: Study) -> bool:
         after = _unlearned(other, name)
@@ -438,7 +436,7 @@ def shaft_notes(study: Study) -> list[str]:
     shaft = speed_loop(study).shaft
     if shaft is None:
         return []
-    low, high = (w / (2 * math.pi) for w in (shaft.antiresonance, shaft.resonance))
+    low, high = (w / TURN for w in (shaft.antiresonance, shaft.resonance))
     gap = study.mechanics.load_side is not None and study.mechanics.load_side.backlash > 0
     return [
         f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; rules tune for "
@@ -455,7 +453,7 @@ def _less_margin(study: Study, name: str) -> Remark | None:
     if found is None or not found.stable or found.phase_margin > 0.9 * tuning.phase_margin:
         return None
     has, asked = math.degrees(found.phase_margin), math.degrees(tuning.phase_margin)
-    at = found.crossover / (2 * math.pi)
+    at = found.crossover / TURN
     margin = f"its phase margin is {has:.3g} deg at {at:.4g} Hz, not {asked:.3g} deg"
     return Remark(f"with the soft shaft {margin}")
 

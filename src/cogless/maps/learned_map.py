@@ -18,6 +18,7 @@ from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, MapError, Stor
 from cogless.study import AnyStudy
 from cogless.study.laws.own import OwnLaw
 from cogless.study.motor import StarMotor
+from cogless.units import TURN
 
 POINTS = 8  # per wave of the highest order
 
@@ -72,7 +73,7 @@ def memory_of(
         ratio = 1 if period == 1 else law.ratio(poles)
     unit = float(np.float32(law.unit)) if study.precision == "single" else law.unit  # as the law has it
     cells = values.shape[1]
-    angle = 2 * np.pi * float(ratio * period) / cells * np.arange(cells)
+    angle = TURN * float(ratio * period) / cells * np.arange(cells)
     names = ("current", "beta", "h")[: len(values)]
     frame = "mechanical" if ratio == 1 else "electrical"
     return {"frame": frame, "angle": angle, **dict(zip(names, 1 / unit * values, strict=True))}
@@ -84,7 +85,7 @@ def _over_angle(a: Reals, b: Reals, orders: Reals) -> dict[str, Any]:
     a: amplitudes of the cosines, b: of the sines.
     """
     cells = POINTS * round(float(np.max(orders)))
-    angle = 2 * np.pi / cells * np.arange(cells)
+    angle = TURN / cells * np.arange(cells)
     waves = (x * np.cos(h * angle) + y * np.sin(h * angle) for x, y, h in zip(a, b, orders, strict=True))
     return {"frame": "mechanical", "angle": angle, "current": sum(waves)}
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from cogless.control_library import C_LAWS
 from cogless.errors import StudyError
 from cogless.files import no_device, reason, replacing
+from cogless.units import TURN
 
 MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
 FLOAT32 = 1  # the only number type
@@ -101,7 +102,7 @@ class StoredMap:
         """Mechanical angle of each entry, rad; None for a trial and for orders."""
         if self.turns == 0 or ORDER in self.units:
             return None
-        step = 2 * np.pi * self.turns / (self.parts * self.cells)
+        step = TURN * self.turns / (self.parts * self.cells)
         return step * np.arange(self.cells, dtype=np.float64)
 
     def unit(self, channel: int) -> tuple[str, str, str]:

@@ -18,7 +18,7 @@ from cogless.errors import StudyError
 from cogless.results.trace import Trace
 from cogless.study.metric import SIGNALS, Conditions, Metric, turns_held, whole_revolutions
 from cogless.study.metric import result_name as result_name
-from cogless.units import ANGLE, ANGULAR_SPEED
+from cogless.units import ANGLE, ANGULAR_SPEED, TURN
 
 Array = NDArray[np.float64]
 Value = float | None | list[float]
@@ -338,7 +338,7 @@ def order_amplitudes(
     frame = theta_m * pole_pairs if electrical else theta_m
     whole = whole_revolutions(orders)
     periods = [math.lcm(whole, pole_pairs), whole] if electrical else [whole]
-    turns = abs(float(frame[-1] - frame[0])) / (2 * math.pi)
+    turns = abs(float(frame[-1] - frame[0])) / TURN
     for period in periods:
         count = math.floor(turns_held(turns, turns / max(1, len(frame) - 1)) / period)
         if count:
@@ -346,7 +346,7 @@ def order_amplitudes(
     else:
         name = "electrical" if electrical else "mechanical"
         raise TooFewTurnsError(f"window holds {turns:.3g} {name} revolutions, expected {periods[-1]} or more")
-    angle, x = _last_part(frame, x, min(turns, count * period) * 2 * math.pi)
+    angle, x = _last_part(frame, x, min(turns, count * period) * TURN)
     step = np.diff(angle)
     span = float(angle[-1] - angle[0])
     # Remove the mean: it would leak into the orders if the span isn't exactly whole revolutions.
@@ -409,4 +409,4 @@ def _mean_before(m: MetricInput) -> float:
         return float(m.part(m.signal, m.rows)[0])
     theta = trace.part("theta_m", rows)
     turned = np.abs(theta - theta[-1])
-    return float(np.mean(m.part(m.signal, rows)[turned <= 2 * math.pi]))
+    return float(np.mean(m.part(m.signal, rows)[turned <= TURN]))

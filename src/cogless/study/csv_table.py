@@ -23,7 +23,7 @@ from pydantic_core import PydanticCustomError
 from cogless import units
 from cogless.files import no_device
 from cogless.study.table import invalid
-from cogless.units import Dimension
+from cogless.units import TURN, Dimension
 
 POINTS = ", and decimal points in numbers"
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
@@ -151,7 +151,6 @@ def _number(text: str, name: str, line: int) -> float:
     return finite(text, number, name, where)
 
 
-TURN = 2 * math.pi
 FEWEST = 8  # points
 GAP = 5.0  # times the median spacing: a wider one is a hole in the table
 SEAM = 3.0  # times the largest step between neighbours: a larger one from the end to the start is a mistake

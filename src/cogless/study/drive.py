@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from cogless.control_library import whole_number
 from cogless.study.motor import StarMotor
 from cogless.study.position_sensor import ORDER_MAX, Counted, IdealSensor, PositionSensor
 from cogless.study.table import (
@@ -37,6 +38,7 @@ from cogless.study.table import (
     check_sizes,
     invalid,
 )
+from cogless.units import TURN
 
 
 class Monitor(Table):
@@ -69,7 +71,7 @@ class Quality(Table):
         return self
 
 
-ORDERS = 4  # of a table of the sensor's error: CGL_ENCODER_TABLE_ORDERS
+ENCODER_TABLE_ORDERS = whole_number("CGL_ENCODER_TABLE_ORDERS")
 SETTLED_TIMES = 10.0  # time constants after which its observer has settled: encoder_table.c
 PAST_MAX = 100_000  # longest delay in current-loop periods
 PERIODS_MAX = 5e8  # largest number of periods that the controller counts
@@ -172,7 +174,7 @@ class CurrentLoop(Table):
         if self.bandwidth is None:
             kp, ki = self.kp or 0.0, self.ki or 0.0
             return {"kp_d": kp, "ki_d": ki, "kp_q": kp, "ki_q": ki}
-        w = 2 * math.pi * self.bandwidth
+        w = TURN * self.bandwidth
         ki = w * belief.R_s
         return {"kp_d": w * belief.L_d, "ki_d": ki, "kp_q": w * belief.L_q, "ki_q": ki}
 
@@ -233,8 +235,10 @@ class EncoderTable(Table):
     @model_validator(mode="after")
     def _rising(self) -> Self:
         rising = all(a < b for a, b in pairwise((0, *self.orders, ORDER_MAX + 1)))
-        if not rising or not 1 <= len(self.orders) <= ORDERS:
-            raise invalid(f"expected 1 to {ORDERS} orders that rise, from 1 to {ORDER_MAX}", "orders")
+        if not rising or not 1 <= len(self.orders) <= ENCODER_TABLE_ORDERS:
+            raise invalid(
+                f"expected 1 to {ENCODER_TABLE_ORDERS} orders that rise, from 1 to {ORDER_MAX}", "orders"
+            )
         if self.limit * self.orders[-1] > 1:
             raise invalid(f"expected at most {1 / self.orders[-1]:.3g} rad", "limit")
         if not self.omega_min:

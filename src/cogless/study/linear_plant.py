@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from cogless import units
-from cogless.control_library import C_LAWS
+from cogless.control_library import C_LAWS, whole_number
 from cogless.study.metric import OF_LINEAR_PLANTS
 from cogless.study.table import Duration, Many, Table, invalid
 
@@ -82,7 +82,7 @@ def _value(node: ast.expr, values: Mapping[str, float]) -> float:
     raise ExpressionError('expected arithmetic of + - * / ** over parameters, such as "-B / J"')
 
 
-MOST_STATES = 8  # of the control law, CGL_TRIAL_STATES
+TRIAL_STATES = whole_number("CGL_TRIAL_STATES")
 
 Entry = str | float
 Rows = Many[Many[float]]
@@ -152,8 +152,8 @@ class LinearPlant(Table):
                 "expected either A and B, or vertex", "A", value="missing" if self.A is None else None
             )
         n = len(self.C)
-        if not 1 <= n <= MOST_STATES:
-            raise invalid(f"expected 1 to {MOST_STATES} numbers, one a state", "C")
+        if not 1 <= n <= TRIAL_STATES:
+            raise invalid(f"expected 1 to {TRIAL_STATES} numbers, one a state", "C")
         if self.A is not None and self.B is not None:
             self._check_shape(self.A, self.B)
             self._check_names()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
@@ -25,6 +24,7 @@ from cogless.study.table import (
     ViscousFriction,
     invalid,
 )
+from cogless.units import TURN
 
 Order = Annotated[int, Field(ge=1, le=10_000)]
 
@@ -51,7 +51,7 @@ class AngleTable(Table):
                 raise invalid("expected none, since angle and torque are given", "file")
             return self._read(info)
         check_table("angle", self.angle, self.torque)
-        if self.angle[-1] - self.angle[0] >= 2 * math.pi * (1 - 1e-9):
+        if self.angle[-1] - self.angle[0] >= TURN * (1 - 1e-9):
             raise invalid("expected less than one revolution from the first to the last angle", "angle")
         return self
 

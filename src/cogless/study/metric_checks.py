@@ -5,7 +5,6 @@ Find out which signals the runs of a study have, and why a signal is missing.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import product
@@ -26,6 +25,7 @@ from cogless.study.metric import (
 )
 from cogless.study.motor import Motor
 from cogless.study.table import invalid, nearest, one_of
+from cogless.units import TURN
 
 if TYPE_CHECKING:
     from cogless.study.laws.law import Base
@@ -198,7 +198,7 @@ def orders(study: Study) -> None:
             if not metric.order or not metric.applies_in(name, scenario):
                 continue
             poles = study.motor.pole_pairs if metric.frame == "electrical" else 1
-            turns = poles * scenario.top_speed / (2 * math.pi)
+            turns = poles * scenario.top_speed / TURN
             key, span = _span(study, metric, scenario)
             fewest = whole_revolutions(metric.order)
             if turns_held(turns * span, turns / study.trace_rate) < fewest:

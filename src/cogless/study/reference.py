@@ -20,6 +20,7 @@ from cogless.study.table import (
     Time,
     invalid,
 )
+from cogless.units import TURN
 
 Kind = Literal["constant", "ramp", "profile", "sine", "fm", "sines", "moves", "file"]
 FORMS: dict[Kind, set[str]] = {
@@ -126,16 +127,15 @@ class Reference(Table):
 
         `initial_speed`, rad/s: where the smoothing filter starts.
         """
-        turn = 2 * math.pi
         slopes = [abs((b - a) / (end - start)) for (start, a), (end, b) in pairwise(self.points)]
         # a fifth-degree polynomial at rest at both ends has at most 10 / sqrt(3) distance / time^2
         moving = [
             10 / math.sqrt(3) * abs(b - a) / (end - start) ** 2
             for (start, a), (end, b) in pairwise(self.moves)
         ]
-        rate = turn * self.frequency + turn * abs(self.depth) * self.modulation
+        rate = TURN * self.frequency + TURN * abs(self.depth) * self.modulation
         waves = abs(self.amplitude) * rate
-        waves += sum(turn * abs(sine.amplitude) * sine.frequency for sine in self.sines)
+        waves += sum(TURN * abs(sine.amplitude) * sine.frequency for sine in self.sines)
         jump = self._at_start() - initial_speed if self.smoothing and self.kind != "ramp" else 0.0
         # the critically damped filter's response to a unit step has the largest slope 1 / (e smoothing)
         return max([waves, self.ramp, *slopes, *moving]) + abs(jump) / (math.e * (self.smoothing or 1.0))

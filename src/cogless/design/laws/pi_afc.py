@@ -24,6 +24,7 @@ from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
 from cogless.design.margins import Complex, Real
 from cogless.study.base import speed_text
 from cogless.study.laws.pi_afc import PiAfc
+from cogless.units import TURN
 
 FIXED = 1e-6  # tolerance of the fixed pole at z = 1: the angle, which has no feedback
 
@@ -117,4 +118,4 @@ class OrderLoop(LearningLoop):
         largest = found[np.argmax(np.abs(found))]
         samples = 1 / self.plant.period / self.periods_per_second  # in a revolution
         factor = math.exp(min(samples * math.log(max(abs(largest), 1e-300)), 700.0))
-        return Worst(factor, abs(float(np.angle(largest))) / (2 * math.pi * self.plant.period))
+        return Worst(factor, abs(float(np.angle(largest))) / (TURN * self.plant.period))

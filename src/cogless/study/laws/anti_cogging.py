@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from cogless.study.laws.law import MOST_CELLS, Feedback, LawLoop, Startable
 from cogless.study.table import LawSpeed, RateGain, StartTime, Table, invalid
+from cogless.units import TURN
 
 SETTLING = 1 / 8  # revolutions in each direction before a commissioning run begins to record
 
@@ -23,7 +23,7 @@ class Commissioning(Table):
     @property
     def duration(self) -> float:
         """Duration of the commissioning run, s."""
-        return 2 * (self.revolutions + SETTLING) * 2 * math.pi / self.speed
+        return 2 * (self.revolutions + SETTLING) * TURN / self.speed
 
 
 NOT_FILLED = (

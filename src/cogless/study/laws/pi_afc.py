@@ -8,10 +8,12 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
+from cogless.control_library import whole_number
 from cogless.study.laws.law import Feedback, LawLoop, LearnsWhileRunning
 from cogless.study.table import CurrentBound, LawSpeed, Many, SpeedIntegralGain, StartTime, invalid
 
-ORDERS, HIGHEST = 16, 65_535  # CGL_PI_AFC_ORDERS, CGL_PI_AFC_ORDER_MAX
+PI_AFC_ORDERS = whole_number("CGL_PI_AFC_ORDERS")
+PI_AFC_ORDER_MAX = whole_number("CGL_PI_AFC_ORDER_MAX")
 
 
 class PiAfc(Feedback, LearnsWhileRunning):
@@ -47,9 +49,11 @@ class PiAfc(Feedback, LearnsWhileRunning):
 
     @model_validator(mode="after")
     def _rising(self) -> Self:
-        rising = all(a < b for a, b in pairwise((0, *self.orders, HIGHEST + 1)))
-        if not rising or not 1 <= len(self.orders) <= ORDERS:
-            raise invalid(f"expected 1 to {ORDERS} orders that rise, from 1 to {HIGHEST}", "orders")
+        rising = all(a < b for a, b in pairwise((0, *self.orders, PI_AFC_ORDER_MAX + 1)))
+        if not rising or not 1 <= len(self.orders) <= PI_AFC_ORDERS:
+            raise invalid(
+                f"expected 1 to {PI_AFC_ORDERS} orders that rise, from 1 to {PI_AFC_ORDER_MAX}", "orders"
+            )
         return self
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
