@@ -18,10 +18,15 @@ class Study(StudyBase):
     """A validated study, all SI. Made by `cogless.study.load`."""
 
     motor: AnyMotor
+    """The motor."""
     mechanics: Mechanics
+    """Inertia, friction and load."""
     drive: Drive
+    """Inverter, sensors, rates, current loop."""
     scenario: Annotated[dict[str, Scenario], Field(min_length=1)]
+    """Experiments by name, `[scenario.NAME]`."""
     controller: Annotated[dict[str, Controller], Field(min_length=1)]
+    """Controllers by name; `[controller.NAME]`."""
     _scenarios: dict[str, Study] = PrivateAttr(default={})  # scenario -> study with its overrides applied
 
     @property
