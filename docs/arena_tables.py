@@ -1,4 +1,4 @@
-"""Tables of the arena for docs/studies/arena.md: who wins each column, what it costs, and every plant.
+"""Tables of the arena for docs/studies/arena.md: scores, costs, and the ripple on every plant.
 
 cogless run arena --limits -o results/arena
 python docs/arena_tables.py --write results/arena/results.json
@@ -32,7 +32,6 @@ TRIAL_COLUMNS = {
 }
 LEARNED_ON = 0.95  # times the bar: more ripple than that is no win of a law that learns
 GROWN = 1.05  # times the ripple at the end of learning: more is growth; the bar's own differs by 1 %
-LOSES = 1.02  # times the bar: worse than it
 
 
 def costs() -> dict[str, tuple[str, str]]:
@@ -78,51 +77,6 @@ def _cell(value: float, bold: bool) -> str:
     return f"**{text}**" if bold else text
 
 
-def winner_table(scores: Scores) -> list[str]:
-    """The winner of each column, and where it is worse than the bar: its price."""
-    known, rows = costs(), []
-    for column, about in COLUMNS.items():
-        winners = scores.winners(column)
-        if not winners:
-            continue
-        law = winners[0]
-        score = scores.score(column, law)
-        dearer = [
-            f"{COLUMNS[other].title} {number(value)} times"
-            for other in COLUMNS
-            if (value := scores.score(other, law)) is not None and value > LOSES
-        ]
-        lost = _lost(scores, column, law)
-        instructions, ram = known.get(scores.content["laws"][law]["law"], ("-", "-"))
-        price = [f"{instructions} instructions, {ram} bytes", *dearer, *lost]
-        equals = ", ".join(scores.label(other) for other in winners[1:])
-        name = scores.label(law) + (f" (as good: {equals})" if equals else "")
-        rows.append(
-            [about.title, name, f"{number(score)}", _better_on_fewer(scores, column, law), "; ".join(price)]
-        )
-    return table(
-        ["column", "winner", "times the bar", "better on fewer plants", "what the winner costs"], rows
-    )
-
-
-def _better_on_fewer(scores: Scores, column: str, winner: str) -> str:
-    """Laws that stayed away from some plants and beat the winner of a column on those that both were on."""
-    found = []
-    for law in scores.laws:
-        both = [p for p in scores.plants if scores.ratio(column, p, law) is not None]
-        ratios = [[scores.ratio(column, p, each) or math.inf for p in both] for each in (law, winner)]
-        own, other = (math.prod(each) ** (1 / max(1, len(both))) for each in ratios)
-        if 0 < len(both) < scores.met(winner) and own * LOSES < other:
-            found.append(f"{scores.label(law)} ({number(own)} to {number(other)} on {len(both)})")
-    return ", ".join(found) or "-"
-
-
-def _lost(scores: Scores, column: str, law: str) -> list[str]:
-    """The plants on which the winner of a column is worse than the bar there."""
-    lost = [p for p in scores.plants if (r := scores.ratio(column, p, law)) is not None and r > LOSES]
-    return [f"loses to the bar on {', '.join(lost)}"] if lost else []
-
-
 def losers(scores: Scores) -> list[str]:
     """A line for each law that learns: where its ripple is no lower than the bar's."""
     found = []
@@ -150,35 +104,27 @@ def growth(scores: Scores) -> list[str]:
     return found or ["- none"]
 
 
-def plant_tables(scores: Scores) -> list[str]:
-    lines: list[str] = []
+def plant_list(scores: Scores) -> list[str]:
+    lines = []
     for plant in scores.plants:
-        laws = [law for law in scores.laws if scores.value("ripple", plant, law) is not None]
-        columns = {c: about for c, about in COLUMNS.items() if scores.value(c, plant, scores.bar) is not None}
-        rows = []
-        for law in laws:
-            cells = []
-            for column, about in columns.items():
-                best = scores.best(partial(scores.value, column, plant), laws)
-                value = scores.value(column, plant, law)
-                text = "-" if value is None else "never" if math.isinf(value) else number(value / about.scale)
-                cells.append(f"**{text}**" if law in best else text)
-            rows.append([scores.label(law), *cells])
-        head = ["law", *(f"{c.title} [{c.unit}]" for c in columns.values())]
-        lines += [f"### {plant}", "", f"{_sentence(scores, plant)}", "", *table(head, rows), ""]
-    return lines[:-1]
+        about = str(scores.content["plants"][plant]["about"])
+        bar = f". {scores.label(scores.bar)} isn't on it" if plant in scores.barless else ""
+        lines.append(f"- `{plant}`: {about[0].upper()}{about[1:]}{bar}.")
+    return lines
 
 
-def _sentence(scores: Scores, plant: str) -> str:
-    about = str(scores.content["plants"][plant]["about"])
-    away = [
-        f"{scores.label(each['law'])} ({each['why']})"
-        for each in scores.content["absent"]
-        if each["plant"] == plant
-    ]
-    bar = f" {scores.label(scores.bar)} isn't on it, so it is in no score." if plant in scores.barless else ""
-    stays = f" Not on it: {', '.join(away)}." if away else ""
-    return f"{about[0].upper()}{about[1:]}.{bar}{stays}"
+def ripple_table(scores: Scores) -> list[str]:
+    """Ripple of each law on each plant; in bold the least, and what is within 2 % of it."""
+    value, scale = partial(scores.value, "ripple"), COLUMNS["ripple"].scale
+    best = {plant: scores.best(partial(value, plant), scores.laws) for plant in scores.plants}
+    rows = []
+    for law in scores.laws:
+        cells = [
+            "-" if (left := value(plant, law)) is None else _cell(left / scale, law in best[plant])
+            for plant in scores.plants
+        ]
+        rows.append([scores.label(law), *cells])
+    return table([COLUMNS["ripple"].unit, *scores.plants], rows)
 
 
 def trial_tables(content: Mapping[str, Any]) -> list[str]:
@@ -267,11 +213,11 @@ def blocks(path: Path) -> Blocks:
     scores = Scores(content)
     return {
         "scores": main_table(scores),
-        "winners": winner_table(scores),
         "losers": losers(scores),
         "hour": growth(scores),
         "seeds": seeds(scores),
-        "plants": plant_tables(scores),
+        "plants": plant_list(scores),
+        "ripple": ripple_table(scores),
         "limits": limit_table(content, scores),
         "trials": trial_tables(content),
     }
