@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from marked import Blocks, main, number, table
-from pil_tables import CASES
+from pil_tables import CASES, LAW_ALONE
 from pil_tables import PAGE as COSTS
 
 import cogless
@@ -35,16 +35,15 @@ GROWN = 1.05  # times the ripple at the end of learning: more is growth; the bar
 
 
 def costs() -> dict[str, tuple[str, str]]:
-    """Instructions (mean, of the law) and RAM in bytes of each law, from the guide's tables; the first case
+    """Instructions (mean, of the law) and RAM in bytes of each law, from the guide's table; the first case
     counts.
     """
-    page = COSTS.read_text(encoding="utf-8")
-    rows = {name: _rows(page, name) for name in ("time", "memory")}
+    rows = _rows(COSTS.read_text(encoding="utf-8"), "costs")
     found: dict[str, tuple[str, str]] = {}
     for name, study, _, controller, changes in CASES:
         law = getattr(cogless.load(study, changes).controller[controller], "law", "")
-        if name in rows["time"] and name in rows["memory"]:
-            found.setdefault(law, (rows["time"][name]["law"].split(" / ")[0], rows["memory"][name]["RAM"]))
+        if name in rows:
+            found.setdefault(law, (rows[name][LAW_ALONE].split(" / ")[0], rows[name]["RAM"]))
     return found
 
 

@@ -59,6 +59,7 @@ class Counted(Mounted):
     """A sensor that shows the angle in steps; its speed follows from them."""
 
     kind: str
+    """Kind of the sensor, by which its own table is chosen."""
     speed_method: Literal["M", "average", "T", "MT", "observer"] = "M"
     """Counts in a speed-loop period (M), time between edges (T), or both (MT); a moving average of the
     differences (average), or an observer of the angle (observer). M is noisy where few counts come in a
