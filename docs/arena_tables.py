@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -25,12 +25,6 @@ from cogless.live.toml import text
 from cogless.results.limits import AND, CAUSES
 from cogless.run.causes import LONGER
 
-TRIAL_COLUMNS = {
-    "trials_to_floor": "trials to the floor, after each change",
-    "first_error_rad": "first error [mrad]",
-    "final_error_rad": "settled error [mrad]",
-}
-LEARNED_ON = 0.95  # times the bar: more ripple than that is no win of a law that learns
 GROWN = 1.05  # times the ripple at the end of learning: more is growth; the bar's own differs by 1 %
 
 
@@ -76,22 +70,6 @@ def _cell(value: float, bold: bool) -> str:
     return f"**{text}**" if bold else text
 
 
-def losers(scores: Scores) -> list[str]:
-    """A line for each law that learns: where its ripple is no lower than the bar's."""
-    found = []
-    for law in scores.laws:
-        worse = [
-            f"{plant} ({number(ratio)})"
-            for plant in scores.plants
-            if law != scores.bar
-            and (ratio := scores.ratio("ripple", plant, law)) is not None
-            and ratio > LEARNED_ON
-        ]
-        if worse:
-            found.append(f"- {scores.label(law)}: {', '.join(worse)}")
-    return found or ["- none"]
-
-
 def growth(scores: Scores) -> list[str]:
     """A line for each law whose ripple an hour later is higher than once it had learned."""
     found = []
@@ -126,36 +104,6 @@ def ripple_table(scores: Scores) -> list[str]:
     return table([COLUMNS["ripple"].unit, *scores.plants], rows)
 
 
-def trial_tables(content: Mapping[str, Any]) -> list[str]:
-    """Laws of trials, in each phase of their study: the mean over seeds; instructions of a sample."""
-    known, lines = costs(), []
-    for name, about in content["arena_trials"].items():
-        runs = [run for run in content["trials"] if run["trials"] == name]
-        columns = list(runs[0]["metrics"]) if runs else []
-        laws = {run["law"]: (run["label"], run["kind"]) for run in runs}
-        values = {
-            (law, column): [
-                _mean([run["metrics"][column][phase] for run in runs if run["law"] == law])
-                for phase in range(len(runs[0]["metrics"][column]))
-            ]
-            for law in laws
-            for column in columns
-        }
-        rows = []
-        for law, (label, kind) in laws.items():
-            cells = []
-            for column in columns:
-                worst = {each: max(values[each, column]) for each in laws}
-                text = ", ".join(_trial_cell(column, x) for x in values[law, column])
-                won = math.isfinite(worst[law]) and worst[law] <= 1.02 * min(worst.values())
-                cells.append(f"**{text}**" if won else text)
-            rows.append([label, *cells, known.get(kind, ("-", "-"))[0]])
-        head = [TRIAL_COLUMNS.get(column, column) for column in columns]
-        lines += [f"### {name}", "", f"{about[0].upper()}{about[1:]}.", ""]
-        lines += [*table(["law", *head, "instructions"], rows), ""]
-    return lines[:-1]
-
-
 def limit_table(content: Mapping[str, Any], scores: Scores) -> list[str]:
     """Rows with the best law of each plant, what limits it and what helps most, all from runs."""
     rows = []
@@ -185,40 +133,15 @@ def _set(changes: Mapping[str, Any]) -> str:
     return f"`{', '.join(f'{key} = {text(value)}' for key, value in changes.items())}`"
 
 
-def _mean(values: Sequence[float | None]) -> float:
-    return sum(math.inf if value is None else value for value in values) / len(values)
-
-
-def _trial_cell(column: str, value: float) -> str:
-    if math.isinf(value):
-        return "never"
-    return f"{1e3 * value:.2f}" if column.endswith("_rad") else f"{value:.3g}"
-
-
-def seeds(scores: Scores) -> list[str]:
-    changing = scores.unsteady()
-    count = len(scores.seeds)
-    if not changing:
-        return [f"No column's winner changes over {count} seeds."]
-    lines = [f"Of {len(COLUMNS)} columns, {len(changing)} change their winner over {count} seeds:", ""]
-    for column, each in changing.items():
-        named = ", ".join(f"{scores.label(laws[0])} with seed {seed}" for seed, laws in each.items() if laws)
-        lines.append(f"- {COLUMNS[column].title}: {named}")
-    return lines
-
-
 def blocks(path: Path) -> Blocks:
     content = json.loads(path.read_text(encoding="utf-8"))
     scores = Scores(content)
     return {
         "scores": main_table(scores),
-        "losers": losers(scores),
         "hour": growth(scores),
-        "seeds": seeds(scores),
         "plants": plant_list(scores),
         "ripple": ripple_table(scores),
         "limits": limit_table(content, scores),
-        "trials": trial_tables(content),
     }
 
 

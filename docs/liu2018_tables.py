@@ -34,7 +34,7 @@ HARMONICS: dict[str, tuple[str, dict[str, tuple[float, float, float]]]] = {
     ),
 }
 
-# Tables VIII and IX: for each row (PI-ILC, robust ILC). The settling at 60 r/min is from the paper's text.
+# Table VIII: for each row (PI-ILC, robust ILC).
 STEPS: dict[str, tuple[str, dict[str, tuple[float | None, float | None]]]] = {
     "VIII": (
         "900-rpm-step",
@@ -43,15 +43,6 @@ STEPS: dict[str, tuple[str, dict[str, tuple[float | None, float | None]]]] = {
             "speed adjustment time [s]": (0.7, 0.38),
             "overshoot in i_q [A]": (0.65, 0.18),
             "i_q adjustment time [s]": (0.65, 0.32),
-        },
-    ),
-    "IX": (
-        "60-rpm-step",
-        {
-            "maximum speed fluctuation [r/min]": (36, 21),
-            "speed adjustment time [s]": (None, 0.45),
-            "overshoot in i_q [A]": (0.77, 0.45),
-            "i_q adjustment time [s]": (0.72, 0.42),
         },
     ),
 }
@@ -94,7 +85,7 @@ def _with_ratio(value: float | None, base: float | None, controller: str) -> str
 
 
 def steps(metrics: Metrics, name: str) -> list[str]:
-    """Table VIII or IX: the response to a load step."""
+    """Table VIII: the response to a load step."""
     scenario, published = STEPS[name]
     rows = []
     for title, (ilc, robust) in published.items():

@@ -111,16 +111,6 @@ def trials(metrics: Metrics) -> list[str]:
     return table(["", "31: paper", "31: reproduction", *PHASES], rows)
 
 
-def errors(metrics: Metrics) -> list[str]:
-    """The RMS error in the first trial and over the second half of each phase."""
-    rows = []
-    for name, label in LABELS.items():
-        here = metrics["table-1", name]
-        for key, text in (("first_error_rad", "first trial"), ("final_error_rad", "second half")):
-            rows.append([f"{label}: {text}", *(number(x / STEP) for x in here[key])])
-    return table(["RMS, resolver steps", *PHASES], rows)
-
-
 def to_floor(rms: Errors, floor: float) -> str:
     """The number of trials after the load change until the RMS is at the floor, in resolver steps."""
     below = np.flatnonzero(rms[30:60] <= floor * STEP)
@@ -204,7 +194,6 @@ def blocks(path: Path) -> Blocks:
         "gains": gains(design),
         "certificate": certificate(design),
         "trials": trials(metrics),
-        "errors": errors(metrics),
         "observer": observer(metrics),
         "variations": variations(),
         "real-loop": real_loop(),

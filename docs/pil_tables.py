@@ -23,7 +23,7 @@ from marked import replaced, table
 from cogless import load
 from cogless.export.prepared import first_scenario
 from cogless.files import control_sources
-from cogless.pil.compare import Comparison, Instructions, compare
+from cogless.pil.compare import Comparison, compare
 from cogless.pil.processor import require
 from cogless.pil.toolchain import find
 
@@ -72,17 +72,14 @@ def law_alone(by_source: Mapping[str, float]) -> float:
     )
 
 
-def span(found: Instructions | None) -> str:
-    return f"{found.least} / {found.mean:.0f} / {found.most}" if found else "-"
-
-
 def cost_table(results: dict[str, Comparison]) -> list[str]:
-    head = ["law", "a period without it", "with it", LAW_ALONE, "flash", "RAM", "stack"]
+    head = ["law", "with it", LAW_ALONE, "flash", "RAM", "stack"]
     rows = []
     for name, r in results.items():
         mean, most = (law_alone(by) for by in (r.by_source_with_law, r.most_by_source_with_law))
         sizes = (f"{n:,}" for n in (r.flash, r.ram, r.stack))
-        rows.append([name, span(r.without_law), span(r.with_law), f"{mean:.0f} / {most:.0f}", *sizes])
+        with_law = f"{r.with_law.mean:.0f} / {r.with_law.most}"
+        rows.append([name, with_law, f"{mean:.0f} / {most:.0f}", *sizes])
     return table(head, rows)
 
 

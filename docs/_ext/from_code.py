@@ -72,8 +72,7 @@ def kind(annotation: Any, metadata: list[Any] = ()) -> str:  # type: ignore[assi
         if isinstance(entry, Quantity):
             unit = entry.dimension.unit.replace("*", "·").replace("^2", "²")
             sign = {"": "", ">": ", above 0", ">=": ", from 0"}[entry.sign]
-            plain = "; a plain number is SI" if entry.bare else ""
-            return f"text in {unit}{sign}{plain}" if unit else f"number{sign}"
+            return f"text in {unit}{sign}" if unit else f"number{sign}"
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return kind(inner[0], list(inner[1:]))
@@ -119,7 +118,7 @@ def default(field: FieldInfo) -> str:
     unit = next((m.dimension.unit for m in field.metadata if isinstance(m, Quantity)), "")
     text = {True: "true", False: "false"}.get(value, value) if isinstance(value, bool) else value
     if isinstance(value, float):
-        text = f"{value:g}"
+        text = f"{value:.12g}"
     if isinstance(value, tuple):
         text = "[" + ", ".join(f"{v:g}" for v in value) + "]"
     return f'`"{text}"`' if isinstance(value, str) else f"`{text}`" + (f" {unit}" if unit else "")
@@ -150,9 +149,10 @@ class StudyTable(Parsed):
         for key in (key for key, text in texts.items() if not text):
             log.warning("%s: the key %s has no meaning", self.arguments[0], key)
         own = {k: f for k, f in model.model_fields.items() if owner(model, k) not in shared}
-        lines = [f"({anchor(model)})=", ""]
+        place = f"Keys of {self.options['shared']}:" if "shared" in self.options else ""
         if "at" in self.options:
-            lines += [f"In `{self.options['at']}`:", ""]
+            place = f"In `{self.options['at']}`:"
+        lines = [f"({anchor(model)})=", "", place, ""]
         lines += ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
         for key, field in sorted(own.items(), key=lambda item: not item[1].is_required()):
             value = kind(field.annotation, field.metadata)
