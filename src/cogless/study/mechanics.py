@@ -28,7 +28,6 @@ from cogless.study.table import (
 
 Order = Annotated[int, Field(ge=1, le=10_000)]
 
-
 class TorqueHarmonic(Table):
     """A part of a torque: torque sin(order theta + phase), with theta the mechanical angle."""
 
@@ -38,7 +37,6 @@ class TorqueHarmonic(Table):
     r"""Amplitude of $\tau_L$ or $\tau_C$ += torque sin(order $\theta$ + phase)."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic."""
-
 
 class AngleTable(Table):
     """Torque over the mechanical angle, linear between points, periodic in one revolution."""
@@ -70,7 +68,6 @@ class AngleTable(Table):
         found = read(info.context["folder"] / self.file, {"torque": units.TORQUE})
         return self.model_copy(update={"angle": found.angle, "torque": found.value})
 
-
 class TimeTable(Table):
     """Torque over time, linear between points, constant before the first and after the last point."""
 
@@ -84,14 +81,12 @@ class TimeTable(Table):
         check_table("time", self.time, self.torque)
         return self
 
-
 def check_table(axis: str, points: Sequence[float], values: Sequence[float]) -> None:
     """Refuse a table without points, with points that don't increase, or without one value per point."""
     if not points or any(b <= a for a, b in pairwise(points)):
         raise invalid("expected one or more values, each above the one before", axis)
     if len(points) != len(values):
         raise invalid(f"expected as many values as {axis} has, {len(points)}", "torque")
-
 
 class Load(Table):
     """A load torque, the sum of its parts. The constant part follows its set value with a first-order lag."""
@@ -111,12 +106,11 @@ class Load(Table):
     def spelled_out(cls, data: Any) -> Any:
         return data if isinstance(data, dict) else {"torque": data}
 
-
 class Mass(Table):
     """Inertia and friction of what turns as one body."""
 
     inertia: Inertia  # kg*m^2
-    """Inertia of rotor and load together. With a `load_side` it is that of this side alone."""
+    """Inertia of rotor and load together. With a `load_side` each side has its own."""
     viscous_friction: ViscousFriction = 0.0  # N*m*s/rad
     """Friction torque per speed."""
     coulomb_friction: TorqueMagnitude = 0.0  # N*m
@@ -159,7 +153,6 @@ class Mass(Table):
             )
         return self
 
-
 class GearError(Table):
     """A part of a gear's transmission error: angle sin(order theta + phase), theta of its input or output."""
 
@@ -171,7 +164,6 @@ class GearError(Table):
     r"""Amplitude of an angle that is added to the output's: angle sin(order $\theta$ + phase)."""
     phase: Angle = 0.0  # rad
     """Phase of this part."""
-
 
 class LoadSide(Mass):
     """A second mass behind a gear and a soft shaft with backlash; inertia and friction are its own."""
@@ -200,7 +192,6 @@ class LoadSide(Mass):
             e.order * e.angle * (1.0 if e.side == "input" else 1 / self.ratio) for e in self.gear_errors
         )
         return 1 / self.ratio - spread, 1 / self.ratio + spread
-
 
 class Mechanics(Mass):
     """Inertia, friction and load of everything that turns with the rotor."""
