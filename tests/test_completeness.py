@@ -168,7 +168,7 @@ def test_a_position_sensor_has_all_that_belongs_to_one(kind: str) -> None:
         "simulator/position_sensor.hpp": "// {}: ",
         "tests/simulator/*.py": '"{}"',
         "docs/theory/sensors.md": "**{}**",
-        "docs/guide/study-file.md": "study-table}} position_sensor." + model,
+        "docs/reference/sensors.md": "study-table}} position_sensor." + model,
     }
     assert lacks(kind, places) == []
 

@@ -31,20 +31,30 @@ class FitParameter(Table):
     """
 
     key: str
+    """Dotted key of a quantity of the study."""
     scenario: str | None = None
+    """If given, the key is one of that scenario's `override`."""
     initial: str | float | None = None  # default: the study's value
+    """Where the fit starts. Default: the value in the study."""
     lower: str | float | None = None
+    """Lower bound, a text with a unit, or a number in the unit of the key's present value. Default: none."""
     upper: str | float | None = None
+    """Upper bound, written like `lower`."""
 
 
 class Target(Table):
     """The value that a metric should have in a run; a list for kind "order" and in studies of trials."""
 
     scenario: str
+    """Scenario of the run."""
     controller: str
+    """Controller of the run."""
     metric: str
+    """Name of the metric."""
     value: Any
+    """Its target, with a unit; a list for kind `order`."""
     weight: Annotated[float, Field(gt=0)] = 1.0
+    """Weight of its relative deviation."""
 
     def values(self, metric: Metric, count: int) -> tuple[float, ...]:
         """The target values in SI; raises an error if there aren't `count` of them or one is invalid."""
@@ -59,7 +69,9 @@ class Calibration(Table):
     """A fit of parameters by least squares of the relative deviations from the targets."""
 
     parameters: Many[FitParameter]
+    """Quantities that are fitted."""
     targets: Many[Target]
+    """Values that the metrics should have."""
 
     @field_validator("parameters", "targets")
     @classmethod
@@ -81,10 +93,18 @@ class Distribution(Table):
     """
 
     uniform: Number | Many[Number] | None = None
+    """Evenly distributed. One number is the deviation to both sides of the study's value, two are limits.
+    Units are the key's, or % of the study's value."""
     log: Number | Many[Number] | None = None
+    """Evenly distributed in its logarithm, between two limits. One number, `"50 %"`, is from the study's
+    value over 1.5 to 1.5 times it."""
     normal: Number | Many[Number] | None = None
+    """Normally distributed: standard deviation, or mean and standard deviation. Cut off at three deviations.
+    """
     corners: Number | Many[Number] | None = None
+    """One of two limits, as for `uniform`: with several keys, all combinations."""
     list: Many[Any] | None = None
+    """One of these values, each equally often; numbers, texts, whatever the key takes."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -108,7 +128,10 @@ class Together(Table):
     """Keys whose values are correlated: the correlation of each pair, behind every distribution."""
 
     keys: Many[str]
+    """Two or more keys of `[vary]`."""
     correlation: Annotated[float, Field(ge=-1, le=1)]
+    """Correlation of each pair of the normal variables behind the distributions (a Gaussian copula). The
+    distributions stay as they are."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -125,8 +148,12 @@ class Vary(Table):
     """How an ensemble spreads around the study: a distribution for each dotted key."""
 
     keys: dict[str, Distribution] = Field(default={})  # in the file they stand in [vary] itself
+    """A distribution for each [dotted key](/guide/study-file.md#rules), which stands in `[vary]` itself:
+    `mechanics.inertia = { uniform = "20 %" }`."""
     together: Many[Together] = ()
+    """Groups of correlated keys."""
     seeds: bool = False  # each variant draws its own sensor noise
+    """True: every variant draws its own sensor noise; false: all have the study's `seed`."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -155,20 +182,32 @@ class Hold(Table):
     """What must hold of the tuned controllers: a metric's limit, in at least this share of the variants."""
 
     metric: str
+    """Name of a metric, as for `minimise`."""
     limit: Number
+    """Its limit, with a unit."""
     share: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Share of the variants that must keep it."""
 
 
 class Tune(Table):
     """Gains to choose for each controller by itself, and what is best, over the ensemble or the study."""
 
     keys: dict[str, Many[Number]]
+    """Two limits for each dotted key, with unit or %. The search begins at the study's value, between them.
+    """
     minimise: str  # a metric; one of its orders or phases as NAME.72
+    """Name of a metric; one of its orders as `NAME.72`. Where higher is better, it is maximised."""
     over: Literal["mean", "worst", "nominal"] | Annotated[float, Field(gt=0, lt=1)] = "mean"
+    """Mean or worst of the ensemble, or the value that this share of variants is no worse than. `nominal`:
+    the study alone."""
     hold: Many[Hold] = ()
+    """Limits of metrics that must be kept."""
     scenarios: Many[str] | None = None  # default: all that the controller runs in
+    """Scenarios that count. Default: all that the controller runs in."""
     variants: Annotated[int, Field(ge=1)] = 32  # of the ensemble
+    """Variants of the ensemble that each setting is tried on."""
     budget: Annotated[int, Field(ge=2)] = 200  # settings that are tried, for each controller
+    """Settings that are tried, for each controller."""
 
     @field_validator("keys", mode="before")
     @classmethod
@@ -208,7 +247,9 @@ class Assumption(Table):
     """Something that the study's author had to assume, and the reason."""
 
     about: str
+    """The key, or a phrase, that the assumption is about."""
     reason: str
+    """Why its value was chosen."""
 
 
 @dataclass(frozen=True)
@@ -235,8 +276,12 @@ class TraceSettings(Table):
 
     # Hz, must divide the current-loop rate; default: that rate, or in trials one row per sample
     rate: Frequency | None = None
-    file_rate: Frequency = 1000.0  # Hz, rows of traces.nc at most; in trials all rows are there
+    """Recorded rows a second, a divisor of the current loop's rate. Default: that rate; in a study of trials
+    one row per sample. A row takes 8 bytes for each of about 20 signals: 10 min at 1 kHz are 100 MB."""
+    file_rate: Frequency = 1000.0  # Hz
+    """Rows a second in `traces.nc`, at most. In a study of trials all rows are there."""
     energy: bool = False  # also integrate and record the energies
+    """True also records the energies and the error of the energy balance."""
 
 
 Kind = Literal["speed", "trials"]  # keys of the rooms' tables: PLANS, DESIGNS, SECTIONS, PAGES
@@ -264,16 +309,25 @@ class StudyBase(Table):
     signal_kinds: ClassVar[frozenset[str]] = frozenset()  # properties of signals.def that all runs have
 
     title: Line
+    """One line; heads the report."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+    """Seed of the random numbers: sensor noise, bus jitter, and what differs from trial to trial."""
     description: str = ""
+    """Shown below the title of the report."""
     assumption: Many[Assumption] = ()
+    """An assumption that the author had to make; listed in the report."""
     trace: TraceSettings = TraceSettings()
+    """What is recorded."""
     scenario: Mapping[str, Any]
     controller: Mapping[str, Base]
     metric: Many[Metric] = ()
+    """Metrics to compute; `[[metric]]`."""
     calibration: Calibration | None = None
+    """Parameters and targets of [`cogless calibrate`](/guide/calibrate.md)."""
     vary: Annotated[Vary, StudyKeys()] | None = None
+    """How an [ensemble](/guide/ensembles.md) spreads around the study."""
     tune: Tune | None = None
+    """What [`cogless tune`](/guide/ensembles.md#tune) chooses."""
     _source: Source = PrivateAttr()
     _made: dict[Hashable, Any] = PrivateAttr(default_factory=dict)
 

@@ -39,8 +39,11 @@ class Sine(Table):
     """A sinusoidal part of a speed reference: amplitude sin(2 pi frequency t + phase)."""
 
     amplitude: AngularSpeed  # rad/s
+    """Amplitude of this sine."""
     frequency: Frequency  # Hz
+    """Frequency of this sine."""
     phase: Angle = 0.0  # rad
+    """Phase of this sine."""
 
 
 class Reference(Table):
@@ -52,17 +55,33 @@ class Reference(Table):
     """
 
     speed: AngularSpeed = 0.0  # rad/s
+    """Constant speed; with `ramp`, where the ramp ends."""
     ramp: AngularAcceleration = 0.0  # rad/s^2
-    profile: Many[tuple[Time, AngularSpeed]] = ()  # s, rad/s; linear between points, ends held
+    """Slope, from `initial_speed`."""
+    profile: Many[tuple[Time, AngularSpeed]] = ()  # s
+    """Points [time, speed]; linear in between, the ends held."""
     offset: AngularSpeed = 0.0  # rad/s
+    """Mean speed of a sine with `amplitude` and `frequency`, or of a sum of `sines`."""
     amplitude: AngularSpeed = 0.0  # rad/s
+    """Amplitude of the sine."""
     frequency: Frequency = 0.0  # Hz
+    """Frequency of the sine."""
     depth: float = 0.0  # index of the frequency modulation, a ratio
-    modulation: Frequency = 0.0  # Hz, of frequency modulation
+    """Index of frequency modulation, the frequency deviation over `modulation`: offset + amplitude sin(2π
+    frequency t + depth sin(2π modulation t))."""
+    modulation: Frequency = 0.0  # Hz
+    """Frequency of the frequency modulation."""
     sines: Many[Sine] = ()
-    moves: Many[tuple[Time, Angle]] = ()  # s, rad; at rest at each point, fifth-degree polynomials between
+    """Sines that are added to `offset`."""
+    moves: Many[tuple[Time, Angle]] = ()  # s
+    """Points [time, angle]. The reference is at rest at each point and follows a polynomial of the fifth
+    degree between two."""
     file: File | None = None  # CSV of time [s] and speed [rad/s], or in its heading's units; beside the study
-    smoothing: Time = 0.0  # s, of a critically damped filter that makes the speed differentiable
+    """CSV of time and speed, relative to the study, in s and rad/s, or in the units of its first line: `time
+    [s],speed [rpm]`."""
+    smoothing: Time = 0.0  # s
+    """Time constant of a critically damped filter on the speed, so that it has a derivative. Goes with any
+    form."""
     _from_file: Points = PrivateAttr(default=())
 
     @classmethod

@@ -65,7 +65,9 @@ LoadMagnitude = Annotated[float, EitherWay(units.TORQUE, ">=", bare=True)]
 class PositionReference(Table):
     """Smooth moves from point to point: polynomials of fifth degree, at rest at both ends."""
 
-    points: Many[tuple[Time, Position]]  # s, rad; the ends are held
+    points: Many[tuple[Time, Position]]  # s
+    """`[time, position]`. The reference is at rest at each point and follows a polynomial of the fifth degree
+    between two. A plain array of points is short for this table."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -96,17 +98,23 @@ class Deviations(Table):
     """How far start and load of a trial are from those of its phase."""
 
     initial_angle: AngleMagnitude | None = None  # rad
+    """For a drive, deviation of the angle at the start."""
     initial_speed: AngularSpeedMagnitude | None = None  # rad/s
+    """For a drive, deviation of the speed at the start."""
     initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None  # of a linear plant
+    """For a linear plant, deviation of the state at the start, one number a state."""
     # of the load throughout a trial: torque of a drive in N*m, or of a linear plant in the unit of u
     load: LoadMagnitude | None = None
+    """Deviation of the load, constant throughout a trial and added to its load steps."""
 
 
 class EachTrial(Table):
     """Deviations that are drawn anew in each trial, around zero."""
 
     normal: Deviations = Deviations()  # standard deviations
+    """Normally distributed deviations, by their standard deviation."""
     uniform: Deviations = Deviations()  # largest deviations
+    """Evenly distributed deviations, by the largest one."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -140,16 +148,28 @@ class TrialConditions(Table):
     """Conditions of a trial. In a change, a key that is left out keeps its earlier value."""
 
     reference: PositionReference | None = None
+    """New reference; a key that is left out stays as it was."""
     load: Load | None = None  # of a drive; replaces mechanics.load
+    """For a drive: load in place of `mechanics.load`."""
     # (sample, load from it on): torque of a drive in N*m, or disturbance of a linear plant in the unit of u
     load_steps: (
         Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
     ) = None
-    initial_angle: Angle | None = None  # rad, mechanical; default: where the reference begins
-    initial_speed: AngularSpeed | None = None  # rad/s, mechanical; default 0
+    """`[sample, amount]`: load from that sample of each trial on. For a drive a torque against positive
+    rotation, for a linear plant $d$ in the unit of $u$. `[]` for none."""
+    initial_angle: Angle | None = None  # rad
+    """For a drive: angle at the start of each trial. Default: where the reference begins."""
+    initial_speed: AngularSpeed | None = None  # rad/s
+    """For a drive: speed at the start of each trial. Default: 0."""
     initial_state: Many[float] | None = None  # of a linear plant; default 0
+    """For a linear plant: state at the start of each trial. Default: zeros."""
     each_trial: EachTrial | None = None  # replaces that of the phase before; default: all trials are alike
+    """How start and load [differ from trial to trial](/guide/trial-studies.md#starts-and-loads-at-random).
+    Default: not at all."""
     override: Override | None = None  # of motor and mechanics, or of a linear plant's parameters
+    """For a drive: values of `motor` and `mechanics` by dotted key. For a linear plant: values of parameters,
+    or `{ vertex = 2 }`. The controllers are not told. The certificate does not cover values outside the
+    ranges."""
 
     @field_validator("override")
     @classmethod
@@ -169,14 +189,18 @@ class Change(TrialConditions):
     """New conditions from trial number `trial` on."""
 
     trial: Annotated[int, Field(ge=2)]  # the first is 1
+    """First trial with the change, counted from 1. Keys that are left out stay as they were."""
 
 
 class TrialScenario(TrialConditions, Experiment):
     """An experiment of `trials` trials, each a whole number of samples long, with changes in between."""
 
     trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)]
+    """Number of trials."""
     reference: PositionReference
+    """The motion."""
     changes: Many[Change] = ()
+    """Changes of the scenario from some trial on."""
 
     @model_validator(mode="after")
     def _changes(self) -> Self:
@@ -239,12 +263,19 @@ class TrialStudy(StudyBase):
     signal_kinds: ClassVar[frozenset[str]] = frozenset({"trials"})
 
     plant: LinearPlant | None = None  # in place of motor, mechanics and drive
+    """A linear plant, in place of the next three tables."""
     motor: Motor | None = None
+    """The motor."""
     mechanics: Mechanics | None = None
+    """Inertia, friction and load."""
     drive: Drive | None = None
+    """Inverter, sensors, rates, current loop."""
     design: DesignSettings
+    """Weights and ranges of the designs."""
     scenario: Annotated[dict[str, TrialScenario], Field(min_length=1)]
+    """Experiments by name; `[scenario.NAME]`."""
     controller: Annotated[dict[str, TrialController], Field(min_length=1)]
+    """Controllers by name; `[controller.NAME]`."""
     # a drive's hardware in each phase, by scenario
     _hardware: dict[str, tuple[Hardware, ...]] = PrivateAttr(default={})
 

@@ -17,8 +17,11 @@ class Commissioning(Table):
     """The slow run, forwards and backwards, that fills an anti-cogging table."""
 
     speed: LawSpeed  # rad/s
+    """Speed of the run."""
     revolutions: Annotated[int, Field(ge=1, le=100)] = 1  # each way
+    """Recorded revolutions in each direction."""
     position_gain: RateGain  # 1/s
+    """Gain that holds the rotor to the angle of the run's reference."""
 
     @property
     def duration(self) -> float:
@@ -39,9 +42,14 @@ class AntiCogging(Feedback, Startable):
     """PI with a current table over the mechanical angle, learned in a commissioning run or before."""
 
     law: Literal["anti-cogging"]
+    """PI and an anti-cogging table."""
     cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
+    """Entries of the table over a mechanical revolution."""
     lead: StartTime = 0.0  # s: the table is read at the angle expected after this time
+    """The table is looked up at the angle that the rotor will have after this time. This compensates the
+    current loop's lag."""
     calibration: Commissioning | None = None  # in place of a start
+    """The run that fills the table; give this or `start`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         "cells": 720,

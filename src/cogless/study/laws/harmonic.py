@@ -49,11 +49,16 @@ class Harmonic(Feedback, LearnsWhileRunning):
     """PI with learned harmonics: every gain and order follows from motor and drive."""
 
     law: Literal["harmonic"]
-    # mechanical; default: of slots and poles
-    base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None
-    limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+    base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None  # mechanical; default: of slots and poles
+    """Lowest learned order of a mechanical revolution; the others are its multiples. Default: the common
+    divisor of `slots` and poles, or the multiple of it that [reaches the main
+    order](/laws/harmonic.md#the-rule). With a given base all orders act up to 2.6 rad a sample."""
+    limit: CurrentBound | None = None  # A
+    """Most that each amplitude, and their sum, may be; default `current_limit`."""
     position: bool = False  # it controls the position: its feedback is that of space-position
-    k_theta: RateGain | None = None  # 1/s, where that feedback is by hand
+    """Whether it controls the position."""
+    k_theta: RateGain | None = None  # 1/s
+    """Gain of the angle; only if `position` is true and `kp` and `ki` are given."""
 
     @model_validator(mode="after")
     def _of_position(self) -> Self:

@@ -20,11 +20,18 @@ class PiAfc(Feedback, LearnsWhileRunning):
     """PI with adaptive feedforward cancellation: amplitudes of chosen orders, learned over the angle."""
 
     law: Literal["pi-afc"]
+    """PI with adaptive feedforward cancellation."""
     orders: Many[int]  # mechanical
+    """Orders of the mechanical revolution to learn, in rising order."""
     gain: SpeedIntegralGain  # A/rad, learning
+    """Learning gain."""
     lead: StartTime = 0.0  # s: delay from the current to the measured speed
-    omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning pauses, but the learned part stays on
-    limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+    """The present error corrects the coefficients at the angle of this long ago: the delay from current to
+    measured speed. Not rounded."""
+    omega_min: LawSpeed = 0.01  # rad/s
+    """Below this speed learning pauses, and what was learned continues to act."""
+    limit: CurrentBound | None = None  # A
+    """Largest magnitude of each coefficient and of the learned part. Default: `current_limit`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"orders": [1], "gain": 0.0, "lead": 0.0}
 
