@@ -6,9 +6,9 @@ import style
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
     "constant_with_several_values": 129,
-    "number_of_one_word": 373,
-    "vague_local": 915,
-    "vague_argument": 269,
+    "number_of_one_word": 372,
+    "vague_local": 913,
+    "vague_argument": 268,
     "vague_function": 152,
     "many_positional_arguments": 47,
     "fragment_of_a_comment": 103,
