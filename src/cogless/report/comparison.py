@@ -65,7 +65,6 @@ def _within(results: Results, run: Run, rows: slice) -> str | None:
     return too_short(law, revolutions, theta[since:], time, speed[since:])
 
 
-SAME = 0.05  # relative difference below which two values count as equal
 SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
 RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"  # unjudged
