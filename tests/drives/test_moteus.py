@@ -62,7 +62,7 @@ def test_a_table_from_logs_takes_the_ripple_away_as_the_true_one_does(
     dump = drive.dump(tmp_path / "dump.cfg")
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", dump, "-o", tmp_path / "found")
     assert (code, err) == (0, "")
-    assert "by its heading" in out and "of moteus" in out
+    assert "by its first lines moteus, a log of " in out
     values = json.loads((tmp_path / "found" / "identified.json").read_text())
     for key, truth in (("j", drive.plant.inertia), ("c", drive.plant.coulomb), ("b", drive.plant.viscous)):
         told = values["values"][key]
@@ -101,7 +101,7 @@ def test_a_written_table_is_read_back_to_its_rounding(direction: int, tmp_path: 
     written = moteus.write(current, TableFrame("moteus", direction, zero=True))
     drive = Moteus()
     drive.restore(written.text)
-    again = moteus.read_table(drive.dump(tmp_path / "dump.cfg")).turned(direction)
+    again = moteus.read_table(drive.dump(tmp_path / "dump.cfg"), None).turned(direction)
     if direction < 0:  # the index turns the other way, the current has the same sign
         again = HoldingCurrent(-again.waves, 0.0, "test")
     for n in (12, 84, 250):
@@ -202,7 +202,7 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
             "--drive-config",
             dump,
         ): f"{place}: no {stats.name} beside it: expected the channel with the current",
-        (other,): f"{other}: no drive's log by its heading: expected --config FILE",
+        (other,): f"{other}: no drive's log by its first lines: expected --config FILE",
         (other, "--drive", "moteus", "--drive-config", dump): f'{other}: no column "time"; it has a, b',
         (stats, "--drive", "motus"): '--drive: "motus": expected one of moteus',
         (stats, "--drive-config", other): f"{other}: motor.poles: missing: expected the dump",

@@ -46,18 +46,41 @@ def table(
     from_: Annotated[
         str | None, typer.Option("--from", metavar="DRIVE", help="SOURCE is a table of this drive.")
     ] = None,
+    drive_config: Annotated[
+        Path | None,
+        typer.Option(
+            "--drive-config", metavar="FILE", help="What the drive of --from needs beside its table."
+        ),
+    ] = None,
+    shift: Annotated[
+        str | None,
+        typer.Option(
+            "--shift", metavar="ANGLE", help="The new index where SOURCE's angle is zero, mechanical."
+        ),
+    ] = None,
+    reverse: Annotated[
+        bool, typer.Option("--reverse", help="Angle and current of the new drive count the other way.")
+    ] = False,
 ) -> None:
     """Write a cogging table in a drive's own format.
 
     Says what the drive's own interpolation and rounding leave of the cogging, how to install the table and to
     take it out, and how to check its sign. `cogless drives` lists what each drive takes.
     """
+    from cogless.drives.adapter import TableFrame
     from cogless.drives.holding_current import residue
     from cogless.drives.registry import adapter_named
     from cogless.files import replacing
 
     adapter = adapter_named(to, "--to")
-    current, frame = _source(source, from_, to)
+    current, frame = _source(source, from_, to, drive_config)
+    if shift is not None:
+        current = current.turned(-1 if reverse else 1, _angle(shift))
+        frame = TableFrame(to, zero=True)
+    elif reverse:
+        raise StudyError(
+            "--reverse: expected --shift ANGLE beside it: the zero of a reversed angle is another"
+        )
     if adapter.write is None:
         raise StudyError(f"--to: {to}: takes no table: {adapter.refusal}")
     if not frame.zero:
@@ -88,21 +111,38 @@ def table(
         print(f"Table: {output}")
 
 
-def _source(source: Path, from_: str | None, to: str) -> tuple[HoldingCurrent, TableFrame]:
+def _angle(text: str) -> float:
+    """An angle of the command line, rad."""
+    from cogless import units
+
+    try:
+        return units.parse(text, units.ANGLE)
+    except units.UnitError as error:
+        raise StudyError(f'--shift: "{text}": {error}') from None
+
+
+def _source(
+    source: Path, from_: str | None, to: str, configuration: Path | None
+) -> tuple[HoldingCurrent, TableFrame]:
     """The current, and how its angle lies to the index of the drive that it is written for."""
     from cogless.drives import holding_current
     from cogless.drives.adapter import FRAME_FILE, TableFrame, frame_from
     from cogless.drives.registry import adapter_named
 
-    unknown = "it was made for another index: expected logs of the drive that --to names"
+    unknown = (
+        f"it is over another angle: expected logs of {to}, or --shift ANGLE that says how its index lies"
+    )
     if from_ is not None:
         adapter = adapter_named(from_, "--from")
         if adapter.read_table is None:
             raise StudyError(f"--from: {from_}: no table of it can be read: see cogless drives")
-        return adapter.read_table(source), TableFrame(to, zero=from_ == to, lacking=unknown)
+        current = adapter.read_table(source, configuration)
+        return current, TableFrame(to, zero=to in (from_, "csv"), lacking=unknown)
     if not source.is_dir():
-        return holding_current.from_stored_map(source), TableFrame(to, zero=True)
+        return holding_current.from_stored_map(source), TableFrame(to, zero=to == "csv", lacking=unknown)
     current = holding_current.from_identified(source)
+    if to == "csv":
+        return current, TableFrame(to, zero=True)
     if not (source / FRAME_FILE).is_file():
         return current, TableFrame(
             to, lacking=f"no {FRAME_FILE} in it: expected cogless identify with --drive {to}"

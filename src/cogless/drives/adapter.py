@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -97,19 +97,19 @@ class TableText:
 class Adapter:
     """A drive's module. `recognise`: which of its logs begins with these lines, "" for none of them.
 
-    `write`: the drive's own text of a table; None: `refusal` says why the drive takes none.
+    `read_logs`, `read_table` also take the file of `--drive-config`. `write`: the drive's own text of a
+    table; None: `refusal` says why the drive takes none.
     """
 
     name: str
     title: str
     reads: tuple[Feature, ...]
     writes: tuple[Feature, ...]
-    recognise: Callable[[Sequence[str]], str]
-    read_logs: Callable[[Sequence[Path], Path | None], DriveLogs]
+    recognise: Callable[[Sequence[str]], str] | None = None
+    read_logs: Callable[[Sequence[Path], Path | None], DriveLogs] | None = None
     write: Callable[[HoldingCurrent, TableFrame], TableText] | None = None
-    read_table: Callable[[Path], HoldingCurrent] | None = None
+    read_table: Callable[[Path, Path | None], HoldingCurrent] | None = None
     refusal: str = ""
-    configuration: str = field(default="")  # what --drive-config takes, with the command that makes it
 
 
 def text_of(path: Path, expected: str) -> str:

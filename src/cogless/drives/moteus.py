@@ -399,11 +399,12 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
     )
 
 
-def read_table(path: Path) -> HoldingCurrent:
+def read_table(path: Path, configuration: Path | None) -> HoldingCurrent:
     """The table in a dump, or the two means that moteus's own compensate_cogging.py measures (JSON).
 
     The mean of both directions is free of friction. A mean of a bin belongs to the bin's middle.
     """
+    del configuration  # Both are over the index itself.
     text = text_of(path, f"{DUMP_HINT}, or the JSON of compensate_cogging.py")
     if not text.lstrip().startswith("{"):
         dump = read_dump(path)
@@ -424,7 +425,7 @@ def read_table(path: Path) -> HoldingCurrent:
 
 MOTEUS = Adapter(
     name="moteus",
-    title="moteus (mjbots)",
+    title="moteus",
     reads=(
         Feature("tview CSV: servo_stats, and motor_position for the table's zero", Certainty.SOURCE),
         Feature("tview JSONL", Certainty.SOURCE),
@@ -437,5 +438,4 @@ MOTEUS = Adapter(
     read_logs=read_logs,
     write=write,
     read_table=read_table,
-    configuration=DUMP_HINT,
 )

@@ -9,8 +9,10 @@ from glob import escape
 from pathlib import Path
 from typing import Any
 
-from cogless.drives import moteus
 from cogless.drives.adapter import Adapter, Recording, TableFrame
+from cogless.drives.moteus import MOTEUS
+from cogless.drives.plain_table import PLAIN_TABLE
+from cogless.drives.simplefoc import SIMPLEFOC
 from cogless.errors import StudyError
 from cogless.files import no_device
 from cogless.identify import config
@@ -20,7 +22,7 @@ from cogless.identify.log import Log, logs_of_columns
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import read
 
-ADAPTERS: dict[str, Adapter] = {adapter.name: adapter for adapter in (moteus.MOTEUS,)}
+ADAPTERS: dict[str, Adapter] = {adapter.name: adapter for adapter in (MOTEUS, SIMPLEFOC, PLAIN_TABLE)}
 FIRST_BYTES = 1 << 14  # of a file, in which its heading is
 OWN_TABLES = ("title", "motor", "drive", "controller", "log", "angle_offset")  # --config may have these
 
@@ -42,11 +44,16 @@ def adapter_named(name: str, option: str) -> Adapter:
     return ADAPTERS[name]
 
 
+def readers() -> str:
+    """The drives whose logs are read."""
+    return ", ".join(name for name, adapter in ADAPTERS.items() if adapter.read_logs is not None)
+
+
 def recognised(path: Path) -> tuple[Adapter, str] | None:
     """The drive whose log a file is by its first lines, and which log; None: no drive's."""
     lines = first_lines(path)
     for adapter in ADAPTERS.values():
-        kind = adapter.recognise(lines)
+        kind = adapter.recognise(lines) if adapter.recognise is not None else ""
         if kind:
             return adapter, kind
     return None
@@ -76,16 +83,18 @@ def prepare(
         match = recognised(paths[0])
         if match is None:
             raise StudyError(
-                f"{paths[0]}: no drive's log by its heading: expected --config FILE that names its columns, "
-                f"or --drive {'|'.join(ADAPTERS)}"
+                f"{paths[0]}: no drive's log by its first lines: expected --config FILE that names its "
+                f"columns, or --drive {readers()}"
             )
         adapter, kind = match
-        remarks.append(f"{paths[0].name}: by its heading {kind} of {adapter.title}.")
+        remarks.append(f"{paths[0].name}: by its first lines {adapter.title}, {kind}.")
     else:
         adapter = adapter_named(drive, "--drive")
         match = recognised(paths[0])
         if match is not None and match[0] is not adapter:
             raise StudyError(f"{paths[0]}: {match[1]} of {match[0].title}: expected a log of {adapter.title}")
+    if adapter.read_logs is None:
+        raise StudyError(f'--drive: "{adapter.name}": no logs of it are read: expected one of {readers()}')
     logs = adapter.read_logs(paths, configuration)
     identification = config.from_tables(
         columns or configuration or paths[0], _merged(logs.tables, logs.recordings, columns, adapter)
