@@ -11,18 +11,19 @@ from typing import Any
 
 from cogless.drives.adapter import Adapter, Recording, TableFrame
 from cogless.drives.moteus import MOTEUS
+from cogless.drives.odrive import ODRIVE
 from cogless.drives.plain_table import PLAIN_TABLE
 from cogless.drives.simplefoc import SIMPLEFOC
 from cogless.errors import StudyError
 from cogless.files import no_device
-from cogless.identify import config
+from cogless.identify import config, read_log
 from cogless.identify.config import Identification
 from cogless.identify.files import LogColumns, readable
 from cogless.identify.log import Log, logs_of_columns
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import read
 
-ADAPTERS: dict[str, Adapter] = {adapter.name: adapter for adapter in (MOTEUS, SIMPLEFOC, PLAIN_TABLE)}
+ADAPTERS: dict[str, Adapter] = {adapter.name: adapter for adapter in (MOTEUS, ODRIVE, SIMPLEFOC, PLAIN_TABLE)}
 FIRST_BYTES = 1 << 14  # of a file, in which its heading is
 OWN_TABLES = ("title", "motor", "drive", "controller", "log", "angle_offset")  # --config may have these
 
@@ -60,7 +61,9 @@ def recognised(path: Path) -> tuple[Adapter, str] | None:
 
 
 def first_lines(path: Path) -> list[str]:
-    """The whole lines at the beginning of a text file, packed or not; none of a binary one."""
+    """The whole lines at the beginning of a text file, packed or not; of an NPZ its names, in one line."""
+    if path.suffix.lower() == ".npz":
+        return [",".join(read_log.read(path, [])[0].headings)]
     with readable(path, "log"):
         no_device(path)
         with (gzip.open if path.name.endswith(".gz") else open)(path, "rb") as file:
@@ -92,7 +95,7 @@ def prepare(
         adapter = adapter_named(drive, "--drive")
         match = recognised(paths[0])
         if match is not None and match[0] is not adapter:
-            raise StudyError(f"{paths[0]}: {match[1]} of {match[0].title}: expected a log of {adapter.title}")
+            raise StudyError(f"{paths[0]}: {match[0].title}, {match[1]}: expected a log of {adapter.title}")
     if adapter.read_logs is None:
         raise StudyError(f'--drive: "{adapter.name}": no logs of it are read: expected one of {readers()}')
     logs = adapter.read_logs(paths, configuration)
