@@ -145,7 +145,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     """Captures, all of one axis. StudyError: a file that can't be used."""
     if configuration is None:
         raise StudyError(
-            f"{paths[0]}: a log of ODrive: expected --drive-config FILE beside it, {CONFIG_HINT}"
+            f"{paths[0]}: a log of ODrive: expected --drive-config FILE, {CONFIG_HINT}"
         )
     captures = [_capture(path) for path in paths]
     axes = {axis for _, axis, _, _ in captures}
