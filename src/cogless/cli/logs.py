@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +28,18 @@ def identify(
         Path | None,
         typer.Option("--config", metavar="FILE", help="TOML: columns, what is known, kinds of logs."),
     ] = None,
+    drive: Annotated[
+        str | None,
+        typer.Option(
+            "--drive",
+            metavar="NAME",
+            help="The drive that wrote the logs, one of cogless drives; no columns needed.",
+        ),
+    ] = None,
+    drive_config: Annotated[
+        Path | None,
+        typer.Option("--drive-config", metavar="FILE", help="The drive's own dump of its configuration."),
+    ] = None,
     output: Annotated[
         Path | None,
         output_option("Where results go: results/identified, of a plan results/plan."),
@@ -49,8 +62,8 @@ def identify(
     from cogless.results.folder import held, new_set
 
     if plan is not None:
-        if logs or config is not None:
-            given = "--config" if not logs else str(logs[0])
+        if logs or config or drive or drive_config:
+            given = str(logs[0]) if logs else "--config" if config else "--drive"
             raise StudyError(
                 f"identify: --plan {plan}: expected no logs and no --config beside it, got {given}: "
                 "a plan says what to record; identify the logs afterwards"
@@ -72,19 +85,29 @@ def identify(
         print(f"Study: {output / 'study.toml'}")
         print(f"Columns: {output / 'id.toml'}")
         return
-    if not logs or config is None:
-        raise StudyError("identify: expected logs and --config FILE, or --plan STUDY")
+    if not logs:
+        raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
     output = output or Path("results/identified")
+    from cogless.drives.adapter import FRAME_FILE
+    from cogless.drives.registry import prepare
     from cogless.identify import command, write
     from cogless.report import identified as report
 
     names = ["identified.json", "motor.toml", "study.toml", "cogging.csv", "cogging.bin", "report.html"]
+    if config is not None and drive is None and drive_config is None:
+        of_drive, identified = None, partial(command.identified, logs, config)
+    else:
+        of_drive = prepare(logs, drive, drive_config, config)
+        identified = partial(command.identified_logs, of_drive.identification, of_drive.logs)
+        names.append(FRAME_FILE)
+        for line in of_drive.remarks:
+            print(line)
     with held(output, [*names, *(["orders.png"] if plots else [])]):
         with new_console(stderr=True).status("Identifying") as status:
-            found = command.identified(
-                logs, config, lambda what, share: status.update(f"Identifying: {what}{told(share)}")
-            )
+            found = identified(lambda what, share: status.update(f"Identifying: {what}{told(share)}"))
         with new_set(output) as stage:
+            if of_drive is not None:
+                (stage / FRAME_FILE).write_text(of_drive.frame.to_json(), "utf-8")
             write.write_all(found.estimate, stage)
             report.write_report(found, stage / "report.html")
             if plots:

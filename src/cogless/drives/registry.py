@@ -1,0 +1,147 @@
+"""All drives, the one that a log is of, and its logs as identify takes them."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from glob import escape
+from pathlib import Path
+from typing import Any
+
+from cogless.drives.adapter import Adapter, Recording, TableFrame
+from cogless.drives.moteus import MOTEUS
+from cogless.drives.odrive import ODRIVE
+from cogless.drives.plain_table import PLAIN_TABLE
+from cogless.drives.simplefoc import SIMPLEFOC
+from cogless.errors import StudyError
+from cogless.files import no_device
+from cogless.identify import config, read_log
+from cogless.identify.config import Identification
+from cogless.identify.files import LogColumns, readable
+from cogless.identify.log import Log, logs_of_columns
+from cogless.study.datasheet import replaced_by_any
+from cogless.study.reading import read
+
+ADAPTERS: dict[str, Adapter] = {adapter.name: adapter for adapter in (MOTEUS, ODRIVE, SIMPLEFOC, PLAIN_TABLE)}
+FIRST_BYTES = 1 << 14  # of a file, in which its heading is
+OWN_TABLES = ("title", "motor", "drive", "controller", "log", "angle_offset")  # --config may have these
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Logs of a drive with what is known of it. `remarks`: what was guessed or laid over, a sentence each."""
+
+    identification: Identification
+    logs: list[Log]
+    frame: TableFrame
+    remarks: tuple[str, ...]
+
+
+def adapter_named(name: str, option: str) -> Adapter:
+    """The drive of this name. StudyError names the option."""
+    if name not in ADAPTERS:
+        raise StudyError(f'{option}: "{name}": expected one of {", ".join(ADAPTERS)}')
+    return ADAPTERS[name]
+
+
+def readers() -> str:
+    """The drives whose logs are read."""
+    return ", ".join(name for name, adapter in ADAPTERS.items() if adapter.read_logs is not None)
+
+
+def recognised(path: Path) -> tuple[Adapter, str] | None:
+    """The drive whose log a file is by its first lines, and which log; None: no drive's."""
+    lines = first_lines(path)
+    for adapter in ADAPTERS.values():
+        kind = adapter.recognise(lines) if adapter.recognise is not None else ""
+        if kind:
+            return adapter, kind
+    return None
+
+
+def first_lines(path: Path) -> list[str]:
+    """The whole lines at the beginning of a text file, packed or not; of an NPZ its names, in one line."""
+    if path.suffix.lower() == ".npz":
+        return [",".join(read_log.read(path, [])[0].headings)]
+    with readable(path, "log"):
+        no_device(path)
+        with (gzip.open if path.name.endswith(".gz") else open)(path, "rb") as file:
+            raw = file.read(FIRST_BYTES)
+    try:
+        return raw[: raw.rfind(b"\n") + 1].decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        return []
+
+
+def prepare(
+    paths: Sequence[Path], drive: str | None, configuration: Path | None, columns: Path | None
+) -> Prepared:
+    """Read a drive's logs. `drive`: its name, or None to guess it. `columns`: more tables.
+
+    StudyError: a file that can't be used, or what is lacking.
+    """
+    remarks = []
+    if drive is None:
+        match = recognised(paths[0])
+        if match is None:
+            raise StudyError(
+                f"{paths[0]}: no drive's log by its first lines: expected --config FILE that names its "
+                f"columns, or --drive {readers()}"
+            )
+        adapter, kind = match
+        remarks.append(f"{paths[0].name}: by its first lines {adapter.title}, {kind}.")
+    else:
+        adapter = adapter_named(drive, "--drive")
+        match = recognised(paths[0])
+        if match is not None and match[0] is not adapter:
+            raise StudyError(f"{paths[0]}: {match[0].title}, {match[1]}: expected a log of {adapter.title}")
+    if adapter.read_logs is None:
+        raise StudyError(f'--drive: "{adapter.name}": no logs of it are read: expected one of {readers()}')
+    logs = adapter.read_logs(paths, configuration)
+    identification = config.from_tables(
+        columns or configuration or paths[0], _merged(logs.tables, logs.recordings, columns, adapter)
+    )
+    read_columns = [
+        (recording.path, LogColumns(recording.name, dict(recording.signals), tuple(recording.signals)))
+        for recording in logs.recordings
+    ]
+    return Prepared(
+        identification, logs_of_columns(read_columns, identification), logs.frame, (*remarks, *logs.remarks)
+    )
+
+
+def _merged(
+    tables: Mapping[str, Mapping[str, Any]],
+    recordings: Sequence[Recording],
+    columns: Path | None,
+    adapter: Adapter,
+) -> dict[str, Any]:
+    """The tables of a file of columns: those of the drive, over them what the user's file says."""
+    own = {} if columns is None else read(columns)
+    other = next((key for key in own if key not in OWN_TABLES), None)
+    if other is not None:
+        raise StudyError(
+            f"{columns}: {other}: expected none beside --drive: {adapter.name} knows its columns"
+        )
+    motor = own.get("motor", {})
+    drive = own.get("drive", {})
+    replaced = replaced_by_any(motor) if isinstance(motor, dict) else frozenset()
+    merged: dict[str, Any] = {
+        "title": f"A motor from the logs of its {adapter.name}",
+        "angle_offset": "0 rad",
+        **own,
+        "motor": {**{key: v for key, v in tables["motor"].items() if key not in replaced}, **motor},
+        "drive": {**tables["drive"], **drive},
+    }
+    merged["log"] = [
+        *own.get("log", []),
+        *({"file": escape(r.name or r.path.name), "kind": r.kind} for r in recordings if r.kind),
+    ]
+    names = {r: r.name or r.path.name for r in recordings}
+    signals = dict.fromkeys(signal for r in recordings for signal in r.signals)
+    merged["columns"] = {
+        signal: {"name": signal, "files": [escape(names[r]) for r in recordings if signal in r.signals]}
+        for signal in signals
+    }
+    return merged
