@@ -6,9 +6,9 @@ import style
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
     "constant_with_several_values": 126,
-    "number_of_one_word": 358,
-    "vague_local": 900,
-    "vague_argument": 269,
+    "number_of_one_word": 357,
+    "vague_local": 898,
+    "vague_argument": 268,
     "vague_function": 150,
     "many_positional_arguments": 47,
     "fragment_of_a_comment": 101,

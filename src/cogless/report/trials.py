@@ -347,4 +347,4 @@ def _parts(results: TrialResults, runs: Runs) -> dict[str, str]:
     }
 
 
-TRIALS = Sections("trials", _lines, verdict, _charts, _parts, TRIAL_PICTURES, outcome, answer)
+TRIALS = Sections("trials", _lines, verdict, _charts, _parts, TRIAL_PICTURES, outcome, answer=answer)

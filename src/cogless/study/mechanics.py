@@ -28,6 +28,7 @@ from cogless.units import TURN
 
 Order = Annotated[int, Field(ge=1, le=10_000)]
 
+
 class TorqueHarmonic(Table):
     """A part of a torque: torque sin(order theta + phase), with theta the mechanical angle."""
 
@@ -37,6 +38,7 @@ class TorqueHarmonic(Table):
     r"""Amplitude of $\tau_L$ or $\tau_C$ += torque sin(order $\theta$ + phase)."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic."""
+
 
 class AngleTable(Table):
     """Torque over the mechanical angle, linear between points, periodic in one revolution."""
@@ -68,6 +70,7 @@ class AngleTable(Table):
         found = read(info.context["folder"] / self.file, {"torque": units.TORQUE})
         return self.model_copy(update={"angle": found.angle, "torque": found.value})
 
+
 class TimeTable(Table):
     """Torque over time, linear between points, constant before the first and after the last point."""
 
@@ -81,12 +84,14 @@ class TimeTable(Table):
         check_table("time", self.time, self.torque)
         return self
 
+
 def check_table(axis: str, points: Sequence[float], values: Sequence[float]) -> None:
     """Refuse a table without points, with points that don't increase, or without one value per point."""
     if not points or any(b <= a for a, b in pairwise(points)):
         raise invalid("expected one or more values, each above the one before", axis)
     if len(points) != len(values):
         raise invalid(f"expected as many values as {axis} has, {len(points)}", "torque")
+
 
 class Load(Table):
     """A load torque, the sum of its parts. The constant part follows its set value with a first-order lag."""
@@ -105,6 +110,7 @@ class Load(Table):
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
         return data if isinstance(data, dict) else {"torque": data}
+
 
 class Mass(Table):
     """Inertia and friction of what turns as one body."""
@@ -153,6 +159,7 @@ class Mass(Table):
             )
         return self
 
+
 class GearError(Table):
     """A part of a gear's transmission error: angle sin(order theta + phase), theta of its input or output."""
 
@@ -164,6 +171,7 @@ class GearError(Table):
     r"""Amplitude of an angle that is added to the output's: angle sin(order $\theta$ + phase)."""
     phase: Angle = 0.0  # rad
     """Phase of this part."""
+
 
 class LoadSide(Mass):
     """A second mass behind a gear and a soft shaft with backlash; inertia and friction are its own."""
@@ -192,6 +200,7 @@ class LoadSide(Mass):
             e.order * e.angle * (1.0 if e.side == "input" else 1 / self.ratio) for e in self.gear_errors
         )
         return 1 / self.ratio - spread, 1 / self.ratio + spread
+
 
 class Mechanics(Mass):
     """Inertia, friction and load of everything that turns with the rotor."""
