@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 from cogless.study.metric import SIGNALS, Conditions, Metric, turns_held, whole_revolutions
 from cogless.study.metric import result_name as result_name
 from cogless.units import ANGLE, ANGULAR_SPEED, TURN
 
-Array = NDArray[np.float64]
 Value = float | None | list[float]
 
 # Signals with a target. Any other signal should return to its mean from before the event.
