@@ -110,14 +110,8 @@ def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
 def window_of(metric: Metric, trace: Trace, events: Sequence[float]) -> tuple[float, float]:
     """The metric's window, s: as declared, else from its event to the next event, else the whole trace."""
     end = float(trace.time[-1]) if len(trace) else 0.0
-    declared = metric.span(end)
-    if declared is not None:
-        return declared
-    if metric.event is None:
-        return 0.0, end
     # The row at the next event already shows its effect, so the window ends one row before.
-    after = metric.next_event(events, trace.period)
-    return metric.event, end if after is None else after - trace.period
+    return metric.window_within(end, events, trace.period, before_event=trace.period)
 
 
 def peak_to_peak(m: MetricInput) -> Array:
