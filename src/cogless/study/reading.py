@@ -250,7 +250,10 @@ def with_tables(study: AStudy, tables: dict[str, Any]) -> AStudy:
 
 
 def for_scenario(study: Study, scenario: str) -> Study:
-    """The study in one of its scenarios, see `Study.in_scenario`."""
+    """The study with a scenario's overrides applied and without the other scenarios.
+
+    If the scenario has no overrides, the study itself.
+    """
     return study.in_scenario(scenario)
 
 
