@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from cogless.study.motion import Real as Real
+
 Complex = NDArray[np.complex128]
 POINTS = 4001
 

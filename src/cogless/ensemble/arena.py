@@ -147,7 +147,7 @@ def hour(study: Study) -> Study:
 
 GOLDEN = 137.508  # deg, between the first angles of two seeds
 
-Progress = Callable[[str, int], None]
+ArenaProgress = Callable[[str, int], None]
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ class ArenaResults:
 def run_arena(
     arena: Arena,
     only: Sequence[str] | None = None,
-    progress: Progress | None = None,
+    progress: ArenaProgress | None = None,
     jobs: int = 1,
     find_limits: bool = False,
 ) -> ArenaResults:

@@ -211,7 +211,7 @@ def _told(study: AnyStudy, error: StudyError) -> str:
 SHARD_NUMBER = re.compile("[1-9][0-9]{0,8}")
 CHUNK = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker
 
-Progress = Callable[[int], None]
+SweepProgress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
@@ -278,7 +278,7 @@ def run(
     folder: Path,
     workers: Workers | Executor,
     shard: Shard | None = None,
-    progress: Progress | None = None,
+    progress: SweepProgress | None = None,
 ) -> Sweep | None:
     """Run a sweep, or go on with it; None if it is a shard, which `merge` puts together with the others.
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.design.kinds import DESIGNS
 from cogless.ensemble import judge
@@ -22,6 +21,7 @@ from cogless.ensemble.sweep_table import Column, Sweep, columns, gathered
 from cogless.ensemble.variants import SEED, Ensemble, Reader, draw, seeds, tried
 from cogless.ensemble.workers import Workers, pack, run_all
 from cogless.errors import StudyError
+from cogless.results.trace import Array
 from cogless.run.simulate import Pair, runs_of
 from cogless.study import AnyStudy, changed
 from cogless.study.base import Tune
@@ -33,8 +33,7 @@ from cogless.study.table import perhaps
 DECADE = 10.0  # a range at least this wide is searched by ratios
 FRESH = 4  # variants of the check, for each that was searched over
 SEEDS = 16  # variants of the check of the nominal plant, which differ by their noise
-Array = NDArray[np.float64]
-Progress = Callable[[str, int, int, float], None]  # subject, tried, budget, best value
+TuneProgress = Callable[[str, int, int, float], None]  # subject, tried, budget, best value
 
 
 @dataclass(frozen=True)
@@ -190,7 +189,9 @@ class Evaluation:
         return float(np.mean(bad))
 
 
-def tune(study: AnyStudy, folder: Path, workers: Workers, progress: Progress | None = None) -> list[Tuned]:
+def tune(
+    study: AnyStudy, folder: Path, workers: Workers, progress: TuneProgress | None = None
+) -> list[Tuned]:
     """Tune a study as its [tune] says; a killed tuning goes on from `folder`, where each has a journal.
 
     `progress` is called with the subject, the number of settings tried, the budget, and the best value so
@@ -214,7 +215,7 @@ def journal_name(subject: Subject) -> str:
     return f"{subject.name}.tune"
 
 
-def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: Progress) -> Tuned:
+def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: TuneProgress) -> Tuned:
     study, subject, budget = searched.study, searched.subject, searched.tune.budget
     start = {knob.key: knob.start_share for knob in subject.knobs}
     about = {"study": pack(study).digest[:16], "keys": list(start)}

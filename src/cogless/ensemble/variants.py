@@ -13,18 +13,17 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from cogless import units
 from cogless.errors import StudyError
 from cogless.interrupts import deferred
+from cogless.results.trace import Array
 from cogless.study import AnyStudy, changed
 from cogless.study.messages import MISSING, dotted, look_up, shown
 from cogless.study.reading import split
 from cogless.study.table import Key
 
-Array = NDArray[np.float64]
 PERCENT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*%\s*")
 CUT = 3.0  # standard deviations at which a normal distribution ends
 DIGITS = 6  # of a value, so that the command that repeats a variant can be read

@@ -16,7 +16,7 @@ from typing import Any
 from cogless.control_library import C_LAWS
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders, versions
-from cogless.live import engine, own_motor, toml
+from cogless.live import engine, own_motor
 from cogless.live.description import OFF, Packed, held, left_out
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.report.markup import asset as report_asset
@@ -30,6 +30,7 @@ from cogless.study.base import Kind
 from cogless.study.laws.trial import TrialLaw
 from cogless.study.metric import EACH_TRIAL, SIGNALS, Metric
 from cogless.study.reading import Changes
+from cogless.study.toml import sections, toml
 from cogless.units import NONE, factor
 
 NO_LIMITS: Mapping[str, str] = {}
@@ -116,9 +117,9 @@ def data(
     others = [name for name in names if name != study.baseline]
     return {
         "command": command,
-        "pins": [[key, f"{key}={toml.text(value)}"] for key, value in pins.items()],
+        "pins": [[key, f"{key}={toml(value)}"] for key, value in pins.items()],
         "name": study.name,
-        "toml": toml.sections(study.source),
+        "toml": sections(study.source),
         "kind": study.kind,
         "busy": int(Status.BUSY),
         "guarded": int(Status.GUARDED),

@@ -42,7 +42,7 @@ UNITS = (
 )
 CURRENT, COSINE, SINE, ORDER = 1, 6, 7, 8  # codes of units
 
-Array = NDArray[np.float32]
+Entries = NDArray[np.float32]
 # All of the header except its CRC.
 _FIELDS = struct.Struct("<4sHHIIIBBHIIIHB3sH3fI")
 
@@ -61,7 +61,7 @@ class StoredMap:
     channel, an index of UNITS. `limits`: entries of each channel are within +-limit.
     """
 
-    values: Array
+    values: Entries
     units: tuple[int, ...]
     limits: tuple[float, ...]
     _: KW_ONLY

@@ -88,7 +88,12 @@ def with_limits(
     traces: Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> AnyResults:
-    """The results, with what limits each scenario's best run added; see `best_runs.with_limits`."""
+    """The results, with what limits the best run of each scenario added; none in a study of trials.
+
+    Each scenario takes about a dozen further runs. `long`: run them also where a run is long or executes a
+    user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario.
+    Ctrl-C ends the search early.
+    """
     search = _sections(results).with_limits
     return results if search is None else search(results, long, jobs, traces, progress)
 

@@ -23,12 +23,7 @@ def with_limits(
     traces: Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Results:
-    """The results, with what limits the best run of each scenario added.
-
-    Each scenario takes about a dozen further runs. `long`: run them also where a run is long or executes a
-    user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario.
-    Ctrl-C ends the search early.
-    """
+    """As `cogless.report.with_limits`."""
     found: dict[str, Limits] = {}
     try:
         for scenario in results.scenarios:

@@ -11,9 +11,10 @@ from cogless.report.verdicts import called, listed, times
 from cogless.results.limits import CAUSES, NAMED_MOST, Cause, Cure, Limits
 from cogless.results.metrics import result_name
 from cogless.study.base import StudyBase
-from cogless.study.messages import dotted, look_up, toml
+from cogless.study.messages import dotted, look_up
 from cogless.study.reading import Changes, split
 from cogless.study.remark import Remark
+from cogless.study.toml import toml
 
 OVERLAP = 1.1  # sum of shares beyond which it is told that they overlap
 

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 from cogless.study.metric import SIGNALS, Conditions, Metric, turns_held, whole_revolutions
 from cogless.study.metric import result_name as result_name
 from cogless.units import ANGLE, ANGULAR_SPEED, TURN
 
-Array = NDArray[np.float64]
 Value = float | None | list[float]
 
 # Signals with a target. Any other signal should return to its mean from before the event.
@@ -111,14 +110,8 @@ def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
 def window_of(metric: Metric, trace: Trace, events: Sequence[float]) -> tuple[float, float]:
     """The metric's window, s: as declared, else from its event to the next event, else the whole trace."""
     end = float(trace.time[-1]) if len(trace) else 0.0
-    declared = metric.span(end)
-    if declared is not None:
-        return declared
-    if metric.event is None:
-        return 0.0, end
     # The row at the next event already shows its effect, so the window ends one row before.
-    after = metric.next_event(events, trace.period)
-    return metric.event, end if after is None else after - trace.period
+    return metric.window_within(end, events, trace.period, before_event=trace.period)
 
 
 def peak_to_peak(m: MetricInput) -> Array:

@@ -56,11 +56,7 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class AnyResults:
-    """A study of either kind and its finished runs. `interrupted`: some of its runs are missing.
-
-    `limits`: of a speed study, what limits a scenario's best run, where that was looked for. `not_designed`:
-    of a study of trials, why a (scenario, controller) did not run.
-    """
+    """A study of either kind and its finished runs. `interrupted`: some of its runs are missing."""
 
     study: AnyStudy
     runs: Sequence[Run]
@@ -85,14 +81,14 @@ class AnyResults:
 
 @dataclass(frozen=True, eq=False)
 class Results(AnyResults):
-    """Results of a speed study."""
+    """Results of a speed study. `limits`: what limits a scenario's best run, where that was looked for."""
 
     study: Study
 
 
 @dataclass(frozen=True, eq=False)
 class TrialResults(AnyResults):
-    """Results of a study of trials."""
+    """Results of a study of trials. `not_designed`: why a (scenario, controller) did not run."""
 
     study: TrialStudy
 

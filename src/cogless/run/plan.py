@@ -37,7 +37,7 @@ from cogless.study.laws.own import OwnLaw
 from cogless.study.laws.trial import TrialLaw
 
 
-def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> learned_map.Reals:
+def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> learned_map.Real:
     """The entries of a law's map at the start of a run, (channels, cells).
 
     `drive`: the engine's, with this law. StudyError: the file is no map, or nothing that fits the law, or

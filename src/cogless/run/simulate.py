@@ -16,6 +16,7 @@ from typing import overload
 
 from cogless.design.kinds import DESIGNS
 from cogless.design.trials.from_study import Designs
+from cogless.design.trials.from_study import Pair as Pair
 from cogless.errors import StudyError
 from cogless.results import AnyResults, Results, Run
 from cogless.results.runs import RESULTS
@@ -29,7 +30,6 @@ from cogless.study.laws.own import OwnLaw
 from cogless.study.table import perhaps
 
 StudyProgress = Callable[[str, str, float], None]
-Pair = tuple[str, str]  # scenario, controller
 
 
 class RunError(StudyError):

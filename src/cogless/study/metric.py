@@ -186,6 +186,20 @@ class Metric(Table):
         event = self.event
         return None if event is None else min((t for t in events if t > event + row / 2), default=None)
 
+    def window_within(
+        self, end: float, events: Iterable[float], row: float, before_event: float = 0.0
+    ) -> tuple[float, float]:
+        """The window in a run that ends at `end`, s: as declared, else from the metric's event to the next of
+        these events, else the whole run.
+
+        `row`: time between rows. `before_event`: time by which the window ends before the next event.
+        """
+        declared = self.span(end)
+        if declared is not None:
+            return declared
+        after = self.next_event(events, row)
+        return self.event or 0.0, end if after is None else after - before_event
+
     @property
     def wanted(self) -> str:
         """The direction that is better: as `better` says, but a band is by default better left late."""

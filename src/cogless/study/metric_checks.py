@@ -177,13 +177,11 @@ def _in_time(study: Study, index: int, metric: Metric) -> None:
 
 def _span(study: Study, metric: Metric, scenario: Scenario) -> tuple[str, float]:
     """The key that decides a metric's window in a scenario, and the window's length, s."""
-    declared = metric.span(scenario.duration)
-    if declared is not None:
-        return ("window" if metric.last is None else "last"), declared[1] - declared[0]
-    if metric.event is None:
-        return "window", scenario.duration
-    after = metric.next_event((event.time for event in scenario.events), 1 / study.trace_rate)
-    return "event", (scenario.duration if after is None else after) - metric.event
+    keys = {"last": metric.last, "window": metric.window, "event": metric.event}
+    key = next((key for key, value in keys.items() if value is not None), "window")
+    events = (event.time for event in scenario.events)
+    begin, end = metric.window_within(scenario.duration, events, 1 / study.trace_rate)
+    return key, end - begin
 
 
 def orders(study: Study) -> None:

@@ -53,10 +53,7 @@ class Study(StudyBase):
         return self.trace.rate or self.drive.rates.current_loop
 
     def in_scenario(self, scenario: str) -> Study:
-        """The study with a scenario's overrides applied and without the other scenarios.
-
-        If the scenario has no overrides, the study itself.
-        """
+        """As `cogless.for_scenario`."""
         return self._scenarios.get(scenario, self)
 
     @property

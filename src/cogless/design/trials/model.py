@@ -17,8 +17,9 @@ from importlib import import_module
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cogless.design.margins import Real as Real
 from cogless.errors import StudyError
 
 
@@ -31,7 +32,6 @@ class DesignError(StudyError):
         return str(self).partition(":")[0]
 
 
-Real = NDArray[np.float64]
 Discretisation = Literal["euler", "exact"]
 NO_PATH = 1e-9  # a product below this share of the sum of its terms' magnitudes counts as zero
 

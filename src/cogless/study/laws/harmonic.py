@@ -49,6 +49,7 @@ class Harmonic(Feedback, LearnsWhileRunning):
     """PI with learned harmonics: every gain and order follows from motor and drive."""
 
     law: Literal["harmonic"]
+    """PI with learned harmonics of the motor."""
     base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None
     """Lowest learned order of a mechanical revolution; the others are its multiples. Default: the common
     divisor of `slots` and poles, or the multiple of it that [reaches the main
