@@ -28,6 +28,7 @@ from cogless.study.table import (
 
 Order = Annotated[int, Field(ge=1, le=10_000)]
 
+
 class TorqueHarmonic(Table):
     """A part of a torque: torque sin(order theta + phase), with theta the mechanical angle."""
 
@@ -38,6 +39,7 @@ class TorqueHarmonic(Table):
     phase: Angle = 0.0  # rad
     """Phase of this harmonic."""
 
+
 class AngleTable(Table):
     """Torque over the mechanical angle, linear between points, periodic in one revolution."""
 
@@ -45,7 +47,7 @@ class AngleTable(Table):
     """Rising angles, less than one revolution from first to last."""
     torque: Many[Torque] = ()  # N*m
     """Torque at each angle; linear in between, periodic."""
-    file: File | None = None  # CSV with the columns angle and torque, units in its heading; beside the study
+    file: File | None = None
     """A CSV file beside the study in place of both: columns `angle` and `torque`, their units in the heading.
     """
 
@@ -68,6 +70,7 @@ class AngleTable(Table):
         found = read(info.context["folder"] / self.file, {"torque": units.TORQUE})
         return self.model_copy(update={"angle": found.angle, "torque": found.value})
 
+
 class TimeTable(Table):
     """Torque over time, linear between points, constant before the first and after the last point."""
 
@@ -81,12 +84,14 @@ class TimeTable(Table):
         check_table("time", self.time, self.torque)
         return self
 
+
 def check_table(axis: str, points: Sequence[float], values: Sequence[float]) -> None:
     """Refuse a table without points, with points that don't increase, or without one value per point."""
     if not points or any(b <= a for a, b in pairwise(points)):
         raise invalid("expected one or more values, each above the one before", axis)
     if len(points) != len(values):
         raise invalid(f"expected as many values as {axis} has, {len(points)}", "torque")
+
 
 class Load(Table):
     """A load torque, the sum of its parts. The constant part follows its set value with a first-order lag."""
@@ -106,6 +111,7 @@ class Load(Table):
     def spelled_out(cls, data: Any) -> Any:
         return data if isinstance(data, dict) else {"torque": data}
 
+
 class Mass(Table):
     """Inertia and friction of what turns as one body."""
 
@@ -118,7 +124,7 @@ class Mass(Table):
     breakaway_friction: TorqueMagnitude | None = None  # N*m
     """Torque up to which friction holds the rotor at standstill, at least `coulomb_friction`. Default:
     `coulomb_friction`."""
-    stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s; 0: no fall, friction jumps to coulomb_friction
+    stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s
     r"""Speed $\omega_s$ at which friction has fallen most of the way from `breakaway_friction` to
     `coulomb_friction`: $\tau_C + (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$. 0: it jumps."""
     friction_harmonics: Many[TorqueHarmonic] = ()  # N*m
@@ -153,6 +159,7 @@ class Mass(Table):
             )
         return self
 
+
 class GearError(Table):
     """A part of a gear's transmission error: angle sin(order theta + phase), theta of its input or output."""
 
@@ -165,6 +172,7 @@ class GearError(Table):
     phase: Angle = 0.0  # rad
     """Phase of this part."""
 
+
 class LoadSide(Mass):
     """A second mass behind a gear and a soft shaft with backlash; inertia and friction are its own."""
 
@@ -174,7 +182,7 @@ class LoadSide(Mass):
     """Torque of the shaft per rate of its twist."""
     backlash: AngleMagnitude = 0.0  # rad
     """The whole gap, as an angle of the load; within it the shaft has no torque."""
-    ratio: Annotated[float, Field(gt=0)] = 1.0  # motor's speed over the load's
+    ratio: Annotated[float, Field(gt=0)] = 1.0
     """Speed of the motor over that of the load."""
     gear_errors: Many[GearError] = ()
     """Parts of the gear's transmission error."""
@@ -193,10 +201,11 @@ class LoadSide(Mass):
         )
         return 1 / self.ratio - spread, 1 / self.ratio + spread
 
+
 class Mechanics(Mass):
     """Inertia, friction and load of everything that turns with the rotor."""
 
-    load_side: LoadSide | None = None  # none: inertia is of rotor and load together
+    load_side: LoadSide | None = None
     """A second mass behind a gear and a soft shaft. `inertia` and frictions are then those of the motor's
     side."""
     load: Load = Load()

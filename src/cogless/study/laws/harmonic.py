@@ -47,13 +47,13 @@ class Harmonic(Feedback, LearnsWhileRunning):
 
     law: Literal["harmonic"]
     """PI with learned harmonics of the motor."""
-    base: Annotated[int, Field(ge=1, le=HIGHEST)] | None = None  # mechanical; default: of slots and poles
+    base: Annotated[int, Field(ge=1, le=HIGHEST)] | None = None
     """Lowest learned order of a mechanical revolution; the others are its multiples. Default: the common
     divisor of `slots` and poles, or the multiple of it that [reaches the main
     order](/laws/harmonic.md#the-rule). With a given base all orders act up to 2.6 rad a sample."""
     limit: CurrentBound | None = None  # A
     """Most that each amplitude, and their sum, may be; default `current_limit`."""
-    position: bool = False  # it controls the position: its feedback is that of space-position
+    position: bool = False
     """Whether it controls the position."""
     k_theta: RateGain | None = None  # 1/s
     """Gain of the angle; only if `position` is true and `kp` and `ki` are given."""
