@@ -11,7 +11,7 @@ PLACES_MOST = {
     "vague_argument": 269,
     "vague_function": 152,
     "many_positional_arguments": 47,
-    "fragment_of_a_comment": 103,
+    "fragment_of_a_comment": 88,
     "alias_defined_again": 21,
     "type_test_of_a_study": 65,
     "type_test_of_a_law": 156,
