@@ -139,3 +139,11 @@ def choices(model: type[Table], key: str) -> tuple[Any, ...]:
 def test_the_frame_of_a_metric_is_told() -> None:
     text = (GUIDE / "metrics.md").read_text(encoding="utf-8")
     assert "\n## Frame\n" in text and "multiplied by the pole pairs" in text
+
+
+def test_no_line_of_a_page_is_taken_for_a_comment() -> None:
+    """MyST drops a line that begins with %, and the rest of its paragraph stands alone."""
+    for path in GUIDE.parent.rglob("*.md"):
+        if "_build" not in path.parts:
+            text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+            assert not re.search(r"^ *%", text, re.MULTILINE), path

@@ -34,7 +34,7 @@ class FitParameter(Table):
     """Dotted key of a quantity of the study."""
     scenario: str | None = None
     """If given, the key is one of that scenario's `override`."""
-    initial: str | float | None = None  # default: the study's value
+    initial: str | float | None = None
     """Where the fit starts. Default: the value in the study."""
     lower: str | float | None = None
     """Lower bound, a text with a unit, or a number in the unit of the key's present value. Default: none."""
@@ -147,12 +147,12 @@ class Together(Table):
 class Vary(Table):
     """How an ensemble spreads around the study: a distribution for each dotted key."""
 
-    keys: dict[str, Distribution] = Field(default={})  # in the file they stand in [vary] itself
+    keys: dict[str, Distribution] = Field(default={})
     """A distribution for each [dotted key](/guide/study-file.md#rules), which stands in `[vary]` itself:
     `mechanics.inertia = { uniform = "20 %" }`."""
     together: Many[Together] = ()
     """Groups of correlated keys."""
-    seeds: bool = False  # each variant draws its own sensor noise
+    seeds: bool = False
     """True: every variant draws its own sensor noise; false: all have the study's `seed`."""
 
     @classmethod
@@ -195,18 +195,18 @@ class Tune(Table):
     keys: dict[str, Many[Number]]
     """Two limits for each dotted key, with unit or %. The search begins at the study's value, between them.
     """
-    minimise: str  # a metric; one of its orders or phases as NAME.72
+    minimise: str
     """Name of a metric; one of its orders as `NAME.72`. Where higher is better, it is maximised."""
     over: Literal["mean", "worst", "nominal"] | Annotated[float, Field(gt=0, lt=1)] = "mean"
     """Mean or worst of the ensemble, or the value that this share of variants is no worse than. `nominal`:
     the study alone."""
     hold: Many[Hold] = ()
     """Limits of metrics that must be kept."""
-    scenarios: Many[str] | None = None  # default: all that the controller runs in
+    scenarios: Many[str] | None = None
     """Scenarios that count. Default: all that the controller runs in."""
-    variants: Annotated[int, Field(ge=1)] = 32  # of the ensemble
+    variants: Annotated[int, Field(ge=1)] = 32
     """Variants of the ensemble that each setting is tried on."""
-    budget: Annotated[int, Field(ge=2)] = 200  # settings that are tried, for each controller
+    budget: Annotated[int, Field(ge=2)] = 200
     """Settings that are tried, for each controller."""
 
     @field_validator("keys", mode="before")
@@ -274,13 +274,12 @@ class Source:
 class TraceSettings(Table):
     """Settings of the trace, the signals recorded in a run."""
 
-    # Hz, must divide the current-loop rate; default: that rate, or in trials one row per sample
-    rate: Frequency | None = None
+    rate: Frequency | None = None  # Hz
     """Recorded rows a second, a divisor of the current loop's rate. Default: that rate; in a study of trials
     one row per sample. A row takes 8 bytes for each of about 20 signals: 10 min at 1 kHz are 100 MB."""
     file_rate: Frequency = 1000.0  # Hz
     """Rows a second in `traces.nc`, at most. In a study of trials all rows are there."""
-    energy: bool = False  # also integrate and record the energies
+    energy: bool = False
     """True also records the energies and the error of the energy balance."""
 
 

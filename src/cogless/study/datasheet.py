@@ -113,9 +113,7 @@ def _folder(info: ValidationInfo) -> Path:
 class CoggingTable(AngleFile):
     """Measured cogging: torque, or the current that is it over K_t, over the angle."""
 
-    sign: Literal[
-        "on-rotor", "holding"
-    ]  # of the motor on its rotor, or of what holds the rotor: the opposite
+    sign: Literal["on-rotor", "holding"]
     """`on-rotor`: torque of the motor on its rotor. `holding`: the opposite, which holds the rotor there."""
     peak: Torque | None = None  # N*m
     """Largest magnitude of the torque, checked against the table to 5 %."""

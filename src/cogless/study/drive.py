@@ -78,7 +78,7 @@ class Quality(Table):
     """Angle by which the rotor turns in one window of the assessment. Default: a revolution."""
     longest: Duration = 60.0  # s
     """Longest time of one window."""
-    outlier: NumberGain = 0.0  # bound, in multiples of the usual error; 0: none
+    outlier: NumberGain = 0.0
     """An error larger than the usual one by this factor is not learned from; 1 or more. 0: every error is
     learned from."""
     floor: AngularSpeedMagnitude = 0.0  # rad/s
@@ -141,7 +141,6 @@ class Rates(Table):
     current_loop: Frequency  # Hz
     """Rate of current sampling, current control and, if switched, PWM: one tick of the engine; a whole
     number."""
-    # outer loop (speed, or position in trials): a whole number of Hz that divides current_loop
     speed_loop: Frequency | None = None
     """Rate of the speed law; a whole number that divides `current_loop`."""
     position_loop: Frequency | None = None
@@ -185,7 +184,7 @@ class CurrentLoop(Table):
     """Proportional gain of both axes. Give it with `ki`, or give `bandwidth`."""
     ki: CurrentIntegralGain | None = None  # V/A/s
     """Integral gain of both axes."""
-    bandwidth: Frequency | None = None  # Hz: kp = w L, ki = w R_s with the assumed L, R_s; w = 2 pi bandwidth
+    bandwidth: Frequency | None = None  # Hz
     r"""Instead of gains: kp = $2\pi f L$, ki = $2\pi f R_s$ with the believed parameters. This cancels the
     winding's pole."""
     decoupling: bool = True
@@ -267,7 +266,7 @@ class DeadTimeCompensation(Table):
     """Dead time that the controller assumes. Default: the inverter's."""
     drop: VoltageMagnitude | None = None  # V
     """Voltage across a device that the controller assumes. Default: the inverter's."""
-    band: CurrentLimit  # A: below it a phase gets a part of the correction
+    band: CurrentLimit  # A
     """Phase currents below this get a part of the correction. Choose several times the noise of the current
     sensors."""
 
@@ -277,7 +276,7 @@ class EncoderTable(Table):
 
     orders: Annotated[tuple[int, ...], Field(strict=False)]  # mechanical
     """Mechanical orders of the error. 1 is an encoder off the middle, 2 what follows from that."""
-    omega_min: AngularSpeedMagnitude  # rad/s: learns above it
+    omega_min: AngularSpeedMagnitude  # rad/s
     """The table learns above this speed."""
     time_constant: Duration = 0.5  # s
     """Time constant of learning."""
@@ -317,11 +316,11 @@ class CurrentSensors(Table):
     """Relative gain error of each phase; measured = (1 + gain_error) i + offset."""
     noise: CurrentMagnitude = 0.0  # A rms
     """Standard deviation of white noise."""
-    bits: Annotated[int, Field(ge=0, le=32)] = 0  # 0: no converter
+    bits: Annotated[int, Field(ge=0, le=32)] = 0
     """Resolution of the converter; 0 for no quantization."""
-    range: CurrentLimit = 10.0  # A: the converter spans +-range
+    range: CurrentLimit = 10.0  # A
     r"""The converter spans $\pm$ range."""
-    sensors: Literal[2, 3] = 3  # 2: i_c = -i_a - i_b
+    sensors: Literal[2, 3] = 3
     """With 2, $i_c = -i_a - i_b$."""
 
 
@@ -355,7 +354,7 @@ class Drive(Table):
     """Rates of the current loop, the speed loop and the integration."""
     current_loop: AnyCurrentLoop = Field(examples=['{ bandwidth = "1 kHz", current_limit = "4 A" }'])
     """Gains of the inner loop."""
-    inverter: Inverter | None = None  # not with an ideal current loop
+    inverter: Inverter | None = None
     """Converts duty cycles to voltages."""
     dead_time_compensation: DeadTimeCompensation | None = None  # likewise
     """Gives the duty cycles back what the inverter loses. Default: not compensated."""
@@ -373,7 +372,7 @@ class Drive(Table):
     """Bounds beyond which a measurement is not plausible; see [](/laws/monitor.md)."""
     quality: Quality = Quality()
     """How learning is judged, and which errors are not learned from."""
-    guard: bool = True  # learning that leaves more ripple than the feedback alone is stopped
+    guard: bool = True
     """Learning that leaves more ripple than the same feedback is stopped; see [](/laws/guard.md)."""
 
     @model_validator(mode="after")

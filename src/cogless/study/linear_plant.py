@@ -91,7 +91,7 @@ Rows = Many[Many[float]]
 class Parameter(Table):
     """A physical parameter of the plant: known, or within a range."""
 
-    value: float | None = None  # default: the middle of the range
+    value: float | None = None
     """Nominal value. Default: the middle of the range."""
     range: tuple[float, float] | None = Field(default=None, strict=False)
     """Smallest and largest value. Default: the value is exactly known."""
@@ -140,7 +140,7 @@ class LinearPlant(Table):
     """Whether A and B are of continuous or discrete time. A continuous plant is simulated exactly sampled."""
     period: Duration  # s
     """Time between two samples."""
-    A: Many[Many[Entry]] | None = None  # numbers, or expressions over the parameters
+    A: Many[Many[Entry]] | None = None
     """Rows of numbers, or of formulas of the parameters with `+ - * / **`, such as `"-B / J"`."""
     B: Many[Entry] | None = None
     """One number or formula for each state."""
@@ -148,18 +148,17 @@ class LinearPlant(Table):
     """Row of numbers."""
     parameter: dict[str, Parameter] = Field(default={})
     """The parameters in A and B by name; each a plain number, `[smallest, largest]`, or a table."""
-    vertex: Many[PlantVertex] = ()  # in place of A, B and parameter
+    vertex: Many[PlantVertex] = ()
     """Corners of the uncertainty in numbers, in place of A, B and `parameter`; the nominal plant is their
     mean."""
-    states: Many[str] | None = None  # their names, default x_1, x_2, ...
+    states: Many[str] | None = None
     """Names of the states, for tables and report. Default: x_1, x_2, ..."""
-    input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6  # |u| stays below it
+    input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
     r"""Largest $\lvert u \rvert$."""
-    # standard deviation of white noise on each measured state; default: none
     noise: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
     """Standard deviation of white noise on each measured state, as `[1e-5, 0]`. Default: none. The law sees
     the noise; metrics and traces have the true states."""
-    load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0  # standard deviation of white noise on d
+    load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0
     """Standard deviation of white noise on the load $d$, in the unit of $u$; each sample has another."""
 
     @model_validator(mode="after")

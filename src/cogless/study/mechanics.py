@@ -47,7 +47,7 @@ class AngleTable(Table):
     """Rising angles, less than one revolution from first to last."""
     torque: Many[Torque] = ()  # N*m
     """Torque at each angle; linear in between, periodic."""
-    file: File | None = None  # CSV with the columns angle and torque, units in its heading; beside the study
+    file: File | None = None
     """A CSV file beside the study in place of both: columns `angle` and `torque`, their units in the heading.
     """
 
@@ -124,7 +124,7 @@ class Mass(Table):
     breakaway_friction: TorqueMagnitude | None = None  # N*m
     """Torque up to which friction holds the rotor at standstill, at least `coulomb_friction`. Default:
     `coulomb_friction`."""
-    stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s; 0: no fall, friction jumps to coulomb_friction
+    stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s
     r"""Speed $\omega_s$ at which friction has fallen most of the way from `breakaway_friction` to
     `coulomb_friction`: $\tau_C + (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$. 0: it jumps."""
     friction_harmonics: Many[TorqueHarmonic] = ()  # N*m
@@ -182,7 +182,7 @@ class LoadSide(Mass):
     """Torque of the shaft per rate of its twist."""
     backlash: AngleMagnitude = 0.0  # rad
     """The whole gap, as an angle of the load; within it the shaft has no torque."""
-    ratio: Annotated[float, Field(gt=0)] = 1.0  # motor's speed over the load's
+    ratio: Annotated[float, Field(gt=0)] = 1.0
     """Speed of the motor over that of the load."""
     gear_errors: Many[GearError] = ()
     """Parts of the gear's transmission error."""
@@ -205,7 +205,7 @@ class LoadSide(Mass):
 class Mechanics(Mass):
     """Inertia, friction and load of everything that turns with the rotor."""
 
-    load_side: LoadSide | None = None  # none: inertia is of rotor and load together
+    load_side: LoadSide | None = None
     """A second mass behind a gear and a soft shaft. `inertia` and frictions are then those of the motor's
     side."""
     load: Load = Load()

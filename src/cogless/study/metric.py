@@ -74,38 +74,35 @@ class Metric(Table):
         "trials-to-floor",
     ]
     """What is computed."""
-    signal: str | None = None  # not for copper-loss and chattering; default at an event: omega_m
+    signal: str | None = None
     """Signal that it is computed from. Default: `omega_m` for `dip`, `settling` and `overshoot`. None for
     `copper-loss` and `chattering`."""
-    # s; default: from the metric's event to the next one, or without an event the whole run
-    window: tuple[Time, Time] | None = Field(default=None, strict=False)
+    window: tuple[Time, Time] | None = Field(default=None, strict=False)  # s
     """Start and end time. Default: from the event to the next one, else the whole run."""
-    last: Duration | None = None  # s: instead of a window, the last part of each scenario
+    last: Duration | None = None  # s
     """This time at the end of each scenario, in place of a window or an event."""
-    scenarios: Many[str] | None = None  # default: all, or those that have the event
+    scenarios: Many[str] | None = None
     """Scenarios in which it is computed. Default: all, or those that have the event."""
     order: Many[Annotated[float, Field(gt=0)]] | None = None
     """Orders of a revolution, for kind `order`."""
-    # revolution that an order refers to; for other kinds, frame of angles and speeds
     frame: Literal["electrical", "mechanical"] = "mechanical"
     """Kind `order`: revolution that orders count in. Other kinds: whether angles and speeds are mechanical or
     electrical, [times the pole pairs](/guide/metrics.md#frame)."""
     event: Time | None = None  # s
     """Time of a load event, for `dip`, `settling` and `overshoot`."""
-    band: float | None = None  # half width, SI
+    band: float | None = None  # SI
     """Half width, in the signal's unit, for `settling` and `exceeds`."""
-    floor: float | None = None  # of trials-to-floor, SI
+    floor: float | None = None  # SI
     """Floor for `trials-to-floor`, in the signal's unit."""
-    # s: the signal is averaged over this time first, to remove ripple; time-to-learn: pieces of this length
-    smooth: Duration | None = None
+    smooth: Duration | None = None  # s
     """Centred mean over this time before a `dip`, `settling` or `overshoot` is taken, so that ripple does not
     count. For `time-to-learn`: length of the pieces."""
-    unit: str | None = None  # in tables and report; default: SI
+    unit: str | None = None  # SI
     """Unit in tables and report; `results.json` is in SI. Default: SI, but for speeds and angles the [unit
     that the study uses](/guide/metrics.md#units)."""
     better: Literal["lower", "higher", "none"] = "lower"
     """What counts as best in tables."""
-    limit: float | None = None  # SI: what is still good; `cogless sweep` tells the share that keeps it
+    limit: float | None = None  # SI
     """What is still good: at most, or at least where higher is better. `cogless sweep` tells the share of
     variants that keep it."""
 

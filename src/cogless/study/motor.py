@@ -83,7 +83,7 @@ class TorqueRipple(Table):
     r"""Amplitude, in per cent of the mean torque constant: $K_t$ (1 + percent/100 sin(order $\theta_m$ +
     phase)). The back-EMF ripples [with it](/theory/plant.md#torque-constant-ripple). Give this or
     `percent_peak_to_peak`."""
-    percent_peak_to_peak: float | None = None  # twice the amplitude
+    percent_peak_to_peak: float | None = None
     """Twice the amplitude, in per cent."""
     phase: Angle = 0.0  # rad
     """Phase of this harmonic, in its own angle."""
@@ -157,7 +157,7 @@ class Motor(Table):
     """
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
     """Electrical revolutions in a mechanical one."""
-    slots: Annotated[int, Field(ge=3, le=10_000)] | None = None  # of the stator
+    slots: Annotated[int, Field(ge=3, le=10_000)] | None = None
     """Teeth of the stator. With the poles they tell the orders of cogging; only [harmonic](/laws/harmonic.md)
     needs them."""
     # one word for each of resistance, inductance and magnet; several must agree, and the first counts
@@ -174,11 +174,11 @@ class Motor(Table):
     psi_f: FluxLinkage | None = None  # Wb
     """Flux linkage of the magnet, peak, of one winding. Give this or another word for the magnet, down to
     `K_e_phase_rms`."""
-    K_t: TorqueConstant | None = None  # N*m/A, 1.5 pole_pairs psi_f of the star equivalent
+    K_t: TorqueConstant | None = None  # N*m/A
     r"""Torque per peak line current, $1.5\, p\, \psi_f$ of the star equivalent."""
-    K_t_rms: TorqueConstant | None = None  # N*m/A, per rms line current
+    K_t_rms: TorqueConstant | None = None  # N*m/A
     r"""Torque per rms line current, $\sqrt2\, K_t$."""
-    kv: SpeedConstant | None = None  # rad/s/V, no-load speed per peak voltage from line to line
+    kv: SpeedConstant | None = None  # rad/s/V
     r"""No-load speed per peak voltage from line to line, $1/(\sqrt3\, p\, \psi_f)$ of the star equivalent:
     $K_t = \frac{\sqrt3}{2}/k_v$. The "Kv" of hobby motors, in rpm per volt of the battery, is this."""
     kv_line_to_line_rms: SpeedConstant | None = None  # rad/s/V
@@ -209,11 +209,11 @@ class Motor(Table):
     """Harmonics of the torque constant, in per cent."""
     cogging: Many[Cogging] = ()
     """Harmonics of the cogging torque."""
-    cogging_table: CoggingTable | None = None  # added to cogging
+    cogging_table: CoggingTable | None = None
     """Measured cogging over the angle, from a CSV file; added to `cogging`."""
-    back_emf_table: BackEmfTable | None = None  # a word for the magnet, and flux harmonics
+    back_emf_table: BackEmfTable | None = None
     """Measured back-EMF over the angle, from a CSV file: a word for the magnet, and flux harmonics."""
-    saturation: Saturation | None = None  # of the star equivalent
+    saturation: Saturation | None = None
     """Flux linkages over the currents. Default: constant inductances. Not for a delta."""
     temperature: MotorTemperature | None = None
     """Temperature of winding and magnets. Default: resistance and flux stay as given."""
@@ -377,7 +377,7 @@ class StepMotor(Table):
     datasheet: Datasheet | None = None  # its file; its fields are already merged in here
     """Name of a shipped motor (`cogless list`), or a path relative to the study. Keys set in the study win.
     """
-    teeth: Annotated[int, Field(ge=1, le=1000)]  # N_r, of the rotor
+    teeth: Annotated[int, Field(ge=1, le=1000)]
     """Number of rotor teeth $N_r$: electrical revolutions in a mechanical one."""
     R_s: Resistance  # ohm
     """Resistance of a phase."""

@@ -32,7 +32,7 @@ def _equals(key: str, value: Any) -> str:
 class Mounted(Table):
     """A sensor on the shaft of the motor or of the load."""
 
-    side: Literal["motor", "load"] = "motor"  # load: its angle times the gear's ratio is the drive's angle
+    side: Literal["motor", "load"] = "motor"
     """Shaft that the sensor is on. On the `load`'s the drive takes angle and speed times the gear's ratio, a
     whole number, for the motor's. Twist and gear error then disturb law and commutation."""
 
@@ -47,7 +47,7 @@ class IdealSensor(Mounted):
 class AngleOrder(Table):
     """A part of a sensor's error: amplitude sin(order theta_m + phase)."""
 
-    order: Annotated[int, Field(ge=1, le=ORDER_MAX)]  # of the mechanical revolution
+    order: Annotated[int, Field(ge=1, le=ORDER_MAX)]
     """Waves per mechanical revolution."""
     amplitude: Angle  # rad
     r"""The angle's error += amplitude sin(order $\theta_m$ + phase)."""
@@ -75,7 +75,7 @@ class Counted(Mounted):
     """Phase of that error."""
     error: Many[AngleOrder] = ()
     """Orders of the error, which adds to the true angle."""
-    error_table: File | None = None  # CSV of angle and error, beside the study
+    error_table: File | None = None
     """CSV of the error over the mechanical angle, relative to the study, with units in its first line: `angle
     [deg],error [deg]`. Eight angles or more rise over one revolution, which must close. Linear in between."""
     latency: Time = 0.0  # s
@@ -198,9 +198,8 @@ class Encoder(Counted):
 
     kind: Literal["encoder"]
     """An incremental encoder with quadrature signals."""
-    lines: Annotated[int, Field(ge=1, le=10_000_000)]  # a revolution
+    lines: Annotated[int, Field(ge=1, le=10_000_000)]
     """Lines per revolution; four counts per line."""
-    # M: counts per period; average: over a window; T: time per count; MT: both; observer: of the angle
     timer: Frequency = 100e6  # Hz
     """Rate of the clock that times the edges, for T and MT."""
 
@@ -228,7 +227,7 @@ class Absolute(Counted):
     """An absolute encoder, which measures as a resolver does."""
     bits: Annotated[int, Field(ge=1, le=31)] | None = None
     """$2^{bits}$ positions per revolution; give this or `positions`."""
-    positions: Annotated[int, Field(ge=2, le=2**31)] | None = None  # instead of bits
+    positions: Annotated[int, Field(ge=2, le=2**31)] | None = None
     """Positions per revolution."""
     speed_method: Literal["M", "average", "observer"] = "average"
     """A moving average of the differences (average), the difference over a speed-loop period (M), or an
@@ -271,11 +270,10 @@ class Hall(Table):
     side: ClassVar[Literal["motor"]] = "motor"
     kind: Literal["hall"]
     """Three Hall sensors, six edges per electrical revolution; the angle between edges is interpolated."""
-    # rad, electrical: by which each edge of a revolution comes late, from that at angle zero on
-    placement: Annotated[tuple[Angle, ...], Field(strict=False)] = (0.0,) * 6
+    placement: Annotated[tuple[Angle, ...], Field(strict=False)] = (0.0,) * 6  # rad
     """Electrical angle by which each edge of an electrical revolution comes late. The first is that at angle
     zero, the others follow every 60 deg."""
-    edges: Annotated[int, Field(ge=1, le=6)] = 6  # intervals between edges that the speed is taken over
+    edges: Annotated[int, Field(ge=1, le=6)] = 6
     """Intervals between edges that the speed is taken over. Over six the errors of placement cancel; over
     fewer the speed is younger."""
     timer: Frequency = 1e6  # Hz

@@ -66,7 +66,7 @@ class Reference(Table):
     """Amplitude of the sine."""
     frequency: Frequency = 0.0  # Hz
     """Frequency of the sine."""
-    depth: float = 0.0  # index of the frequency modulation, a ratio
+    depth: float = 0.0
     """Index of frequency modulation, the frequency deviation over `modulation`: offset + amplitude sin(2π
     frequency t + depth sin(2π modulation t))."""
     modulation: Frequency = 0.0  # Hz
@@ -76,7 +76,7 @@ class Reference(Table):
     moves: Many[tuple[Time, Angle]] = ()  # s
     """Points [time, angle]. The reference is at rest at each point and follows a polynomial of the fifth
     degree between two."""
-    file: File | None = None  # CSV of time [s] and speed [rad/s], or in its heading's units; beside the study
+    file: File | None = None
     """CSV of time and speed, relative to the study, in s and rad/s, or in the units of its first line: `time
     [s],speed [rpm]`."""
     smoothing: Time = 0.0  # s

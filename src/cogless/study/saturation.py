@@ -42,7 +42,7 @@ class CurrentFile(Table):
     flux: Many[FluxAmplitude] | None = None  # Wb
     """Flux linkage at each current, zero at zero. For `d` and `q` its slope at zero must be `L_d` or `L_q` to
     10 %. For `magnet` it is the change of the magnets' flux, negative for saturation."""
-    file: File | None = None  # instead of the others; units in its heading; beside the study
+    file: File | None = None
     """CSV with the columns `current` and `flux` (for `d` and `q` also `inductance`), units in its heading,
     instead of these keys."""
 
@@ -235,11 +235,11 @@ class MotorTemperature(Table):
     """Temperature of the resistance and flux in `[motor]`."""
     winding: Temperature  # degC
     """Temperature of the winding at the start."""
-    magnet: Temperature | None = None  # degC; default: that of the winding
+    magnet: Temperature | None = None  # degC
     """Temperature of the magnets at the start. Default: that of the winding."""
     resistance_coefficient: TemperatureCoefficient = COPPER
     """Relative change of the resistance. Default: copper's at 20 degC."""
-    flux_coefficient: TemperatureCoefficient = 0.0  # 1/K; cogging goes with the flux squared
+    flux_coefficient: TemperatureCoefficient = 0.0  # 1/K
     """Relative change of the flux, negative: about `"-0.0011 1/K"` for neodymium magnets, `"-0.002 1/K"` for
     ferrite. Cogging changes with the square of the flux."""
     heating: Heating | None = None

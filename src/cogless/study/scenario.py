@@ -120,7 +120,7 @@ class TorqueMode(Table):
 
     time: Time  # s
     """Beginning of [torque mode](/laws/torque-mode.md), in which the speed reference is not followed."""
-    duration: Duration | None = None  # s; default: to the end
+    duration: Duration | None = None  # s
     """Duration of torque mode. Default: to the end of the run."""
     current: Current = 0.0  # A
     """Q-axis current, to which what is learned adds."""
@@ -162,9 +162,9 @@ class Experiment(Table):
     duration: Duration  # s
     """Simulated time. In a study of trials: duration of one trial, a whole number of samples from 4 to 65535.
     """
-    faults: Many[Fault] = ()  # of sensors and supply; their times are from the start of the run
+    faults: Many[Fault] = ()
     """Faults of sensors and bus. In a study of trials their time counts from the start of the run."""
-    controllers: Many[str] | None = None  # default: all
+    controllers: Many[str] | None = None
     """Controllers that run in this scenario. Default: all."""
 
     @property
@@ -198,13 +198,12 @@ class Scenario(Experiment):
     """Initial speed of the rotor."""
     initial_angle: Angle = 0.0  # rad
     """Initial angle of the rotor."""
-    load: Load | None = None  # replaces mechanics.load
+    load: Load | None = None
     """Replaces `mechanics.load`."""
     events: Many[Event] = ()
     """Load steps, in the order of time."""
     torque_mode: TorqueMode | None = None
     """From a time on a current acts in place of the speed loop."""
-    # changes of motor, drive and mechanics for this scenario only
     override: Override = Field(default={})
     """Values of `motor`, `drive` or `mechanics` by dotted key, for this scenario only. The controllers are
     not told: gains by a rule are those without the override."""

@@ -101,9 +101,8 @@ class Deviations(Table):
     """For a drive, deviation of the angle at the start."""
     initial_speed: AngularSpeedMagnitude | None = None  # rad/s
     """For a drive, deviation of the speed at the start."""
-    initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None  # of a linear plant
+    initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
     """For a linear plant, deviation of the state at the start, one number a state."""
-    # of the load throughout a trial: torque of a drive in N*m, or of a linear plant in the unit of u
     load: LoadMagnitude | None = None
     """Deviation of the load, constant throughout a trial and added to its load steps."""
 
@@ -111,9 +110,9 @@ class Deviations(Table):
 class EachTrial(Table):
     """Deviations that are drawn anew in each trial, around zero."""
 
-    normal: Deviations = Deviations()  # standard deviations
+    normal: Deviations = Deviations()
     """Normally distributed deviations, by their standard deviation."""
-    uniform: Deviations = Deviations()  # largest deviations
+    uniform: Deviations = Deviations()
     """Evenly distributed deviations, by the largest one."""
 
     @model_validator(mode="after")
@@ -149,9 +148,8 @@ class TrialConditions(Table):
 
     reference: PositionReference | None = None
     """New reference; a key that is left out stays as it was."""
-    load: Load | None = None  # of a drive; replaces mechanics.load
+    load: Load | None = None
     """For a drive: load in place of `mechanics.load`."""
-    # (sample, load from it on): torque of a drive in N*m, or disturbance of a linear plant in the unit of u
     load_steps: (
         Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
     ) = None
@@ -161,12 +159,12 @@ class TrialConditions(Table):
     """For a drive: angle at the start of each trial. Default: where the reference begins."""
     initial_speed: AngularSpeed | None = None  # rad/s
     """For a drive: speed at the start of each trial. Default: 0."""
-    initial_state: Many[float] | None = None  # of a linear plant; default 0
+    initial_state: Many[float] | None = None
     """For a linear plant: state at the start of each trial. Default: zeros."""
-    each_trial: EachTrial | None = None  # replaces that of the phase before; default: all trials are alike
+    each_trial: EachTrial | None = None
     """How start and load [differ from trial to trial](/guide/trial-studies.md#starts-and-loads-at-random).
     Default: not at all."""
-    override: Override | None = None  # of motor and mechanics, or of a linear plant's parameters
+    override: Override | None = None
     """For a drive: values of `motor` and `mechanics` by dotted key. For a linear plant: values of parameters,
     or `{ vertex = 2 }`. The controllers are not told. The certificate does not cover values outside the
     ranges."""
@@ -188,7 +186,7 @@ class TrialConditions(Table):
 class Change(TrialConditions):
     """New conditions from trial number `trial` on."""
 
-    trial: Annotated[int, Field(ge=2)]  # the first is 1
+    trial: Annotated[int, Field(ge=2)]
     """First trial with the change, counted from 1. Keys that are left out stay as they were."""
 
 
@@ -262,7 +260,7 @@ class TrialStudy(StudyBase):
     overridable: ClassVar[tuple[str, ...]] = ("motor", "mechanics")
     signal_kinds: ClassVar[frozenset[str]] = frozenset({"trials"})
 
-    plant: LinearPlant | None = None  # in place of motor, mechanics and drive
+    plant: LinearPlant | None = None
     """A linear plant, in place of the next three tables."""
     motor: Motor | None = None
     """The motor."""

@@ -18,7 +18,7 @@ class Commissioning(Table):
 
     speed: LawSpeed  # rad/s
     """Speed of the run."""
-    revolutions: Annotated[int, Field(ge=1, le=100)] = 1  # each way
+    revolutions: Annotated[int, Field(ge=1, le=100)] = 1
     """Recorded revolutions in each direction."""
     position_gain: RateGain  # 1/s
     """Gain that holds the rotor to the angle of the run's reference."""
@@ -43,12 +43,12 @@ class AntiCogging(Feedback, Startable):
 
     law: Literal["anti-cogging"]
     """PI and an anti-cogging table."""
-    cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
+    cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720
     """Entries of the table over a mechanical revolution."""
-    lead: StartTime = 0.0  # s: the table is read at the angle expected after this time
+    lead: StartTime = 0.0  # s
     """The table is looked up at the angle that the rotor will have after this time. This compensates the
     current loop's lag."""
-    calibration: Commissioning | None = None  # in place of a start
+    calibration: Commissioning | None = None
     """The run that fills the table; give this or `start`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {

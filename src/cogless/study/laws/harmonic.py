@@ -56,7 +56,7 @@ class Harmonic(Feedback, LearnsWhileRunning):
     order](/laws/harmonic.md#the-rule). With a given base all orders act up to 2.6 rad a sample."""
     limit: CurrentBound | None = None  # A
     """Most that each amplitude, and their sum, may be; default `current_limit`."""
-    position: bool = False  # it controls the position: its feedback is that of space-position
+    position: bool = False
     """Whether it controls the position."""
     k_theta: RateGain | None = None  # 1/s
     """Gain of the angle; only if `position` is true and `kp` and `ki` are given."""

@@ -51,9 +51,9 @@ class Start(Table):
     table: StartFile | None = None
     """CSV of angle and current or torque, relative to the study, [with units in its
     heading](/guide/stored-maps.md#a-foreign-table)."""
-    frame: Literal["mechanical", "electrical"] = "mechanical"  # of the table's angle
+    frame: Literal["mechanical", "electrical"] = "mechanical"
     """The revolution that the table's angle is of."""
-    sign: Literal["holding", "cogging"] | None = None  # of the table
+    sign: Literal["holding", "cogging"] | None = None
     """Required for a table. `"holding"`: it holds the rotor against the motor's own torque. `"cogging"`: it
     is that torque."""
     _over_angle: OverAngle | None = PrivateAttr(default=None)
@@ -157,9 +157,9 @@ class Base(Table):
     by name. Gains from a tuning rule and default limits are filled in before it is called.
     """
 
-    label: Line | None = None  # in tables and report; default: its name
+    label: Line | None = None
     """Name in tables and report. Default: its name in the study."""
-    baseline: bool = False  # ratios in tables are relative to it
+    baseline: bool = False
     """True: ratios in tables and report are relative to this controller; one at most. Default: the first."""
 
     # keys that the rule auto gives (cogless.design.auto), with what stands there until it does
@@ -260,7 +260,7 @@ def check_cells(cells: int, q_half_width: int, line: bool) -> None:
 class Startable(Base):
     """A law whose map over the angle can be one that was learned before."""
 
-    start: Start | None = None  # default: zeros
+    start: Start | None = None
     """What the map holds at the start of a run. Default: nothing. A class of your own then has `learned_map`
     and `load_map`; a library has `cogless_plugin_learned_map` and `cogless_plugin_load_map`."""
 
@@ -287,14 +287,14 @@ class Learning(LearnsWhileRunning):
     """Indexed by time or by angle, see [](/laws/memory.md)."""
     period: Literal["electrical", "mechanical"] = "mechanical"
     """The period of the ripple: an electrical or a mechanical revolution."""
-    cells: Cells = 1024  # entries of a map over angle, or most samples of a delay line
+    cells: Cells = 1024
     """By angle: entries of the map over a period, at most 65535. By time: the longest period, in speed-loop
     samples."""
-    forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept per period
+    forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Share of the memory that is kept in each period; 1 keeps all."""
-    q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the centre of the boxcar Q filter
+    q_half_width: Annotated[int, Field(ge=0)] = 0
     """Entries on each side of the Q filter's mean; 0 for no filter."""
-    lead: StartTime = 0.0  # s: the present error corrects what was output this long ago
+    lead: StartTime = 0.0  # s
     """The present error corrects the entry that acted this long ago. Rounded to speed-loop samples, at most
     `cells`/4 of them."""
     limit: CurrentBound | None = None  # A

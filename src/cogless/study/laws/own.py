@@ -16,11 +16,11 @@ class OwnLaw(Startable):
 
     NEEDS: ClassVar[str]  # what it must have to start from a map
 
-    learning: bool = False  # whether it learns, which only the user knows
+    learning: bool = False
     """True: the law learns, so reports count it among the learning laws."""
-    learning_start: StartTime = 0.0  # s: until then inputs.learn is false
+    learning_start: StartTime = 0.0  # s
     """Until then `inputs.learn` is false."""
-    position: bool = False  # whether it holds the angle of the reference, too
+    position: bool = False
     """True: the law holds the angle of the reference, so its error is recorded."""
 
     @property
@@ -50,7 +50,7 @@ class PythonLaw(OwnLaw):
     # "file.py:Class", relative to the study
     object: Annotated[str, Field(pattern=r"^.+\.py:\w+$"), FileName(with_name=True)]
     """File, relative to the study, and class."""
-    params: dict[str, Any] = Field(default={})  # keyword arguments of the class
+    params: dict[str, Any] = Field(default={})
     """Keyword arguments of the class; a number with a unit arrives in SI."""
 
     @property
@@ -71,7 +71,7 @@ class LibraryLaw(OwnLaw):
 
     law: Literal["library"]
     """A shared library of your own, see [](/guide/own-controller.md)."""
-    library: File  # relative to the study
+    library: File
     """File, relative to the study."""
     params: Many[float | str] = ()
     """Numbers, with units or without, that are passed to its init function."""

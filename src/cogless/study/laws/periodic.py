@@ -40,7 +40,7 @@ class RobustIlc(Learning):
 
     law: Literal["robust-ilc"]
     """Robust ILC by adaptive sliding mode."""
-    b: CurrentToAcceleration  # rad/s^2/A, value that the controller assumes
+    b: CurrentToAcceleration  # rad/s^2/A
     """Acceleration per current that the controller assumes, $K_t / J$."""
     c: RateGain  # 1/s
     """Slope of the sliding surface."""
@@ -56,11 +56,11 @@ class RobustIlc(Learning):
     """Weight of S in learning."""
     gamma: RateGainPerTime  # 1/s^2
     """Adaptation rate."""
-    viscous: RateGain = 0.0  # 1/s: B(x) = viscous omega + coulomb sgn(omega)
+    viscous: RateGain = 0.0  # 1/s
     """Viscous part of the known friction."""
     coulomb: AccelerationGain = 0.0  # rad/s^2
     """Coulomb part of the known friction."""
-    tuning: AutoTuning | None = None  # in place of the gains
+    tuning: AutoTuning | None = None
     """The rule `auto` in place of the numbers."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {

@@ -23,9 +23,9 @@ class PiAfc(Feedback, LearnsWhileRunning):
     """PI with adaptive feedforward cancellation."""
     orders: Many[int]  # mechanical
     """Orders of the mechanical revolution to learn, in rising order."""
-    gain: SpeedIntegralGain  # A/rad, learning
+    gain: SpeedIntegralGain  # A/rad
     """Learning gain."""
-    lead: StartTime = 0.0  # s: delay from the current to the measured speed
+    lead: StartTime = 0.0  # s
     """The present error corrects the coefficients at the angle of this long ago: the delay from current to
     measured speed. Not rounded."""
     omega_min: LawSpeed = 0.01  # rad/s

@@ -27,7 +27,7 @@ class SignalFilter(Table):
     rate."""
     order: Annotated[int, Field(ge=1, le=4)] = 2
     """Order of the Butterworth filter that runs each way."""
-    ends: Ends = "even"  # reflection by which the filter continues the trial at both ends
+    ends: Ends = "even"
     """Reflection by which the filter continues the trial at both ends. The even one enlarges no signal. The
     odd one, as of SciPy's filtfilt, multiplies noise near the ends."""
 
@@ -35,21 +35,19 @@ class SignalFilter(Table):
 class QFilter(SignalFilter):
     """The filter of a law that learns with a single gain."""
 
-    acts_on: Literal["error", "signal"] = "error"  # filter the error to learn from, or the learned signal
+    acts_on: Literal["error", "signal"] = "error"
     """What is filtered: the error before it is learned, or the whole learned signal."""
 
 
 class TrialLaw(Base):
     """The keys that every law of trials has."""
 
-    # bound of the learned signal, rad or the unit of y
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
     r"""Largest $\lvert v \rvert$. With `state-ilc` and `observer-ilc` $v$ is in the unit of the input."""
-    # what was learned moves along with a changed reference, by functions of it
     basis_functions: bool = False
     """True: what was learned [moves along with a changed
     reference](/guide/trial-studies.md#a-motion-that-changes)."""
-    guard: bool = True  # what is learned goes back where it leaves more error than the feedback alone
+    guard: bool = True
     """False switches [the guard](/laws/trial.md#the-guard) off, which takes back what leaves more error than
     the feedback alone."""
 
@@ -57,11 +55,10 @@ class TrialLaw(Base):
 class FilteredLaw(TrialLaw):
     """A law of trials that learns with a single gain, and may have a Q filter."""
 
-    q_filter: QFilter | Literal["auto", "none"] | None = None  # default: none
+    q_filter: QFilter | Literal["auto", "none"] | None = None
     """Filter applied between trials, `"auto"` for [the design's
     choice](/theory/trial-design.md#shift-and-filter-together), or `"none"`. Default of `trial-ilc`: `"auto"`,
     but none if `shift` is a number or `K_3` is given. Default of `state-ilc`: none."""
-    # samples by which the error is ahead of the learned signal; default: the relative degree
     shift: Annotated[int, Field(ge=1, le=65_534)] | Literal["auto"] | None = None
     """Sample $p$ of $v$ learns from the error at $p$ + `shift`. Default: `"auto"` with a filter that is
     `"auto"`, else the relative degree. A larger shift suits a loop that lags."""
@@ -77,7 +74,7 @@ class TrialIlc(FilteredLaw):
 
     law: Literal["trial-ilc"]
     """State feedback with integral action, feedforward, learning."""
-    acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"  # the learned signal
+    acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
     """Where $v$ is added. With the input only, the integrator [works against what is
     learned](/studies/mandra2019.md#why-the-simplified-structure-is-slow)."""
     integral: bool = True
@@ -86,11 +83,10 @@ class TrialIlc(FilteredLaw):
     """False keeps $v$ at zero."""
     feedforward: bool = True
     """False switches the dynamic feedforward off."""
-    K_s: Many[float] | None = None  # of the states and the integrator; default: from LMIs (9) to (13)
+    K_s: Many[float] | None = None
     """Given gains of the states and the integrator. They are certified, not designed."""
-    N: float | None = None  # static feedforward gain; default: 1 / DC gain
+    N: float | None = None
     """Given static feedforward."""
-    # learning gain; default: chosen with shift and filter, or from the LMIs (32) to (35)
     K_3: float | None = None
     """Given learning gain. It changes neither a shift nor a filter that is `"auto"`."""
 
@@ -114,9 +110,9 @@ class StateIlc(FilteredLaw):
 
     law: Literal["state-ilc"]
     """The older law (3) of Mandra 2019."""
-    K_stab: Many[float] | None = None  # of the states; default: from the LMIs without integral action
+    K_stab: Many[float] | None = None
     """Given state feedback."""
-    K_ilc: float | None = None  # learning gain; default: from the LMIs (32) to (35)
+    K_ilc: float | None = None
     """Given learning gain."""
 
 
@@ -140,7 +136,6 @@ class NormOptimalIlc(TrialLaw):
     )
     r"""Filter on the learned signal, $v \leftarrow Q\,(v + L e)$. Default: none. It forgets what is above the
     cut-off ([why](/theory/trial-design.md#a-weight-of-the-signal-itself))."""
-    # weight of the learned signal's change in the cost, where the error's weight is 1
     change_weight: Annotated[float, Field(gt=0)] = 0.01
     """Weight of the change of $v$ from trial to trial; the error has weight 1. A larger one learns more
     slowly and tolerates a worse model."""
@@ -159,9 +154,9 @@ class ObserverIlc(TrialLaw):
         None  # of observer and feedback; default: by the rule
     )
     """Given pole of observer and feedback, 0 to below 1; a smaller one is faster."""
-    cutoff: LawFrequency | None = None  # of the filter on the learned signal, Hz; default: by the rule
+    cutoff: LawFrequency | None = None
     """Given cut-off of the filter on $v$."""
-    ends: Ends = "even"  # as in QFilter
+    ends: Ends = "even"
     """As in `q_filter`."""
 
 
@@ -180,26 +175,24 @@ UNCERTAIN = {
 class DesignSettings(Table):
     """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
 
-    # of all models; default: Euler's in the inequalities, exact for the feedforward and whatever is judged
     discretisation: Literal["euler", "exact"] | None = None
     """How the models of the design are sampled: exactly, with a zero-order hold, or by Euler. Default:
     Euler's models in the inequalities, exact ones for the feedforward
     ([why](/theory/trial-design.md#the-plant-as-a-polytope))."""
-    # whether certificate, prediction and rules know the position sensor; the floor has its steps anyway
     sensor: bool = True
     """Whether certificate, prediction and the rule of `observer-ilc` know the latency, speed method and steps
     of the position sensor, and a bus's delay ([how](/theory/trial-design.md#the-sensor))."""
-    state_weight: Weight  # Q of (8), for states and integrator: its diagonal, or all its rows
+    state_weight: Weight
     """Q of (8), positive definite: its diagonal, or its rows; the integrator comes last. Without an entry for
     the integrator every `trial-ilc` and `norm-optimal` must have `integral = false`."""
-    input_weight: Annotated[float, Field(gt=0)]  # R of (8)
+    input_weight: Annotated[float, Field(gt=0)]
     """R of (8)."""
-    initial_state: Many[float]  # gamma of (10): states and integrator where the cost begins
+    initial_state: Many[float]
     r"""$\gamma$ of (10), the deviation whose cost is bounded; as long as `state_weight`."""
-    initial_change: Many[float] | None = None  # f of (31); default: initial_state
+    initial_change: Many[float] | None = None
     """f of (31), as long as `state_weight`. Default: `initial_state`. Give zeros if all trials start alike,
     even with an offset: $K_3$ is then the gain whose slowest frequency converges fastest."""
-    initial_error: Annotated[float, Field(gt=0)] = 0.1  # g of (31)
+    initial_error: Annotated[float, Field(gt=0)] = 0.1
     """g of (31)."""
     range: dict[str, tuple[float, float]] = Field(default={})  # of a drive's parameters, as in UNCERTAIN
     """For a drive, `[smallest, largest]` by dotted key: `"mechanics.inertia"`,
