@@ -17,6 +17,7 @@ from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders, versions
 from cogless.live import engine, own_motor, toml
 from cogless.live.description import OFF, Packed, held, left_out, precision
+from cogless.live.key_words import key_words
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.report.markup import asset as report_asset
 from cogless.report.phases import display_unit, groups, judged, phases
@@ -76,7 +77,7 @@ def render(
     )
     return Template(asset("live.html")).substitute(
         title=escape(study.title),
-        description=f'<p class="description">{escape(study.description)}</p>' if study.description else "",
+        description=_description(study),
         version=escape(versions()["cogless"]),
         policy=policy,
         left_out=_left_out(study, found),
@@ -144,7 +145,7 @@ def data(
             }
             for name in names
         ],
-        "keys": [_key(key) for key in found.keys],
+        "keys": [_key(study, key) for key in found.keys],
         "motor": _motor(study, found),
         "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()},
     }
@@ -255,11 +256,12 @@ def _off(found: dict[str, list[Any]]) -> list[Any] | None:
     return None
 
 
-def _key(key: Key) -> dict[str, Any]:
+def _key(study: AnyStudy, key: Key) -> dict[str, Any]:
     candidate = key.candidate
     return {
         "key": candidate.key,
         "label": candidate.label,
+        "words": key_words(study, candidate.label),
         "group": candidate.group,
         "scenario": candidate.scenario,
         "controller": candidate.controller,
@@ -306,6 +308,13 @@ def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
 
 def _product(one: own_motor.Product) -> list[Any]:
     return [one.number.offset, one.number.format, one.start, dict(one.powers), one.factors, one.curve]
+
+
+def _description(study: AnyStudy) -> str:
+    if not study.description:
+        return ""
+    text = escape(study.description)
+    return f'<section><h2>About this study</h2><p class="description">{text}</p></section>'
 
 
 def _left_out(study: AnyStudy, found: Found) -> str:
