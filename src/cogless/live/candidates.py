@@ -70,6 +70,7 @@ def shortest(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
+COGGING_ORDERS = 12  # of the motor: those beyond have no key
 # Keys of the drive and of what it turns. An override changes them, so the controller is not told. Each has
 # its group, its name, and the ends of its slider as shares of the study's value.
 PLANT = (
@@ -82,7 +83,7 @@ PLANT = (
     ("Load and motion", "mechanics.load_side.damping", 0.0, 3.0),
     *(
         ("Motor", f"motor.cogging.{n}.{word}", 0.0, 3.0)
-        for n in range(4)
+        for n in range(COGGING_ORDERS)
         for word in ("current", "torque", "torque_peak_to_peak")
     ),
     *(

@@ -25,6 +25,8 @@ KEY_WORDS = (
     (r"bandwidth", "bandwidth"),
     (r"omega_o", "bandwidth of the observer"),
     (r"base", "orders that are learned are multiples of"),
+    (r"order", "times a revolution"),
+    (r"torque", "amplitude"),
     (r"duration", "length of the run"),
     (r"reference", "speed"),
     (r"reference\.speed", "speed"),

@@ -19,6 +19,7 @@ from cogless.live import engine, own_motor, toml
 from cogless.live.description import OFF, Packed, held, left_out, precision
 from cogless.live.key_words import key_words
 from cogless.live.keys import Found, Key, Place, adjustable, packed
+from cogless.live.spare_orders import spare_orders
 from cogless.report.markup import asset as report_asset
 from cogless.report.phases import display_unit, groups, judged, phases
 from cogless.report.speed_tracking import DRIFT, FAR, LOST, MOMENT, ONE_WAY
@@ -111,6 +112,7 @@ def data(
 ) -> dict[str, Any]:
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
+    spares, cogging = ([], {}) if isinstance(study, TrialStudy) else spare_orders(study, found.base)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
     others = [name for name in names if name != study.baseline]
     return {
@@ -145,7 +147,8 @@ def data(
             }
             for name in names
         ],
-        "keys": [_key(study, key) for key in found.keys],
+        "keys": [_key(study, key) for key in (*found.keys, *spares)],
+        "cogging": cogging,
         "motor": _motor(study, found),
         "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()},
     }

@@ -116,6 +116,7 @@
     for (const key of page.keys) {
       if (key.scenario !== null && key.scenario !== state.scenario) continue;
       if (key.controller !== null && !state.shown.includes(key.controller)) continue;
+      if (spare(key)) continue;
       const group = key.controller ?? key.group;
       groups.set(group, [...(groups.get(group) ?? []), key]);
     }
@@ -131,7 +132,39 @@
       if (of) title.style.setProperty("--colour", `var(--c${about.colour})`);
       for (const key of list) slide(details, key, `k${n++}`);
     }
+    drawSpares(box, open.has("spares"));
     refreshKeys();
+  }
+  // Cogging orders that are added: each is two keys, which are shown while it has torque.
+  const spare = (key) => /^cogging\.\d+\./.exec(key.key)?.[0];
+  const spares = [...new Set(page.keys.map(spare).filter(Boolean))].map((name) => ({ order: keys.get(`${name}order`), torque: keys.get(`${name}torque`) }));
+  const isAdded = ({ torque }) => value(torque) !== 0;
+  function drawSpares(box, open) {
+    if (!spares.length) return;
+    const details = make("details", box), some = spares.filter(isAdded);
+    details.dataset.group = "spares";
+    details.open = open || some.length > 0;
+    make("summary", details, "Cogging orders that you add");
+    if (page.motor) make("p", details, "The controller is not told of them.", "note");
+    some.forEach((one, n) => {
+      const box = make("div", details, "", "order");
+      slide(box, one.order, `s${n}`);
+      slide(box, one.torque, `t${n}`);
+      press(box, "Remove", () => { set(one.torque, 0); set(one.order, one.order.start); });
+    });
+    const free = spares.find((one) => !isAdded(one));
+    if (free) press(details, "Add a cogging order", () => { set(free.order, 6); set(free.torque, Number((free.torque.high / 5).toPrecision(2))); });
+  }
+  function press(box, text, change) {
+    const button = make("button", box, text);
+    button.type = "button";
+    button.addEventListener("click", () => {
+      begin();
+      change();
+      dragging = false;
+      drawKeys();
+      refresh();
+    });
   }
   function slide(parent, key, id) {
     const row = make("div", parent, "", "slide");
@@ -202,6 +235,22 @@
   // ------------------------------------------------------------------ what changed
 
   const changes = () => [...state.values].map(([name, x]) => ({ key: keys.get(name), x }));
+  // The same as the study has it: key and text. With an added order all orders are one list of the scenario's own.
+  const OWN_ORDER = /motor\.cogging\.(\d+)\.(\w+)"?$/;
+  function written() {
+    const all = changes(), plain = all.filter(({ key }) => !spare(key)), added = spares.filter(isAdded);
+    const texts = plain.map(({ key, x }) => ({ key, name: key.key, text: key.unit ? JSON.stringify(spelled(key, x)) : String(x), set: spelled(key, x) }));
+    if (!added.length) return texts;
+    const rows = page.cogging[state.scenario].map((row) => ({ ...row }));
+    for (const { key, text } of texts) {
+      const at = OWN_ORDER.exec(key.key);
+      if (at) rows[at[1]][at[2]] = text;
+    }
+    rows.push(...added.map(({ order, torque }) => ({ order: String(value(order)), torque: JSON.stringify(spelled(torque, value(torque))) })));
+    const text = `[${rows.map((row) => `{ ${Object.entries(row).map(([k, v]) => `${k} = ${v}`).join(", ")} }`).join(", ")}]`;
+    const rest = texts.filter(({ key }) => !(key.scenario === state.scenario && OWN_ORDER.test(key.key)));
+    return [...rest, { name: `${dotted(["scenario", state.scenario])}.override."motor.cogging"`, text, set: text }];
+  }
   const quoted = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", `'"'"'`)}'`);
   const spelled = (key, x) => (key.unit ? `${x} ${key.unit}` : String(x));
   function drawChanges() {
@@ -214,11 +263,11 @@
       for (const { key, x } of all) {
         const item = make("li", list);
         make("code", item, key.key);
-        item.append(`: ${spelled(key, x)}, in the study ${spelled(key, key.start)}`);
+        item.append(spare(key) ? `: ${spelled(key, x)}, added` : `: ${spelled(key, x)}, in the study ${spelled(key, key.start)}`);
       }
     }
     const only = shown().flatMap((c) => ["--only", quoted(`${state.scenario}/${c.name}`)]);
-    const sets = [...pinned(all), ...all.map(({ key, x }) => `${key.key}=${spelled(key, x)}`)].flatMap((set) => ["--set", quoted(set)]);
+    const sets = [...pinned(all), ...written().map(({ name, set }) => `${name}=${set}`)].flatMap((set) => ["--set", quoted(set)]);
     $("command").textContent = [page.command, ...sets, ...only].join(" ");
     $("download").download = `${page.name}-changed.toml`;
     for (const button of $("scenarios").children) button.setAttribute("aria-pressed", String(button.dataset.name === state.scenario));
@@ -242,9 +291,9 @@
   const dotted = (parts) => parts.map((p) => (/^[\w-]+$/.test(p) ? p : JSON.stringify(p))).join(".");
   function toml() {
     const all = changes(), texts = page.toml.map((s) => ({ ...s, lines: s.lines.map(([k, v]) => [k, v.map((p) => (Array.isArray(p) ? [...p] : p))]) }));
-    for (const { key, x } of all) {
-      const parts = split(key.key), section = texts.filter((s) => s.path.every((p, i) => p === parts[i])).at(-1);
-      const name = dotted(parts.slice(section.path.length)), text = key.unit ? JSON.stringify(spelled(key, x)) : String(x);
+    for (const { name: path, text } of written()) {
+      const parts = split(path), section = texts.filter((s) => s.path.every((p, i) => p === parts[i])).at(-1);
+      const name = dotted(parts.slice(section.path.length));
       const line = section.lines.find(([k]) => k === name), pieces = section.lines.flatMap(([, v]) => v);
       const piece = pieces.find((p) => p[0] === name && Array.isArray(p));
       if (piece) piece[1] = text;
