@@ -19,6 +19,7 @@ from cogless.live import engine, own_motor, toml
 from cogless.live.description import OFF, Packed, held, left_out, precision
 from cogless.live.key_words import key_words
 from cogless.live.keys import Found, Key, Place, adjustable, packed
+from cogless.live.motor_classes import motor_classes
 from cogless.live.spare_orders import spare_orders
 from cogless.report.markup import asset as report_asset
 from cogless.report.phases import display_unit, groups, judged, phases
@@ -149,6 +150,7 @@ def data(
         ],
         "keys": [_key(study, key) for key in (*found.keys, *spares)],
         "cogging": cogging,
+        "classes": motor_classes(found.keys) if found.own_motor is not None else [],
         "motor": _motor(study, found),
         "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()},
     }

@@ -786,6 +786,7 @@
   });
   $("reset").addEventListener("click", () => {
     begin();
+    $("motor-class").value = "";
     state.values.clear();
     notes.clear();
     dragging = false;
@@ -803,6 +804,23 @@
   });
   $("download").href = "#";
   addEventListener("hashchange", () => { if (location.hash !== address()) { fromAddress(location.hash); another(); } });
+  // A motor of the catalogue: its values are put in together, since some bound each other.
+  function pickMotor(name) {
+    const { values } = byName(page.classes, name) ?? {}, all = new URLSearchParams(address().slice(1));
+    for (const key of new Set(page.classes.flatMap((c) => Object.keys(c.values)))) {
+      if (values && key in values) all.set(key, values[key]); else all.delete(key);
+    }
+    begin();
+    fromAddress(`#${all}`);
+    another();
+  }
+  if (page.classes.length) {
+    const select = $("motor-class");
+    $("motors").hidden = false;
+    make("option", select, "the study's motor").value = "";
+    for (const { name, words } of page.classes) make("option", select, `${name}: ${words}`).value = name;
+    select.addEventListener("change", () => pickMotor(select.value));
+  }
   let resized = 0;
   addEventListener("resize", () => {
     clearTimeout(resized);
