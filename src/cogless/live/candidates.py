@@ -71,6 +71,7 @@ def shortest(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
+COGGING_ORDERS = 12  # of the motor: those beyond have no key
 # Keys of the drive and of what it turns. An override changes them, so the controller is not told. Each has
 # its group, its name, and the ends of its slider as shares of the study's value.
 PLANT = (
@@ -83,7 +84,7 @@ PLANT = (
     ("Load and motion", "mechanics.load_side.damping", 0.0, 3.0),
     *(
         ("Motor", f"motor.cogging.{n}.{word}", 0.0, 3.0)
-        for n in range(4)
+        for n in range(COGGING_ORDERS)
         for word in ("current", "torque", "torque_peak_to_peak")
     ),
     *(
@@ -155,22 +156,31 @@ MOTOR = (
     "motor.cogging.1.torque",
     "drive.inverter.bus_voltage",
 )
+CURRENT_LIMIT = "drive.current_loop.current_limit"
 YOURS = "Your motor"
 WIDE = 100.0  # what a field takes, as a share of the slider's ends
 PAIRS, ORDERS = 40.0, 400.0  # most pole pairs, highest order
 
 
 def candidates(study: Study, told: bool = False) -> Iterator[Candidate]:
-    """The keys that a page might change, those of controllers first; keys.py finds where each lands.
+    """The keys that a page might change, in order of precedence; keys.py finds where each lands.
 
     `told`: the motor's keys are the study's, of which the controller is told, in place of overrides.
     """
     if told:
         yield from of_motor(study)
+    yield from _of_limit(study)
     for name in dict.fromkeys(controller for _, controller in held(study)):
         yield from _of_controller(study, name)
     for scenario in dict.fromkeys(scenario for scenario, _ in held(study)):
         yield from _of_scenario(study, scenario, told)
+
+
+def _of_limit(study: Study) -> Iterator[Candidate]:
+    """The current limit, of which the controller is told: one for all scenarios."""
+    owner, last, value = looked_up(study, study.source.tables, CURRENT_LIMIT)
+    if value is not None and owner is not None:
+        yield from made(CURRENT_LIMIT, CURRENT_LIMIT, "Load and motion", owner, last, value, (0.2, 2.0))
 
 
 def of_motor(study: Study) -> Iterator[Candidate]:

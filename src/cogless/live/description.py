@@ -37,6 +37,7 @@ STRUCTS = {
     "drive.encoder_table": "cgl_encoder_table_config",
     "drive.dead_time": "cgl_dead_time_config",
 }
+SPARE_ORDERS = 3  # cogging orders that a page can add
 POINTER = 4  # bytes, in WebAssembly
 
 
@@ -220,7 +221,7 @@ def _of_speed(study: Study, scenario: str, controller: str, like: Study | None) 
         description = engine_config(study, scenario, controller, "learn")
         # as long as plan.py waits for it
         longest = 3 * law.calibration.duration * study.drive.rates.current_loop
-        made["learn"] = _packed(study, description | {"page": {"ticks": math.ceil(longest)}})
+        made["learn"] = _packed(study, _with_spares(description) | {"page": {"ticks": math.ceil(longest)}})
     return made
 
 
@@ -241,7 +242,14 @@ def _blob(study: Study, scenario: str, controller: str) -> Packed:
     if isinstance(law, Startable) and law.start is not None:
         learned = plan(study, scenario, controller).learned
         page["learned"] = np.asarray(learned, np.float64)
-    return _packed(study, engine_config(study, scenario, controller) | {"page": page})
+    return _packed(study, _with_spares(engine_config(study, scenario, controller)) | {"page": page})
+
+
+def _with_spares(description: dict[str, Any]) -> dict[str, Any]:
+    """The description with cogging orders without torque after the motor's own."""
+    motor = description["motor"]
+    spare = [{"order": 1, "torque": 0.0, "phase": 0.0}] * SPARE_ORDERS
+    return description | {"motor": motor | {"cogging": [*motor["cogging"], *spare]}}
 
 
 def _of_trials(

@@ -74,12 +74,17 @@ class Found:
     keys: list[Key] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
     own_motor: OwnMotor | None = None
+    base: All = field(default_factory=dict)
 
 
 def adjustable(study: AnyStudy, told: bool = False) -> Found:
     """The keys of a study that a page can change. `told`: the controller is told of the motor's, too."""
     base = packed(study, held(study))
-    found, taken, groups = Found(), set[tuple[Place, int]](), dict[tuple[str | None, str | None], list[Key]]()
+    found, taken, groups = (
+        Found(base=base),
+        set[tuple[Place, int]](),
+        dict[tuple[str | None, str | None], list[Key]](),
+    )
     listed = [_bounded(study, candidate) for candidate in _candidates(study, told)]
     together = [candidate for candidate in listed if told and candidate.key in TOGETHER]
     if told:

@@ -18,7 +18,10 @@ from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders, versions
 from cogless.live import engine, own_motor
 from cogless.live.description import OFF, Packed, held, left_out
+from cogless.live.key_words import key_words
 from cogless.live.keys import Found, Key, Place, adjustable, packed
+from cogless.live.motor_classes import motor_classes
+from cogless.live.spare_orders import spare_orders
 from cogless.report.markup import asset as report_asset
 from cogless.report.phases import display_unit, groups, judged, phases
 from cogless.report.speed_tracking import DRIFT, FAR, LOST, MOMENT, ONE_WAY
@@ -79,7 +82,7 @@ def render(
     )
     return Template(asset("live.html")).substitute(
         title=escape(study.title),
-        description=f'<p class="description">{escape(study.description)}</p>' if study.description else "",
+        description=_description(study),
         version=escape(versions()["cogless"]),
         policy=policy,
         left_out=_left_out(study, found),
@@ -113,6 +116,7 @@ def data(
 ) -> dict[str, Any]:
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
+    spares, cogging = ([], {}) if isinstance(study, TrialStudy) else spare_orders(study, found.base)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
     others = [name for name in names if name != study.baseline]
     return {
@@ -147,7 +151,9 @@ def data(
             }
             for name in names
         ],
-        "keys": [_key(key) for key in found.keys],
+        "keys": [_key(study, key) for key in (*found.keys, *spares)],
+        "cogging": cogging,
+        "classes": motor_classes(found.keys) if found.own_motor is not None else [],
         "motor": _motor(study, found),
         "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()},
     }
@@ -282,11 +288,12 @@ def _off(found: dict[str, list[Any]]) -> list[Any] | None:
     return None
 
 
-def _key(key: Key) -> dict[str, Any]:
+def _key(study: AnyStudy, key: Key) -> dict[str, Any]:
     candidate = key.candidate
     return {
         "key": candidate.key,
         "label": candidate.label,
+        "words": key_words(study, candidate.label),
         "group": candidate.group,
         "scenario": candidate.scenario,
         "controller": candidate.controller,
@@ -333,6 +340,13 @@ def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
 
 def _product(one: own_motor.Product) -> list[Any]:
     return [one.number.offset, one.number.format, one.start, dict(one.powers), one.factors, one.curve]
+
+
+def _description(study: AnyStudy) -> str:
+    if not study.description:
+        return ""
+    text = escape(study.description)
+    return f'<section><h2>About this study</h2><p class="description">{text}</p></section>'
 
 
 def _left_out(study: AnyStudy, found: Found) -> str:
