@@ -62,19 +62,25 @@ def identify(
     from cogless.results.folder import held, new_set
 
     if plan is not None:
-        if logs or config or drive or drive_config:
-            given = str(logs[0]) if logs else "--config" if config else "--drive"
+        if logs or config is not None:
+            given = "--config" if not logs else str(logs[0])
             raise StudyError(
                 f"identify: --plan {plan}: expected no logs and no --config beside it, got {given}: "
                 "a plan says what to record; identify the logs afterwards"
             )
         output = output or Path("results/plan")
+        from cogless.drives.registry import script_text
         from cogless.identify import plan as planning
         from cogless.identify import rehearsal
 
         study = load(plan, None)
-        with held(output, ["study.toml", "id.toml"]), new_set(output) as stage:
+        script = f"record_{drive}.py" if drive is not None else ""
+        recording = script_text(study, drive, drive_config, script) if drive is not None else ""
+        names = ["study.toml", "id.toml", *([script] if script else [])]
+        with held(output, names), new_set(output) as stage:
             planning.write(study, stage)
+            if script:
+                (stage / script).write_text(recording, "utf-8")
             with new_console(stderr=True).status("Rehearsing") as status:
                 expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
         print("To be expected, from simulated logs of this motor:")
@@ -84,6 +90,8 @@ def identify(
             print(f"! {lowered}")
         print(f"Study: {output / 'study.toml'}")
         print(f"Columns: {output / 'id.toml'}")
+        if script:
+            print(f"Script: {output / script}. Without --yes it moves nothing.")
         return
     if not logs:
         raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")

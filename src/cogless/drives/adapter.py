@@ -94,11 +94,23 @@ class TableText:
 
 
 @dataclass(frozen=True, eq=False)
+class Motions:
+    """Speeds of the rotor, rad/s over s, with straight lines between, by the name of the log to record.
+
+    `torque_limit`: of the rotor, N m.
+    """
+
+    speeds: Mapping[str, Sequence[tuple[float, float]]]
+    torque_limit: float
+
+
+@dataclass(frozen=True, eq=False)
 class Adapter:
     """A drive's module. `recognise`: which of its logs begins with these lines, "" for none of them.
 
     `read_logs`, `read_table` also take the file of `--drive-config`. `write`: the drive's own text of a
-    table; None: `refusal` says why the drive takes none.
+    table; None: `refusal` says why the drive takes none. `write_script`: a script of this
+    name that plays motions and logs them.
     """
 
     name: str
@@ -109,6 +121,7 @@ class Adapter:
     read_logs: Callable[[Sequence[Path], Path | None], DriveLogs] | None = None
     write: Callable[[HoldingCurrent, TableFrame], TableText] | None = None
     read_table: Callable[[Path, Path | None], HoldingCurrent] | None = None
+    write_script: Callable[[Motions, Path | None, str], str] | None = None
     refusal: str = ""
 
 

@@ -9,21 +9,25 @@ from glob import escape
 from pathlib import Path
 from typing import Any
 
-from cogless.drives.adapter import Adapter, Recording, TableFrame
+from cogless import units
+from cogless.drives.adapter import Adapter, Motions, Recording, TableFrame
 from cogless.drives.moteus import MOTEUS
 from cogless.drives.odrive import ODRIVE
 from cogless.drives.plain_table import PLAIN_TABLE
 from cogless.drives.simplefoc import SIMPLEFOC
 from cogless.errors import StudyError
 from cogless.files import no_device
-from cogless.identify import config, read_log
+from cogless.identify import config, plan, read_log
 from cogless.identify.config import Identification
 from cogless.identify.files import LogColumns, readable
 from cogless.identify.log import Log, logs_of_columns
+from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import read
 
-ADAPTERS: dict[str, Adapter] = {adapter.name: adapter for adapter in (MOTEUS, ODRIVE, SIMPLEFOC, PLAIN_TABLE)}
+ADAPTERS: dict[str, Adapter] = {
+    adapter.name: adapter for adapter in (MOTEUS, ODRIVE, SIMPLEFOC, PLAIN_TABLE)
+}
 FIRST_BYTES = 1 << 14  # of a file, in which its heading is
 OWN_TABLES = ("title", "motor", "drive", "controller", "log", "angle_offset")  # --config may have these
 
@@ -72,6 +76,29 @@ def first_lines(path: Path) -> list[str]:
         return raw[: raw.rfind(b"\n") + 1].decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
         return []
+
+
+def script_text(study: AnyStudy, drive: str, configuration: Path | None, name: str) -> str:
+    """The script that plays on a drive the motions of a plan that need no load from outside.
+
+    StudyError: there is none for this drive, or no plan for this study.
+    """
+    adapter = adapter_named(drive, "--drive")
+    if adapter.write_script is None:
+        having = ", ".join(key for key, other in ADAPTERS.items() if other.write_script is not None)
+        raise StudyError(f'--drive: "{drive}": no script for it is written: expected one of {having}')
+    scenarios = plan.tables(study)[0]["scenario"]
+    assert study.motor is not None and study.drive is not None
+    speeds = {
+        log: [
+            (units.parse(t, units.TIME), units.parse(speed, units.ANGULAR_SPEED))
+            for t, speed in scenario["reference"]["profile"]
+        ]
+        for log, scenario in scenarios.items()
+        if "load" not in scenario
+    }
+    limit = study.drive.current_loop.current_limit * study.motor.star().K_t
+    return adapter.write_script(Motions(speeds, limit), configuration, name)
 
 
 def prepare(

@@ -1,0 +1,144 @@
+"""A script for moteus's own Python package that plays the motions of a plan, and logs what identify needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from cogless.drives.adapter import Motions
+from cogless.drives.moteus_dump import read_dump
+
+RAMP_TIME = 1.0  # s, from rest to the first speed and from the last to rest
+SPEED_MARGIN = 1.5  # times the highest speed of the motions, at which the script stops the motor
+
+SCRIPT_TEXT = '''\
+"""Play motions on a moteus and log them, by cogless. Needs: pip install moteus
+
+    python {name}          prints what would happen; nothing moves
+    python {name} --yes    moves the motor
+
+The motor must be free to turn, without stops: the motions take many turns. Position limits must allow
+that (servopos.position_min and position_max: nan). Ctrl-C, a fault or too high a speed stops the motor.
+"""
+
+import argparse
+import asyncio
+import math
+import time
+
+# Speeds of the output, rev/s over s, with straight lines between.
+MOTIONS = {{
+{motions}
+}}
+MAXIMUM_TORQUE = {torque:.6g}  # N m at the output: the study's current limit
+SPEED_LIMIT = {speed_limit:.6g}  # rev/s of the output: the motor is stopped beyond
+STEADY_ACCELERATION = {steady:.6g}  # rev/s^2, where the speed is constant
+PERIOD = 0.002  # s between commands; each is answered with a row
+COLUMNS = ("POSITION", "VELOCITY", "TORQUE", "Q_CURRENT", "D_CURRENT", "VOLTAGE", "FAULT", {encoder!r})
+
+
+def command_at(motion, t):
+    """The speed at the end of this ramp, and its acceleration. The drive makes the ramp itself: steps of a
+    speed at each command would show in every row of the current, at the same place behind a command."""
+    for (t0, v0), (t1, v1) in zip(motion, motion[1:]):
+        if t < t1:
+            break
+    return v1, abs(v1 - v0) / (t1 - t0) or STEADY_ACCELERATION
+
+
+def describe():
+    for name, motion in MOTIONS.items():
+        top = max(abs(speed) for _, speed in motion)
+        print(f"{{name}}.csv: {{motion[-1][0]:.1f}} s, up to {{top:.3g}} rev/s")
+    print(f"At most {{MAXIMUM_TORQUE:.3g}} N m, stopped beyond {{SPEED_LIMIT:.3g}} rev/s.")
+
+
+async def play(controller, moteus, name, motion):
+    registers = [getattr(moteus.Register, column) for column in COLUMNS]
+    start = time.monotonic()
+    with open(f"{{name}}.csv", "w") as file:
+        print(",".join(("time", *COLUMNS)), file=file)
+        while True:
+            t = time.monotonic() - start
+            if t >= motion[-1][0]:
+                return
+            velocity, acceleration = command_at(motion, t)
+            result = await controller.set_position(
+                position=math.nan,
+                velocity=velocity,
+                accel_limit=acceleration,
+                maximum_torque=MAXIMUM_TORQUE,
+                query=True,
+            )
+            if result is not None:
+                values = [result.values.get(register, 0) for register in registers]
+                print(",".join(map(str, [time.monotonic() - start, *map(float, values)])), file=file)
+                if values[COLUMNS.index("FAULT")]:
+                    raise SystemExit(f"{{name}}: fault {{values[COLUMNS.index('FAULT')]}}: stopped")
+                if abs(values[COLUMNS.index("VELOCITY")]) > SPEED_LIMIT:
+                    raise SystemExit(f"{{name}}: {{values[COLUMNS.index('VELOCITY')]:.3g}} rev/s: stopped")
+            await asyncio.sleep(PERIOD)
+
+
+async def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--yes", action="store_true", help="move the motor")
+    parser.add_argument("--id", type=int, default=1, help="of the controller on the bus")
+    options = parser.parse_args()
+    describe()
+    if not options.yes:
+        print("Nothing was moved. --yes moves the motor.")
+        return
+    import moteus
+
+    resolution = moteus.QueryResolution()
+    for field in ("position", "velocity", "torque", "q_current", "d_current", "voltage"):
+        setattr(resolution, field, moteus.F32)
+    resolution._extra = {{moteus.Register.{encoder}: moteus.F32}}
+    controller = moteus.Controller(id=options.id, query_resolution=resolution)
+    await controller.set_stop()  # It clears a fault of before.
+    try:
+        for name, motion in MOTIONS.items():
+            print(name, flush=True)
+            await play(controller, moteus, name, motion)
+    finally:
+        await controller.set_stop()
+
+
+if __name__ == "__main__":
+    asyncio.run(main())
+'''
+
+
+def _ramped(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The speeds with a ramp before and after, from rest and back."""
+    (_, first), (end, last) = points[0], points[-1]
+    before = [(0.0, 0.0)] if first else []
+    start = RAMP_TIME if first else 0.0
+    after = [(start + end + RAMP_TIME, 0.0)] if last else []
+    return [*before, *((start + t, speed) for t, speed in points), *after]
+
+
+def write_script(motions: Motions, configuration: Path | None, name: str) -> str:
+    """The script. Gear and encoder are those of the dump; without one the output is the rotor, encoder 0."""
+    dump = read_dump(configuration) if configuration is not None else None
+    ratio = dump.ratio if dump is not None else 1.0
+    source = dump.source if dump is not None else 0
+    speeds = {
+        motion: [(t, speed * ratio / math.tau) for t, speed in _ramped(points)]
+        for motion, points in motions.speeds.items()
+    }
+    lines = []
+    for motion, points in speeds.items():
+        pairs = ", ".join(f"({t:.6g}, {speed:.6g})" for t, speed in points)
+        lines.append(f'    "{motion}": [{pairs}],')
+    top = max(abs(speed) for points in speeds.values() for _, speed in points)
+    return SCRIPT_TEXT.format(
+        name=name,
+        motions="\n".join(lines),
+        torque=motions.torque_limit / ratio,
+        speed_limit=SPEED_MARGIN * top,
+        steady=2 * top / RAMP_TIME,
+        encoder=f"ENCODER_{source}_POSITION",
+    )
