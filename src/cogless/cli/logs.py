@@ -127,6 +127,8 @@ def identify(
     if "j" in found.estimate.values:
         print(f"Study: {output / 'study.toml'}")
     print(f"Report: {output / 'report.html'}")
+    if of_drive is not None and of_drive.takes_table and found.estimate.cogging:
+        print(f"Table: cogless table {output} --to {of_drive.frame.drive} -o FILE")
 
 
 def diagnose(

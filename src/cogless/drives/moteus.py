@@ -93,40 +93,55 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     directions = {frame.direction for frame in frames if frame.zero}
     if len(directions) > 1:
         raise StudyError(f"{paths[0]}: the encoder counts one way in some logs and the other way in others")
-    lacking = next((frame for frame in frames if not frame.zero), None)
-    frame = lacking or max(frames, key=lambda frame: frame.zero_error)
+    without = next((log for log, frame in zip(logs, frames, strict=True) if not frame.zero), None)
+    if without is not None and directions:
+        raise StudyError(
+            f"{without.path}: no angle of the table's index, which other logs have: expected it in each"
+        )
+    frame = max(frames, key=lambda frame: frame.zero_error)
     return DriveLogs(recordings, tables(dump, volts if volts > 0 else None), frame, remarks)
 
 
 def _channels(paths: Sequence[Path], dump: Dump) -> Iterator[Channels]:
-    """The logs in these files; those of tview's CSV are two files each."""
-    pairs: dict[str, dict[str, Path]] = defaultdict(dict)
+    """The logs in these files; those of tview's CSV are two files each, whatever their names are."""
+    stats: dict[Path, dict[str, Array]] = {}
+    positions: dict[Path, dict[str, Array]] = {}
     for path in paths:
         if ".jsonl" in path.name.lower():
             yield from _jsonl(path, dump)
             continue
-        channel = next((name for name in (STATS_CHANNEL, POSITION_CHANNEL) if f"_{name}." in path.name), None)
-        if channel is None:
+        headings = set(read(path, [])[0].headings)
+        if {"timestamp", "q_A"} <= headings:
+            names = ["timestamp", *sorted(STATS_SIGNALS)]
+            stats[path] = _columns(path, names, ["timestamp", "position", "q_A"])
+        elif "timestamp" in headings and any(name.startswith("sources.") for name in headings):
+            names = ["timestamp", _filtered(dump)]
+            positions[path] = _columns(path, names, names)
+        else:
             yield _registers(path, dump)
-            continue
-        pairs[str(path).replace(f"_{channel}.", ".")][channel] = path
-    for files in pairs.values():
-        if STATS_CHANNEL not in files:
-            name = files[POSITION_CHANNEL].name
-            expected = name.replace(POSITION_CHANNEL, STATS_CHANNEL)
-            raise StudyError(
-                f"{files[POSITION_CHANNEL]}: no {expected} beside it: expected the channel with the current"
-            )
-        yield Channels(
-            files[STATS_CHANNEL],
-            files[STATS_CHANNEL].name,
-            _columns(
-                files[STATS_CHANNEL], ["timestamp", *sorted(STATS_SIGNALS)], ["timestamp", "position", "q_A"]
-            ),
-            _columns(files[POSITION_CHANNEL], names := ["timestamp", _filtered(dump)], names)
-            if POSITION_CHANNEL in files
-            else {},
-        )
+    partners = {_partner(path, columns, stats): columns for path, columns in positions.items()}
+    for path, columns in stats.items():
+        yield Channels(path, path.name, columns, partners.get(path, {}))
+
+
+def _partner(path: Path, position: Mapping[str, Array], stats: Mapping[Path, Mapping[str, Array]]) -> Path:
+    """The log of servo_stats of the time of a log of motor_position; of several that of its name.
+
+    StudyError: there is none.
+    """
+    first, last = position["timestamp"][[0, -1]]
+    overlapping = [
+        other
+        for other, columns in stats.items()
+        if columns["timestamp"][0] < last and columns["timestamp"][-1] > first
+    ]
+    named = Path(str(path).replace(POSITION_CHANNEL, STATS_CHANNEL))
+    if named in overlapping or len(overlapping) == 1:
+        return named if named in overlapping else overlapping[0]
+    raise StudyError(
+        f"{path}: {len(overlapping) or 'no'} logs of the channel {STATS_CHANNEL} at its time: expected the "
+        "one that was recorded beside it"
+    )
 
 
 def _filtered(dump: Dump) -> str:

@@ -25,9 +25,7 @@ from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import read
 
-ADAPTERS: dict[str, Adapter] = {
-    adapter.name: adapter for adapter in (MOTEUS, ODRIVE, SIMPLEFOC, PLAIN_TABLE)
-}
+ADAPTERS: dict[str, Adapter] = {adapter.name: adapter for adapter in (MOTEUS, ODRIVE, SIMPLEFOC, PLAIN_TABLE)}
 FIRST_BYTES = 1 << 14  # of a file, in which its heading is
 OWN_TABLES = ("title", "motor", "drive", "controller", "log", "angle_offset")  # --config may have these
 
@@ -40,6 +38,11 @@ class Prepared:
     logs: list[Log]
     frame: TableFrame
     remarks: tuple[str, ...]
+
+    @property
+    def takes_table(self) -> bool:
+        """Whether a table can be written for the drive that made the logs."""
+        return self.frame.zero and ADAPTERS[self.frame.drive].write is not None
 
 
 def adapter_named(name: str, option: str) -> Adapter:
@@ -133,6 +136,8 @@ def prepare(
         (recording.path, LogColumns(recording.name, dict(recording.signals), tuple(recording.signals)))
         for recording in logs.recordings
     ]
+    if adapter.write is not None and not logs.frame.zero:
+        remarks.append(f"No table can be placed: {logs.frame.lacking}.")
     return Prepared(
         identification, logs_of_columns(read_columns, identification), logs.frame, (*remarks, *logs.remarks)
     )
