@@ -267,7 +267,7 @@ def test_channels_meet_by_their_time(tmp_path: Path) -> None:
     assert len(moteus.read_logs(more, dump).recordings) == 2
     with pytest.raises(StudyError, match=r"b.csv: 3 logs of the channel servo_stats at its time"):
         moteus.read_logs([*renamed, *more], dump)
-    with pytest.raises(StudyError, match=r"no angle of the table's index, as other logs have"):
+    with pytest.raises(StudyError, match=r"no angle of the table's index, which other logs have"):
         moteus.read_logs(more[:3], dump)
 
 
