@@ -161,7 +161,7 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
         [sys.executable, "-m", "cogless", *map(str, command)], capture_output=True, text=True
     )
     assert (done.returncode, done.stderr) == (0, "")
-    assert "Script: " in done.stdout and "Without --yes it moves nothing." in done.stdout
+    assert "record_moteus.py. Its first lines say how to start it." in done.stdout
     return folder / "plan" / "record_moteus.py"
 
 

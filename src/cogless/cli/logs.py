@@ -69,18 +69,16 @@ def identify(
                 "a plan says what to record; identify the logs afterwards"
             )
         output = output or Path("results/plan")
-        from cogless.drives.registry import script_text
+        from cogless.drives.registry import script_files
         from cogless.identify import plan as planning
         from cogless.identify import rehearsal
 
         study = load(plan, None)
-        script = f"record_{drive}.py" if drive is not None else ""
-        recording = script_text(study, drive, drive_config, script) if drive is not None else ""
-        names = ["study.toml", "id.toml", *([script] if script else [])]
-        with held(output, names), new_set(output) as stage:
+        scripts = script_files(study, drive, drive_config) if drive is not None else {}
+        with held(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
             planning.write(study, stage)
-            if script:
-                (stage / script).write_text(recording, "utf-8")
+            for name, text in scripts.items():
+                (stage / name).write_text(text, "utf-8")
             with new_console(stderr=True).status("Rehearsing") as status:
                 expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
         print("To be expected, from simulated logs of this motor:")
@@ -90,8 +88,8 @@ def identify(
             print(f"! {lowered}")
         print(f"Study: {output / 'study.toml'}")
         print(f"Columns: {output / 'id.toml'}")
-        if script:
-            print(f"Script: {output / script}. Without --yes it moves nothing.")
+        if scripts:
+            print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
         return
     if not logs:
         raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")

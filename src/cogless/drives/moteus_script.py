@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
-from cogless.drives.adapter import Motions
+from cogless.drives.adapter import RAMP_TIME, Motions, ramped
 from cogless.drives.moteus_dump import read_dump
 
-RAMP_TIME = 1.0  # s, from rest to the first speed and from the last to rest
+SCRIPT_NAME = "record_moteus.py"
 SPEED_MARGIN = 1.5  # times the highest speed of the motions, at which the script stops the motor
 
 SCRIPT_TEXT = '''\
@@ -111,22 +110,13 @@ if __name__ == "__main__":
 '''
 
 
-def _ramped(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """The speeds with a ramp before and after, from rest and back."""
-    (_, first), (end, last) = points[0], points[-1]
-    before = [(0.0, 0.0)] if first else []
-    start = RAMP_TIME if first else 0.0
-    after = [(start + end + RAMP_TIME, 0.0)] if last else []
-    return [*before, *((start + t, speed) for t, speed in points), *after]
-
-
-def write_script(motions: Motions, configuration: Path | None, name: str) -> str:
+def write_script(motions: Motions, configuration: Path | None) -> dict[str, str]:
     """The script. Gear and encoder are those of the dump; without one the output is the rotor, encoder 0."""
     dump = read_dump(configuration) if configuration is not None else None
     ratio = dump.ratio if dump is not None else 1.0
     source = dump.source if dump is not None else 0
     speeds = {
-        motion: [(t, speed * ratio / math.tau) for t, speed in _ramped(points)]
+        motion: [(t, speed * ratio / math.tau) for t, speed in ramped(points)]
         for motion, points in motions.speeds.items()
     }
     lines = []
@@ -134,11 +124,12 @@ def write_script(motions: Motions, configuration: Path | None, name: str) -> str
         pairs = ", ".join(f"({t:.6g}, {speed:.6g})" for t, speed in points)
         lines.append(f'    "{motion}": [{pairs}],')
     top = max(abs(speed) for points in speeds.values() for _, speed in points)
-    return SCRIPT_TEXT.format(
-        name=name,
+    text = SCRIPT_TEXT.format(
+        name=SCRIPT_NAME,
         motions="\n".join(lines),
         torque=motions.torque_limit / ratio,
         speed_limit=SPEED_MARGIN * top,
         steady=2 * top / RAMP_TIME,
         encoder=f"ENCODER_{source}_POSITION",
     )
+    return {SCRIPT_NAME: text}

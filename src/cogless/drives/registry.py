@@ -81,8 +81,8 @@ def first_lines(path: Path) -> list[str]:
         return []
 
 
-def script_text(study: AnyStudy, drive: str, configuration: Path | None, name: str) -> str:
-    """The script that plays on a drive the motions of a plan that need no load from outside.
+def script_files(study: AnyStudy, drive: str, configuration: Path | None) -> Mapping[str, str]:
+    """Files, by name, that play on a drive the motions of a plan that need no load from outside.
 
     StudyError: there is none for this drive, or no plan for this study.
     """
@@ -90,18 +90,18 @@ def script_text(study: AnyStudy, drive: str, configuration: Path | None, name: s
     if adapter.write_script is None:
         having = ", ".join(key for key, other in ADAPTERS.items() if other.write_script is not None)
         raise StudyError(f'--drive: "{drive}": no script for it is written: expected one of {having}')
-    scenarios = plan.tables(study)[0]["scenario"]
+    play, columns = plan.tables(study)
     assert study.motor is not None and study.drive is not None
     speeds = {
         log: [
             (units.parse(t, units.TIME), units.parse(speed, units.ANGULAR_SPEED))
             for t, speed in scenario["reference"]["profile"]
         ]
-        for log, scenario in scenarios.items()
+        for log, scenario in play["scenario"].items()
         if "load" not in scenario
     }
     limit = study.drive.current_loop.current_limit * study.motor.star().K_t
-    return adapter.write_script(Motions(speeds, limit), configuration, name)
+    return adapter.write_script(Motions(speeds, limit, columns), configuration)
 
 
 def prepare(
