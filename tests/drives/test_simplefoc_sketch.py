@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 from commands import cogless
+from drives.clocked_drive import STUDY
 from drives.drive_bench import Plant
-from drives.test_moteus_script import STUDY
 
 COMPILER = shutil.which("c++") or shutil.which("g++") or ""
 pytestmark = pytest.mark.skipif(not COMPILER, reason="needs a C++ compiler")

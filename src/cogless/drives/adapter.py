@@ -98,11 +98,12 @@ class TableText:
 class Motions:
     """Speeds of the rotor, rad/s over s, with straight lines between, by the name of the log to record.
 
-    `torque_limit`: of the rotor, N m. `tables`: [motor] and [drive] of the plan's study.
+    `current_limit`: A; `K_t`: N m/A. `tables`: [motor] and [drive] of the plan's study.
     """
 
     speeds: Mapping[str, Sequence[tuple[float, float]]]
-    torque_limit: float
+    current_limit: float
+    K_t: float
     tables: Mapping[str, Mapping[str, Any]]
 
 

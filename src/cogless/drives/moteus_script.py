@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
-from cogless.drives.adapter import RAMP_TIME, Motions, ramped
+from cogless.drives.adapter import Motions
 from cogless.drives.moteus_dump import read_dump
+from cogless.drives.script_motions import motions_text
 
-SCRIPT_NAME = "record_moteus.py"
-SPEED_MARGIN = 1.5  # times the highest speed of the motions, at which the script stops the motor
+MOTEUS_SCRIPT = "record_moteus.py"
 
-SCRIPT_TEXT = '''\
+MOTEUS_TEXT = '''\
 """Play motions on a moteus and log them, by cogless. Needs: pip install moteus
 
     python {name}          prints what would happen; nothing moves
@@ -26,31 +25,10 @@ import asyncio
 import math
 import time
 
-# Speeds of the output, rev/s over s, with straight lines between.
-MOTIONS = {{
 {motions}
-}}
 MAXIMUM_TORQUE = {torque:.6g}  # N m at the output: the study's current limit
-SPEED_LIMIT = {speed_limit:.6g}  # rev/s of the output: the motor is stopped beyond
-STEADY_ACCELERATION = {steady:.6g}  # rev/s^2, where the speed is constant
 PERIOD = 0.002  # s between commands; each is answered with a row
 COLUMNS = ("POSITION", "VELOCITY", "TORQUE", "Q_CURRENT", "D_CURRENT", "VOLTAGE", "FAULT", {encoder!r})
-
-
-def command_at(motion, t):
-    """The speed at the end of this ramp, and its acceleration. The drive makes the ramp itself: steps of a
-    speed at each command would show in every row of the current, at the same place behind a command."""
-    for (t0, v0), (t1, v1) in zip(motion, motion[1:]):
-        if t < t1:
-            break
-    return v1, abs(v1 - v0) / (t1 - t0) or STEADY_ACCELERATION
-
-
-def describe():
-    for name, motion in MOTIONS.items():
-        top = max(abs(speed) for _, speed in motion)
-        print(f"{{name}}.csv: {{motion[-1][0]:.1f}} s, up to {{top:.3g}} rev/s")
-    print(f"At most {{MAXIMUM_TORQUE:.3g}} N m, stopped beyond {{SPEED_LIMIT:.3g}} rev/s.")
 
 
 async def play(controller, moteus, name, motion):
@@ -115,21 +93,10 @@ def write_script(motions: Motions, configuration: Path | None) -> dict[str, str]
     dump = read_dump(configuration) if configuration is not None else None
     ratio = dump.ratio if dump is not None else 1.0
     source = dump.source if dump is not None else 0
-    speeds = {
-        motion: [(t, speed * ratio / math.tau) for t, speed in ramped(points)]
-        for motion, points in motions.speeds.items()
-    }
-    lines = []
-    for motion, points in speeds.items():
-        pairs = ", ".join(f"({t:.6g}, {speed:.6g})" for t, speed in points)
-        lines.append(f'    "{motion}": [{pairs}],')
-    top = max(abs(speed) for points in speeds.values() for _, speed in points)
-    text = SCRIPT_TEXT.format(
-        name=SCRIPT_NAME,
-        motions="\n".join(lines),
-        torque=motions.torque_limit / ratio,
-        speed_limit=SPEED_MARGIN * top,
-        steady=2 * top / RAMP_TIME,
+    text = MOTEUS_TEXT.format(
+        name=MOTEUS_SCRIPT,
+        motions=motions_text(motions, ratio, "MAXIMUM_TORQUE", "N m"),
+        torque=motions.K_t * motions.current_limit / ratio,
         encoder=f"ENCODER_{source}_POSITION",
     )
-    return {SCRIPT_NAME: text}
+    return {MOTEUS_SCRIPT: text}

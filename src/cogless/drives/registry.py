@@ -100,8 +100,8 @@ def script_files(study: AnyStudy, drive: str, configuration: Path | None) -> Map
         for log, scenario in play["scenario"].items()
         if "load" not in scenario
     }
-    limit = study.drive.current_loop.current_limit * study.motor.star().K_t
-    return adapter.write_script(Motions(speeds, limit, columns), configuration)
+    limit, K_t = study.drive.current_loop.current_limit, study.motor.star().K_t
+    return adapter.write_script(Motions(speeds, limit, K_t, columns), configuration)
 
 
 def prepare(

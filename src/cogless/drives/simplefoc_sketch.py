@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from cogless.drives.adapter import Motions, ramped
+from cogless.drives.script_motions import SPEED_MARGIN
 from cogless.study.messages import toml
 
 MONITOR_NAME, SKETCH_NAME = "monitor.toml", "record_simplefoc.h"
-SPEED_MARGIN = 1.5  # times the highest speed of the motions, at which the sketch stops the motor
 
 SKETCH_TEXT = """\
 // Plays motions and prints a row for cogless identify every 2 ms, by cogless. In the sketch:
