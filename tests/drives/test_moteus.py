@@ -14,6 +14,7 @@ from drives.moteus_stand_in import Moteus, python_csv, tview_csv, tview_jsonl
 from cogless.drives import moteus
 from cogless.drives.adapter import TableFrame
 from cogless.drives.holding_current import HoldingCurrent, residue
+from cogless.errors import StudyError
 
 SLOW = [(0.0, 0.5 * TURN), (4.0, 0.5 * TURN)]
 RUN_LISTS: dict[int, dict[str, dict[str, np.ndarray]]] = {}
@@ -62,6 +63,7 @@ def test_a_table_from_logs_takes_the_ripple_away_as_the_true_one_does(
     dump = drive.dump(tmp_path / "dump.cfg")
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", dump, "-o", tmp_path / "found")
     assert (code, err) == (0, "")
+    assert f"Table: cogless table {tmp_path / 'found'} --to moteus -o FILE" in out
     assert "by its first lines moteus, a log of " in out
     values = json.loads((tmp_path / "found" / "identified.json").read_text())
     for key, truth in (("j", drive.plant.inertia), ("c", drive.plant.coulomb), ("b", drive.plant.viscous)):
@@ -201,7 +203,7 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
             place,
             "--drive-config",
             dump,
-        ): f"{place}: no {stats.name} beside it: expected the channel with the current",
+        ): f"{place}: no logs of the channel servo_stats at its time: expected the",
         (other,): f"{other}: no drive's log by its first lines: expected --config FILE",
         (other, "--drive", "moteus", "--drive-config", dump): f'{other}: no column "time"; it has a, b',
         (stats, "--drive", "motus"): '--drive: "motus": expected one of moteus',
@@ -219,8 +221,9 @@ def test_a_table_needs_the_index(firmware: str, tmp_path: Path, capsys: pytest.C
     logs = [python_csv(run, tmp_path / f"{name}.csv", encoder=False) for name, run in runs(1).items()]
     changes = {} if firmware == "with a table" else {"motor__cogging_dq_scale": ""}
     dump = Moteus().dump(tmp_path / "dump.cfg", **changes)
-    code, _, err = cogless(capsys, "identify", *logs, "--drive-config", dump, "-o", tmp_path / "found")
+    code, out, err = cogless(capsys, "identify", *logs, "--drive-config", dump, "-o", tmp_path / "found")
     assert (code, err) == (0, "")
+    assert "No table can be placed: " in out and "Table: " not in out
     code, _, err = cogless(capsys, "table", tmp_path / "found", "--to", "moteus")
     assert code == 2 and len(lines_of(err)) == 1
     expected = (
@@ -251,6 +254,21 @@ def test_channels_of_two_drives_do_not_fit(tmp_path: Path, capsys: pytest.Captur
     dump = Moteus().dump(tmp_path / "dump.cfg")
     code, _, err = cogless(capsys, "identify", stats, place, "--drive-config", dump, "-o", tmp_path / "out")
     assert code == 2 and "do not move alike" in err and len(lines_of(err)) == 1
+
+
+def test_channels_meet_by_their_time(tmp_path: Path) -> None:
+    """Files may have any name; of logs made at one time those of one name belong together."""
+    dump = Moteus().dump(tmp_path / "dump.cfg")
+    stats, place = tview_csv(runs(1)["accel"], tmp_path, "accel")
+    renamed = [path.rename(tmp_path / name) for path, name in ((stats, "a.csv"), (place, "b.csv"))]
+    logs = moteus.read_logs(renamed, dump)
+    assert [log.path.name for log in logs.recordings] == ["a.csv"] and logs.frame.zero
+    more = tview_csv(runs(1)["slow"], tmp_path, "slow") + tview_csv(runs(1)["fast"], tmp_path, "fast")
+    assert len(moteus.read_logs(more, dump).recordings) == 2
+    with pytest.raises(StudyError, match=r"b.csv: 3 logs of the channel servo_stats at its time"):
+        moteus.read_logs([*renamed, *more], dump)
+    with pytest.raises(StudyError, match=r"no angle of the table's index, which other logs have"):
+        moteus.read_logs(more[:3], dump)
 
 
 def test_the_drives_are_listed(capsys: pytest.CaptureFixture[str]) -> None:

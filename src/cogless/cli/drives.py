@@ -73,6 +73,8 @@ def table(
     from cogless.files import replacing
 
     adapter = adapter_named(to, "--to")
+    if adapter.write is None:
+        raise StudyError(f"--to: {to}: takes no table: {adapter.refusal}")
     current, frame = _source(source, from_, to, drive_config)
     if shift is not None:
         current = current.turned(-1 if reverse else 1, _angle(shift))
@@ -81,8 +83,6 @@ def table(
         raise StudyError(
             "--reverse: expected --shift ANGLE beside it: the zero of a reversed angle is another"
         )
-    if adapter.write is None:
-        raise StudyError(f"--to: {to}: takes no table: {adapter.refusal}")
     if not frame.zero:
         raise StudyError(f"{source}: the table's zero is not known: {frame.lacking}")
     written = adapter.write(current, frame)

@@ -62,19 +62,23 @@ def identify(
     from cogless.results.folder import held, new_set
 
     if plan is not None:
-        if logs or config or drive or drive_config:
-            given = str(logs[0]) if logs else "--config" if config else "--drive"
+        if logs or config is not None:
+            given = "--config" if not logs else str(logs[0])
             raise StudyError(
                 f"identify: --plan {plan}: expected no logs and no --config beside it, got {given}: "
                 "a plan says what to record; identify the logs afterwards"
             )
         output = output or Path("results/plan")
+        from cogless.drives.registry import script_files
         from cogless.identify import plan as planning
         from cogless.identify import rehearsal
 
         study = load(plan, None)
-        with held(output, ["study.toml", "id.toml"]), new_set(output) as stage:
+        scripts = script_files(study, drive, drive_config) if drive is not None else {}
+        with held(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
             planning.write(study, stage)
+            for name, text in scripts.items():
+                (stage / name).write_text(text, "utf-8")
             with new_console(stderr=True).status("Rehearsing") as status:
                 expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
         print("To be expected, from simulated logs of this motor:")
@@ -84,6 +88,8 @@ def identify(
             print(f"! {lowered}")
         print(f"Study: {output / 'study.toml'}")
         print(f"Columns: {output / 'id.toml'}")
+        if scripts:
+            print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
         return
     if not logs:
         raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
@@ -119,6 +125,8 @@ def identify(
     if "j" in found.estimate.values:
         print(f"Study: {output / 'study.toml'}")
     print(f"Report: {output / 'report.html'}")
+    if of_drive is not None and of_drive.takes_table and found.estimate.cogging:
+        print(f"Table: cogless table {output} --to {of_drive.frame.drive} -o FILE")
 
 
 def diagnose(

@@ -18,6 +18,7 @@ from cogless.errors import StudyError
 from cogless.files import no_device, reason
 from cogless.identify.files import Array
 
+RAMP_TIME = 1.0  # s, from rest to the first speed of a motion and from the last to rest
 FRAME_FILE = "drive.json"  # stands beside the results of identify
 
 
@@ -94,11 +95,34 @@ class TableText:
 
 
 @dataclass(frozen=True, eq=False)
+class Motions:
+    """Speeds of the rotor, rad/s over s, with straight lines between, by the name of the log to record.
+
+    `current_limit`: A; `K_t`: N m/A. `tables`: [motor] and [drive] of the plan's study.
+    """
+
+    speeds: Mapping[str, Sequence[tuple[float, float]]]
+    current_limit: float
+    K_t: float
+    tables: Mapping[str, Mapping[str, Any]]
+
+
+def ramped(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Speeds over time with a ramp before and after, from rest and back to it."""
+    (_, first), (end, last) = points[0], points[-1]
+    before = [(0.0, 0.0)] if first else []
+    start = RAMP_TIME if first else 0.0
+    after = [(start + end + RAMP_TIME, 0.0)] if last else []
+    return [*before, *((start + t, speed) for t, speed in points), *after]
+
+
+@dataclass(frozen=True, eq=False)
 class Adapter:
     """A drive's module. `recognise`: which of its logs begins with these lines, "" for none of them.
 
     `read_logs`, `read_table` also take the file of `--drive-config`. `write`: the drive's own text of a
-    table; None: `refusal` says why the drive takes none.
+    table; None: `refusal` says why the drive takes none. `write_script`: files by name,
+    of which the first plays motions and logs them.
     """
 
     name: str
@@ -109,6 +133,7 @@ class Adapter:
     read_logs: Callable[[Sequence[Path], Path | None], DriveLogs] | None = None
     write: Callable[[HoldingCurrent, TableFrame], TableText] | None = None
     read_table: Callable[[Path, Path | None], HoldingCurrent] | None = None
+    write_script: Callable[[Motions, Path | None], Mapping[str, str]] | None = None
     refusal: str = ""
 
 

@@ -27,123 +27,19 @@ from cogless.drives.adapter import (
     text_of,
 )
 from cogless.drives.holding_current import HoldingCurrent, from_samples, samples
+from cogless.drives.moteus_dump import DUMP_HINT, TABLE_ENTRIES, Dump, read_dump, tables
+from cogless.drives.moteus_script import write_script
 from cogless.drives.row_times import overlay, sent_times
 from cogless.errors import StudyError
 from cogless.identify.files import Array, printable, require_bytes
 from cogless.identify.read_log import read
 
-TABLE_ENTRIES, ENTRY_MOST = 1024, 127
-DUMP_HINT = "the dump of moteus_tool -t 1 --dump-config"
+ENTRY_MOST = 127
 STATS_CHANNEL, POSITION_CHANNEL = "servo_stats", "motor_position"
 STATS_SIGNALS = {"position", "velocity", "q_A", "d_A", "bus_V"}
 REGISTERS = {"position": "POSITION", "velocity": "VELOCITY", "q_A": "Q_CURRENT", "d_A": "D_CURRENT"}
 OVERLAY_SPREAD = 0.2  # rad rms of single rows; beyond it the channels are not of one log
 CHANNEL_ROWS_LEAST = 3  # a channel with fewer is no log
-
-
-@dataclass(frozen=True)
-class Dump:
-    """The lines `name value` of a configuration dump."""
-
-    path: Path
-    values: Mapping[str, str]
-
-    def number(self, key: str, expected: str, default: float | None = None) -> float:
-        """The value of a key. StudyError: it is missing, without a default, or no number."""
-        text = self.values.get(key)
-        if text is None:
-            if default is not None:
-                return default
-            raise StudyError(f"{self.path}: {key}: missing: expected {expected}")
-        try:
-            number = float(text)
-        except ValueError:
-            raise StudyError(f'{self.path}: {key}: "{printable(text)}": expected {expected}') from None
-        if not math.isfinite(number):
-            raise StudyError(f"{self.path}: {key}: {number}: expected {expected}")
-        return number
-
-    def above_zero(self, key: str, expected: str) -> float:
-        number = self.number(key, expected)
-        if number <= 0:
-            raise StudyError(f"{self.path}: {key}: {number:g}: expected {expected}")
-        return number
-
-    @property
-    def source(self) -> int:
-        """The encoder that commutation takes, and with it the cogging table."""
-        return int(self.number("motor_position.commutation_source", "0, 1 or 2", 0.0))
-
-    @property
-    def ratio(self) -> float:
-        """Turns of the output for one of the rotor."""
-        return self.number("motor_position.rotor_to_output_ratio", "a number above zero", 1.0)
-
-    @property
-    def takes_table(self) -> bool:
-        return "motor.cogging_dq_scale" in self.values
-
-    @property
-    def table(self) -> Array:
-        """The table that is stored, A; zeros if there is none."""
-        scale = self.number("motor.cogging_dq_scale", "a number", 0.0)
-        keys = (f"motor.cogging_dq_comp.{n}" for n in range(TABLE_ENTRIES))
-        return np.array([scale * self.number(key, "-128 to 127", 0.0) for key in keys])
-
-
-def read_dump(path: Path) -> Dump:
-    """Read a dump. StudyError: it is no such file, or of a drive whose frame can't be followed."""
-    values = {}
-    for line in text_of(path, DUMP_HINT).splitlines():
-        name, _, value = line.partition("#")[0].strip().partition(" ")
-        if value and "." in name:
-            values[name] = value.strip()
-    dump = Dump(path, values)
-    if "motor.poles" not in values:
-        raise StudyError(f"{path}: motor.poles: missing: expected {DUMP_HINT}")
-    prefix = f"motor_position.sources.{dump.source}"
-    if dump.ratio <= 0:
-        key = "motor_position.rotor_to_output_ratio"
-        raise StudyError(f"{path}: {key}: {dump.ratio:g}: expected a number above zero")
-    if dump.number(f"{prefix}.reference", "0 or 1", 0.0) == 1 and dump.ratio != 1:
-        raise StudyError(
-            f"{path}: {prefix}.reference: 1: expected 0, a commutation source on the rotor: one behind a "
-            "gear passes the same rotor angle at several places of the table"
-        )
-    return dump
-
-
-def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:
-    """[motor] and [drive] as the dump tells them."""
-    poles = dump.above_zero("motor.poles", "poles of a calibrated motor, such as 14")
-    if poles % 2:
-        raise StudyError(f"{dump.path}: motor.poles: {poles:g}: expected an even number")
-    resistance = dump.above_zero("motor.resistance_ohm", "the resistance of a calibrated motor")
-    kv = dump.above_zero("motor.Kv", "the Kv of a calibrated motor, r/min per volt")
-    kp = dump.above_zero("servo.pid_dq.kp", "a gain above zero")
-    ki = dump.above_zero("servo.pid_dq.ki", "a gain above zero")
-    # Calibration sets kp = w L and ki = w R, so older firmware, which stores no inductance, tells it too.
-    inductance = dump.number("motor.inductance_d_H", "an inductance", 0.0) or resistance * kp / ki
-    inductance_q = dump.number("motor.inductance_q_H", "an inductance", 0.0) or inductance
-    limit = dump.above_zero("servo.max_current_A", "a current above zero")
-    rate = f"{dump.number('servo.pwm_rate_hz', 'a rate', 30_000.0):.0f} Hz"
-    loop: dict[str, Any] = {"current_limit": f"{limit:.9g} A"}
-    drive: dict[str, Any] = {"rates": {"current_loop": rate, "speed_loop": rate}, "current_loop": loop}
-    if bus_voltage is None:
-        loop["kind"] = "ideal"
-    else:
-        loop |= {"kp": f"{kp:.9g} V/A", "ki": f"{ki:.9g} V/A/s"}
-        drive["inverter"] = {"bus_voltage": f"{bus_voltage:.4g} V"}
-    return {
-        "motor": {
-            "pole_pairs": round(poles) // 2,
-            "R_s": f"{resistance:.9g} ohm",
-            "L_d": f"{inductance:.9g} H",
-            "L_q": f"{inductance_q:.9g} H",
-            "kv": f"{kv:.9g} rpm/V",
-        },
-        "drive": drive,
-    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,40 +93,55 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     directions = {frame.direction for frame in frames if frame.zero}
     if len(directions) > 1:
         raise StudyError(f"{paths[0]}: the encoder counts one way in some logs and the other way in others")
-    lacking = next((frame for frame in frames if not frame.zero), None)
-    frame = lacking or max(frames, key=lambda frame: frame.zero_error)
+    without = next((log for log, frame in zip(logs, frames, strict=True) if not frame.zero), None)
+    if without is not None and directions:
+        raise StudyError(
+            f"{without.path}: no angle of the table's index, which other logs have: expected it in each"
+        )
+    frame = max(frames, key=lambda frame: frame.zero_error)
     return DriveLogs(recordings, tables(dump, volts if volts > 0 else None), frame, remarks)
 
 
 def _channels(paths: Sequence[Path], dump: Dump) -> Iterator[Channels]:
-    """The logs in these files; those of tview's CSV are two files each."""
-    pairs: dict[str, dict[str, Path]] = defaultdict(dict)
+    """The logs in these files; those of tview's CSV are two files each, whatever their names are."""
+    stats: dict[Path, dict[str, Array]] = {}
+    positions: dict[Path, dict[str, Array]] = {}
     for path in paths:
         if ".jsonl" in path.name.lower():
             yield from _jsonl(path, dump)
             continue
-        channel = next((name for name in (STATS_CHANNEL, POSITION_CHANNEL) if f"_{name}." in path.name), None)
-        if channel is None:
+        headings = set(read(path, [])[0].headings)
+        if {"timestamp", "q_A"} <= headings:
+            names = ["timestamp", *sorted(STATS_SIGNALS)]
+            stats[path] = _columns(path, names, ["timestamp", "position", "q_A"])
+        elif "timestamp" in headings and any(name.startswith("sources.") for name in headings):
+            names = ["timestamp", _filtered(dump)]
+            positions[path] = _columns(path, names, names)
+        else:
             yield _registers(path, dump)
-            continue
-        pairs[str(path).replace(f"_{channel}.", ".")][channel] = path
-    for files in pairs.values():
-        if STATS_CHANNEL not in files:
-            name = files[POSITION_CHANNEL].name
-            expected = name.replace(POSITION_CHANNEL, STATS_CHANNEL)
-            raise StudyError(
-                f"{files[POSITION_CHANNEL]}: no {expected} beside it: expected the channel with the current"
-            )
-        yield Channels(
-            files[STATS_CHANNEL],
-            files[STATS_CHANNEL].name,
-            _columns(
-                files[STATS_CHANNEL], ["timestamp", *sorted(STATS_SIGNALS)], ["timestamp", "position", "q_A"]
-            ),
-            _columns(files[POSITION_CHANNEL], names := ["timestamp", _filtered(dump)], names)
-            if POSITION_CHANNEL in files
-            else {},
-        )
+    partners = {_partner(path, columns, stats): columns for path, columns in positions.items()}
+    for path, columns in stats.items():
+        yield Channels(path, path.name, columns, partners.get(path, {}))
+
+
+def _partner(path: Path, position: Mapping[str, Array], stats: Mapping[Path, Mapping[str, Array]]) -> Path:
+    """The log of servo_stats of the time of a log of motor_position; of several that of its name.
+
+    StudyError: there is none.
+    """
+    first, last = position["timestamp"][[0, -1]]
+    overlapping = [
+        other
+        for other, columns in stats.items()
+        if columns["timestamp"][0] < last and columns["timestamp"][-1] > first
+    ]
+    named = Path(str(path).replace(POSITION_CHANNEL, STATS_CHANNEL))
+    if named in overlapping or len(overlapping) == 1:
+        return named if named in overlapping else overlapping[0]
+    raise StudyError(
+        f"{path}: {len(overlapping) or 'no'} logs of the channel {STATS_CHANNEL} at its time: expected the "
+        "one that was recorded beside it"
+    )
 
 
 def _filtered(dump: Dump) -> str:
@@ -433,9 +344,13 @@ MOTEUS = Adapter(
         Feature("compensate_cogging.py's JSON, as a table", Certainty.SOURCE),
         Feature("moteus_tool --dump-config: motor, drive, its table", Certainty.SOURCE),
     ),
-    writes=(Feature("cogging table: lines for moteus_tool --restore-config", Certainty.SOURCE),),
+    writes=(
+        Feature("cogging table: lines for moteus_tool --restore-config", Certainty.SOURCE),
+        Feature("identify --plan: a script for its Python package that records the logs", Certainty.DRIVE),
+    ),
     recognise=recognise,
     read_logs=read_logs,
     write=write,
     read_table=read_table,
+    write_script=write_script,
 )

@@ -18,6 +18,7 @@ import numpy as np
 
 from cogless.drives.adapter import Adapter, Certainty, DriveLogs, Feature, Recording, TableFrame, text_of
 from cogless.drives.holding_current import HoldingCurrent, from_samples
+from cogless.drives.odrive_script import write_script
 from cogless.errors import StudyError
 from cogless.identify.files import Array, printable
 from cogless.identify.read_log import read
@@ -238,9 +239,12 @@ ODRIVE = Adapter(
         Feature("0.5: the map by get_anticogging_value, as a table", Certainty.SOURCE),
         Feature("odrivetool backup-config: motor and drive", Certainty.DRIVE),
     ),
-    writes=(),
+    writes=(
+        Feature("identify --plan: a script for its Python package that records the logs", Certainty.DRIVE),
+    ),
     recognise=recognise,
     read_logs=read_logs,
     read_table=read_table,
+    write_script=write_script,
     refusal="firmware 0.5 lets its map be read and not written; 0.6 documents no way to either",
 )

@@ -9,17 +9,19 @@ from glob import escape
 from pathlib import Path
 from typing import Any
 
-from cogless.drives.adapter import Adapter, Recording, TableFrame
+from cogless import units
+from cogless.drives.adapter import Adapter, Motions, Recording, TableFrame
 from cogless.drives.moteus import MOTEUS
 from cogless.drives.odrive import ODRIVE
 from cogless.drives.plain_table import PLAIN_TABLE
 from cogless.drives.simplefoc import SIMPLEFOC
 from cogless.errors import StudyError
 from cogless.files import no_device
-from cogless.identify import config, read_log
+from cogless.identify import config, plan, read_log
 from cogless.identify.config import Identification
 from cogless.identify.files import LogColumns, readable
 from cogless.identify.log import Log, logs_of_columns
+from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import read
 
@@ -36,6 +38,11 @@ class Prepared:
     logs: list[Log]
     frame: TableFrame
     remarks: tuple[str, ...]
+
+    @property
+    def takes_table(self) -> bool:
+        """Whether a table can be written for the drive that made the logs."""
+        return self.frame.zero and ADAPTERS[self.frame.drive].write is not None
 
 
 def adapter_named(name: str, option: str) -> Adapter:
@@ -74,6 +81,29 @@ def first_lines(path: Path) -> list[str]:
         return []
 
 
+def script_files(study: AnyStudy, drive: str, configuration: Path | None) -> Mapping[str, str]:
+    """Files, by name, that play on a drive the motions of a plan that need no load from outside.
+
+    StudyError: there is none for this drive, or no plan for this study.
+    """
+    adapter = adapter_named(drive, "--drive")
+    if adapter.write_script is None:
+        having = ", ".join(key for key, other in ADAPTERS.items() if other.write_script is not None)
+        raise StudyError(f'--drive: "{drive}": no script for it is written: expected one of {having}')
+    play, columns = plan.tables(study)
+    assert study.motor is not None and study.drive is not None
+    speeds = {
+        log: [
+            (units.parse(t, units.TIME), units.parse(speed, units.ANGULAR_SPEED))
+            for t, speed in scenario["reference"]["profile"]
+        ]
+        for log, scenario in play["scenario"].items()
+        if "load" not in scenario
+    }
+    limit, K_t = study.drive.current_loop.current_limit, study.motor.star().K_t
+    return adapter.write_script(Motions(speeds, limit, K_t, columns), configuration)
+
+
 def prepare(
     paths: Sequence[Path], drive: str | None, configuration: Path | None, columns: Path | None
 ) -> Prepared:
@@ -106,6 +136,8 @@ def prepare(
         (recording.path, LogColumns(recording.name, dict(recording.signals), tuple(recording.signals)))
         for recording in logs.recordings
     ]
+    if adapter.write is not None and not logs.frame.zero:
+        remarks.append(f"No table can be placed: {logs.frame.lacking}.")
     return Prepared(
         identification, logs_of_columns(read_columns, identification), logs.frame, (*remarks, *logs.remarks)
     )

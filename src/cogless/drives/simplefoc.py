@@ -27,6 +27,7 @@ from cogless.drives.adapter import (
     text_of,
 )
 from cogless.drives.holding_current import HoldingCurrent, samples
+from cogless.drives.simplefoc_sketch import write_script
 from cogless.errors import StudyError
 from cogless.identify.files import Array, require_bytes
 from cogless.study.reading import read
@@ -45,6 +46,7 @@ MONITOR_SIGNALS: dict[str, tuple[str, float]] = {
     "velocity": ("omega", 1.0),
     "angle": ("theta", 1.0),
     "time_us": ("t", 1e-6),
+    "part": ("part", 1.0),
 }
 NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
 MONITOR_LINE = re.compile(r"\D{0,3}[-+\d.]+(\t[-+\d.]+)+\t?\D{0,3}")
@@ -219,8 +221,12 @@ SIMPLEFOC = Adapter(
     reads=(
         Feature("the monitor's lines, with a small file that says its columns and times", Certainty.SOURCE),
     ),
-    writes=(Feature("a header with table and cogging_feed_forward(angle)", Certainty.SOURCE),),
+    writes=(
+        Feature("a header with table and cogging_feed_forward(angle)", Certainty.SOURCE),
+        Feature("identify --plan: a header for a sketch that records the logs", Certainty.DRIVE),
+    ),
     recognise=recognise,
     read_logs=read_logs,
     write=write,
+    write_script=write_script,
 )
