@@ -116,7 +116,7 @@ def data(
 ) -> dict[str, Any]:
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
-    spares, cogging = ([], {}) if isinstance(study, TrialStudy) else spare_orders(study, found.base)
+    spares, cogging = PAGES[study.kind].spare_orders(study, found.base)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
     others = [name for name in names if name != study.baseline]
     return {
@@ -259,11 +259,15 @@ class KindOfPage:
     turn: Callable[[Any, str], float]  # mechanical revolutions that a controller's learned map spans
     # names of a metric's values and which they are; None: one value, or one per order
     values: Callable[[Any, str, Metric], list[tuple[str, tuple[int, int]]] | None]
+    # keys of the cogging orders that can be added, and those that the study has
+    spare_orders: Callable[[Any, Mapping[Place, Packed]], tuple[list[Key], dict[str, Any]]]
 
 
 PAGES: Mapping[Kind, KindOfPage] = {
-    "speed": KindOfPage(_speed_scenario, _turn, lambda study, scenario, metric: None),
-    "trials": KindOfPage(_trial_scenario, lambda study, name: 1.0, _phases_listed),
+    "speed": KindOfPage(_speed_scenario, _turn, lambda study, scenario, metric: None, spare_orders),
+    "trials": KindOfPage(
+        _trial_scenario, lambda study, name: 1.0, _phases_listed, lambda study, base: ([], {})
+    ),
 }
 
 
