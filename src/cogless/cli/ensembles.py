@@ -44,7 +44,9 @@ def sweep(
         str | None,
         typer.Option("--shard", metavar="I/N", help="Only this part, such as 3/20, of a job array."),
     ] = None,
-    merge: Annotated[bool, typer.Option("--merge", help="Put finished shards in DIR together.")] = False,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="Combine the finished shards that are in the output directory.")
+    ] = False,
     no_code: NoCodeOption = False,
 ) -> None:
     """Run a study as many variants of itself, drawn as its vary table says: what spreads, and why.

@@ -91,7 +91,9 @@ def pil(
     ] = 100_000,
     compiler: Annotated[
         str | None,
-        typer.Option("--compiler", metavar="gcc|zig", help="Which one.", show_default="gcc if it is there"),
+        typer.Option(
+            "--compiler", metavar="gcc|zig", help="Cross compiler to use.", show_default="gcc if it is there"
+        ),
     ] = None,
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,

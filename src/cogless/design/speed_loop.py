@@ -259,7 +259,7 @@ def _divided(value: Any, factor: float) -> Any:
     return float(f"{value / factor:.3g}")
 
 
-LEAST_DAMPING = 1e-6  # damping ratio that a soft shaft has at least in the design
+LEAST_DAMPING = 1e-6  # least damping ratio that the design assumes for a soft shaft
 AROUND = np.geomspace(0.01, 1e3, 300)  # distances from a resonance, in its width
 
 

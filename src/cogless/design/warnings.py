@@ -409,14 +409,14 @@ def _no_room(study: Study, name: str) -> Remark | None:
     roomy = roomy_base(here)
     often = "twice" if least > 1 + BENDS_FROM[0] else "once"
     base = learner(study, name).base
-    told = f"base {base} leaves no room to learn what the sensor's angle is off {often} a turn"
+    told = f"base {base} is too low to learn the sensor's error that comes {often} a turn"
     change: Changes | None = {f"controller.{name}.base": roomy} if roomy >= least else None
     cures = helping(study, (change,), lambda other: _lacks_room(other, name) is None)
     if not cures:
-        return Remark(f"{told}, which takes one of {least} or more")
+        return Remark(f"{told}: expected {least} or more")
     cogging = sorted({wave.order for wave in here.motor.star().cogging if wave.torque and wave.order % roomy})
     but = f", but not order{'s' * (len(cogging) > 1)} {', '.join(map(str, cogging))} of the cogging"
-    return Remark(f"{told}; {either(cures)} does{but if cogging else ''}", cures)
+    return Remark(f"{told}; {either(cures)} learns it{but if cogging else ''}", cures)
 
 
 def coarse_table(study: Study) -> list[str]:

@@ -36,7 +36,7 @@ from cogless.study.reading import find, with_tables
 TOLD, LATE, HEAVY, LIGHT, HOUR = "told", "late", "heavy", "light", "hour"
 RIPPLE = "ripple_rad_s"  # its name in results
 UNTOLD = (LATE, HEAVY, LIGHT)
-INERTIA = {HEAVY: 1.5, LIGHT: 0.5}  # times that which the laws are told
+INERTIA = {HEAVY: 1.5, LIGHT: 0.5}  # true inertia over the inertia that the laws assume
 DROPOUT = "50 ms"  # without an angle
 LONG, LAST = 3600.0, 60.0  # s: the hour, and the end of it that is measured
 ROWS = 20.0  # Hz, in an hour

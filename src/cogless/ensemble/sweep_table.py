@@ -62,7 +62,7 @@ def columns(study: AnyStudy) -> list[Column]:
     return list(found.values())
 
 
-ROWS = 1 << 16  # of a row group
+ROWS = 1 << 16  # rows per row group of sweep.parquet, at most
 
 
 @dataclass(frozen=True, eq=False)

@@ -251,10 +251,10 @@ FRESH = 1 << 32  # between the seeds of an ensemble and those of a fresh one
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """The variants of a study: `drawn` has the values of each varied key, as in the study's file.
+    """The variants of a study: `drawn` has by varied key a value per variant, in the file's notation.
 
-    `places`: where a key is set, for each scenario. Motor, mechanics and drive vary as a scenario's override:
-    the controllers are designed for the study, and don't know which variant they meet.
+    `places`: by scenario, the override of a scenario that sets each key of motor, mechanics and drive. Only
+    the override varies, so the controllers are designed for the study and don't know which variant they meet.
     """
 
     axes: tuple[Axis, ...]

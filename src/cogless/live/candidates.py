@@ -165,7 +165,8 @@ PAIRS, ORDERS = 40.0, 400.0  # most pole pairs, highest order
 def candidates(study: Study, told: bool = False) -> Iterator[Candidate]:
     """The keys that a page might change, in order of precedence; keys.py finds where each lands.
 
-    `told`: the motor's keys are the study's, of which the controller is told, in place of overrides.
+    `told`: the motor's values change in the study itself, so the controller is designed for them. Else an
+    override of the scenario changes them, and the controller does not know.
     """
     if told:
         yield from of_motor(study)
@@ -546,7 +547,7 @@ def _of_trial_scenario(study: TrialStudy, scenario: str) -> Iterator[Candidate]:
     alone = {group.start for group in groups(phases(experiment)) if len(group.phases) == 1}
     for n, change in enumerate(own.get("changes", ())):
         if change["trial"] not in alone:
-            continue  # one of many changes alike
+            continue  # one of a long row of similar changes, which have no sliders of their own
         yield from _of_phase(
             study, scenario, f"{where}.changes.{n}", change, f", from trial {change['trial']}"
         )

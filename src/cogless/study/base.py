@@ -304,7 +304,7 @@ class StudyBase(Table):
 
     kind: ClassVar[Kind]
     outer_loop: ClassVar[str]  # the key of drive.rates that the kind needs
-    overridable: ClassVar[tuple[str, ...]]  # tables of whose keys a scenario may have an override
+    overridable: ClassVar[tuple[str, ...]]  # tables whose keys a scenario may override
     signal_kinds: ClassVar[frozenset[str]] = frozenset()  # properties of signals.def that all runs have
 
     title: Line
@@ -402,7 +402,7 @@ class StudyBase(Table):
 
     @abstractmethod
     def timing(self, scenario: str) -> Timing:
-        """How a run of a scenario passes."""
+        """Number of ticks in a run of a scenario, their rate, and ticks per sample of the law and row of the trace."""
 
     @abstractmethod
     def when(self, scenario: str, tick: int) -> str:

@@ -52,7 +52,7 @@ def faults(study: Study | TrialStudy) -> None:
 
 
 def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> None:
-    """Refuse a fault that no measurement would show; they are taken once per current-loop period."""
+    """Refuse a fault shorter than a period of the current loop, which has one measurement each."""
     period = f"{1 / rate:g} s, one period of the measurements"
     if fault.duration * rate < 1 - 1e-9:
         raise invalid(f"expected {period}, or more", *where, "duration")

@@ -26,7 +26,11 @@ from cogless.study.laws.harmonic import HARMONIC_BANDS, ORDER_ANGLE_MOST, Learne
 POLE = math.exp(-0.5)  # of the observer, each sample: its bandwidth is half a radian a sample
 SPLIT = 0.5105  # rad a sample, up to which an order learns from z
 FROM = 1e-3  # rad a sample: the slowest order that is judged
-WRONG = (0.5, 1.0, 1.5)  # of the plant / of the model: K_t, and the motor's inertia before a soft shaft
+WRONG = (
+    0.5,
+    1.0,
+    1.5,
+)  # true value over the law's: of K_t, and of the inertia on the motor's side of a soft shaft
 TURNED = math.cos(math.radians(60))  # least cos arg Gamma: an order turned by more is held
 POINTS = 2000  # frequencies at which that is judged
 

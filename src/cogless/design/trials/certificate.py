@@ -136,7 +136,7 @@ class ModelCertificate:
     def finite(self) -> FiniteTrial | None:
         """Norms of a whole trial at the vertices and the nominal plant. They take most of a design's time.
 
-        None without growth and beyond GROWTH_MOST. Of the design's models only if no exactly sampled
+        None if `growth` is None or above GROWTH_MOST. The design's models decide only if no exactly sampled
         plants are known.
         """
         return self.norms() if self.norms is not None else None

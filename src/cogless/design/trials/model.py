@@ -44,7 +44,9 @@ class Model:
     B: Real
     continuous: Model | None = None  # the plant that is exactly sampled; None: not known, or another
     seen: Real | None = None  # (plant's order, n): the plant's state as a law gets it; None: as it is
-    lift: Real | None = None  # (n, plant's order): the state of an axis that came at its speed
+    lift: Real | None = (
+        None  # (n, plant's order): from the plant's state to this model's, at a constant speed
+    )
     base: Model | None = None  # the plant alone, without what a sensor adds; None: this
 
     @property
