@@ -28,7 +28,7 @@ SPLIT = 0.5105  # rad a sample, up to which an order learns from z
 FROM = 1e-3  # rad a sample: the slowest order that is judged
 WRONG = (0.5, 1.0, 1.5)  # of the plant / of the model: K_t, and the motor's inertia before a soft shaft
 TURNED = math.cos(math.radians(60))  # least cos arg Gamma: an order turned by more is held
-POINTS = 2000  # frequencies at which that is judged
+TRANSFER_POINTS = 2000  # frequencies at which that is judged
 
 
 def _shares(d: float, z: Complex) -> Complex:
@@ -78,7 +78,7 @@ def held_bands(
     frequencies that it has at `speeds`, slowest and fastest, rad/s.
     """
     T = loop.period
-    om = np.geomspace(FROM, ORDER_ANGLE_MOST, POINTS)
+    om = np.geomspace(FROM, ORDER_ANGLE_MOST, TRANSFER_POINTS)
     if loop.near is not None:
         om = np.union1d(om, [x for x in loop.near * T if FROM < x < ORDER_ANGLE_MOST])
     bad = np.zeros(len(om), dtype=bool)
