@@ -267,7 +267,7 @@ def _in_angle(study: Study, name: str) -> Values:
 def _above(study: Study, name: str) -> Values:
     """omega_min where a reference stops: a gain in 1 / |omega| can't settle at every speed that it passes.
 
-    Learning rests below 1 / GAIN_MARGIN of the top speed: a sine turns 87 % of its angle above it, a move 83 %.
+    Learning rests below 1 / GAIN_MARGIN of the top speed: a sine turns 87 % of its angle above, a move 83 %.
     """
     scenarios = [study.scenario[key] for key in _scenarios(study, name)]
     stop = [s.top_reference / GAIN_MARGIN for s in scenarios if s.top_reference and not s.slowest]
