@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cogless.study.laws.law import MAP_CELLS_MOST, Feedback, LawLoop, Startable
+from cogless.study.laws.law import MOST_CELLS, Feedback, LawLoop, Startable
 from cogless.study.table import LawSpeed, RateGain, StartTime, Table, invalid
 from cogless.units import TURN
 
@@ -39,7 +39,7 @@ class AntiCogging(Feedback, Startable):
     """PI with a current table over the mechanical angle, learned in a commissioning run or before."""
 
     law: Literal["anti-cogging"]
-    cells: Annotated[int, Field(ge=4, le=MAP_CELLS_MOST)] = 720  # a revolution
+    cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
     lead: StartTime = 0.0  # s: the table is read at the angle expected after this time
     calibration: Commissioning | None = None  # in place of a start
 
