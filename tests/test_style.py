@@ -5,8 +5,8 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 125,
-    "number_of_one_word": 357,
+    "constant_with_several_values": 120,
+    "number_of_one_word": 345,
     "vague_local": 898,
     "vague_argument": 267,
     "vague_function": 149,

@@ -10,7 +10,7 @@ that the study doesn't tell. With X of learning_loop.py, per unit of the learnin
     map         ten cells or more in a wave of the highest order that is known of motor and load
     gain        1 / max |X|: the frequency that answers most is learned in one period
     lead        the one with which learning settles up to the highest frequency, in the worst corner
-    Q filter    the narrowest with which no frequency grows by more than `SETTLED` in a period
+    Q filter    the narrowest with which no frequency grows by more than `FACTOR_MOST` in a period
 
 The gain is halved while no filter is enough. It is halved further, and the filter is widened, while the
 design foresees that this leaves less ripple after `LEARNED` turns, because each period adds the noise of a
@@ -36,7 +36,7 @@ from cogless.design.laws.anti_cogging import position_gain
 from cogless.design.laws.periodic import LONGEST_LEAD, PeriodicLoop
 from cogless.design.laws.pi_afc import OrderLoop
 from cogless.design.laws.space import SpaceLoop
-from cogless.design.learning_loop import SETTLED, LearningLoop
+from cogless.design.learning_loop import FACTOR_MOST, LearningLoop
 from cogless.design.margins import Complex, Real
 from cogless.design.ripple import ripple
 from cogless.design.speed_loop import gains, phase_margin_pi, speed_loop, tuned, tuning_of
@@ -61,12 +61,12 @@ from cogless.units import TURN
 AS_TOLD = (1.0, 0)
 CORNERS = (AS_TOLD, (1 / 1.5, 0), (2.0, 0), (1.0, 1))
 CELLS = 10  # in a wave of the highest order
-FEWEST_CELLS, MOST_CELLS = 256, 8192
+AUTO_CELLS_LEAST, AUTO_CELLS_MOST = 256, 8192
 HALVINGS = 10
 LEARNED = 10  # turns of the rotor after which the ripple that is left counts
 FREQUENCIES = 1000
 IN_PHASE = 0.02  # least cos arg X that counts as learning in the right direction
-MARGIN = 2.0  # of the gain on single orders, and of one in 1 / |omega| over a reference that stops
+GAIN_MARGIN = 2.0  # of the gain on single orders, and of one in 1 / |omega| over a reference that stops
 
 Values = dict[str, Any]
 
@@ -168,8 +168,8 @@ def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
     kp, ki = gains(study, name)
     gain = (ki or kp / T) / len(orders)
     for _ in range(2 * HALVINGS):
-        tried = _with(study, name, {"orders": tuple(orders), "gain": MARGIN * gain, "lead": lead})
-        if all(loop.worst().factor <= SETTLED for loop in _loops(OrderLoop, tried, name)):
+        tried = _with(study, name, {"orders": tuple(orders), "gain": GAIN_MARGIN * gain, "lead": lead})
+        if all(loop.worst().factor <= FACTOR_MOST for loop in _loops(OrderLoop, tried, name)):
             return {"orders": orders, "gain": gain, "lead": lead}
         gain /= 2
     raise _no_gain(study, name)
@@ -267,10 +267,10 @@ def _in_angle(study: Study, name: str) -> Values:
 def _above(study: Study, name: str) -> Values:
     """omega_min where a reference stops: a gain in 1 / |omega| can't settle at every speed that it passes.
 
-    Learning rests below 1 / `MARGIN` of the top speed: a sine turns 87 % of its angle above it, a move 83 %.
+    Learning rests below 1 / GAIN_MARGIN of the top speed: a sine turns 87 % of its angle above, a move 83 %.
     """
     scenarios = [study.scenario[key] for key in _scenarios(study, name)]
-    stop = [s.top_reference / MARGIN for s in scenarios if s.top_reference and not s.slowest]
+    stop = [s.top_reference / GAIN_MARGIN for s in scenarios if s.top_reference and not s.slowest]
     if not stop or "omega_min" in study.source.tables["controller"][name]:
         return {}
     return {"omega_min": min([*stop, *(s.slowest for s in scenarios if s.slowest)])}
@@ -339,11 +339,11 @@ def _widths(loops: list[LearningLoop], fixed: Values) -> Iterator[int]:
     for loop in loops:
         f = loop.frequencies
         without = loop.unfiltered(f)
-        high = without > SETTLED
+        high = without > FACTOR_MOST
         grow.append((loop, f[high], without[high]))
     widest = min(WIDEST, *(loop.widest_filter for loop in loops))
     for n in (fixed["q_half_width"],) if "q_half_width" in fixed else range(widest + 1):
-        if all(np.all(loop.q(f, n) * without <= SETTLED) for loop, f, without in grow):
+        if all(np.all(loop.q(f, n) * without <= FACTOR_MOST) for loop, f, without in grow):
             yield n
 
 
@@ -399,7 +399,7 @@ def _cosine(loop: LearningLoop, f: Real, lead: int) -> Real:
 
 def _reach(x: Complex, f: Real) -> float:
     """The frequency up to which learning by X settles, Hz."""
-    grows = np.flatnonzero(np.abs(1 - x) > SETTLED)
+    grows = np.flatnonzero(np.abs(1 - x) > FACTOR_MOST)
     return float(f[grows[0]]) if len(grows) else float(f[-1])
 
 
@@ -435,7 +435,7 @@ def _cells(study: Study, name: str, period: str = "mechanical") -> int:
         return int(by_hand["cells"])
     periods = study.motor.pole_pairs if period == "electrical" else 1  # a revolution
     wanted = math.ceil(CELLS * max([*known_orders(study, name), 1]) / periods)
-    return min(MOST_CELLS, max(FEWEST_CELLS, 1 << (wanted - 1).bit_length()))
+    return min(AUTO_CELLS_MOST, max(AUTO_CELLS_LEAST, 1 << (wanted - 1).bit_length()))
 
 
 def _phase_margin_pi(study: Study, name: str, law: RobustIlc | SpaceSpeed) -> tuple[float, float]:

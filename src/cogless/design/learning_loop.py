@@ -42,8 +42,8 @@ from cogless.study.laws.pi_afc import PiAfc
 from cogless.study.laws.space import SpaceLearning
 from cogless.units import TURN
 
-SETTLED = 1.0 + 1e-3  # largest factor per period that counts as settling
-POINTS = 3000  # of a curve
+FACTOR_MOST = 1.0 + 1e-3  # largest factor per period that counts as settling
+CURVE_POINTS = 3000
 GRID = 8000  # of a plant
 LOWEST = 1e-4  # Hz
 IMAGES = 50  # largest m; the weights of further images add up to less than a percent
@@ -258,7 +258,7 @@ class LearningLoop(ABC):
     @property
     def frequencies(self) -> Real:
         """Frequencies from that of the learning period up to `highest`, Hz."""
-        even = np.linspace(self.periods_per_second, self.highest, POINTS)
+        even = np.linspace(self.periods_per_second, self.highest, CURVE_POINTS)
         return _with_near(even, self.plant)
 
     def worst(self) -> Worst:
@@ -271,7 +271,7 @@ class LearningLoop(ABC):
     @property
     def settled(self) -> bool:
         """Whether the loop is stable, and no frequency grows from period to period."""
-        return self.oscillation() is None and self.worst().factor <= SETTLED
+        return self.oscillation() is None and self.worst().factor <= FACTOR_MOST
 
 
 def _with_near(f: Real, loop: SpeedLoop) -> Real:

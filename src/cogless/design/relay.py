@@ -19,7 +19,7 @@ import numpy as np
 
 from cogless.design.closed_loop import oscillation
 from cogless.design.law_rules import feedback_of
-from cogless.design.margins import POINTS
+from cogless.design.margins import FREQUENCY_POINTS
 from cogless.design.ripple import ripple
 from cogless.design.speed_loop import pi_response, speed_loop
 from cogless.design.verdict import judged
@@ -51,7 +51,7 @@ def switching(study: Study, scenario: str, name: str) -> Switching | None:
     loop, feedback = speed_loop(study, scenario), feedback_of(study, name)
     if feedback is None or oscillation(loop, feedback):
         return None
-    w = np.geomspace(1e-4, 1, POINTS) * math.pi / loop.period
+    w = np.geomspace(1e-4, 1, FREQUENCY_POINTS) * math.pi / loop.period
     P, _ = loop.plant(w)
     closed = 1 / (1 + feedback.response(w, loop.period) * P)
     W = pi_response(w, loop.period, 1.0, law.c) * P * closed

@@ -48,7 +48,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cogless.design.changes import either, first, helps, text
-from cogless.design.margins import POINTS, UNSTABLE, Complex, Margins, Real, margins_of, root
+from cogless.design.margins import FREQUENCY_POINTS, UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.trials.model import exponential
 from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
@@ -622,7 +622,7 @@ def _substituted(loop: SpeedLoop, x: float) -> float | None:
 def _bisected(loop: SpeedLoop, x: float) -> float | None:
     """The lowest crossover at which the lag rises to x / (1 + x^2); None if it never does."""
     wanted = x / (1 + x * x)
-    w = np.geomspace(1e-3, 1, POINTS) * math.pi / loop.period
+    w = np.geomspace(1e-3, 1, FREQUENCY_POINTS) * math.pi / loop.period
     lag = np.unwrap(_lag(loop, w))
     rises = np.flatnonzero((lag[:-1] < wanted) & (lag[1:] >= wanted))
     if not len(rises):

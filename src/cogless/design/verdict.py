@@ -40,7 +40,7 @@ from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.laws.pi_afc import OrderLoop
 from cogless.design.laws.space import SpaceLoop
 from cogless.design.laws.space_bounds import unfit
-from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
+from cogless.design.learning_loop import FACTOR_MOST, LearningLoop, Worst
 from cogless.design.margins import Real
 from cogless.design.ripple import WORSE, ripple, sampled
 from cogless.design.speed_loop import LEAST, speed_loop
@@ -67,7 +67,8 @@ SLOWEST = 200.0  # speeds below the fastest one divided by this count as rest
 ORDER_POINTS = 2000
 ANGLES = 720  # in an electrical revolution
 RIPPLE = 0.01  # relative; a smaller ripple of the torque constant is neglected
-MARGIN = 2  # proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
+# proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
+OMEGA_MIN_MARGIN = 2
 TINY = 1e-30  # under a logarithm
 FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
 ROUNDING = 1e-9
@@ -99,7 +100,7 @@ class Passing:
     @property
     def least(self) -> float:
         """The omega_min, rad/s, with which learning rests during the passage."""
-        return MARGIN * self.below
+        return OMEGA_MIN_MARGIN * self.below
 
     def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
         """The report of the passage in one line; `unit` is that of speeds."""
@@ -246,7 +247,7 @@ class _At:
 
     @property
     def fine(self) -> bool:
-        return self.oscillation is None and self.worst.factor <= SETTLED
+        return self.oscillation is None and self.worst.factor <= FACTOR_MOST
 
 
 @dataclass(frozen=True)
@@ -315,8 +316,8 @@ def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
     mild = found.repair.change(key) if found.repair else None
     cures = helping(study, (mild,), cured)
     if isinstance(study.controller[name], STOPPING):
-        low = found.passing.least if found.passing else MARGIN * found.omega_m
-        least = (low * MARGIN**n for n in range(HALVINGS))
+        low = found.passing.least if found.passing else OMEGA_MIN_MARGIN * found.omega_m
+        least = (low * OMEGA_MIN_MARGIN**n for n in range(HALVINGS))
         rests: list[Changes] = [{f"{key}.omega_min": text(each, "rad/s")} for each in least if each < top]
         cures += first(study, rests, cured)
     if cures:
@@ -431,7 +432,7 @@ def _verdict(study: Study, name: str) -> Verdict | None:
     if snapping is not None:
         return replace(base, kind="not judged", doubts=(Remark(snapping),), passing=None)
     most = max(found, key=lambda at: at.worst.factor)
-    if most.worst.factor <= SETTLED:
+    if most.worst.factor <= FACTOR_MOST:
         loud, ratio = max(((m, m.ratio) for m in motions if m.judged), key=lambda pair: pair[1])
         most = loud.loudest if ratio > WORSE else most
         return of(most, worst=most.worst, ratio=ratio)
@@ -659,7 +660,7 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
         math.exp(rate[k]),
         float(orders[k]) * min(a_second),
         float(orders[k]) * max(a_second),
-        float(np.max(least)) > math.log(SETTLED)
+        float(np.max(least)) > math.log(FACTOR_MOST)
         or (constant and all(loop.sure for loop in judged[0][0].loops)),
     )
 
@@ -690,13 +691,13 @@ def _repair(found: list[_At]) -> Repair:
     for at in found:
         f = at.loop.frequencies
         without = np.max([loop.unfiltered(f) for loop in at.loops], axis=0)
-        high = without > SETTLED  # no filter's gain exceeds one
+        high = without > FACTOR_MOST  # no filter's gain exceeds one
         parts.append((at.loop, f[high], without[high]))
     widest = min(WIDEST, *(loop.widest_filter for loop in loops))
     for n in range(widest + 1):
-        if all(np.all(loop.q(f, n) * without <= SETTLED) for loop, f, without in parts):
+        if all(np.all(loop.q(f, n) * without <= FACTOR_MOST) for loop, f, without in parts):
             return Repair(q_half_width=n)
     if not isinstance(loops[0], PeriodicLoop):
         return Repair()
     peak = max(float(np.max(loop.q(f) / loop.forgetting * without)) for loop, f, without in parts)
-    return Repair(forgetting=math.floor(100 * SETTLED / peak) / 100)
+    return Repair(forgetting=math.floor(100 * FACTOR_MOST / peak) / 100)

@@ -21,7 +21,7 @@ from cogless.study.motion import Real as Real
 from cogless.study.motor import StarMotor
 from cogless.units import TURN
 
-POINTS = 8  # per wave of the highest order
+WAVE_POINTS = 8  # per wave of the highest order
 
 
 def motor_identity(motor: StarMotor) -> int:
@@ -83,7 +83,7 @@ def _over_angle(a: Real, b: Real, orders: Real) -> dict[str, Any]:
 
     a: amplitudes of the cosines, b: of the sines.
     """
-    cells = POINTS * round(float(np.max(orders)))
+    cells = WAVE_POINTS * round(float(np.max(orders)))
     angle = TURN / cells * np.arange(cells)
     waves = (x * np.cos(h * angle) + y * np.sin(h * angle) for x, y, h in zip(a, b, orders, strict=True))
     return {"frame": "mechanical", "angle": angle, "current": sum(waves)}

@@ -50,7 +50,7 @@ OBSERVER_PEAK = (
     0.80  # of bandwidth times a step of the angle, which shows as a speed: largest (3x - x^2) e^-x
 )
 BRIDGE = 5e-3  # s
-SETTLED = 10.0  # time constants after which an observer has forgotten a jump to a part in a thousand
+FORGET_TIMES = 10.0  # time constants after which an observer has forgotten a jump to a part in a thousand
 HOLD = 10e-3  # s
 
 
@@ -75,7 +75,7 @@ def monitor_config(
         held = 1 if sensor.speed_method == "average" else 2
         window = held * periods * period
         if sensor.bandwidth:
-            window = SETTLED / sensor.bandwidth
+            window = FORGET_TIMES / sensor.bandwidth
             resolution = OBSERVER_PEAK * sensor.bandwidth * step
         elif not sensor.timed:
             resolution = step / (periods * period)
@@ -83,7 +83,7 @@ def monitor_config(
         # an edge may be placed half a sector late, and the angle jumps there
         step, window = 1.5 * sensor.step(motor.pole_pairs), 2 * drive.rates.divider * period
     if drive.speed_filter:
-        window += SETTLED / (TURN * drive.speed_filter)
+        window += FORGET_TIMES / (TURN * drive.speed_filter)
     derived = {
         "omega_max": 0.0,
         "angle_step": step,

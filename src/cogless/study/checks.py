@@ -61,14 +61,14 @@ def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> Non
         raise invalid(expected, *where, "time")
 
 
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 def names(study: StudyBase) -> None:
     """Check that names of scenarios and controllers can be used in file names and on the command line."""
     for table, entries in (("scenario", study.scenario), ("controller", study.controller)):
         for name in entries:
-            if not NAME.fullmatch(name):
+            if not NAME_PATTERN.fullmatch(name):
                 raise invalid("expected a name of letters, digits, _, - and .", table, name)
 
 

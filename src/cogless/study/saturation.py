@@ -192,7 +192,7 @@ def _curve(current: tuple[float, ...], flux: tuple[float, ...]) -> dict[str, lis
 
 
 COPPER = 0.00393  # 1/K, at 20 degC
-NOTHING = -273.15  # degC
+ABSOLUTE_ZERO = -273.15  # degC
 
 
 class Heating(Table):
@@ -249,8 +249,8 @@ class MotorTemperature(Table):
     def _possible(self) -> Self:
         for key in ("reference", "winding", "magnet"):
             value = getattr(self, key)
-            if value is not None and value < NOTHING:
-                raise invalid(f"expected {NOTHING} degC or more", key)
+            if value is not None and value < ABSOLUTE_ZERO:
+                raise invalid(f"expected {ABSOLUTE_ZERO} degC or more", key)
         for key, at in (("resistance_coefficient", self.winding), ("flux_coefficient", self.magnets)):
             if 1 + getattr(self, key) * (at - self.reference) <= 0:
                 raise invalid(f"expected one that leaves something at {at:g} degC", key)

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from cogless.control_library import real_number
-from cogless.study.laws.law import MOST_SAMPLES
+from cogless.study.laws.law import LINE_SAMPLES_MOST
 from cogless.study.laws.space import SpaceLearning
 from cogless.study.table import check_precision, invalid
 from cogless.units import TURN
@@ -78,9 +78,9 @@ def _delay_line(name: str, scenario: str, law: SpaceLearning, slowest: float, re
         needed = f"and a delay line needs omega_min, {law.omega_min:g} rad/s, or more"
         raise invalid(expected + needed, "controller", name, "memory")
     samples = math.ceil(reach / slowest)
-    if samples > MOST_SAMPLES:
+    if samples > LINE_SAMPLES_MOST:
         expected = f'expected "map": a period at the slowest speed of scenario {scenario} has {samples} '
-        needed = f"samples, and a delay line at most {MOST_SAMPLES}"
+        needed = f"samples, and a delay line at most {LINE_SAMPLES_MOST}"
         raise invalid(expected + needed, "controller", name, "memory")
     if samples > law.cells:
         expected = f"expected {samples} or more, the samples of a period at the slowest speed of scenario"

@@ -38,7 +38,7 @@ TOGETHER = 1 / 16  # a sample, that the rates of all acting orders add up to, as
 MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
 SURE = 5e-4  # rad: from this sensor error on, a base must leave room to learn it; SURE of harmonic.c is its square
 FOLLOWS = 10  # times as fast as a load that turns with the rotor: a tenth of what it changes is left
-MARGIN = 2.4  # between the rate and where all orders together oscillate
+RATE_MARGIN = 2.4  # between the rate and where all orders together oscillate
 BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
 
 
@@ -72,7 +72,7 @@ def _learner(study: Study, name: str) -> Learner:
     told = replace(told, held=held_bands(loop, told, pi, *_halls(study), (speeds[0], speeds[-1])))
     if loop.shaft is None:
         return told
-    bound = min(_rate_bound(study, loop, told, pi, omega) for omega in speeds) / MARGIN
+    bound = min(_rate_bound(study, loop, told, pi, omega) for omega in speeds) / RATE_MARGIN
     return replace(told, rate=min(told.rate, bound), rate_min=min(bound, told.rate_min))
 
 

@@ -32,7 +32,7 @@ WRONG = (
     1.5,
 )  # true value over the law's: of K_t, and of the inertia on the motor's side of a soft shaft
 TURNED = math.cos(math.radians(60))  # least cos arg Gamma: an order turned by more is held
-POINTS = 2000  # frequencies at which that is judged
+TRANSFER_POINTS = 2000  # frequencies at which that is judged
 
 
 def _shares(d: float, z: Complex) -> Complex:
@@ -82,7 +82,7 @@ def held_bands(
     frequencies that it has at `speeds`, slowest and fastest, rad/s.
     """
     T = loop.period
-    om = np.geomspace(FROM, ORDER_ANGLE_MOST, POINTS)
+    om = np.geomspace(FROM, ORDER_ANGLE_MOST, TRANSFER_POINTS)
     if loop.near is not None:
         om = np.union1d(om, [x for x in loop.near * T if FROM < x < ORDER_ANGLE_MOST])
     bad = np.zeros(len(om), dtype=bool)

@@ -243,9 +243,9 @@ class Feedback(Base):
         return {"kp": self.kp, "ki": self.ki, "limit": loop.current_limit}
 
 
-MOST_CELLS = 65_535  # of a map
-MOST_SAMPLES = 1 << 24  # of a delay line
-Cells = Annotated[int, Field(ge=4, le=MOST_SAMPLES)]
+MOST_CELLS = 65_535
+LINE_SAMPLES_MOST = 1 << 24  # of a delay line
+Cells = Annotated[int, Field(ge=4, le=LINE_SAMPLES_MOST)]
 
 
 def check_cells(cells: int, q_half_width: int, line: bool) -> None:
