@@ -6,7 +6,7 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import accumulate, pairwise
 from string import Template
@@ -20,6 +20,7 @@ from cogless.live.description import OFF, Packed, held, left_out, precision
 from cogless.live.key_words import key_words
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.live.motor_classes import motor_classes
+from cogless.live.sensor_choices import SensorChoice, sensor_choices
 from cogless.live.spare_orders import spare_orders
 from cogless.report.markup import asset as report_asset
 from cogless.report.phases import display_unit, groups, judged, phases
@@ -114,6 +115,7 @@ def data(
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
     spares, cogging = ([], {}) if isinstance(study, TrialStudy) else spare_orders(study, found.base)
+    sensors = [] if isinstance(study, TrialStudy) else sensor_choices(study, found, spares)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
     others = [name for name in names if name != study.baseline]
     return {
@@ -148,11 +150,17 @@ def data(
             }
             for name in names
         ],
-        "keys": [_key(study, key) for key in (*found.keys, *spares)],
+        "keys": [_with_sensors(_key(study, key), key, sensors) for key in (*found.keys, *spares)],
+        "sensors": [{"words": sensor.words, "text": sensor.text} for sensor in sensors],
         "cogging": cogging,
         "classes": motor_classes(found.keys) if found.own_motor is not None else [],
         "motor": _motor(study, found),
-        "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()},
+        "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()}
+        | {
+            f"{n}|{'/'.join(place)}": _run(blob)
+            for n, sensor in enumerate(sensors, 1)
+            for place, blob in sensor.runs.items()
+        },
     }
 
 
@@ -281,6 +289,14 @@ def _key(study: AnyStudy, key: Key) -> dict[str, Any]:
         "stops": key.stops,
         "lands": {_place(place): [_landing(key, one) for one in lands] for place, lands in key.lands.items()},
     }
+
+
+def _with_sensors(packed_key: dict[str, Any], key: Key, sensors: Sequence[SensorChoice]) -> dict[str, Any]:
+    """The key with its landings in the runs with other sensors, too: their places begin with a number."""
+    for n, sensor in enumerate(sensors, 1):
+        for place, lands in sensor.lands.get(key.candidate.key, {}).items():
+            packed_key["lands"][f"{n}|{_place(place)}"] = [_landing(key, one) for one in lands]
+    return packed_key
 
 
 def _place(place: Place) -> str:
