@@ -166,6 +166,50 @@ def test_a_changed_order_of_the_study_is_in_the_list_too(page, study):
     same(values(page, "pi"), computed(changed(study, sets), "low", "pi"))
 
 
+@needs_browser
+def test_another_sensor_gives_the_numbers_of_the_command(page, study, tmp_path):
+    """Beside a value of a key that works with it; a key that does not is taken back and says so."""
+    words = page.run("return cogless.page.sensors.map((sensor) => sensor.words)")
+    assert "absolute, 12 bits" in words and any("speed by" in one for one in words)
+    page.run("cogless.set('scenario.low.load', 0.01)")
+    page.run("cogless.set('controller.pi-ilc.tuning.phase_margin', 45)")
+    for n, one in enumerate(words, 1):
+        choose_sensor(page, n)
+        sets = sets_of(page)
+        assert sets.keys() == {"drive.position_sensor", "scenario.low.load"}, one
+        other = changed(study, sets)
+        for controller in ("pi", "pi-ilc"):
+            same(values(page, controller), computed(other, "low", controller))
+    (tmp_path / "changed.toml").write_text(page.run("return cogless.toml()"), encoding="utf-8")
+    same(values(page, "pi"), computed(load(tmp_path / "changed.toml"), "low", "pi"))
+    assert f"sensor={len(words)}" in page.run("return cogless.address()")
+    label = "[...document.querySelectorAll('#keys label')].find((l) => l.title.endsWith('phase_margin'))"
+    assert page.run(f"return {label}.parentElement.querySelector('input').disabled")
+    choose_sensor(page, 0)
+    assert sets_of(page) == {"scenario.low.load": "0.01 N*m"}
+
+
+def choose_sensor(shown, n):
+    of_page = "const list = document.getElementById('sensor');"
+    shown.run(of_page + f"list.value = {n}; list.dispatchEvent(new Event('change'))")
+    settle(shown)
+
+
+@needs_browser
+def test_the_address_brings_the_sensor_back(page, study):
+    page.run("location.hash = '#scenario=low&controllers=pi&sensor=2&scenario.low.load=0.01'")
+    settle(page)
+    time.sleep(0.3)
+    assert sets_of(page).keys() == {"drive.position_sensor", "scenario.low.load"}
+    settle(page)
+    same(values(page, "pi"), computed(changed(study, sets_of(page)), "low", "pi"))
+    for nonsense in ("99", "-1", "x", "1.5"):
+        page.run(f"location.hash = '#scenario=low&sensor={nonsense}'")
+        time.sleep(0.3)
+        settle(page)
+        assert sets_of(page) == {}
+
+
 # --- words
 
 
@@ -173,7 +217,8 @@ def test_each_key_of_a_page_has_words(tmp_path):
     study = live_studies.study(tmp_path)
     keys = live_studies.found(study).keys
     assert keys and all(key_words(study, key.candidate.label) for key in keys)
-    assert key_words(study, "mechanics.inertia") == "inertia of all that turns"
+    assert key_words(study, "mechanics.inertia") == key_words(study, "inertia") == "inertia of all that turns"
+    assert key_words(study, "mechanics.load_side.inertia") == "inertia behind the shaft"
     order = study.source.tables["motor"]["cogging"][0]["order"]
     assert key_words(study, "motor.cogging.0.torque") == f"cogging, order {order:g}"
     assert key_words(study, "drive.current_sensors.offset.1") == "offset of current sensor 2"

@@ -192,10 +192,10 @@ class Evaluation:
 def tune(
     study: AnyStudy, folder: Path, workers: Workers, progress: TuneProgress | None = None
 ) -> list[Tuned]:
-    """Tune a study as its [tune] says; a killed tuning goes on from `folder`, which has a journal of each subject.
+    """Tune a study as its [tune] says. A killed tuning goes on from the journals in `folder`.
 
     `progress` is called with the subject, the number of settings tried, the budget, and the best value so
-    far as a multiple of the first one's. StudyError: a mistake in [tune] or [vary], a journal of another study.
+    far as a multiple of the first. StudyError: a mistake in [tune] or [vary], a journal of another study.
     """
     report = progress or (lambda *of: None)
     search_over, fresh = ensembles(study)

@@ -26,7 +26,8 @@ def check(study: AnyStudy) -> None:
 def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[str, str] = NO_LIMITS) -> str:
     """The page as one HTML text. `command`: the one that runs the study.
 
-    `told`: the page is for one's own motor. Its values change in the study, so the controller is designed for them.
+    `told`: the page is for one's own motor. Its values change in the study, and its controllers with
+    them.
     `limits`: by scenario, what limits its best run; the page shows it until a value is changed.
 
     StudyError as in `check`.

@@ -110,7 +110,7 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
             found.keys.append(key)
             if not key.stops:
                 groups.setdefault((candidate.scenario, candidate.controller), []).append(key)
-    wrong = {id(key) for group in groups.values() for key in _disproved(study, base, group, _samples, own)}
+    wrong = {id(key) for group in groups.values() for key in disproved(study, base, group, samples, own)}
     for key in [key for key in found.keys if id(key) in wrong]:
         found.keys.remove(key)
         taken -= _numbers(key)
@@ -123,7 +123,7 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
     narrow = {
         id(key)
         for group in groups.values()
-        for key in _disproved(study, base, [k for k in group if id(k) not in wrong], _wide, own, alone=True)
+        for key in disproved(study, base, [k for k in group if id(k) not in wrong], _wide, own, alone=True)
     }
     found.keys = [_of_slider(key) if key.stops else key for key in found.keys]
     found.keys = [_narrowed(study, base, key, own) if id(key) in narrow else key for key in found.keys]
@@ -150,7 +150,7 @@ def _narrowed(study: AnyStudy, base: All, key: Key, own: OwnMotor | None) -> Key
     """The key with its field narrowed to values for which the page's numbers are right."""
 
     def is_right(value: float) -> bool:
-        return not _disproved(study, base, [key], lambda _: [value] * repeats, own, alone=True)
+        return not disproved(study, base, [key], lambda _: [value] * repeats, own, alone=True)
 
     def end(far: float, near: float) -> float:
         for _ in range(HALVINGS):
@@ -163,7 +163,7 @@ def _narrowed(study: AnyStudy, base: All, key: Key, own: OwnMotor | None) -> Key
     candidate, repeats = key.candidate, 2 if own is None else REPEATS  # the first isn't tried
     least, most = end(candidate.least, candidate.low), end(candidate.most, candidate.high)
     narrower = replace(key, candidate=replace(candidate, least=least, most=most))
-    return _of_slider(key) if _disproved(study, base, [narrower], _wide, own, alone=True) else narrower
+    return _of_slider(key) if disproved(study, base, [narrower], _wide, own, alone=True) else narrower
 
 
 def packed(study: AnyStudy, pairs: Sequence[Pair], like: AnyStudy | None = None) -> dict[Place, Packed]:
@@ -226,7 +226,7 @@ def _check_words(study: AnyStudy, there: Set[str]) -> None:
 
 
 def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | None) -> tuple[Key | None, str]:
-    """The key as one value shows it, or why there is none; `_disproved` tries more values."""
+    """The key as one value shows it, or why there is none; `disproved` tries more values."""
     candidate = _with_all_runs(study, base, candidate)
     value, made, why = _first_accepted(study, candidate)
     if why:
@@ -260,7 +260,7 @@ def _with_all_runs(study: AnyStudy, base: All, candidate: Candidate) -> Candidat
 def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, str]:
     """The first sample that the study accepts and its descriptions, or why it refuses the first one."""
     whys = []
-    for value in () if candidate.stops else _samples(candidate):
+    for value in () if candidate.stops else samples(candidate):
         try:
             return value, _changed(study, [(candidate, value)]), ""
         except (StudyError, MisfitError) as error:
@@ -268,7 +268,7 @@ def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, 
     return candidate.start, {}, whys[0] if whys else ""
 
 
-def _disproved(
+def disproved(
     study: AnyStudy,
     base: All,
     group: Sequence[Key],
@@ -296,7 +296,7 @@ def _disproved(
                 return list(group)
             half = len(group) // 2
             parts = (group[:half], group[half:])
-            return [key for part in parts for key in _disproved(study, base, part, samples, own, alone)]
+            return [key for part in parts for key in disproved(study, base, part, samples, own, alone)]
     return []
 
 
@@ -466,7 +466,7 @@ def landed(landing: Landing, si: float) -> float:
     return float(np.float32(value)) if landing.number.format == "f" else value
 
 
-def _samples(candidate: Candidate) -> list[float]:
+def samples(candidate: Candidate) -> list[float]:
     """Values across the slider, as irregular as they can be: by the golden section."""
     span = candidate.high - candidate.low
     found = [candidate.low + span * ((n * 0.6180339887498949) % 1.0) for n in range(1, TRIES + 1)]

@@ -6,7 +6,7 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import accumulate, pairwise
@@ -21,6 +21,7 @@ from cogless.live.description import OFF, Packed, held, left_out
 from cogless.live.key_words import key_words
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.live.motor_classes import motor_classes
+from cogless.live.sensor_choices import SensorChoice, sensor_choices
 from cogless.live.spare_orders import spare_orders
 from cogless.report.markup import asset as report_asset
 from cogless.report.phases import display_unit, groups, judged, phases
@@ -116,7 +117,9 @@ def data(
 ) -> dict[str, Any]:
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
-    spares, cogging = PAGES[study.kind].spare_orders(study, found.base)
+    page = PAGES[study.kind]
+    spares, cogging = page.spare_orders(study, found.base)
+    sensors = page.sensor_choices(study, found, spares)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
     others = [name for name in names if name != study.baseline]
     return {
@@ -151,11 +154,17 @@ def data(
             }
             for name in names
         ],
-        "keys": [_key(study, key) for key in (*found.keys, *spares)],
+        "keys": [_with_sensors(_key(study, key), key, sensors) for key in (*found.keys, *spares)],
+        "sensors": [{"words": sensor.words, "text": sensor.text} for sensor in sensors],
         "cogging": cogging,
         "classes": motor_classes(found.keys) if found.own_motor is not None else [],
         "motor": _motor(study, found),
-        "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()},
+        "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()}
+        | {
+            f"{n}|{'/'.join(place)}": _run(blob)
+            for n, sensor in enumerate(sensors, 1)
+            for place, blob in sensor.runs.items()
+        },
     }
 
 
@@ -261,12 +270,25 @@ class KindOfPage:
     values: Callable[[Any, str, Metric], list[tuple[str, tuple[int, int]]] | None]
     # keys of the cogging orders that can be added, and those that the study has
     spare_orders: Callable[[Any, Mapping[Place, Packed]], tuple[list[Key], dict[str, Any]]]
+    sensor_choices: Callable[
+        [Any, Found, list[Key]], Sequence[Any]
+    ]  # sensors that can be chosen in their place
 
 
 PAGES: Mapping[Kind, KindOfPage] = {
-    "speed": KindOfPage(_speed_scenario, _turn, lambda study, scenario, metric: None, spare_orders),
+    "speed": KindOfPage(
+        scenario=_speed_scenario,
+        turn=_turn,
+        values=lambda study, scenario, metric: None,
+        spare_orders=spare_orders,
+        sensor_choices=sensor_choices,
+    ),
     "trials": KindOfPage(
-        _trial_scenario, lambda study, name: 1.0, _phases_listed, lambda study, base: ([], {})
+        scenario=_trial_scenario,
+        turn=lambda study, name: 1.0,
+        values=_phases_listed,
+        spare_orders=lambda study, base: ([], {}),
+        sensor_choices=lambda study, found, spares: [],
     ),
 }
 
@@ -312,6 +334,14 @@ def _key(study: AnyStudy, key: Key) -> dict[str, Any]:
         "stops": key.stops,
         "lands": {_place(place): [_landing(key, one) for one in lands] for place, lands in key.lands.items()},
     }
+
+
+def _with_sensors(packed_key: dict[str, Any], key: Key, sensors: Sequence[SensorChoice]) -> dict[str, Any]:
+    """The key with its landings in the runs with other sensors, too: their places begin with a number."""
+    for n, sensor in enumerate(sensors, 1):
+        for place, lands in sensor.lands.get(key.candidate.key, {}).items():
+            packed_key["lands"][f"{n}|{_place(place)}"] = [_landing(key, one) for one in lands]
+    return packed_key
 
 
 def _place(place: Place) -> str:

@@ -372,7 +372,7 @@ def _own(tables: dict[str, Any], path: Key) -> None:
 
 
 def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str, Any]:
-    """A copy of a study's tables with `changes` applied. `prefix`: where they stand in the file, for messages."""
+    """A copy of a study's tables with `changes`. `prefix`: where they stand in the file, for messages."""
     tables = dict(source.tables)
     _apply(f"{source.path}: {prefix}", tables, changes)
     return tables

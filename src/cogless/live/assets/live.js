@@ -22,7 +22,7 @@
   // ------------------------------------------------------------------ state
 
   const { runs, keys, described, read, ratio } = liveBytes(page);
-  const { state, notes, scenario, controllers, usual, value, within, bounds, set, fromAddress, address } = liveState(page, keys, ratio, number);
+  const { state, notes, scenario, controllers, usual, value, within, bounds, set, prefix, isFree, choose: chooseSensor, fromAddress, address } = liveState(page, keys, ratio, number);
   const ofTrials = page.kind === "trials";
   for (const part of document.querySelectorAll("[data-kind]")) part.hidden = part.dataset.kind !== page.kind;
   const shown = () => controllers().filter((c) => state.shown.includes(c.name));
@@ -35,7 +35,7 @@
   // ------------------------------------------------------------------ runs
 
   function job(name, off) {
-    const place = `${state.scenario}/${name}`, { data, view, run } = described(`${place}/run`, state.values, off);
+    const place = `${prefix()}${state.scenario}/${name}`, { data, view, run } = described(`${place}/run`, state.values, off);
     const at = (what) => read(view, run.about[`page.${what}`]);
     if (ofTrials) {
       const starts = [], { metrics, judged, panels, phases } = scenario();
@@ -212,6 +212,8 @@
       field.value = x;
       if (range !== source) range.value = key.stops.length ? key.stops.indexOf(x) : x;
       range.setAttribute("aria-valuetext", `${x} ${key.unit}`);
+      field.disabled = range.disabled = !isFree(key);
+      row.classList.toggle("fixed", !isFree(key));
       row.classList.toggle("changed", state.values.has(key.key));
       row.classList.toggle("told", notes.has(key.key));
       note.textContent = notes.get(key.key) ?? bounds(key);
@@ -227,6 +229,7 @@
   }
   function refresh(source) {
     refreshKeys(source);
+    $("sensor").value = state.sensor;
     drawChanges();
     keepAddress();
     go();
@@ -236,10 +239,15 @@
 
   const changes = () => [...state.values].map(([name, x]) => ({ key: keys.get(name), x }));
   // The same as the study has it: key and text. With an added order all orders are one list of the scenario's own.
+  const SENSOR = "drive.position_sensor";
   const OWN_ORDER = /motor\.cogging\.(\d+)\.(\w+)"?$/;
   function written() {
     const all = changes(), plain = all.filter(({ key }) => !spare(key)), added = spares.filter(isAdded);
     const texts = plain.map(({ key, x }) => ({ key, name: key.key, text: key.unit ? JSON.stringify(spelled(key, x)) : String(x), set: spelled(key, x) }));
+    if (state.sensor) {
+      const { text } = page.sensors[state.sensor - 1];
+      texts.unshift({ key: { scenario: null, key: SENSOR }, name: SENSOR, text, set: text });
+    }
     if (!added.length) return texts;
     const rows = page.cogging[state.scenario].map((row) => ({ ...row }));
     for (const { key, text } of texts) {
@@ -256,10 +264,15 @@
   function drawChanges() {
     const box = $("changes"), all = changes();
     box.textContent = "";
-    $("limit").textContent = all.length ? "" : scenario().limit; // it was found for the study's own values
-    if (!all.length) make("p", box, "Nothing: these are the study's values.");
+    $("limit").textContent = all.length || state.sensor ? "" : scenario().limit; // it was found for the study's own values
+    if (!all.length && !state.sensor) make("p", box, "Nothing: these are the study's values.");
     else {
       const list = make("ul", box);
+      if (state.sensor) {
+        const item = make("li", list);
+        make("code", item, SENSOR);
+        item.append(`: ${page.sensors[state.sensor - 1].words}`);
+      }
       for (const { key, x } of all) {
         const item = make("li", list);
         make("code", item, key.key);
@@ -294,13 +307,14 @@
     for (const { name: path, text } of written()) {
       const parts = split(path), section = texts.filter((s) => s.path.every((p, i) => p === parts[i])).at(-1);
       const name = dotted(parts.slice(section.path.length));
+      if (path === SENSOR) section.lines = section.lines.filter(([k]) => k !== name && !k.startsWith(`${name}.`));
       const line = section.lines.find(([k]) => k === name), pieces = section.lines.flatMap(([, v]) => v);
       const piece = pieces.find((p) => p[0] === name && Array.isArray(p));
       if (piece) piece[1] = text;
       else if (line) line[1] = [text];
       else section.lines.push([name, [text]]);
     }
-    const about = ["# Changed in the live page:", ...all.map(({ key, x }) => `#   ${key.key} = ${spelled(key, x)} (was ${spelled(key, key.start)})`), `# ${$("command").textContent}`, ""];
+    const about = ["# Changed in the live page:", ...(state.sensor ? [`#   ${SENSOR}: ${page.sensors[state.sensor - 1].words}`] : []), ...all.map(({ key, x }) => `#   ${key.key} = ${spelled(key, x)} (was ${spelled(key, key.start)})`), `# ${$("command").textContent}`, ""];
     return about.concat(texts.map(({ heading, lines }) => [...(heading ? [`[${heading}]`] : []), ...lines.map(([k, v]) => `${k} = ${v.map((p) => (Array.isArray(p) ? p[1] : p)).join("")}`), ""].join("\n"))).join("\n");
   }
 
@@ -787,6 +801,7 @@
   $("reset").addEventListener("click", () => {
     begin();
     $("motor-class").value = "";
+    state.sensor = 0;
     state.values.clear();
     notes.clear();
     dragging = false;
@@ -821,6 +836,19 @@
     for (const { name, words } of page.classes) make("option", select, `${name}: ${words}`).value = name;
     select.addEventListener("change", () => pickMotor(select.value));
   }
+  if (page.sensors.length) {
+    const select = $("sensor");
+    $("sensors").hidden = false;
+    ["the study's", ...page.sensors.map((sensor) => sensor.words)].forEach((words, n) => { make("option", select, words).value = n; });
+    select.addEventListener("change", () => {
+      begin();
+      notes.clear();
+      chooseSensor(Number(select.value));
+      dragging = false;
+      drawKeys();
+      refresh();
+    });
+  }
   let resized = 0;
   addEventListener("resize", () => {
     clearTimeout(resized);
@@ -849,5 +877,5 @@
   }
   start();
   // for scripts, and the page's own tests
-  window.cogless = { page, state, toml, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, isShown: () => shown().every((c) => isThere(c.name, false)) && !drawn, result: (name, off) => done.get(slot(name, off)), learned: (name) => learnedOf(found(name), byName(page.controllers, name)) };
+  window.cogless = { page, state, toml, address, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, isShown: () => shown().every((c) => isThere(c.name, false)) && !drawn, result: (name, off) => done.get(slot(name, off)), learned: (name) => learnedOf(found(name), byName(page.controllers, name)) };
 })();
