@@ -105,7 +105,9 @@ def test_nothing_moves_without_yes(script: Path, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "") and not list(tmp_path.iterdir())
     assert "Nothing was moved. --yes moves the motor." in done.stdout
-    assert "slow.csv: 18.4 s, up to 0.0625 turns/s" in done.stdout  # a quarter of the rotor's
+    assert (
+        "slow.csv: 18.4 s, up to 0.0625 turns/s" in done.stdout
+    )  # a quarter of the rotor's, behind the gear
     assert "At most 0.613 N m" in done.stdout  # 5 A of 30.6 mN m/A, times four
 
 
