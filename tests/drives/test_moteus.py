@@ -274,3 +274,28 @@ def test_channels_meet_by_their_time(tmp_path: Path) -> None:
 def test_the_drives_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = cogless(capsys, "drives")
     assert code == 0 and "moteus" in out and "verified in its source" in out
+
+
+def test_a_file_beside_the_drive_adds_and_replaces(tmp_path: Path) -> None:
+    """A word for the magnet replaces the drive's; kinds of logs are said; columns are the drive's own."""
+    from cogless.drives.registry import prepare
+
+    logs = [python_csv(run, tmp_path / f"{name}.csv") for name, run in runs(1).items()]
+    dump, more = Moteus().dump(tmp_path / "dump.cfg"), tmp_path / "more.toml"
+    more.write_text(
+        'motor = { K_t = "0.04 N*m/A", slots = 12 }\n[[log]]\nfile = "accel*"\nkind = "acceleration"\n'
+    )
+    prepared = prepare(logs, "moteus", dump, more)
+    motor = prepared.identification.motor
+    assert motor.star().K_t == pytest.approx(0.04) and (motor.slots, motor.pole_pairs) == (12, 7)
+    assert {log.name: log.kind for log in prepared.logs} == {
+        "slow.csv": "",
+        "fast.csv": "",
+        "accel.csv": "acceleration",
+    }
+    more.write_text('columns = { t = "time" }\n')
+    with pytest.raises(StudyError, match=f"{more}: columns: expected none beside --drive: moteus knows its"):
+        prepare(logs, "moteus", dump, more)
+    more.write_text('motor = { slots = "many" }\n')
+    with pytest.raises(StudyError, match=f'{more}: motor.slots: "many": expected a whole number'):
+        prepare(logs, "moteus", dump, more)
