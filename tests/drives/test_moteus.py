@@ -77,7 +77,7 @@ def test_a_table_from_logs_takes_the_ripple_away_as_the_true_one_does(
     table = (tmp_path / "cogging.cfg").read_text()
     none, exact, mine = left_by(sign, ""), left_by(sign, true_table(drive)), left_by(sign, table)
     assert exact < 0.1 * none
-    assert mine < max(1.5 * exact, 0.03 * none), (none, exact, mine)
+    assert mine < max(1.5 * exact, 0.06 * none), (none, exact, mine)
     scale = float(table.splitlines()[1].split()[1])
     third, wrong = (
         left_by(sign, table + f"motor.cogging_dq_scale {share * scale:.4g}\n") for share in (0.3, -0.3)
@@ -274,3 +274,28 @@ def test_channels_meet_by_their_time(tmp_path: Path) -> None:
 def test_the_drives_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = cogless(capsys, "drives")
     assert code == 0 and "moteus" in out and "verified in its source" in out
+
+
+def test_a_file_beside_the_drive_adds_and_replaces(tmp_path: Path) -> None:
+    """A word for the magnet replaces the drive's; kinds of logs are said; columns are the drive's own."""
+    from cogless.drives.registry import prepare
+
+    logs = [python_csv(run, tmp_path / f"{name}.csv") for name, run in runs(1).items()]
+    dump, more = Moteus().dump(tmp_path / "dump.cfg"), tmp_path / "more.toml"
+    more.write_text(
+        'motor = { K_t = "0.04 N*m/A", slots = 12 }\n[[log]]\nfile = "accel*"\nkind = "acceleration"\n'
+    )
+    prepared = prepare(logs, "moteus", dump, more)
+    motor = prepared.identification.motor
+    assert motor.star().K_t == pytest.approx(0.04) and (motor.slots, motor.pole_pairs) == (12, 7)
+    assert {log.name: log.kind for log in prepared.logs} == {
+        "slow.csv": "",
+        "fast.csv": "",
+        "accel.csv": "acceleration",
+    }
+    more.write_text('columns = { t = "time" }\n')
+    with pytest.raises(StudyError, match=f"{more}: columns: expected none beside --drive: moteus knows its"):
+        prepare(logs, "moteus", dump, more)
+    more.write_text('motor = { slots = "many" }\n')
+    with pytest.raises(StudyError, match=f'{more}: motor.slots: "many": expected a whole number'):
+        prepare(logs, "moteus", dump, more)

@@ -15,6 +15,7 @@ from cogless.drives.moteus import MOTEUS
 from cogless.drives.odrive import ODRIVE
 from cogless.drives.plain_table import PLAIN_TABLE
 from cogless.drives.simplefoc import SIMPLEFOC
+from cogless.drives.vesc import VESC
 from cogless.errors import StudyError
 from cogless.files import no_device
 from cogless.identify import config, plan, read_log
@@ -25,7 +26,9 @@ from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import read
 
-ADAPTERS: dict[str, Adapter] = {adapter.name: adapter for adapter in (MOTEUS, ODRIVE, SIMPLEFOC, PLAIN_TABLE)}
+ADAPTERS: dict[str, Adapter] = {
+    adapter.name: adapter for adapter in (MOTEUS, ODRIVE, VESC, SIMPLEFOC, PLAIN_TABLE)
+}
 FIRST_BYTES = 1 << 14  # of a file, in which its heading is
 OWN_TABLES = ("title", "motor", "drive", "controller", "log", "angle_offset")  # --config may have these
 
