@@ -288,7 +288,7 @@ PAGES: Mapping[Kind, KindOfPage] = {
         turn=lambda study, name: 1.0,
         values=_phases_listed,
         spare_orders=lambda study, base: ([], {}),
-        sensor_choices=lambda study, found, spares: [],
+        sensor_choices=lambda study, page_keys, spares: [],
     ),
 }
 

@@ -81,8 +81,8 @@ def _is_cogging(path: str, word: str) -> bool:
 
 def _cogging_rows(study: Study, pairs: Sequence[Pair]) -> dict[str, list[dict[str, str]]]:
     """For each scenario the study's own orders: each key with its value as TOML."""
-    found = {}
+    orders = {}
     for scenario in dict.fromkeys(scenario for scenario, _ in pairs):
         rows: Any = for_scenario(study, scenario).source.tables["motor"].get("cogging", [])
-        found[scenario] = [{key: toml(value) for key, value in row.items()} for row in rows]
-    return found
+        orders[scenario] = [{key: toml(value) for key, value in row.items()} for row in rows]
+    return orders

@@ -402,7 +402,7 @@ class StudyBase(Table):
 
     @abstractmethod
     def timing(self, scenario: str) -> Timing:
-        """Number of ticks in a run, their rate, and how many make a sample of the law and a row of the trace."""
+        """Number of ticks in a run, their rate, and how many make a sample of the law and a trace row."""
 
     @abstractmethod
     def when(self, scenario: str, tick: int) -> str:
