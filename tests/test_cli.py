@@ -779,10 +779,14 @@ def test_a_plan_takes_no_logs(capsys: pytest.CaptureFixture[str], beside: list[s
     )
 
 
-@pytest.mark.parametrize("given", [[], ["a.csv"], ["--config", "id.toml"]])
+@pytest.mark.parametrize("given", [[], ["--config", "id.toml"]])
 def test_identify_takes_logs_and_what_is_known(capsys: pytest.CaptureFixture[str], given: list[str]) -> None:
     code, out, err = cogless(capsys, "identify", *given)
-    assert (code, out, err) == (2, "", "identify: expected logs and --config FILE, or --plan STUDY\n")
+    assert (code, out, err) == (
+        2,
+        "",
+        "identify: expected logs and --config FILE or --drive NAME, or --plan STUDY\n",
+    )
 
 
 def test_an_interrupt_is_told(
@@ -791,7 +795,7 @@ def test_an_interrupt_is_told(
     def interrupted(study: object) -> object:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cogless.design.design_table.design_table", interrupted)
+    monkeypatch.setattr("cogless.design.design_table.summary", interrupted)
     assert cogless(capsys, "design", studies.write(tmp_path)) == (130, "", "Interrupted.\n")
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from cogless.cli.drives import drives, table
 from cogless.cli.ensembles import sweep, tune
 from cogless.cli.firmware import export, map_, pil
 from cogless.cli.logs import diagnose, identify
@@ -45,5 +46,21 @@ def _options(
 
 
 # in the order of `cogless --help`
-for command in (new, run, live, sweep, tune, design, export, pil, identify, diagnose, list_, calibrate, map_):
+for command in (
+    new,
+    run,
+    live,
+    sweep,
+    tune,
+    design,
+    export,
+    pil,
+    identify,
+    diagnose,
+    table,
+    drives,
+    list_,
+    calibrate,
+    map_,
+):
     app.command(command.__name__.rstrip("_"))(command)

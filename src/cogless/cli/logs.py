@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,18 @@ def identify(
     config: Annotated[
         Path | None,
         typer.Option("--config", metavar="FILE", help="TOML: columns, what is known, kinds of logs."),
+    ] = None,
+    drive: Annotated[
+        str | None,
+        typer.Option(
+            "--drive",
+            metavar="NAME",
+            help="The drive that wrote the logs, one of cogless drives; no columns needed.",
+        ),
+    ] = None,
+    drive_config: Annotated[
+        Path | None,
+        typer.Option("--drive-config", metavar="FILE", help="The drive's own dump of its configuration."),
     ] = None,
     output: Annotated[
         Path | None,
@@ -56,12 +69,16 @@ def identify(
                 "a plan says what to record; identify the logs afterwards"
             )
         output = output or Path("results/plan")
+        from cogless.drives.registry import script_files
         from cogless.identify import plan as planning
         from cogless.identify import rehearsal
 
         study = load(plan, None)
-        with held(output, ["study.toml", "id.toml"]), new_set(output) as stage:
+        scripts = script_files(study, drive, drive_config) if drive is not None else {}
+        with held(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
             planning.write(study, stage)
+            for name, text in scripts.items():
+                (stage / name).write_text(text, "utf-8")
             with new_console(stderr=True).status("Rehearsing") as status:
                 expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
         print("To be expected, from simulated logs of this motor:")
@@ -71,20 +88,32 @@ def identify(
             print(f"! {lowered}")
         print(f"Study: {output / 'study.toml'}")
         print(f"Columns: {output / 'id.toml'}")
+        if scripts:
+            print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
         return
-    if not logs or config is None:
-        raise StudyError("identify: expected logs and --config FILE, or --plan STUDY")
+    if not logs:
+        raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
     output = output or Path("results/identified")
+    from cogless.drives.adapter import FRAME_FILE
+    from cogless.drives.registry import prepare
     from cogless.identify import command, write
     from cogless.report import identified as report
 
     names = ["identified.json", "motor.toml", "study.toml", "cogging.csv", "cogging.bin", "report.html"]
+    if config is not None and drive is None and drive_config is None:
+        of_drive, identified = None, partial(command.identified, logs, config)
+    else:
+        of_drive = prepare(logs, drive, drive_config, config)
+        identified = partial(command.identified_logs, of_drive.identification, of_drive.logs)
+        names.append(FRAME_FILE)
+        for line in of_drive.remarks:
+            print(line)
     with held(output, [*names, *(["orders.png"] if plots else [])]):
         with new_console(stderr=True).status("Identifying") as status:
-            found = command.identified(
-                logs, config, lambda what, share: status.update(f"Identifying: {what}{told(share)}")
-            )
+            found = identified(lambda what, share: status.update(f"Identifying: {what}{told(share)}"))
         with new_set(output) as stage:
+            if of_drive is not None:
+                (stage / FRAME_FILE).write_text(of_drive.frame.to_json(), "utf-8")
             write.write_all(found.estimate, stage)
             report.write_report(found, stage / "report.html")
             if plots:
@@ -96,6 +125,8 @@ def identify(
     if "j" in found.estimate.values:
         print(f"Study: {output / 'study.toml'}")
     print(f"Report: {output / 'report.html'}")
+    if of_drive is not None and of_drive.takes_table and found.estimate.cogging:
+        print(f"Table: cogless table {output} --to {of_drive.frame.drive} -o FILE")
 
 
 def diagnose(
