@@ -5,12 +5,12 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 120,
-    "number_of_one_word": 344,
-    "vague_local": 897,
-    "vague_argument": 267,
-    "vague_function": 149,
-    "many_positional_arguments": 47,
+    "constant_with_several_values": 117,
+    "number_of_one_word": 338,
+    "vague_local": 867,
+    "vague_argument": 235,
+    "vague_function": 146,
+    "many_positional_arguments": 46,
     "fragment_of_a_comment": 82,
     "alias_defined_again": 6,
     "type_test_of_a_study": 5,

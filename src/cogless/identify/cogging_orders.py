@@ -11,6 +11,7 @@ from scipy.stats import f as fisher
 from cogless.identify.balance import Model, Rows, Sensor
 from cogless.identify.files import Array
 from cogless.identify.jackknife import BLOCK_ROWS, LOG_BLOCKS, Fit
+from cogless.units import TURN
 
 FALSE_ALARM = 0.01  # chance that a search finds any order where there is none
 ORDER_HIGHEST = 420
@@ -37,7 +38,7 @@ def found_orders(
     for rows, left in residuals:
         weight = 1 / fit.noise[rows.log.name] ** 2
         width = model.width(rows.log) if rows.log.dt else 0.0
-        bins = (np.floor(rows.theta / (2 * np.pi) * ANGLE_BINS) % ANGLE_BINS).astype(int)
+        bins = (np.floor(rows.theta / TURN * ANGLE_BINS) % ANGLE_BINS).astype(int)
         for part in np.array_split(np.arange(len(left)), max(1, min(LOG_BLOCKS, len(left) // BLOCK_ROWS))):
             if len(part) < 3:
                 continue
