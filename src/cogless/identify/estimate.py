@@ -368,7 +368,7 @@ def _searched(drive: Logs, start: Model) -> tuple[State, float]:
         model = drive.widths(model)
     error, widths = np.inf, model.widths
     for search in range(SEARCHES):
-        if search:  # for orders that are faster than the kernels
+        if search:  # the kernels hide faster orders
             model = drive.narrowed(model, lambda log: NARROWER * min(widths.values()))
         state = _with_orders(drive, model, first=not search and turning)
         model = drive.passing(state.model, widths) if turning else state.model
@@ -500,7 +500,7 @@ def _told_apart(drive: Logs, state: State, left: list[str]) -> State:
         if not wide:
             return state
         worst = min(wide, key=lambda name: WEAKEST.index(str(name[0])))
-        if worst[0] == "cogging" and ("j",) in wide:  # each in the place of the other
+        if worst[0] == "cogging" and ("j",) in wide:  # each takes the place of the other
             left.append(not_told_apart("j"))
         elif worst[0] != "offset" or "c" in state.model.columns:
             left.append(not_told_apart(str(worst[0]), *worst[1:]))

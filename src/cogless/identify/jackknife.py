@@ -23,7 +23,7 @@ from cogless.identify.balance import LADDER, WIDE_INSTRUMENT, Name, Rows, all_na
 from cogless.identify.files import Array
 
 LOG_BLOCKS = 12
-BLOCK_ROWS = 6  # at least
+BLOCK_ROWS = 6  # a block has no fewer
 QUARTERS = 4  # parts of a log that are compared with each other
 WEIGHING_ROUNDS = 4
 DEPENDENT = 1e-11  # singular value of scaled equations, over the largest, below which they tell nothing
