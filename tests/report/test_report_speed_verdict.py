@@ -10,7 +10,7 @@ import pytest
 import synthetic
 from test_report_orders import RATE, with_signals
 
-from cogless.report.comparison import Line, compare, remarks, runs_in
+from cogless.report.comparison import Line, change_words, compare, remarks, runs_in
 from cogless.report.speed_verdict import Sensor
 
 room = import_module("cogless.report.speed_verdict")
@@ -141,7 +141,7 @@ def test_a_dip_is_told_as_thrown_off_and_not_as_left(study):
     ],
 )
 def test_a_change_in_words(ratio, said):
-    assert room._change(ratio) == said
+    assert change_words(ratio) == said
 
 
 def test_what_a_speed_is_judged_by():

@@ -26,8 +26,8 @@ from cogless.cli.options import (
     output_option,
     to_run,
 )
-from cogless.cli.printed import print_tables, print_warnings
-from cogless.cli.terminal import new_bar, new_console, run_progress
+from cogless.cli.printed import print_blocks, print_results, print_warnings
+from cogless.cli.terminal import new_bar, new_console, print_fitted, run_progress
 from cogless.errors import INTERRUPTED, StudyError, say
 from cogless.interrupts import deferred
 
@@ -55,10 +55,11 @@ def run(
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
+    every_metric: Annotated[bool, typer.Option("--all", help="Print every metric, too.")] = False,
 ) -> None:
     """Simulate a study: every controller in every scenario. Of an arena: every law on every plant.
 
-    Prints a table of controllers against metrics and writes results.json, traces.nc and report.html.
+    Prints the verdict on each scenario and writes results.json, traces.nc and report.html.
 
     Ctrl-C and SIGTERM keep the runs that are finished.
     """
@@ -105,7 +106,8 @@ def run(
                     _write(results, place, plots, not no_traces, page)
                 except StudyError as error:  # such as a full disk; the tables are still printed
                     failures.append(error)
-                _print(results, folder, with_page, all(isinstance(failure, RunError) for failure in failures))
+                written = all(isinstance(failure, RunError) for failure in failures)
+                _print(results, folder, with_page, written, every_metric)
     if defect is not None:
         raise defect
     if failures:
@@ -133,11 +135,11 @@ def _names(
     ]
 
 
-def _print(results: AnyResults, folder: Path, with_page: bool, written: bool) -> None:
-    """Print the tables, and where the files are if they are `written`."""
+def _print(results: AnyResults, folder: Path, with_page: bool, written: bool, every_metric: bool) -> None:
+    """Print the results, and where the files are if they are `written`."""
     from cogless.study import TrialStudy
 
-    print_tables(results)
+    print_results(results, every_metric)
     if not isinstance(results.study, TrialStudy):  # of trials the report has certificates
         print_warnings(results.study, [(run.scenario, run.controller) for run in results.runs])
     if written:
@@ -209,7 +211,7 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
             if written:
                 with new_set(place) as stage:
                     arena_scores.write(results, stage / "results.json")
-                new_console().print(arena_scores.table(results))
+                print_fitted(arena_scores.table(results))
     for (plant, law), why in results.absent.items():
         say(f"Absent: {law} on {plant}: {why}")
     if written:
@@ -225,8 +227,9 @@ def design(
     study: StudyArgument,
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
+    whole: Annotated[bool, typer.Option("--long", help="Print every number, as a table.")] = False,
 ) -> None:
-    """Show every controller's gains, and what follows from them before any run.
+    """Say before any run whether each controller's learning settles, and how fast; margins and gains.
 
     For a study of speed: gains, given or by a tuning rule, the margins of the loop, whether learning settles.
 
@@ -236,19 +239,25 @@ def design(
 
     loaded = load(study, changes)
     if isinstance(loaded, TrialStudy):
+        from cogless.design.trials.trial_blocks import trial_blocks
         from cogless.design.trials.trial_summary import summary, table, to_dict
 
         designs = summary(loaded)
         found, shown = partial(to_dict, loaded, designs), partial(table, loaded, designs)
+        short = partial(trial_blocks, loaded, designs)
     else:
+        from cogless.design.blocks import blocks
         from cogless.design.design_table import design_table
         from cogless.design.summary import to_dict as speed_dict
 
         found, shown = partial(speed_dict, loaded), partial(design_table, loaded)
+        short = partial(blocks, loaded)
     if as_json:
         print(json.dumps(found(), indent=2, ensure_ascii=False))
+    elif whole:
+        print_fitted(shown())
     else:
-        new_console().print(shown())
+        print_blocks(short())
 
 
 def calibrate(
@@ -279,8 +288,7 @@ def calibrate(
     )
     for row in residual_rows(fit):
         table.add_row(*row)
-    console = new_console()
-    console.print(table)
+    print_fitted(table)
     outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
     print(f"\n# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
     for parameter in fit.parameters:

@@ -21,6 +21,7 @@ from cogless.design.warnings import likely_harm
 from cogless.report.markup import number
 from cogless.report.panels import travelled, varies
 from cogless.report.speed_tracking import MOMENT, missed, rows_of, span_of, spans
+from cogless.report.verdicts import times
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
@@ -377,6 +378,15 @@ def shown_in(study: StudyBase, metric: Metric) -> tuple[str, float]:
     """The display unit of a metric, as it is printed, and this unit's value in SI."""
     unit, dimension = metric.unit or spoken_unit(study, metric.dimension), metric.dimension
     return pretty(unit), factor(unit, dimension) if dimension.unit else 1.0
+
+
+def change_words(ratio: float) -> str:
+    """A value's ratio to another in words, such as "46.2 times less"."""
+    if abs(ratio - 1) <= SAME:
+        return "as much"
+    if ratio < 1:
+        return f"{times(1 / ratio)} less" if ratio else "nothing left"
+    return f"worse: {times(ratio)} as much" if math.isfinite(ratio) else "worse"
 
 
 def factor_text(ratio: float) -> str:

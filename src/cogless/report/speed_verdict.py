@@ -22,6 +22,7 @@ from cogless.report.comparison import (
     SPEEDS,
     VARIES,
     Line,
+    change_words,
     compare,
     error_metric,
     held_back,
@@ -169,7 +170,8 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     if compared is None:
         return replace(broken, tone=worst(broken.tone, "even"))
     details = [compared.headline, *compared.details]
-    return replace(broken, tone=worst(broken.tone, compared.tone), details=details)
+    tone = worst(broken.tone, compared.tone)
+    return replace(broken, tone=tone, details=details, line=compared.line, cost=compared.cost)
 
 
 def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] | None:
@@ -237,15 +239,18 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     tone, headline = _headline(case)
     unlearned = [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
     unlearned += [f"{line[0].upper()}{line[1:]}." for line in held_back(results.study, [case.line])]
+    cost = ""
     if len(line.values) < 2 or baseline not in line.values:
         details = ["There is nothing to compare.", own, *unlearned, *_failures(case)]
     else:
         details = [own, *unlearned, *growing(results, runs, case.worsened), _strongest_order(case)]
         if len(case.ranked) > 1:
-            details += [_without_learning(case), _against_the_next(case), _costs(case)]
+            cost = _costs(case)
+            details += [_without_learning(case), _against_the_next(case), cost]
         details += [_rest(case), *_failures(case)]
     details = [str(limited or ""), *details]
-    return ScenarioVerdict(scenario, tone, headline, [sentence for sentence in details if sentence])
+    sentences = [sentence for sentence in details if sentence]
+    return ScenarioVerdict(scenario, tone, headline, sentences, line=case.line, cost=cost)
 
 
 def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Line]) -> ScenarioVerdict:
@@ -308,7 +313,7 @@ def _comparison(case: _Case) -> tuple[str, str]:
         best = ranked[1]
         return tone, (
             f"{case.where}, no controller beats {case.label(base)}: it {_has(line, line.text(base))}; "
-            f"the next, {case.label(best)}, {line.text(best)} ({_change(case.against(best, base))})."
+            f"the next, {case.label(best)}, {line.text(best)} ({change_words(case.against(best, base))})."
         )
     if base in winners:
         return tone, f"{case.where}, {_have(case)}."
@@ -478,7 +483,7 @@ def _rest(case: _Case) -> str:
         return ""
     if base not in case.ranked:
         return f"The others: {case.shown(others)}."
-    parts = [f"{case.label(c)} {case.line.text(c)} ({_change(case.against(c, base))})" for c in others]
+    parts = [f"{case.label(c)} {case.line.text(c)} ({change_words(case.against(c, base))})" for c in others]
     return f"The others against {case.label(base)}: {listed(parts)}."
 
 
@@ -496,11 +501,3 @@ def _failures(case: _Case) -> list[str]:
         if line.kind == "settling" and unsettled:
             sentences.append(f"In {line.quantity}, {listed(unsettled)} never settled.")
     return sentences
-
-
-def _change(ratio: float) -> str:
-    if abs(ratio - 1) <= SAME:
-        return "as much"
-    if ratio < 1:
-        return f"{times(1 / ratio)} less" if ratio else "nothing left"
-    return f"worse: {times(ratio)} as much" if math.isfinite(ratio) else "worse"
