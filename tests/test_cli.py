@@ -51,7 +51,9 @@ class Touches:
 # run
 
 
-def test_run_prints_the_verdict_and_writes_everything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_prints_the_verdict_and_writes_everything(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = tmp_path / "out"
     code, out, err = cogless(capsys, "run", studies.write(tmp_path), "-o", folder)
     assert (code, err) == (0, "")

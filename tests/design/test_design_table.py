@@ -13,7 +13,7 @@ from engine import unpacked
 from rich.console import Console
 
 from cogless import load
-from cogless.design.design_table import _margins, shown_gain, design_table
+from cogless.design.design_table import _margins, design_table, shown_gain
 from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.laws.space_bounds import theorem
 from cogless.design.margins import UNSTABLE, Margins

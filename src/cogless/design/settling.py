@@ -63,7 +63,7 @@ def _of_harmonic(study: Study, name: str, scenario: str, omega: float) -> float 
     if speed is None or feedback is None or not len(n):
         return None
     learner, loop = found.learner, speed_loop(study, scenario)
-    w = n * omega
+    w = np.asarray(n * omega, dtype=np.float64)
     alone = np.abs(responses(loop, feedback, w / math.tau)[0]) * d
     learned = (n % learner.base == 0) & (n <= speed.acting) & ~np.isin(n, speed.held)
     # a low speed bounds the rate: pi radians of the base order are the shortest time constant
