@@ -684,7 +684,7 @@ def test_list_tells_titles_and_first_comments(
     show()
     plain = capsys.readouterr().out
     assert plain.splitlines() == [
-        "Studies", "  longer  ", "  one     First", "Motors", "  m  Of a maker", "  n  ",
+        "Studies", "  longer", "  one     First", "Motors", "  m  Of a maker", "  n",
         "Control laws", "Control laws of trials",
     ]  # fmt: skip
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
@@ -755,7 +755,7 @@ def test_calibrate_says_how_far_the_fit_is_off_and_what_it_changed(
     code, out, err = cogless(capsys, "calibrate", path)
     said = f"{path}: calibration: not settled: expected parameters that move the targets\n"
     assert (code, err) == ((0, "") if settled else (2, said))
-    row, blank, *lines = out.splitlines()[1:]
+    *lines, blank, _, row = out.splitlines()
     assert row.split() == ["low/pi", "speed_ripple", "1.91", "rpm", "2.387", "rpm", "+25.0", "%"]
     assert blank == "" and lines == [
         "# fitted to 1.23 % (rms of the deviations)",
@@ -782,6 +782,7 @@ def test_a_plan_says_what_is_to_be_expected_and_where_it_is(
         *([f"! {lowered}"] if lowered else []),
         f"Study: {folder / 'study.toml'}",
         f"Columns: {folder / 'id.toml'}",
+        f"Next: cogless identify --config {folder / 'id.toml'} LOG...",
     ]
 
 
@@ -809,7 +810,7 @@ def test_an_interrupt_is_told(
     def interrupted(study: object) -> object:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cogless.design.blocks.blocks", interrupted)
+    monkeypatch.setattr("cogless.design.speed_blocks.speed_blocks", interrupted)
     assert cogless(capsys, "design", studies.write(tmp_path)) == (130, "", "Interrupted.\n")
 
 
@@ -920,7 +921,7 @@ def test_progress_is_shown_as_shares_of_all(monkeypatch: pytest.MonkeyPatch) -> 
         assert told() == [("low/pi", 0.3, 1.0)]
     assert all(bar.disable and bar.live.transient for bar in bars)  # no terminal
     assert terminal.new_console().width == 240
-    assert (logs.told(0.0), logs.told(0.256)) == ("", ", 26%")
+    assert (logs.percent(0.0), logs.percent(0.256)) == ("", ", 26%")
 
 
 def test_a_flag_asks_for_what_is_not_done_without_it() -> None:
@@ -973,7 +974,7 @@ def test_a_tuning_s_mistake_is_told_before_it_begins(
 
 def test_cogless_alone_says_what_it_can_do(capsys: pytest.CaptureFixture[str]) -> None:
     _, out, _ = cogless(capsys)
-    assert "Usage: cogless" in out and "diagnose" in out and "completion" not in out
+    assert "Usage: cogless" in out and "diagnose" in out and "--install-completion" in out
 
 
 def test_every_option_says_what_it_is_for() -> None:

@@ -7,7 +7,7 @@ import style
 PLACES_MOST = {
     "constant_with_several_values": 129,
     "number_of_one_word": 373,
-    "vague_local": 915,
+    "vague_local": 911,
     "vague_argument": 269,
     "vague_function": 152,
     "many_positional_arguments": 47,

@@ -15,7 +15,7 @@ from identify.commissioned import METRIC, MOTORS, PI, write
 from typer.testing import CliRunner
 
 from cogless import cli
-from cogless.cli.logs import _marked
+from cogless.cli.logs import _print_remarks
 from cogless.errors import StudyError
 from cogless.identify import diagnosis, plan, speed_alone
 from cogless.identify.causes import Cause, Found, candidates
@@ -238,10 +238,16 @@ def said_of_k_t(made: Diagnosis) -> str:
     return said
 
 
-def test_a_right_k_t_is_told_as_no_mistake():
+def test_a_right_k_t_is_told_as_no_mistake(capsys):
     said = said_of_k_t(of("cogging"))
     assert said.endswith("as the file of columns has it (0.08).")
-    assert isinstance(said, Agreement) and _marked(said) == said
+    assert isinstance(said, Agreement)
+    _print_remarks(["The inertia isn't in these logs."], ["A column is late.", said])
+    assert capsys.readouterr().out.split("\n\n") == [
+        "\nNot in these logs:\n! The inertia isn't in these logs.",
+        "Problems:\n! A column is late.",
+        f"Notes:\n{said}\n",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -259,7 +265,7 @@ def test_the_voltage_tells_a_wrong_k_t(tmp_path, K_t, says):
         f"{says}: all torques are in proportion to it; correct motor.K_t (per rms ampere it is K_t_rms) or "
         "kv."
     )
-    assert not isinstance(said, Agreement) and _marked(said) == f"! {said}"
+    assert not isinstance(said, Agreement)
 
 
 def test_the_voltage_tells_a_current_in_rms(tmp_path):

@@ -65,6 +65,13 @@ def test_the_found_motor_ripples_as_the_true_one(chain):
     assert ripple("found/study.toml") == pytest.approx(ripple("plan/study.toml"), rel=0.05)
 
 
+def test_each_step_ends_with_the_next_command(chain):
+    """They are those of `chain`, and of the test above: the found study runs."""
+    plan, found = ((chain / f"{step}.txt").read_text().splitlines()[-1] for step in ("plan", "found"))
+    assert plan == "Next: cogless identify --config plan/id.toml LOG..."
+    assert found == "Next: cogless run found/study.toml"
+
+
 def test_the_plan_says_which_errors_to_expect(chain):
     """They are those that come out then, of the same motor; simulating the logs makes some smaller."""
 
@@ -177,6 +184,9 @@ def test_the_real_motors_hold_map(tmp_path):
     assert "j" not in found["values"]
     assert 12 not in by_order
     assert any(line.startswith("One speed only") for line in found["left_out"])
+    _, missing = done.stdout.split("\n\nNot in these logs:\n")
+    assert missing.startswith("! ") and "\n! One speed only" in f"\n{missing}"
+    assert done.stdout.endswith("Next: cogless identify --plan STUDY, for what to record\n")
 
 
 def test_a_motor_on_hall_sensors_has_no_plan(tmp_path):

@@ -359,7 +359,7 @@ def test_a_study_with_values_of_trials_alone_has_a_table_too(tmp_path, capsys):
 
 
 def test_words_fit_eighty_columns(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("cogless.cli.terminal.terminal_columns", lambda: 80)
+    monkeypatch.setattr("cogless.lines.terminal_columns", lambda: 80)
     print_results(run_study(trial_studies.loaded(tmp_path)))
     shown = capsys.readouterr().out.splitlines()
     rows = [line for line in shown if line.startswith(("ilc ", "feedback ")) and " of 12" in line]

@@ -23,6 +23,7 @@ from cogless.cli.options import (
 from cogless.cli.printed import print_warnings
 from cogless.cli.terminal import new_console, share_progress
 from cogless.errors import StudyError
+from cogless.lines import print_text
 
 DIFFERENT = 1
 
@@ -70,7 +71,8 @@ def export(
     loaded = load(study, changes)
 
     def announce(size: str) -> None:
-        print(f"Size: {size}.", flush=True)
+        print_text(f"Size: {size}.")
+        sys.stdout.flush()
 
     if isinstance(loaded, TrialStudy) and loaded.plant is not None:
         export_linear(loaded, controller, output, scenario, command, announce)
@@ -118,7 +120,7 @@ def pil(
         print(json.dumps(dataclasses.asdict(found), indent=2, ensure_ascii=False))
     else:
         for line in lines(found):
-            print(line)
+            print_text(line)
     print_warnings(loaded, [(where, controller)])
     if found.difference is not None:
         sys.exit(DIFFERENT)
@@ -165,4 +167,7 @@ def map_(
     if output is not None:
         wanted = stored.motor if motor is None else identity(motor)
         stored_map.write(output, bytes(dataclasses.replace(stored, motor=wanted)))
-    print(to_csv(stored) if to_screen else "\n".join(lines(found, newest)), end="" if to_screen else "\n")
+    if to_screen:
+        print(to_csv(stored), end="")
+    else:
+        print_text("\n".join(lines(found, newest)))

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from rich.table import Column, Table
 
 GAP_COLUMNS = 2  # blanks beside a column's text
+WIDTH_MOST = 10_000
 SHORT_COLUMNS = 14  # lines of columns up to this width stay whole before other columns get their room
 
 
@@ -92,5 +93,5 @@ def _most(console: Console, column: Column) -> int:
 def _width(console: Console, part: Any, words: bool) -> int:
     from rich.measure import Measurement
 
-    found = Measurement.get(console, console.options.update(width=10_000), part)
-    return found.minimum if words else found.maximum
+    size = Measurement.get(console, console.options.update(width=WIDTH_MOST), part)
+    return size.minimum if words else size.maximum

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from cogless.cli.terminal import new_console, print_fitted, print_text
-from cogless.errors import say
+from cogless.cli.terminal import new_console, print_fitted
+from cogless.lines import print_text, warn
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from cogless.study import AnyStudy
     from cogless.study.remark import Remark
 
-INDENT = "  "
-LABEL_COLUMNS = 30  # of a table of metrics, at least, if its labels are that long
+BLOCK_INDENT = "  "
+LABEL_COLUMNS = 30  # a table of metrics has at least so many for its labels, if these are that long
 
 
 def print_results(results: AnyResults, every_metric: bool = False) -> None:
@@ -43,8 +43,8 @@ def print_results(results: AnyResults, every_metric: bool = False) -> None:
             print_text("No metric.")
         if ends is not None:
             _print_outcome(study, ends)
-        elif verdict is not None and verdict.line is not None and len(controllers) > 1:
-            _print_line(study, verdict.line, controllers)
+        elif len(controllers) > 1 and (line := report.judged_line(results, scenario)) is not None:
+            _print_line(study, line, controllers)
         if every_metric and lines:
             _print_metrics(study, lines, controllers)
             marked |= {*controllers}
@@ -82,11 +82,11 @@ def _print_line(study: AnyStudy, line: Line, controllers: Iterable[str]) -> None
     table.add_column("")
     for name in controllers:
         ratio = line.ratio(name, study.baseline)
-        beside = "baseline" if name == study.baseline else "" if ratio is None else change_words(ratio)
-        beside = "did not hold the speed" if name in line.missed else beside
-        beside = "learned nothing" if name in line.unlearned else beside
+        remark = "baseline" if name == study.baseline else "" if ratio is None else change_words(ratio)
+        remark = "did not hold the speed" if name in line.missed else remark
+        remark = "learned nothing" if name in line.unlearned else remark
         style = "bold" if name in line.best else ""
-        table.add_row(Text(study.label(name), style), Text(line.number(name) or "-", style), Text(beside))
+        table.add_row(Text(study.label(name), style), Text(line.number(name) or "-", style), Text(remark))
     print()
     print_fitted(table)
 
@@ -133,7 +133,7 @@ def print_blocks(blocks: Blocks) -> None:
         console.print(block.heading, style="bold", highlight=False, markup=False)
         width = max(len(word) for word, _ in block.rows)
         for word, text in block.rows:
-            print_text(f"{word:<{width}}  {text}", INDENT, " " * (len(INDENT) + width + 2))
+            print_text(f"{word:<{width}}  {text}", BLOCK_INDENT, " " * (len(BLOCK_INDENT) + width + 2))
     if blocks.notes:
         print()
     for note in blocks.notes:
@@ -161,7 +161,7 @@ def print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
     of_each = {name: scenario for scenario, name in runs}
     found = (remark for name, at in of_each.items() for remark in warnings(study, at, name))
     for line in dict.fromkeys(map(str, found)):
-        say(f"Warning: {line}.")
+        warn(line)
 
 
 def _cell(line: Line, controller: str, baseline: str) -> Text:

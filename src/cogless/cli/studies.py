@@ -28,8 +28,9 @@ from cogless.cli.options import (
 )
 from cogless.cli.printed import print_blocks, print_results, print_warnings
 from cogless.cli.terminal import new_bar, new_console, print_fitted, run_progress
-from cogless.errors import INTERRUPTED, StudyError, say
+from cogless.errors import INTERRUPTED, StudyError
 from cogless.interrupts import deferred
+from cogless.lines import print_text, say, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -84,7 +85,7 @@ def run(
     pairs = runs_of(loaded, only)
     far = beyond_drive(loaded, (scenario for scenario, _ in pairs))
     for line in (*coarse_table(loaded), *far, *too_short(loaded, pairs)):
-        say(f"Warning: {line}.")
+        warn(str(line))
     failures: list[StudyError] = []
     defect: RunDefect | None = None
     place = folder.absolute()  # a law may change the directory
@@ -246,12 +247,12 @@ def design(
         found, shown = partial(to_dict, loaded, designs), partial(table, loaded, designs)
         short = partial(trial_blocks, loaded, designs)
     else:
-        from cogless.design.blocks import blocks
         from cogless.design.design_table import design_table
+        from cogless.design.speed_blocks import speed_blocks
         from cogless.design.summary import to_dict as speed_dict
 
         found, shown = partial(speed_dict, loaded), partial(design_table, loaded)
-        short = partial(blocks, loaded)
+        short = partial(speed_blocks, loaded)
     if as_json:
         print(json.dumps(found(), indent=2, ensure_ascii=False))
     elif whole:
@@ -283,16 +284,17 @@ def calibrate(
         )
     from rich.table import Table
 
+    outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
+    print(f"# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
+    for parameter in fit.parameters:
+        print_text(f"{parameter.toml}  # was {parameter.before}", others="# ")
     table = Table(
         "run", "metric", "wanted", "got", "deviation", box=None, header_style="bold", pad_edge=False
     )
     for row in residual_rows(fit):
         table.add_row(*row)
+    print()
     print_fitted(table)
-    outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
-    print(f"\n# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
-    for parameter in fit.parameters:
-        print(f"{parameter.toml}  # was {parameter.before}")
     if fit.interrupted:
         raise KeyboardInterrupt
     if not fit.settled:

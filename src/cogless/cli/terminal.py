@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
-import sys
-import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
+
+from cogless import lines as text_lines
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -18,39 +17,11 @@ if TYPE_CHECKING:
 WIDE = 240  # columns if the output is no terminal, so that lines in files and pipes aren't wrapped
 
 
-def terminal_columns() -> int | None:
-    """Columns of the terminal on stdout; None if the output is none."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-
-
 def new_console(**options: Any) -> Console:
     from rich.console import Console
 
     console = Console(**options)
-    return console if console.is_terminal else Console(width=terminal_columns() or WIDE, **options)
-
-
-def print_text(text: str, indent: str = "", others: str | None = None) -> None:
-    """Print lines of text. On a terminal they break between words; elsewhere they stay whole.
-
-    `indent`: before each line; `others`: before its continuations, if these have another indent.
-    """
-    columns = terminal_columns()
-    for line in text.split("\n"):
-        if columns is None or len(indent + line) <= columns:
-            print(f"{indent}{line}".rstrip())
-            continue
-        own = line[: len(line) - len(line.lstrip())]
-        print(
-            textwrap.fill(
-                line.strip(),
-                columns,
-                initial_indent=indent + own,
-                subsequent_indent=(indent if others is None else others) + own,
-                break_long_words=False,
-                break_on_hyphens=False,
-            )
-        )
+    return console if console.is_terminal else Console(width=text_lines.terminal_columns() or WIDE, **options)
 
 
 def print_fitted(part: RenderableType) -> None:
@@ -62,11 +33,11 @@ def print_fitted(part: RenderableType) -> None:
     console = new_console()
     for piece in fitted(console, part):
         if isinstance(piece, Text):
-            print_text(piece.plain)
+            text_lines.print_text(piece.plain)
         else:
-            with console.capture() as lines:
+            with console.capture() as printed:
                 console.print(piece, highlight=False)
-            print("\n".join(line.rstrip() for line in lines.get().splitlines()))
+            print("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
 def new_bar(*columns: ProgressColumn) -> Progress:

@@ -21,6 +21,7 @@ __all__ = [
     "ScenarioVerdict",
     "compare",
     "is_quick",
+    "judged_line",
     "limit",
     "lines",
     "outcome",
@@ -57,6 +58,11 @@ def verdict(results: AnyResults, scenario: str) -> ScenarioVerdict | None:
 def outcome(results: AnyResults, scenario: str) -> Outcome | None:
     """How each controller ended in a scenario of trials; None if there is no error to judge by."""
     return _sections(results).outcome(results, runs_in(results, scenario))
+
+
+def judged_line(results: AnyResults, scenario: str) -> Line | None:
+    """The metric by which a scenario's controllers are judged; None in a study of trials, or if none is."""
+    return _sections(results).judged_line(results, runs_in(results, scenario))
 
 
 def limit(results: AnyResults, scenario: str) -> Remark | None:

@@ -107,6 +107,11 @@ def no_outcome(results: Any, runs: Runs) -> Outcome | None:
     return None
 
 
+def no_judged_line(results: Any, runs: Runs) -> Line | None:
+    """None: the outcome says how the runs ended."""
+    return None
+
+
 @dataclass(frozen=True)
 class Sections:
     """Functions that take the results, of the kind's own type, and the scenario or its runs."""
@@ -118,6 +123,7 @@ class Sections:
     parts: Callable[[Any, Runs], dict[str, str]]  # tables and notes as HTML, for the template
     pictures: Mapping[str, Picture]
     outcome: Callable[[Any, Runs], Outcome | None] = no_outcome
+    judged_line: Callable[[Any, Runs], Line | None] = no_judged_line  # the verdict compares by it
 
 
 HUGE = 1e30  # far beyond any drive

@@ -171,7 +171,7 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
         return replace(broken, tone=worst(broken.tone, "even"))
     details = [compared.headline, *compared.details]
     tone = worst(broken.tone, compared.tone)
-    return replace(broken, tone=tone, details=details, line=compared.line, cost=compared.cost)
+    return replace(broken, tone=tone, details=details, cost=compared.cost)
 
 
 def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] | None:
@@ -186,6 +186,15 @@ def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] 
         return None
     metric = next(m for m in results.study.metrics_in(scenario) if m.name == basis.line.name)
     return next(run for run in runs if run.controller == best), metric, basis.line.order
+
+
+def judged_line(results: Results, runs: Sequence[Run]) -> Line | None:
+    """The line by which a scenario's controllers are judged; None if none is."""
+    basis = _basis(results, runs)
+    if basis.line is None or basis.unjudged:
+        return None
+    seen = sensor(results, runs[0].scenario, basis.line)
+    return _by_what_is_seen(_case(results, runs, basis), seen)[0].line
 
 
 @dataclass(frozen=True)
@@ -250,7 +259,7 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
         details += [_rest(case), *_failures(case)]
     details = [str(limited or ""), *details]
     sentences = [sentence for sentence in details if sentence]
-    return ScenarioVerdict(scenario, tone, headline, sentences, line=case.line, cost=cost)
+    return ScenarioVerdict(scenario, tone, headline, sentences, cost=cost)
 
 
 def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Line]) -> ScenarioVerdict:

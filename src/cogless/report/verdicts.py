@@ -5,14 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from cogless.report.markup import number
 from cogless.study import AnyStudy
 from cogless.study.base import StudyBase
-
-if TYPE_CHECKING:
-    from cogless.report.comparison import Line
 
 CLEARLY = 1.5  # ratio to another's value from which on a sentence reports it
 TONES = ("worse", "even", "better")  # the worst first
@@ -32,7 +28,6 @@ class ScenarioVerdict:
 
     `tone`: "better" if a learning law is the best, "worse" if the baseline is, else "even". With faults the
     headline is about these, and the tone is at best the one of the response to these.
-    `line`: the metric by which the controllers are judged; None in a study of trials, or if none is.
     `cost`: a sentence on what the best controller costs; "" where that is unknown.
     """
 
@@ -41,7 +36,6 @@ class ScenarioVerdict:
     headline: str
     details: Sequence[str]
     told: Sequence[Told] = ()
-    line: Line | None = None
     cost: str = ""
 
 

@@ -62,7 +62,7 @@ class PeriodicLoop(LearningLoop):
 
     @property
     def learns_more(self) -> bool:
-        return isinstance(self.law, RobustIlc)  # by its switching term, up to seven times as fast
+        return self.law.learns_by_switching
 
     @property
     def doubt(self) -> str | None:

@@ -18,11 +18,13 @@ from cogless.design.trials.trial_summary import (
 from cogless.study import TrialStudy
 
 
-def trial_blocks(study: TrialStudy, found: TrialSummary) -> Blocks:
+def trial_blocks(study: TrialStudy, summary: TrialSummary) -> Blocks:
     """A block for each controller, and the plant in one line below them."""
-    blocks = [Block(study.label(name), _rows(design)) for name, design in found.designs.items()]
-    blocks += [Block(study.label(name), [("design", f"none: {why}")]) for name, why in found.without.items()]
-    notes = [plant_words(found.plant), *labelled_notes(study, found.designs)]
+    blocks = [Block(study.label(name), _rows(design)) for name, design in summary.designs.items()]
+    blocks += [
+        Block(study.label(name), [("design", f"none: {why}")]) for name, why in summary.without.items()
+    ]
+    notes = [plant_words(summary.plant), *labelled_notes(study, summary.designs)]
     return Blocks(study.title, blocks, notes)
 
 
