@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable
 from pathlib import Path
 
+import ensembles
 import pytest
 import trial_studies
 from commands import cogless
+from rich.console import Console, Group
+from rich.table import Table
+from rich.text import Text
 
 import studies
-from cogless import lines
+from cogless import lines, load
 from cogless.cli import app, completion
+from cogless.cli.fitted import fitted
 from cogless.files import shipped
+from cogless.run import calibrate
 
 COLUMNS, WIDE_COLUMNS = 80, 2000
 FRAME = "─│╭╮╰╯"
@@ -85,6 +92,50 @@ def test_design(printed: Printed, name: str, options: list[str]) -> None:
         answers = re.findall(r"^  settles  (yes|no|it |not judged)", out, re.MULTILINE)
         blocks = re.findall(r"\n\n(\S.*)\n  (settles|margins) ", out)
         assert blocks and len(answers) == sum(first == "settles" for _, first in blocks)
+
+
+def test_calibrate(printed: Printed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = studies.write(tmp_path)
+    changed = calibrate.Fitted("mechanics.inertia", '"1 g*m^2"', '"2 g*m^2"')
+    residual = calibrate.Residual("low", "pi", "speed_ripple", None, 0.2, 0.25)
+    fit = calibrate.Fit((changed,), (residual,) * 2, 0.012345, True, load(path))
+    monkeypatch.setattr(calibrate, "calibrate", lambda study, progress, jobs: fit)
+    out = printed("calibrate", path)
+    assert out.startswith("# fitted to 1.23 % (rms of the deviations)\nmechanics.inertia = ")
+
+
+def test_sweep(printed: Printed, tmp_path: Path) -> None:
+    (tmp_path / "varied.toml").write_text(ensembles.TEXT)
+    out = printed("sweep", "varied.toml", "-n", 2, "-j", 1, "-o", "swept")
+    assert out.startswith("low: Ripple keeps its limit, of 2 variants: ")
+
+
+def test_map_and_export(printed: Printed, tmp_path: Path) -> None:
+    study = studies.write(tmp_path)
+    change = ("--set", "controller.fair={law='harmonic', tuning={rule='auto'}, base=4}")
+    printed("run", study, "-o", "out", "--no-limits", "--only", "low/fair", *change)
+    assert printed("map", "out/maps/low/fair.bin").startswith("a valid map\n")
+    out = printed("export", study, "--controller", "fair", "--to", "c", "-o", "firmware", *change)
+    assert out.startswith("Export: firmware/README.md\n")
+
+
+def test_a_table_of_a_dozen_columns_comes_in_parts_that_fit() -> None:
+    """Each begins with the labels, and a mark stays with its number."""
+    whole = Table("law")
+    for n in range(11):
+        whole.add_column(f"column-{n}", justify="right", no_wrap=True)
+    for law in ("bar", "a law with a long label"):
+        whole.add_row(law, *(f"{n}.25 *" for n in range(11)))
+    console = Console(width=COLUMNS, file=io.StringIO())
+    with console.capture() as text:
+        for part in fitted(console, Group(whole, Text("A note."))):
+            console.print(part)
+    rows = text.get().splitlines()
+    assert max(map(len, rows)) <= COLUMNS and rows[-1] == "A note."
+    headings = [row.split() for row in rows if "column" in row]
+    assert len(headings) > 1 and {heading[0] for heading in headings} == {"law"}
+    assert [name for heading in headings for name in heading[1:]] == [f"column-{n}" for n in range(11)]
+    assert text.get().count(".25 *") == 2 * 11
 
 
 def test_list(printed: Printed) -> None:

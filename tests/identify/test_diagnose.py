@@ -233,6 +233,18 @@ def test_the_command_answers_first_and_writes_a_report(tmp_path):
     assert found["orders"][0]["causes"][0].keys() == {"name", "share", "error"}
 
 
+def test_the_command_in_eighty_columns(tmp_path, monkeypatch):
+    paths = write(tmp_path, *played("cogging"))
+    arguments = ["diagnose", *map(str, paths), "--config", str(tmp_path / "id.toml")]
+    texts = []
+    for columns in (80, 2000):
+        monkeypatch.setattr("cogless.lines.terminal_columns", lambda *_, columns=columns: columns)
+        texts.append(CliRunner().invoke(cli.app, arguments).stdout)
+    narrow, wide = texts
+    assert narrow.split() == wide.split() and narrow.startswith("Most of the ripple is cogging, ")
+    assert max(map(len, narrow.splitlines())) <= 80
+
+
 def said_of_k_t(made: Diagnosis) -> str:
     (said,) = [line for line in made.said if line.startswith("The voltage says K_t = 0.0")]
     return said

@@ -106,7 +106,7 @@ def pil(
     """
     from cogless.export.prepared import first_scenario
     from cogless.pil import toolchain
-    from cogless.pil.compare import compare, lines
+    from cogless.pil.compare import NAME_COLUMNS, compare, lines
     from cogless.pil.processor import require
 
     if compiler not in (None, "gcc", "zig"):
@@ -120,7 +120,7 @@ def pil(
         print(json.dumps(dataclasses.asdict(found), indent=2, ensure_ascii=False))
     else:
         for line in lines(found):
-            print_text(line)
+            print_text(line, others=" " * NAME_COLUMNS)
     print_warnings(loaded, [(where, controller)])
     if found.difference is not None:
         sys.exit(DIFFERENT)

@@ -212,6 +212,8 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
             if written:
                 with new_set(place) as stage:
                     arena_scores.write(results, stage / "results.json")
+                if headline := arena_scores.headline(results):
+                    print_text(f"{headline}\n")
                 print_fitted(arena_scores.table(results))
     for (plant, law), why in results.absent.items():
         say(f"Absent: {law} on {plant}: {why}")
