@@ -65,13 +65,6 @@ def test_the_found_motor_ripples_as_the_true_one(chain):
     assert ripple("found/study.toml") == pytest.approx(ripple("plan/study.toml"), rel=0.05)
 
 
-def test_each_step_ends_with_the_next_command(chain):
-    """They are those of `chain`, and of the test above: the found study runs."""
-    plan, found = ((chain / f"{step}.txt").read_text().splitlines()[-1] for step in ("plan", "found"))
-    assert plan == "Next: cogless identify --config plan/id.toml LOG..."
-    assert found == "Next: cogless run found/study.toml"
-
-
 def test_the_plan_says_which_errors_to_expect(chain):
     """They are those that come out then, of the same motor; simulating the logs makes some smaller."""
 
@@ -82,8 +75,13 @@ def test_the_plan_says_which_errors_to_expect(chain):
     assert 0.2 * error("found.txt") < error("plan.txt") < 4 * error("found.txt")
 
 
-def test_each_command_ends_with_the_files_that_it_wrote(chain):
-    for folder, end in (("plan", "Columns: plan/id.toml"), ("found", "Report: found/report.html")):
+def test_each_command_ends_with_the_files_that_it_wrote_and_the_next_command(chain):
+    """The next commands are those of `chain` and of the test below."""
+    ends = {
+        "plan": "Columns: plan/id.toml\nNext: cogless identify --config plan/id.toml LOG...",
+        "found": "Report: found/report.html\nNext: cogless run found/study.toml",
+    }
+    for folder, end in ends.items():
         said = (chain / f"{folder}.txt").read_text()
         assert said.endswith(f"\nStudy: {folder}/study.toml\n{end}\n")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterator, Mapping
 
+from cogless import units
 from cogless.design.blocks import Block, Blocks, margin_words
 from cogless.design.design_table import notes_below, shown_gain
 from cogless.design.laws.harmonic import loses_voltage
@@ -12,7 +13,8 @@ from cogless.design.summary import LEARNER, Design, Gain, current_loop_summary, 
 from cogless.design.verdict import Kind
 from cogless.design.warnings import told_apart
 from cogless.study import Study
-from cogless.study.base import speed_text
+from cogless.study.base import speed_text, spoken_unit
+from cogless.units import ANGULAR_SPEED
 
 # What a verdict that is no yes says, after "because".
 CLAUSES: dict[Kind, str] = {
@@ -98,8 +100,13 @@ def _about(time: float) -> str:
 
 
 def _reach(study: Study, design: Design) -> str:
+    """Up to which speed it learns, in three digits."""
     fastest = design.certificate.fastest if design.certificate is not None else design.fastest
-    return "" if fastest is None else f"; it learns up to {speed_text(study, fastest, digits=6)}"
+    if fastest is None:
+        return ""
+    unit = spoken_unit(study, ANGULAR_SPEED)
+    rounded = float(f"{units.convert(fastest, unit, ANGULAR_SPEED):.3g}")
+    return f"; it learns up to {rounded:g} {unit}"
 
 
 def _gain_row(gains: Mapping[str, Gain], without: Container[str] = ()) -> Iterator[tuple[str, str]]:
