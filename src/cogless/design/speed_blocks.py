@@ -77,7 +77,7 @@ def _certified(study: Study, name: str, design: Design) -> str:
     bad = next(speed for speed in speeds if not speed.fine)
     at = speed_text(study, bad.omega_m)
     if bad.snaps is not None:
-        return f"no, because at {at} it is {bad.words()}"
+        return f"no, because {bad.snaps}"
     if bad.gamma <= 0:
         return f"no, because at {at} not all orders need converge where the inertia is 50 % off"
     return f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s"
@@ -94,7 +94,7 @@ def _times(study: Study, name: str, design: Design) -> str:
 
 
 def _about(time: float) -> str:
-    """A time in one digit, or two below 3, such as "2.4 s", "30 s" or "0.5 s"."""
+    """A time in one digit, or in two that begin with 1 or 2, such as "2.4 s", "30 s" or "0.5 s"."""
     digits = 2 if 1 <= float(f"{time:.1e}".partition("e")[0]) < 3 else 1
     return f"{float(f'{time:.{digits}g}'):g} s"
 

@@ -41,12 +41,12 @@ def _settles(design: TrialDesign) -> str:
     reason = why_not(design)
     answer = "yes, certified" if reason is None else f"no, because {reason}"
     prediction = design.prediction
-    if prediction is None:
+    if prediction is None or prediction.ends_above:
         return answer
     counts = prediction.trials_to_floor
     trials = ", ".join(f"more than {PHASE_TRIALS}" if count is None else f"{count}" for count in counts)
     phases = f" in its {len(counts)} phases" if len(counts) > 1 else ""
-    left = f"at most {100 * prediction.share:.2g} % of the error without learning is left"
+    left = f"at most {100 * prediction.share:.3g} % of the error without learning is left"
     return f"{answer}; at its floor after {trials} trials{phases}, where {left}"
 
 
