@@ -114,8 +114,14 @@ def data(
 ) -> dict[str, Any]:
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
-    spares, cogging = ([], {}) if isinstance(study, TrialStudy) else spare_orders(study, found.base)
-    sensors = [] if isinstance(study, TrialStudy) else sensor_choices(study, found, spares)
+    spares: list[Key] = []
+    cogging: dict[str, Any] = {}
+    sensors: list[SensorChoice] = []
+    if isinstance(study, TrialStudy):
+        kind = "trials"
+    else:
+        kind, (spares, cogging) = "speed", spare_orders(study, found.base)
+        sensors = sensor_choices(study, found, spares)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
     others = [name for name in names if name != study.baseline]
     return {
@@ -123,7 +129,7 @@ def data(
         "pins": [[key, f"{key}={toml.text(value)}"] for key, value in pins.items()],
         "name": study.name,
         "toml": toml.sections(study.source),
-        "kind": "trials" if isinstance(study, TrialStudy) else "speed",
+        "kind": kind,
         "busy": int(Status.BUSY),
         "guarded": int(Status.GUARDED),
         "moment": MOMENT,

@@ -28,7 +28,7 @@ METHOD_WORDS = {
     "MT": "speed by counts and their time",
     "observer": "speed by an observer",
 }
-OTHERS: tuple[tuple[str, dict[str, Any]], ...] = (
+OTHER_SENSORS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("a perfect sensor", {"kind": "ideal"}),
     ("absolute, 12 bits", {"kind": "absolute", "bits": 12}),
     ("absolute, 14 bits", {"kind": "absolute", "bits": 14}),
@@ -48,9 +48,9 @@ class SensorChoice:
     lands: Mapping[str, Mapping[Place, tuple[Landing, ...]]]
 
 
-def sensor_choices(study: Study, found: Found, spares: Sequence[Key]) -> list[SensorChoice]:
+def sensor_choices(study: Study, adjusted: Found, spares: Sequence[Key]) -> list[SensorChoice]:
     """The sensors that the study takes in place of its own; none where no keys were looked for."""
-    if not found.base:
+    if not adjusted.base:
         return []
     choices = []
     for words, table in _tables(study):
@@ -59,14 +59,16 @@ def sensor_choices(study: Study, found: Found, spares: Sequence[Key]) -> list[Se
             base = packed(other, held(study), study)
         except (StudyError, MisfitError):
             continue
-        keys = [moved for key in found.keys if not key.stops and (moved := _moved(key, found.base, base))]
+        keys = [
+            moved for key in adjusted.keys if not key.stops and (moved := _moved(key, adjusted.base, base))
+        ]
         groups: dict[tuple[str | None, str | None], list[Key]] = {}
         for key in keys:
             groups.setdefault((key.candidate.scenario, key.candidate.controller), []).append(key)
         refused = (disproved(other, base, group, _few, None, alone=True) for group in groups.values())
         wrong = {id(key) for group in refused for key in group}
         right = [key for key in keys if id(key) not in wrong]
-        right += [moved for key in spares if (moved := _moved(key, found.base, base))]
+        right += [moved for key in spares if (moved := _moved(key, adjusted.base, base))]
         lands = {key.candidate.key: key.lands for key in right}
         choices.append(SensorChoice(words, toml.text(table), base, lands))
     return choices
@@ -90,7 +92,7 @@ def _tables(study: Study) -> Iterator[tuple[str, dict[str, Any]]]:
         bandwidth = f"{rates.current_loop / rates.divider / OBSERVER_SHARE:.3g} Hz"
         table = plain | {"speed_method": "observer", "observer_bandwidth": bandwidth}
         yield f"the study's, {METHOD_WORDS['observer']} of {bandwidth}", table
-    yield from ((words, table) for words, table in OTHERS if table != own)
+    yield from ((words, table) for words, table in OTHER_SENSORS if table != own)
 
 
 def _moved(key: Key, base: Mapping[Place, Packed], other: Mapping[Place, Packed]) -> Key | None:
