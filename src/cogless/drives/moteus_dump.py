@@ -106,6 +106,9 @@ def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:
     rate = f"{dump.number('servo.pwm_rate_hz', 'a rate', 30_000.0):.0f} Hz"
     loop: dict[str, Any] = {"current_limit": f"{limit:.9g} A"}
     drive: dict[str, Any] = {"rates": {"current_loop": rate, "speed_loop": rate}, "current_loop": loop}
+    counts = round(dump.above_zero(f"motor_position.sources.{dump.source}.cpr", "counts of a turn"))
+    if counts.bit_count() == 1 and counts > 1:
+        drive["position_sensor"] = {"kind": "absolute", "bits": counts.bit_length() - 1}
     if bus_voltage is None:
         loop["kind"] = "ideal"
     else:
