@@ -96,7 +96,10 @@ def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:
     if poles % 2:
         raise StudyError(f"{dump.path}: motor.poles: {poles:g}: expected an even number")
     resistance = dump.above_zero("motor.resistance_ohm", "the resistance of a calibrated motor")
-    kv = dump.above_zero("motor.Kv", "the Kv of a calibrated motor, r/min per volt")
+    magnet = {}
+    if "motor.Kv" in dump.values or "motor.v_per_hz" not in dump.values:
+        kv = dump.above_zero("motor.Kv", "the Kv of a calibrated motor, r/min per volt")
+        magnet["kv"] = f"{kv:.9g} rpm/V"
     kp = dump.above_zero("servo.pid_dq.kp", "a gain above zero")
     ki = dump.above_zero("servo.pid_dq.ki", "a gain above zero")
     # Calibration sets kp = w L and ki = w R, so older firmware, which stores no inductance, tells it too.
@@ -120,7 +123,7 @@ def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:
             "R_s": f"{resistance:.9g} ohm",
             "L_d": f"{inductance:.9g} H",
             "L_q": f"{inductance_q:.9g} H",
-            "kv": f"{kv:.9g} rpm/V",
+            **magnet,  # Older firmware has v_per_hz in its place; then --config says kv or K_t.
         },
         "drive": drive,
     }
