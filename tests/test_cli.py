@@ -795,7 +795,7 @@ def test_an_interrupt_is_told(
     def interrupted(study: object) -> object:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cogless.design.design_table.design_table", interrupted)
+    monkeypatch.setattr("cogless.design.design_table.summary", interrupted)
     assert cogless(capsys, "design", studies.write(tmp_path)) == (130, "", "Interrupted.\n")
 
 

@@ -23,7 +23,7 @@ from cogless.cli.options import (
     load,
     to_run,
 )
-from cogless.cli.printed import print_warnings
+from cogless.cli.printed import print_uncertified
 from cogless.cli.terminal import tune_progress, variant_progress
 from cogless.errors import StudyError
 
@@ -44,7 +44,9 @@ def sweep(
         str | None,
         typer.Option("--shard", metavar="I/N", help="Only this part, such as 3/20, of a job array."),
     ] = None,
-    merge: Annotated[bool, typer.Option("--merge", help="Put finished shards in DIR together.")] = False,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="Combine the finished shards that are in the output directory.")
+    ] = False,
     no_code: NoCodeOption = False,
 ) -> None:
     """Run a study as many variants of itself, drawn as its vary table says: what spreads, and why.
@@ -101,7 +103,6 @@ def tune(
     from cogless.files import writable
     from cogless.report import sweep_report as report
     from cogless.results.folder import check_names, held, new_set
-    from cogless.study import TrialStudy
     from cogless.study.reading import changes_from
 
     sweep_table.require("tune")
@@ -126,8 +127,8 @@ def tune(
         print(line)
     print(f"Study: {path}")
     print(f"Report: {folder / 'report.html'}")
-    if not isinstance(loaded, TrialStudy):  # short runs don't show all, such as learning that grows slowly
-        print_warnings(load(str(path), None), [pair for one in tuned for pair in one.subject.pairs])
+    # short runs don't show all, such as learning that grows slowly
+    print_uncertified(load(str(path), None), [pair for one in tuned for pair in one.subject.pairs])
 
 
 @contextmanager

@@ -62,7 +62,6 @@ def export(
         raise StudyError(f'--to: "{to}": expected c or fmu')
     from cogless.export.c.export_c import export_c
     from cogless.export.c.linear import export_linear
-    from cogless.study import TrialStudy
 
     options = ["--controller", controller, "--to", to, *(["--scenario", scenario] if scenario else [])]
     options += ["-o", str(output)]
@@ -72,7 +71,7 @@ def export(
     def announce(size: str) -> None:
         print(f"Size: {size}.", flush=True)
 
-    if isinstance(loaded, TrialStudy) and loaded.plant is not None:
+    if loaded.drive is None:
         export_linear(loaded, controller, output, scenario, command, announce)
     else:
         export_c(loaded, controller, output, scenario, command, announce)
@@ -92,7 +91,9 @@ def pil(
     ] = 100_000,
     compiler: Annotated[
         str | None,
-        typer.Option("--compiler", metavar="gcc|zig", help="Which one.", show_default="gcc if it is there"),
+        typer.Option(
+            "--compiler", metavar="gcc|zig", help="Cross compiler to use.", show_default="gcc if it is there"
+        ),
     ] = None,
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,

@@ -24,7 +24,6 @@ def print_tables(results: AnyResults) -> None:
 
     from cogless import report
     from cogless.report.comparison import remarks
-    from cogless.results import TrialResults
 
     study, console, shown = results.study, new_console(), set[str]()
     for scenario in results.scenarios:
@@ -53,9 +52,8 @@ def print_tables(results: AnyResults) -> None:
         if limit is not None:
             console.print(str(limit), highlight=False, markup=False)
         console.print()
-    if isinstance(results, TrialResults):
-        for text in results.without_design():
-            console.print(f"! {text}\n", highlight=False, markup=False)
+    for text in results.without_design():
+        console.print(f"! {text}\n", highlight=False, markup=False)
     if len(shown) > 1:  # with one controller there are no marks to explain
         ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in shown else ""
         console.print(f"* best{ratio}", highlight=False, markup=False)
@@ -82,13 +80,9 @@ def _print_outcome(console: Console, study: AnyStudy, headline: str, ends: Outco
 
 def a_metric(study: AnyStudy) -> Remark:
     """The advice to add a metric, for a study without one. The metric suits any study of its kind."""
-    from cogless.study import TrialStudy
     from cogless.study.remark import Remark
 
-    metric = {"name": "ripple", "kind": "ripple-rms", "signal": "omega_m"}
-    if isinstance(study, TrialStudy):
-        signal = "theta_error" if study.plant is None else "y_error"
-        metric = {"name": "error", "kind": "final-rms", "signal": signal}
+    metric = study.example_metric
     example = "".join(f'\n{key} = "{word}"' for key, word in metric.items())
     text = f"Metrics are what compares controllers, such as this one in {study.source.path}:"
     return Remark(f"{text}\n\n[[metric]]{example}", ({"metric": [metric]},))
@@ -96,12 +90,21 @@ def a_metric(study: AnyStudy) -> Remark:
 
 def print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
     """Print the design's warnings about the controllers of these runs (scenario, name), each line once."""
-    from cogless.design.warnings import warnings
+    from cogless.design.kinds import DESIGNS
 
+    warnings = DESIGNS[study.kind].warnings
     of_each = {name: scenario for scenario, name in runs}
     found = (remark for name, at in of_each.items() for remark in warnings(study, at, name))
     for line in dict.fromkeys(map(str, found)):
         say(f"Warning: {line}.")
+
+
+def print_uncertified(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
+    """Print the design's warnings beside results, unless the report has a certificate of each controller."""
+    from cogless.design.kinds import DESIGNS
+
+    if not DESIGNS[study.kind].certified:
+        print_warnings(study, runs)
 
 
 def _cell(line: Line, controller: str, baseline: str) -> Text:

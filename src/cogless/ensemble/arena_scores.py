@@ -22,6 +22,7 @@ from cogless.files import replacing, versions
 from cogless.results.limits import Limits
 from cogless.results.metrics import Value
 from cogless.results.results_json import as_json
+from cogless.units import RPM
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -47,7 +48,6 @@ class Column:
     never: str | None = None
 
 
-RPM = math.pi / 30
 COLUMNS = {
     "ripple": Column("ripple", "ripple_rad_s", "r/min", RPM),
     "orders": Column("orders", "orders_rad_s", "r/min", RPM),

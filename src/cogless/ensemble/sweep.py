@@ -126,11 +126,11 @@ def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chun
     if not isinstance(has, dict):
         expected = "expected a file that this command has written"
         if lines and lines[0].startswith(b"{"):
-            expected = "has no checksums, as of an earlier cogless: expected another directory"
+            expected = "was written by an earlier cogless, without checksums: expected another directory"
         raise StudyError(f"{path}: not readable: {expected}")
     different = next((key for key in about if has.get(key) != about[key]), None)
     if different is not None:
-        wanted = f"{about[different]}, as here" if different != "study" else "the same study"
+        wanted = f"{about[different]}, which this command has," if different != "study" else "the same study"
         where = f"{path}: {different}: {has.get(different)}"
         raise StudyError(f"{where}: expected {wanted}, or another directory")
     finished: dict[Chunk, Any] = {}
@@ -211,7 +211,7 @@ def _told(study: AnyStudy, error: StudyError) -> str:
 SHARD_NUMBER = re.compile("[1-9][0-9]{0,8}")
 CHUNK = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker
 
-Progress = Callable[[int], None]
+SweepProgress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
@@ -278,7 +278,7 @@ def run(
     folder: Path,
     workers: Workers | Executor,
     shard: Shard | None = None,
-    progress: Progress | None = None,
+    progress: SweepProgress | None = None,
 ) -> Sweep | None:
     """Run a sweep, or go on with it; None if it is a shard, which `merge` puts together with the others.
 

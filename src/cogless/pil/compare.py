@@ -5,7 +5,6 @@ Show a comparison as lines of text.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,12 +16,11 @@ from cogless.export.prepared import Prepared, Recording, prepare, record, run
 from cogless.pil.processor import Image
 from cogless.pil.target import Target, build
 from cogless.pil.toolchain import Toolchain
+from cogless.run.plan import Progress
 from cogless.study import AnyStudy
 
 TICKS = 100_000
 PIECE = 1000  # ticks between two reports of progress
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,20 @@
 """The report of a study: one offline HTML file, and still pictures."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from cogless.files import replacing
 from cogless.report import charts, page
-from cogless.report.best_runs import is_quick, with_limits
+from cogless.report.best_runs import is_quick
 from cogless.report.comparison import Line, compare, runs_in
 from cogless.report.limit_sentences import remark
 from cogless.report.page import Outcome, Sections
 from cogless.report.speed import SPEED
 from cogless.report.trials import TRIALS
 from cogless.report.verdicts import ScenarioVerdict
-from cogless.results import AnyResults, Results, TrialResults
-from cogless.study import AnyStudy, TrialStudy
+from cogless.results import AnyResults
+from cogless.study import AnyStudy
+from cogless.study.base import Kind
 from cogless.study.remark import Remark
 
 __all__ = [
@@ -21,6 +23,7 @@ __all__ = [
     "ScenarioVerdict",
     "broken",
     "compare",
+    "has_limits",
     "is_quick",
     "limit",
     "lines",
@@ -34,9 +37,12 @@ __all__ = [
 ]
 
 
+SECTIONS: Mapping[Kind, Sections] = {"speed": SPEED, "trials": TRIALS}
+
+
 def _sections(results: AnyResults) -> Sections:
     """The report's sections for the kind of study that the results come from."""
-    return TRIALS if isinstance(results, TrialResults) else SPEED
+    return SECTIONS[results.study.kind]
 
 
 def lines(results: AnyResults, scenario: str) -> list[Line]:
@@ -65,9 +71,31 @@ def broken(results: AnyResults, scenario: str) -> str | None:
 
 def limit(results: AnyResults, scenario: str) -> Remark | None:
     """What limits a scenario's best run; None if no runs looked for it, or no cause stands out."""
-    if not isinstance(results, Results) or scenario not in results.limits:
+    if scenario not in results.limits:
         return None
     return remark(results.study, results.limits[scenario])
+
+
+def has_limits(study: AnyStudy) -> bool:
+    """Whether `with_limits` can find something in results of this study."""
+    return SECTIONS[study.kind].with_limits is not None
+
+
+def with_limits(
+    results: AnyResults,
+    long: bool = False,
+    jobs: int | None = None,
+    traces: Path | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> AnyResults:
+    """The results, with what limits the best run of each scenario added; none in a study of trials.
+
+    Each scenario takes about a dozen further runs. `long`: run them also where a run is long or executes a
+    user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario.
+    Ctrl-C ends the search early.
+    """
+    search = _sections(results).with_limits
+    return results if search is None else search(results, long, jobs, traces, progress)
 
 
 def render(results: AnyResults) -> str:
@@ -83,7 +111,7 @@ def write(results: AnyResults, path: Path) -> None:
 
 def plot_names(study: AnyStudy) -> list[str]:
     """The names of all still pictures that a study may have."""
-    kinds = (TRIALS if isinstance(study, TrialStudy) else SPEED).pictures
+    kinds = SECTIONS[study.kind].pictures
     return [charts.name(scenario, kind) for scenario in study.scenario for kind in kinds]
 
 

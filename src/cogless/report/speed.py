@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from cogless.report import angle_charts, map_charts, order_charts, tables
+from cogless.report.answer import answer, pictures
+from cogless.report.best_runs import with_limits
 from cogless.report.charts import SPEED_PICTURES
 from cogless.report.comparison import compare
 from cogless.report.markup import note, reservations
@@ -34,6 +36,7 @@ def _charts(results: Results, runs: Runs) -> dict[str, Any]:
     lists = {name: chart(results, drawn) if drawn else [] for name, chart in LISTS.items()}
     followed = order_charts.tracked(results, drawn) if drawn else None
     return {
+        "answer": pictures(results, runs),
         "waveforms": waveforms(results, drawn),
         "waterfall": order_charts.waterfall(results, followed),
         "tracking": order_charts.tracking(results, drawn, followed),
@@ -57,4 +60,6 @@ def _parts(results: Results, runs: Runs) -> dict[str, str]:
     }
 
 
-SPEED = Sections("speed", compare, verdict, _charts, _parts, SPEED_PICTURES)
+SPEED = Sections(
+    "speed", compare, verdict, _charts, _parts, SPEED_PICTURES, answer=answer, with_limits=with_limits
+)

@@ -11,12 +11,11 @@ from collections.abc import Mapping, Sequence
 from cogless.design.trials.certificate import ENDS, Learning, ModelCertificate
 from cogless.design.trials.gains import TrialDesign
 from cogless.design.trials.response import MONOTONE
-from cogless.report.comparison import SAME
 from cogless.report.markup import number
 from cogless.report.phases import Phase, after
 from cogless.report.trial_case import Case, case, same_size, than
 from cogless.report.trial_certificate import Model, close_to_one
-from cogless.report.verdicts import CLEARLY, ScenarioVerdict, listed, over, times, worst
+from cogless.report.verdicts import CLEARLY, SAME, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Run, TrialResults
 
 FEW_TRIALS = 5  # in a row above the feedback alone: no sentence is said of so few
@@ -66,6 +65,11 @@ def _ranked(c: Case) -> list[str]:
         return (name in c.growing, *by_floor, c.worst(name))
 
     return sorted(c.counts or c.rms, key=rank)
+
+
+def best_of(c: Case) -> str:
+    """The best controller."""
+    return _ranked(c)[0]
 
 
 # --- the first sentences
