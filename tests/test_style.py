@@ -7,7 +7,7 @@ import style
 PLACES_MOST = {
     "constant_with_several_values": 120,
     "number_of_one_word": 344,
-    "vague_local": 893,
+    "vague_local": 892,
     "vague_argument": 267,
     "vague_function": 149,
     "many_positional_arguments": 47,
