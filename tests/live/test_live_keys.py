@@ -13,7 +13,6 @@ from node import NO_NODE, run_node
 import studies
 from cogless.design.auto import load
 from cogless.errors import StudyError
-from cogless.live import toml
 from cogless.live.candidates import OF_REFERENCE, PLANT, candidates, quoted, shortest
 from cogless.live.description import Number, held, pack
 from cogless.live.keys import Found, Landing, _accepted, landed, packed
@@ -22,6 +21,7 @@ from cogless.report import speed_tracking
 from cogless.report.speed_tracking import MOMENT
 from cogless.results.status import Status
 from cogless.study.reading import changed
+from cogless.study.toml import sections, toml
 
 DESCRIBED = """
 const { described, runs } = liveBytes(given.page);
@@ -139,10 +139,10 @@ def test_the_lines_of_the_study_read_back_as_the_study(small):
             [f"[{s['heading']}]"] * bool(s["heading"])
             + [f"{key} = {joined(value)}" for key, value in s["lines"]]
         )
-        for s in toml.sections(study._source)
+        for s in sections(study._source)
     )
     assert tomllib.loads(text) == study._source.tables
-    assert json.loads(toml.text('a "b" \x7f\n')) == 'a "b" \x7f\n'
+    assert json.loads(toml('a "b" \x7f\n')) == 'a "b" \x7f\n'
 
 
 SLIDERS = {

@@ -18,9 +18,10 @@ import studies
 from cogless.ensemble import judge
 from cogless.ensemble import sweep as sweeping
 from cogless.ensemble.judge import influences, positions
-from cogless.ensemble.sweep_table import LAST, Column, Sweep, columns
+from cogless.ensemble.sweep_table import Column, Sweep, columns
 from cogless.ensemble.variants import draw
 from cogless.report import sweep_report as report
+from cogless.study.metric import LAST_TRIAL
 
 pytest.importorskip("SALib", reason="needs the extra cogless[sweep]")
 
@@ -329,7 +330,12 @@ def test_no_controller_is_praised_where_most_variants_break_the_limit(
 
 def test_parts_of_a_metric_are_named(tmp_path: Path) -> None:
     ripple, orders = ensembles.study(tmp_path).metric
-    parts = [Column(ripple), Column(orders, 1, "48"), Column(ripple, 1, "2"), Column(ripple, None, LAST)]
+    parts = [
+        Column(ripple),
+        Column(orders, 1, "48"),
+        Column(ripple, 1, "2"),
+        Column(ripple, None, LAST_TRIAL),
+    ]
     names = ["ripple", "speed: order 48", "ripple: phase 2", "ripple: last trial"]
     assert [report._name(column) for column in parts] == names
 

@@ -5,7 +5,7 @@ Keys of a study of trials that a page might change: the learning, and of each ph
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, get_args, get_origin
 
@@ -15,6 +15,7 @@ from cogless.live.description import blobs, held
 from cogless.report.phases import groups, phases
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study.base import Kind
 from cogless.study.drive import IdealCurrentLoop
 from cogless.study.laws.trial import FilteredLaw, ObserverIlc, QFilter, StateIlc, TrialIlc, TrialLaw
 from cogless.study.linear_plant import LinearPlant
@@ -164,7 +165,8 @@ PAIRS, ORDERS = 40.0, 400.0  # most pole pairs, highest order
 def candidates(study: Study, told: bool = False) -> Iterator[Candidate]:
     """The keys that a page might change, in order of precedence; keys.py finds where each lands.
 
-    `told`: the motor's keys are the study's, of which the controller is told, in place of overrides.
+    `told`: the motor's values change in the study itself, so the controller is designed for them. Else an
+    override of the scenario changes them, and the controller does not know.
     """
     if told:
         yield from of_motor(study)
@@ -545,7 +547,7 @@ def _of_trial_scenario(study: TrialStudy, scenario: str) -> Iterator[Candidate]:
     alone = {group.start for group in groups(phases(experiment)) if len(group.phases) == 1}
     for n, change in enumerate(own.get("changes", ())):
         if change["trial"] not in alone:
-            continue  # one of many changes alike
+            continue  # one of a long row of similar changes, which have no sliders of their own
         yield from _of_phase(
             study, scenario, f"{where}.changes.{n}", change, f", from trial {change['trial']}"
         )
@@ -605,3 +607,17 @@ def _of_phase(
         if owner is not None:
             path = f'{where}.override."{key}"' if "." in key else f"{where}.override.{key}"
             yield from made(path, f"{key}{when}", OF_TRIALS, owner, last, value, (0.5, 2.0), scenario)
+
+
+@dataclass(frozen=True)
+class KindOfKeys:
+    """What a page may change in a kind of study. `pinned`: the study with its designs' values, and these."""
+
+    candidates: Callable[[Any, bool], Iterator[Candidate]]
+    pinned: Callable[[Any], tuple[AnyStudy, Changes]]
+
+
+PAGE_KEYS: Mapping[Kind, KindOfKeys] = {
+    "speed": KindOfKeys(candidates, pinned=lambda study: (study, {})),
+    "trials": KindOfKeys(lambda study, _: trial_candidates(study), pinned),
+}

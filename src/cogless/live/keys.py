@@ -23,11 +23,11 @@ import numpy as np
 
 from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
-from cogless.live.candidates import MOTOR, YOURS, Candidate, candidates, trial_candidates
+from cogless.live.candidates import MOTOR, PAGE_KEYS, YOURS, Candidate
 from cogless.live.description import Number, Packed, blobs, held
 from cogless.live.own_motor import TOGETHER, OwnMotor, own_motor
 from cogless.run.simulate import Pair
-from cogless.study import AnyStudy, TrialStudy
+from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import changed
 
@@ -35,7 +35,7 @@ STOPS = 21
 TRIES = 20
 HALVINGS = 5  # of the way from an end that is refused to the study's value, or to the slider's end
 REPEATS = 9  # of a value beside different pole pairs
-JOINT_TRIES = 6  # of a table with pole pairs, beside other values of the motor's other keys
+JOINT_TRIES = 6  # combinations of the motor's keys on which a table over stops and pole pairs is tested
 SAME_NUMBERS = "it acts on the same numbers as another key"
 OTHER_SHAPE = "the run's description takes another shape with it"
 Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
@@ -172,7 +172,7 @@ def packed(study: AnyStudy, pairs: Sequence[Pair], like: AnyStudy | None = None)
 
 
 def _candidates(study: AnyStudy, told: bool) -> Iterator[Candidate]:
-    return trial_candidates(study) if isinstance(study, TrialStudy) else candidates(study, told)
+    return PAGE_KEYS[study.kind].candidates(study, told)
 
 
 def _own_motor(study: AnyStudy, base: All, keys: Sequence[Candidate]) -> OwnMotor:
@@ -443,7 +443,10 @@ def _moved(blob: Packed, others: Sequence[Packed]) -> list[Number]:
 def _fitting(
     study: AnyStudy, number: Number, candidate: Candidate, value: float, base: Packed, made: Packed
 ) -> Landing | None:
-    """How a key sets a number, judged by the study's value and another one; None if neither form fits."""
+    """How a key sets a number: in proportion to its SI value, or as a time rounded to whole periods.
+
+    It is tested at the study's value and one other. None if neither form fits both.
+    """
     si = candidate.si(value)
     ratio = number.read(made.data) / si if si else 1.0
     tries = [Landing(number, scale) for scale in (1.0, ratio, float(round(ratio)))]

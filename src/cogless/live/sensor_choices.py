@@ -13,12 +13,12 @@ from typing import Any
 
 from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
-from cogless.live import toml
 from cogless.live.candidates import Candidate
 from cogless.live.description import Packed, held
 from cogless.live.keys import Found, Key, Landing, Place, disproved, packed, samples
 from cogless.study import Study
 from cogless.study.reading import changed
+from cogless.study.toml import toml
 
 SENSOR = "drive.position_sensor"
 METHODS = {"encoder": ("M", "MT"), "absolute": ("M", "average"), "resolver": ("M", "average")}
@@ -48,9 +48,9 @@ class SensorChoice:
     lands: Mapping[str, Mapping[Place, tuple[Landing, ...]]]
 
 
-def sensor_choices(study: Study, adjusted: Found, spares: Sequence[Key]) -> list[SensorChoice]:
+def sensor_choices(study: Study, page_keys: Found, spares: Sequence[Key]) -> list[SensorChoice]:
     """The sensors that the study takes in place of its own; none where no keys were looked for."""
-    if not adjusted.base:
+    if not page_keys.base:
         return []
     choices = []
     for words, table in _tables(study):
@@ -60,7 +60,7 @@ def sensor_choices(study: Study, adjusted: Found, spares: Sequence[Key]) -> list
         except (StudyError, MisfitError):
             continue
         keys = [
-            moved for key in adjusted.keys if not key.stops and (moved := _moved(key, adjusted.base, base))
+            moved for key in page_keys.keys if not key.stops and (moved := _moved(key, page_keys.base, base))
         ]
         groups: dict[tuple[str | None, str | None], list[Key]] = {}
         for key in keys:
@@ -68,9 +68,9 @@ def sensor_choices(study: Study, adjusted: Found, spares: Sequence[Key]) -> list
         refused = (disproved(other, base, group, _few, None, alone=True) for group in groups.values())
         wrong = {id(key) for group in refused for key in group}
         right = [key for key in keys if id(key) not in wrong]
-        right += [moved for key in spares if (moved := _moved(key, adjusted.base, base))]
+        right += [moved for key in spares if (moved := _moved(key, page_keys.base, base))]
         lands = {key.candidate.key: key.lands for key in right}
-        choices.append(SensorChoice(words, toml.text(table), base, lands))
+        choices.append(SensorChoice(words, toml(table), base, lands))
     return choices
 
 

@@ -10,15 +10,15 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cogless import units
-from cogless.live import toml
 from cogless.live.candidates import Candidate
 from cogless.live.description import SPARE_ORDERS, Packed
 from cogless.live.keys import Key, Landing, Place
 from cogless.run.simulate import Pair
 from cogless.study import Study, for_scenario
+from cogless.study.toml import toml
 
-SPARE_GROUP = "Cogging orders that you add"
-SPARE_ORDER_MOST = 400.0
+GROUP = "Cogging orders that you add"
+ORDER_MOST = 400.0
 TORQUE_UNIT = "mN*m"
 TORQUE_SHARE = 0.1  # of the torque at the current limit: the slider's end
 
@@ -40,20 +40,20 @@ def _spare_keys(study: Study, base: Mapping[Place, Packed]) -> list[Key]:
         order = Candidate(
             key=f"cogging.{spare}.order",
             label="order",
-            group=SPARE_GROUP,
+            group=GROUP,
             unit="",
             factor=1.0,
             start=1.0,
             low=1.0,
-            high=SPARE_ORDER_MOST,
+            high=ORDER_MOST,
             least=1.0,
-            most=SPARE_ORDER_MOST,
+            most=ORDER_MOST,
             whole=True,
         )
         torque = Candidate(
             key=f"cogging.{spare}.torque",
             label="torque",
-            group=SPARE_GROUP,
+            group=GROUP,
             unit=TORQUE_UNIT,
             factor=factor,
             start=0.0,
@@ -81,8 +81,8 @@ def _is_cogging(path: str, word: str) -> bool:
 
 def _cogging_rows(study: Study, pairs: Sequence[Pair]) -> dict[str, list[dict[str, str]]]:
     """For each scenario the study's own orders: each key with its value as TOML."""
-    rows_of = {}
+    orders = {}
     for scenario in dict.fromkeys(scenario for scenario, _ in pairs):
         rows: Any = for_scenario(study, scenario).source.tables["motor"].get("cogging", [])
-        rows_of[scenario] = [{key: toml.text(value) for key, value in row.items()} for row in rows]
-    return rows_of
+        orders[scenario] = [{key: toml(value) for key, value in row.items()} for row in rows]
+    return orders

@@ -14,7 +14,7 @@ import numpy as np
 from cogless import units
 from cogless.ensemble import judge
 from cogless.ensemble.judge import FEWEST, Influence, Spread, influences, positions
-from cogless.ensemble.sweep_table import LAST, Column, Sweep
+from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
 from cogless.report.comparison import pretty
@@ -23,6 +23,7 @@ from cogless.report.page import Runs, Sections
 from cogless.report.verdicts import Answer, ScenarioVerdict, Told, listed
 from cogless.results import AnyResults, Run
 from cogless.results.trace import Trace
+from cogless.study.metric import LAST_TRIAL
 
 Repeat = Callable[[list[str], tuple[str, str]], str]  # settings and run to the command that repeats it
 POINTS = 600  # of a plot
@@ -345,8 +346,9 @@ def _name(column: Column) -> str:
     name = column.metric.name.replace("_", " ")
     if not column.part:
         return name
-    kind = "order" if column.metric.kind == "order" else "trial" if column.part == LAST else "phase"
-    return f"{name}: {column.part} {kind}" if column.part == LAST else f"{name}: {kind} {column.part}"
+    last = column.part == LAST_TRIAL
+    kind = "order" if column.metric.kind == "order" else "trial" if last else "phase"
+    return f"{name}: {column.part} {kind}" if last else f"{name}: {kind} {column.part}"
 
 
 def _unit(column: Column) -> str:
