@@ -17,8 +17,8 @@ from cogless.run.simulate import Pair
 from cogless.study import Study, for_scenario
 from cogless.study.toml import toml
 
-SPARE_GROUP = "Cogging orders that you add"
-SPARE_ORDER_MOST = 400.0
+GROUP = "Cogging orders that you add"
+ORDER_MOST = 400.0
 TORQUE_UNIT = "mN*m"
 TORQUE_SHARE = 0.1  # of the torque at the current limit: the slider's end
 
@@ -40,20 +40,20 @@ def _spare_keys(study: Study, base: Mapping[Place, Packed]) -> list[Key]:
         order = Candidate(
             key=f"cogging.{spare}.order",
             label="order",
-            group=SPARE_GROUP,
+            group=GROUP,
             unit="",
             factor=1.0,
             start=1.0,
             low=1.0,
-            high=SPARE_ORDER_MOST,
+            high=ORDER_MOST,
             least=1.0,
-            most=SPARE_ORDER_MOST,
+            most=ORDER_MOST,
             whole=True,
         )
         torque = Candidate(
             key=f"cogging.{spare}.torque",
             label="torque",
-            group=SPARE_GROUP,
+            group=GROUP,
             unit=TORQUE_UNIT,
             factor=factor,
             start=0.0,
