@@ -284,6 +284,31 @@ static void laws_that_are_not_fed_forward(void)
     CHECK(cgl_pi_ilc_bad_field(&ilc, &loop) == NULL);
 }
 
+/* ---- torque mode ---- */
+
+/* A law is given the rotor itself as its reference, so that no error is left to it. */
+static void references_of_torque_mode(void)
+{
+    cgl_drive drive;
+    const cgl_drive_config config = some_drive();
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_OK);
+    const cgl_reference reference = {.theta_ref = CGL_R(2.0), .omega_ref = CGL_R(5.0), .alpha_ref = CGL_R(7.0), .learn = true,
+                                     .torque = true, .i_q_ref = CGL_R(0.5)};
+    int due = 0;
+    for (int n = 0; n < 100; ++n) {
+        const cgl_measurement now = {.theta_m = CGL_R(2.0e-4) * (cgl_real)n, .omega_m = CGL_R(2.0), .u_dc = CGL_R(24.0)};
+        cgl_drive_output out;
+        if (cgl_drive_measure(&drive, &now, &reference)) {
+            ++due;
+            CHECK(within(drive.in.omega_m - CGL_R(2.0), CGL_R(0.0)) && within(drive.in.omega_ref - CGL_R(2.0), CGL_R(0.0)));
+            CHECK(within(drive.in.theta_ref - drive.in.theta_m, CGL_R(0.0)) && within(drive.in.alpha_ref, CGL_R(0.0)));
+            CHECK(drive.in.torque && !drive.in.learn && within(drive.in.i_q_ref - CGL_R(0.5), CGL_R(0.0)));
+        }
+        cgl_drive_actuate(&drive, &out);
+    }
+    CHECK(due >= 10);
+}
+
 /* ---- 0 is the default ---- */
 
 static void defaults(void)
@@ -323,5 +348,6 @@ void faces(void)
     gains_of_nothing();
     opening_checks();
     laws_that_are_not_fed_forward();
+    references_of_torque_mode();
     defaults();
 }
