@@ -47,7 +47,7 @@ $(VENV)/extra-%: $(VENV)/tools | $(VENV)/installed
 
 build: $(VENV)/installed ## cogless in .venv
 
-demo: $(VENV)/installed ## the main job: a motor that cogs, under four controllers
+demo: $(VENV)/installed ## the main job: a motor that cogs, under five controllers
 	$(BIN)/cogless run uomodri -o results/uomodri --plots
 
 test: $(VENV)/installed $(VENV)/extra-test ## the whole test suite

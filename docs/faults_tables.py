@@ -1,4 +1,4 @@
-"""Tables of ripple and current for each fault and controller, for docs/studies/faults.md.
+"""The table of ripple and current for each fault, for docs/studies/faults.md.
 
 cogless run faults -o results/faults
 python docs/faults_tables.py --write results/faults/results.json
@@ -12,24 +12,20 @@ from marked import RPM, Blocks, main, metrics_of, number, table
 
 import cogless
 
-METRICS = {  # name in results.json: (column heading, SI value of the unit)
-    "ripple_before_rad_s": ("before", RPM),
-    "ripple_after_rad_s": ("2.5 s after", RPM),
-    "ripple_later_rad_s": ("10.5 s after", RPM),
-    "largest_current_A": ("largest current [A]", 1.0),
-}
+LEARNING = ("pi-ilc", "robust-ilc")
+RIPPLE = {"ripple_after_rad_s": "2.5 s after", "ripple_later_rad_s": "10.5 s after"}
 
 
 def blocks(path: Path) -> Blocks:
     study, metrics = cogless.load("faults"), metrics_of(path)
-    found = {}
-    for controller in study.controller:
-        rows = []
-        for scenario in study.scenario:
-            values = metrics[scenario, controller]
-            rows.append([scenario, *(number(values[name] / scale) for name, (_, scale) in METRICS.items())])
-        found[controller] = table([study.label(controller), *(text for text, _ in METRICS.values())], rows)
-    return found
+    rows = []
+    for scenario in study.scenario:
+        left = [number(metrics[scenario, law][name] / RPM) for law in LEARNING for name in RIPPLE]
+        current = max(metrics[scenario, law]["largest_current_A"] for law in study.controller)
+        rows.append([scenario, *left, number(current)])
+    after, later = RIPPLE.values()
+    head = [text for law in LEARNING for text in (f"{study.label(law)}: {after}", later)]
+    return {"ripple": table(["", *head, "largest current [A]"], rows)}
 
 
 if __name__ == "__main__":

@@ -4,8 +4,7 @@
     python docs/liu2018_tables.py --write results/liu2018/results.json
 
 Without --write the tables are printed. The published values are in this file. Our values come from
-results.json, with two exceptions: the theory's ratios come from `PeriodicLoop`, and robust ILC without some
-of its terms is run here (seconds).
+results.json, except that robust ILC without some of its terms is run here (seconds).
 """
 
 from __future__ import annotations
@@ -13,56 +12,29 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from learning_factor import PeriodicLoop
 from marked import RPM, Blocks, Metrics, main, metrics_of, number, table
 
 import cogless
 
 LABELS = {"pi": "PI", "pi-fair": "PI, fair", "pi-ilc": "PI-ILC", "robust-ilc": "Robust ILC"}
 
-# Tables II to VII: for each controller the amplitudes of three orders; speed in r/min, current in A.
-HARMONICS: dict[str, tuple[str, str, dict[str, tuple[float, float, float]]]] = {
+# Tables II, IV and VII: for each controller the amplitudes of orders 1, 2 and 6 of the speed, r/min.
+HARMONICS: dict[str, tuple[str, dict[str, tuple[float, float, float]]]] = {
     "II": (
         "900-rpm",
-        "speed",
         {"pi": (2.49, 0.20, 0.89), "pi-ilc": (0.35, 0.10, 0.83), "robust-ilc": (0.18, 0.13, 0.60)},
-    ),
-    "III": (
-        "900-rpm",
-        "current",
-        {
-            "pi": (0.0049, 0.0295, 0.0045),
-            "pi-ilc": (0.0032, 0.0286, 0.0049),
-            "robust-ilc": (0.0025, 0.0235, 0.0040),
-        },
     ),
     "IV": (
         "60-rpm",
-        "speed",
         {"pi": (1.25, 1.38, 4.87), "pi-ilc": (1.14, 0.725, 1.92), "robust-ilc": (0.87, 0.72, 0.46)},
-    ),
-    "V": (
-        "60-rpm",
-        "current",
-        {
-            "pi": (0.0154, 0.0231, 0.0106),
-            "pi-ilc": (0.0090, 0.0066, 0.0064),
-            "robust-ilc": (0.0061, 0.0055, 0.0053),
-        },
-    ),
-    "VI": (
-        "60-rpm-30-load",
-        "speed",
-        {"pi": (1.48, 2.1, 5.15), "pi-ilc": (1.02, 1.31, 2.85), "robust-ilc": (0.72, 1.10, 1.95)},
     ),
     "VII": (
         "60-rpm-78-load",
-        "speed",
         {"pi": (1.52, 2.89, 6.98), "pi-ilc": (1.27, 2.60, 4.85), "robust-ilc": (0.93, 1.62, 2.49)},
     ),
 }
 
-# Tables VIII and IX: for each row (PI-ILC, robust ILC). The settling at 60 r/min is from the paper's text.
+# Table VIII: for each row (PI-ILC, robust ILC).
 STEPS: dict[str, tuple[str, dict[str, tuple[float | None, float | None]]]] = {
     "VIII": (
         "900-rpm-step",
@@ -73,15 +45,6 @@ STEPS: dict[str, tuple[str, dict[str, tuple[float | None, float | None]]]] = {
             "i_q adjustment time [s]": (0.65, 0.32),
         },
     ),
-    "IX": (
-        "60-rpm-step",
-        {
-            "maximum speed fluctuation [r/min]": (36, 21),
-            "speed adjustment time [s]": (None, 0.45),
-            "overshoot in i_q [A]": (0.77, 0.45),
-            "i_q adjustment time [s]": (0.72, 0.42),
-        },
-    ),
 }
 STEP_METRICS = {
     "maximum speed fluctuation [r/min]": ("dip_rad_s", RPM),
@@ -89,26 +52,15 @@ STEP_METRICS = {
     "overshoot in i_q [A]": ("current_overshoot_A", 1.0),
     "i_q adjustment time [s]": ("current_settling_s", 1.0),
 }
-TERMS = {
-    "surface": "$(c\\,e + \\dot\\omega_{ref} + B)/b$",
-    "switching": "$g\\,\\mathrm{sgn}(S)/b$",
-    "linear": "$\\eta S/b$",
-    "f_hat": "$-\\hat f/b$, learned",
-    "r_hat": "$\\hat r/b$, adapted",
-}
 
 
 def harmonics(metrics: Metrics, name: str) -> list[str]:
-    """One of Tables II to VII; each value's ratio to PI's is in brackets."""
-    scenario, quantity, published = HARMONICS[name]
-    orders = (1, 2, 6) if quantity == "speed" else (3, 5, 7)
-    metric, unit, scale = (
-        ("speed_order_rad_s", "r/min", RPM) if quantity == "speed" else ("current_order_A", "A", 1.0)
-    )
+    """Table II, IV or VII; each value's ratio to PI's is in brackets."""
+    scenario, published = HARMONICS[name]
 
     def ours(controller: str) -> list[float] | None:
-        values = metrics.get((scenario, controller), {}).get(metric)
-        return values and [value / scale for value in values]
+        values = metrics.get((scenario, controller), {}).get("speed_order_rad_s")
+        return values and [value / RPM for value in values]
 
     base = ours("pi")
     rows = []
@@ -120,7 +72,7 @@ def harmonics(metrics: Metrics, name: str) -> list[str]:
             cells.append(_with_ratio(paper and paper[k], published["pi"][k], controller))
             cells.append(_with_ratio(mine and mine[k], base and base[k], controller))
         rows.append(cells)
-    head = [f"{unit}", *(text for n in orders for text in (f"{n}: paper", f"{n}: ours"))]
+    head = ["r/min", *(text for n in (1, 2, 6) for text in (f"{n}: paper", f"{n}: ours"))]
     return table(head, rows)
 
 
@@ -133,7 +85,7 @@ def _with_ratio(value: float | None, base: float | None, controller: str) -> str
 
 
 def steps(metrics: Metrics, name: str) -> list[str]:
-    """Table VIII or IX: the response to a load step."""
+    """Table VIII: the response to a load step."""
     scenario, published = STEPS[name]
     rows = []
     for title, (ilc, robust) in published.items():
@@ -160,16 +112,6 @@ def steps(metrics: Metrics, name: str) -> list[str]:
         "robust: ours",
     ]
     return table(head, rows)
-
-
-def shares(metrics: Metrics) -> list[str]:
-    """RMS of each term of robust ILC's current reference."""
-    scenarios = [s for s in ("60-rpm", "60-rpm-78-load") if ("share" in str(metrics.get((s, "robust-ilc"))))]
-    rows = [
-        [text, *(number(metrics[s, "robust-ilc"].get(f"share_{term}_A"), 2) for s in scenarios)]
-        for term, text in TERMS.items()
-    ]
-    return table(["term, RMS [A]", *scenarios], rows)
 
 
 def beyond(metrics: Metrics) -> list[str]:
@@ -215,22 +157,6 @@ def divergence(metrics: Metrics) -> list[str]:
     )
 
 
-def prediction(metrics: Metrics) -> list[str]:
-    """The harmonics of PI-ILC as a share of PI's, by linear theory and by simulation."""
-    study = cogless.load("liu2018")
-    rows = []
-    for scenario in ("60-rpm", "60-rpm-30-load", "60-rpm-78-load", "900-rpm"):
-        pi, ilc = (metrics.get((scenario, c), {}).get("speed_order_rad_s") for c in ("pi", "pi-ilc"))
-        if not (pi and ilc):
-            continue
-        speed = study.scenario[scenario].reference.speed
-        learning = PeriodicLoop(study, "pi-ilc", speed)
-        theory = learning.residual([n * learning.periods_per_second for n in (1, 2, 6)])
-        cells = [text for k in range(3) for text in (f"{theory[k]:.2f}", f"{ilc[k] / pi[k]:.2f}")]
-        rows.append([scenario, *cells])
-    return table(["PI-ILC over PI", *(t for n in (1, 2, 6) for t in (f"{n}: theory", f"{n}: ours"))], rows)
-
-
 def without(metrics: Metrics) -> list[str]:
     """Results of robust ILC with some of its terms switched off."""
     study = cogless.load("liu2018")
@@ -266,11 +192,9 @@ def blocks(path: Path) -> Blocks:
     return {
         **{f"table-{name}": harmonics(metrics, name) for name in HARMONICS},
         **{f"table-{name}": steps(metrics, name) for name in STEPS},
-        "shares": shares(metrics),
         "without": without(metrics),
         "divergence": divergence(metrics),
         "beyond": beyond(metrics),
-        "prediction": prediction(metrics),
     }
 
 

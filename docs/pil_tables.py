@@ -23,7 +23,7 @@ from marked import replaced, table
 from cogless import load
 from cogless.export.prepared import first_scenario
 from cogless.files import control_sources
-from cogless.pil.compare import Comparison, Instructions, compare
+from cogless.pil.compare import Comparison, compare
 from cogless.pil.processor import require
 from cogless.pil.toolchain import find
 
@@ -55,8 +55,8 @@ CASES: list[Case] = [
     ("trials", "mandra2019", None, "ilc", {}),
     ("trials with an observer", "mandra2019", None, "observer", {}),
 ]
-LOOP = {"foc", "modulation"}
-AROUND = {"drive", "monitor", "quality", "guard", "real"}
+OTHERS = {"foc", "modulation", "drive", "monitor", "quality", "guard", "real"}  # sources that are no law's
+LAW_ALONE = "the law alone"
 
 
 def measured(case: Case) -> Comparison:
@@ -65,25 +65,21 @@ def measured(case: Case) -> Comparison:
     return compare(loaded, controller, first_scenario(loaded, controller, scenario), TICKS, find("gcc"))
 
 
-def parts(by_source: Mapping[str, float]) -> tuple[float, float, float]:
-    """Numbers of instructions of the current loop, of the checks and other code around it, and of the law."""
-    loop = sum(n for source, n in by_source.items() if source in LOOP)
-    around = sum(n for source, n in by_source.items() if source in AROUND or source.endswith("_controller"))
-    return loop, around, sum(by_source.values()) - loop - around
+def law_alone(by_source: Mapping[str, float]) -> float:
+    """Instructions of the law and its memory, without current loop, checks and other code around it."""
+    return sum(
+        n for source, n in by_source.items() if source not in OTHERS and not source.endswith("_controller")
+    )
 
 
-def span(found: Instructions | None) -> str:
-    return f"{found.least} / {found.mean:.0f} / {found.most}" if found else "-"
-
-
-def time_table(results: dict[str, Comparison]) -> list[str]:
-    head = ["law", "without the law", "with it", "loop", "checks", "law", "end of a trial"]
+def cost_table(results: dict[str, Comparison]) -> list[str]:
+    head = ["law", "with it", LAW_ALONE, "flash", "RAM", "stack"]
     rows = []
-    for name, found in results.items():
-        pairs = zip(parts(found.by_source_with_law), parts(found.most_by_source_with_law), strict=True)
-        loop, around, law = (f"{mean:.0f} / {most:.0f}" for mean, most in pairs)
-        end = str(found.end_of_trial or "-")
-        rows.append([name, span(found.without_law), span(found.with_law), loop, around, law, end])
+    for name, r in results.items():
+        mean, most = (law_alone(by) for by in (r.by_source_with_law, r.most_by_source_with_law))
+        sizes = (f"{n:,}" for n in (r.flash, r.ram, r.stack))
+        with_law = f"{r.with_law.mean:.0f} / {r.with_law.most}"
+        rows.append([name, with_law, f"{mean:.0f} / {most:.0f}", *sizes])
     return table(head, rows)
 
 
@@ -94,31 +90,6 @@ def scale(results: dict[str, Comparison]) -> str:
         f"A period of moteus took {MOTEUS}. A period in which `harmonic` is due takes {five} times as many "
         f"with five orders, and {motors} times with all that the motor of `uomodri` can have."
     )
-
-
-def memory_table(results: dict[str, Comparison]) -> list[str]:
-    head = ["law", "flash", "constants", "RAM", "learned", "stack"]
-    rows = [
-        [name, *(f"{n:,}" for n in (r.flash, r.constants, r.ram, r.memory, r.stack))]
-        for name, r in results.items()
-    ]
-    return table(head, rows)
-
-
-def run_table(results: dict[str, Comparison]) -> list[str]:
-    head = ["law", "study: scenario / controller", "periods", "result"]
-    return table(
-        head,
-        [
-            [name, f"`{r.study}`: {r.scenario} / {r.controller}", f"{r.ticks:,}", verdict(r)]
-            for name, r in results.items()
-        ],
-    )
-
-
-def verdict(found: Comparison) -> str:
-    d = found.difference
-    return "bit for bit equal" if d is None else f"**differs** in period {d.tick}: {d.field}"
 
 
 def whole_library() -> int:
@@ -144,10 +115,8 @@ def main() -> None:
         found = list(pool.map(measured, CASES))
     results = {case[0]: one for case, one in zip(CASES, found, strict=True)}
     blocks = {
-        "runs": run_table(results),
-        "time": time_table(results),
+        "costs": cost_table(results),
         "scale": [scale(results)],
-        "memory": memory_table(results),
         "library": [f"All of `control/`: {whole_library():,} bytes of flash, {found[0].compiler}."],
     }
     if "--write" in sys.argv:
@@ -155,8 +124,9 @@ def main() -> None:
     else:
         for name, lines in blocks.items():
             print(f"## {name}\n", *lines, "", sep="\n")
-    if any(one.difference is not None for one in found):
-        sys.exit(1)
+    for name, one in results.items():
+        if (d := one.difference) is not None:
+            sys.exit(f"{name}: differs in period {d.tick}: {d.field}")
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
     cogless run verrelli2016 -o results/verrelli2016
     python docs/verrelli2016_tables.py --write results/verrelli2016/results.json
 
-Without --write the tables are printed. The values for section 5 come from results.json. Sections 3 and 4, the
-other phase margins and the run of an hour are run here (a minute).
+Without --write the tables are printed. The values for section 5 come from results.json. Section 4 and the
+other phase margins are run here (a minute).
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ LABELS = {
 SHORT, LONG = "twelve-seconds", "two-minutes"
 BEFORE_AND_AFTER = ("speed_before_rad_s", "speed_after_rad_s", "angle_before_rad", "angle_after_rad")
 TIMES = (20, 30, 60, 120)
-TURN = 2 * np.pi / 0.3  # s, of the arm
-MARGINS = (30, 35, 40, 45, 50, 60)
+MARGINS = (30, 45, 60)
 
 
 def section_5(metrics: Metrics) -> list[str]:
@@ -59,15 +58,14 @@ def two_minutes(metrics: Metrics) -> list[str]:
 def criterion() -> list[str]:
     """The worst factor per period of each learning controller, and a Q filter with which it would settle."""
     rows = []
-    for name in ("verrelli2016", "verrelli2016-position", "verrelli2016-speed"):
-        study = cogless.load(name)
-        for controller in study.controller:
-            found = verdict(study, controller)
-            if found is not None and found.worst is not None:
-                filtered = found.repair and found.repair.q_half_width
-                width = "-" if filtered is None else str(filtered)
-                text = [f"{found.worst.factor:.3f}", f"{found.worst.frequency:.0f}", f"{found.omega_m:.3g}"]
-                rows.append([f"`{name}`: {study.label(controller)}", found.kind, *text, width])
+    study = cogless.load("verrelli2016")
+    for controller in study.controller:
+        found = verdict(study, controller)
+        if found is not None and found.worst is not None:
+            filtered = found.repair and found.repair.q_half_width
+            width = "-" if filtered is None else str(filtered)
+            text = [f"{found.worst.factor:.3f}", f"{found.worst.frequency:.0f}", f"{found.omega_m:.3g}"]
+            rows.append([f"`verrelli2016`: {study.label(controller)}", found.kind, *text, width])
     head = ["", "verdict", "worst factor a period", "at [Hz]", "at [rad/s]", "repaired by `q_half_width`"]
     return table(head, rows)
 
@@ -99,28 +97,6 @@ def margins() -> list[str]:
         ["PI", *head, "speed, 8 to 10 s [rad/s]", "angle, 8 to 10 s [rad]", "speed with learning [rad/s]"],
         rows,
     )
-
-
-def hour() -> list[str]:
-    """The filtered map for an hour, over whole turns of the arm: two seconds show only a part of the load."""
-    changes = {f"scenario.{LONG}.duration": "3600 s", "trace.rate": "200 Hz"}
-    study = cogless.load("verrelli2016", changes)
-    rows = []
-    short = cogless.load("verrelli2016", {"trace.rate": "200 Hz"})
-    for name in ("pi", "fair", "printed"):
-        (run,) = cogless.run_study(short, [f"{LONG}/{name}"]).runs
-        error = 50 * run.trace["omega_error"]
-        cells = [number(float(np.ptp(error[run.trace.window(end - TURN, end)]))) for end in (60, 120)]
-        rows.append([LABELS[name], *cells, "-", "-", "-"])
-    for name in ("filtered", "filtered-fair"):
-        (run,) = cogless.run_study(study, [f"{LONG}/{name}"]).runs
-        cells = [LABELS[name]]
-        for end in (60, 120, 600, 1800, 3600):
-            error = 50 * run.trace["omega_error"][run.trace.window(end - TURN, end)]
-            cells.append(number(float(np.ptp(error))))
-        rows.append(cells)
-    head = ["60 s", "120 s", "10 min", "30 min", "1 h"]
-    return table(["speed, peak to peak over the last turn [rad/s]", *head], rows)
 
 
 def other(name: str, unit: str) -> list[str]:
@@ -172,8 +148,6 @@ def blocks(path: Path) -> Blocks:
         "two-minutes": two_minutes(metrics),
         "criterion": criterion(),
         "margins": margins(),
-        "hour": hour(),
-        "section-3": other("verrelli2016-speed", "section 3"),
         "varying": varying(),
         "section-4": other("verrelli2016-position", "section 4, RMS"),
     }

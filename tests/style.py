@@ -47,6 +47,7 @@ SMALL_FILE_LINES = 40
 FRAGMENT = re.compile(r"^(of|as|in|that|with|by|from|for|at|to|both|each|else|which|who|what|such)\b")
 COMMENT_AFTER_CODE = re.compile(r"\S.*  # (.*)$")
 STUDIES = re.compile(r"\b(Study|TrialStudy|TrialResults)\b")
+KIND_OF_STUDY = re.compile(r"""\.kind [!=]= ["'](speed|trials)["']""")
 LAWS = re.compile(
     r"\b(Pi|Adrc|PiIlc|PiAfc|Harmonic|RobustIlc|AntiCogging|Space\w+|Learning|Feedback|OwnLaw|PythonLaw"
     r"|LibraryLaw|Startable|LearnsWhileRunning|TrialLaw|FilteredLaw|\w+Ilc|Memory|STOPPING)\b"
@@ -204,6 +205,12 @@ def type_test_of_a_study(files: Files) -> Iterator[str]:
         yield from file.type_tests(STUDIES)
 
 
+def comparison_of_a_kind_of_study(files: Files) -> Iterator[str]:
+    """What differs by kind of study is a method of the study, or an entry of a room's table."""
+    for file in files:
+        yield from file.matching(KIND_OF_STUDY)
+
+
 def type_test_of_a_law(files: Files) -> Iterator[str]:
     """A law answers for itself."""
     for file in files:
@@ -256,6 +263,7 @@ RULES: tuple[Rule, ...] = (
     fragment_of_a_comment,
     alias_defined_again,
     type_test_of_a_study,
+    comparison_of_a_kind_of_study,
     type_test_of_a_law,
     message_taken_apart,
     number_copied_from_c,

@@ -198,9 +198,10 @@ class Case:
 
     def remark(self) -> tuple[AnyStudy, Remark]:
         study = read(self.study, self.changes)
-        said = [*warnings(study, self.scenario, self.name), *beyond_drive(study, [self.scenario])]
         if isinstance(study, TrialStudy):
-            said += design_study(study, [(self.scenario, self.name)])[self.scenario, self.name].notes
+            said = [*design_study(study, [(self.scenario, self.name)])[self.scenario, self.name].notes]
+        else:
+            said = [*warnings(study, self.scenario, self.name), *beyond_drive(study, [self.scenario])]
         found = [each for each in said if self.says in str(each)]
         assert len(found) == 1, [*map(str, said)]
         return study, found[0]

@@ -214,14 +214,14 @@ def test_what_a_pointer_points_to_is_not_in_the_bytes() -> None:
 @pytest.mark.parametrize(
     ("macro", "number"),
     [
-        ("HARMONIC_ORDERS", harmonic.ORDERS),
-        ("HARMONIC_ORDER_MAX", harmonic.HIGHEST),
-        ("HARMONIC_EDGES", 2 * harmonic.BANDS),
-        ("HARMONIC_FASTEST", harmonic.FASTEST),
-        ("PI_AFC_ORDERS", pi_afc.ORDERS),
-        ("PI_AFC_ORDER_MAX", pi_afc.HIGHEST),
-        ("ENCODER_TABLE_ORDERS", drive.ORDERS),
-        ("TRIAL_STATES", linear_plant.MOST_STATES),
+        ("HARMONIC_ORDERS", harmonic.HARMONIC_ORDERS),
+        ("HARMONIC_ORDER_MAX", harmonic.HARMONIC_ORDER_MAX),
+        ("HARMONIC_EDGES", 2 * harmonic.HARMONIC_BANDS),
+        ("HARMONIC_FASTEST", harmonic.ORDER_ANGLE_MOST),
+        ("PI_AFC_ORDERS", pi_afc.PI_AFC_ORDERS),
+        ("PI_AFC_ORDER_MAX", pi_afc.PI_AFC_ORDER_MAX),
+        ("ENCODER_TABLE_ORDERS", drive.ENCODER_TABLE_ORDERS),
+        ("TRIAL_STATES", linear_plant.TRIAL_STATES),
         ("ANGLE_MAX", space_checks.ANGLE_MAX),
     ],
 )

@@ -3,14 +3,24 @@
 import ast
 import functools
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import get_args
 
 import pytest
 
 from cogless.control_library import C_LAWS, CLaw
+from cogless.design.kinds import DESIGNS
+from cogless.live.candidates import PAGE_KEYS
+from cogless.live.description import BLOBS
+from cogless.live.live_page import PAGES
+from cogless.report import SECTIONS
 from cogless.results.metrics import KINDS
+from cogless.results.runs import RESULTS
+from cogless.run.carry_out import RUNS
+from cogless.run.plan import PLANS
 from cogless.study import load
+from cogless.study.base import Kind, StudyBase
 from cogless.study.laws import AnyController
 from cogless.study.laws.trial import TrialLaw
 from cogless.study.metric import EACH_PHASE, Metric
@@ -168,7 +178,7 @@ def test_a_position_sensor_has_all_that_belongs_to_one(kind: str) -> None:
         "simulator/position_sensor.hpp": "// {}: ",
         "tests/simulator/*.py": '"{}"',
         "docs/theory/sensors.md": "**{}**",
-        "docs/guide/study-file.md": "study-table}} position_sensor." + model,
+        "docs/reference/sensors.md": "study-table}} position_sensor." + model,
     }
     assert lacks(kind, places) == []
 
@@ -192,6 +202,11 @@ def numbers_by_place(node: ast.ClassDef) -> list[str]:
     return [
         ast.unparse(part.target) for part in fields[:last] if ast.unparse(part.annotation) in ("float", "int")
     ]
+
+
+@pytest.mark.parametrize("table", [BLOBS, DESIGNS, PAGES, PAGE_KEYS, PLANS, RESULTS, RUNS, SECTIONS])
+def test_a_room_knows_each_kind_of_study(table: Mapping[Kind, object]) -> None:
+    assert sorted(table) == sorted(get_args(Kind)) == sorted(kind.kind for kind in StudyBase.__subclasses__())
 
 
 def test_many_numbers_go_by_keyword() -> None:

@@ -5,21 +5,22 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 129,
-    "number_of_one_word": 373,
-    "vague_local": 915,
-    "vague_argument": 269,
-    "vague_function": 152,
+    "constant_with_several_values": 120,
+    "number_of_one_word": 344,
+    "vague_local": 892,
+    "vague_argument": 267,
+    "vague_function": 149,
     "many_positional_arguments": 47,
-    "fragment_of_a_comment": 103,
-    "alias_defined_again": 21,
-    "type_test_of_a_study": 65,
+    "fragment_of_a_comment": 82,
+    "alias_defined_again": 6,
+    "type_test_of_a_study": 5,
+    "comparison_of_a_kind_of_study": 3,
     "type_test_of_a_law": 156,
     "message_taken_apart": 10,
-    "number_copied_from_c": 8,
-    "unit_factor_written_out": 100,
+    "number_copied_from_c": 0,
+    "unit_factor_written_out": 56,
     "file_name_used_again": 3,
-    "small_file": 6,
+    "small_file": 5,
 }
 NAMES = [rule.__name__ for rule in style.RULES]
 LONG = "\n" * (style.SMALL_FILE_LINES + 1)
@@ -38,6 +39,7 @@ BROKEN = {
     ),
     "alias_defined_again": ("Real = int\n", "Real = int\n"),
     "type_test_of_a_study": ("isinstance(study, TrialStudy)\nisinstance(study, str)\n",),
+    "comparison_of_a_kind_of_study": ("study.kind == 'trials'\nmetric.kind == 'order'\n",),
     "type_test_of_a_law": ("isinstance(law, PiIlc)\nisinstance(law, str)\n",),
     "message_taken_apart": ("str(error).partition(':')\nstr(name).partition(':')\n",),
     "number_copied_from_c": ("ORDERS = 16  # CGL_PI_AFC_ORDERS\nORDERS = number('CGL_PI_AFC_ORDERS')\n",),

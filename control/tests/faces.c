@@ -1,5 +1,6 @@
 #include "faces.h"
 
+#include <math.h>
 #include <stddef.h>
 #include <string.h>
 
@@ -9,6 +10,7 @@
 #include "cogless/drive.h"
 #include "cogless/harmonic.h"
 #include "cogless/pi_afc.h"
+#include "cogless/map.h"
 #include "cogless/pi_ilc.h"
 #include "cogless/robust_ilc.h"
 #include "cogless/space_position.h"
@@ -151,6 +153,45 @@ static void another_limit(void)
     CHECK(cgl_abs(drive.loop.current_limit - config.foc.current_limit) <= CGL_R(0.0));
 }
 
+/* Beside a foreign current loop the output is a reference of the current. Voltages and duties are those of a drive at rest, whatever
+ * stood there before. */
+static void reference_of_a_foreign_loop(void)
+{
+    cgl_drive drive;
+    cgl_drive_config config = some_drive();
+    config.foreign = true;
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_OK);
+    const cgl_measurement now = {.u_dc = CGL_R(24.0)};
+    const cgl_reference reference = {.omega_ref = CGL_R(10.0)};
+    CHECK(cgl_drive_measure(&drive, &now, &reference));
+    drive.command.i_q_ref = CGL_R(0.5);
+    cgl_drive_output out;
+    memset(&out, 0xA5, sizeof out);
+    cgl_drive_actuate(&drive, &out);
+    CHECK(within(out.i_q_ref - CGL_R(0.5), CGL_R(0.0)) && within(out.i_d_ref, CGL_R(0.0)));
+    CHECK(within(out.u_d, CGL_R(0.0)) && within(out.u_q, CGL_R(0.0)) && within(out.i_d, CGL_R(0.0)) && within(out.i_q, CGL_R(0.0)));
+    for (int x = 0; x < 3; ++x) {
+        CHECK(within(out.duty[x] - CGL_R(0.5), CGL_R(0.0)));
+    }
+}
+
+/* The mean is taken from each centred channel, and nothing else is written. */
+static void centre_of_a_map(void)
+{
+    cgl_real entry[2][5];
+    const cgl_map two_channels = {.entry = entry[0], .stride = 5U, .cells = 4U, .channels = 2U, .limit = {CGL_R(1.0), CGL_R(1.0)},
+                                  .centred = 1U};
+    for (uint32_t n = 0; n < 5U; ++n) {
+        entry[0][n] = entry[1][n] = CGL_R(0.125) * (cgl_real)n;
+    }
+    cgl_map_centre(&two_channels);
+    for (uint32_t n = 0; n < 5U; ++n) {
+        const cgl_real before = CGL_R(0.125) * (cgl_real)n;
+        CHECK(within(entry[0][n] - before + (n < 4U ? CGL_R(0.1875) : CGL_R(0.0)), CGL_R(1.0e-7)));
+        CHECK(within(entry[1][n] - before, CGL_R(0.0)));
+    }
+}
+
 /* The first sample that a trial's input can reach is the next one. */
 static void trials_without_a_delay(void)
 {
@@ -162,6 +203,21 @@ static void trials_without_a_delay(void)
     config.shift = 0U;
     CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_ERROR_CONFIG);
     config.shift = 8U;
+    CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_ERROR_CONFIG);
+}
+
+/* All of a learning matrix is read before it is taken, and nothing behind it. */
+static void matrix_of_a_trial(void)
+{
+    static cgl_real memory[CGL_TRIAL_LENGTH(4U, 0U)], matrix[4U * 4U + 4U];
+    cgl_trial law;
+    const cgl_trial_config config = {.samples = 4U, .states = 1U, .c = {CGL_R(1.0)}, .k_3 = CGL_R(0.1), .shift = 1U, .limit = CGL_R(1.0),
+                                     .learned_limit = CGL_R(1.0), .learning_matrix = matrix};
+    for (uint32_t i = 0; i < CGL_ENTRIES(matrix); ++i) {
+        matrix[i] = i < 16U ? CGL_R(0.1) : (cgl_real)NAN;
+    }
+    CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_OK);
+    matrix[15] = (cgl_real)NAN;
     CHECK(cgl_trial_init(&law, &config, memory, CGL_ENTRIES(memory)) == CGL_ERROR_CONFIG);
 }
 
@@ -339,7 +395,10 @@ static void defaults(void)
 void faces(void)
 {
     another_limit();
+    reference_of_a_foreign_loop();
+    centre_of_a_map();
     trials_without_a_delay();
+    matrix_of_a_trial();
     unmade_states();
     unmade_drive();
     refused_again();

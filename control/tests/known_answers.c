@@ -1,6 +1,7 @@
 /* Parts and laws with inputs whose answer is known: from the field that they work on, or in closed form. */
 #include "known_answers.h"
 
+#include <math.h>
 #include <stddef.h>
 
 #include "check.h"
@@ -16,6 +17,8 @@
 #include "cogless/sine.h"
 #include "cogless/space_position.h"
 #include "cogless/speed_pi.h"
+#include "cogless/speed_timed.h"
+#include "cogless/trial_guard.h"
 #include "cogless/turns.h"
 
 /* Numbers that logs and other programs know. */
@@ -314,6 +317,37 @@ static void turn_by_halls(void)
     }
 }
 
+/* A reset hands over a speed, which stays until the timer has gone on; a speed that is not finite counts as 0. */
+static void hand_over_a_speed(void)
+{
+    const cgl_speed_timed_config config = {.counts = 4096U, .timer = CGL_R(1.0e6), .last_interval = true};
+    const cgl_edges edges = {.count = 7U, .time = 100U};
+    const cgl_real speeds[] = {CGL_R(-3.5), (cgl_real)NAN}, kept[] = {CGL_R(-3.5), CGL_R(0.0)};
+    for (uint32_t n = 0; n < CGL_ENTRIES(speeds); ++n) {
+        cgl_speed_timed speed;
+        CHECK(cgl_speed_timed_init(&speed, &config) == CGL_OK);
+        CHECK(within(cgl_speed_timed_step(&speed, &(cgl_edges){0}, 0U), CGL_R(0.0)));
+        cgl_speed_timed_reset(&speed, &edges, 100U, speeds[n]);
+        CHECK(within(cgl_speed_timed_step(&speed, &edges, 100U) - kept[n], CGL_R(0.0)));
+    }
+}
+
+/* Learning that only makes the error larger is a strike. The best v then runs for four trials, and learning begins anew. */
+static void hold_the_best_trial(void)
+{
+    static const cgl_real errors[] = {CGL_R(1.0), CGL_R(3.0), CGL_R(3.5), CGL_R(1.0), CGL_R(1.0), CGL_R(1.0), CGL_R(1.0)};
+    static const cgl_trial_phase phases[] = {CGL_TRIAL_LEARN, CGL_TRIAL_LEARN, CGL_TRIAL_REPLAY, CGL_TRIAL_HOLD,
+                                             CGL_TRIAL_HOLD,  CGL_TRIAL_HOLD,  CGL_TRIAL_LEARN};
+    cgl_trial_guard guard;
+    cgl_trial_guard_reset(&guard);
+    for (uint32_t n = 0; n < CGL_ENTRIES(errors); ++n) {
+        guard.error = errors[n];
+        const cgl_trial_verdict verdict = cgl_trial_guard_judge(&guard, false);
+        CHECK(guard.phase == phases[n] && verdict.learn == (phases[n] == CGL_TRIAL_LEARN));
+    }
+    CHECK(guard.strikes == 1U && within(guard.share - CGL_R(0.125), CGL_R(0.0)));
+}
+
 /* Each bound of the calibrations alone, and what lies on it. */
 static void bound_calibrations(void)
 {
@@ -413,6 +447,8 @@ void known_answers(void)
     reject_a_load();
     learn_orders();
     turn_by_halls();
+    hand_over_a_speed();
+    hold_the_best_trial();
     bound_calibrations();
     leave_torque_mode();
     feed_forward();

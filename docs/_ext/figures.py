@@ -1,7 +1,8 @@
 """Pictures of the docs, each made by a command that the page shows below it.
 
 `run-figure` has a study's name and runs of one scenario, which are drawn as by `cogless run --plots`. Its
-text is the caption. Each line of `:set:` is a change of the study. `:copy:` names a picture that is kept for
+text is the caption. Each line of `:set:` is a change of the study. `:kind:` chooses the picture: "waveforms"
+or another at the end of its file's name; default is the first. `:copy:` names a picture that is kept for
 a page that nothing builds, such as the README: if it shows other numbers, there is a warning, an error of
 `make docs`, with the command that renews it.
 
@@ -66,7 +67,7 @@ class Pictured(Parsed):
 
 class RunFigure(Pictured):
     required_arguments = 1
-    option_spec: ClassVar[dict[str, Any]] = {"set": directives.unchanged, "copy": directives.unchanged}
+    option_spec: ClassVar[dict[str, Any]] = dict.fromkeys(("set", "copy", "kind"), directives.unchanged)
 
     def run(self) -> list[nodes.Node]:
         from cogless import load, run_study
@@ -78,7 +79,9 @@ class RunFigure(Pictured):
         words = ["cogless", "run", name, *(w for run in only for w in ("--only", run))]
         words += [word for change in sets for word in ("--set", change)]
         results = run_study(load(name, changes_from(sets)), only, jobs=2)
-        picture, *_ = write_plots(results, self.place(str(self.lineno)))
+        drawn = write_plots(results, self.place(str(self.lineno)))
+        kind = self.options.get("kind", "")
+        picture = next(path for path in drawn if path.stem.endswith(kind))
         if "copy" in self.options:
             kept = Path(self.env.srcdir) / self.options["copy"]
             if not same(picture, kept):

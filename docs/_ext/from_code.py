@@ -1,13 +1,11 @@
 """Tables of the docs that are made from the code, so that they are always up to date.
 
-`study-table`: the keys of one table of a study, from its model. The directive has the meaning of each key.
-Key, type or unit, and default come from the model. There is a warning, which `make docs` treats as an error,
-for a key without a meaning, a meaning without a key, and a model without a directive. Models of both speed
-studies and trial studies need a directive; a model that both use needs only one.
+`study-table`: the keys of one table of a study, the required ones first, from its model (meanings.py). There
+is a warning, which `make docs` treats as an error, for a key without a meaning, and for a model without a
+directive. With `:shared:` the keys are those of a base of several models, and their tables refer to it.
 
     ```{study-table} drive.Rates
     :at: drive.rates
-    current_loop: how often the current loop runs
     ```
 
 `command`: arguments and options of a command. `metric-signals`, `trial-signals`: every signal with its unit.
@@ -25,6 +23,7 @@ from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origi
 from docutils import nodes
 from docutils.parsers.rst import Directive, directives
 from docutils.statemachine import StringList
+from meanings import meanings, owner
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 from sphinx.util import logging
@@ -73,8 +72,7 @@ def kind(annotation: Any, metadata: list[Any] = ()) -> str:  # type: ignore[assi
         if isinstance(entry, Quantity):
             unit = entry.dimension.unit.replace("*", "·").replace("^2", "²")
             sign = {"": "", ">": ", above 0", ">=": ", from 0"}[entry.sign]
-            plain = "; a plain number is SI" if entry.bare else ""
-            return f"text in {unit}{sign}{plain}" if unit else f"number{sign}"
+            return f"text in {unit}{sign}" if unit else f"number{sign}"
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return kind(inner[0], list(inner[1:]))
@@ -120,7 +118,7 @@ def default(field: FieldInfo) -> str:
     unit = next((m.dimension.unit for m in field.metadata if isinstance(m, Quantity)), "")
     text = {True: "true", False: "false"}.get(value, value) if isinstance(value, bool) else value
     if isinstance(value, float):
-        text = f"{value:g}"
+        text = f"{value:.12g}"
     if isinstance(value, tuple):
         text = "[" + ", ".join(f"{v:g}" for v in value) + "]"
     return f'`"{text}"`' if isinstance(value, str) else f"`{text}`" + (f" {unit}" if unit else "")
@@ -139,36 +137,32 @@ class Parsed(Directive):
 
 class StudyTable(Parsed):
     required_arguments = 1
-    has_content = True
-    option_spec: ClassVar[dict[str, Any]] = {"at": directives.unchanged}
+    option_spec: ClassVar[dict[str, Any]] = {"at": directives.unchanged, "shared": directives.unchanged}
 
     def run(self) -> list[nodes.Node]:
         module, _, name = self.arguments[0].rpartition(".")
         model = getattr(importlib.import_module(f"cogless.study.{module}"), name)
-        here = f"{self.state.document.settings.env.docname}: {self.arguments[0]}"
-        meanings: dict[str, str] = {}
-        key = ""
-        for line in self.content:
-            if line.startswith((" ", "\t")):
-                meanings[key] += " " + line.strip()
-            elif line.strip():
-                key, _, text = line.partition(":")
-                meanings[key] = text.strip()
-        hidden = {k for k, text in meanings.items() if text == "above"}  # in an earlier table
-        for key in meanings.keys() - model.model_fields.keys():
-            log.warning("%s: the model has no key %s", here, key)
-        for key in model.model_fields.keys() - meanings.keys():
-            log.warning("%s: the key %s has no meaning here", here, key)
         env = self.state.document.settings.env
-        env.cogless_documented = getattr(env, "cogless_documented", set()) | {full_name(model)}
-        lines = [f"({anchor(model)})=", ""]
+        env.cogless_documented = env.cogless_documented | {full_name(model)}
+        shared: dict[type[Table], str] = env.cogless_shared
+        texts = meanings(model)
+        for key in (key for key, text in texts.items() if not text):
+            log.warning("%s: the key %s has no meaning", self.arguments[0], key)
+        own = {k: f for k, f in model.model_fields.items() if owner(model, k) not in shared}
+        place = f"Keys of {self.options['shared']}:" if "shared" in self.options else ""
         if "at" in self.options:
-            lines += [f"In `{self.options['at']}`:", ""]
+            place = f"In `{self.options['at']}`:"
+        lines = [f"({anchor(model)})=", "", place, ""]
         lines += ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
-        for key, field in model.model_fields.items():
-            if key not in hidden:
-                value = kind(field.annotation, field.metadata)
-                lines.append(f"| `{key}` | {value} | {default(field)} | {meanings.get(key, '')} |")
+        for key, field in sorted(own.items(), key=lambda item: not item[1].is_required()):
+            value = kind(field.annotation, field.metadata)
+            lines.append(f"| `{key}` | {value} | {default(field)} | {texts[key]} |")
+        bases = dict.fromkeys(owner(model, key) for key in model.model_fields if key not in own)
+        if bases:
+            links = ", ".join(f"[{shared[base]}](#{anchor(base)})" for base in bases)
+            lines += ["", f"It also has the keys of {links}."]
+        if "shared" in self.options:
+            shared[model] = self.options["shared"]
         return self.parse(lines)
 
 
@@ -272,15 +266,9 @@ def check(app: Any, env: Any) -> None:
 
 def forget(app: Any, env: Any, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
     """Pages that Sphinx has to build again each time: they depend on code, which Sphinx does not watch."""
-    env.cogless_documented = set()
-    pages = (
-        "guide/study-file",
-        "guide/trial-studies",
-        "guide/command-line",
-        "guide/metrics",
-        "theory/learning",
-    )
-    return [page for page in pages if page in env.found_docs]
+    env.cogless_documented, env.cogless_shared = set(), {}
+    pages = ("guide/trial-studies", "guide/command-line", "guide/metrics", "theory/learning")
+    return [page for page in sorted(env.found_docs) if page in pages or page.startswith("reference/")]
 
 
 def setup(app: Any) -> dict[str, Any]:

@@ -28,7 +28,6 @@ class Playground(Parsed):
     def run(self) -> list[nodes.Node]:
         from cogless import load
         from cogless.live import engine, write
-        from cogless.live.description import precision
         from cogless.study.reading import changed, parse_change
 
         studies = [load(name) for name in self.arguments[0].split()]
@@ -38,7 +37,7 @@ class Playground(Parsed):
             file, change = Path(self.env_source()).parent / own, self.options["set"]
             studies.insert(0, changed(load(file), dict([parse_change(change)])))
             commands.insert(0, f"cogless run {file.name} --set {change}")
-        if not all(engine.is_there(precision(study)) for study in studies):
+        if not all(engine.is_there(study.precision) for study in studies):
             return self.parse(
                 ["*These docs were made without the engine for live pages: `make web docs` adds them.*"]
             )

@@ -114,6 +114,8 @@ STRUCT = re.compile(r"typedef struct \{(.*?)\n\} (\w+);", re.DOTALL)
 SAME = re.compile(r"^typedef (cgl_\w+) (cgl_\w+);", re.MULTILINE)
 ENUM = re.compile(r"typedef enum \{(.*?)\} (\w+);", re.DOTALL)
 NUMBER = re.compile(r"^#define (\w+) +(\d+)U?(?: */\*.*)?$", re.MULTILINE)
+REAL_NUMBER = re.compile(r"^#define (\w+) +\w+\(([\d.e+-]+)\)", re.MULTILINE)
+BIT = re.compile(r"\b(CGL_STATUS_\w+) = (\d+)")
 # a comment on its own, or a declaration and the comment that follows it
 STRUCT_MEMBER = re.compile(r"\s*(?:/\*.*?\*/|([^;{}/]+);(?:[ \t]*/\*(.*?)\*/)?)", re.DOTALL)
 FUNCTION = re.compile(r"\w+ \(\*(\w+)\)\(.*\)", re.DOTALL)
@@ -152,6 +154,38 @@ class Headers:
 def control_headers() -> Headers:
     """Definitions in the headers of the control library that is installed with cogless."""
     return parse(sorted((control_sources() / "cogless").glob("*.h")))
+
+
+@cache
+def _texts() -> tuple[str, ...]:
+    headers = sorted((control_sources() / "cogless").glob("*.h"))
+    return tuple(path.read_text(encoding="utf-8") for path in headers)
+
+
+@cache
+def _numbers() -> dict[str, str]:
+    return {
+        name: value
+        for text in _texts()
+        for form in (NUMBER, REAL_NUMBER)
+        for name, value in form.findall(text)
+    }
+
+
+def whole_number(macro: str) -> int:
+    """The whole number that a header defines as a macro."""
+    return int(_numbers()[macro])
+
+
+def real_number(macro: str) -> float:
+    """The real number that a header defines as a macro."""
+    return float(_numbers()[macro])
+
+
+@cache
+def status_bits() -> dict[str, int]:
+    """The bits of a step's status by their names in C."""
+    return {name: int(value) for text in _texts() for name, value in BIT.findall(text)}
 
 
 def parse(headers: Iterable[Path]) -> Headers:

@@ -109,6 +109,9 @@ class Dimension:
         return f'"{number} {self.example or self.unit}"'
 
 
+TURN = math.tau  # rad
+RPM = TURN / 60  # rad/s
+
 ANGLE = Dimension("an angle", "rad", "deg")
 ANGULAR_SPEED = Dimension("an angular speed", "rad/s", "rpm")
 ANGULAR_ACCELERATION = Dimension("an angular acceleration", "rad/s^2", "rpm/s")

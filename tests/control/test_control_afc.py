@@ -9,7 +9,7 @@ from reference.motion import motion, rounded
 from reference.pi import Pi
 from reference.pi_afc import PiAfc
 
-from cogless.study.laws.pi_afc import HIGHEST, ORDERS
+from cogless.study.laws.pi_afc import PI_AFC_ORDER_MAX, PI_AFC_ORDERS
 
 TS, STEPS = 1e-3, 1500
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered")
@@ -244,7 +244,10 @@ def test_a_reset_forgets_all_but_the_orders():
 
 def test_a_study_takes_as_many_orders_as_the_law() -> None:
     header = (SOURCE / "cogless" / "pi_afc.h").read_text(encoding="utf-8")
-    assert f"CGL_PI_AFC_ORDERS {ORDERS}U\n" in header and f"CGL_PI_AFC_ORDER_MAX {HIGHEST}U\n" in header
+    assert (
+        f"CGL_PI_AFC_ORDERS {PI_AFC_ORDERS}U\n" in header
+        and f"CGL_PI_AFC_ORDER_MAX {PI_AFC_ORDER_MAX}U\n" in header
+    )
 
 
 def test_coefficients_stay_within_their_limit_for_any_error():

@@ -11,7 +11,7 @@ from reference.motion import motion, rounded
 from reference.pi import Pi
 
 from cogless.design.laws.harmonic_transfer import rate_bound
-from cogless.study.laws.harmonic import FASTEST, HIGHEST, ORDERS, Learner
+from cogless.study.laws.harmonic import HARMONIC_ORDER_MAX, HARMONIC_ORDERS, ORDER_ANGLE_MOST, Learner
 
 TS, STEPS = 1e-3, 1500
 B = 800.0  # rad/s^2/A
@@ -446,9 +446,12 @@ def test_the_guard_clears_every_order():
 
 def test_a_study_takes_as_many_orders_as_the_law() -> None:
     header = (SOURCE / "cogless" / "harmonic.h").read_text(encoding="utf-8")
-    assert f"CGL_HARMONIC_ORDERS {ORDERS}U\n" in header
-    assert f"CGL_HARMONIC_ORDER_MAX {HIGHEST}U\n" in header
-    assert f"CGL_HARMONIC_FASTEST CGL_R({FASTEST})" in header and f"CGL_HARMONIC_SETTLE {SETTLE}U" in header
+    assert f"CGL_HARMONIC_ORDERS {HARMONIC_ORDERS}U\n" in header
+    assert f"CGL_HARMONIC_ORDER_MAX {HARMONIC_ORDER_MAX}U\n" in header
+    assert (
+        f"CGL_HARMONIC_FASTEST CGL_R({ORDER_ANGLE_MOST})" in header
+        and f"CGL_HARMONIC_SETTLE {SETTLE}U" in header
+    )
 
 
 def test_amplitudes_stay_within_their_limit_for_any_angle():

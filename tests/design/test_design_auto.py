@@ -14,7 +14,7 @@ from cogless.design import auto
 from cogless.design.auto import CORNERS, filled, known_orders, missing
 from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.laws.space import SpaceLoop
-from cogless.design.learning_loop import SETTLED, LearningLoop
+from cogless.design.learning_loop import FACTOR_MOST, LearningLoop
 from cogless.design.speed_loop import speed_loop
 from cogless.design.summary import design
 from cogless.design.verdict import verdict
@@ -56,14 +56,14 @@ def test_no_frequency_grows_in_any_corner(law: str, corner: tuple[float, int]) -
     late = corner[1] * speed_loop(study).period
     for speed in (1.571, 25.13):
         loop = PeriodicLoop(study, "mine", speed, torque=corner[0], late=late)
-        assert np.max(loop.factor(loop.frequencies)) <= SETTLED
+        assert np.max(loop.factor(loop.frequencies)) <= FACTOR_MOST
 
 
 def test_a_delay_beyond_what_the_rule_allows_for_grows() -> None:
     """The corners are no idle claim: far outside them learning doesn't settle."""
     study = by_rule("pi-ilc")
     loop = PeriodicLoop(study, "mine", 25.13, late=6 * speed_loop(study).period)
-    assert np.max(loop.factor(loop.frequencies)) > SETTLED
+    assert np.max(loop.factor(loop.frequencies)) > FACTOR_MOST
 
 
 def test_a_number_by_hand_stays() -> None:
@@ -404,7 +404,7 @@ def test_a_gain_is_halved_nine_times_with_what_is_set_by_hand_and_without(
 
 def test_the_widest_filter_that_is_tried_has_400_neighbours_on_a_side() -> None:
     assert list(auto._widths([narrow(401.0, widest=1000)], {})) == [400]
-    assert list(auto._widths([narrow(401.0 * SETTLED * 1.001, widest=1000)], {})) == []
+    assert list(auto._widths([narrow(401.0 * FACTOR_MOST * 1.001, widest=1000)], {})) == []
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from cogless.design.summary import design, design_dict, summary
 from cogless.errors import StudyError
 from cogless.run.simulate import simulate
 from cogless.study import Study, changed
-from cogless.study.laws.harmonic import FASTEST
+from cogless.study.laws.harmonic import ORDER_ANGLE_MOST
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "my_motor.toml"
 RPM = math.pi / 30
@@ -167,7 +167,7 @@ def test_the_rate_is_below_where_all_orders_together_oscillate_at_any_speed(name
     """A firmware turns at speeds that no scenario has."""
     here = load(EXAMPLE) if name == "my_motor" else study(name)
     told, loop = learner(here, "harmonic"), speed_loop(here)
-    for omega in np.geomspace(0.1, FASTEST / (told.base * loop.period), 25):
+    for omega in np.geomspace(0.1, ORDER_ANGLE_MOST / (told.base * loop.period), 25):
         bound = rate_bound(loop.period, told, _acting(told, omega, loop.period) * omega)
         assert rate_at(told, omega, loop.period) < 0.6 * bound, omega
 

@@ -17,7 +17,7 @@ from cogless.design.design_table import design_table
 from cogless.design.law_rules import unstable_feedback
 from cogless.design.laws import periodic
 from cogless.design.laws.periodic import PeriodicLoop
-from cogless.design.learning_loop import SETTLED, Worst
+from cogless.design.learning_loop import FACTOR_MOST, Worst
 from cogless.design.ripple import Ripple
 from cogless.design.summary import to_dict, weakest_margins
 from cogless.design.verdict import Verdict, verdict
@@ -82,7 +82,7 @@ def test_the_lead_that_is_advised_settles_and_a_shorter_one_does_not() -> None:
     for name, controller in (("liu2018", "pi-ilc-printed"), ("uomodri", "pi-ilc")):
         changes = {f"controller.{controller}.lead": "0 s", f"controller.{controller}.q_half_width": 0}
         without = load(name, changes)
-        assert worst(without, controller).factor > SETTLED
+        assert worst(without, controller).factor > FACTOR_MOST
         repair = known(without, controller).repair
         assert repair is not None and repair.lead is not None
         lead = repair.lead
@@ -91,7 +91,7 @@ def test_the_lead_that_is_advised_settles_and_a_shorter_one_does_not() -> None:
             worst(load(name, {**changes, f"controller.{controller}.lead": f"{s} s"}), controller).factor
             for s in (lead, lead - period)
         ]
-        assert factors[0] <= SETTLED < factors[1]
+        assert factors[0] <= FACTOR_MOST < factors[1]
 
 
 def test_only_learning_laws_have_a_factor() -> None:

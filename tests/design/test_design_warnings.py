@@ -134,8 +134,8 @@ def test_a_base_without_room_for_a_sensor_s_error_is_said_with_one_that_has_it()
     off = {"drive.position_sensor.eccentricity": "0.3 deg"}
     assert notes(my_motor(**off), "harmonic") == []  # 6, of itself
     told = (
-        "controller.harmonic: base 2 leaves no room to learn what the sensor's angle is off once a turn; "
-        "controller.harmonic.base = 6 does"
+        "controller.harmonic: base 2 is too low to learn the sensor's error that comes once a turn; "
+        "controller.harmonic.base = 6 learns it"
     )
     small = my_motor(**off, **{"controller.harmonic.base": 2})
     assert notes(small, "harmonic") == [told] and notes(small, "pi") == []
@@ -144,7 +144,7 @@ def test_a_base_without_room_for_a_sensor_s_error_is_said_with_one_that_has_it()
     assert notes(my_motor(**both), "harmonic") == [f"{told}, but not order 14 of the cogging"]
     there = {"scenario.slow.override": {"drive.position_sensor.error": [{"order": 2, "amplitude": "1 deg"}]}}
     (of_a_scenario,) = notes(my_motor(**there), "harmonic")
-    assert "off twice a turn; controller.harmonic.base = 6 does" in of_a_scenario
+    assert "comes twice a turn; controller.harmonic.base = 6 learns it" in of_a_scenario
 
 
 def test_a_table_too_coarse_for_the_main_order_is_said(tmp_path):

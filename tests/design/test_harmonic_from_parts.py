@@ -41,7 +41,7 @@ from cogless.design.laws.harmonic_transfer import (
 )
 from cogless.design.speed_loop import CurrentLoop, IdealLoop, SoftShaft, SpeedLoop
 from cogless.study.csv_table import OverAngle
-from cogless.study.laws.harmonic import FASTEST, Harmonic, Learner
+from cogless.study.laws.harmonic import ORDER_ANGLE_MOST, Harmonic, Learner
 from cogless.study.motor import StepMotor
 from cogless.study.position_sensor import Encoder, Hall, IdealSensor
 
@@ -164,7 +164,7 @@ def test_bands_are_where_any_plant_turns_an_order(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(harmonic_transfer, "gamma", gamma)
     pi: Any = None
-    step = (FASTEST / 1e-3) ** (1 / 1999)
+    step = (ORDER_ANGLE_MOST / 1e-3) ** (1 / 1999)
     low, high = held_bands(loop, TOLD, pi, 0.0, 0, (1.0, 2.0))
     assert 0.1 / step < low < 0.1 and 0.3 < high < 0.3 * step
     loop.near = np.array([9.9999, 30.0001, 1e-3, 400.0])
@@ -208,7 +208,9 @@ def test_speeds_that_show_the_lowest_order_are_judged() -> None:
 
 def test_orders_that_are_sure_act_up_to_the_fastest_and_the_others_while_they_are_slow() -> None:
     assert _acting(TOLD, 1.0, 0.3).tolist() == [2.0, 4.0, 6.0]
-    assert _acting(TOLD, 1.0, FASTEST / 4).tolist() == [2.0, 4.0] and not len(_acting(TOLD, 1.0, 1.4))
+    assert _acting(TOLD, 1.0, ORDER_ANGLE_MOST / 4).tolist() == [2.0, 4.0] and not len(
+        _acting(TOLD, 1.0, 1.4)
+    )
     some = replace(TOLD, fast=1)
     assert _acting(some, -1.0, 0.3).tolist() == [2.0] and not len(_acting(some, 1.0, 1.4))
     assert _acting(some, 1.0, 0.51 / 4).tolist() == [2.0, 4.0]

@@ -15,7 +15,7 @@ from cogless.design.closed_loop import Oscillation
 from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.laws.pi_afc import OrderLoop
 from cogless.design.laws.space import SpaceLoop
-from cogless.design.learning_loop import SETTLED, Worst
+from cogless.design.learning_loop import FACTOR_MOST, Worst
 from cogless.design.ripple import WORSE, Ripple
 from cogless.design.verdict import (
     WIDEST,
@@ -59,7 +59,12 @@ def test_a_point_is_as_bad_as_its_worst_torque_constant() -> None:
     both = at(loop(1.2, SLOW), loop(0.9, FAST), loop(1.1))
     assert both.worst.factor == 1.2 and both.oscillation is FAST and both.loop is both.loops[2]
     assert at(loop(1.0), loop(0.9)).oscillation is None
-    fine = [at(loop(SETTLED)), at(loop(SETTLED + 1e-9)), at(loop(1.0, SLOW)), at(loop(SETTLED), loop(1.2))]
+    fine = [
+        at(loop(FACTOR_MOST)),
+        at(loop(FACTOR_MOST + 1e-9)),
+        at(loop(1.0, SLOW)),
+        at(loop(FACTOR_MOST), loop(1.2)),
+    ]
     assert [each.fine for each in fine] == [True, False, False, False]
 
 
@@ -158,11 +163,11 @@ def test_an_unstable_loop_is_told_first_by_its_fastest_growth(monkeypatch: pytes
 
 
 def test_what_settles_names_its_worst_or_its_loudest_speed(monkeypatch: pytest.MonkeyPatch) -> None:
-    low, high = at(quiet(0.9, omega_m=1.0, ratio=0.1)), at(quiet(SETTLED, omega_m=2.0, ratio=0.2))
+    low, high = at(quiet(0.9, omega_m=1.0, ratio=0.1)), at(quiet(FACTOR_MOST, omega_m=2.0, ratio=0.2))
     found = told(monkeypatch, motion(low, high), law=SpaceSpeed.model_construct())
     assert (found.kind, found.omega_m, found.varies) == ("settles", 2.0, True)
     assert found.ratio == pytest.approx(math.sqrt((0.01 + 0.04) / 2)) and found.unit == "rpm"
-    assert found.scenario is None and found.worst.factor == SETTLED
+    assert found.scenario is None and found.worst.factor == FACTOR_MOST
     loud = at(quiet(0.5, omega_m=3.0, ratio=3.0))
     found = told(monkeypatch, motion(high), motion(low, loud), motion())
     assert found.omega_m == 3.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -12,6 +12,7 @@ import pytest
 
 from cogless.study import Study, TrialStudy
 from cogless.study.base import Base
+from cogless.study.position_sensor import Absolute, Encoder
 from cogless.study.table import Quantity, Table
 from cogless.study.trial_study import EitherWay
 
@@ -85,27 +86,64 @@ def test_one_rule_for_plain_numbers(model: type[Table]) -> None:
                 assert quantity.bare == (model in OF_CONTROLLERS), key
 
 
-def test_every_table_is_on_the_page() -> None:
-    text = (GUIDE / "study-file.md").read_text(encoding="utf-8")
-    told = set(re.findall(r"^```\{study-table\} [\w.]+\.(\w+)$", text, re.MULTILINE))
-    assert {model.__name__ for model in models_within(Study, set())} - told == set()
+REFERENCE = GUIDE.parent / "reference"
 
 
-@pytest.mark.parametrize("page", ["study-file", "trial-studies"])
-def test_the_words_that_a_key_takes_are_those_that_are_told(page: str) -> None:
-    """What stands in quotes, or as code, where a meaning is told is a word that the key takes, or a key."""
-    text = (GUIDE / f"{page}.md").read_text(encoding="utf-8")
-    keys = {key for model in MODELS for key in model.model_fields}
-    for module, name, rows in re.findall(r"```\{study-table\} ([\w.]+)\.(\w+)\n(.*?)```", text, re.DOTALL):
-        model = getattr(import_module(f"cogless.study.{module}"), name)
-        for key, meaning in re.findall(r"^(\w+): (.*(?:\n  .*)*)", rows, re.MULTILINE):
-            annotation = model.model_fields[key].annotation
-            if get_origin(annotation) is Literal:
-                choices = set(map(str, get_args(annotation)))
-                told = {word.strip('"').rpartition(".")[2] for word in re.findall(r"`([^`=]+)`", meaning)}
-                assert told <= choices | keys, f"{name}.{key}"
+def test_every_table_is_in_the_reference_once() -> None:
+    pages = "\n".join(path.read_text(encoding="utf-8") for path in sorted(REFERENCE.glob("*.md")))
+    shown = re.findall(r"^```\{study-table\} [\w.]+\.(\w+)$", pages, re.MULTILINE)
+    assert len(shown) == len(set(shown))
+    assert {model.__name__ for model in MODELS} - set(shown) == set()
+
+
+@pytest.fixture
+def texts(monkeypatch: pytest.MonkeyPatch) -> Callable[[type[Table]], dict[str, str]]:
+    """The meanings of a model's keys, as the docs have them."""
+    monkeypatch.syspath_prepend(str(GUIDE.parent / "_ext"))
+    return import_module("meanings").meanings  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize("model", sorted(MODELS, key=lambda m: f"{m.__module__}.{m.__name__}"))
+def test_every_key_has_a_meaning_of_whole_sentences(
+    model: type[Table], texts: Callable[[type[Table]], dict[str, str]]
+) -> None:
+    for key, text in texts(model).items():
+        assert text.endswith("."), key
+        assert not re.search(r"\b(likewise|as above|see below)\b", text, re.IGNORECASE), key
+
+
+def test_a_key_declared_anew_has_its_own_meaning(texts: Callable[[type[Table]], dict[str, str]]) -> None:
+    assert texts(Absolute)["latency"] == texts(Encoder)["latency"]
+    assert texts(Absolute)["speed_method"] != texts(Encoder)["speed_method"]
+
+
+def test_the_words_that_a_key_takes_are_those_of_its_meaning(
+    texts: Callable[[type[Table]], dict[str, str]],
+) -> None:
+    """What stands as code where a meaning is told is a word that the key takes, or a key, law or metric."""
+    words = {key for model in MODELS for key in model.model_fields}
+    words |= {str(word) for model in MODELS for key in ("law", "kind") for word in choices(model, key)}
+    for model in MODELS:
+        for key, meaning in texts(model).items():
+            own = set(map(str, choices(model, key)))
+            if own:
+                used = {word.strip('"').rpartition(".")[2] for word in re.findall(r"`([^`=]+)`", meaning)}
+                assert used <= own | words, f"{model.__name__}.{key}"
+
+
+def choices(model: type[Table], key: str) -> tuple[Any, ...]:
+    field = model.model_fields.get(key)
+    return get_args(field.annotation) if field and get_origin(field.annotation) is Literal else ()
 
 
 def test_the_frame_of_a_metric_is_told() -> None:
     text = (GUIDE / "metrics.md").read_text(encoding="utf-8")
     assert "\n## Frame\n" in text and "multiplied by the pole pairs" in text
+
+
+def test_no_line_of_a_page_is_taken_for_a_comment() -> None:
+    """MyST drops a line that begins with %, and the rest of its paragraph stands alone."""
+    for path in GUIDE.parent.rglob("*.md"):
+        if "_build" not in path.parts:
+            text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+            assert not re.search(r"^ *%", text, re.MULTILINE), path

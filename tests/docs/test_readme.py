@@ -39,7 +39,11 @@ def test_the_figures_under_the_picture_are_the_demos() -> None:
     figures = [float(x) for x in re.findall(r"(?:leaves|and) (\d+(?:\.\d+)?)", caption[0])]
     runs = run_study(load("uomodri"), ["1-rev-s/*"], jobs=2).runs
     ripple = {run.controller: run.metrics["speed_ripple_rad_s"] * 30.0 / np.pi for run in runs}
-    assert figures == [float(f"{ripple[name]:.2g}") for name in ("pi", "table", "pi-ilc", "robust-ilc")]
+    off = {"controller.harmonic.learning_start": "1000 s"}
+    (alone,) = run_study(load("uomodri", off), ["1-rev-s/harmonic"]).runs
+    ripple["alone"] = alone.metrics["speed_ripple_rad_s"] * 30.0 / np.pi
+    names = ("pi", "table", "pi-ilc", "robust-ilc", "harmonic", "alone")
+    assert figures == [float(f"{ripple[name]:.2g}") for name in names]
     copper = {run.controller: run.metrics["copper_loss_W"] for run in runs}
     saved = re.search(r"(\d+) % less copper loss", caption[0])
     assert saved is not None

@@ -475,8 +475,13 @@ def test_shards_of_different_sweeps_are_refused(tmp_path: Path) -> None:
     assert str(error.value) == f"{first}: study: {digests[0]}: expected the same study, or another directory"
     with pytest.raises(StudyError) as error:
         sweeping.merge(plan(tmp_path, 41), tmp_path)
-    assert str(error.value) == f"{first}: variants: 40: expected 41, as here, or another directory"
-    with pytest.raises(StudyError, match=r"version: 0\.0\.1: expected .*, as here, or another directory$"):
+    assert (
+        str(error.value)
+        == f"{first}: variants: 40: expected 41, which this command has, or another directory"
+    )
+    with pytest.raises(
+        StudyError, match=r"version: 0\.0\.1: expected .*, which this command has, or another directory$"
+    ):
         about, rest = first.read_bytes().split(b"\n", 1)
         first.write_bytes(sweeping._line({**json.loads(about[9:]), "version": "0.0.1"}) + rest)
         sweeping.merge(planned, tmp_path)
@@ -537,7 +542,7 @@ def test_a_journal_of_an_earlier_cogless_has_no_checksums(tmp_path: Path) -> Non
     path.write_text(json.dumps(planned.about) + "\n[0,[5]]\n")
     with pytest.raises(StudyError) as error:
         sweeping.run(planned, tmp_path, Here())
-    why = "not readable: has no checksums, as of an earlier cogless: expected another directory"
+    why = "not readable: was written by an earlier cogless, without checksums: expected another directory"
     assert str(error.value) == f"{path}: {why}"
     elsewhere = tmp_path / "elsewhere"  # as it advises
     elsewhere.mkdir()

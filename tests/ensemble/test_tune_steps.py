@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import studies
+from cogless.design.kinds import DESIGNS
 from cogless.ensemble import search as searching
 from cogless.ensemble import sweep_table, variants
 from cogless.ensemble import tune as tuning
@@ -109,7 +111,8 @@ def test_a_limit_is_turned_so_that_less_is_better(tmp_path: Path) -> None:
 def test_growth_is_the_largest_that_is_sure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def grows(*forecasts: Any) -> float:
         told = dict(enumerate(forecasts))
-        monkeypatch.setattr(tuning, "forecast", lambda study, name: told[name])
+        speed = replace(DESIGNS["speed"], forecast=lambda study, name: told[name])
+        monkeypatch.setattr(tuning, "DESIGNS", {**DESIGNS, "speed": speed})
         return tuning.growth(study(tmp_path), told)
 
     def said(kind: str, factor: float | None) -> Any:

@@ -19,6 +19,7 @@ from cogless.live.candidates import MOTOR, of_motor
 from cogless.live.description import held
 from cogless.live.keys import _changed, adjustable, packed
 from cogless.live.live_page import data
+from cogless.live.motor_classes import motor_classes
 from cogless.report.speed_tracking import MOMENT, missed
 from cogless.results.status import Status
 from cogless.run.simulate import simulate
@@ -343,3 +344,45 @@ def test_orders_that_slots_and_poles_tell_follow_the_pole_pairs(own):
     common = [(math.gcd(12, 2 * n), math.lcm(12, 2 * n)) for n in range(1, 41)]
     assert base.factors == tuple(6.0 if main > 128 * each else float(each) for each, main in common)
     assert [main for each, main in common if main > 128 * each] == [276, 300, 348, 372, 420, 444]
+
+
+# --- motors of the catalogue
+
+
+def test_a_class_has_its_typical_values_between_two_terminals(own):
+    _, found = own
+    classes = {one["name"]: one["values"] for one in motor_classes(found.keys)}
+    assert "nema17" not in classes and "own" not in classes and len(classes) >= 6
+    drone = classes["drone"]
+    assert (drone["motor.pole_pairs"], drone["motor.kv"]) == (7, 300)
+    assert drone["motor.resistance_line_to_line"] == pytest.approx(2 * 0.53)
+    assert drone["motor.inductance_line_to_line"] == pytest.approx(2 * 0.21)  # mH
+    assert drone["mechanics.coulomb_friction"] == pytest.approx(0.013 * 110, rel=1e-3)  # mN*m
+    assert drone["motor.cogging.0.torque"] == pytest.approx(0.015 * 110, rel=1e-3)
+    assert all(set(values) <= {key.candidate.key for key in found.keys} for values in classes.values())
+
+
+@in_browser
+@pytest.mark.parametrize("name", ["drone", "gimbal", "direct-drive", "hub", "servo", "spindle"])
+def test_a_picked_motor_gives_the_numbers_of_set(own, shown, name):
+    """All values of a class are put in together, and none is refused."""
+    study, found = own
+    values = next(one["values"] for one in motor_classes(found.keys) if one["name"] == name)
+    list_of = "const list = document.getElementById('motor-class');"
+    pick = list_of + "list.value = {!r}; list.dispatchEvent(new Event('change'))"
+    shown.run(pick.format(name))
+    settle(shown)
+    assert shown.run("return document.querySelectorAll('.slide.told').length") == 0
+    sets = sets_of(shown)
+    starts = {key.candidate.key: key.candidate.start for key in found.keys}
+    changes = {key for key, x in values.items() if x != starts[key]}
+    assert {key for key in sets if key in values} == changes
+    blob = packed(changed(study, sets), [("slow", "pi")], study)["slow", "pi", "run"]
+    mine = bytes(shown.run("return Array.from(cogless.job('pi', false).description)"))
+    for number in blob.numbers:  # a run of a small motor would amplify what rounding does
+        assert number.read(mine) == pytest.approx(number.read(blob.data), rel=REAL.get(number.format, 0)), (
+            number
+        )
+    shown.run(pick.format(""))
+    settle(shown)
+    assert not set(sets_of(shown)) & set(values)

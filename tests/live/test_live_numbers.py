@@ -11,9 +11,9 @@ from cogless import load
 from cogless.live.live_page import _metric
 from cogless.report.order_charts import order_spectrum
 from cogless.report.speed_tracking import DRIFT, FAR, LOST, ONE_WAY, missed, rows_of
-from cogless.results.metrics import KINDS, Conditions, evaluate, result_name, window_of
+from cogless.results.metrics import KINDS, evaluate, result_name, window_of
 from cogless.results.trace import Trace
-from cogless.study.metric import TURN_SHORTFALL_MOST, Metric
+from cogless.study.metric import TURN_SHORTFALL_MOST, Conditions, Metric
 
 pytestmark = pytest.mark.skipif(bool(NO_NODE), reason=NO_NODE)
 

@@ -117,8 +117,8 @@ def drag(shown, start, end):
 
 
 def type_into(shown, key, value):
+    shown.run("document.activeElement.blur()")  # the bounds below its field go, and all below moves up
     x, y, width = place(shown, key, "number")
-    shown.run("document.activeElement.blur()")
     shown.devtools(
         "Input.dispatchMouseEvent", type="mousePressed", x=x + width / 2, y=y, button="left", clickCount=3
     )
@@ -314,6 +314,8 @@ def test_the_keyboard_moves_a_slider(page):
 
 
 def test_a_plot_zooms_and_goes_back(page):
+    page.run("document.querySelector('#turn').scrollIntoView({block: 'center'})")
+    time.sleep(0.2)  # it is painted when it comes into sight
     where = "document.querySelector('#turn .u-over').getBoundingClientRect()"
     page.run("document.querySelector('#turn .u-over').scrollIntoView({block: 'center'})")
     x, y, width, height = page.run(f"const r = {where}; return [r.left, r.top, r.width, r.height]")
@@ -339,7 +341,7 @@ def test_on_a_phone_nothing_is_wider_than_the_page(page, path):
 def test_on_paper_the_numbers_are_there(page):
     assert page.pdf().startswith(b"%PDF")
     page.devtools("Emulation.setEmulatedMedia", media="print")
-    assert page.run("return getComputedStyle(document.getElementById('keys')).display") == "none"
+    assert page.run("return getComputedStyle(document.getElementById('values')).display") == "none"
     assert page.run("return document.getElementById('numbers').getBoundingClientRect().height") > 100
 
 

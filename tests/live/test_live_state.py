@@ -87,7 +87,7 @@ def untried(study):
         "controllers": [
             {"name": name, "baseline": name == study.baseline, "learns": False} for name in study.controller
         ],
-        "keys": [_key(key) for key in found.keys],
+        "keys": [_key(study, key) for key in found.keys],
     }
 
 

@@ -14,15 +14,16 @@ from test_live_page import same, sets_of, settle, show, text, type_into
 
 from cogless.design.trials.from_study import design_study, retuned
 from cogless.errors import StudyError
-from cogless.live import left_out, toml, write
+from cogless.live import left_out, write
 from cogless.live.candidates import pinned, trial_candidates
-from cogless.live.description import blobs, held, precision
+from cogless.live.description import blobs, held
 from cogless.live.keys import Found
 from cogless.live.live_page import data
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import load
 from cogless.study.reading import changed, changes_from
+from cogless.study.toml import toml
 
 NORM_OPTIMAL = '[controller.matrix]\nlaw = "norm-optimal"\n'
 LONG = 60  # s, for all trials of all controllers
@@ -63,7 +64,7 @@ def same_rows(folder, study, trials):
         }
         for p, count in zip(plans, ticks, strict=True)
     ]
-    given = {"module": module_file(folder, precision(study)), "jobs": jobs}
+    given = {"module": module_file(folder, study.precision), "jobs": jobs}
     for each, count, made in zip(plans, ticks, run_node(folder, ("engine.js",), RUN, given), strict=True):
         assert "error" not in made, made
         assert (made["hash"], made["stored"]) == native(each, count), each.names[1:]
@@ -206,7 +207,7 @@ def test_what_auto_chose_has_knobs_too(tmp_path):
     assert blobs(held_still, *run)["run"].data == blobs(study, *run)["run"].data
     keys = {one.key for one in trial_candidates(held_still) if one.controller == "ilc"}
     assert keys == {f"controller.ilc.{key}" for key in ("K_3", "shift", "q_filter.cutoff")}
-    by_command = [f"{key}={toml.text(value)}" for key, value in pins.items()]
+    by_command = [f"{key}={toml(value)}" for key, value in pins.items()]
     other = changed(study, changes_from([*by_command, 'controller.ilc.q_filter.cutoff="20 Hz"']))
     assert other.controller["ilc"].q_filter.cutoff == 20
     assert (other.controller["ilc"].K_3, other.controller["ilc"].shift) == (chosen.K_3, chosen.shift)
@@ -299,7 +300,8 @@ def test_the_page_has_the_numbers_of_set(page, study):
     assert numbers(page, "ilc") != wanted
     assert "Before the change" in text(page, "#verdicts")
     titles = page.run("return [...document.querySelectorAll('.panel strong')].map((s) => s.textContent)")
-    assert titles[0] == "RMS of the error in each trial"
+    assert titles[0].startswith("Error over one trial of ilc: 1 against ")
+    assert titles[1] == "RMS of the error in each trial"
     assert {"Learned signal", "Position error" if study.plant is None else "Error"} <= set(titles)
     assert "Orders" not in text(page, "#shown")
     assert page.run("return document.documentElement.scrollWidth") <= 1300
@@ -330,6 +332,8 @@ def test_a_trial_is_chosen_and_its_curves_shown(page, study):
     labels = page.run("return [...document.querySelectorAll('#trial button')].map((b) => b.textContent)")
     assert labels[:2] == ["1", "2"] and labels[-1] == str(scenario.trials)
     drawing = "return [...document.querySelectorAll('#within canvas')].map((c) => c.toDataURL()).join()"
+    page.run("document.querySelector('#within').scrollIntoView()")
+    time.sleep(0.2)  # a plot is painted when it comes into sight
     before = page.run(drawing)
     page.run("document.querySelector('#trial button').click()")
     time.sleep(0.2)

@@ -205,17 +205,16 @@ def test_a_run_s_map_is_cut_to_its_limits_and_its_period_to_lowest_terms(
     ],
 )
 def test_a_memory_s_currents_are_over_the_angle_of_its_law(
-    monkeypatch: pytest.MonkeyPatch, law: Any, period: tuple[int, int], frame: str, turn: float
+    law: Any, period: tuple[int, int], frame: str, turn: float
 ) -> None:
     """With four pole pairs. A user's own law is over the electrical angle if its period is one such turn."""
-    motor = SimpleNamespace(motor=SimpleNamespace(pole_pairs=4))
-    monkeypatch.setattr(learned_map, "for_scenario", lambda *_: motor)
-    study: Any = SimpleNamespace(controller={"x": law}, drive=SimpleNamespace(precision="double"))
+    four_pairs = SimpleNamespace(pole_pairs=4)
+    study: Any = SimpleNamespace(controller={"x": law}, precision="double", conditions=lambda _: four_pairs)
     of_run = {"units": [CURRENT], "values": np.array([[2.0, 4.0]]), "turns": period[0], "parts": period[1]}
     found = learned_map.memory_of(study, "s", "x", of_run)
     assert found["frame"] == frame and found["angle"] == pytest.approx([0.0, turn * TURN / 2])
     for precision, unit in (("double", law.unit), ("single", float(np.float32(law.unit)))):
-        study.drive.precision = precision
+        study.precision = precision
         current = learned_map.memory_of(study, "s", "x", of_run)["current"]
         assert current.tolist() == [1 / unit * x for x in (2.0, 4.0)]
     assert learned_map.memory_of(study, "s", "x", None) == {}

@@ -45,7 +45,7 @@ def test_inertia_is_the_identified_one() -> None:
 @pytest.fixture(scope="module")
 def ripple() -> dict[tuple[str, str], float]:
     """Speed ripple, rad/s, of a scenario and a controller."""
-    compared = [*(f"*/{name}" for name in ("pi", "table", "robust-ilc")), "fast/pi-ilc"]
+    compared = [*(f"*/{name}" for name in ("pi", "table", "robust-ilc", "harmonic")), "fast/pi-ilc"]
     runs = run_study(load("uomodri"), compared, jobs=2).runs
     return {(run.scenario, run.controller): float(run.metrics["speed_ripple_rad_s"]) for run in runs}
 
@@ -64,6 +64,15 @@ def test_learning_leaves_less_ripple_than_the_feedback_and_the_table_at_every_sp
         assert ripple[scenario, "table"] < 0.5 * pi
         assert ripple[scenario, "robust-ilc"] < 0.1 * pi
         assert ripple[scenario, "robust-ilc"] < 0.5 * ripple[scenario, "table"]
+
+
+def test_harmonic_with_nothing_to_tune_leaves_least_where_cogging_is_strong(
+    ripple: dict[tuple[str, str], float],
+) -> None:
+    assert load("uomodri").controller["harmonic"].tuning.rule == "auto"
+    for scenario in ("1-rev-s", "fast"):
+        assert ripple[scenario, "harmonic"] < 0.7 * ripple[scenario, "robust-ilc"]
+    assert ripple["slow", "harmonic"] < 0.15 * ripple["slow", "pi"]
 
 
 def test_dead_time_compensation_leaves_a_tenth_of_a_revolution_a_minute() -> None:

@@ -926,7 +926,7 @@ def test_page_data(page):
     last = ["last two revolutions", "last revolution"]
     assert [zoom["name"] for zoom in low["zooms"]] == ["whole run", "after start-up", *last]
     assert [zoom["name"] for zoom in step["zooms"]] == ["whole run", *last, "event at 2 s"]
-    assert [zoom["name"] for zoom in low["zooms"] if "first" in zoom] == ["last two revolutions"]
+    assert [zoom["name"] for zoom in low["zooms"] if "first" in zoom] == ["last revolution"]
     assert not any("first" in zoom for zoom in step["zooms"])
     electrical, mechanical = low["spectra"]
     assert electrical["series"][0]["values"][5] == pytest.approx(4.8, rel=1e-3)
@@ -1106,10 +1106,11 @@ def test_page_of_a_diverged_run(made, tmp_path, monkeypatch, value):
     assert "PI-ILC did not hold the speed in " in page
     slow = [run for run in spoilt_results.runs if run.scenario == "low-speed"]
     if np.isnan(value):  # a plot draws what isn't finite alike
-        assert len(write_plots(Results(made.study, slow), tmp_path)) == 3
+        assert len(write_plots(Results(made.study, slow), tmp_path)) == 4
     elif value == 1e300:  # and only a map has such a number
         monkeypatch.delitem(SPEED_PICTURES, "waveforms")
         monkeypatch.delitem(SPEED_PICTURES, "spectra")
+        monkeypatch.delitem(SPEED_PICTURES, "revolution")
         assert len(write_plots(Results(made.study, slow), tmp_path)) == 1
 
 
@@ -1171,7 +1172,7 @@ def test_plots(made, tmp_path, monkeypatch):
 
     def keep(canvas, path, **options):
         drawn.append(canvas.figure)
-        if len(drawn) == 6:  # rendering takes longer than all else: the last one is enough
+        if len(drawn) == 8:  # rendering takes longer than all else: the last one is enough
             print_png(canvas, path, **options)
         path.touch()
 
@@ -1181,9 +1182,9 @@ def test_plots(made, tmp_path, monkeypatch):
     assert {path.name for path in written} == {
         f"{scenario}-{kind}.png"
         for scenario in ("low-speed", "step-on")
-        for kind in ("waveforms", "spectra", "map")
+        for kind in ("waveforms", "spectra", "map", "revolution")
     }
-    assert written[5].read_bytes().startswith(b"\x89PNG")
+    assert written[-1].read_bytes().startswith(b"\x89PNG")
     figures = {path.name: figure for path, figure in zip(written, drawn, strict=True)}
     assert sorted(tmp_path.iterdir()) == sorted(written)
     rows = {"waveforms": 4 * 1.7, "spectra": 2 * 2.6, "map": 2.6}  # in; spectra of speed and current

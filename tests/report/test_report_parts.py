@@ -47,20 +47,16 @@ def test_a_scenario_without_metrics_says_so(made):
     assert full.count("<tr>") == 2 and "speed ripple</th>" in full
 
 
-def test_verdicts_are_a_list_with_a_button_for_each_scenario(made):
+def test_the_details_have_the_faults_and_a_line_for_each_sentence(made):
     more = [Told("", [("pi", "once")]), Told("More.", [])]
     told = [Told("2 s: <a>", [("pi", "holds."), ("pi-ilc", "stops.")]), *more]
-    found = [ScenarioVerdict("low-speed", "even", "A & B.", ["One.", "Two."], told)]
-    text = page._verdict(found, made)
-    assert text.startswith(
-        '<ul class="verdicts"><li class="even">'
-        '<button type="button" class="name" data-select="0">low-speed</button>'
-        '<p class="headline">A &amp; B.</p><p class="fault">2 s: &lt;a&gt;</p><dl class="told"><dt '
-    )
+    text = page._details(ScenarioVerdict("low-speed", "even", "A & B.", ["One <b>.", "Two."], told), made)
+    assert '<p class="fault">2 s: &lt;a&gt;</p><dl class="told"><dt ' in text
     assert re.findall(r"<dd>(.*?)</dd>", text) == ["holds.", "stops.", "once"]
     assert text.count('<p class="fault">') == 2 and text.count("<dl") == 2
-    assert text.endswith('<p class="fault">More.</p><p class="details">One. Two.</p></li></ul>')
-    assert "Nothing to judge by: no run has a metric that is better when lower." in page._verdict([], made)
+    assert re.findall(r"<li>(.*?)</li>", text) == ["One &lt;b&gt;.", "Two."]
+    assert page._details(None, made) == ""
+    assert page._details(ScenarioVerdict("low-speed", "even", "A.", []), made) == ""
 
 
 def design(**more):

@@ -8,6 +8,7 @@ import pytest
 import synthetic
 from test_report_orders import RATE, with_signals
 
+from cogless.design.kinds import DESIGNS
 from cogless.report import comparison
 from cogless.report.comparison import compare, held_back, remarks, runs_in
 from cogless.report.speed_tracking import active, spans, strip
@@ -87,7 +88,8 @@ def test_learning_that_the_guard_held_back_and_that_did_harm_is_told_with_its_re
     name = next(c for c in held.study.controller if held.study.controller[c].learns)
     base = held.study.label(held.study.baseline)
     (plain,) = (line for line in compare(held, WHERE) if line.name == "speed_ripple")
-    monkeypatch.setattr(comparison, "likely_harm", lambda study, controller: "it learns orders 5 k")
+    harms = replace(DESIGNS["speed"], likely_harm=lambda study, controller: "it learns orders 5 k")
+    monkeypatch.setattr(comparison, "DESIGNS", {**DESIGNS, "speed": harms})
     for times, said in (
         (1.24, "what is left there is more than it settles at"),
         (

@@ -18,9 +18,10 @@ import studies
 from cogless.ensemble import judge
 from cogless.ensemble import sweep as sweeping
 from cogless.ensemble.judge import influences, positions
-from cogless.ensemble.sweep_table import LAST, Column, Sweep, columns
+from cogless.ensemble.sweep_table import Column, Sweep, columns
 from cogless.ensemble.variants import draw
 from cogless.report import sweep_report as report
+from cogless.study.metric import LAST_TRIAL
 
 pytest.importorskip("SALib", reason="needs the extra cogless[sweep]")
 
@@ -173,7 +174,7 @@ controller.pi-ilc.gain = { uniform = "20 %" }"""
 def test_one_controller_has_its_plots_too(tmp_path: Path) -> None:
     both = linear(tmp_path)
     text = page(replace(both, pairs=both.pairs[:1], values=both.values[:, :1]), tmp_path)
-    assert '<li class="even">' in text  # nothing is beaten
+    assert '<section class="answer even"' in text  # nothing is beaten
     found = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
     assert found is not None
     (shown,) = json.loads(found[1])["scenarios"]
@@ -258,7 +259,7 @@ def test_the_verdict_is_no_praise_where_the_limit_is_broken(
     sweep = made(tmp_path, 100, lambda x, y: alone * limit * x)
     sweep.values[:, 1, 0] = sweep.values[:, 0, 0] * learned / alone
     report.write(sweep, tmp_path / "report.html", lambda settings, pair: "")
-    assert f'<li class="{tone}">' in (tmp_path / "report.html").read_text()
+    assert f'<section class="answer {tone}"' in (tmp_path / "report.html").read_text()
 
 
 def linear(folder: Path, **metric: Any) -> Sweep:
@@ -324,12 +325,17 @@ def test_no_controller_is_praised_where_most_variants_break_the_limit(
     """Of 0.04, 0.08, ... 4 rpm half are below 2.02, and 49 of 100 below 1.98."""
     sweep = linear(tmp_path, limit=limit * np.pi / 30)
     sweep.values[:, 1, 0] = sweep.values[:, 0, 0]
-    assert f'<li class="{tone}">' in page(sweep, tmp_path)
+    assert f'<section class="answer {tone}"' in page(sweep, tmp_path)
 
 
 def test_parts_of_a_metric_are_named(tmp_path: Path) -> None:
     ripple, orders = ensembles.study(tmp_path).metric
-    parts = [Column(ripple), Column(orders, 1, "48"), Column(ripple, 1, "2"), Column(ripple, None, LAST)]
+    parts = [
+        Column(ripple),
+        Column(orders, 1, "48"),
+        Column(ripple, 1, "2"),
+        Column(ripple, None, LAST_TRIAL),
+    ]
     names = ["ripple", "speed: order 48", "ripple: phase 2", "ripple: last trial"]
     assert [report._name(column) for column in parts] == names
 
@@ -341,7 +347,7 @@ def test_without_a_limit_the_spread_is_told_and_what_a_limit_would_tell(tmp_path
     assert last == (
         "  No metric has a limit; with one (limit = ... in its table) the share that keeps it is told."
     )
-    assert '<li class="even">' in (tmp_path / "r.html").read_text()
+    assert '<section class="answer even"' in (tmp_path / "r.html").read_text()
 
 
 def test_where_more_is_better_the_low_end_is_the_worst(tmp_path: Path) -> None:

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from cogless import units
 from cogless.errors import StudyError
-from cogless.results.metrics import KINDS, Conditions, _last_part, evaluate, order_amplitudes, result_name
+from cogless.results.metrics import KINDS, _last_part, evaluate, order_amplitudes, result_name
 from cogless.results.trace import Trace
 from cogless.study import metric as declared
+from cogless.study.metric import Conditions
 
 RATE = 15_000
 
@@ -37,6 +38,7 @@ class Metric:
         return self.window if self.last is None else (end - self.last, end)
 
     next_event = declared.Metric.next_event
+    window_within = declared.Metric.window_within
 
 
 CONDITIONS = Conditions(pole_pairs=4, R_s=2.0, power_factor=1.5, speed_period=1e-3, events=(1.0, 3.0))

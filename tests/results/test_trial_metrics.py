@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from cogless.results.metrics import Conditions, Value, evaluate
+from cogless.results.metrics import Value, evaluate
 from cogless.results.trace import Trace
-from cogless.study.metric import Metric
+from cogless.study.metric import Conditions, Metric
 
 ROWS = np.array([[3.0, -3, 3, -3], [1, 1, -1, -1], [0, 0, 0, 0.5], [8, 0, 0, 0], [2, 2, 2, 2], [0.1] * 4])
 

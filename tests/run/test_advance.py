@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import pytest
 
+from cogless.design.trials.from_study import Designs
 from cogless.run import plan as room
 from cogless.run import simulate
 from cogless.run.plan import Stopped, advance
@@ -91,7 +92,7 @@ def test_the_longest_runs_are_first_and_those_of_one_scenario_together(
 
 
 def test_failures_are_counted_and_the_first_is_told() -> None:
-    study = cast(Any, (SimpleNamespace(), None))
+    study = cast(Any, (SimpleNamespace(kind="speed"), Designs()))
     ends = (simulate.StudyError("one"), None, simulate.StudyError("two"), Stopped())
     failed: list[Any] = [
         SimpleNamespace(scenario="low", controller=str(number), outcome=end)

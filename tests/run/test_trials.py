@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from cogless import run_study
 from cogless.cli import app
+from cogless.design.kinds import DESIGNS
 from cogless.design.trials.from_study import design_study
-from cogless.design.warnings import warnings
 from cogless.errors import StudyError
 from cogless.export.prepared import prepare
 from cogless.live.description import held, left_out
@@ -282,6 +282,7 @@ def test_nothing_else_takes_a_controller_without_its_learning_gain(tmp_path: Pat
     with pytest.raises(StudyError) as error:
         prepare(study, "move", "ilc")
     assert str(error.value).startswith(f"{tmp_path}/study.toml: {NO_K_3}")
+    warnings = DESIGNS[study.kind].warnings
     (line,) = warnings(study, "move", "ilc")
     assert str(line) == "controller.ilc: from trial to trial, exact model: no K_3"
     assert warnings(study, "move", "feedback") == []

@@ -51,7 +51,8 @@ cgl_error cgl_offsets_init(cgl_offsets *offsets, const cgl_offsets_config *confi
 /* Begins anew. */
 void cgl_offsets_reset(cgl_offsets *offsets);
 
-/* Takes one sample. It fails, until the next reset, at a current that is not finite, or at a spread or an offset beyond its bound. */
+/* Takes one sample. Returns CGL_CALIBRATION_FAILED, and does so until reset, if a current is not finite, if samples of a phase differ by
+ * more than `spread`, or if a mean is above `largest`. */
 cgl_calibration cgl_offsets_step(cgl_offsets *offsets, const cgl_real i_abc[3]);
 
 typedef struct {

@@ -57,7 +57,7 @@ typedef struct {
     cgl_real a[CGL_ENCODER_TABLE_ORDERS], c[CGL_ENCODER_TABLE_ORDERS]; /* learned coefficients of cosine and sine [rad]; they may be saved and restored */
     cgl_real theta;  /* uncorrected angle of the last step [rad] */
     cgl_real error;  /* error that the last step took out of that angle [rad] */
-    uint32_t settle; /* number of steps after which the start of the observer has no effect */
+    uint32_t settle; /* number of steps until the observer has settled, 10 of its time constants */
     uint32_t wait;   /* number of those steps still to come */
     bool learning;   /* the last step has learned */
 } cgl_encoder_table;

@@ -38,9 +38,6 @@ static void put(cgl_hall *hall, cgl_real share)
 CGL_SELDOM void cgl_hall_reset(cgl_hall *hall, uint32_t position)
 {
     hall->position = position % hall->sectors;
-    for (uint32_t n = 0; n < CGL_HALL_EDGES; ++n) {
-        hall->interval[n] = 0U;
-    }
     hall->last = hall->known = hall->now = hall->since = 0U;
     hall->timed = hall->backward = false;
     hall->omega_m = CGL_R(0.0);

@@ -12,22 +12,22 @@
 
 #define SPLIT CGL_R(0.5105) /* rad in a step of an order: up to here z tells more of it than e, |Z - p|^2 = 2 (1 - p)^2 */
 #define LAG CGL_R(1.5)      /* steps: a longer delay counts as a lag */
-#define LONGEST CGL_R(16.0)
-#define MEAN CGL_R(0.25)    /* of z, in rad of the base order */
-#define QUICK CGL_R(0.0625) /* and a step, while it settles */
+#define LONGEST CGL_R(16.0)  /* steps: the longest delay that init takes */
+#define MEAN CGL_R(0.25)    /* share of z that its mean takes per rad of the base order */
+#define QUICK CGL_R(0.0625) /* share of z that its mean takes per step while nothing is learned, and the most otherwise */
 #define TOGETHER CGL_R(0.0625) /* per step: bound on the sum of all acting orders' rates; slow orders settle below 0.15 */
-#define FULL CGL_R(6.0)     /* at the full rate, in its own time: exp(-3) of the ripple is left then */
-#define HALF CGL_R(0.5)     /* of a turn */
-#define NEW CGL_R(1.25)     /* ratio of speeds */
-#define HUNTS CGL_R(2.0)    /* times its reference: a rotor that is faster swings about it, and passes no more periods than so many */
-#define BENT CGL_R(0.05)    /* rad, bound of each part of the bend */
-#define SURE CGL_R(2.5e-7)  /* rad^2: a variance of the bend beyond which it is not learned, (0.5 mrad)^2 */
-#define CALM CGL_R(0.02)    /* of the mean |c|^2: a drift of |c|/7 turns the orders by 1/7 rad */
-#define STAYS CGL_R(0.125)  /* half of the share of z's noise, between two turns of the bend, that a mean keeps */
-#define DOUBTED CGL_R(64.0) /* a bend of up to so many variances is taken for none */
-#define PARTS 2U            /* of the slow orders: a step teaches one of them */
-#define FEW 8U              /* orders: up to so many, a gain is made anew in one of four steps, else in one of two */
-#define TURN 8U             /* steps: in one the bend has its turn */
+#define FULL CGL_R(6.0)     /* learning time, times the full rate, after which the rate begins to fall; exp(-3) of the ripple is left by then */
+#define HALF CGL_R(0.5)     /* turns: bound of the speed in a step, and of z */
+#define NEW CGL_R(1.25)     /* a speed beyond the span of earlier speeds by this factor is new */
+#define HUNTS CGL_R(2.0)    /* a rotor that is faster than this times its reference swings about it, so the rate counts no more periods than that */
+#define BENT CGL_R(0.05)    /* rad: bound of each part of the bend */
+#define SURE CGL_R(2.5e-7)  /* rad^2: with a larger variance the bend is not learned; (0.5 mrad)^2 */
+#define CALM CGL_R(0.02)    /* share of the mean |c|^2 above which the square of the drift stops learning the bend: |c|/7 turns the orders by 1/7 rad */
+#define STAYS CGL_R(0.125)  /* half of the share of z's noise that a mean over the steps between two turns of the bend keeps */
+#define DOUBTED CGL_R(64.0) /* a bend whose square is below so many variances counts as none */
+#define PARTS 2U            /* the slow orders are taught in so many parts, one a step */
+#define FEW 8U              /* up to so many acting orders a gain is made anew every fourth step, else every second */
+#define TURN 8U             /* steps from one turn of the bend to the next */
 
 CGL_SELDOM const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config, const cgl_loop *loop)
 {

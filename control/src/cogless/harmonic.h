@@ -44,36 +44,37 @@ extern "C" {
 
 typedef struct {
     cgl_pi_config pi;   /* kp [A s/rad], ki [A/rad], limit of the sum [A] */
-    cgl_real k_theta;   /* of the position, of which the short way round counts; 0: speed only [1/s], >= 0 */
+    cgl_real k_theta;   /* gain of the position's error, taken the short way round; 0: only the speed is controlled [1/s], >= 0 */
     cgl_real b;         /* acceleration per current, K_t / J [rad/s^2/A], > 0; b ts^2 is a number, > 0, too */
     cgl_real delay;     /* from the reference to the current, less the half period that a held value is late [s], 0 to 16 ts */
-    cgl_real step;      /* of the angle, if the speed is timed from edge to edge: it tells where between two; 0: unknown [rad], >= 0 */
+    cgl_real step;      /* step of the measured angle, if the speed is timed from edge to edge and so tells where between two edges the
+                           rotor is; else 0 [rad], >= 0 */
     uint32_t base;      /* learned orders of a mechanical revolution are its multiples, 1 to CGL_HARMONIC_ORDER_MAX */
-    uint32_t bends;     /* 1: an error of the sensor is learned that comes once a turn, 2: that comes twice, too. A base below
-                           3 allows none, below 5 one. 0 where the sensor is true, or a load that varies as often tells the
-                           same; 0 to 2 */
-    uint32_t orders;    /* how many, 1 to CGL_HARMONIC_ORDERS; base orders is at most CGL_HARMONIC_ORDER_MAX */
+    uint32_t bends;     /* how much of the sensor's error is learned. 0: nothing; 1: the part that comes once a turn; 2: the part
+                           that comes twice as well. A base of 1 or 2 allows 0, of 3 or 4 at most 1; more is ignored. Use 0 for an
+                           accurate sensor, and if the load varies once or twice a turn, which looks the same; 0 to 2 */
+    uint32_t orders;    /* number of learned orders, 1 to CGL_HARMONIC_ORDERS; base orders is at most CGL_HARMONIC_ORDER_MAX */
     uint32_t fast;      /* the lowest `fast` orders act up to CGL_HARMONIC_FASTEST: those that the motor is known to have. The
                            others act while they are slow; 0 to `orders` */
-    cgl_real rate;      /* at which learning begins; 0: nothing is learned. The rates of all acting orders add up to 1/16 per step at most [1/s], >= 0 */
-    cgl_real rate_min;  /* to which it falls [1/s], >= 0 */
+    cgl_real rate;      /* rate at which learning begins; 0: nothing is learned. The rates of all acting orders add up to 1/16 per step at most [1/s], >= 0 */
+    cgl_real rate_min;  /* rate to which it falls [1/s], >= 0 */
     cgl_real limit;     /* each amplitude, and the sum, stay within +-limit [A], > 0, at most loop.current_limit */
     cgl_real held[CGL_HARMONIC_EDGES]; /* bands in which an order acts but is not learned, from and to, rising, none from 0
                                                to 0 [rad in a step of the order], >= 0 */
 } cgl_harmonic_config;
 
-/* The measured angle's error that repeats each turn, as an encoder off the middle has it. */
+/* The bend: the measured angle's error that repeats each turn, as of an encoder mounted off the middle. */
 typedef struct {
-    cgl_real part[4]; /* cosine and sine of it once a turn, and twice [rad] */
-    cgl_real share;   /* of it that is believed, 0 to 1 */
-    cgl_real here;    /* what is believed of it, at the present angle [turns] */
-    cgl_real slope;   /* and how fast it grows with the angle */
-    cgl_real rate;    /* of learning it [rad/A^2] */
+    cgl_real part[4]; /* coefficients of cos theta, sin theta, cos 2 theta, sin 2 theta [rad] */
+    cgl_real share;   /* share of the bend that is used, 0 to 1 */
+    cgl_real here;    /* that share of the bend at the present angle [turns] */
+    cgl_real slope;   /* derivative of `here` with respect to the angle */
+    cgl_real rate;    /* step of each part per `moved` [rad/A^2] */
     cgl_real power;   /* sum of k |c_k|^2 over this round's slow orders, from which the bend is learned [A^2] */
     cgl_real rest;    /* the same sum over the fast orders [A^2] */
     cgl_real calm;    /* square of the drift above which the bend is not learned [turns^2/ts^4] */
-    cgl_real moved;   /* how much they went on in phase, weighted with |c_k|^2, since it was learned last [A^2] */
-    cgl_real before;  /* `moved` at the last turn */
+    cgl_real moved;   /* how far the orders' phases have moved on since the last turn of the bend, weighted with |c_k|^2 [A^2] */
+    cgl_real before;  /* `moved` at the last turn of the bend [A^2] */
     cgl_real doubt;   /* variance of `moved` per step that noise makes [A^4] */
 } cgl_harmonic_bend;
 
@@ -81,35 +82,35 @@ typedef struct {
     cgl_harmonic_config config;
     cgl_pi pi;
     cgl_real *cosine;        /* caller's memory: `orders` cosines [A], sines [A], orders, and pairs of gains [A/rad] */
-    cgl_real ahead;          /* with half a period: so much later acts what is commanded now [ts] */
+    cgl_real ahead;          /* time from now until what is commanded now acts, half a period included [ts] */
     cgl_real gain;           /* b ts^2 [turns/A] */
     cgl_real weight[3];      /* shares of u in the current of the next steps: a delay between samples, or a lag */
-    cgl_real kept;           /* of the lag */
-    cgl_real later[2];       /* what past u leave for the steps after the next [A] */
+    cgl_real kept;           /* share of the current that a lag keeps in a step */
+    cgl_real later[2];       /* parts of past u that act in the steps after the next [A] */
     cgl_real current;        /* u as it acts [A] */
-    uint32_t shown;          /* by the sensor [turns of 2^32] */
-    cgl_real half_step;      /* [turns] */
-    cgl_real since_edge;     /* way from there, but for a constant: within half a step [turns] */
+    uint32_t shown;          /* the sensor's angle in the last step [turns of 2^32] */
+    cgl_real half_step;      /* half a step of the measured angle [turns] */
+    cgl_real since_edge;     /* way since the sensor's last edge, less a constant; within half a step [turns] */
     uint32_t theta;          /* the observer's angle [turns of 2^32], */
     cgl_real omega;          /* speed [turns/ts], */
     cgl_real load;           /* z [turns/ts^2], */
     cgl_real mean;           /* mean of z [turns/ts^2] */
     cgl_real drift;          /* mean of z less `mean`: the part that no multiple of the base explains [turns/ts^2] */
-    cgl_real share;          /* of z that the mean takes in a step */
+    cgl_real share;          /* share of z that the mean takes in a step */
     cgl_real last;           /* z without its mean, of the last step */
-    cgl_real time;           /* of learning since the speed was new [s] */
+    cgl_real time;           /* learning time since the speed was new [s] */
     cgl_real slowest, fastest; /* span of speeds; a speed a quarter beyond it is new [turns/ts] */
-    cgl_real rate;           /* of learning at present [1/s] */
-    cgl_real step;           /* of the base order, when the gains were begun [rad] */
+    cgl_real rate;           /* present rate of learning [1/s] */
+    cgl_real step;           /* angle by which the base order moves in a step, as of the begin of this round of gains [rad] */
     cgl_phasor base, half;   /* phasors of the base order: as far ahead as it acts, by half a period; */
     cgl_phasor delayed, turned; /* and those of the order `due`, whose gain is made anew next */
     cgl_harmonic_bend bend;
-    uint32_t bends;          /* parts of it that are learned, in pairs */
-    uint32_t since;          /* steps since its turn, even where it has none */
-    uint32_t due;
-    uint32_t band;           /* of those held, the first that ends above the order before that one */
-    uint32_t acting;         /* orders that have samples enough at this speed */
-    uint32_t low;            /* so many of them learn from z */
+    uint32_t bends;          /* pairs of parts of the bend that are learned */
+    uint32_t since;          /* steps since the last turn of the bend; it counts without a bend too */
+    uint32_t due;            /* index of the order whose gain is made anew next */
+    uint32_t band;           /* index of the first held band that ends above the order before `due` */
+    uint32_t acting;         /* number of orders that have samples enough at this speed */
+    uint32_t low;            /* number of those that learn from z: the slow orders */
     uint32_t wait;           /* steps until it may learn */
     bool seated;             /* the observer follows an angle */
     bool learning;           /* the last step learned */

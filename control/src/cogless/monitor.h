@@ -73,7 +73,7 @@ typedef struct {
     bool trusted;               /* nothing is against learning */
     bool started;               /* the sensor has shown an angle, so theta_m is valid */
     bool has_angle;             /* the last period had an angle, theta_sensor */
-    bool stuck_since_moved;     /* the rotor counted as stuck, and its angle has not moved since; it may reappear anywhere */
+    bool stuck_since_moved;     /* the rotor has counted as stuck since its angle last moved; after a gap its angle may be anywhere */
     bool position_unknown;      /* a long gap hit a sensor with an offset: only cgl_monitor_trust() tells where the rotor is */
     uint32_t missing_angles;    /* a missing angle adds 1, an angle that agrees with the one before takes 1; 0: there is no gap */
     uint32_t gap_periods;       /* periods with a missing angle in this gap */

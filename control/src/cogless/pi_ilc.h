@@ -3,7 +3,8 @@
  *   u_{k+1}(t) = Q u_k(t) + gain e_{k+1}(t),    i_q_ref = PI + u_{k+1}
  *
  * k counts the periods. In the paper Q is 1, and then u grows without bound in the long run. The forgetting or the Q filter of the
- * memory keeps it bounded. If ki > 0, the mean over a period belongs to the integral: u moves its own mean into it. */
+ * memory keeps it bounded. If ki > 0, the integral carries the mean over a period: what learning takes from the mean of u
+ * is added to the integral. */
 #ifndef COGLESS_PI_ILC_H
 #define COGLESS_PI_ILC_H
 
@@ -23,7 +24,7 @@ typedef struct {
 
 typedef struct {
     bool idle;        /* the guard leaves no gain and clears nothing, so u is frozen */
-    uint32_t gentle;  /* the present step of gentle learning, from the guard */
+    uint32_t gentle;  /* index into cgl_gentle_steps that is in effect; 0: learns as configured */
     cgl_real gain;    /* learning gain [A s/rad] */
     cgl_real acting;  /* the part of that gain that the guard leaves [A s/rad] */
     cgl_real learned; /* u in the last step [A] */

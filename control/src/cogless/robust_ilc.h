@@ -44,7 +44,7 @@ typedef struct {
     bool idle;                  /* the guard leaves no learning rate and clears nothing, so f is frozen */
     bool started;               /* last_omega_ref is valid */
     bool saturated;             /* the last output was at its limit */
-    uint32_t gentle;            /* the present step of gentle learning, from the guard */
+    uint32_t gentle;            /* index into cgl_gentle_steps that is in effect; 0: learns as configured */
     cgl_real q, beta_1;         /* q and beta_1 as that step reduces them */
     cgl_real error_integral;    /* within +-1e9 [rad] */
     cgl_real adapted;           /* r [rad/s^2] */

@@ -1,6 +1,6 @@
-/* Space-learning position control (Verrelli 2016, law (6)), and the sampled form that Section 5 runs in a drive. With
- * theta, omega and their references multiplied by `ratio` (1: mechanical, as in Section 4; teeth or pole pairs:
- * electrical, as in Section 5):
+/* Space-learning position control (Verrelli 2016, law (6)), and the sampled form that Section 5 runs in a drive. All angles
+ * and speeds below are the mechanical ones times `ratio`: 1 as in Section 4, or the rotor's teeth or pole pairs as in Section 5, which
+ * makes them electrical. T is the period of the memory in that angle, and Q its forgetting or filter.
  *
  *   theta_tg = atan2(sin, cos) of theta - theta_ref
  *   omega_t  = omega - omega_ref + k_theta theta_tg
@@ -10,7 +10,7 @@
  *   beta (theta_ref) = Q sat(beta (theta_ref - T)) - share mu_beta omega_ref / |omega_ref| omega_t
  *   h    (theta_ref) = Q sat(h    (theta_ref - T)) - share mu_h alpha_ref / |omega_ref| omega_t
  *
- * The paper has omega_ref > 0; |omega_ref| lets a map learn in both directions. The share rises from 0 to 1 while the law learns, over
+ * The paper has omega_ref > 0; |omega_ref| makes learning work in both directions. The share rises from 0 to 1 while the law learns, over
  * the time `ramp`, and pauses while learning is frozen. With hand_over, share_i is 1 - share, else it is 1. While share_i is 0, the
  * integral is 0. With k_i > 0 and without hand_over, alpha and beta move their means into the integral. */
 #ifndef COGLESS_SPACE_POSITION_H
@@ -57,7 +57,7 @@ typedef struct {
 
 typedef struct {
     bool saturated;                 /* the last output was at its limit */
-    uint32_t gentle;                /* the present step of gentle learning, from the guard */
+    uint32_t gentle;                /* index into cgl_gentle_steps that is in effect; 0: learns as configured */
     uint32_t learning_samples;      /* number of samples that learned, up to the end of the ramp */
     cgl_real integral;              /* k_i integral(omega_t), within +-limit [A] */
     cgl_real integral_lost;         /* rounding error of the integral, to be added [A] */

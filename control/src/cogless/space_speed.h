@@ -37,7 +37,7 @@ typedef struct {
 
 typedef struct {
     bool saturated;              /* the last output was at its limit */
-    uint32_t gentle;             /* the present step of gentle learning, from the guard */
+    uint32_t gentle;             /* index into cgl_gentle_steps that is in effect; 0: learns as configured */
     cgl_space_speed_terms terms; /* terms of the last output */
     cgl_loop loop;
     cgl_space_speed_config config; /* config, with defaults in place of zeros */

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from cogless.cli.drives import drives, table
 from cogless.cli.ensembles import sweep, tune
 from cogless.cli.firmware import export, map_, pil
 from cogless.cli.logs import diagnose, identify
@@ -19,7 +20,6 @@ __all__ = ["app"]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 app = typer.Typer(
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -45,5 +45,21 @@ def _options(
 
 
 # in the order of `cogless --help`
-for command in (new, run, live, sweep, tune, design, export, pil, identify, diagnose, list_, calibrate, map_):
+for command in (
+    new,
+    run,
+    live,
+    sweep,
+    tune,
+    design,
+    export,
+    pil,
+    identify,
+    diagnose,
+    table,
+    drives,
+    list_,
+    calibrate,
+    map_,
+):
     app.command(command.__name__.rstrip("_"))(command)

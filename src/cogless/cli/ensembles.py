@@ -23,9 +23,10 @@ from cogless.cli.options import (
     load,
     to_run,
 )
-from cogless.cli.printed import print_warnings
+from cogless.cli.printed import print_uncertified
 from cogless.cli.terminal import tune_progress, variant_progress
 from cogless.errors import StudyError
+from cogless.lines import print_text
 
 if TYPE_CHECKING:
     from cogless.ensemble.sweep import Shard
@@ -44,7 +45,9 @@ def sweep(
         str | None,
         typer.Option("--shard", metavar="I/N", help="Only this part, such as 3/20, of a job array."),
     ] = None,
-    merge: Annotated[bool, typer.Option("--merge", help="Put finished shards in DIR together.")] = False,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="Combine the finished shards that are in the output directory.")
+    ] = False,
     no_code: NoCodeOption = False,
 ) -> None:
     """Run a study as many variants of itself, drawn as its vary table says: what spreads, and why.
@@ -78,7 +81,7 @@ def sweep(
             sweep_table.write(found, stage / "sweep.parquet")
             told = report.write(found, stage / "report.html", partial(_repeat, study, changes))
     for line in told:
-        print(line)
+        print_text(line)
     print(f"Table: {folder / 'sweep.parquet'}")
     print(f"Report: {folder / 'report.html'}")
 
@@ -101,7 +104,6 @@ def tune(
     from cogless.files import writable
     from cogless.report import sweep_report as report
     from cogless.results.folder import check_names, held, new_set
-    from cogless.study import TrialStudy
     from cogless.study.reading import changes_from
 
     sweep_table.require("tune")
@@ -123,11 +125,11 @@ def tune(
             sweep_table.write(both, stage / "sweep.parquet")
             told = report.write(both, stage / "report.html", lambda settings, pair: "")
     for line in [line for one in tuned for line in tuning.lines(one)] + told:
-        print(line)
+        print_text(line)
     print(f"Study: {path}")
     print(f"Report: {folder / 'report.html'}")
-    if not isinstance(loaded, TrialStudy):  # short runs don't show all, such as learning that grows slowly
-        print_warnings(load(str(path), None), [pair for one in tuned for pair in one.subject.pairs])
+    # short runs don't show all, such as learning that grows slowly
+    print_uncertified(load(str(path), None), [pair for one in tuned for pair in one.subject.pairs])
 
 
 @contextmanager

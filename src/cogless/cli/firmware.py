@@ -23,6 +23,7 @@ from cogless.cli.options import (
 from cogless.cli.printed import print_warnings
 from cogless.cli.terminal import new_console, share_progress
 from cogless.errors import StudyError
+from cogless.lines import print_text
 
 DIFFERENT = 1
 
@@ -62,7 +63,6 @@ def export(
         raise StudyError(f'--to: "{to}": expected c or fmu')
     from cogless.export.c.export_c import export_c
     from cogless.export.c.linear import export_linear
-    from cogless.study import TrialStudy
 
     options = ["--controller", controller, "--to", to, *(["--scenario", scenario] if scenario else [])]
     options += ["-o", str(output)]
@@ -70,9 +70,10 @@ def export(
     loaded = load(study, changes)
 
     def announce(size: str) -> None:
-        print(f"Size: {size}.", flush=True)
+        print_text(f"Size: {size}.")
+        sys.stdout.flush()
 
-    if isinstance(loaded, TrialStudy) and loaded.plant is not None:
+    if loaded.drive is None:
         export_linear(loaded, controller, output, scenario, command, announce)
     else:
         export_c(loaded, controller, output, scenario, command, announce)
@@ -92,7 +93,9 @@ def pil(
     ] = 100_000,
     compiler: Annotated[
         str | None,
-        typer.Option("--compiler", metavar="gcc|zig", help="Which one.", show_default="gcc if it is there"),
+        typer.Option(
+            "--compiler", metavar="gcc|zig", help="Cross compiler to use.", show_default="gcc if it is there"
+        ),
     ] = None,
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -104,7 +107,7 @@ def pil(
     """
     from cogless.export.prepared import first_scenario
     from cogless.pil import toolchain
-    from cogless.pil.compare import compare, lines
+    from cogless.pil.compare import NAME_COLUMNS, compare, lines
     from cogless.pil.processor import require
 
     if compiler not in (None, "gcc", "zig"):
@@ -118,7 +121,7 @@ def pil(
         print(json.dumps(dataclasses.asdict(found), indent=2, ensure_ascii=False))
     else:
         for line in lines(found):
-            print(line)
+            print_text(line, others=" " * NAME_COLUMNS)
     print_warnings(loaded, [(where, controller)])
     if found.difference is not None:
         sys.exit(DIFFERENT)
@@ -165,4 +168,7 @@ def map_(
     if output is not None:
         wanted = stored.motor if motor is None else identity(motor)
         stored_map.write(output, bytes(dataclasses.replace(stored, motor=wanted)))
-    print(to_csv(stored) if to_screen else "\n".join(lines(found, newest)), end="" if to_screen else "\n")
+    if to_screen:
+        print(to_csv(stored), end="")
+    else:
+        print_text("\n".join(lines(found, newest)))

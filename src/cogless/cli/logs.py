@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+import shlex
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from cogless.cli.completion import complete_study
 from cogless.cli.options import load, output_option
 from cogless.cli.terminal import new_console
 from cogless.errors import StudyError
+from cogless.lines import print_text
 
 
-def told(share: float) -> str:
+def percent(share: float) -> str:
     """How far a step is, for the terminal."""
     return f", {share:.0%}" if share else ""
 
@@ -27,6 +32,18 @@ def identify(
         Path | None,
         typer.Option("--config", metavar="FILE", help="TOML: columns, what is known, kinds of logs."),
     ] = None,
+    drive: Annotated[
+        str | None,
+        typer.Option(
+            "--drive",
+            metavar="NAME",
+            help="The drive that wrote the logs, one of cogless drives; no columns needed.",
+        ),
+    ] = None,
+    drive_config: Annotated[
+        Path | None,
+        typer.Option("--drive-config", metavar="FILE", help="The drive's own dump of its configuration."),
+    ] = None,
     output: Annotated[
         Path | None,
         output_option("Where results go: results/identified, of a plan results/plan."),
@@ -36,6 +53,7 @@ def identify(
         typer.Option(
             "--plan",
             metavar="STUDY",
+            autocompletion=complete_study,
             help="Write the sequence of logs to record for the motor of a study: its name or file.",
         ),
     ] = None,
@@ -56,46 +74,68 @@ def identify(
                 "a plan says what to record; identify the logs afterwards"
             )
         output = output or Path("results/plan")
+        from cogless.drives.registry import script_files
         from cogless.identify import plan as planning
         from cogless.identify import rehearsal
 
         study = load(plan, None)
-        with held(output, ["study.toml", "id.toml"]), new_set(output) as stage:
+        scripts = script_files(study, drive, drive_config) if drive is not None else {}
+        with held(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
             planning.write(study, stage)
+            for name, text in scripts.items():
+                (stage / name).write_text(text, "utf-8")
             with new_console(stderr=True).status("Rehearsing") as status:
                 expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
         print("To be expected, from simulated logs of this motor:")
         for line in expected:
-            print(line)
+            print_text(line, others="  ")
         if lowered := planning.lowered(study):
-            print(f"! {lowered}")
+            print_text(f"! {lowered}")
         print(f"Study: {output / 'study.toml'}")
         print(f"Columns: {output / 'id.toml'}")
+        if scripts:
+            print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
+        print(f"Next: {shlex.join(['cogless', 'identify', '--config', str(output / 'id.toml')])} LOG...")
         return
-    if not logs or config is None:
-        raise StudyError("identify: expected logs and --config FILE, or --plan STUDY")
+    if not logs:
+        raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
     output = output or Path("results/identified")
+    from cogless.drives.adapter import FRAME_FILE
+    from cogless.drives.registry import prepare
     from cogless.identify import command, write
     from cogless.report import identified as report
 
     names = ["identified.json", "motor.toml", "study.toml", "cogging.csv", "cogging.bin", "report.html"]
+    if config is not None and drive is None and drive_config is None:
+        of_drive, identified = None, partial(command.identified, logs, config)
+    else:
+        of_drive = prepare(logs, drive, drive_config, config)
+        identified = partial(command.identified_logs, of_drive.identification, of_drive.logs)
+        names.append(FRAME_FILE)
+        for line in of_drive.remarks:
+            print(line)
     with held(output, [*names, *(["orders.png"] if plots else [])]):
         with new_console(stderr=True).status("Identifying") as status:
-            found = command.identified(
-                logs, config, lambda what, share: status.update(f"Identifying: {what}{told(share)}")
-            )
+            found = identified(lambda what, share: status.update(f"Identifying: {what}{percent(share)}"))
         with new_set(output) as stage:
+            if of_drive is not None:
+                (stage / FRAME_FILE).write_text(of_drive.frame.to_json(), "utf-8")
             write.write_all(found.estimate, stage)
             report.write_report(found, stage / "report.html")
             if plots:
                 report.write_plot(found.estimate, stage / "orders.png")
     for line in command.lines(found.estimate):
-        print(line)
-    for line in (*found.estimate.left_out, *found.estimate.remarks):
-        print(_marked(line))
-    if "j" in found.estimate.values:
+        print_text(line, others="  ")
+    _print_remarks(found.estimate.left_out, found.estimate.remarks)
+    print()
+    runs = "j" in found.estimate.values
+    if runs:
         print(f"Study: {output / 'study.toml'}")
     print(f"Report: {output / 'report.html'}")
+    words = ["run", str(output / "study.toml")] if runs else ["identify", "--plan", "STUDY"]
+    if of_drive is not None and of_drive.takes_table and found.estimate.cogging:
+        print(f"Table: cogless table {output} --to {of_drive.frame.drive} -o FILE")
+    print(f"Next: {shlex.join(['cogless', *words])}{'' if runs else ', for what to record'}")
 
 
 def diagnose(
@@ -120,12 +160,11 @@ def diagnose(
 
     with new_console(stderr=True).status("Diagnosing") as status:
         made = diagnosis.diagnosed(
-            logs, config, lambda what, share: status.update(f"Diagnosing: {what}{told(share)}")
+            logs, config, lambda what, share: status.update(f"Diagnosing: {what}{percent(share)}")
         )
     for line in diagnosis.lines(made):
-        print(line)
-    for line in made.said:
-        print(_marked(line))
+        print_text(line, others="  ")
+    _print_remarks((), made.said)
     if output is not None:
         from cogless.report import diagnosed as report
         from cogless.results.folder import held, new_set
@@ -138,8 +177,17 @@ def diagnose(
         print(f"Report: {output / 'report.html'}")
 
 
-def _marked(line: str) -> str:
-    """A remark with a mark, unless it finds nothing wrong."""
+def _print_remarks(left_out: Sequence[str], remarks: Sequence[str]) -> None:
+    """Print what the logs can't tell and problems, each with a mark, then notes, which find nothing wrong."""
     from cogless.identify.voltage import Agreement
 
-    return line if isinstance(line, Agreement) else f"! {line}"
+    groups: dict[str, list[str]] = {
+        "Not in these logs": [f"! {line}" for line in left_out],
+        "Problems": [f"! {line}" for line in remarks if not isinstance(line, Agreement)],
+        "Notes": [line for line in remarks if isinstance(line, Agreement)],
+    }
+    for heading, lines in groups.items():
+        if lines:
+            print(f"\n{heading}:")
+        for line in lines:
+            print_text(line, others="  ")

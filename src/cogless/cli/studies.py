@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,16 +24,17 @@ from cogless.cli.options import (
     output_option,
     to_run,
 )
-from cogless.cli.printed import print_tables, print_warnings
-from cogless.cli.terminal import new_bar, new_console, run_progress
-from cogless.errors import INTERRUPTED, StudyError, say
+from cogless.cli.printed import print_blocks, print_results, print_uncertified
+from cogless.cli.terminal import new_bar, new_console, print_fitted, run_progress
+from cogless.errors import INTERRUPTED, StudyError
 from cogless.interrupts import deferred
+from cogless.lines import print_text, say, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cogless.ensemble.arena_file import Arena
-    from cogless.results import AnyResults, Results
+    from cogless.results import AnyResults
     from cogless.study import AnyStudy
 
 MAPS = "maps"  # the folder of learned maps, within that of the results
@@ -55,15 +54,15 @@ def run(
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
+    every_metric: Annotated[bool, typer.Option("--all", help="Print every metric, too.")] = False,
 ) -> None:
     """Simulate a study: every controller in every scenario. Of an arena: every law on every plant.
 
-    Prints a table of controllers against metrics and writes results.json, traces.nc and report.html.
+    Prints the verdict on each scenario and writes results.json, traces.nc and report.html.
 
     Ctrl-C and SIGTERM keep the runs that are finished.
     """
-    from cogless.design.warnings import beyond_drive, coarse_table, too_short
-    from cogless.results import Results
+    from cogless.design.kinds import DESIGNS
     from cogless.results.folder import held
     from cogless.run.own_law import no_exit
     from cogless.run.simulate import RunDefect, RunError, run_study, runs_of
@@ -81,9 +80,8 @@ def run(
 
         check(loaded)  # before the runs
     pairs = runs_of(loaded, only)
-    far = beyond_drive(loaded, (scenario for scenario, _ in pairs))
-    for line in (*coarse_table(loaded), *far, *too_short(loaded, pairs)):
-        say(f"Warning: {line}.")
+    for line in DESIGNS[loaded.kind].before_runs(loaded, pairs):
+        warn(str(line))
     failures: list[StudyError] = []
     defect: RunDefect | None = None
     place = folder.absolute()  # a law may change the directory
@@ -95,8 +93,7 @@ def run(
                 failures, results = [error], error.results
             except RunDefect as error:  # what is finished is written before it is told
                 defect, results = error, error.results
-        if isinstance(results, Results):
-            results = with_limits(results, limits, jobs, place)
+        results = with_limits(results, limits, jobs, place)
         with deferred(WRITING) as requests:
             if results.runs:
                 try:
@@ -105,7 +102,8 @@ def run(
                     _write(results, place, plots, not no_traces, page)
                 except StudyError as error:  # such as a full disk; the tables are still printed
                     failures.append(error)
-                _print(results, folder, with_page, all(isinstance(failure, RunError) for failure in failures))
+                written = all(isinstance(failure, RunError) for failure in failures)
+                _print(results, folder, with_page, written, every_metric)
     if defect is not None:
         raise defect
     if failures:
@@ -133,13 +131,10 @@ def _names(
     ]
 
 
-def _print(results: AnyResults, folder: Path, with_page: bool, written: bool) -> None:
-    """Print the tables, and where the files are if they are `written`."""
-    from cogless.study import TrialStudy
-
-    print_tables(results)
-    if not isinstance(results.study, TrialStudy):  # of trials the report has certificates
-        print_warnings(results.study, [(run.scenario, run.controller) for run in results.runs])
+def _print(results: AnyResults, folder: Path, with_page: bool, written: bool, every_metric: bool) -> None:
+    """Print the results, and where the files are if they are `written`."""
+    print_results(results, every_metric)
+    print_uncertified(results.study, [(run.scenario, run.controller) for run in results.runs])
     if written:
         print(f"Report: {folder / 'report.html'}")
         if with_page:
@@ -155,14 +150,12 @@ def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: s
     from cogless.results import results_json
     from cogless.results.folder import hashes, new_set
     from cogless.results.trace import write_netcdf
-    from cogless.study import TrialStudy
 
     study, run = results.study, results_json.run_id(results)
     with new_set(folder) as stage:
         if traces:
             about = {"title": study.title, "seed": study.seed, "run": run}
-            rate = math.inf if isinstance(study, TrialStudy) else study.trace.file_rate
-            write_netcdf(stage / "traces.nc", results.runs, about, rate)
+            write_netcdf(stage / "traces.nc", results.runs, about, study.file_rate)
         report.write(results, stage / "report.html")
         if page is not None:
             (stage / "live.html").write_text(page, encoding="utf-8")
@@ -209,7 +202,9 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
             if written:
                 with new_set(place) as stage:
                     arena_scores.write(results, stage / "results.json")
-                new_console().print(arena_scores.table(results))
+                if headline := arena_scores.headline(results):
+                    print_text(f"{headline}\n")
+                print_fitted(arena_scores.table(results))
     for (plant, law), why in results.absent.items():
         say(f"Absent: {law} on {plant}: {why}")
     if written:
@@ -225,30 +220,24 @@ def design(
     study: StudyArgument,
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
+    whole: Annotated[bool, typer.Option("--long", help="Print every number, as a table.")] = False,
 ) -> None:
-    """Show every controller's gains, and what follows from them before any run.
+    """Say before any run whether each controller's learning settles, and how fast; margins and gains.
 
     For a study of speed: gains, given or by a tuning rule, the margins of the loop, whether learning settles.
 
     For a study of trials: gains, given or by LMIs, and the certificate that they work.
     """
-    from cogless.study import TrialStudy
+    from cogless.design.kinds import DESIGNS
 
     loaded = load(study, changes)
-    if isinstance(loaded, TrialStudy):
-        from cogless.design.trials.trial_summary import summary, table, to_dict
-
-        designs = summary(loaded)
-        found, shown = partial(to_dict, loaded, designs), partial(table, loaded, designs)
-    else:
-        from cogless.design.design_table import design_table
-        from cogless.design.summary import to_dict as speed_dict
-
-        found, shown = partial(speed_dict, loaded), partial(design_table, loaded)
+    design_of = DESIGNS[loaded.kind]
     if as_json:
-        print(json.dumps(found(), indent=2, ensure_ascii=False))
+        print(json.dumps(design_of.to_dict(loaded), indent=2, ensure_ascii=False))
+    elif whole:
+        print_fitted(design_of.table(loaded))
     else:
-        new_console().print(shown())
+        print_blocks(design_of.blocks(loaded))
 
 
 def calibrate(
@@ -274,17 +263,17 @@ def calibrate(
         )
     from rich.table import Table
 
+    outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
+    print(f"# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
+    for parameter in fit.parameters:
+        print_text(f"{parameter.toml}  # was {parameter.before}", others="# ")
     table = Table(
         "run", "metric", "wanted", "got", "deviation", box=None, header_style="bold", pad_edge=False
     )
     for row in residual_rows(fit):
         table.add_row(*row)
-    console = new_console()
-    console.print(table)
-    outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
-    print(f"\n# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
-    for parameter in fit.parameters:
-        print(f"{parameter.toml}  # was {parameter.before}")
+    print()
+    print_fitted(table)
     if fit.interrupted:
         raise KeyboardInterrupt
     if not fit.settled:
@@ -293,14 +282,14 @@ def calibrate(
         )
 
 
-def with_limits(results: Results, wanted: bool | None, jobs: int, folder: Path | None) -> Results:
+def with_limits(results: AnyResults, wanted: bool | None, jobs: int, folder: Path | None) -> AnyResults:
     """The results, with what limits each scenario's best run added.
 
     `wanted`: the option --limits or --no-limits, None without either. `folder`: room for long traces.
     """
     from cogless import report
 
-    if wanted is False or results.interrupted:
+    if wanted is False or results.interrupted or not report.has_limits(results.study):
         return results
     with new_bar() as bar:
         task = bar.add_task("", total=None)
@@ -353,11 +342,10 @@ def live(
 def _limits(study: AnyStudy, wanted: bool | None, jobs: int) -> dict[str, str]:
     """Sentences on what limits the best run, by scenario. They take runs of the whole study."""
     from cogless.live.description import held
-    from cogless.report import is_quick
+    from cogless.report import has_limits, is_quick
     from cogless.run.simulate import RunError, run_study
-    from cogless.study import Study
 
-    if not isinstance(study, Study) or wanted is False:
+    if wanted is False or not has_limits(study):
         return {}
     pairs = [pair for pair in held(study) if wanted or is_quick(study, *pair)]
     if not pairs:

@@ -25,10 +25,10 @@ from cogless.design.margins import Real
 from cogless.study import Study, for_scenario
 from cogless.study.mechanics import AngleTable, Load, Mechanics
 from cogless.study.motor import StarMotor
+from cogless.units import TURN
 
-POINTS = 256  # grid points per period of the highest order
+PERIOD_POINTS = 256  # grid points per period of the highest order
 MOST_POINTS = 2**20
-TURN = 2 * math.pi
 
 Rises = list[float]  # bounds of |f|, |f'|, |f''| and |f'''| of a function f
 
@@ -162,7 +162,7 @@ class AngleFunctions:
 
     def _grid(self) -> tuple[Real, float]:
         """Grid angles over a revolution with the table's points, rad; and (grid step / 2)^2 / 2, rad^2."""
-        points = min(POINTS * max([*self.orders, 4]), MOST_POINTS)
+        points = min(PERIOD_POINTS * max([*self.orders, 4]), MOST_POINTS)
         theta = np.linspace(0, TURN, points, endpoint=False)
         if self.torque.table is not None:
             theta = np.sort(np.concatenate([theta, np.array(self.torque.table.angle) % TURN]))

@@ -10,7 +10,7 @@ that the study doesn't tell. With X of learning_loop.py, per unit of the learnin
     map         ten cells or more in a wave of the highest order that is known of motor and load
     gain        1 / max |X|: the frequency that answers most is learned in one period
     lead        the one with which learning settles up to the highest frequency, in the worst corner
-    Q filter    the narrowest with which no frequency grows by more than `SETTLED` in a period
+    Q filter    the narrowest with which no frequency grows by more than `FACTOR_MOST` in a period
 
 The gain is halved while no filter is enough. It is halved further, and the filter is widened, while the
 design foresees that this leaves less ripple after `LEARNED` turns, because each period adds the noise of a
@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from cogless.design.laws.anti_cogging import position_gain
 from cogless.design.laws.periodic import LONGEST_LEAD, PeriodicLoop
 from cogless.design.laws.pi_afc import OrderLoop
 from cogless.design.laws.space import SpaceLoop
-from cogless.design.learning_loop import SETTLED, LearningLoop
+from cogless.design.learning_loop import FACTOR_MOST, LearningLoop
 from cogless.design.margins import Complex, Real
 from cogless.design.ripple import ripple
 from cogless.design.speed_loop import gains, phase_margin_pi, speed_loop, tuned, tuning_of
@@ -44,27 +44,29 @@ from cogless.design.verdict import WIDEST
 from cogless.errors import StudyError
 from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
-from cogless.study.laws import AnyController
+from cogless.study.base import StudyBase
 from cogless.study.laws.adrc import Adrc
 from cogless.study.laws.anti_cogging import SETTLING, AntiCogging
-from cogless.study.laws.harmonic import FASTEST
+from cogless.study.laws.harmonic import ORDER_ANGLE_MOST
+from cogless.study.laws.law import Base
 from cogless.study.laws.periodic import PiIlc, RobustIlc
-from cogless.study.laws.pi_afc import ORDERS, PiAfc
+from cogless.study.laws.pi_afc import PI_AFC_ORDERS, PiAfc
 from cogless.study.laws.space import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed
 from cogless.study.messages import dotted
-from cogless.study.reading import Changes
+from cogless.study.reading import AStudy, Changes
+from cogless.units import TURN
 
 # As told, and each corner: true K_t / J over that of the study, and samples of delay that the study
 # doesn't tell.
 AS_TOLD = (1.0, 0)
 CORNERS = (AS_TOLD, (1 / 1.5, 0), (2.0, 0), (1.0, 1))
 CELLS = 10  # in a wave of the highest order
-FEWEST_CELLS, MOST_CELLS = 256, 8192
+AUTO_CELLS_LEAST, AUTO_CELLS_MOST = 256, 8192
 HALVINGS = 10
 LEARNED = 10  # turns of the rotor after which the ripple that is left counts
 FREQUENCIES = 1000
 IN_PHASE = 0.02  # least cos arg X that counts as learning in the right direction
-MARGIN = 2.0  # of the gain on single orders, and of one in 1 / |omega| over a reference that stops
+GAIN_MARGIN = 2.0  # of the gain on single orders, and of one in 1 / |omega| over a reference that stops
 
 Values = dict[str, Any]
 
@@ -74,13 +76,12 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
     return filled(load_study(study, changes))
 
 
-def filled(study: AnyStudy) -> AnyStudy:
+def filled(study: AStudy) -> AStudy:
     """The study with the numbers that the rule auto gives; keys that it gives itself stay."""
-    if not isinstance(study, Study):
-        return study
     found: Values = {}
     for name in missing(study):
-        values, given = automatic(study, name), study.source.tables["controller"][name]
+        # only laws of speed have a tuning rule
+        values, given = automatic(cast(Study, study), name), study.source.tables["controller"][name]
         found |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in given}
     return changed(study, found) if found else study
 
@@ -101,7 +102,7 @@ def unfilled(study: Study, name: str) -> Study:
     return bare if all(values[key] == controllers[name][key] for key in of_rule) else study
 
 
-def missing(study: Study) -> list[str]:
+def missing(study: StudyBase) -> list[str]:
     """Names of the controllers whose numbers the rule auto has still to give."""
     tables = study.source.tables["controller"]
     return [
@@ -111,7 +112,7 @@ def missing(study: Study) -> list[str]:
     ]
 
 
-def is_auto(law: AnyController) -> bool:
+def is_auto(law: Base) -> bool:
     """Whether a controller's tuning rule is auto."""
     tuning = getattr(law, "tuning", None)
     return tuning is not None and tuning.is_auto
@@ -156,7 +157,7 @@ def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
     found = known_orders(study, name)
     held = [n for n in found if _settles(study, name, n)] or found[:1]
     by_hand = _by_hand(study, name)
-    orders = list(by_hand.get("orders", sorted(held[:ORDERS]) or [1]))
+    orders = list(by_hand.get("orders", sorted(held[:PI_AFC_ORDERS]) or [1]))
     T = speed_loop(study).period
     loops = list(_loops(OrderLoop, _with(study, name, {"orders": tuple(orders), "gain": 1.0}), name))
 
@@ -167,8 +168,8 @@ def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
     kp, ki = gains(study, name)
     gain = (ki or kp / T) / len(orders)
     for _ in range(2 * HALVINGS):
-        tried = _with(study, name, {"orders": tuple(orders), "gain": MARGIN * gain, "lead": lead})
-        if all(loop.worst().factor <= SETTLED for loop in _loops(OrderLoop, tried, name)):
+        tried = _with(study, name, {"orders": tuple(orders), "gain": GAIN_MARGIN * gain, "lead": lead})
+        if all(loop.worst().factor <= FACTOR_MOST for loop in _loops(OrderLoop, tried, name)):
             return {"orders": orders, "gain": gain, "lead": lead}
         gain /= 2
     raise _no_gain(study, name)
@@ -177,11 +178,11 @@ def _pi_afc(study: Study, name: str, law: PiAfc) -> Values:
 def _settles(study: Study, name: str, order: int) -> bool:
     """Whether a lead exists with which the order is learned at all speeds and corners.
 
-    An order that turns by more than `FASTEST` rad a sample looks almost like its image, and is left out.
+    An order that turns by more than ORDER_ANGLE_MOST in a sample looks almost like its image: it is left out.
     """
     loops = list(_loops(OrderLoop, _with(study, name, {"orders": (order,), "gain": 1.0}), name))
     turned = max(order * abs(loop.omega_m) * loop.plant.period for loop in loops)
-    if turned > FASTEST:
+    if turned > ORDER_ANGLE_MOST:
         return False
     leads = range(LONGEST_LEAD + 1)
     return any(all(np.all(_cosine(loop, loop.frequencies, n) > IN_PHASE) for loop in loops) for n in leads)
@@ -212,7 +213,7 @@ def _anti_cogging(study: Study, name: str, law: AntiCogging) -> Values:
     speed = follows / highest
     turns = 1 + SETTLING
     run = {"speed": speed, "revolutions": 1, "position_gain": follows}
-    cells = min(_cells(study, name), int(2 * math.pi * turns / speed / loop.period))
+    cells = min(_cells(study, name), int(TURN * turns / speed / loop.period))
     return {"cells": cells, "lead": lead, "calibration": run}
 
 
@@ -266,10 +267,10 @@ def _in_angle(study: Study, name: str) -> Values:
 def _above(study: Study, name: str) -> Values:
     """omega_min where a reference stops: a gain in 1 / |omega| can't settle at every speed that it passes.
 
-    Learning rests below 1 / `MARGIN` of the top speed: a sine turns 87 % of its angle above it, a move 83 %.
+    Learning rests below 1 / GAIN_MARGIN of the top speed: a sine turns 87 % of its angle above, a move 83 %.
     """
     scenarios = [study.scenario[key] for key in _scenarios(study, name)]
-    stop = [s.top_reference / MARGIN for s in scenarios if s.top_reference and not s.slowest]
+    stop = [s.top_reference / GAIN_MARGIN for s in scenarios if s.top_reference and not s.slowest]
     if not stop or "omega_min" in study.source.tables["controller"][name]:
         return {}
     return {"omega_min": min([*stop, *(s.slowest for s in scenarios if s.slowest)])}
@@ -338,11 +339,11 @@ def _widths(loops: list[LearningLoop], fixed: Values) -> Iterator[int]:
     for loop in loops:
         f = loop.frequencies
         without = loop.unfiltered(f)
-        high = without > SETTLED
+        high = without > FACTOR_MOST
         grow.append((loop, f[high], without[high]))
     widest = min(WIDEST, *(loop.widest_filter for loop in loops))
     for n in (fixed["q_half_width"],) if "q_half_width" in fixed else range(widest + 1):
-        if all(np.all(loop.q(f, n) * without <= SETTLED) for loop, f, without in grow):
+        if all(np.all(loop.q(f, n) * without <= FACTOR_MOST) for loop, f, without in grow):
             yield n
 
 
@@ -398,7 +399,7 @@ def _cosine(loop: LearningLoop, f: Real, lead: int) -> Real:
 
 def _reach(x: Complex, f: Real) -> float:
     """The frequency up to which learning by X settles, Hz."""
-    grows = np.flatnonzero(np.abs(1 - x) > SETTLED)
+    grows = np.flatnonzero(np.abs(1 - x) > FACTOR_MOST)
     return float(f[grows[0]]) if len(grows) else float(f[-1])
 
 
@@ -434,7 +435,7 @@ def _cells(study: Study, name: str, period: str = "mechanical") -> int:
         return int(by_hand["cells"])
     periods = study.motor.pole_pairs if period == "electrical" else 1  # a revolution
     wanted = math.ceil(CELLS * max([*known_orders(study, name), 1]) / periods)
-    return min(MOST_CELLS, max(FEWEST_CELLS, 1 << (wanted - 1).bit_length()))
+    return min(AUTO_CELLS_MOST, max(AUTO_CELLS_LEAST, 1 << (wanted - 1).bit_length()))
 
 
 def _phase_margin_pi(study: Study, name: str, law: RobustIlc | SpaceSpeed) -> tuple[float, float]:

@@ -11,8 +11,8 @@ from typing import Any
 
 from cogless.errors import StudyError
 from cogless.study import changed
-from cogless.study.messages import toml
 from cogless.study.reading import AStudy, Changes
+from cogless.study.toml import toml
 
 GAINS = ("k_theta", "kp", "ki")
 NUMBER = ".3g"  # digits of a value that is advised

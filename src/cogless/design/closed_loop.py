@@ -53,6 +53,7 @@ from cogless.study import Study
 from cogless.study.laws.harmonic import Harmonic
 from cogless.study.laws.law import Tuning
 from cogless.study.laws.space import SpacePosition
+from cogless.units import TURN
 
 ALMOST = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
 ROUNDING = 1e-6  # error of the integrators' poles at z = 1: a double pole if nothing is fed back
@@ -110,7 +111,7 @@ def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
     if abs(fastest) <= 1 + ROUNDING:
         return None
     T = loop.period
-    return Oscillation(abs(float(np.angle(fastest))) / (2 * math.pi * T), math.log(abs(fastest)) / T)
+    return Oscillation(abs(float(np.angle(fastest))) / (TURN * T), math.log(abs(fastest)) / T)
 
 
 def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = ()) -> Complex:
@@ -189,7 +190,7 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     return np.asarray(np.linalg.eigvals(step))
 
 
-POINTS = 2000  # frequencies
+OSCILLATION_POINTS = 2000  # frequencies
 PLACES = 200  # tried for the zeros
 Gains = tuple[float, float, float]  # k_theta, k_omega, k_i, in the law's frame
 
@@ -255,7 +256,7 @@ def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
 def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
     """Gains for a phase margin; NoMarginError if no crossover below half the sampling rate has it."""
     half = loop.period / 2
-    w = np.geomspace(1e-3, 1, POINTS) * math.pi / loop.period
+    w = np.geomspace(1e-3, 1, OSCILLATION_POINTS) * math.pi / loop.period
     z = np.exp(1j * w * loop.period)
     speed, angle = (ratio * part for part in loop.plant(w))
     integral = loop.period * z / (z - 1)
@@ -266,7 +267,7 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
         enough = np.append(np.unwrap(np.angle(-L)) >= tuning.phase_margin, False)
         begin = int(np.argmax(enough))
         last = begin + int(np.argmin(enough[begin:])) - 1
-        if not enough[begin] or last + 1 == POINTS:
+        if not enough[begin] or last + 1 == OSCILLATION_POINTS:
             return 0.0, 0
         return place**2 / float(abs(L[last])), last
 

@@ -23,7 +23,7 @@ from cogless.study.motion import course
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 
-POINTS = 8  # angles in a wave of the highest order
+WAVE_POINTS = 8  # angles in a wave of the highest order
 AHEAD = 1.1  # limit that is advised / current that is needed
 
 
@@ -39,7 +39,7 @@ def needed(study: Study, scenario: str) -> Needed:
     """The current that a scenario's reference, load, load events and cogging need."""
     here, of = functions_in(study, scenario), for_scenario(study, scenario)
     experiment, K_t = study.scenario[scenario], of.motor.star().K_t
-    theta = np.linspace(0, math.tau, POINTS * max([*here.orders, 16]), endpoint=False)
+    theta = np.linspace(0, math.tau, WAVE_POINTS * max([*here.orders, 16]), endpoint=False)
     alpha = here.alpha(theta)
     mean = float(np.mean(alpha))
     load = experiment.load or of.mechanics.load

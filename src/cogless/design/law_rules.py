@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 from cogless.design.closed_loop import Linear, feedback_at, harmonic_gains, oscillation
 from cogless.design.speed_loop import gains, speed_loop
 from cogless.study import Study
@@ -9,6 +11,8 @@ from cogless.study.laws.harmonic import Harmonic
 from cogless.study.laws.law import Feedback
 from cogless.study.laws.periodic import RobustIlc
 from cogless.study.laws.space import SpacePosition
+
+FeedbackNumbers = list[tuple[float, ...]]
 
 
 def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
@@ -23,6 +27,13 @@ def feedback_of(study: Study, name: str, omega_m: float = 0.0) -> Linear | None:
         return Linear(ratio=1, k=law.linear[0], k_i=law.linear[1], k_r=law.gamma / law.b, c=law.c)
     pi = gains(study, name) if isinstance(law, Feedback) else law.linear
     return None if pi is None else Linear(ratio=1, k=pi[0], k_i=pi[1])
+
+
+def feedback_numbers(study: Study, name: str) -> FeedbackNumbers | None:
+    """A controller's feedback at rest and at its top speed, to six digits; None for a user's own law."""
+    top = max((study.scenario[key].top_reference for key in study.scenarios_of(name)), default=0.0)
+    laws = [feedback_of(study, name, omega) for omega in (0.0, top)]
+    return [tuple(float(f"{x:.6g}") for x in astuple(law)) for law in laws if law is not None] or None
 
 
 def unstable_feedback(study: Study, name: str) -> str | None:

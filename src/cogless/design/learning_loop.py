@@ -40,9 +40,10 @@ from cogless.study import Study
 from cogless.study.laws.law import Learning
 from cogless.study.laws.pi_afc import PiAfc
 from cogless.study.laws.space import SpaceLearning
+from cogless.units import TURN
 
-SETTLED = 1.0 + 1e-3  # largest factor per period that counts as settling
-POINTS = 3000  # of a curve
+FACTOR_MOST = 1.0 + 1e-3  # largest factor per period that counts as settling
+CURVE_POINTS = 3000
 GRID = 8000  # of a plant
 LOWEST = 1e-4  # Hz
 IMAGES = 50  # largest m; the weights of further images add up to less than a percent
@@ -90,6 +91,11 @@ class LearningLoop(ABC):
         return None
 
     @property
+    def learns_more(self) -> bool:
+        """Whether the law also learns from what the small-signal analysis leaves out."""
+        return False
+
+    @property
     def forgetting(self) -> float:
         """The share of the learned signal that the memory keeps in each period."""
         return 1.0
@@ -131,7 +137,7 @@ class LearningLoop(ABC):
     def periods_per_second(self) -> float:
         """Learning periods per second at this speed, Hz."""
         revolutions = float(self.law.revolutions(self.study.motor.pole_pairs))
-        return abs(self.omega_m) / (2 * math.pi * revolutions)
+        return abs(self.omega_m) / (TURN * revolutions)
 
     @property
     def cells_per_second(self) -> float:
@@ -202,7 +208,7 @@ class LearningLoop(ABC):
         """X exp(jw n T), with the lead of n samples, at frequencies f in Hz."""
         f, lead = np.asarray(f, dtype=float), self.lead if lead is None else lead
         positive = np.abs(f)
-        value = self.gain(2 * math.pi * positive) * self.closed(positive)
+        value = self.gain(TURN * positive) * self.closed(positive)
         value = np.where(f >= 0, value, np.conj(value))
         return np.asarray(value * np.exp(2j * np.pi * f * lead * self.plant.period) if lead else value)
 
@@ -257,7 +263,7 @@ class LearningLoop(ABC):
     @property
     def frequencies(self) -> Real:
         """Frequencies from that of the learning period up to `highest`, Hz."""
-        even = np.linspace(self.periods_per_second, self.highest, POINTS)
+        even = np.linspace(self.periods_per_second, self.highest, CURVE_POINTS)
         return _with_near(even, self.plant)
 
     def worst(self) -> Worst:
@@ -270,14 +276,14 @@ class LearningLoop(ABC):
     @property
     def settled(self) -> bool:
         """Whether the loop is stable, and no frequency grows from period to period."""
-        return self.oscillation() is None and self.worst().factor <= SETTLED
+        return self.oscillation() is None and self.worst().factor <= FACTOR_MOST
 
 
 def _with_near(f: Real, loop: SpeedLoop) -> Real:
     """Frequencies f, Hz, and between their ends those around the resonances of the loop's soft shaft."""
     if loop.near is None:
         return f
-    more = loop.near / (2 * math.pi)
+    more = loop.near / TURN
     return np.union1d(f, more[(more > f[0]) & (more < f[-1])])
 
 
@@ -297,7 +303,7 @@ def sensitivity(loop: SpeedLoop, feedback: Linear, w: Real, P_omega: Complex, P_
 def _closed(loop: SpeedLoop, feedback: Linear) -> tuple[Real, Complex]:
     """A grid of frequencies, Hz, and G S at these."""
     f, P_omega, P_theta = plants(loop)
-    S = sensitivity(loop, feedback, 2 * math.pi * f, P_omega, P_theta)
+    S = sensitivity(loop, feedback, TURN * f, P_omega, P_theta)
     return f, opened(feedback, P_omega, P_theta) * S
 
 
@@ -312,7 +318,7 @@ def plants(loop: SpeedLoop) -> tuple[Real, Complex, Complex]:
     """Frequencies, Hz, and the plants P_omega and P_theta of speed_loop.py at them."""
     f = np.geomspace(LOWEST, 0.5 / loop.period, GRID)
     f = _with_near(f, loop)
-    return f, *loop.plant(2 * math.pi * f)
+    return f, *loop.plant(TURN * f)
 
 
 def fewest_samples(law: Learning | SpaceLearning, lead: int) -> int:
@@ -336,4 +342,4 @@ def fastest(study: Study, name: str) -> float | None:
     if not isinstance(law, Learning | SpaceLearning) or not law.learns:
         return None
     lead = round(law.lead * rate) if isinstance(law, Learning) else 0
-    return 2 * math.pi * float(law.revolutions(study.motor.pole_pairs)) * rate / fewest_samples(law, lead)
+    return TURN * float(law.revolutions(study.motor.pole_pairs)) * rate / fewest_samples(law, lead)

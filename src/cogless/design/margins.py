@@ -19,9 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from cogless.study.motion import Real as Real
+
 Complex = NDArray[np.complex128]
-POINTS = 4001
+FREQUENCY_POINTS = 4001
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def margins_of(
 
     `near`: frequencies, rad/s, around narrow resonances.
     """
-    w = np.geomspace(1e-4, 1, POINTS) * math.pi / period
+    w = np.geomspace(1e-4, 1, FREQUENCY_POINTS) * math.pi / period
     if near is not None:
         w = np.union1d(w, near[(near > w[0]) & (near < w[-1])])
     L = response(w)

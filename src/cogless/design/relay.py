@@ -19,7 +19,7 @@ import numpy as np
 
 from cogless.design.closed_loop import oscillation
 from cogless.design.law_rules import feedback_of
-from cogless.design.margins import POINTS
+from cogless.design.margins import FREQUENCY_POINTS
 from cogless.design.ripple import ripple
 from cogless.design.speed_loop import pi_response, speed_loop
 from cogless.design.verdict import judged
@@ -29,6 +29,7 @@ from cogless.study.laws.periodic import RobustIlc
 from cogless.study.messages import dotted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
+from cogless.units import TURN
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def switching(study: Study, scenario: str, name: str) -> Switching | None:
     loop, feedback = speed_loop(study, scenario), feedback_of(study, name)
     if feedback is None or oscillation(loop, feedback):
         return None
-    w = np.geomspace(1e-4, 1, POINTS) * math.pi / loop.period
+    w = np.geomspace(1e-4, 1, FREQUENCY_POINTS) * math.pi / loop.period
     P, _ = loop.plant(w)
     closed = 1 / (1 + feedback.response(w, loop.period) * P)
     W = pi_response(w, loop.period, 1.0, law.c) * P * closed
@@ -64,7 +65,7 @@ def switching(study: Study, scenario: str, name: str) -> Switching | None:
     fundamental[-1] = 1.0  # rms of a current that changes its sign with each sample
     made = law.g / law.b * fundamental * np.abs(true * closed)
     most = turned[np.argmax(made[turned])]
-    return Switching(float(w[most]) / (2 * math.pi), float(made[most]))
+    return Switching(float(w[most]) / TURN, float(made[most]))
 
 
 def relay_warning(study: Study, name: str) -> Remark | None:

@@ -35,6 +35,7 @@ from cogless.design.margins import Complex, Real
 from cogless.design.speed_loop import SpeedLoop, counting_window
 from cogless.study import Study, for_scenario
 from cogless.study.position_sensor import Counted, Hall
+from cogless.units import TURN
 
 FREQUENCIES = 2000
 WORSE = 1.25  # ripple with learning / feedback's ripple; above this learning does harm
@@ -146,7 +147,7 @@ def sensor_waves(study: Study, current: float) -> dict[int, float]:
     if drive.ideal:
         return {pairs: 0.0}
     sensors, phases = drive.current_sensors, study.motor.star().phases
-    angles = 2 * math.pi * np.arange(3) / 3 if phases == 3 else np.array([0.0, math.pi / 2])
+    angles = TURN * np.arange(3) / 3 if phases == 3 else np.array([0.0, math.pi / 2])
     axes = np.array([np.cos(angles), np.sin(angles)])  # to alpha and beta, but for 2 / phases, and back
     seen = np.eye(phases)
     if phases == 3 and sensors.sensors == 2:

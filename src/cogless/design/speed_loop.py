@@ -48,7 +48,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cogless.design.changes import either, first, helps, text
-from cogless.design.margins import POINTS, UNSTABLE, Complex, Margins, Real, margins_of, root
+from cogless.design.margins import FREQUENCY_POINTS, UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.trials.model import exponential
 from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
@@ -57,7 +57,7 @@ from cogless.study.laws.law import Feedback, Tuning
 from cogless.study.messages import dotted, shown
 from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
-from cogless.units import unit_of
+from cogless.units import TURN, unit_of
 
 FACTORS = (2.0, 4.0, 8.0)  # of gains and bandwidths that are tried
 SLOWER_FACTORS = (*FACTORS, 16.0, 32.0, 64.0)  # by which the gains of the current loop are divided
@@ -259,7 +259,7 @@ def _divided(value: Any, factor: float) -> Any:
     return float(f"{value / factor:.3g}")
 
 
-LEAST_DAMPING = 1e-6  # damping ratio that a soft shaft has at least in the design
+LEAST_DAMPING = 1e-6  # least damping ratio that the design assumes for a soft shaft
 AROUND = np.geomspace(0.01, 1e3, 300)  # distances from a resonance, in its width
 
 
@@ -297,7 +297,7 @@ class SoftShaft:
             (self.resonance, 1 / (1 / self.inertia + 1 / self.load_inertia)),
         ):
             width = self.damping_in_design / (2 * inertia)
-            folded = abs((w + math.pi / period) % (2 * math.pi / period) - math.pi / period)
+            folded = abs((w + math.pi / period) % (TURN / period) - math.pi / period)
             found.append(folded + width * np.concatenate([-AROUND, [0.0], AROUND]))
         return np.concatenate(found)
 
@@ -622,7 +622,7 @@ def _substituted(loop: SpeedLoop, x: float) -> float | None:
 def _bisected(loop: SpeedLoop, x: float) -> float | None:
     """The lowest crossover at which the lag rises to x / (1 + x^2); None if it never does."""
     wanted = x / (1 + x * x)
-    w = np.geomspace(1e-3, 1, POINTS) * math.pi / loop.period
+    w = np.geomspace(1e-3, 1, FREQUENCY_POINTS) * math.pi / loop.period
     lag = np.unwrap(_lag(loop, w))
     rises = np.flatnonzero((lag[:-1] < wanted) & (lag[1:] >= wanted))
     if not len(rises):

@@ -34,6 +34,7 @@ from cogless.study.messages import dotted
 from cogless.study.motion import course
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
+from cogless.units import TURN
 
 ALMOST = 0.995  # share of a period that counts as a whole one
 FOLLOWS = 0.5  # of the way of its reference: a rotor that turns less does not follow it
@@ -92,7 +93,7 @@ def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omeg
     """
     if isinstance(law, PiAfc):
         return None
-    period = 2 * math.pi * float(revolutions)
+    period = TURN * float(revolutions)
     rise = float(np.max(theta - np.minimum.accumulate(theta), initial=0.0))
     fall = float(np.max(np.maximum.accumulate(theta) - theta, initial=0.0))
     if law.over_angle:

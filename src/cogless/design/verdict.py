@@ -40,7 +40,7 @@ from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.laws.pi_afc import OrderLoop
 from cogless.design.laws.space import SpaceLoop
 from cogless.design.laws.space_bounds import unfit
-from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
+from cogless.design.learning_loop import FACTOR_MOST, LearningLoop, Worst
 from cogless.design.margins import Real
 from cogless.design.ripple import WORSE, ripple, sampled
 from cogless.design.speed_loop import LEAST, speed_loop
@@ -56,7 +56,7 @@ from cogless.study.messages import dotted
 from cogless.study.motion import course
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
-from cogless.units import ANGULAR_SPEED
+from cogless.units import ANGULAR_SPEED, TURN
 
 STEP = 1.06  # ratio of one judged speed to the one before
 FEWEST_SPEEDS = 15
@@ -64,10 +64,11 @@ SAME = 1e-6  # of speeds, relative
 ACCELERATIONS = 3  # judged at each speed, if mu depends on the acceleration
 WIDEST = 400  # widest Q filter that is tried, in cells or samples on each side
 SLOWEST = 200.0  # speeds below the fastest one divided by this count as rest
-ORDERS = 2000
+ORDER_POINTS = 2000
 ANGLES = 720  # in an electrical revolution
 RIPPLE = 0.01  # relative; a smaller ripple of the torque constant is neglected
-MARGIN = 2  # proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
+# proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
+OMEGA_MIN_MARGIN = 2
 TINY = 1e-30  # under a logarithm
 FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
 ROUNDING = 1e-9
@@ -99,7 +100,7 @@ class Passing:
     @property
     def least(self) -> float:
         """The omega_min, rad/s, with which learning rests during the passage."""
-        return MARGIN * self.below
+        return OMEGA_MIN_MARGIN * self.below
 
     def words(self, unit: str = ANGULAR_SPEED.unit) -> str:
         """The report of the passage in one line; `unit` is that of speeds."""
@@ -246,7 +247,7 @@ class _At:
 
     @property
     def fine(self) -> bool:
-        return self.oscillation is None and self.worst.factor <= SETTLED
+        return self.oscillation is None and self.worst.factor <= FACTOR_MOST
 
 
 @dataclass(frozen=True)
@@ -315,8 +316,8 @@ def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
     mild = found.repair.change(key) if found.repair else None
     cures = helping(study, (mild,), cured)
     if isinstance(study.controller[name], STOPPING):
-        low = found.passing.least if found.passing else MARGIN * found.omega_m
-        least = (low * MARGIN**n for n in range(HALVINGS))
+        low = found.passing.least if found.passing else OMEGA_MIN_MARGIN * found.omega_m
+        least = (low * OMEGA_MIN_MARGIN**n for n in range(HALVINGS))
         rests: list[Changes] = [{f"{key}.omega_min": text(each, "rad/s")} for each in least if each < top]
         cures += first(study, rests, cured)
     if cures:
@@ -431,7 +432,7 @@ def _verdict(study: Study, name: str) -> Verdict | None:
     if snapping is not None:
         return replace(base, kind="not judged", doubts=(Remark(snapping),), passing=None)
     most = max(found, key=lambda at: at.worst.factor)
-    if most.worst.factor <= SETTLED:
+    if most.worst.factor <= FACTOR_MOST:
         loud, ratio = max(((m, m.ratio) for m in motions if m.judged), key=lambda pair: pair[1])
         most = loud.loudest if ratio > WORSE else most
         return of(most, worst=most.worst, ratio=ratio)
@@ -565,7 +566,7 @@ def _torques(study: Study, scenario: str) -> list[float]:
     """Least, largest and mean torque constant over the angle, divided by the mean; only 1 without ripple."""
     study_here = for_scenario(study, scenario)
     motor = study_here.motor.star()
-    theta = np.linspace(0, 2 * math.pi / motor.pole_pairs, ANGLES, endpoint=False)
+    theta = np.linspace(0, TURN / motor.pole_pairs, ANGLES, endpoint=False)
     K_t = study_here.mechanics.stiff.inertia / angle_functions(motor, study_here.mechanics, Load()).h(theta)
     found = K_t / motor.K_t
     least, most = float(np.min(found)), float(np.max(found))
@@ -639,12 +640,12 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
     constant = len(judged) == 1
     channels = 1 if constant else _channels(judged)
     highest = min(at.loop.highest / at.loop.periods_per_second for at, _ in judged)
-    orders, window = np.linspace(1, max(highest, 1), ORDERS), 1
+    orders, window = np.linspace(1, max(highest, 1), ORDER_POINTS), 1
     chosen = [at.loop.orders for at, _ in judged if at.loop.orders is not None]
     if chosen:
         orders = max(chosen, key=len)  # of the slowest speed: the most orders
     else:
-        window += math.ceil(1 / max(orders[1] - orders[0], 1 / ORDERS))
+        window += math.ceil(1 / max(orders[1] - orders[0], 1 / ORDER_POINTS))
     rate, bound = np.zeros(len(orders)), np.zeros(len(orders))
     for at, share in judged:
         f = orders * at.loop.periods_per_second
@@ -659,7 +660,7 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
         math.exp(rate[k]),
         float(orders[k]) * min(a_second),
         float(orders[k]) * max(a_second),
-        float(np.max(least)) > math.log(SETTLED)
+        float(np.max(least)) > math.log(FACTOR_MOST)
         or (constant and all(loop.sure for loop in judged[0][0].loops)),
     )
 
@@ -690,13 +691,13 @@ def _repair(found: list[_At]) -> Repair:
     for at in found:
         f = at.loop.frequencies
         without = np.max([loop.unfiltered(f) for loop in at.loops], axis=0)
-        high = without > SETTLED  # no filter's gain exceeds one
+        high = without > FACTOR_MOST  # no filter's gain exceeds one
         parts.append((at.loop, f[high], without[high]))
     widest = min(WIDEST, *(loop.widest_filter for loop in loops))
     for n in range(widest + 1):
-        if all(np.all(loop.q(f, n) * without <= SETTLED) for loop, f, without in parts):
+        if all(np.all(loop.q(f, n) * without <= FACTOR_MOST) for loop, f, without in parts):
             return Repair(q_half_width=n)
     if not isinstance(loops[0], PeriodicLoop):
         return Repair()
     peak = max(float(np.max(loop.q(f) / loop.forgetting * without)) for loop, f, without in parts)
-    return Repair(forgetting=math.floor(100 * SETTLED / peak) / 100)
+    return Repair(forgetting=math.floor(100 * FACTOR_MOST / peak) / 100)

@@ -38,15 +38,16 @@ from cogless.design.speed_loop import SpeedLoop, gentler_loop, speed_loop
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weakest_margins
 from cogless.design.turning import late_angle, unstable_turning
 from cogless.design.unlearned import foreseen, map_warning
-from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
-from cogless.study.laws.harmonic import ORDERS, Harmonic
+from cogless.study.laws.harmonic import HARMONIC_ORDERS, Harmonic
 from cogless.study.messages import dotted
 from cogless.study.motion import Course, course
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Counted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
+from cogless.units import RPM, TURN
 
 SHARE = 0.05  # of the time in motion: speeds that are lower only for less time than this are ignored
 SPENT = 0.5  # of the phase margin
@@ -278,17 +279,8 @@ def _from_rest(sampling: Course) -> Real:
     return np.asarray(np.minimum(way - before, after - way))
 
 
-RPM = 30 / math.pi
-
-
-def warnings(study: AnyStudy, scenario: str, name: str) -> list[Remark]:
+def warnings(study: Study, scenario: str, name: str) -> list[Remark]:
     """Warnings about a controller and its current loop, one line each, which begins with the study's key."""
-    if isinstance(study, TrialStudy):
-        from cogless.design.trials.from_study import design_study
-        from cogless.design.trials.trial_summary import warnings as trial_warnings
-
-        found = trial_warnings(design_study(study, [(scenario, name)])[scenario, name])
-        return [Remark(f"controller.{name}: {line}") for line in found]
     return [
         *loop_remarks(study),
         *(remark.about(f"controller.{name}") for remark in _feedback_and_learning(study, name)),
@@ -317,10 +309,8 @@ def likely_harm(study: Study, name: str) -> str | None:
     return None if found is None else str(found)
 
 
-def too_short(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> list[str]:
+def too_short(study: Study, runs: Iterable[tuple[str, str]]) -> list[str]:
     """Warnings of scenarios in which a controller will learn nothing; `runs` are (scenario, controller)."""
-    if isinstance(study, TrialStudy):
-        return []
     pairs = [*runs]
     found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in pairs)
     tables = ((scenario, _idle_table(study, scenario)) for scenario in dict.fromkeys(s for s, _ in pairs))
@@ -342,14 +332,12 @@ def _idle_table(study: Study, scenario: str) -> str:
     return f"{settles}, the reference is there for {fast:.3g} s" if fast <= table.settling else ""
 
 
-def beyond_drive(study: AnyStudy, scenarios: Iterable[str]) -> list[Remark]:
+def beyond_drive(study: Study, scenarios: Iterable[str]) -> list[Remark]:
     """Warnings of references that the drive cannot follow.
 
     A reference may be too fast for the bus voltage, for the current loop or for the age of the angle, too
     slow for the position sensor, or need more current than the limit.
     """
-    if not isinstance(study, Study):
-        return []
     all_of = (_out_of_reach, unstable_turning, late_angle, too_much_current, reads_zero)
     found = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
     return [remark.about(f"scenario.{name}") for name, remark in found if remark is not None]
@@ -361,9 +349,9 @@ def _out_of_reach(study: Study, scenario: str) -> Remark | None:
     most = voltage_reach(here)
     if wanted <= most or here.drive.inverter is None:
         return None
-    needs = f"its reference of {wanted * RPM:.4g} rpm needs more voltage than there is"
+    needs = f"its reference of {wanted / RPM:.4g} rpm needs more voltage than there is"
     volts = here.drive.inverter.bus_voltage
-    return Remark(f"{needs}: {volts:.4g} V turn this motor at {most * RPM:.4g} rpm without load")
+    return Remark(f"{needs}: {volts:.4g} V turn this motor at {most / RPM:.4g} rpm without load")
 
 
 def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]] | None:
@@ -392,8 +380,8 @@ def _not_learned(study: Study, name: str) -> Remark | None:
     orders = f"order{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
     said = f"it learns {told.order_words}, but the cogging has {orders}"
     needed = math.gcd(*cogging)
-    if cogging[-1] > needed * ORDERS:
-        return Remark(f"{said}; no base learns all of it with {ORDERS} orders")
+    if cogging[-1] > needed * HARMONIC_ORDERS:
+        return Remark(f"{said}; no base learns all of it with {HARMONIC_ORDERS} orders")
 
     def cured(other: Study) -> bool:
         after = _unlearned(other, name)
@@ -421,20 +409,20 @@ def _no_room(study: Study, name: str) -> Remark | None:
     roomy = roomy_base(here)
     often = "twice" if least > 1 + BENDS_FROM[0] else "once"
     base = learner(study, name).base
-    told = f"base {base} leaves no room to learn what the sensor's angle is off {often} a turn"
+    told = f"base {base} is too low to learn the sensor's error that comes {often} a turn"
     change: Changes | None = {f"controller.{name}.base": roomy} if roomy >= least else None
     cures = helping(study, (change,), lambda other: _lacks_room(other, name) is None)
     if not cures:
-        return Remark(f"{told}, which takes one of {least} or more")
+        return Remark(f"{told}: expected {least} or more")
     cogging = sorted({wave.order for wave in here.motor.star().cogging if wave.torque and wave.order % roomy})
     but = f", but not order{'s' * (len(cogging) > 1)} {', '.join(map(str, cogging))} of the cogging"
-    return Remark(f"{told}; {either(cures)} does{but if cogging else ''}", cures)
+    return Remark(f"{told}; {either(cures)} learns it{but if cogging else ''}", cures)
 
 
-def coarse_table(study: AnyStudy) -> list[str]:
+def coarse_table(study: Study) -> list[str]:
     """A warning of a table of the cogging with too few points for the main order of slots and poles."""
     table = getattr(study.motor, "cogging_table", None)
-    if not isinstance(study, Study) or table is None:
+    if table is None:
         return []
     main, highest = main_order(study, 0), table.highest(study.motor.pole_pairs)
     if main <= highest:
@@ -448,7 +436,7 @@ def shaft_notes(study: Study) -> list[str]:
     shaft = speed_loop(study).shaft
     if shaft is None:
         return []
-    low, high = (w / (2 * math.pi) for w in (shaft.antiresonance, shaft.resonance))
+    low, high = (w / TURN for w in (shaft.antiresonance, shaft.resonance))
     gap = study.mechanics.load_side is not None and study.mechanics.load_side.backlash > 0
     return [
         f"mechanics.load_side: antiresonance {low:.4g} Hz, resonance {high:.4g} Hz; rules tune for "
@@ -465,7 +453,7 @@ def _less_margin(study: Study, name: str) -> Remark | None:
     if found is None or not found.stable or found.phase_margin > 0.9 * tuning.phase_margin:
         return None
     has, asked = math.degrees(found.phase_margin), math.degrees(tuning.phase_margin)
-    at = found.crossover / (2 * math.pi)
+    at = found.crossover / TURN
     margin = f"its phase margin is {has:.3g} deg at {at:.4g} Hz, not {asked:.3g} deg"
     return Remark(f"with the soft shaft {margin}")
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -23,7 +23,7 @@ from cogless.results.limits import Limits
 from cogless.results.metrics import Value
 from cogless.run.limit_search import limits
 from cogless.run.simulate import RunError, rollout
-from cogless.study import AnyStudy, Study, TrialStudy, changed
+from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
 from cogless.study.laws.anti_cogging import AntiCogging
 from cogless.study.laws.harmonic import Harmonic
@@ -31,12 +31,12 @@ from cogless.study.laws.law import Feedback, LearnsWhileRunning
 from cogless.study.laws.own import OwnLaw
 from cogless.study.messages import dotted
 from cogless.study.metric import EACH_PHASE, result_name
-from cogless.study.reading import checked, find
+from cogless.study.reading import find, with_tables
 
 TOLD, LATE, HEAVY, LIGHT, HOUR = "told", "late", "heavy", "light", "hour"
 RIPPLE = "ripple_rad_s"  # its name in results
 UNTOLD = (LATE, HEAVY, LIGHT)
-INERTIA = {HEAVY: 1.5, LIGHT: 0.5}  # times that which the laws are told
+INERTIA = {HEAVY: 1.5, LIGHT: 0.5}  # true inertia over the inertia that the laws assume
 DROPOUT = "50 ms"  # without an angle
 LONG, LAST = 3600.0, 60.0  # s: the hour, and the end of it that is measured
 ROWS = 20.0  # Hz, in an hour
@@ -127,9 +127,7 @@ def learning(study: Study, law: str) -> Study:
         "controller": {law: study.source.tables["controller"][law]},
         "metric": [ripple],
     }
-    found = checked(replace(study.source, tables=tables))
-    assert isinstance(found, Study)
-    return found
+    return with_tables(study, tables)
 
 
 def hour(study: Study) -> Study:
@@ -144,14 +142,12 @@ def hour(study: Study) -> Study:
         "scenario": {HOUR: {**long, "duration": f"{LONG!r} s"}},
         "metric": [{"name": "after_hour", **ripple}],
     }
-    found = checked(replace(study.source, tables=tables))
-    assert isinstance(found, Study)
-    return found
+    return with_tables(study, tables)
 
 
 GOLDEN = 137.508  # deg, between the first angles of two seeds
 
-Progress = Callable[[str, int], None]
+ArenaProgress = Callable[[str, int], None]
 
 
 @dataclass(frozen=True)
@@ -194,7 +190,7 @@ class ArenaResults:
 def run_arena(
     arena: Arena,
     only: Sequence[str] | None = None,
-    progress: Progress | None = None,
+    progress: ArenaProgress | None = None,
     jobs: int = 1,
     find_limits: bool = False,
 ) -> ArenaResults:
@@ -265,7 +261,7 @@ def _trials(arena: Arena, name: str, jobs: int) -> list[ArenaTrialRun]:
     told = arena.trials[name]
     path = find(told.study, "studies", "study", arena.path.parent, f"{arena.path}: trials.{name}.study: ")
     study = load_study(path, told.changes)
-    if not isinstance(study, TrialStudy):
+    if study.kind != "trials":
         raise StudyError(f"{arena.path}: trials.{name}.study: expected a study of trials")
     of_phases = {result_name(m) for m in study.metric if m.kind in EACH_PHASE}
     found = []
@@ -302,8 +298,8 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
     plant = arena.plant[name]
     path = find(plant.study, "studies", "study", arena.path.parent, f"{arena.path}: plant.{name}.study: ")
     base = load_study(path, plant.changes)
-    if not isinstance(base, Study) or plant.scenario not in base.scenario:
-        known = ", ".join(base.scenario) if isinstance(base, Study) else "a study of speed"
+    if base.kind != "speed" or plant.scenario not in base.scenario:
+        known = ", ".join(base.scenario) if base.kind == "speed" else "a study of speed"
         raise StudyError(f'{arena.path}: plant.{name}.scenario: "{plant.scenario}": expected {known}')
     controllers = {law: _controller(arena, plant, law) for law in laws}
     absent = {
@@ -321,10 +317,7 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
         "scenario": scenarios(base, plant),
         "controller": present,
     }
-    source = replace(base.source, tables=tables)
-    study = checked(source)
-    assert isinstance(study, Study)
-    tuned, why = _tuned(study, absent)
+    tuned, why = _tuned(with_tables(base, tables), absent)
     return changed(tuned, {"metric": metrics(tuned, plant)}), why
 
 
@@ -348,10 +341,7 @@ def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]
     if lost:
         tables = dict(study.source.tables)
         tables["controller"] = {k: v for k, v in tables["controller"].items() if k not in lost}
-        source = study.source
-        left = checked(replace(source, tables=tables))
-        assert isinstance(left, Study)
-        study = left
+        study = with_tables(study, tables)
     return (changed(study, found) if found else study), absent | lost
 
 

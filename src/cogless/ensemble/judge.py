@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.ensemble.variants import SEED
+from cogless.results.trace import Array
 from cogless.run.simulate import Pair
-from cogless.study.messages import toml
+from cogless.study.toml import toml
 
-Array = NDArray[np.float64]
 CONFIDENCE = 1.96  # standard deviations, for 95 %
 
 

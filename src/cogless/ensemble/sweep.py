@@ -26,8 +26,9 @@ from typing import Any
 from cogless.ensemble.sweep_table import Row, Sweep, columns, gathered
 from cogless.ensemble.variants import Ensemble, draw
 from cogless.ensemble.workers import Parcel, Workers, given, pack, run_all, unpacked
-from cogless.errors import StudyError, say
+from cogless.errors import StudyError
 from cogless.files import no_device, no_link, reason, versions
+from cogless.lines import warn
 from cogless.results import AnyResults
 from cogless.run.simulate import Pair, RunError, rollout, runs_of
 from cogless.study import AnyStudy, changed
@@ -126,11 +127,11 @@ def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chun
     if not isinstance(has, dict):
         expected = "expected a file that this command has written"
         if lines and lines[0].startswith(b"{"):
-            expected = "has no checksums, as of an earlier cogless: expected another directory"
+            expected = "was written by an earlier cogless, without checksums: expected another directory"
         raise StudyError(f"{path}: not readable: {expected}")
     different = next((key for key in about if has.get(key) != about[key]), None)
     if different is not None:
-        wanted = f"{about[different]}, as here" if different != "study" else "the same study"
+        wanted = f"{about[different]}, which this command has," if different != "study" else "the same study"
         where = f"{path}: {different}: {has.get(different)}"
         raise StudyError(f"{where}: expected {wanted}, or another directory")
     finished: dict[Chunk, Any] = {}
@@ -139,7 +140,7 @@ def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chun
             case [int(chunk), list(rows)]:
                 finished[chunk] = rows
             case _:
-                say(f"Warning: {path}: line {number} is damaged and not used.")
+                warn(f"{path}: line {number} is damaged and not used")
     return finished
 
 
@@ -211,7 +212,7 @@ def _told(study: AnyStudy, error: StudyError) -> str:
 SHARD_NUMBER = re.compile("[1-9][0-9]{0,8}")
 CHUNK = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker
 
-Progress = Callable[[int], None]
+SweepProgress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
@@ -278,7 +279,7 @@ def run(
     folder: Path,
     workers: Workers | Executor,
     shard: Shard | None = None,
-    progress: Progress | None = None,
+    progress: SweepProgress | None = None,
 ) -> Sweep | None:
     """Run a sweep, or go on with it; None if it is a shard, which `merge` puts together with the others.
 

@@ -21,15 +21,13 @@ from cogless.errors import StudyError
 from cogless.files import replacing, versions
 from cogless.results.metrics import Value, result_name
 from cogless.run.simulate import Pair
-from cogless.study import AnyStudy, TrialStudy
-from cogless.study.metric import EACH_PHASE, EACH_TRIAL, Metric
-
-LAST = "last"  # part of a metric with a number per trial
+from cogless.study import AnyStudy
+from cogless.study.metric import Metric
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of metrics. `part`: order, phase from 1, or LAST, of a metric that is a list."""
+    """A column of metrics. `part`: order, phase from 1, or LAST_TRIAL, of a metric that is a list."""
 
     metric: Metric
     place: int | None = None  # in the metric's list
@@ -58,23 +56,13 @@ def columns(study: AnyStudy) -> list[Column]:
     """The columns of a study's metrics, in its order."""
     found: dict[str, Column] = {}
     for metric in study.metric:
-        for column in _parts(study, metric):
+        for place, part in study.columns_of(metric):
+            column = Column(metric, place, part)
             found.setdefault(column.name, column)
     return list(found.values())
 
 
-def _parts(study: AnyStudy, metric: Metric) -> list[Column]:
-    if metric.kind == "order":
-        return [Column(metric, place, f"{order:g}") for place, order in enumerate(metric.order or ())]
-    if isinstance(study, TrialStudy) and metric.kind in EACH_PHASE:
-        phases = max(len(scenario.starts) for scenario in study.scenario.values())
-        return [Column(metric, place, f"{place + 1}") for place in range(phases)]
-    if isinstance(study, TrialStudy) and metric.kind in EACH_TRIAL:
-        return [Column(metric, None, LAST)]
-    return [Column(metric)]
-
-
-ROWS = 1 << 16  # of a row group
+ROWS = 1 << 16  # rows per row group of sweep.parquet, at most
 
 
 @dataclass(frozen=True, eq=False)

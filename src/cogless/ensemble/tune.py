@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cogless.design.verdict import judgement as forecast
+from cogless.design.kinds import DESIGNS
 from cogless.ensemble import judge
 from cogless.ensemble.search import Settings, opened
 from cogless.ensemble.sweep import CHUNK, needed, rows
@@ -22,8 +21,9 @@ from cogless.ensemble.sweep_table import Column, Sweep, columns, gathered
 from cogless.ensemble.variants import SEED, Ensemble, Reader, draw, seeds, tried
 from cogless.ensemble.workers import Workers, pack, run_all
 from cogless.errors import StudyError
+from cogless.results.trace import Array
 from cogless.run.simulate import Pair, runs_of
-from cogless.study import AnyStudy, TrialStudy, changed
+from cogless.study import AnyStudy, changed
 from cogless.study.base import Tune
 from cogless.study.messages import MISSING, shown
 from cogless.study.metric import result_name
@@ -33,8 +33,7 @@ from cogless.study.table import perhaps
 DECADE = 10.0  # a range at least this wide is searched by ratios
 FRESH = 4  # variants of the check, for each that was searched over
 SEEDS = 16  # variants of the check of the nominal plant, which differ by their noise
-Array = NDArray[np.float64]
-Progress = Callable[[str, int, int, float], None]  # subject, tried, budget, best value
+TuneProgress = Callable[[str, int, int, float], None]  # subject, tried, budget, best value
 
 
 @dataclass(frozen=True)
@@ -190,11 +189,13 @@ class Evaluation:
         return float(np.mean(bad))
 
 
-def tune(study: AnyStudy, folder: Path, workers: Workers, progress: Progress | None = None) -> list[Tuned]:
-    """Tune a study as its [tune] says; a killed tuning goes on from `folder`, where each has a journal.
+def tune(
+    study: AnyStudy, folder: Path, workers: Workers, progress: TuneProgress | None = None
+) -> list[Tuned]:
+    """Tune a study as its [tune] says. A killed tuning goes on from the journals in `folder`.
 
     `progress` is called with the subject, the number of settings tried, the budget, and the best value so
-    far: 1 is where it began. StudyError: a mistake in [tune] or [vary], a journal of another study.
+    far as a multiple of the first. StudyError: a mistake in [tune] or [vary], a journal of another study.
     """
     report = progress or (lambda *of: None)
     search_over, fresh = ensembles(study)
@@ -214,7 +215,7 @@ def journal_name(subject: Subject) -> str:
     return f"{subject.name}.tune"
 
 
-def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: Progress) -> Tuned:
+def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: TuneProgress) -> Tuned:
     study, subject, budget = searched.study, searched.subject, searched.tune.budget
     start = {knob.key: knob.start_share for knob in subject.knobs}
     about = {"study": pack(study).digest[:16], "keys": list(start)}
@@ -253,7 +254,7 @@ def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
 
 
 def lines(tuned: Tuned) -> list[str]:
-    """The outcome as lines of text: each value before and after, and what it is worth on fresh variants."""
+    """The outcome as lines of text: what it is worth on fresh variants, and each value before and after."""
     name, before, after = tuned.subject.name, tuned.before, tuned.after
     found = [
         f"{knob.key} = {shown(tuned.values[knob.key])}  # was {shown(knob.start_text)}"
@@ -267,7 +268,7 @@ def lines(tuned: Tuned) -> list[str]:
         )
     if not tuned.adopted:
         worth += "; no better, so the values stay as they were"
-    return [*found, worth]
+    return [worth, *found]
 
 
 def _values(subject: Subject, settings: Settings) -> dict[str, Any]:
@@ -286,8 +287,7 @@ def growth(study: AnyStudy, controllers: Iterable[str]) -> float:
 
     The largest of these controllers; 0 for studies of trials.
     """
-    if isinstance(study, TrialStudy):
-        return 0.0
+    forecast = DESIGNS[study.kind].forecast
     found = [verdict for name in controllers if (verdict := forecast(study, name)) is not None]
     sure = [each for each in found if each.kind in ("grows", "unstable", "feedback unstable")]
     return max((each.worst.factor - 1 if each.worst else 1.0 for each in sure), default=0.0)

@@ -13,18 +13,17 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from cogless import units
 from cogless.errors import StudyError
 from cogless.interrupts import deferred
-from cogless.study import AnyStudy, TrialStudy, changed
+from cogless.results.trace import Array
+from cogless.study import AnyStudy, changed
 from cogless.study.messages import MISSING, dotted, look_up, shown
 from cogless.study.reading import split
 from cogless.study.table import Key
 
-Array = NDArray[np.float64]
 PERCENT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*%\s*")
 CUT = 3.0  # standard deviations at which a normal distribution ends
 DIGITS = 6  # of a value, so that the command that repeats a variant can be read
@@ -252,10 +251,10 @@ FRESH = 1 << 32  # between the seeds of an ensemble and those of a fresh one
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """The variants of a study: `drawn` has the values of each varied key, as in the study's file.
+    """The variants of a study: `drawn` has by varied key a value per variant, in the file's notation.
 
-    `places`: where a key is set, for each scenario. Motor, mechanics and drive vary as a scenario's override:
-    the controllers are designed for the study, and don't know which variant they meet.
+    `places`: by scenario, the override of a scenario that sets each key of motor, mechanics and drive. Only
+    the override varies, so the controllers are designed for the study and don't know which variant they meet.
     """
 
     axes: tuple[Axis, ...]
@@ -315,9 +314,7 @@ def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
 
 def _places(study: AnyStudy, keys: Iterable[str]) -> dict[str, dict[str, str]]:
     """The overrides that set a key of the plant, by scenario; a scenario that has its own value keeps it."""
-    of_plant = (
-        ("motor.", "mechanics.") if isinstance(study, TrialStudy) else ("motor.", "mechanics.", "drive.")
-    )
+    of_plant = tuple(f"{table}." for table in study.overridable)
     return {
         key: {
             name: dotted(("scenario", name, "override", key))

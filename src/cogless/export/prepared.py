@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cogless.errors import StudyError
 from cogless.run.plan import Plan, failures, plan
-from cogless.study import AnyStudy, TrialStudy
+from cogless.study import AnyStudy
 from cogless.study.laws.own import LibraryLaw, PythonLaw
 from cogless.study.table import perhaps
 
@@ -200,7 +200,7 @@ def _check(study: AnyStudy, scenario: str, controller: str) -> None:
         raise StudyError(
             f'{where}: "{law.law}": is C of your own already: expected a law of the control library'
         )
-    if isinstance(study, TrialStudy) and study.drive is None:
+    if study.drive is None:
         raise StudyError(
             f"{study.source.path}: plant: a linear plant has no drive: expected a study with a drive; "
             "`cogless export --to c` writes the law alone"

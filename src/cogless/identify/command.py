@@ -9,8 +9,9 @@ from pathlib import Path
 
 from cogless.errors import StudyError
 from cogless.identify import config, write
+from cogless.identify.config import Identification
 from cogless.identify.estimate import SURE, Progress, estimate
-from cogless.identify.log import load_logs
+from cogless.identify.log import Log, load_logs
 from cogless.identify.replay import refined
 from cogless.identify.result import Estimate, Wave
 from cogless.identify.sessions import sentences, sessions
@@ -33,7 +34,12 @@ def identified(logs: Sequence[Path], columns: Path, progress: Progress) -> Ident
         raise StudyError(f"{columns}: no such file: expected a TOML file that names the columns")
     known = config.load(columns)
     progress("reading", 0.0)
-    made = estimate(known, load_logs(list(logs), known), progress)
+    return identified_logs(known, load_logs(list(logs), known), progress)
+
+
+def identified_logs(identification: Identification, logs: Sequence[Log], progress: Progress) -> Identified:
+    """Identify a motor from logs that are read. StudyError: logs that tell nothing."""
+    made = estimate(identification, list(logs), progress)
     made, traces = refined(made, progress)
     made = standing_out(made)
     said = sentences(sessions(made))

@@ -178,7 +178,12 @@ SIGNALS_TURN = 6.283185307179586  # rad
 
 def load(path: Path) -> Identification:
     """Read the file. StudyError lists its mistakes, one per line."""
-    source = with_datasheet(path, read(path))
+    return from_tables(path, read(path))
+
+
+def from_tables(path: Path, tables: dict[str, Any]) -> Identification:
+    """The tables of a file of columns, validated. `path`: where they are from, which a StudyError names."""
+    source = with_datasheet(path, tables)
     try:
         found = Identification.model_validate(source.tables, context={"folder": path.parent, "checks": ()})
     except ValidationError as error:

@@ -80,15 +80,21 @@ class Log:
 def load_logs(paths: list[Path], known: Identification) -> list[Log]:
     """Read all logs. StudyError: a file, a column or a row that can't be used."""
     headings = [column.name for column in known.columns.values()]
-    logs: list[Log] = []
     columns: list[tuple[Path, LogColumns]] = []
     for path in paths:
         true = ["theta_m"] if path.suffix == ".nc" else []
         columns += [(path, log) for log in read(path, headings + true)]
-    _require_columns(columns, known)
+    return logs_of_columns(columns, known)
+
+
+def logs_of_columns(columns: Sequence[tuple[Path, LogColumns]], identification: Identification) -> list[Log]:
+    """The logs in columns that were read from these files. StudyError: a column or row that can't be used."""
+    logs: list[Log] = []
+    columns = list(columns)
+    _require_columns(columns, identification)
     while columns:
         path, log = columns.pop(0)
-        logs += [_log(path, part, own, known) for part, own in _parts(path, log, known)]
+        logs += [_log(path, part, own, identification) for part, own in _parts(path, log, identification)]
     names = [log.name for log in logs]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:

@@ -6,11 +6,10 @@ from pathlib import Path
 from cogless.errors import StudyError
 from cogless.files import replacing
 from cogless.live import engine, live_page
-from cogless.live.candidates import pinned
-from cogless.live.description import held, left_out, precision
+from cogless.live.candidates import PAGE_KEYS
+from cogless.live.description import held, left_out
 from cogless.live.live_page import NO_LIMITS
-from cogless.study import AnyStudy, TrialStudy
-from cogless.study.reading import Changes
+from cogless.study import AnyStudy
 
 __all__ = ["check", "left_out", "render", "write"]
 
@@ -21,21 +20,20 @@ def check(study: AnyStudy) -> None:
         raise StudyError(
             f"{study.source.path}: live: expected a controller that a page can hold: {left_out(study)[0]}"
         )
-    engine.module(precision(study))
+    engine.module(study.precision)
 
 
 def render(study: AnyStudy, command: str, told: bool = False, limits: Mapping[str, str] = NO_LIMITS) -> str:
     """The page as one HTML text. `command`: the one that runs the study.
 
-    `told`: for one's own motor: its values are changed in the study, so the controller is told, too.
+    `told`: the page is for one's own motor. Its values change in the study, and its controllers with
+    them.
     `limits`: by scenario, what limits its best run; the page shows it until a value is changed.
 
     StudyError as in `check`.
     """
     check(study)
-    pins: Changes = {}
-    if isinstance(study, TrialStudy):
-        study, pins = pinned(study)
+    study, pins = PAGE_KEYS[study.kind].pinned(study)
     return live_page.render(study, command, told, limits, pins)
 
 

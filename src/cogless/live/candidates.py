@@ -5,7 +5,7 @@ Keys of a study of trials that a page might change: the learning, and of each ph
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, get_args, get_origin
 
@@ -15,6 +15,7 @@ from cogless.live.description import blobs, held
 from cogless.report.phases import groups, phases
 from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study.base import Kind
 from cogless.study.drive import IdealCurrentLoop
 from cogless.study.laws.trial import FilteredLaw, ObserverIlc, QFilter, StateIlc, TrialIlc, TrialLaw
 from cogless.study.linear_plant import LinearPlant
@@ -70,6 +71,7 @@ def shortest(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
+COGGING_ORDERS = 12  # of the motor: those beyond have no key
 # Keys of the drive and of what it turns. An override changes them, so the controller is not told. Each has
 # its group, its name, and the ends of its slider as shares of the study's value.
 PLANT = (
@@ -82,7 +84,7 @@ PLANT = (
     ("Load and motion", "mechanics.load_side.damping", 0.0, 3.0),
     *(
         ("Motor", f"motor.cogging.{n}.{word}", 0.0, 3.0)
-        for n in range(4)
+        for n in range(COGGING_ORDERS)
         for word in ("current", "torque", "torque_peak_to_peak")
     ),
     *(
@@ -154,22 +156,32 @@ MOTOR = (
     "motor.cogging.1.torque",
     "drive.inverter.bus_voltage",
 )
+CURRENT_LIMIT = "drive.current_loop.current_limit"
 YOURS = "Your motor"
 WIDE = 100.0  # what a field takes, as a share of the slider's ends
 PAIRS, ORDERS = 40.0, 400.0  # most pole pairs, highest order
 
 
 def candidates(study: Study, told: bool = False) -> Iterator[Candidate]:
-    """The keys that a page might change, those of controllers first; keys.py finds where each lands.
+    """The keys that a page might change, in order of precedence; keys.py finds where each lands.
 
-    `told`: the motor's keys are the study's, of which the controller is told, in place of overrides.
+    `told`: the motor's values change in the study itself, so the controller is designed for them. Else an
+    override of the scenario changes them, and the controller does not know.
     """
     if told:
         yield from of_motor(study)
+    yield from _of_limit(study)
     for name in dict.fromkeys(controller for _, controller in held(study)):
         yield from _of_controller(study, name)
     for scenario in dict.fromkeys(scenario for scenario, _ in held(study)):
         yield from _of_scenario(study, scenario, told)
+
+
+def _of_limit(study: Study) -> Iterator[Candidate]:
+    """The current limit, of which the controller is told: one for all scenarios."""
+    owner, last, value = looked_up(study, study.source.tables, CURRENT_LIMIT)
+    if value is not None and owner is not None:
+        yield from made(CURRENT_LIMIT, CURRENT_LIMIT, "Load and motion", owner, last, value, (0.2, 2.0))
 
 
 def of_motor(study: Study) -> Iterator[Candidate]:
@@ -535,7 +547,7 @@ def _of_trial_scenario(study: TrialStudy, scenario: str) -> Iterator[Candidate]:
     alone = {group.start for group in groups(phases(experiment)) if len(group.phases) == 1}
     for n, change in enumerate(own.get("changes", ())):
         if change["trial"] not in alone:
-            continue  # one of many changes alike
+            continue  # one of a long row of similar changes, which have no sliders of their own
         yield from _of_phase(
             study, scenario, f"{where}.changes.{n}", change, f", from trial {change['trial']}"
         )
@@ -595,3 +607,17 @@ def _of_phase(
         if owner is not None:
             path = f'{where}.override."{key}"' if "." in key else f"{where}.override.{key}"
             yield from made(path, f"{key}{when}", OF_TRIALS, owner, last, value, (0.5, 2.0), scenario)
+
+
+@dataclass(frozen=True)
+class KindOfKeys:
+    """What a page may change in a kind of study. `pinned`: the study with its designs' values, and these."""
+
+    candidates: Callable[[Any, bool], Iterator[Candidate]]
+    pinned: Callable[[Any], tuple[AnyStudy, Changes]]
+
+
+PAGE_KEYS: Mapping[Kind, KindOfKeys] = {
+    "speed": KindOfKeys(candidates, pinned=lambda study: (study, {})),
+    "trials": KindOfKeys(lambda study, _: trial_candidates(study), pinned),
+}

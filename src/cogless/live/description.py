@@ -18,13 +18,14 @@ import numpy as np
 
 from cogless.c_layout import Leaf, control_layout
 from cogless.control_library import C_LAWS
+from cogless.design.kinds import DESIGNS
 from cogless.design.trials.from_study import design_study, retuned
-from cogless.results.metrics import Conditions
 from cogless.run.drive_config import engine_config
 from cogless.run.plan import plan
 from cogless.run.simulate import Pair
 from cogless.run.trial_config import engine_config as trial_config
-from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study import AnyStudy, Study, TrialStudy
+from cogless.study.base import Kind
 from cogless.study.laws.anti_cogging import AntiCogging
 from cogless.study.laws.law import Startable
 from cogless.study.laws.own import OwnLaw
@@ -36,6 +37,7 @@ STRUCTS = {
     "drive.encoder_table": "cgl_encoder_table_config",
     "drive.dead_time": "cgl_dead_time_config",
 }
+SPARE_ORDERS = 3  # cogging orders that a page can add
 POINTER = 4  # bytes, in WebAssembly
 
 
@@ -195,19 +197,12 @@ def _why_not(study: AnyStudy, name: str) -> str:
     if isinstance(study.controller[name], NormOptimalIlc):
         return "its learning matrix, of a number for each two samples, is too large for a page"
     run = next((pair for pair in every(study) if pair[1] == name), None)
-    if isinstance(study, TrialStudy) and run is not None:
-        refused = design_study(study, [run]).refused.get(run)
-        return "" if refused is None else f"not designed: {refused.within(study.source.path)}"
-    return ""
+    refused = None if run is None else DESIGNS[study.kind].prepared(study, [run]).refused.get(run)
+    return "" if refused is None else f"not designed: {refused.within(study.source.path)}"
 
 
 def every(study: AnyStudy) -> Iterator[Pair]:
     return ((scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario))
-
-
-def precision(study: AnyStudy) -> str:
-    """The precision of the control laws; a linear plant has them in double precision."""
-    return study.drive.precision if study.drive is not None else "double"
 
 
 def blobs(study: AnyStudy, scenario: str, controller: str, like: AnyStudy | None = None) -> dict[str, Packed]:
@@ -216,59 +211,70 @@ def blobs(study: AnyStudy, scenario: str, controller: str, like: AnyStudy | None
     `like`: the study of which this one is a changed copy. In trials its designs are reused.
     StudyError or MisfitError: the study's values don't make a run.
     """
-    if isinstance(study, TrialStudy):
-        return {"run": _trials(study, scenario, controller, like)}
+    return BLOBS[study.kind](study, scenario, controller, like)
+
+
+def _of_speed(study: Study, scenario: str, controller: str, like: Study | None) -> dict[str, Packed]:
     made = {"run": _blob(study, scenario, controller)}
     law = study.controller[controller]
     if isinstance(law, AntiCogging) and law.calibration is not None:
         description = engine_config(study, scenario, controller, "learn")
         # as long as plan.py waits for it
         longest = 3 * law.calibration.duration * study.drive.rates.current_loop
-        made["learn"] = _packed(study, description | {"page": {"ticks": math.ceil(longest)}})
+        made["learn"] = _packed(study, _with_spares(description) | {"page": {"ticks": math.ceil(longest)}})
     return made
 
 
 def _blob(study: Study, scenario: str, controller: str) -> Packed:
-    here, law = for_scenario(study, scenario), study.controller[controller]
-    conditions, rates = Conditions.of(study, scenario), here.drive.rates
+    law, timing, conditions = study.controller[controller], study.timing(scenario), study.conditions(scenario)
     page: dict[str, Any] = {
-        "ticks": round(here.scenario[scenario].duration * rates.current_loop),
-        "decimation": round(rates.current_loop / here.trace_rate),
-        "divider": rates.divider,
+        "ticks": timing.ticks,
+        "decimation": timing.decimation,
+        "divider": timing.divider,
         "pole_pairs": conditions.pole_pairs,
         "R_s": conditions.R_s,
         "power_factor": conditions.power_factor,
         "speed_period": conditions.speed_period,
         "events": list(conditions.events),
-        "unit": float(np.float32(law.unit)) if study.drive.precision == "single" else float(law.unit),
-        "ratio": law.ratio(here.motor.pole_pairs),
+        "unit": float(np.float32(law.unit)) if study.precision == "single" else float(law.unit),
+        "ratio": law.ratio(conditions.pole_pairs),
     }
     if isinstance(law, Startable) and law.start is not None:
         learned = plan(study, scenario, controller).learned
         page["learned"] = np.asarray(learned, np.float64)
-    return _packed(study, engine_config(study, scenario, controller) | {"page": page})
+    return _packed(study, _with_spares(engine_config(study, scenario, controller)) | {"page": page})
 
 
-def _trials(study: TrialStudy, scenario: str, controller: str, like: AnyStudy | None) -> Packed:
-    run, conditions, experiment = (
-        (scenario, controller),
-        Conditions.of(study, scenario),
-        study.scenario[scenario],
-    )
-    design = retuned(study, run, like) if isinstance(like, TrialStudy) else design_study(study, [run])[run]
-    rates = None if study.drive is None else study.drive.rates
-    divider = 1 if rates is None else rates.divider
-    sampled = 1 / study.period if rates is None else rates.current_loop
+def _with_spares(description: dict[str, Any]) -> dict[str, Any]:
+    """The description with cogging orders without torque after the motor's own.
+
+    They have an order that the motor's functions of the angle have already: another one would change how the
+    engine multiplies its way to the others, and with it their last bits.
+    """
+    motor = description["motor"]
+    order = motor["cogging"][0]["order"] if motor["cogging"] else motor["pole_pairs"]
+    spare = [{"order": order, "torque": 0.0, "phase": 0.0}] * SPARE_ORDERS
+    return description | {"motor": motor | {"cogging": [*motor["cogging"], *spare]}}
+
+
+def _of_trials(
+    study: TrialStudy, scenario: str, controller: str, like: TrialStudy | None
+) -> dict[str, Packed]:
+    run, timing, conditions = (scenario, controller), study.timing(scenario), study.conditions(scenario)
+    design = design_study(study, [run])[run] if like is None else retuned(study, run, like)
     page = {
-        "trials": experiment.trials,
-        "ticks": study.samples(scenario) * divider,  # of a trial
-        "decimation": divider if study.trace.rate is None else round(sampled / study.trace.rate),
-        "divider": divider,
+        "trials": conditions.trials,
+        "ticks": study.samples(scenario) * timing.divider,  # of a trial
+        "decimation": timing.decimation,
+        "divider": timing.divider,
         "pole_pairs": conditions.pole_pairs,
         "starts": [int(start) for start in conditions.starts],
     }
-    return _packed(study, trial_config(study, scenario, controller, design) | {"page": page})
+    return {"run": _packed(study, trial_config(study, scenario, controller, design) | {"page": page})}
+
+
+BLOBS: Mapping[Kind, Callable[..., dict[str, Packed]]] = {"speed": _of_speed, "trials": _of_trials}
 
 
 def _packed(study: AnyStudy, description: dict[str, Any]) -> Packed:
-    return pack(description, precision(study))
+    return pack(description, study.precision)

@@ -23,11 +23,11 @@ import numpy as np
 
 from cogless.c_layout import MisfitError
 from cogless.errors import StudyError
-from cogless.live.candidates import MOTOR, YOURS, Candidate, candidates, trial_candidates
+from cogless.live.candidates import MOTOR, PAGE_KEYS, YOURS, Candidate
 from cogless.live.description import Number, Packed, blobs, held
 from cogless.live.own_motor import TOGETHER, OwnMotor, own_motor
 from cogless.run.simulate import Pair
-from cogless.study import AnyStudy, TrialStudy
+from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import changed
 
@@ -35,7 +35,7 @@ STOPS = 21
 TRIES = 20
 HALVINGS = 5  # of the way from an end that is refused to the study's value, or to the slider's end
 REPEATS = 9  # of a value beside different pole pairs
-JOINT_TRIES = 6  # of a table with pole pairs, beside other values of the motor's other keys
+JOINT_TRIES = 6  # combinations of the motor's keys on which a table over stops and pole pairs is tested
 SAME_NUMBERS = "it acts on the same numbers as another key"
 OTHER_SHAPE = "the run's description takes another shape with it"
 Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
@@ -74,12 +74,17 @@ class Found:
     keys: list[Key] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
     own_motor: OwnMotor | None = None
+    base: All = field(default_factory=dict)
 
 
 def adjustable(study: AnyStudy, told: bool = False) -> Found:
     """The keys of a study that a page can change. `told`: the controller is told of the motor's, too."""
     base = packed(study, held(study))
-    found, taken, groups = Found(), set[tuple[Place, int]](), dict[tuple[str | None, str | None], list[Key]]()
+    found, taken, groups = (
+        Found(base=base),
+        set[tuple[Place, int]](),
+        dict[tuple[str | None, str | None], list[Key]](),
+    )
     listed = [_bounded(study, candidate) for candidate in _candidates(study, told)]
     together = [candidate for candidate in listed if told and candidate.key in TOGETHER]
     if told:
@@ -105,7 +110,7 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
             found.keys.append(key)
             if not key.stops:
                 groups.setdefault((candidate.scenario, candidate.controller), []).append(key)
-    wrong = {id(key) for group in groups.values() for key in _disproved(study, base, group, _samples, own)}
+    wrong = {id(key) for group in groups.values() for key in disproved(study, base, group, samples, own)}
     for key in [key for key in found.keys if id(key) in wrong]:
         found.keys.remove(key)
         taken -= _numbers(key)
@@ -118,7 +123,7 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
     narrow = {
         id(key)
         for group in groups.values()
-        for key in _disproved(study, base, [k for k in group if id(k) not in wrong], _wide, own, alone=True)
+        for key in disproved(study, base, [k for k in group if id(k) not in wrong], _wide, own, alone=True)
     }
     found.keys = [_of_slider(key) if key.stops else key for key in found.keys]
     found.keys = [_narrowed(study, base, key, own) if id(key) in narrow else key for key in found.keys]
@@ -145,7 +150,7 @@ def _narrowed(study: AnyStudy, base: All, key: Key, own: OwnMotor | None) -> Key
     """The key with its field narrowed to values for which the page's numbers are right."""
 
     def is_right(value: float) -> bool:
-        return not _disproved(study, base, [key], lambda _: [value] * repeats, own, alone=True)
+        return not disproved(study, base, [key], lambda _: [value] * repeats, own, alone=True)
 
     def end(far: float, near: float) -> float:
         for _ in range(HALVINGS):
@@ -158,7 +163,7 @@ def _narrowed(study: AnyStudy, base: All, key: Key, own: OwnMotor | None) -> Key
     candidate, repeats = key.candidate, 2 if own is None else REPEATS  # the first isn't tried
     least, most = end(candidate.least, candidate.low), end(candidate.most, candidate.high)
     narrower = replace(key, candidate=replace(candidate, least=least, most=most))
-    return _of_slider(key) if _disproved(study, base, [narrower], _wide, own, alone=True) else narrower
+    return _of_slider(key) if disproved(study, base, [narrower], _wide, own, alone=True) else narrower
 
 
 def packed(study: AnyStudy, pairs: Sequence[Pair], like: AnyStudy | None = None) -> dict[Place, Packed]:
@@ -167,7 +172,7 @@ def packed(study: AnyStudy, pairs: Sequence[Pair], like: AnyStudy | None = None)
 
 
 def _candidates(study: AnyStudy, told: bool) -> Iterator[Candidate]:
-    return trial_candidates(study) if isinstance(study, TrialStudy) else candidates(study, told)
+    return PAGE_KEYS[study.kind].candidates(study, told)
 
 
 def _own_motor(study: AnyStudy, base: All, keys: Sequence[Candidate]) -> OwnMotor:
@@ -221,7 +226,7 @@ def _check_words(study: AnyStudy, there: Set[str]) -> None:
 
 
 def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | None) -> tuple[Key | None, str]:
-    """The key as one value shows it, or why there is none; `_disproved` tries more values."""
+    """The key as one value shows it, or why there is none; `disproved` tries more values."""
     candidate = _with_all_runs(study, base, candidate)
     value, made, why = _first_accepted(study, candidate)
     if why:
@@ -255,7 +260,7 @@ def _with_all_runs(study: AnyStudy, base: All, candidate: Candidate) -> Candidat
 def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, str]:
     """The first sample that the study accepts and its descriptions, or why it refuses the first one."""
     whys = []
-    for value in () if candidate.stops else _samples(candidate):
+    for value in () if candidate.stops else samples(candidate):
         try:
             return value, _changed(study, [(candidate, value)]), ""
         except (StudyError, MisfitError) as error:
@@ -263,7 +268,7 @@ def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, 
     return candidate.start, {}, whys[0] if whys else ""
 
 
-def _disproved(
+def disproved(
     study: AnyStudy,
     base: All,
     group: Sequence[Key],
@@ -291,7 +296,7 @@ def _disproved(
                 return list(group)
             half = len(group) // 2
             parts = (group[:half], group[half:])
-            return [key for part in parts for key in _disproved(study, base, part, samples, own, alone)]
+            return [key for part in parts for key in disproved(study, base, part, samples, own, alone)]
     return []
 
 
@@ -438,7 +443,10 @@ def _moved(blob: Packed, others: Sequence[Packed]) -> list[Number]:
 def _fitting(
     study: AnyStudy, number: Number, candidate: Candidate, value: float, base: Packed, made: Packed
 ) -> Landing | None:
-    """How a key sets a number, judged by the study's value and another one; None if neither form fits."""
+    """How a key sets a number: in proportion to its SI value, or as a time rounded to whole periods.
+
+    It is tested at the study's value and one other. None if neither form fits both.
+    """
     si = candidate.si(value)
     ratio = number.read(made.data) / si if si else 1.0
     tries = [Landing(number, scale) for scale in (1.0, ratio, float(round(ratio)))]
@@ -458,7 +466,7 @@ def landed(landing: Landing, si: float) -> float:
     return float(np.float32(value)) if landing.number.format == "f" else value
 
 
-def _samples(candidate: Candidate) -> list[float]:
+def samples(candidate: Candidate) -> list[float]:
     """Values across the slider, as irregular as they can be: by the golden section."""
     span = candidate.high - candidate.low
     found = [candidate.low + span * ((n * 0.6180339887498949) % 1.0) for n in range(1, TRIES + 1)]

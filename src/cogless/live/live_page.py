@@ -6,7 +6,8 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from itertools import accumulate, pairwise
 from string import Template
@@ -15,9 +16,13 @@ from typing import Any
 from cogless.control_library import C_LAWS
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders, versions
-from cogless.live import engine, own_motor, toml
-from cogless.live.description import OFF, Packed, held, left_out, precision
+from cogless.live import engine, own_motor
+from cogless.live.description import OFF, Packed, held, left_out
+from cogless.live.key_words import key_words
 from cogless.live.keys import Found, Key, Place, adjustable, packed
+from cogless.live.motor_classes import motor_classes
+from cogless.live.sensor_choices import SensorChoice, sensor_choices
+from cogless.live.spare_orders import spare_orders
 from cogless.report.markup import asset as report_asset
 from cogless.report.phases import display_unit, groups, judged, phases
 from cogless.report.speed_tracking import DRIFT, FAR, LOST, MOMENT, ONE_WAY
@@ -25,9 +30,11 @@ from cogless.report.trials import panels_of
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study.base import Kind
 from cogless.study.laws.trial import TrialLaw
 from cogless.study.metric import EACH_TRIAL, SIGNALS, Metric
 from cogless.study.reading import Changes
+from cogless.study.toml import sections, toml
 from cogless.units import NONE, factor
 
 NO_LIMITS: Mapping[str, str] = {}
@@ -56,7 +63,7 @@ def render(
 
     StudyError: no WebAssembly engine, or no run that a page can hold.
     """
-    module = engine.module(precision(study))
+    module = engine.module(study.precision)
     found = adjustable(study, told)
     blocks = {
         "data": json.dumps(data(study, found, command, limits, pins), separators=(",", ":"), allow_nan=False),
@@ -76,7 +83,7 @@ def render(
     )
     return Template(asset("live.html")).substitute(
         title=escape(study.title),
-        description=f'<p class="description">{escape(study.description)}</p>' if study.description else "",
+        description=_description(study),
         version=escape(versions()["cogless"]),
         policy=policy,
         left_out=_left_out(study, found),
@@ -110,14 +117,17 @@ def data(
 ) -> dict[str, Any]:
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
+    page = PAGES[study.kind]
+    spares, cogging = page.spare_orders(study, found.base)
+    sensors = page.sensor_choices(study, found, spares)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
     others = [name for name in names if name != study.baseline]
     return {
         "command": command,
-        "pins": [[key, f"{key}={toml.text(value)}"] for key, value in pins.items()],
+        "pins": [[key, f"{key}={toml(value)}"] for key, value in pins.items()],
         "name": study.name,
-        "toml": toml.sections(study.source),
-        "kind": "trials" if isinstance(study, TrialStudy) else "speed",
+        "toml": sections(study.source),
+        "kind": study.kind,
         "busy": int(Status.BUSY),
         "guarded": int(Status.GUARDED),
         "moment": MOMENT,
@@ -128,7 +138,7 @@ def data(
                 "controllers": [c for s, c in pairs if s == scenario],
                 "metrics": [_metric(study, scenario, metric) for metric in study.metrics_in(scenario)],
                 "limit": limits.get(scenario, ""),
-                **_about(study, scenario),
+                **PAGES[study.kind].scenario(study, scenario),
             }
             for scenario in dict.fromkeys(scenario for scenario, _ in pairs)
         ],
@@ -140,13 +150,21 @@ def data(
                 "learns": _learns(study, name),
                 "baseline": name == study.baseline,
                 "by_order": _by_order(study.controller[name].law),
-                "turn": _turn(study, name),
+                "turn": PAGES[study.kind].turn(study, name),
             }
             for name in names
         ],
-        "keys": [_key(key) for key in found.keys],
+        "keys": [_with_sensors(_key(study, key), key, sensors) for key in (*found.keys, *spares)],
+        "sensors": [{"words": sensor.words, "text": sensor.text} for sensor in sensors],
+        "cogging": cogging,
+        "classes": motor_classes(found.keys) if found.own_motor is not None else [],
         "motor": _motor(study, found),
-        "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()},
+        "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()}
+        | {
+            f"{n}|{'/'.join(place)}": _run(blob)
+            for n, sensor in enumerate(sensors, 1)
+            for place, blob in sensor.runs.items()
+        },
     }
 
 
@@ -159,19 +177,19 @@ def _by_order(law: str) -> bool:
     return law in C_LAWS and C_LAWS[law].by_order
 
 
-def _turn(study: AnyStudy, name: str) -> float:
-    """Mechanical revolutions that the learned map spans."""
-    return 1.0 if isinstance(study, TrialStudy) else float(revolutions_learned(study, name) or 1)
+def _turn(study: Study, name: str) -> float:
+    return float(revolutions_learned(study, name) or 1)
 
 
-def _about(study: AnyStudy, scenario: str) -> dict[str, Any]:
-    """What a page knows about a scenario besides controllers and metrics."""
-    if isinstance(study, Study):
-        torque, end = study.scenario[scenario].torque_mode, study.scenario[scenario].duration
-        return {
-            "rate": for_scenario(study, scenario).drive.rates.current_loop,
-            "torque": [torque.time, min(torque.end, end)] if torque is not None else None,
-        }
+def _speed_scenario(study: Study, scenario: str) -> dict[str, Any]:
+    torque, end = study.scenario[scenario].torque_mode, study.scenario[scenario].duration
+    return {
+        "rate": for_scenario(study, scenario).drive.rates.current_loop,
+        "torque": [torque.time, min(torque.end, end)] if torque is not None else None,
+    }
+
+
+def _trial_scenario(study: TrialStudy, scenario: str) -> dict[str, Any]:
     about = judged(study, scenario)
     return {
         "judged": {
@@ -206,16 +224,14 @@ def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
     orders = metric.order or (None,)
     words = metric.name.replace("_", " ")
     titles = [words if order is None else f"{words} {order:g}" for order in orders]
-    rows: list[tuple[int, int]] | None = None
-    if isinstance(study, TrialStudy):  # a number for each trial is drawn, not listed
-        found = [] if metric.kind in EACH_TRIAL else groups(phases(study.scenario[scenario]))
-        titles = [f"{words}, {group.row}" for group in found]
-        ends = list(accumulate(len(group.phases) for group in found))
-        rows = list(pairwise([0, *ends]))
+    rows = PAGES[study.kind].values(study, scenario, metric)
+    if rows is not None:
+        titles = [f"{words}, {name}" for name, _ in rows]
     return {
         "name": result_name(metric),
         "titles": titles,
-        "groups": rows,  # of each title the first phase and the one after the last; null: a value a title
+        # of each title the first phase and the one after the last; null: a value a title
+        "groups": None if rows is None else [group for _, group in rows],
         "unit": unit,
         "factor": factor(unit, dimension) if dimension is not NONE and unit else 1.0,
         "kind": metric.kind,
@@ -232,6 +248,49 @@ def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
         "floor": metric.floor,
         "better": metric.wanted,
     }
+
+
+def _phases_listed(study: TrialStudy, scenario: str, metric: Metric) -> list[tuple[str, tuple[int, int]]]:
+    """Name of each group of phases with its first phase and the one after its last.
+
+    A number for each trial is drawn, not listed.
+    """
+    listed = [] if metric.kind in EACH_TRIAL else groups(phases(study.scenario[scenario]))
+    ends = accumulate((len(group.phases) for group in listed), initial=0)
+    return list(zip((group.row for group in listed), pairwise(ends), strict=True))
+
+
+@dataclass(frozen=True)
+class KindOfPage:
+    """What a page knows of a kind of study."""
+
+    scenario: Callable[[Any, str], dict[str, Any]]  # besides controllers and metrics
+    turn: Callable[[Any, str], float]  # mechanical revolutions that a controller's learned map spans
+    # names of a metric's values and which they are; None: one value, or one per order
+    values: Callable[[Any, str, Metric], list[tuple[str, tuple[int, int]]] | None]
+    # keys of the cogging orders that can be added, and those that the study has
+    spare_orders: Callable[[Any, Mapping[Place, Packed]], tuple[list[Key], dict[str, Any]]]
+    sensor_choices: Callable[
+        [Any, Found, list[Key]], Sequence[Any]
+    ]  # sensors that can be chosen in their place
+
+
+PAGES: Mapping[Kind, KindOfPage] = {
+    "speed": KindOfPage(
+        scenario=_speed_scenario,
+        turn=_turn,
+        values=lambda study, scenario, metric: None,
+        spare_orders=spare_orders,
+        sensor_choices=sensor_choices,
+    ),
+    "trials": KindOfPage(
+        scenario=_trial_scenario,
+        turn=lambda study, name: 1.0,
+        values=_phases_listed,
+        spare_orders=lambda study, base: ([], {}),
+        sensor_choices=lambda study, page_keys, spares: [],
+    ),
+}
 
 
 def _run(blob: Packed) -> dict[str, Any]:
@@ -255,11 +314,12 @@ def _off(found: dict[str, list[Any]]) -> list[Any] | None:
     return None
 
 
-def _key(key: Key) -> dict[str, Any]:
+def _key(study: AnyStudy, key: Key) -> dict[str, Any]:
     candidate = key.candidate
     return {
         "key": candidate.key,
         "label": candidate.label,
+        "words": key_words(study, candidate.label),
         "group": candidate.group,
         "scenario": candidate.scenario,
         "controller": candidate.controller,
@@ -274,6 +334,14 @@ def _key(key: Key) -> dict[str, Any]:
         "stops": key.stops,
         "lands": {_place(place): [_landing(key, one) for one in lands] for place, lands in key.lands.items()},
     }
+
+
+def _with_sensors(packed_key: dict[str, Any], key: Key, sensors: Sequence[SensorChoice]) -> dict[str, Any]:
+    """The key with its landings in the runs with other sensors, too: their places begin with a number."""
+    for n, sensor in enumerate(sensors, 1):
+        for place, lands in sensor.lands.get(key.candidate.key, {}).items():
+            packed_key["lands"][f"{n}|{_place(place)}"] = [_landing(key, one) for one in lands]
+    return packed_key
 
 
 def _place(place: Place) -> str:
@@ -291,7 +359,7 @@ def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
     own = found.own_motor
     if own is None:
         return None
-    assert isinstance(study, Study)
+    assert study.motor is not None
     plant = study.motor.star()
     return {
         "over": own_motor.RESISTANCE,
@@ -306,6 +374,13 @@ def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
 
 def _product(one: own_motor.Product) -> list[Any]:
     return [one.number.offset, one.number.format, one.start, dict(one.powers), one.factors, one.curve]
+
+
+def _description(study: AnyStudy) -> str:
+    if not study.description:
+        return ""
+    text = escape(study.description)
+    return f'<section><h2>About this study</h2><p class="description">{text}</p></section>'
 
 
 def _left_out(study: AnyStudy, found: Found) -> str:

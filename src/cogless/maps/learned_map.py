@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, MapError, StoredMap
-from cogless.study import AnyStudy, TrialStudy, for_scenario
+from cogless.study import AnyStudy
 from cogless.study.laws.own import OwnLaw
+from cogless.study.motion import Real as Real
 from cogless.study.motor import StarMotor
+from cogless.units import TURN
 
-POINTS = 8  # per wave of the highest order
-
-Reals = NDArray[np.float64]
+WAVE_POINTS = 8  # per wave of the highest order
 
 
 def motor_identity(motor: StarMotor) -> int:
@@ -59,32 +59,32 @@ def memory_of(
     """
     if stored is None:
         return {}
-    values: Reals = stored["values"]
-    if isinstance(study, TrialStudy):
-        return {"learned": values[0]}
+    values: Real = stored["values"]
     if ORDER in stored["units"]:
         return _over_angle(*values)
-    law, poles = study.controller[controller], for_scenario(study, scenario).motor.pole_pairs
+    if not stored["turns"]:
+        return {"learned": values[0]}
+    law, poles = study.controller[controller], study.conditions(scenario).pole_pairs
     period = Fraction(stored["turns"], stored["parts"])  # revolutions
     if isinstance(law, OwnLaw):
         ratio = poles if period == Fraction(1, poles) else 1
     else:
         ratio = 1 if period == 1 else law.ratio(poles)
-    unit = float(np.float32(law.unit)) if study.drive.precision == "single" else law.unit  # as the law has it
+    unit = float(np.float32(law.unit)) if study.precision == "single" else law.unit  # as the law has it
     cells = values.shape[1]
-    angle = 2 * np.pi * float(ratio * period) / cells * np.arange(cells)
+    angle = TURN * float(ratio * period) / cells * np.arange(cells)
     names = ("current", "beta", "h")[: len(values)]
     frame = "mechanical" if ratio == 1 else "electrical"
     return {"frame": frame, "angle": angle, **dict(zip(names, 1 / unit * values, strict=True))}
 
 
-def _over_angle(a: Reals, b: Reals, orders: Reals) -> dict[str, Any]:
+def _over_angle(a: Real, b: Real, orders: Real) -> dict[str, Any]:
     """Current over a mechanical revolution from the amplitudes of its orders, in the form of `Run.memory`.
 
     a: amplitudes of the cosines, b: of the sines.
     """
-    cells = POINTS * round(float(np.max(orders)))
-    angle = 2 * np.pi / cells * np.arange(cells)
+    cells = WAVE_POINTS * round(float(np.max(orders)))
+    angle = TURN / cells * np.arange(cells)
     waves = (x * np.cos(h * angle) + y * np.sin(h * angle) for x, y, h in zip(a, b, orders, strict=True))
     return {"frame": "mechanical", "angle": angle, "current": sum(waves)}
 
@@ -115,7 +115,7 @@ def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -
 AS_CURRENT = {(CURRENT,), (COSINE, SINE, ORDER)}  # units of maps that are a current over the angle
 
 
-def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Reals:
+def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
     """The entries of the law's memory, (channels, cells), that mean what the stored map means.
 
     Another number of cells is made from the map's orders up to what both resolve. `law`: the law's own map as
@@ -147,9 +147,9 @@ def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Reals:
     return within(found, law)
 
 
-def of_current(current: Reals, law: Mapping[str, Any], unit: float) -> Reals:
+def of_current(current: Real, law: Mapping[str, Any], unit: float) -> Real:
     """The entries of a law's memory for a current, A, at evenly spaced angles of the law's period."""
-    found: Reals = np.zeros_like(law["values"])
+    found: Real = np.zeros_like(law["values"])
     if ORDER in law["units"]:
         orders = law["values"][2]
         most = (len(current) - 1) // 2
@@ -162,7 +162,7 @@ def of_current(current: Reals, law: Mapping[str, Any], unit: float) -> Reals:
     return found
 
 
-def resampled(values: NDArray[Any], cells: int) -> Reals:
+def resampled(values: NDArray[Any], cells: int) -> Real:
     """A period's values at as many other places; what both can resolve of their orders stays as it is."""
     if len(values) == cells:
         return np.asarray(values, np.float64)
@@ -170,7 +170,7 @@ def resampled(values: NDArray[Any], cells: int) -> Reals:
     return np.asarray(np.fft.irfft(orders, cells) * (cells / len(values)))
 
 
-def within(found: Reals, law: Mapping[str, Any]) -> Reals:
+def within(found: Real, law: Mapping[str, Any]) -> Real:
     """The entries, if each is a number within the law's limit; what is above by rounding is cut."""
     for channel, limit in zip(found, law["limits"], strict=True):
         largest = float(np.max(np.abs(channel)))
@@ -180,7 +180,7 @@ def within(found: Reals, law: Mapping[str, Any]) -> Reals:
     return found
 
 
-def _current(stored: StoredMap) -> Reals:
+def _current(stored: StoredMap) -> Real:
     """The map's current over its period, A; from orders, at as many angles as resolve them."""
     values = stored.values.astype(np.float64)
     if ORDER not in stored.units:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from cogless.control_library import C_LAWS
 from cogless.errors import StudyError
 from cogless.files import no_device, reason, replacing
+from cogless.units import TURN
 
 MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
 FLOAT32 = 1  # the only number type
@@ -41,7 +42,7 @@ UNITS = (
 )
 CURRENT, COSINE, SINE, ORDER = 1, 6, 7, 8  # codes of units
 
-Array = NDArray[np.float32]
+Entries = NDArray[np.float32]
 # All of the header except its CRC.
 _FIELDS = struct.Struct("<4sHHIIIBBHIIIHB3sH3fI")
 
@@ -60,7 +61,7 @@ class StoredMap:
     channel, an index of UNITS. `limits`: entries of each channel are within +-limit.
     """
 
-    values: Array
+    values: Entries
     units: tuple[int, ...]
     limits: tuple[float, ...]
     _: KW_ONLY
@@ -101,7 +102,7 @@ class StoredMap:
         """Mechanical angle of each entry, rad; None for a trial and for orders."""
         if self.turns == 0 or ORDER in self.units:
             return None
-        step = 2 * np.pi * self.turns / (self.parts * self.cells)
+        step = TURN * self.turns / (self.parts * self.cells)
         return step * np.arange(self.cells, dtype=np.float64)
 
     def unit(self, channel: int) -> tuple[str, str, str]:

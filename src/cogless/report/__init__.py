@@ -1,32 +1,36 @@
 """The report of a study: one offline HTML file, and still pictures."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from cogless.files import replacing
 from cogless.report import charts, page
-from cogless.report.best_runs import is_quick, with_limits
+from cogless.report.best_runs import is_quick
 from cogless.report.comparison import Line, compare, runs_in
 from cogless.report.limit_sentences import remark
 from cogless.report.page import Outcome, Sections
 from cogless.report.speed import SPEED
 from cogless.report.trials import TRIALS
 from cogless.report.verdicts import ScenarioVerdict
-from cogless.results import AnyResults, Results, TrialResults
-from cogless.study import AnyStudy, TrialStudy
+from cogless.results import AnyResults
+from cogless.study import AnyStudy
+from cogless.study.base import Kind
 from cogless.study.remark import Remark
 
 __all__ = [
     "Line",
     "Outcome",
     "ScenarioVerdict",
-    "broken",
     "compare",
+    "has_limits",
     "is_quick",
+    "judged_line",
     "limit",
     "lines",
     "outcome",
     "plot_names",
     "render",
+    "verdict",
     "verdicts",
     "with_limits",
     "write",
@@ -34,9 +38,12 @@ __all__ = [
 ]
 
 
+SECTIONS: Mapping[Kind, Sections] = {"speed": SPEED, "trials": TRIALS}
+
+
 def _sections(results: AnyResults) -> Sections:
     """The report's sections for the kind of study that the results come from."""
-    return TRIALS if isinstance(results, TrialResults) else SPEED
+    return SECTIONS[results.study.kind]
 
 
 def lines(results: AnyResults, scenario: str) -> list[Line]:
@@ -49,25 +56,48 @@ def verdicts(results: AnyResults) -> list[ScenarioVerdict]:
     return page.verdicts(results, _sections(results))
 
 
-def outcome(results: AnyResults, scenario: str) -> tuple[str, Outcome] | None:
-    """The verdict's first sentences on a scenario of trials, and how each controller ended; else None."""
-    sections, runs = _sections(results), runs_in(results, scenario)
-    found = sections.outcome(results, runs)
-    verdict = sections.verdict(results, runs) if found is not None else None
-    return (verdict.headline, found) if found is not None and verdict is not None else None
+def verdict(results: AnyResults, scenario: str) -> ScenarioVerdict | None:
+    """The verdict on a scenario; None if it can't be judged."""
+    return _sections(results).verdict(results, runs_in(results, scenario))
 
 
-def broken(results: AnyResults, scenario: str) -> str | None:
-    """A sentence or two on the faults in a scenario and their effects; None if it has no faults."""
-    found = _sections(results).verdict(results, runs_in(results, scenario))
-    return found.headline if found is not None and found.told else None
+def outcome(results: AnyResults, scenario: str) -> Outcome | None:
+    """How each controller ended in a scenario of trials; None if there is no error to judge by."""
+    return _sections(results).outcome(results, runs_in(results, scenario))
+
+
+def judged_line(results: AnyResults, scenario: str) -> Line | None:
+    """The metric by which a scenario's controllers are judged; None in a study of trials, or if none is."""
+    return _sections(results).judged_line(results, runs_in(results, scenario))
 
 
 def limit(results: AnyResults, scenario: str) -> Remark | None:
     """What limits a scenario's best run; None if no runs looked for it, or no cause stands out."""
-    if not isinstance(results, Results) or scenario not in results.limits:
+    if scenario not in results.limits:
         return None
     return remark(results.study, results.limits[scenario])
+
+
+def has_limits(study: AnyStudy) -> bool:
+    """Whether `with_limits` can find something in results of this study."""
+    return SECTIONS[study.kind].with_limits is not None
+
+
+def with_limits(
+    results: AnyResults,
+    long: bool = False,
+    jobs: int | None = None,
+    traces: Path | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> AnyResults:
+    """The results, with what limits the best run of each scenario added; none in a study of trials.
+
+    Each scenario takes about a dozen further runs. `long`: run them also where a run is long or executes a
+    user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario.
+    Ctrl-C ends the search early.
+    """
+    search = _sections(results).with_limits
+    return results if search is None else search(results, long, jobs, traces, progress)
 
 
 def render(results: AnyResults) -> str:
@@ -83,7 +113,7 @@ def write(results: AnyResults, path: Path) -> None:
 
 def plot_names(study: AnyStudy) -> list[str]:
     """The names of all still pictures that a study may have."""
-    kinds = (TRIALS if isinstance(study, TrialStudy) else SPEED).pictures
+    kinds = SECTIONS[study.kind].pictures
     return [charts.name(scenario, kind) for scenario in study.scenario for kind in kinds]
 
 

@@ -26,10 +26,10 @@ from cogless.design.margins import Complex, Real
 from cogless.design.speed_loop import speed_loop
 from cogless.design.verdict import judged, loop_type, verdict
 from cogless.errors import StudyError
-from cogless.report.comparison import SAME, pretty, speed_unit
+from cogless.report.comparison import pretty, speed_unit
 from cogless.report.markup import Array, place, plain
 from cogless.report.panels import errors, in_angle, learned_terms, periods
-from cogless.report.verdicts import called
+from cogless.report.verdicts import SAME, called
 from cogless.results import Results, Run
 from cogless.study import Study
 from cogless.study.laws.space import Period

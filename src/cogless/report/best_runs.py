@@ -10,7 +10,7 @@ from cogless.report.speed_verdict import judged
 from cogless.results import Results
 from cogless.results.limits import Limits
 from cogless.run.limit_search import limits
-from cogless.study import Study, for_scenario
+from cogless.study import AnyStudy
 from cogless.study.laws.own import OwnLaw
 
 TICKS_MOST = 5_000_000  # of a run that is made a dozen times again without being asked for
@@ -23,12 +23,7 @@ def with_limits(
     traces: Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Results:
-    """The results, with what limits the best run of each scenario added.
-
-    Each scenario takes about a dozen further runs. `long`: run them also where a run is long or executes a
-    user's code. `jobs`, `traces`: as in `cogless.run.limit_search`. `progress`: called with each scenario.
-    Ctrl-C ends the search early.
-    """
+    """As `cogless.report.with_limits`."""
     found: dict[str, Limits] = {}
     try:
         for scenario in results.scenarios:
@@ -48,11 +43,8 @@ def with_limits(
     return replace(results, limits=found)
 
 
-def is_quick(study: Study, scenario: str, controller: str) -> bool:
+def is_quick(study: AnyStudy, scenario: str, controller: str) -> bool:
     """Whether a run is short enough to be repeated a dozen times without a request of the user."""
     if isinstance(study.controller[controller], OwnLaw):
         return False
-    return (
-        study.scenario[scenario].duration * for_scenario(study, scenario).drive.rates.current_loop
-        <= TICKS_MOST
-    )
+    return study.timing(scenario).ticks <= TICKS_MOST

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from textwrap import fill
@@ -199,6 +199,22 @@ def _finest(waves: Data, series: Data, zoom: Data) -> tuple[Data, Array]:
     return waves, unpack(series["values"])
 
 
+def _revolution(data: Data, looks: Looks) -> list[list[Plot]]:
+    """The answer's first chart: before and after, each with its number large above it."""
+    return [
+        [replace(plot(chart, chart["x"], _before_and_after, looks), title="")] for chart in data["answer"][:1]
+    ]
+
+
+def _before_and_after(chart: Data, looks: Looks, ax: Any) -> None:
+    for k, series in enumerate(chart["series"]):
+        y, look = unpack(series["values"]), looks[series["controller"]]
+        ax.plot(times(chart, y), y, **{**look, "linewidth": (0.9, 1.8)[min(k, 1)]})
+        where = {"transform": ax.transAxes, "va": "bottom", "color": look["color"]}
+        ax.text(0.32 * k, 1.11, look["label"], **where)
+        ax.text(0.32 * k, 1.01, series.get("text", ""), fontsize=17, fontweight="bold", **where)
+
+
 def _bars(chart: Data, looks: Looks, ax: Any) -> None:
     places = range(len(chart["orders"]))
     width = 0.78 / len(chart["series"])
@@ -220,6 +236,7 @@ SPEED_PICTURES = {
     "waveforms": Picture(_waveforms, 1.7, (2, 1)),
     "spectra": Picture(lambda data, looks: stack(data["spectra"], _bars, looks), 2.6),
     "map": Picture(lambda data, looks: stack(data["maps"], _map, looks), 2.6),
+    "revolution": Picture(_revolution, 3.4),
 }
 
 

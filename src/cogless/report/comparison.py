@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cogless.design.law_rules import feedback_of
+from cogless.design.kinds import DESIGNS
 from cogless.design.ripple import WORSE
 from cogless.design.unlearned import Memory, never, revolutions_learned, starts_too_late, too_short
-from cogless.design.warnings import likely_harm
 from cogless.report.markup import number
 from cogless.report.panels import travelled, varies
 from cogless.report.speed_tracking import MOMENT, missed, rows_of, span_of, spans
@@ -66,7 +65,6 @@ def _within(results: Results, run: Run, rows: slice) -> str | None:
     return too_short(law, revolutions, theta[since:], time, speed[since:])
 
 
-SAME = 0.05  # relative difference below which two values count as equal
 SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
 RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"  # unjudged
@@ -322,26 +320,20 @@ def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
     much = f"{number(ratios[worst])} times the {worst} of {study.label(base)}"
     if own is None:
         return f"what is left there is {much}, whose feedback is another"
-    why = likely_harm(study, controller) if isinstance(study, Study) else None
+    why = DESIGNS[study.kind].likely_harm(study, controller)
     return f"learning does harm here, {much}{f' ({why})' if why else ''}"
 
 
 def _own_feedback(study: StudyBase, controller: str, lines: Sequence[Line]) -> str | None:
     """A controller in these lines that has the same feedback and doesn't learn; None if there is none."""
-    if not isinstance(study, Study):
+    feedback = DESIGNS[study.kind].feedback
+    mine = feedback(study, controller)
+    if mine is None:
         return None
-    mine = _feedback(study, controller)
     shown = dict.fromkeys(name for line in lines for name in line.values)
     first = sorted(shown, key=lambda name: name != study.baseline)
     alike = (name for name in first if not study.controller[name].learned)
-    return next((name for name in alike if mine is not None and _feedback(study, name) == mine), None)
-
-
-def _feedback(study: Study, name: str) -> list[tuple[float, ...]] | None:
-    """A controller's feedback at rest and at its top speed, to six digits; None for a user's own law."""
-    top = max((study.scenario[key].top_reference for key in study.scenarios_of(name)), default=0.0)
-    found = [feedback_of(study, name, omega) for omega in (0.0, top)]
-    return [tuple(float(f"{x:.6g}") for x in astuple(each)) for each in found if each is not None] or None
+    return next((name for name in alike if feedback(study, name) == mine), None)
 
 
 def misses(lines: Sequence[Line]) -> dict[str, str]:

@@ -38,9 +38,9 @@ def render(found: Identified) -> str:
     """The report as one HTML text that needs nothing else. All of the user's text is escaped."""
     made = found.estimate
     sections = [
+        ("Orders", _orders(made)),
         ("What was found", _values(made)),
         ("What is left out, and what to record next", sentences([*made.left_out, *made.remarks])),
-        ("Orders", _orders(made)),
         ("Measured over simulated", _replays(found)),
         ("What each log contributed", _logs(made)),
         ("Sessions", _sessions(made)),

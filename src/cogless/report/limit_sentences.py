@@ -10,15 +10,16 @@ from cogless.report.markup import number
 from cogless.report.verdicts import called, listed, times
 from cogless.results.limits import CAUSES, NAMED_MOST, Cause, Cure, Limits
 from cogless.results.metrics import result_name
-from cogless.study import Study
-from cogless.study.messages import dotted, look_up, toml
+from cogless.study.base import StudyBase
+from cogless.study.messages import dotted, look_up
 from cogless.study.reading import Changes, split
 from cogless.study.remark import Remark
+from cogless.study.toml import toml
 
 OVERLAP = 1.1  # sum of shares beyond which it is told that they overlap
 
 
-def remark(study: Study, limits: Limits) -> Remark | None:
+def remark(study: StudyBase, limits: Limits) -> Remark | None:
     """The causes that limit a run, and the setting and part that helped most; None: no cause stands out."""
     named = limits.named
     if not named:
@@ -44,7 +45,7 @@ def remark(study: Study, limits: Limits) -> Remark | None:
     return Remark(text, tuple(cure.changes for cure in cures))
 
 
-def setting(study: Study, changes: Changes) -> str:
+def setting(study: StudyBase, changes: Changes) -> str:
     """Changes in words, each with its whole key, as the study or `--set` takes it.
 
     A controller with another law is written as a whole.
@@ -69,7 +70,7 @@ def _costs(cure: Cure) -> str:
     return f", but {times(ratio)} the {name}"
 
 
-def _new(study: Study, key: tuple[Any, ...], value: Any) -> list[tuple[tuple[Any, ...], Any]]:
+def _new(study: StudyBase, key: tuple[Any, ...], value: Any) -> list[tuple[tuple[Any, ...], Any]]:
     """The keys whose values a change replaces, with the new values; None: the change removes the key."""
     old = look_up(study.source.tables, key)
     if isinstance(value, Mapping) and "law" in value:

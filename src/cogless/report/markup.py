@@ -97,10 +97,10 @@ Array = NDArray[np.float64]
 
 
 def thin(x: Array, points: int) -> tuple[Array, float]:
-    """Thin x to at most `points` values that keep its peaks; also how many rows of x each stands for.
+    """Return at most `points` values of x that keep its peaks, and how many rows of x each stands for.
 
     Each bucket of rows gives its smallest and largest value, in their order in time, so the result is evenly
-    spaced. A bucket of NaN only gives NaN.
+    spaced. A bucket with nothing but NaN gives NaN.
     """
     size = bucket(len(x), points)
     return (peaks(x, size), size / 2) if size else (x, 1.0)

@@ -18,7 +18,7 @@ from cogless.files import versions
 from cogless.report.charts import Picture
 from cogless.report.comparison import Line, runs_in
 from cogless.report.markup import asset, colours, key, note, place, rows, tint
-from cogless.report.verdicts import ScenarioVerdict, Told
+from cogless.report.verdicts import Answer, ScenarioVerdict, Told
 from cogless.results import AnyResults, Run
 from cogless.results.results_json import run_id
 from cogless.study.base import StudyBase
@@ -107,6 +107,16 @@ def no_outcome(results: Any, runs: Runs) -> Outcome | None:
     return None
 
 
+def no_answer(results: Any, runs: Runs) -> Answer | None:
+    """None: the scenario has no figures of its own."""
+    return None
+
+
+def no_judged_line(results: Any, runs: Runs) -> Line | None:
+    """None: the outcome says how the runs ended."""
+    return None
+
+
 @dataclass(frozen=True)
 class Sections:
     """Functions that take the results, of the kind's own type, and the scenario or its runs."""
@@ -118,8 +128,13 @@ class Sections:
     parts: Callable[[Any, Runs], dict[str, str]]  # tables and notes as HTML, for the template
     pictures: Mapping[str, Picture]
     outcome: Callable[[Any, Runs], Outcome | None] = no_outcome
+    # further runs that find what limits the best run of each scenario; None: nothing is known of that
+    with_limits: Callable[..., AnyResults] | None = None
+    answer: Callable[[Any, Runs], Answer | None] = no_answer
+    judged_line: Callable[[Any, Runs], Line | None] = no_judged_line  # the verdict compares by it
 
 
+UNJUDGED = "Nothing to judge by: no run has a metric that is better when lower."
 HUGE = 1e30  # far beyond any drive
 
 
@@ -129,17 +144,14 @@ def render(results: AnyResults, sections: Sections) -> str:
     found = verdicts(results, sections)
     text = json.dumps(data(results, sections), separators=(",", ":"), allow_nan=False)
     return Template(asset("page.html")).substitute(
-        scenarios="".join(_scenario(results, sections, found, name) for name in results.scenarios),
+        scenarios="".join(_scenario(results, sections, found, name) for name in results.scenarios)
+        or note(UNJUDGED),
         title=escape(study.title),
-        description=f'<p class="description">{escape(study.description)}</p>' if study.description else "",
+        description=_description(study),
         interrupted='<p class="warning">Interrupted: not all runs are here.</p>'
         if results.interrupted
         else "",
-        verdict=_verdict(found, results),
-        tabs="".join(
-            f'<button type="button" data-select="{i}">{escape(name)}</button>'
-            for i, name in enumerate(results.scenarios)
-        ),
+        tabs="".join(_tab(results, sections, name) for name in results.scenarios),
         chips="".join(
             f'<button type="button" aria-pressed="true" {tint(results, name)}>'
             f"{escape(study.label(name))}</button>"
@@ -183,39 +195,74 @@ def drawable(results: AnyResults) -> AnyResults:
     return replace(results, runs=runs)
 
 
+def _description(study: StudyBase) -> str:
+    if not study.description:
+        return ""
+    text = escape(study.description)
+    return f'<section id="about"><h2>About this study</h2><p class="description">{text}</p></section>'
+
+
+def _tab(results: AnyResults, sections: Sections, scenario: str) -> str:
+    """A scenario's button, with its figures."""
+    answer = sections.answer(results, runs_in(results, scenario))
+    values = [value for *_, value in answer.figures] if answer is not None else []
+    change = f" <small>{escape(' → '.join(values))}</small>" if len(values) > 1 else ""
+    where = results.scenarios.index(scenario)
+    return f'<button type="button" data-select="{where}">{escape(scenario)}{change}</button>'
+
+
 def _scenario(
     results: AnyResults, sections: Sections, found: Sequence[ScenarioVerdict], scenario: str
 ) -> str:
-    """A scenario's part of the page; in print its name, verdict and colour legend are above it."""
+    """A scenario's part of the page, its answer first; in print its name and colour legend are above it."""
     study, where, runs = results.study, results.scenarios.index(scenario), runs_in(results, scenario)
-    headlines = [verdict.headline for verdict in found if verdict.scenario == scenario]
+    verdict = next((one for one in found if one.scenario == scenario), None)
     ran = {run.controller for run in runs}
     return Template(asset("scenario.html")).substitute(
         parts=Template(asset(f"{sections.kind}-scenario.html")).substitute(
-            sections.parts(results, runs), baseline=escape(study.label(study.baseline))
+            sections.parts(results, runs),
+            baseline=escape(study.label(study.baseline)),
+            details=_details(verdict, results),
         ),
+        tone=verdict.tone if verdict is not None else "even",
+        figures=_figures(results, sections.answer(results, runs)),
+        headline=f'<p class="headline">{escape(verdict.headline)}</p>'
+        if verdict is not None
+        else note(UNJUDGED),
         place=where,
         hidden=" hidden" if where else "",
         name=escape(scenario),
-        headline="".join(f'<p class="headline">{escape(headline)}</p>' for headline in headlines),
         legend="".join(key(results, name) for name in colours(results) if name in ran),
     )
 
 
-def _verdict(found: Sequence[ScenarioVerdict], results: AnyResults) -> str:
-    if not found:
-        return note("Nothing to judge by: no run has a metric that is better when lower.")
-    items = []
-    for verdict in found:
-        details = escape(" ".join(verdict.details))
-        told = "".join(_fault_lines(told, results) for told in verdict.told)
-        items.append(
-            f'<li class="{verdict.tone}">'
-            f'<button type="button" class="name" data-select="{results.scenarios.index(verdict.scenario)}">'
-            f"{escape(verdict.scenario)}</button>"
-            f'<p class="headline">{escape(verdict.headline)}</p>{told}<p class="details">{details}</p></li>'
+def _figures(results: AnyResults, answer: Answer | None) -> str:
+    """The large figures: what a controller, or a time, has; and how the last compares with the first."""
+    if answer is None:
+        return ""
+    parts = []
+    for controller, word, text in answer.figures:
+        value, _, unit = text.partition(" ")
+        name = f"{escape(results.study.label(controller))}{f', {escape(word)}' if word else ''}"
+        parts.append(
+            f'<p class="figure" {tint(results, controller)}><span class="key">{name}</span> '
+            f"<strong>{escape(value)}</strong> {escape(unit)}</p>"
         )
-    return f'<ul class="verdicts">{"".join(items)}</ul>'
+    change = f"<strong>{escape(answer.change)}</strong>" if answer.change else ""
+    quantity = f"<span>{escape(answer.quantity)}</span>"
+    return f'<div class="figures">{"".join(parts)}<p class="change">{change}{quantity}</p></div>'
+
+
+def _details(verdict: ScenarioVerdict | None, results: AnyResults) -> str:
+    """The verdict's further sentences as HTML; "" without any."""
+    if verdict is None or not (verdict.told or verdict.details):
+        return ""
+    faults = "".join(_fault_lines(fault, results) for fault in verdict.told)
+    items = "".join(f"<li>{escape(sentence)}</li>" for sentence in verdict.details)
+    return (
+        '<section data-part="details"><h2>Why, and at what cost</h2>'
+        f"{faults}{f'<ul>{items}</ul>' if items else ''}</section>"
+    )
 
 
 def _fault_lines(told: Told, results: AnyResults) -> str:

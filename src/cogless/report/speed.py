@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from cogless.report import angle_charts, map_charts, order_charts, tables
+from cogless.report.answer import answer, pictures
+from cogless.report.best_runs import with_limits
 from cogless.report.charts import SPEED_PICTURES
 from cogless.report.comparison import compare
 from cogless.report.markup import note, reservations
 from cogless.report.page import Runs, Sections
 from cogless.report.speed_tracking import strip
-from cogless.report.speed_verdict import verdict
+from cogless.report.speed_verdict import judged_line, verdict
 from cogless.report.tables import line_table, term_tables
 from cogless.report.waveforms import events, marks, waveforms, zooms
 from cogless.results import Results
@@ -34,6 +36,7 @@ def _charts(results: Results, runs: Runs) -> dict[str, Any]:
     lists = {name: chart(results, drawn) if drawn else [] for name, chart in LISTS.items()}
     followed = order_charts.tracked(results, drawn) if drawn else None
     return {
+        "answer": pictures(results, runs),
         "waveforms": waveforms(results, drawn),
         "waterfall": order_charts.waterfall(results, followed),
         "tracking": order_charts.tracking(results, drawn, followed),
@@ -57,4 +60,14 @@ def _parts(results: Results, runs: Runs) -> dict[str, str]:
     }
 
 
-SPEED = Sections("speed", compare, verdict, _charts, _parts, SPEED_PICTURES)
+SPEED = Sections(
+    "speed",
+    compare,
+    verdict,
+    _charts,
+    _parts,
+    SPEED_PICTURES,
+    answer=answer,
+    with_limits=with_limits,
+    judged_line=judged_line,
+)

@@ -18,7 +18,6 @@ from functools import cached_property
 from cogless.report.angle_charts import sentences as growing
 from cogless.report.angle_charts import worsened
 from cogless.report.comparison import (
-    SAME,
     SPEEDS,
     VARIES,
     Line,
@@ -34,14 +33,25 @@ from cogless.report.comparison import (
 from cogless.report.faults import account
 from cogless.report.limit_sentences import remark
 from cogless.report.panels import varies_in
-from cogless.report.verdicts import CLEARLY, Contest, ScenarioVerdict, listed, over, times, worst
+from cogless.report.verdicts import (
+    CLEARLY,
+    SAME,
+    Contest,
+    ScenarioVerdict,
+    change_words,
+    listed,
+    over,
+    times,
+    worst,
+)
 from cogless.results import Results, Run
-from cogless.results.metrics import Conditions, evaluate
+from cogless.results.metrics import evaluate
 from cogless.study import Study
-from cogless.study.metric import Metric
+from cogless.study.metric import Conditions, Metric
 from cogless.study.remark import Remark
 from cogless.units import ANGULAR_SPEED, convert, factor
 
+MEASURED = " as measured"  # the end of a line's name
 DOMINANT_SHARE = 0.5  # share of the square above which the sensor's error dominates
 # For each true signal, the measured signal that a law sees.
 SEEN = {
@@ -82,7 +92,7 @@ def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
     metric = next((m for m in results.study.metrics_in(scenario) if m.name == line.name), None)
     if metric is None or metric.signal not in SEEN or metric.kind not in SQUARES:
         return None
-    conditions, measured = Conditions.of(results.study, scenario), SEEN[metric.signal]
+    conditions, measured = results.study.conditions(scenario), SEEN[metric.signal]
     seen, shares = {}, {}
     for run in runs_in(results, scenario):
         if line.values.get(run.controller) is None:
@@ -100,7 +110,7 @@ def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
         seen[run.controller] = value / factor(line.unit, metric.dimension)
     if not shares:
         return None
-    name = f"{line.name} as measured"
+    name = f"{line.name}{MEASURED}"
     return Sensor(replace(line, name=name, signal=measured, values=seen), shares)
 
 
@@ -169,21 +179,76 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     if compared is None:
         return replace(broken, tone=worst(broken.tone, "even"))
     details = [compared.headline, *compared.details]
-    return replace(broken, tone=worst(broken.tone, compared.tone), details=details)
+    tone = worst(broken.tone, compared.tone)
+    return replace(broken, tone=tone, details=details, cost=compared.cost)
 
 
 def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] | None:
     """The best run of a scenario, and the metric and order by which it is best; None if no run is."""
     runs = runs_in(results, scenario)
+    case = _seen_case(results, runs)
+    best = next(iter(case.ranked or case.held), None) if case is not None else None
+    if case is None or best is None:
+        return None
+    metric = _metric_of(results, scenario, case.line)
+    return next(run for run in runs if run.controller == best), metric, case.line.order
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """The baseline and the best other controller, in this order, and the line that judges them.
+
+    Only one run, if the scenario has no other that holds the speed.
+    """
+
+    runs: Sequence[Run]
+    metric: Metric
+    line: Line
+
+
+def contrast(results: Results, runs: Sequence[Run]) -> Contrast | None:
+    """What a scenario's answer shows, before and after; None if no metric judges it."""
+    case = _seen_case(results, runs)
+    if case is None:
+        return None
+    line, base = case.line, case.baseline
+    others = [c for c in (*case.ranked, *case.held) if c != base]
+    names = [name for name in (base, *others[:1]) if name in line.values] or list(line.values)[:1]
+    pair = [next(run for run in runs if run.controller == name) for name in names]
+    return Contrast(pair, _metric_of(results, runs[0].scenario, line), line)
+
+
+def changed_by(pair: Contrast) -> str:
+    """The second value against the first in words, such as "72.4 times less"; "" if they have no ratio."""
+    if len(pair.runs) < 2:
+        return ""
+    before, after = (run.controller for run in pair.runs)
+    values = [pair.line.values[name] for name in (before, after)]
+    if before in pair.line.missed or any(value is None for value in values):
+        return ""
+    return change_words(over(abs(values[1] or 0.0), abs(values[0] or 0.0)))
+
+
+def _seen_case(results: Results, runs: Sequence[Run]) -> _Case | None:
+    """The case of a scenario, by what the laws see of it; None if no line judges it."""
     basis = _basis(results, runs)
     if basis.line is None or basis.unjudged:
         return None
-    case, _ = _by_what_is_seen(_case(results, runs, basis), sensor(results, scenario, basis.line))
-    best = next(iter(case.ranked or case.held), None)
-    if best is None:
-        return None
-    metric = next(m for m in results.study.metrics_in(scenario) if m.name == basis.line.name)
-    return next(run for run in runs if run.controller == best), metric, basis.line.order
+    part = sensor(results, runs[0].scenario, basis.line)
+    return _by_what_is_seen(_case(results, runs, basis), part)[0]
+
+
+def _metric_of(results: Results, scenario: str, line: Line) -> Metric:
+    """The metric of a line, or of the measured values of one."""
+    name = line.name.removesuffix(MEASURED)
+    named = {metric.name: metric for metric in results.study.metrics_in(scenario)}
+    return named[line.name if line.name in named else name]
+
+
+def judged_line(results: Results, runs: Sequence[Run]) -> Line | None:
+    """The line by which a scenario's controllers are judged; None if none is."""
+    case = _seen_case(results, runs)
+    return case.line if case is not None else None
 
 
 @dataclass(frozen=True)
@@ -237,15 +302,18 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     tone, headline = _headline(case)
     unlearned = [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
     unlearned += [f"{line[0].upper()}{line[1:]}." for line in held_back(results.study, [case.line])]
+    cost = ""
     if len(line.values) < 2 or baseline not in line.values:
         details = ["There is nothing to compare.", own, *unlearned, *_failures(case)]
     else:
         details = [own, *unlearned, *growing(results, runs, case.worsened), _strongest_order(case)]
         if len(case.ranked) > 1:
-            details += [_without_learning(case), _against_the_next(case), _costs(case)]
+            cost = _costs(case)
+            details += [_without_learning(case), _against_the_next(case), cost]
         details += [_rest(case), *_failures(case)]
     details = [str(limited or ""), *details]
-    return ScenarioVerdict(scenario, tone, headline, [sentence for sentence in details if sentence])
+    sentences = [sentence for sentence in details if sentence]
+    return ScenarioVerdict(scenario, tone, headline, sentences, cost=cost)
 
 
 def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Line]) -> ScenarioVerdict:
@@ -308,7 +376,7 @@ def _comparison(case: _Case) -> tuple[str, str]:
         best = ranked[1]
         return tone, (
             f"{case.where}, no controller beats {case.label(base)}: it {_has(line, line.text(base))}; "
-            f"the next, {case.label(best)}, {line.text(best)} ({_change(case.against(best, base))})."
+            f"the next, {case.label(best)}, {line.text(best)} ({change_words(case.against(best, base))})."
         )
     if base in winners:
         return tone, f"{case.where}, {_have(case)}."
@@ -478,7 +546,7 @@ def _rest(case: _Case) -> str:
         return ""
     if base not in case.ranked:
         return f"The others: {case.shown(others)}."
-    parts = [f"{case.label(c)} {case.line.text(c)} ({_change(case.against(c, base))})" for c in others]
+    parts = [f"{case.label(c)} {case.line.text(c)} ({change_words(case.against(c, base))})" for c in others]
     return f"The others against {case.label(base)}: {listed(parts)}."
 
 
@@ -496,11 +564,3 @@ def _failures(case: _Case) -> list[str]:
         if line.kind == "settling" and unsettled:
             sentences.append(f"In {line.quantity}, {listed(unsettled)} never settled.")
     return sentences
-
-
-def _change(ratio: float) -> str:
-    if abs(ratio - 1) <= SAME:
-        return "as much"
-    if ratio < 1:
-        return f"{times(1 / ratio)} less" if ratio else "nothing left"
-    return f"worse: {times(ratio)} as much" if math.isfinite(ratio) else "worse"

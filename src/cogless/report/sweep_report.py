@@ -14,15 +14,16 @@ import numpy as np
 from cogless import units
 from cogless.ensemble import judge
 from cogless.ensemble.judge import FEWEST, Influence, Spread, influences, positions
-from cogless.ensemble.sweep_table import LAST, Column, Sweep
+from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
 from cogless.report.comparison import pretty
 from cogless.report.markup import NONE, Array, key, note, number, place, plain, reservations, rows, table
 from cogless.report.page import Runs, Sections
-from cogless.report.verdicts import ScenarioVerdict, Told, listed
+from cogless.report.verdicts import Answer, ScenarioVerdict, Told, listed
 from cogless.results import AnyResults, Run
 from cogless.results.trace import Trace
+from cogless.study.metric import LAST_TRIAL
 
 Repeat = Callable[[list[str], tuple[str, str]], str]  # settings and run to the command that repeats it
 POINTS = 600  # of a plot
@@ -146,6 +147,33 @@ def _sentence(spread: Spread) -> str:
     parts.append(f"half at {_text(column, spread.median)} or better, 95 % at {_text(column, spread.edge)}")
     parts.append(f"worst {_text(column, spread.worst_value)} (variant {spread.worst})")
     return "; ".join(parts)
+
+
+def _answer(results: SweepResults, runs: Runs) -> Answer | None:
+    """The share of variants that keep all limits, or else half of the variants' values: baseline, best."""
+    sweep, base = results.of, results.study.baseline
+    groups = [
+        group for group in judge.spreads(sweep, runs[0].scenario) if group[0].column.metric.wanted != "none"
+    ]
+    limited = [group for group in groups if group[0].within is not None]
+    if limited:
+        values = _shares(results, limited)
+        best = next((name for name in values if name != base), base)
+        names = [name for name in (base, best) if name in values]
+        quantity = (
+            f"of {sweep.ensemble.count} variants keep {'all limits' if len(limited) > 1 else 'the limit'}"
+        )
+        return Answer([(name, "", _percent(values[name])) for name in dict.fromkeys(names)], "", quantity)
+    if not groups:
+        return None
+    column, higher = groups[0][0].column, groups[0][0].column.metric.wanted == "higher"
+    ranked = sorted(groups[0], key=lambda s: -s.median if higher else s.median)
+    best_other = [s for s in ranked if s.pair[1] != base][:1]
+    pair = [*(s for s in ranked if s.pair[1] == base), *best_other]
+    figures = [(s.pair[1], "", _text(column, s.median)) for s in pair]
+    return Answer(
+        figures, "", f"{_name(column)}: half of {sweep.ensemble.count} variants are at this or better"
+    )
 
 
 # --- tables
@@ -318,8 +346,9 @@ def _name(column: Column) -> str:
     name = column.metric.name.replace("_", " ")
     if not column.part:
         return name
-    kind = "order" if column.metric.kind == "order" else "trial" if column.part == LAST else "phase"
-    return f"{name}: {column.part} {kind}" if column.part == LAST else f"{name}: {kind} {column.part}"
+    last = column.part == LAST_TRIAL
+    kind = "order" if column.metric.kind == "order" else "trial" if last else "phase"
+    return f"{name}: {column.part} {kind}" if last else f"{name}: {kind} {column.part}"
 
 
 def _unit(column: Column) -> str:
@@ -347,4 +376,4 @@ def _figure(value: float | None) -> str:
     return NONE if value is None else f"{value:.2f}"
 
 
-SWEEP = Sections("sweep", lambda results, scenario: [], _verdict, _charts, _parts, {})
+SWEEP = Sections("sweep", lambda results, scenario: [], _verdict, _charts, _parts, {}, answer=_answer)

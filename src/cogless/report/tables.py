@@ -27,7 +27,7 @@ from cogless.report.markup import headings, key, note, number, reservations, rms
 from cogless.report.panels import LEARNED
 from cogless.report.speed_tracking import late
 from cogless.results import AnyResults, Results, Run
-from cogless.results.metrics import Conditions, evaluate
+from cogless.results.metrics import evaluate
 from cogless.study.base import spoken_unit
 from cogless.study.metric import SIGNALS, Metric
 from cogless.units import ANGLE, factor
@@ -118,7 +118,7 @@ def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
     known = compare(results, scenario)
     missed = {c: how for line in known for c, how in line.missed.items()}
     idle = {c: why for line in known for c, why in line.unlearned.items()}
-    conditions = Conditions.of(study, scenario)
+    conditions = study.conditions(scenario)
     for name, signal, kind, unit in _rows(results, runs):
         scale = factor(unit, SIGNALS[signal]) if unit else 1.0
         values: dict[str, float | None] = {}

@@ -16,12 +16,12 @@ import numpy as np
 
 from cogless.design.trials.certificate import ModelCertificate
 from cogless.design.trials.gains import TrialDesign
-from cogless.report.comparison import SAME, Line
+from cogless.report.comparison import Line
 from cogless.report.markup import NONE, Array, number, rms
 from cogless.report.page import Outcome
 from cogless.report.phases import Judged, Phase, judged, phases, rms_of_trials, settled
 from cogless.report.trial_certificate import Model, models
-from cogless.report.verdicts import Contest, over, times
+from cogless.report.verdicts import SAME, Contest, over, times
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
 from cogless.results.status import Status

@@ -11,12 +11,11 @@ from collections.abc import Mapping, Sequence
 from cogless.design.trials.certificate import ENDS, Learning, ModelCertificate
 from cogless.design.trials.gains import TrialDesign
 from cogless.design.trials.response import MONOTONE
-from cogless.report.comparison import SAME
 from cogless.report.markup import number
 from cogless.report.phases import Phase, after
 from cogless.report.trial_case import Case, case, same_size, than
 from cogless.report.trial_certificate import Model, close_to_one
-from cogless.report.verdicts import CLEARLY, ScenarioVerdict, listed, over, times, worst
+from cogless.report.verdicts import CLEARLY, SAME, ScenarioVerdict, listed, over, times, worst
 from cogless.results import Run, TrialResults
 
 FEW_TRIALS = 5  # in a row above the feedback alone: no sentence is said of so few
@@ -38,12 +37,13 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
         headline = " ".join(text for text in (headline, _unranked(c, ranked), _saturates(c, best)) if text)
         tone = worst(tone, "even") if c.at_limit.get(best) == c.trials else tone
     others = [name for name in ranked if name != best]
+    cost = _input(c, best)
     details = [
         "" if others else "There is nothing to compare.",
         *[_behind(c, name, best) for name in others if name not in c.growing],
         *[_grows(c, name) for name in ranked if name in c.growing and others],
         _against_the_baseline(c, best),
-        _input(c, best),
+        cost,
         *[_against_its_feedback(c, name, best) for name in ranked],
         *[_above_for_long(c, name) for name in ranked if name not in c.growing],
         *[_leaves_floor(c, name) for name in ranked],
@@ -53,7 +53,7 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
     ]
     sentences = [_capital(c, text) for text in details if text]
     sentences += [f"{line}." for line in results.without_design(c.scenario)]
-    return ScenarioVerdict(c.scenario, tone, _capital(c, headline), sentences)
+    return ScenarioVerdict(c.scenario, tone, _capital(c, headline), sentences, cost=_capital(c, cost))
 
 
 def _ranked(c: Case) -> list[str]:
@@ -66,6 +66,11 @@ def _ranked(c: Case) -> list[str]:
         return (name in c.growing, *by_floor, c.worst(name))
 
     return sorted(c.counts or c.rms, key=rank)
+
+
+def best_of(c: Case) -> str:
+    """The best controller."""
+    return _ranked(c)[0]
 
 
 # --- the first sentences

@@ -9,6 +9,7 @@ The gains that each controller ran with, and how they were found.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
@@ -25,10 +26,11 @@ from cogless.report.charts import TRIAL_PICTURES
 from cogless.report.comparison import Line, lines_of, runs_in, shown_in
 from cogless.report.markup import NONE, Array, headings, note, number, pack, place, rows, table, thin
 from cogless.report.page import Runs, Sections
-from cogless.report.phases import NAMES, display_unit, groups, judged, phases, rms_of_trials, zooms
+from cogless.report.phases import NAMES, Phase, display_unit, groups, judged, phases, rms_of_trials, zooms
 from cogless.report.tables import line_table
-from cogless.report.trial_case import case, outcome, own_lines
-from cogless.report.trial_verdict import verdict
+from cogless.report.trial_case import Case, case, outcome, own_lines
+from cogless.report.trial_verdict import best_of, verdict
+from cogless.report.verdicts import Answer, change_words, over
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
 from cogless.study import TrialStudy
@@ -86,6 +88,7 @@ def _chart(
 POINTS = 900_000  # in all waveforms of a page, at 2.7 bytes per point
 FEWEST = 200  # of one waveform
 MOST_PHASES = 24
+TRIAL_POINTS = 3000  # the answer's curve over a trial has at most
 
 # Title, signal, reference, quantity.
 DRIVE = (
@@ -238,6 +241,66 @@ def _plain(value: float) -> str:
 __all__ = ["TRIALS"]
 
 
+def answer(results: TrialResults, runs: Sequence[Run]) -> Answer | None:
+    """The best controller's error in the first and the last trial of a phase."""
+    judged = case(results, runs)
+    if judged is None or best_of(judged) not in judged.rms:
+        return None
+    best, chosen = best_of(judged), first_and_last(worst_phase(judged))
+    errors = [float(judged.rms[best][trial - 1]) for trial in chosen]
+    figures = [
+        (best, f"trial {trial}", judged.about.text(x)) for trial, x in zip(chosen, errors, strict=True)
+    ]
+    compared = len(errors) > 1 and math.isfinite(sum(errors))
+    words = change_words(over(errors[-1], errors[0])) if compared else ""
+    return Answer(figures, words, f"RMS of the {judged.about.quantity}")
+
+
+def worst_phase(judged: Case) -> Phase:
+    """The phase whose first trial is the best controller's worst."""
+    best = best_of(judged)
+    return max(judged.phases, key=lambda phase: np.nan_to_num(judged.first(best, phase)))
+
+
+def first_and_last(phase: Phase) -> list[int]:
+    """The first and the last trial of a phase; one where it has no more."""
+    return list(dict.fromkeys((phase.start, phase.stop - 1)))
+
+
+def pictures(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """The chart of the best controller's error over the first and the last trial of a phase."""
+    judged = case(results, runs)
+    if judged is None:
+        return []
+    best, count = best_of(judged), judged.trials
+    run, signal, phase = judged.runs[best], judged.about.signal, worst_phase(judged)
+    chosen, error = first_and_last(phase), judged.about.quantity
+    if len(run.trace) < 2 * count or len(run.trace) % count or signal not in run.trace:
+        return []
+    trials, period = _of_trials(run, signal, count) / judged.about.scale, run.trace.period
+    step = thin(trials[0], TRIAL_POINTS)[1] * period
+    return [
+        {
+            "title": f"{error.capitalize()} over one trial, first against last {phase.after}",
+            "x": "time in the trial (s)",
+            "about": "s",
+            "quantity": error,
+            "unit": judged.about.unit,
+            "start": (step - period) / 2,
+            "step": step,
+            "series": [
+                {
+                    "controller": place(results, run),
+                    "label": f"trial {trial}",
+                    "fade": 0.45 if trial < chosen[-1] else 1.0,
+                    "values": pack(thin(trials[trial - 1], TRIAL_POINTS)[0]),
+                }
+                for trial in chosen
+            ],
+        }
+    ]
+
+
 def _lines(results: TrialResults, scenario: str) -> list[Line]:
     """The lines of metrics that have one value per phase, in the study's order.
 
@@ -266,6 +329,7 @@ def _worst(lines: Sequence[Line], name: str) -> Line:
 
 def _charts(results: TrialResults, runs: Runs) -> dict[str, Any]:
     return {
+        "answer": pictures(results, runs),
         "over_trials": over_trials(results, runs),
         "waveforms": waveforms(results, runs),
         "certificate": trial_certificate.curves(results, runs),
@@ -283,4 +347,4 @@ def _parts(results: TrialResults, runs: Runs) -> dict[str, str]:
     }
 
 
-TRIALS = Sections("trials", _lines, verdict, _charts, _parts, TRIAL_PICTURES, outcome)
+TRIALS = Sections("trials", _lines, verdict, _charts, _parts, TRIAL_PICTURES, outcome, answer=answer)

@@ -10,6 +10,7 @@ from cogless.report.markup import number
 from cogless.study import AnyStudy
 from cogless.study.base import StudyBase
 
+SAME = 0.05  # relative difference below which two values count as equal
 CLEARLY = 1.5  # ratio to another's value from which on a sentence reports it
 TONES = ("worse", "even", "better")  # the worst first
 
@@ -28,6 +29,7 @@ class ScenarioVerdict:
 
     `tone`: "better" if a learning law is the best, "worse" if the baseline is, else "even". With faults the
     headline is about these, and the tone is at best the one of the response to these.
+    `cost`: a sentence on what the best controller costs; "" where that is unknown.
     """
 
     scenario: str
@@ -35,6 +37,16 @@ class ScenarioVerdict:
     headline: str
     details: Sequence[str]
     told: Sequence[Told] = ()
+    cost: str = ""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The large figures of a scenario: each with its controller, a word on it and its value with the unit."""
+
+    figures: Sequence[tuple[str, str, str]]
+    change: str  # the last against the first, such as "72.4 times less"
+    quantity: str  # such as "speed ripple, 26 to 30 s"
 
 
 @dataclass(frozen=True)
@@ -91,3 +103,12 @@ def times(ratio: float) -> str:
     if not math.isfinite(ratio):
         return "infinitely"
     return f"{number(ratio) if ratio < 100 else f'{ratio:.0f}'} times"
+
+
+def change_words(ratio: float) -> str:
+    """A value's ratio to another in words, such as "46.2 times less"."""
+    if abs(ratio - 1) <= SAME:
+        return "as much"
+    if ratio < 1:
+        return f"{times(1 / ratio)} less" if ratio else "nothing left"
+    return f"worse: {times(ratio)} as much" if math.isfinite(ratio) else "worse"

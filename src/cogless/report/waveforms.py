@@ -52,7 +52,7 @@ def needed_current(results: Results, run: Run) -> Callable[[slice], Array] | Non
 POINTS = 560_000  # in all waveforms of a page, at 2.7 bytes per point
 MOST, FEWEST = 20_000, 1_500  # of one waveform
 POINTS_FINE, MOST_FINE = 200_000, 4_000  # the same for the finer points of faults and last revolutions
-READABLE, MANY = 2, 8  # numbers of revolutions in one plot that are readable, and too many
+READABLE = 2  # revolutions in one plot
 BUTTONS = 6  # for faults
 FAULTS_FINE = 2  # largest number of faults with finer points
 EVENT_POINTS = 1_200
@@ -127,8 +127,7 @@ def _details(results: Results, runs: Sequence[Run], coarse: int, share: int) -> 
 def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """Buttons above the waveforms: whole run, after the start-up, last revolutions, faults, events.
 
-    "first" marks the one that is shown first: the first fault, or the last two revolutions if the whole run
-    has too many to be readable.
+    "first" marks the one that is shown first: the first fault, or the last revolution where nothing changes.
     """
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
@@ -147,8 +146,8 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         since = _since(runs[0].trace, count)
         if since is not None:
             add(name, since, end)
-    if not broken and not changes and _since(runs[0].trace, MANY) is not None:
-        found[-2]["first"] = True
+    if not broken and not changes and found[-1]["name"] == "last revolution":
+        found[-1]["first"] = True
     for fault, since, until in broken[:BUTTONS]:
         add(f"fault at {fault.time:g} s", since, until)
         if fault is broken[0][0]:

@@ -15,6 +15,7 @@ from cogless.results.status import NOTICED, SAFE, Status
 from cogless.results.trace import Trace
 from cogless.study import Study, for_scenario
 from cogless.study.scenario import Event
+from cogless.units import TURN
 
 Span = tuple[float, float]  # s
 
@@ -148,9 +149,9 @@ def _last_turn(trace: Trace, room: Span) -> Span | None:
     if len(time) < FEWEST:
         return None
     left = np.cumsum(np.abs(trace.part("omega_ref", rows)[::-1]))[::-1] * trace.period
-    if not left[0] >= 2 * math.pi * (1 - 1e-9):
+    if not left[0] >= TURN * (1 - 1e-9):
         return None
-    first = int(np.flatnonzero(left >= 2 * math.pi * (1 - 1e-9))[-1])
+    first = int(np.flatnonzero(left >= TURN * (1 - 1e-9))[-1])
     return float(time[first]), float(time[-1]) + trace.period
 
 

@@ -108,7 +108,7 @@ def _refused(path: Path, expected: str = "a directory that can be written") -> I
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Lock a folder as long as this process lives, where the system can."""
+    """Lock a folder while the block runs, if the system has file locks. StudyError: another run holds it."""
     try:
         import fcntl
     except ImportError:

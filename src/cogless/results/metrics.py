@@ -10,19 +10,16 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cogless.errors import StudyError
-from cogless.results.trace import Trace
-from cogless.study import AnyStudy, TrialStudy, for_scenario
-from cogless.study.metric import SIGNALS, Metric, turns_held, whole_revolutions
+from cogless.results.trace import Array, Trace
+from cogless.study.metric import SIGNALS, Conditions, Metric, turns_held, whole_revolutions
 from cogless.study.metric import result_name as result_name
-from cogless.units import ANGLE, ANGULAR_SPEED
+from cogless.units import ANGLE, ANGULAR_SPEED, TURN
 
-Array = NDArray[np.float64]
 Value = float | None | list[float]
 
 # Signals with a target. Any other signal should return to its mean from before the event.
@@ -33,36 +30,6 @@ SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms u
 
 class TooFewTurnsError(ValueError):
     """An angle that makes no whole revolution, or isn't finite."""
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """Data of a run that metrics need besides its trace."""
-
-    pole_pairs: int = 1
-    R_s: float = math.nan  # ohm, of the star equivalent
-    power_factor: float = math.nan  # as the star equivalent's
-    speed_period: float = math.nan  # s, of the speed loop
-    events: tuple[float, ...] = ()  # s, times of the scenario's events
-    trials: int | None = None
-    starts: tuple[int, ...] = ()  # the phases' first trials, counted from 1
-
-    @classmethod
-    def of(cls, study: AnyStudy, scenario: str) -> Self:
-        """The conditions of a scenario."""
-        if isinstance(study, TrialStudy):
-            poles = 1 if study.motor is None else study.motor.pole_pairs
-            experiment = study.scenario[scenario]
-            return cls(pole_pairs=poles, trials=experiment.trials, starts=experiment.starts)
-        study_here = for_scenario(study, scenario)
-        motor = study_here.motor.star()
-        return cls(
-            pole_pairs=motor.pole_pairs,
-            R_s=motor.R_s,
-            power_factor=motor.power_factor,
-            speed_period=1 / study_here.drive.rates.outer_loop,
-            events=tuple(event.time for event in study_here.scenario[scenario].events),
-        )
 
 
 @dataclass(frozen=True)
@@ -143,14 +110,8 @@ def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
 def window_of(metric: Metric, trace: Trace, events: Sequence[float]) -> tuple[float, float]:
     """The metric's window, s: as declared, else from its event to the next event, else the whole trace."""
     end = float(trace.time[-1]) if len(trace) else 0.0
-    declared = metric.span(end)
-    if declared is not None:
-        return declared
-    if metric.event is None:
-        return 0.0, end
     # The row at the next event already shows its effect, so the window ends one row before.
-    after = metric.next_event(events, trace.period)
-    return metric.event, end if after is None else after - trace.period
+    return metric.window_within(end, events, trace.period, before_event=trace.period)
 
 
 def peak_to_peak(m: MetricInput) -> Array:
@@ -370,7 +331,7 @@ def order_amplitudes(
     frame = theta_m * pole_pairs if electrical else theta_m
     whole = whole_revolutions(orders)
     periods = [math.lcm(whole, pole_pairs), whole] if electrical else [whole]
-    turns = abs(float(frame[-1] - frame[0])) / (2 * math.pi)
+    turns = abs(float(frame[-1] - frame[0])) / TURN
     for period in periods:
         count = math.floor(turns_held(turns, turns / max(1, len(frame) - 1)) / period)
         if count:
@@ -378,7 +339,7 @@ def order_amplitudes(
     else:
         name = "electrical" if electrical else "mechanical"
         raise TooFewTurnsError(f"window holds {turns:.3g} {name} revolutions, expected {periods[-1]} or more")
-    angle, x = _last_part(frame, x, min(turns, count * period) * 2 * math.pi)
+    angle, x = _last_part(frame, x, min(turns, count * period) * TURN)
     step = np.diff(angle)
     span = float(angle[-1] - angle[0])
     # Remove the mean: it would leak into the orders if the span isn't exactly whole revolutions.
@@ -441,4 +402,4 @@ def _mean_before(m: MetricInput) -> float:
         return float(m.part(m.signal, m.rows)[0])
     theta = trace.part("theta_m", rows)
     turned = np.abs(theta - theta[-1])
-    return float(np.mean(m.part(m.signal, rows)[turned <= 2 * math.pi]))
+    return float(np.mean(m.part(m.signal, rows)[turned <= TURN]))

@@ -19,7 +19,7 @@ from cogless.files import replacing, versions
 from cogless.maps.stored_map import write as write_map
 from cogless.results.fault_response import Response
 from cogless.results.metrics import Value, result_name
-from cogless.results.runs import AnyResults, Results, TrialResults
+from cogless.results.runs import AnyResults
 
 if TYPE_CHECKING:
     from cogless.design.trials.gains import TrialDesign
@@ -38,7 +38,7 @@ def to_dict(results: AnyResults) -> dict[str, Any]:
         "baseline": results.study.baseline,
         "settings": as_json(results.study.source.tables),
         "metrics": _definitions(results),
-        **({"trials": _trials(results)} if isinstance(results, TrialResults) else {}),
+        **results.study.scenario_facts(results.scenarios),
         "runs": [
             {
                 "scenario": run.scenario,
@@ -51,8 +51,8 @@ def to_dict(results: AnyResults) -> dict[str, Any]:
             }
             for run in results.runs
         ],
-        **(_not_designed(results) if isinstance(results, TrialResults) else {}),
-        **(_limits(results) if isinstance(results, Results) else {}),
+        **_not_designed(results),
+        **_limits(results),
     }
 
 
@@ -70,7 +70,7 @@ def write(results: AnyResults, path: Path, files: Mapping[str, str] | None = Non
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def _limits(results: Results) -> dict[str, Any]:
+def _limits(results: AnyResults) -> dict[str, Any]:
     """What limits each scenario's best run; shares are of the metric's square, values in its SI unit."""
     if not results.limits:
         return {}
@@ -118,20 +118,7 @@ def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
     return definitions
 
 
-def _trials(results: TrialResults) -> dict[str, dict[str, Any]]:
-    """Number of trials, samples per trial, and first trial of each phase, by scenario."""
-    study = results.study
-    return {
-        name: {
-            "count": study.scenario[name].trials,
-            "samples": study.samples(name),
-            "phases": list(study.scenario[name].starts),
-        }
-        for name in results.scenarios
-    }
-
-
-def _not_designed(results: TrialResults) -> dict[str, Any]:
+def _not_designed(results: AnyResults) -> dict[str, Any]:
     """The controllers that have no run because they can't be designed, and why; absent if there is none."""
     found = [
         {"scenario": scenario, "controller": name, "why": str(why)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ from cogless.results.fault_response import Response
 from cogless.results.limits import Limits
 from cogless.results.metrics import Value
 from cogless.results.trace import Trace
+from cogless.study.base import Kind
 
 if TYPE_CHECKING:
     from cogless.design.trials.gains import TrialDesign
@@ -60,27 +61,13 @@ class AnyResults:
     study: AnyStudy
     runs: Sequence[Run]
     interrupted: bool = False
+    limits: Mapping[str, Limits] = field(default_factory=dict, kw_only=True)
+    not_designed: Mapping[tuple[str, str], StudyError] = field(default_factory=dict, kw_only=True)
 
     @property
     def scenarios(self) -> list[str]:
         """Scenarios that have a run, in the study's order."""
         return list(dict.fromkeys(run.scenario for run in self.runs))
-
-
-@dataclass(frozen=True, eq=False)
-class Results(AnyResults):
-    """Results of a speed study. `limits`: what limits a scenario's best run, where that was looked for."""
-
-    study: Study
-    limits: Mapping[str, Limits] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class TrialResults(AnyResults):
-    """Results of a study of trials. `not_designed`: why a (scenario, controller) did not run."""
-
-    study: TrialStudy
-    not_designed: Mapping[tuple[str, str], StudyError] = field(default_factory=dict)
 
     def without_design(self, scenario: str | None = None) -> list[str]:
         """A line for each controller that was not designed, of one scenario or of all: its label and why."""
@@ -90,3 +77,20 @@ class TrialResults(AnyResults):
             if scenario in (None, where)
         )
         return list(dict.fromkeys(found))
+
+
+@dataclass(frozen=True, eq=False)
+class Results(AnyResults):
+    """Results of a speed study. `limits`: what limits a scenario's best run, where that was looked for."""
+
+    study: Study
+
+
+@dataclass(frozen=True, eq=False)
+class TrialResults(AnyResults):
+    """Results of a study of trials. `not_designed`: why a (scenario, controller) did not run."""
+
+    study: TrialStudy
+
+
+RESULTS: Mapping[Kind, Callable[..., AnyResults]] = {"speed": Results, "trials": TrialResults}

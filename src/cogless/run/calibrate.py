@@ -32,7 +32,7 @@ STEPS = (0.3, 0.1, 0.02)
 TOLERANCE = 1e-4  # relative change of the parameters that ends a fit
 ROUNDS = 20  # of each fit
 
-Progress = Callable[[int, float], None]
+FitProgress = Callable[[int, float], None]
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class _Knob:
         return f"{number!r} {self.unit}" if self.unit else number
 
 
-def calibrate(study: AnyStudy, progress: Progress | None = None, jobs: int = 1) -> Fit:
+def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 1) -> Fit:
     """Fit the parameters in the study's [calibration]; only the runs that its targets name are simulated.
 
     `progress` is called with the number of evaluations and the smallest deviation so far. Ctrl-C ends the fit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from threading import Event
 from typing import Any
@@ -11,10 +11,11 @@ from cogless.errors import StudyError
 from cogless.maps import learned_map
 from cogless.results import Run
 from cogless.results.fault_response import faults_in, responses
-from cogless.results.metrics import Conditions, Value, evaluate, result_name
+from cogless.results.metrics import Value, evaluate, result_name
 from cogless.results.trace import Trace, TraceRoom
 from cogless.run.plan import Plan, Progress, advance, failures, feedback_plan, memory_enough, trace_of
-from cogless.study import AnyStudy, TrialStudy, for_scenario
+from cogless.study import AnyStudy, Study, TrialStudy
+from cogless.study.base import Kind
 from cogless.study.laws.own import OwnLaw
 
 
@@ -23,7 +24,7 @@ def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
 
     Metrics whose signal the trace lacks are left out.
     """
-    conditions = Conditions.of(study, scenario)
+    conditions = study.conditions(scenario)
     return {
         result_name(metric): evaluate(metric, trace, conditions)
         for metric in study.metrics_in(scenario)
@@ -103,7 +104,7 @@ def _goes_with(plan: Plan, other: Plan) -> bool:
     return (
         plan.engine is other.engine
         and plan.ticks == other.ticks
-        and not isinstance(plan.study, TrialStudy)
+        and plan.in_step
         and bool(plan.drive.alike(other.drive))
     )
 
@@ -137,9 +138,9 @@ def _outcomes(plans: Sequence[Plan], stop: Event, room: TraceRoom | None) -> lis
     return [lane.outcome(len(lanes)) for lane in lanes]
 
 
-def _feedback_trace(planned: Plan) -> Trace | None:
+def _feedback_trace(study: TrialStudy, planned: Plan) -> Trace | None:
     """One trial of each phase by the same controller without learning; None if there is none."""
-    alone = feedback_plan(planned)
+    alone = feedback_plan(study, planned)
     if alone is None:
         return None
     state = alone.start()
@@ -150,44 +151,63 @@ def _feedback_trace(planned: Plan) -> Trace | None:
 
 
 def _finished(planned: Plan, state: Any, trace: Trace, lanes: int) -> Run:
+    return RUNS[planned.study.kind](planned.study, planned, state, trace, lanes)
+
+
+def _speed_run(study: Study, planned: Plan, state: Any, trace: Trace, lanes: int) -> Run:
+    scenario, controller = planned.scenario, planned.controller
+    metrics, learned = _metrics(planned, trace), _learned(planned, state)
+    limit = study.in_scenario(scenario).drive.current_loop.current_limit
+    quality, learns = dict(planned.drive.quality(state)), study.controller[controller].learns
+    if not learns:
+        quality = {key: quality[key] for key in ("known", "residual")}
+    return Run(
+        scenario,
+        controller,
+        trace,
+        learned_map.memory_of(study, scenario, controller, learned),
+        metrics,
+        quality=quality,
+        faults=responses(faults_in(study, scenario), trace, limit, learns),
+        map=learned_map.of_run(study, learned),
+        lanes=lanes,
+    )
+
+
+def _trial_run(study: TrialStudy, planned: Plan, state: Any, trace: Trace, lanes: int) -> Run:
+    scenario, controller = planned.scenario, planned.controller
+    # metrics use one row per sample of the trial, without the rows in between
+    rows = replace(trace, data=trace.data[:: planned.divider // planned.decimation])
+    # the map is stored with the last phase's reference, for which it was learned
+    motion = learned_map.motion_identity(study.reference(scenario, study.scenario[scenario].phases[-1][1]))
+    metrics = _metrics(planned, rows)
+    # a user's law isn't asked: its map would belong to an angle, not to a sample
+    own = isinstance(study.controller[controller], OwnLaw)
+    learned = None if own else _learned(planned, state)
+    return Run(
+        scenario,
+        controller,
+        trace,
+        learned_map.memory_of(study, scenario, controller, learned),
+        metrics,
+        planned.design,
+        map=learned_map.of_run(study, learned, motion),
+        feedback=_feedback_trace(study, planned),
+    )
+
+
+RUNS: Mapping[Kind, Callable[[Any, Plan, Any, Trace, int], Run]] = {"speed": _speed_run, "trials": _trial_run}
+
+
+def _metrics(planned: Plan, rows: Trace) -> dict[str, Value]:
     study, scenario, controller = planned.names
-    drive = planned.drive
-    rows, motion = trace, 0
-    if isinstance(study, TrialStudy):
-        # metrics use one row per sample of the trial, without the rows in between
-        rows = replace(trace, data=trace.data[:: planned.divider // planned.decimation])
-        # the map is stored with the last phase's reference, for which it was learned
-        motion = learned_map.motion_identity(
-            study.reference(scenario, study.scenario[scenario].phases[-1][1])
-        )
     try:
-        metrics = measure(study, scenario, rows)
+        return measure(study, scenario, rows)
     except StudyError as error:
         where = f"{study.source.path}: controller.{controller}: scenario {scenario}"
         raise StudyError(f"{where}: {error}") from error
-    law = study.controller[controller]
+
+
+def _learned(planned: Plan, state: Any) -> Any:
     with failures(*planned.names, lambda: planned.when(state.tick)):
-        # in trials a user's law isn't asked: its map would belong to an angle, not to a sample
-        asked = not (isinstance(study, TrialStudy) and isinstance(law, OwnLaw))
-        learned = drive.stored(state) if asked else None
-    memory = learned_map.memory_of(study, scenario, controller, learned)
-    stored = learned_map.of_run(study, learned, motion)
-    if isinstance(study, TrialStudy):
-        return Run(
-            scenario,
-            controller,
-            trace,
-            memory,
-            metrics,
-            planned.design,
-            map=stored,
-            feedback=_feedback_trace(planned),
-        )
-    limit = for_scenario(study, scenario).drive.current_loop.current_limit
-    quality = dict(drive.quality(state))
-    if not law.learns:
-        quality = {key: quality[key] for key in ("known", "residual")}
-    broken = responses(faults_in(study, scenario), trace, limit, law.learns)
-    return Run(
-        scenario, controller, trace, memory, metrics, quality=quality, faults=broken, map=stored, lanes=lanes
-    )
+        return planned.drive.stored(state)

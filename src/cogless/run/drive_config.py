@@ -37,6 +37,7 @@ from cogless.study.numerics import no_load_speed
 from cogless.study.position_sensor import Counted, Hall, sensor_fields
 from cogless.study.reference import Reference
 from cogless.study.scenario import TorqueMode
+from cogless.units import TURN
 
 SPEED_MARGIN = 1.5  # of the no-load speed
 CURRENT_MARGIN = 2.0  # of the current limit
@@ -49,7 +50,7 @@ OBSERVER_PEAK = (
     0.80  # of bandwidth times a step of the angle, which shows as a speed: largest (3x - x^2) e^-x
 )
 BRIDGE = 5e-3  # s
-SETTLED = 10.0  # time constants after which an observer has forgotten a jump to a part in a thousand
+FORGET_TIMES = 10.0  # time constants after which an observer has forgotten a jump to a part in a thousand
 HOLD = 10e-3  # s
 
 
@@ -74,7 +75,7 @@ def monitor_config(
         held = 1 if sensor.speed_method == "average" else 2
         window = held * periods * period
         if sensor.bandwidth:
-            window = SETTLED / sensor.bandwidth
+            window = FORGET_TIMES / sensor.bandwidth
             resolution = OBSERVER_PEAK * sensor.bandwidth * step
         elif not sensor.timed:
             resolution = step / (periods * period)
@@ -82,7 +83,7 @@ def monitor_config(
         # an edge may be placed half a sector late, and the angle jumps there
         step, window = 1.5 * sensor.step(motor.pole_pairs), 2 * drive.rates.divider * period
     if drive.speed_filter:
-        window += SETTLED / (2 * math.pi * drive.speed_filter)
+        window += FORGET_TIMES / (TURN * drive.speed_filter)
     derived = {
         "omega_max": 0.0,
         "angle_step": step,
@@ -121,7 +122,7 @@ def _step_time(
 def quality_config(drive: Drive) -> dict[str, float]:
     """Members of the C struct cgl_quality_config. By default the ripple's window is one revolution."""
     quality = drive.quality
-    span = 2 * math.pi if quality.span is None else quality.span
+    span = TURN if quality.span is None else quality.span
     return {**quality.model_dump(), "span": span}
 
 

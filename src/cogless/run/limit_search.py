@@ -32,7 +32,7 @@ from cogless.run.simulate import RunError, rollout
 from cogless.study import Study, changed, for_scenario
 from cogless.study.metric import Metric
 from cogless.study.position_sensor import Counted
-from cogless.study.reading import Changes, checked, split
+from cogless.study.reading import Changes, split, with_tables
 from cogless.units import ANGLE, ANGULAR_SPEED
 
 MEAN_SHARE_MOST = 0.05  # of the top reference: a larger mean of the speed error isn't a speed that is held
@@ -231,7 +231,8 @@ class _Tries:
         Its first metric judges the run. Its last metric shows whether the speed is held.
         """
         study, scenario, controller = self._study, self._run.scenario, self._run.controller
-        source = unfilled(study, controller).source
+        without_auto = unfilled(study, controller)
+        source = without_auto.source
         tables = {key: source.tables[key] for key in source.tables if key not in OF_WHOLE_STUDIES}
         own = [m for m in study.metrics_in(scenario) if result_name(m) in self._run.metrics]
         places = [study.metric.index(m) for m in (self._metric, *(m for m in own if m != self._metric))]
@@ -246,9 +247,7 @@ class _Tries:
         for n, metric in enumerate(tables["metric"]):
             where = [name for name in metric.get("scenarios", of_law) if name in of_law]
             tables["metric"][n] = {**metric, "scenarios": where} if "scenarios" in metric else metric
-        alone = checked(replace(source, tables=tables))
-        assert isinstance(alone, Study)
-        return alone
+        return with_tables(without_auto, tables)
 
     def _changed(self, changes: Changes) -> Study | None:
         """The study of this run alone with these changes; None if they are refused."""
@@ -259,11 +258,9 @@ class _Tries:
             keys = [f"metric.{n}.{key.removeprefix(place)}" for n in (0, last)] if of_metric else [key]
             own |= dict.fromkeys(keys, value)
         try:
-            made = filled(changed(self._alone, own))
+            return filled(changed(self._alone, own))
         except StudyError:
             return None
-        assert isinstance(made, Study)
-        return made
 
     def _held(self, metrics: Mapping[str, Value]) -> bool:
         experiment = self._study.scenario[self._run.scenario]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -29,14 +29,15 @@ from cogless.results.trace import Trace
 from cogless.run.drive_config import Mode, engine_config
 from cogless.run.own_law import describe, is_failure, law_file, make_law
 from cogless.run.trial_config import engine_config as trial_config
-from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
+from cogless.study import AnyStudy, Study, TrialStudy
+from cogless.study.base import Kind
 from cogless.study.laws.anti_cogging import AntiCogging
 from cogless.study.laws.law import Start, Startable
 from cogless.study.laws.own import OwnLaw
 from cogless.study.laws.trial import TrialLaw
 
 
-def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> learned_map.Reals:
+def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> learned_map.Real:
     """The entries of a law's map at the start of a run, (channels, cells).
 
     `drive`: the engine's, with this law. StudyError: the file is no map, or nothing that fits the law, or
@@ -184,6 +185,7 @@ class Plan:
     decimation: int  # ticks per row of the trace
     design: TrialDesign | None = None
     learned: Any = None
+    in_step: bool = True  # whether it may run in step with plans that are alike
 
     def start(self) -> Any:
         """The state at time zero, with `learned` loaded into the law's memory."""
@@ -205,9 +207,7 @@ class Plan:
 
     def when(self, tick: int) -> str:
         """The time of a tick, or its trial, as text for a message."""
-        if isinstance(self.study, TrialStudy):
-            return f" in trial {tick // (self.divider * self.study.samples(self.scenario)) + 1}"
-        return f" at {tick / self.rate:.6g} s"
+        return self.study.when(self.scenario, tick)
 
 
 def plan(
@@ -221,10 +221,12 @@ def plan(
 
     `design`: the design of a law of trials, if it is already made. StudyError: the run can't be prepared.
     """
-    if isinstance(study, TrialStudy):
-        if design is None and isinstance(study.controller[controller], TrialLaw):
-            design = design_study(study, [(scenario, controller)])[scenario, controller]
-        return _trials(study, scenario, controller, design)
+    return PLANS[study.kind](study, scenario, controller, stop, design)
+
+
+def _plan_speed(
+    study: Study, scenario: str, controller: str, stop: Event | None, design: TrialDesign | None
+) -> Plan:
     made, law = _speed(study, scenario, controller, "run"), study.controller[controller]
     if isinstance(law, Startable) and law.start is not None:
         return replace(made, learned=starting_map(study, controller, law, made.drive))
@@ -245,8 +247,7 @@ def _described(
 
 
 def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
-    study_here, engine = for_scenario(study, scenario), import_module(ENGINES[study.drive.precision])
-    rates, law = study_here.drive.rates, make_law(study, controller)
+    engine, law = import_module(ENGINES[study.precision]), make_law(study, controller)
     description = _described(
         study, scenario, controller, lambda: engine_config(study, scenario, controller, mode)
     )
@@ -260,21 +261,18 @@ def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
         engine,
         drive,
         description,
-        ticks=round(study_here.scenario[scenario].duration * rates.current_loop),
-        rate=round(rates.current_loop),
-        divider=rates.divider,
-        decimation=round(rates.current_loop / study_here.trace_rate),
+        **vars(study.timing(scenario)),
     )
 
 
-def feedback_plan(planned: Plan) -> Plan | None:
+def feedback_plan(study: TrialStudy, planned: Plan) -> Plan | None:
     """The same controller without learning, one trial in each phase; None if it doesn't learn by a design.
 
     Where trials differ at random it has all trials. Faults happen at times of the whole run, so with faults
     there is none either.
     """
-    study, scenario, design = planned.study, planned.scenario, planned.design
-    if not isinstance(study, TrialStudy) or design is None or study.scenario[scenario].faults:
+    scenario, design = planned.scenario, planned.design
+    if design is None or study.scenario[scenario].faults:
         return None
     if not design.K_3 and design.learning_matrix is None:
         return None
@@ -292,12 +290,12 @@ def feedback_plan(planned: Plan) -> Plan | None:
     return replace(planned, drive=drive, description=description, ticks=ticks, decimation=planned.divider)
 
 
-def _trials(study: TrialStudy, scenario: str, controller: str, design: TrialDesign | None) -> Plan:
-    precision, divider, rate = "double", 1, 1 / study.period
-    if study.drive is not None:
-        precision, divider = study.drive.precision, study.drive.rates.divider
-        rate = round(study.drive.rates.current_loop)
-    engine, law = import_module(ENGINES[precision]), make_law(study, controller)
+def _plan_trials(
+    study: TrialStudy, scenario: str, controller: str, stop: Event | None, design: TrialDesign | None
+) -> Plan:
+    if design is None and isinstance(study.controller[controller], TrialLaw):
+        design = design_study(study, [(scenario, controller)])[scenario, controller]
+    engine, law = import_module(ENGINES[study.precision]), make_law(study, controller)
     description = _described(
         study, scenario, controller, lambda: trial_config(study, scenario, controller, design)
     )
@@ -311,12 +309,13 @@ def _trials(study: TrialStudy, scenario: str, controller: str, design: TrialDesi
         engine,
         drive,
         description,
-        ticks=study.samples(scenario) * study.scenario[scenario].trials * divider,
-        rate=rate,
-        divider=divider,
-        decimation=divider if study.trace.rate is None else round(rate / study.trace.rate),
+        **vars(study.timing(scenario)),
         design=design,
+        in_step=False,
     )
+
+
+PLANS: Mapping[Kind, Callable[..., Plan]] = {"speed": _plan_speed, "trials": _plan_trials}
 
 
 def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> Any:

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 GRACE = 1.0  # s that running tasks are given to end after Ctrl-C
-NAME = "cogless-run"
+THREAD_NAME = "cogless-run"
 
 
 def side_by_side(tasks: Sequence[Callable[[], T]], jobs: int, stop: Event) -> list[Future[T]]:
@@ -37,7 +37,7 @@ def side_by_side(tasks: Sequence[Callable[[], T]], jobs: int, stop: Event) -> li
             except BaseException as error:
                 future.set_exception(error)
 
-    threads = [Thread(target=work, name=NAME, daemon=True) for _ in tasks[: max(1, jobs)]]
+    threads = [Thread(target=work, name=THREAD_NAME, daemon=True) for _ in tasks[: max(1, jobs)]]
     try:
         for thread in threads:
             thread.start()
@@ -51,7 +51,7 @@ def side_by_side(tasks: Sequence[Callable[[], T]], jobs: int, stop: Event) -> li
 
 def left_behind() -> bool:
     """Whether a thread of a task is still running."""
-    return any(thread.name == NAME for thread in threading.enumerate())
+    return any(thread.name == THREAD_NAME for thread in threading.enumerate())
 
 
 def _join(threads: Sequence[Thread]) -> None:

@@ -14,20 +14,22 @@ from pathlib import Path
 from threading import Event
 from typing import overload
 
-from cogless.design.trials.from_study import Designs, design_study
+from cogless.design.kinds import DESIGNS
+from cogless.design.trials.from_study import Designs
+from cogless.design.trials.from_study import Pair as Pair
 from cogless.errors import StudyError
-from cogless.results import AnyResults, Results, Run, TrialResults
+from cogless.results import AnyResults, Results, Run
+from cogless.results.runs import RESULTS
 from cogless.results.trace import TraceRoom
 from cogless.run.carry_out import carried_out, carried_out_together
 from cogless.run.plan import ENGINES, Plan, Progress, Stopped, memory_enough, plan
 from cogless.run.side_by_side import side_by_side
-from cogless.study import AnyStudy, Study, TrialStudy
+from cogless.study import AnyStudy, Study
 from cogless.study.laws.law import Startable
 from cogless.study.laws.own import OwnLaw
 from cogless.study.table import perhaps
 
 StudyProgress = Callable[[str, str, float], None]
-Pair = tuple[str, str]  # scenario, controller
 
 
 class RunError(StudyError):
@@ -251,7 +253,7 @@ def _prepare(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Designs:
         law = study.controller[controller]
         if isinstance(law, OwnLaw) or (isinstance(law, Startable) and law.start is not None):
             plan(study, scenario, controller)
-    return design_study(study, runs) if isinstance(study, TrialStudy) else Designs()
+    return DESIGNS[study.kind].prepared(study, runs)
 
 
 def _prepared(study: AnyStudy, runs: Sequence[Pair]) -> tuple[Designs, dict[Pair, StudyError]]:
@@ -321,10 +323,7 @@ def _collected(
         )
         broken = [run for run in of_study if _is_defect(run.outcome)]
         interrupted = stopped or bool(errors[-1] or broken)
-        if isinstance(study, TrialStudy):
-            results.append(TrialResults(study, finished, interrupted, designs.refused))
-        else:
-            results.append(Results(study, finished, interrupted))
+        results.append(RESULTS[study.kind](study, finished, interrupted, not_designed=designs.refused))
         defects += [(results[-1], run) for run in broken]
     for finished_ones, run in defects:
         assert isinstance(run.outcome, BaseException)

@@ -43,10 +43,10 @@ from cogless.starter.sensor_choice import (
 from cogless.starter.sheet import Guess, Section, Sheet, origin, round_125
 from cogless.study import Study
 from cogless.study.mechanics import Mechanics
-from cogless.study.messages import toml
 from cogless.study.motor import AnyMotor
 from cogless.study.numerics import OVERMODULATED, no_load_speed, steps_needed, voltage_reach
 from cogless.study.reading import checked, put, with_datasheet
+from cogless.study.toml import toml
 
 Feedbacks = Mapping[str, tuple[str, str]]  # kp and ki by controller
 

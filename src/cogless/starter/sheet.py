@@ -10,7 +10,7 @@ from typing import Any
 
 from cogless.starter.amounts import amount, span, unit_for
 from cogless.starter.part_catalogue import Figure
-from cogless.study.messages import toml
+from cogless.study.toml import toml
 from cogless.units import Dimension
 
 COMMENT_WIDTH = 100

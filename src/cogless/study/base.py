@@ -1,4 +1,4 @@
-"""Base of both kinds of study: title, seed, assumptions, scenarios, controllers, metrics, source.
+"""Base of both kinds of study: what callers ask a study of any kind, and the tables that all have.
 
 Tables for `cogless calibrate`: parameters of a study to fit, and target values of its metrics.
 
@@ -9,16 +9,17 @@ Units in which speeds and angles are shown: a user who wrote rpm in his study re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from abc import abstractmethod
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from cogless import units
 from cogless.study.laws.law import Base
-from cogless.study.metric import Metric
+from cogless.study.metric import Conditions, Metric
 from cogless.study.table import Frequency, Line, Many, Quantity, StudyKeys, Table, dotted_keys, invalid
 from cogless.units import ANGLE, ANGULAR_SPEED, Dimension, UnitError, factor, unit_of
 
@@ -30,20 +31,30 @@ class FitParameter(Table):
     """
 
     key: str
+    """Dotted key of a quantity of the study."""
     scenario: str | None = None
-    initial: str | float | None = None  # default: the study's value
+    """If given, the key is one of that scenario's `override`."""
+    initial: str | float | None = None
+    """Where the fit starts. Default: the value in the study."""
     lower: str | float | None = None
+    """Lower bound, a text with a unit, or a number in the unit of the key's present value. Default: none."""
     upper: str | float | None = None
+    """Upper bound, written like `lower`."""
 
 
 class Target(Table):
     """The value that a metric should have in a run; a list for kind "order" and in studies of trials."""
 
     scenario: str
+    """Scenario of the run."""
     controller: str
+    """Controller of the run."""
     metric: str
+    """Name of the metric."""
     value: Any
+    """Its target, with a unit; a list for kind `order`."""
     weight: Annotated[float, Field(gt=0)] = 1.0
+    """Weight of its relative deviation."""
 
     def values(self, metric: Metric, count: int) -> tuple[float, ...]:
         """The target values in SI; raises an error if there aren't `count` of them or one is invalid."""
@@ -58,7 +69,9 @@ class Calibration(Table):
     """A fit of parameters by least squares of the relative deviations from the targets."""
 
     parameters: Many[FitParameter]
+    """Quantities that are fitted."""
     targets: Many[Target]
+    """Values that the metrics should have."""
 
     @field_validator("parameters", "targets")
     @classmethod
@@ -80,10 +93,18 @@ class Distribution(Table):
     """
 
     uniform: Number | Many[Number] | None = None
+    """Evenly distributed. One number is the deviation to both sides of the study's value, two are limits.
+    Units are the key's, or % of the study's value."""
     log: Number | Many[Number] | None = None
+    """Evenly distributed in its logarithm, between two limits. One number, `"50 %"`, is from the study's
+    value over 1.5 to 1.5 times it."""
     normal: Number | Many[Number] | None = None
+    """Normally distributed: standard deviation, or mean and standard deviation. Cut off at three deviations.
+    """
     corners: Number | Many[Number] | None = None
+    """One of two limits, as for `uniform`: with several keys, all combinations."""
     list: Many[Any] | None = None
+    """One of these values, each equally often; numbers, texts, whatever the key takes."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -107,7 +128,10 @@ class Together(Table):
     """Keys whose values are correlated: the correlation of each pair, behind every distribution."""
 
     keys: Many[str]
+    """Two or more keys of `[vary]`."""
     correlation: Annotated[float, Field(ge=-1, le=1)]
+    """Correlation of each pair of the normal variables behind the distributions (a Gaussian copula). The
+    distributions stay as they are."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -123,9 +147,13 @@ class Together(Table):
 class Vary(Table):
     """How an ensemble spreads around the study: a distribution for each dotted key."""
 
-    keys: dict[str, Distribution] = Field(default={})  # in the file they stand in [vary] itself
+    keys: dict[str, Distribution] = Field(default={})
+    """A distribution for each [dotted key](/guide/study-file.md#rules), which stands in `[vary]` itself:
+    `mechanics.inertia = { uniform = "20 %" }`."""
     together: Many[Together] = ()
-    seeds: bool = False  # each variant draws its own sensor noise
+    """Groups of correlated keys."""
+    seeds: bool = False
+    """True: every variant draws its own sensor noise; false: all have the study's `seed`."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -154,20 +182,32 @@ class Hold(Table):
     """What must hold of the tuned controllers: a metric's limit, in at least this share of the variants."""
 
     metric: str
+    """Name of a metric, as for `minimise`."""
     limit: Number
+    """Its limit, with a unit."""
     share: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Share of the variants that must keep it."""
 
 
 class Tune(Table):
     """Gains to choose for each controller by itself, and what is best, over the ensemble or the study."""
 
     keys: dict[str, Many[Number]]
-    minimise: str  # a metric; one of its orders or phases as NAME.72
+    """Two limits for each dotted key, with unit or %. The search begins at the study's value, between them.
+    """
+    minimise: str
+    """Name of a metric; one of its orders as `NAME.72`. Where higher is better, it is maximised."""
     over: Literal["mean", "worst", "nominal"] | Annotated[float, Field(gt=0, lt=1)] = "mean"
+    """Mean or worst of the ensemble, or the value that this share of variants is no worse than. `nominal`:
+    the study alone."""
     hold: Many[Hold] = ()
-    scenarios: Many[str] | None = None  # default: all that the controller runs in
-    variants: Annotated[int, Field(ge=1)] = 32  # of the ensemble
-    budget: Annotated[int, Field(ge=2)] = 200  # settings that are tried, for each controller
+    """Limits of metrics that must be kept."""
+    scenarios: Many[str] | None = None
+    """Scenarios that count. Default: all that the controller runs in."""
+    variants: Annotated[int, Field(ge=1)] = 32
+    """Variants of the ensemble that each setting is tried on."""
+    budget: Annotated[int, Field(ge=2)] = 200
+    """Settings that are tried, for each controller."""
 
     @field_validator("keys", mode="before")
     @classmethod
@@ -207,7 +247,9 @@ class Assumption(Table):
     """Something that the study's author had to assume, and the reason."""
 
     about: str
+    """The key, or a phrase, that the assumption is about."""
     reason: str
+    """Why its value was chosen."""
 
 
 @dataclass(frozen=True)
@@ -232,26 +274,59 @@ class Source:
 class TraceSettings(Table):
     """Settings of the trace, the signals recorded in a run."""
 
-    # Hz, must divide the current-loop rate; default: that rate, or in trials one row per sample
-    rate: Frequency | None = None
-    file_rate: Frequency = 1000.0  # Hz, rows of traces.nc at most; in trials all rows are there
-    energy: bool = False  # also integrate and record the energies
+    rate: Frequency | None = None  # Hz
+    """Recorded rows a second, a divisor of the current loop's rate. Default: that rate; in a study of trials
+    one row per sample. A row takes 8 bytes for each of about 20 signals: 10 min at 1 kHz are 100 MB."""
+    file_rate: Frequency = 1000.0  # Hz
+    """Rows a second in `traces.nc`, at most. In a study of trials all rows are there."""
+    energy: bool = False
+    """True also records the energies and the error of the energy balance."""
+
+
+Kind = Literal["speed", "trials"]  # keys of the rooms' tables: PLANS, DESIGNS, SECTIONS, PAGES
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How a run passes in ticks: periods of the current loop, or samples of a linear plant."""
+
+    ticks: int
+    rate: float  # ticks per second
+    divider: int  # ticks per sample of the law
+    decimation: int  # ticks per row of the trace
 
 
 class StudyBase(Table):
-    """Tables that speed studies and studies of trials have in common."""
+    """Tables that speed studies and studies of trials have in common, and what each kind answers for itself.
+
+    A kind implements the abstract methods. A room that treats the kinds differently has a table by `kind`.
+    """
+
+    kind: ClassVar[Kind]
+    outer_loop: ClassVar[str]  # the key of drive.rates that the kind needs
+    overridable: ClassVar[tuple[str, ...]]  # tables whose keys a scenario may override
+    signal_kinds: ClassVar[frozenset[str]] = frozenset()  # properties of signals.def that all runs have
 
     title: Line
+    """One line; heads the report."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+    """Seed of the random numbers: sensor noise, bus jitter, and what differs from trial to trial."""
     description: str = ""
+    """Shown below the title of the report."""
     assumption: Many[Assumption] = ()
+    """An assumption that the author had to make; listed in the report."""
     trace: TraceSettings = TraceSettings()
+    """What is recorded."""
     scenario: Mapping[str, Any]
     controller: Mapping[str, Base]
     metric: Many[Metric] = ()
+    """Metrics to compute; `[[metric]]`."""
     calibration: Calibration | None = None
+    """Parameters and targets of [`cogless calibrate`](/guide/calibrate.md)."""
     vary: Annotated[Vary, StudyKeys()] | None = None
+    """How an [ensemble](/guide/ensembles.md) spreads around the study."""
     tune: Tune | None = None
+    """What [`cogless tune`](/guide/ensembles.md#tune) chooses."""
     _source: Source = PrivateAttr()
     _made: dict[Hashable, Any] = PrivateAttr(default_factory=dict)
 
@@ -305,9 +380,49 @@ class StudyBase(Table):
         """The metrics that are evaluated in a scenario."""
         return tuple(m for m in self.metric if m.applies_in(scenario, self.scenario[scenario]))
 
+    @property
+    @abstractmethod
+    def precision(self) -> str:
+        """The precision of the control laws: "single" or "double"."""
+
+    @property
+    @abstractmethod
+    def file_rate(self) -> float:
+        """Rows per second of traces.nc at most, Hz."""
+
+    @property
+    @abstractmethod
+    def own_signals(self) -> dict[str, Dimension] | None:
+        """All signals of a plant that is no drive; None for a drive, whose signals are in signals.def."""
+
+    @property
+    @abstractmethod
+    def example_metric(self) -> dict[str, str]:
+        """A metric that suits any study of the kind."""
+
+    @abstractmethod
+    def timing(self, scenario: str) -> Timing:
+        """Number of ticks in a run, their rate, and how many make a sample of the law and a trace row."""
+
+    @abstractmethod
+    def when(self, scenario: str, tick: int) -> str:
+        """The time of a tick, or its trial, as text that follows other words of a message."""
+
+    @abstractmethod
+    def conditions(self, scenario: str) -> Conditions:
+        """What metrics of a scenario need besides a trace."""
+
+    @abstractmethod
     def values_of(self, metric: Metric, scenario: str) -> int:
-        """Number of values of a metric: one, or for kind "order" one per order."""
-        return len(metric.order or ()) if metric.kind == "order" else 1
+        """Number of values of a metric: one, one per order, per phase or per trial."""
+
+    @abstractmethod
+    def columns_of(self, metric: Metric) -> list[tuple[int | None, str]]:
+        """Place and name of each value of a metric in a table of many runs; None is the last place."""
+
+    @abstractmethod
+    def scenario_facts(self, scenarios: Iterable[str]) -> dict[str, Any]:
+        """Entries of results.json about scenarios, beside their runs."""
 
 
 SPOKEN = (ANGULAR_SPEED, ANGLE)

@@ -23,11 +23,11 @@ from cogless.study.motor import Motor
 from cogless.study.position_sensor import Hall
 from cogless.study.scenario import BusFault, CurrentFault, FaultBase
 from cogless.study.table import Key, invalid, one_of
-from cogless.study.trial_study import TrialStudy
 
 if TYPE_CHECKING:
     from cogless.study.base import StudyBase
     from cogless.study.speed_study import Study
+    from cogless.study.trial_study import TrialStudy
 
 
 def faults(study: Study | TrialStudy) -> None:
@@ -52,7 +52,7 @@ def faults(study: Study | TrialStudy) -> None:
 
 
 def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> None:
-    """Refuse a fault that no measurement would show; they are taken once per current-loop period."""
+    """Refuse a fault shorter than a period of the current loop, which has one measurement each."""
     period = f"{1 / rate:g} s, one period of the measurements"
     if fault.duration * rate < 1 - 1e-9:
         raise invalid(f"expected {period}, or more", *where, "duration")
@@ -61,14 +61,14 @@ def _measured_once(rate: float, end: float, fault: FaultBase, where: Key) -> Non
         raise invalid(expected, *where, "time")
 
 
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 def names(study: StudyBase) -> None:
     """Check that names of scenarios and controllers can be used in file names and on the command line."""
     for table, entries in (("scenario", study.scenario), ("controller", study.controller)):
         for name in entries:
-            if not NAME.fullmatch(name):
+            if not NAME_PATTERN.fullmatch(name):
                 raise invalid("expected a name of letters, digits, _, - and .", table, name)
 
 
@@ -115,9 +115,9 @@ def energy(study: Study | TrialStudy) -> None:
 
 def outer_loop(study: Study | TrialStudy) -> None:
     """Check that the outer loop is the speed loop, or in a study of trials the position loop."""
-    wanted, other = OUTER_LOOPS[::-1] if isinstance(study, TrialStudy) else OUTER_LOOPS
-    if study.drive is not None and getattr(study.drive.rates, wanted) is None:
-        raise invalid(f"expected {wanted} in its place", "drive", "rates", other)
+    if study.drive is not None and getattr(study.drive.rates, study.outer_loop) is None:
+        (other,) = (loop for loop in OUTER_LOOPS if loop != study.outer_loop)
+        raise invalid(f"expected {study.outer_loop} in its place", "drive", "rates", other)
 
 
 def leads(study: Study) -> None:

@@ -23,12 +23,12 @@ from pydantic_core import PydanticCustomError
 from cogless import units
 from cogless.files import no_device
 from cogless.study.table import invalid
-from cogless.units import Dimension
+from cogless.units import TURN, Dimension
 
-POINTS = ", and decimal points in numbers"
+DECIMAL_POINT_HINT = ", and decimal points in numbers"
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
 HUGE = 1e9  # in the column's unit: beyond any drive
-NAME = re.compile(r"\s*([^\W\d_]+)")  # in "error [deg]" and "error_deg"
+COLUMN_NAME = re.compile(r"\s*([^\W\d_]+)")  # in "error [deg]" and "error_deg"
 BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # speed [rpm]
 
 
@@ -91,8 +91,10 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
     """
     heading, *rows = lines(path) or [[]]
     if len(heading) == 1 and any(other in heading[0] for other in ";\t"):
-        raise invalid(f"line 1: {shown(*heading)}: expected commas between columns{POINTS}", "file")
-    names = [word[1].lower() if (word := NAME.match(cell)) else "" for cell in heading]
+        raise invalid(
+            f"line 1: {shown(*heading)}: expected commas between columns{DECIMAL_POINT_HINT}", "file"
+        )
+    names = [word[1].lower() if (word := COLUMN_NAME.match(cell)) else "" for cell in heading]
     axis, dimension = along
     name = _only(heading, names, columns)
     units_of = {axis: dimension, name: columns[name]}
@@ -107,7 +109,7 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
         if not any(cell.strip() for cell in row):
             continue
         if len(row) != len(heading):
-            points = POINTS if len(row) > len(heading) else ""
+            points = DECIMAL_POINT_HINT if len(row) > len(heading) else ""
             raise invalid(f"line {number}: {shown(*row)}: expected {len(heading)} columns{points}", "file")
         here, there = (
             _number(row[place], column, number) * factor for column, (place, factor) in places.items()
@@ -151,7 +153,6 @@ def _number(text: str, name: str, line: int) -> float:
     return finite(text, number, name, where)
 
 
-TURN = 2 * math.pi
 FEWEST = 8  # points
 GAP = 5.0  # times the median spacing: a wider one is a hole in the table
 SEAM = 3.0  # times the largest step between neighbours: a larger one from the end to the start is a mistake
@@ -245,7 +246,10 @@ Points = tuple[tuple[float, float], ...]
 def points(path: Path) -> Points:
     """Time (s) and speed (rad/s) of each line; raises an error that names the line and quotes it."""
     found: list[tuple[float, float]] = []
-    scales, expected = (1.0, 1.0), f"expected time in s and speed in rad/s, with a comma between{POINTS}"
+    scales, expected = (
+        (1.0, 1.0),
+        f"expected time in s and speed in rad/s, with a comma between{DECIMAL_POINT_HINT}",
+    )
     for number, row in enumerate(lines(path), start=1):
         where = f"line {number}: "
         if not any(cell.strip() for cell in row):

@@ -40,8 +40,13 @@ class AngleFile(Table):
     """A CSV table over a revolution, mechanical or electrical. `orders`: of that revolution."""
 
     file: File
+    """CSV with the columns `angle` and `torque`, `current` or `voltage`, units in its heading. `current` is
+    torque over $K_t$ (per peak ampere). A voltage is measured turning forwards; its angle may begin anywhere.
+    """
     frame: Literal["mechanical", "electrical"]
+    """Revolution of the table. Of a mechanical one, a back-EMF takes only the multiples of `pole_pairs`."""
     orders: Many[TableOrder] | None = None
+    """Orders of the table's revolution to take. Default: the largest."""
     _table: OverAngle = PrivateAttr()
 
     def _waves(
@@ -108,13 +113,16 @@ def _folder(info: ValidationInfo) -> Path:
 class CoggingTable(AngleFile):
     """Measured cogging: torque, or the current that is it over K_t, over the angle."""
 
-    sign: Literal[
-        "on-rotor", "holding"
-    ]  # of the motor on its rotor, or of what holds the rotor: the opposite
+    sign: Literal["on-rotor", "holding"]
+    """`on-rotor`: torque of the motor on its rotor. `holding`: the opposite, which holds the rotor there."""
     peak: Torque | None = None  # N*m
+    """Largest magnitude of the torque, checked against the table to 5 %."""
     peak_to_peak: Torque | None = None  # N*m
+    """Peak-to-peak torque, checked against the table to 5 %."""
     current_peak: Current | None = None  # A
+    """As `peak`, for a table of current."""
     current_peak_to_peak: Current | None = None  # A
+    """As `peak_to_peak`, for a table of current."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:
@@ -153,9 +161,13 @@ class BackEmfTable(AngleFile):
     """
 
     between: Literal["line-to-line", "phase"]
-    speed: AngularSpeed  # rad/s, at which it was measured
+    """Two lines, or line and star point."""
+    speed: AngularSpeed  # rad/s
+    """Mechanical speed of the measurement."""
     peak: Voltage | None = None  # V
+    """Largest magnitude of the voltage, checked against the table to 5 %."""
     peak_to_peak: Voltage | None = None  # V
+    """Peak-to-peak voltage, checked against the table to 5 %."""
 
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:

@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from cogless.control_library import whole_number
 from cogless.study.motor import StarMotor
 from cogless.study.position_sensor import ORDER_MAX, Counted, IdealSensor, PositionSensor
 from cogless.study.table import (
@@ -37,30 +38,51 @@ from cogless.study.table import (
     check_sizes,
     invalid,
 )
+from cogless.units import TURN
 
 
 class Monitor(Table):
     """Bounds of plausible measurements. Zero: not checked. The defaults are derived from the drive."""
 
-    omega_max: AngularSpeedMagnitude | None = None  # rad/s, mechanical
-    angle_step: AngleMagnitude | None = None  # rad, mechanical
+    omega_max: AngularSpeedMagnitude | None = None  # rad/s
+    """Highest plausible speed of the rotor. Default: 1.5 times the no-load speed at the bus voltage and the
+    believed flux. A coarse sensor raises it to that no-load speed and one step of the sensor. Not watched
+    with an ideal current loop."""
+    angle_step: AngleMagnitude | None = None  # rad
+    """Resolution of the angle. Default: the sensor's."""
     speed_window: Time | None = None  # s
-    stuck_angle: AngleMagnitude | None = None  # rad, mechanical
+    """Time over which the measured speed is taken. Default: two periods of the law with an encoder, `window`
+    with a resolver."""
+    stuck_angle: AngleMagnitude | None = None  # rad
+    """The angle counts as stuck if it does not change while the reference turns by more than this. Default:
+    0.5 rad and two steps of the sensor, at least four steps."""
     stuck_time: Time | None = None  # s
+    """Time of full current after which an angle that stands still counts as stuck. Default: 100 ms. It is
+    longer if a tenth of the largest torque takes longer to turn the inertia by a step of the sensor."""
     current_max: CurrentMagnitude | None = None  # A
+    """Largest plausible length of the current vector. Default: twice `current_limit`."""
     current_sum: CurrentMagnitude | None = None  # A
+    """Largest plausible $|i_a + i_b + i_c|$. Default: half of `current_limit` with three sensors, else not
+    watched."""
     bridge: Time | None = None  # s
+    """Longest time for which a missing angle is extrapolated. Default: 5 ms."""
     hold: Time | None = None  # s
+    """Time for which the output stays safe (no current) after the last cause. Default: 10 ms."""
 
 
 class Quality(Table):
     """Settings of the residual ripple: its window, and which speed errors are outliers, excluded from
     learning."""
 
-    span: Span | None = None  # rad, mechanical, turned per window; default: a revolution
+    span: Span | None = None  # rad
+    """Angle by which the rotor turns in one window of the assessment. Default: a revolution."""
     longest: Duration = 60.0  # s
-    outlier: NumberGain = 0.0  # bound, in multiples of the usual error; 0: none
+    """Longest time of one window."""
+    outlier: NumberGain = 0.0
+    """An error larger than the usual one by this factor is not learned from; 1 or more. 0: every error is
+    learned from."""
     floor: AngularSpeedMagnitude = 0.0  # rad/s
+    """Errors below this are always learned from."""
 
     @model_validator(mode="after")
     def _outlier(self) -> Self:
@@ -69,7 +91,7 @@ class Quality(Table):
         return self
 
 
-ORDERS = 4  # of a table of the sensor's error: CGL_ENCODER_TABLE_ORDERS
+ENCODER_TABLE_ORDERS = whole_number("CGL_ENCODER_TABLE_ORDERS")
 SETTLED_TIMES = 10.0  # time constants after which its observer has settled: encoder_table.c
 PAST_MAX = 100_000  # longest delay in current-loop periods
 PERIODS_MAX = 5e8  # largest number of periods that the controller counts
@@ -80,9 +102,13 @@ class Belief(Table):
     """Motor parameters that the controller assumes, per winding as in [motor]; default: the true values."""
 
     R_s: Resistance | None = None  # ohm
+    """Assumed resistance of one winding. Default of each key: the true value."""
     L_d: Inductance | None = None  # H
+    """Assumed inductance, d axis."""
     L_q: Inductance | None = None  # H
+    """Assumed inductance, q axis."""
     psi_f: FluxLinkage | None = None  # Wb
+    """Assumed flux linkage."""
 
     def resolved(self, motor: StarMotor) -> StarBelief:
         """The assumed parameters converted to the star equivalent; those that are left out are the true
@@ -112,11 +138,16 @@ class StarBelief:
 class Rates(Table):
     """Rates of the loops. The outer loop runs at every n-th current-loop period."""
 
-    current_loop: Frequency  # Hz, whole
-    # outer loop (speed, or position in trials): a whole number of Hz that divides current_loop
+    current_loop: Frequency  # Hz
+    """Rate of current sampling, current control and, if switched, PWM: one tick of the engine; a whole
+    number."""
     speed_loop: Frequency | None = None
+    """Rate of the speed law; a whole number that divides `current_loop`."""
     position_loop: Frequency | None = None
+    """The rate of a trial's samples; replaces `speed_loop` in [a study of trials](/guide/trial-studies.md).
+    """
     integration_steps: Annotated[int, Field(ge=1, le=10_000)] = 1  # RK4 steps per current-loop period
+    """Steps of the plant in a current-loop period."""
 
     @model_validator(mode="after")
     def _divide(self) -> Self:
@@ -150,10 +181,16 @@ class CurrentLoop(Table):
     )
 
     kp: CurrentGain | None = None  # V/A
+    """Proportional gain of both axes. Give it with `ki`, or give `bandwidth`."""
     ki: CurrentIntegralGain | None = None  # V/A/s
-    bandwidth: Frequency | None = None  # Hz: kp = w L, ki = w R_s with the assumed L, R_s; w = 2 pi bandwidth
+    """Integral gain of both axes."""
+    bandwidth: Frequency | None = None  # Hz
+    r"""Instead of gains: kp = $2\pi f L$, ki = $2\pi f R_s$ with the believed parameters. This cancels the
+    winding's pole."""
     decoupling: bool = True
-    current_limit: CurrentLimit  # A, limit of the reference vector's length
+    """True feeds the speed-dependent voltages forward."""
+    current_limit: CurrentLimit  # A
+    """Largest length of the reference vector $(i_d, i_q)$."""
 
     @model_validator(mode="after")
     def _sizes(self) -> Self:
@@ -172,7 +209,7 @@ class CurrentLoop(Table):
         if self.bandwidth is None:
             kp, ki = self.kp or 0.0, self.ki or 0.0
             return {"kp_d": kp, "ki_d": ki, "kp_q": kp, "ki_q": ki}
-        w = 2 * math.pi * self.bandwidth
+        w = TURN * self.bandwidth
         ki = w * belief.R_s
         return {"kp_d": w * belief.L_d, "ki_d": ki, "kp_q": w * belief.L_q, "ki_q": ki}
 
@@ -181,7 +218,10 @@ class IdealCurrentLoop(Table):
     """An ideal current loop: the current equals its reference at once."""
 
     kind: Literal["ideal"]
+    """The current equals its reference at once, and there is no `inverter`. Leave this key out for a real
+    loop."""
     current_limit: CurrentLimit  # A
+    """Largest length of the reference vector $(i_d, i_q)$."""
     decoupling: ClassVar[bool] = False
 
     def gains(self, belief: StarBelief) -> dict[str, float]:
@@ -208,33 +248,48 @@ class Inverter(Table):
     """The inverter: voltage averaged over each current-loop period, or switched with centre-aligned edges."""
 
     kind: Literal["averaged", "switched"] = "averaged"
+    """Mean voltage over a period, or pulses with exact edges."""
     bus_voltage: Voltage  # V
+    """Voltage of the bus, constant."""
     dead_time: Time = 0.0  # s
-    device_drop: VoltageMagnitude = 0.0  # V, across the transistor or diode that conducts
+    """Time for which both transistors of a leg are off at each switching."""
+    device_drop: VoltageMagnitude = 0.0  # V
+    """Voltage across the transistor or diode of a leg that conducts."""
     computation_delay: Literal[0, 1] = 1  # current-loop samples
+    """Current-loop periods from sampling until the duty cycles act."""
 
 
 class DeadTimeCompensation(Table):
     """Correction of the duty cycles by the signs of the phase currents' references."""
 
-    time: Time | None = None  # s, as the controller believes it; default: the inverter's
-    drop: VoltageMagnitude | None = None  # V, likewise
-    band: CurrentLimit  # A: below it a phase gets a part of the correction
+    time: Time | None = None  # s
+    """Dead time that the controller assumes. Default: the inverter's."""
+    drop: VoltageMagnitude | None = None  # V
+    """Voltage across a device that the controller assumes. Default: the inverter's."""
+    band: CurrentLimit  # A
+    """Phase currents below this get a part of the correction. Choose several times the noise of the current
+    sensors."""
 
 
 class EncoderTable(Table):
     """Correction of the position sensor's own error, learned while the motor turns fast."""
 
     orders: Annotated[tuple[int, ...], Field(strict=False)]  # mechanical
-    omega_min: AngularSpeedMagnitude  # rad/s: learns above it
-    time_constant: Duration = 0.5  # s, of learning
-    limit: Span = math.radians(2)  # rad, of each coefficient
+    """Mechanical orders of the error. 1 is an encoder off the middle, 2 what follows from that."""
+    omega_min: AngularSpeedMagnitude  # rad/s
+    """The table learns above this speed."""
+    time_constant: Duration = 0.5  # s
+    """Time constant of learning."""
+    limit: Span = math.radians(2)  # rad
+    """Limit of each order's cosine and sine."""
 
     @model_validator(mode="after")
     def _rising(self) -> Self:
         rising = all(a < b for a, b in pairwise((0, *self.orders, ORDER_MAX + 1)))
-        if not rising or not 1 <= len(self.orders) <= ORDERS:
-            raise invalid(f"expected 1 to {ORDERS} orders that rise, from 1 to {ORDER_MAX}", "orders")
+        if not rising or not 1 <= len(self.orders) <= ENCODER_TABLE_ORDERS:
+            raise invalid(
+                f"expected 1 to {ENCODER_TABLE_ORDERS} orders that rise, from 1 to {ORDER_MAX}", "orders"
+            )
         if self.limit * self.orders[-1] > 1:
             raise invalid(f"expected at most {1 / self.orders[-1]:.3g} rad", "limit")
         if not self.omega_min:
@@ -256,20 +311,30 @@ class CurrentSensors(Table):
     """Phase current sensors with an error per phase, and their analog-to-digital converter."""
 
     offset: tuple[Current, Current, Current] = Field(default=(0.0, 0.0, 0.0), strict=False)  # A
+    """Offset of each phase."""
     gain_error: tuple[float, float, float] = Field(default=(0.0, 0.0, 0.0), strict=False)
+    """Relative gain error of each phase; measured = (1 + gain_error) i + offset."""
     noise: CurrentMagnitude = 0.0  # A rms
-    bits: Annotated[int, Field(ge=0, le=32)] = 0  # 0: no converter
-    range: CurrentLimit = 10.0  # A: the converter spans +-range
-    sensors: Literal[2, 3] = 3  # 2: i_c = -i_a - i_b
+    """Standard deviation of white noise."""
+    bits: Annotated[int, Field(ge=0, le=32)] = 0
+    """Resolution of the converter; 0 for no quantization."""
+    range: CurrentLimit = 10.0  # A
+    r"""The converter spans $\pm$ range."""
+    sensors: Literal[2, 3] = 3
+    """With 2, $i_c = -i_a - i_b$."""
 
 
 class Bus(Table):
     """A bus between the drive and its law, which runs elsewhere, as on a PC."""
 
-    delay_measured: Time = 0.0  # s, age of angle and speed when the law gets them
-    delay_command: Time = 0.0  # s, from the law's step until its current reference acts
-    jitter: Time = 0.0  # s, the most by which either may take longer
-    quantum: CurrentMagnitude = 0.0  # A, of the current reference
+    delay_measured: Time = 0.0  # s
+    """Age of angle and speed when the law gets them."""
+    delay_command: Time = 0.0  # s
+    """Time from the law's step until its current reference acts."""
+    jitter: Time = 0.0  # s
+    """Most by which each of both delays may grow, evenly distributed, by the study's `seed`."""
+    quantum: CurrentMagnitude = 0.0  # A
+    """Step of the current reference in the bus's number format. 0: none."""
 
     @property
     def mean_delay(self) -> float:
@@ -281,19 +346,34 @@ class Drive(Table):
     """Power electronics, sensors, current loop and monitor."""
 
     precision: Literal["single", "double"] = "single"
+    """Number type of the control laws, `"single"` (C's float) or `"double"`; the plant is always in double.
+    """
     belief: Belief = Belief()
+    """Motor parameters that the controller assumes, where they differ from the true ones."""
     rates: Rates = Field(examples=['{ current_loop = "10 kHz", speed_loop = "1 kHz" }'])
+    """Rates of the current loop, the speed loop and the integration."""
     current_loop: AnyCurrentLoop = Field(examples=['{ bandwidth = "1 kHz", current_limit = "4 A" }'])
-    inverter: Inverter | None = None  # not with an ideal current loop
+    """Gains of the inner loop."""
+    inverter: Inverter | None = None
+    """Converts duty cycles to voltages."""
     dead_time_compensation: DeadTimeCompensation | None = None  # likewise
+    """Gives the duty cycles back what the inverter loses. Default: not compensated."""
     position_sensor: PositionSensor = IdealSensor()
+    """Measures angle and speed."""
     encoder_table: EncoderTable | None = None
-    speed_filter: Frequency | None = None  # Hz, low-pass of first order behind the measured speed
+    """Corrects the position sensor's own error. Default: not corrected."""
+    speed_filter: Frequency | None = None  # Hz
+    """Low-pass of first order behind the measured speed, at the current loop's rate. Default: none."""
     bus: Bus | None = None
+    """The law runs elsewhere. Default: in the drive."""
     current_sensors: CurrentSensors = CurrentSensors()
+    """Measure the phase currents."""
     monitor: Monitor = Monitor()
+    """Bounds beyond which a measurement is not plausible; see [](/laws/monitor.md)."""
     quality: Quality = Quality()
-    guard: bool = True  # learning that leaves more ripple than the feedback alone is stopped
+    """How learning is judged, and which errors are not learned from."""
+    guard: bool = True
+    """Learning that leaves more ripple than the same feedback is stopped; see [](/laws/guard.md)."""
 
     @model_validator(mode="after")
     def _bridge(self) -> Self:

@@ -19,6 +19,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from cogless import units
+from cogless.control_library import C_LAWS, whole_number
+from cogless.study.metric import OF_LINEAR_PLANTS
 from cogless.study.table import Duration, Many, Table, invalid
 
 OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
@@ -79,7 +82,7 @@ def _value(node: ast.expr, values: Mapping[str, float]) -> float:
     raise ExpressionError('expected arithmetic of + - * / ** over parameters, such as "-B / J"')
 
 
-MOST_STATES = 8  # of the control law, CGL_TRIAL_STATES
+TRIAL_STATES = whole_number("CGL_TRIAL_STATES")
 
 Entry = str | float
 Rows = Many[Many[float]]
@@ -88,8 +91,10 @@ Rows = Many[Many[float]]
 class Parameter(Table):
     """A physical parameter of the plant: known, or within a range."""
 
-    value: float | None = None  # default: the middle of the range
+    value: float | None = None
+    """Nominal value. Default: the middle of the range."""
     range: tuple[float, float] | None = Field(default=None, strict=False)
+    """Smallest and largest value. Default: the value is exactly known."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -123,24 +128,38 @@ class PlantVertex(Table):
     """Matrices at one vertex of the set of possible plants, as numbers."""
 
     A: Rows
+    """Rows of numbers."""
     B: Many[float]
+    """Numbers."""
 
 
 class LinearPlant(Table):
     """A linear plant with one input and one output, sampled with `period`."""
 
     model: Literal["continuous", "discrete"] = "continuous"
+    """Whether A and B are of continuous or discrete time. A continuous plant is simulated exactly sampled."""
     period: Duration  # s
-    A: Many[Many[Entry]] | None = None  # numbers, or expressions over the parameters
+    """Time between two samples."""
+    A: Many[Many[Entry]] | None = None
+    """Rows of numbers, or of formulas of the parameters with `+ - * / **`, such as `"-B / J"`."""
     B: Many[Entry] | None = None
+    """One number or formula for each state."""
     C: Many[float]
+    """Row of numbers."""
     parameter: dict[str, Parameter] = Field(default={})
-    vertex: Many[PlantVertex] = ()  # in place of A, B and parameter
-    states: Many[str] | None = None  # their names, default x_1, x_2, ...
-    input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6  # |u| stays below it
-    # standard deviation of white noise on each measured state; default: none
+    """The parameters in A and B by name; each a plain number, `[smallest, largest]`, or a table."""
+    vertex: Many[PlantVertex] = ()
+    """Corners of the uncertainty in numbers, in place of A, B and `parameter`; the nominal plant is their
+    mean."""
+    states: Many[str] | None = None
+    """Names of the states, for tables and report. Default: x_1, x_2, ..."""
+    input_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
+    r"""Largest $\lvert u \rvert$."""
     noise: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
-    load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0  # standard deviation of white noise on d
+    """Standard deviation of white noise on each measured state, as `[1e-5, 0]`. Default: none. The law sees
+    the noise; metrics and traces have the true states."""
+    load_noise: Annotated[float, Field(ge=0, le=1e12)] = 0.0
+    """Standard deviation of white noise on the load $d$, in the unit of $u$; each sample has another."""
 
     @model_validator(mode="after")
     def _shapes(self) -> Self:
@@ -149,8 +168,8 @@ class LinearPlant(Table):
                 "expected either A and B, or vertex", "A", value="missing" if self.A is None else None
             )
         n = len(self.C)
-        if not 1 <= n <= MOST_STATES:
-            raise invalid(f"expected 1 to {MOST_STATES} numbers, one a state", "C")
+        if not 1 <= n <= TRIAL_STATES:
+            raise invalid(f"expected 1 to {TRIAL_STATES} numbers, one a state", "C")
         if self.A is not None and self.B is not None:
             self._check_shape(self.A, self.B)
             self._check_names()
@@ -185,6 +204,13 @@ class LinearPlant(Table):
                 known = ", ".join(self.parameter) or "none"
                 expected = f'expected known parameters ({known}), not "{min(unknown)}"'
                 raise invalid(expected, *key)
+
+    @property
+    def signals(self) -> dict[str, units.Dimension]:
+        """All signals of the plant in trials; they have no unit."""
+        own = (term.signal for term in C_LAWS["trial"].terms)
+        names = (*OF_LINEAR_PLANTS, *own, "learned", "status")
+        return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(len(self.C)))), units.NONE)
 
     def at(self, parameters: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         """A and B for these parameter values; parameters that are left out are nominal.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
@@ -25,6 +24,7 @@ from cogless.study.table import (
     ViscousFriction,
     invalid,
 )
+from cogless.units import TURN
 
 Order = Annotated[int, Field(ge=1, le=10_000)]
 
@@ -33,16 +33,23 @@ class TorqueHarmonic(Table):
     """A part of a torque: torque sin(order theta + phase), with theta the mechanical angle."""
 
     order: Order
+    """Waves per mechanical revolution."""
     torque: Torque  # N*m
+    r"""Amplitude of $\tau_L$ or $\tau_C$ += torque sin(order $\theta$ + phase)."""
     phase: Angle = 0.0  # rad
+    """Phase of this harmonic."""
 
 
 class AngleTable(Table):
     """Torque over the mechanical angle, linear between points, periodic in one revolution."""
 
     angle: Many[Angle] = ()  # rad
+    """Rising angles, less than one revolution from first to last."""
     torque: Many[Torque] = ()  # N*m
-    file: File | None = None  # CSV with the columns angle and torque, units in its heading; beside the study
+    """Torque at each angle; linear in between, periodic."""
+    file: File | None = None
+    """A CSV file beside the study in place of both: columns `angle` and `torque`, their units in the heading.
+    """
 
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:
@@ -51,7 +58,7 @@ class AngleTable(Table):
                 raise invalid("expected none, since angle and torque are given", "file")
             return self._read(info)
         check_table("angle", self.angle, self.torque)
-        if self.angle[-1] - self.angle[0] >= 2 * math.pi * (1 - 1e-9):
+        if self.angle[-1] - self.angle[0] >= TURN * (1 - 1e-9):
             raise invalid("expected less than one revolution from the first to the last angle", "angle")
         return self
 
@@ -68,7 +75,9 @@ class TimeTable(Table):
     """Torque over time, linear between points, constant before the first and after the last point."""
 
     time: Many[Time]  # s
+    """Rising times."""
     torque: Many[Torque]  # N*m
+    """Torque at each time; linear in between, the ends held."""
 
     @model_validator(mode="after")
     def _shape(self) -> Self:
@@ -88,10 +97,15 @@ class Load(Table):
     """A load torque, the sum of its parts. The constant part follows its set value with a first-order lag."""
 
     torque: Torque = 0.0  # N*m
+    """Constant part; a positive torque acts against positive rotation."""
     lag: Time = 0.0  # s
+    """Time constant with which the constant part follows an event."""
     harmonics: Many[TorqueHarmonic] = ()
+    """Parts that depend on the angle."""
     angle_table: AngleTable | None = None
+    """A torque over the mechanical angle."""
     time_table: TimeTable | None = None
+    """A torque over time."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -102,12 +116,21 @@ class Mass(Table):
     """Inertia and friction of what turns as one body."""
 
     inertia: Inertia  # kg*m^2
+    """Inertia of rotor and load together. With a `load_side` each side has its own."""
     viscous_friction: ViscousFriction = 0.0  # N*m*s/rad
+    """Friction torque per speed."""
     coulomb_friction: TorqueMagnitude = 0.0  # N*m
-    breakaway_friction: TorqueMagnitude | None = None  # N*m, default: coulomb_friction
-    stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s; 0: no fall, friction jumps to coulomb_friction
-    friction_harmonics: Many[TorqueHarmonic] = ()  # N*m, added to coulomb_friction and breakaway_friction
-    friction_table: AngleTable | None = None  # N*m, likewise
+    """Friction torque while moving."""
+    breakaway_friction: TorqueMagnitude | None = None  # N*m
+    """Torque up to which friction holds the rotor at standstill, at least `coulomb_friction`. Default:
+    `coulomb_friction`."""
+    stribeck_speed: AngularSpeedMagnitude = 0.0  # rad/s
+    r"""Speed $\omega_s$ at which friction has fallen most of the way from `breakaway_friction` to
+    `coulomb_friction`: $\tau_C + (\tau_{breakaway} - \tau_C)\, e^{-(\omega/\omega_s)^2}$. 0: it jumps."""
+    friction_harmonics: Many[TorqueHarmonic] = ()  # N*m
+    """Parts of `coulomb_friction` and `breakaway_friction` that depend on the angle."""
+    friction_table: AngleTable | None = None  # N*m
+    """Torque over the angle that is added to both frictions."""
 
     @property
     def breakaway(self) -> float:
@@ -141,19 +164,28 @@ class GearError(Table):
     """A part of a gear's transmission error: angle sin(order theta + phase), theta of its input or output."""
 
     side: Literal["input", "output"]
+    """The shaft in whose revolutions `order` counts, the gear's `input` (motor) or `output`."""
     order: Order
-    angle: AngleMagnitude  # rad, of the output
+    """Waves per revolution."""
+    angle: AngleMagnitude  # rad
+    r"""Amplitude of an angle that is added to the output's: angle sin(order $\theta$ + phase)."""
     phase: Angle = 0.0  # rad
+    """Phase of this part."""
 
 
 class LoadSide(Mass):
     """A second mass behind a gear and a soft shaft with backlash; inertia and friction are its own."""
 
     stiffness: Stiffness  # N*m/rad
+    """Torque of the shaft per twist, on the load side of the gear."""
     damping: ViscousFriction = 0.0  # N*m*s/rad
-    backlash: AngleMagnitude = 0.0  # rad, the whole gap
-    ratio: Annotated[float, Field(gt=0)] = 1.0  # motor's speed over the load's
+    """Torque of the shaft per rate of its twist."""
+    backlash: AngleMagnitude = 0.0  # rad
+    """The whole gap, as an angle of the load; within it the shaft has no torque."""
+    ratio: Annotated[float, Field(gt=0)] = 1.0
+    """Speed of the motor over that of the load."""
     gear_errors: Many[GearError] = ()
+    """Parts of the gear's transmission error."""
 
     @model_validator(mode="after")
     def _turns_on(self) -> Self:
@@ -173,8 +205,12 @@ class LoadSide(Mass):
 class Mechanics(Mass):
     """Inertia, friction and load of everything that turns with the rotor."""
 
-    load_side: LoadSide | None = None  # none: inertia is of rotor and load together
+    load_side: LoadSide | None = None
+    """A second mass behind a gear and a soft shaft. `inertia` and frictions are then those of the motor's
+    side."""
     load: Load = Load()
+    """The load that belongs to the machine, also present in commissioning runs; a plain torque is short for
+    `{ torque = ... }`."""
 
     @property
     def ratio(self) -> float:

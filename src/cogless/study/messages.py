@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +12,8 @@ from pydantic import ValidationError
 
 from cogless.errors import StudyError
 from cogless.study.table import Key, perhaps
+from cogless.study.toml import quoted
+from cogless.study.toml import toml as toml
 
 MISSING = object()
 MOST_TOLD = 20  # mistakes in one message, at most
@@ -68,8 +69,8 @@ class Problem:
 
 
 def dotted(key: Key) -> str:
-    """A key as written in TOML, with list indices as numbers."""
-    return ".".join(_escaped(part) if _in_quotes(part) else part for part in map(str, key))
+    """A key as `--set` takes it, with list indices as numbers."""
+    return ".".join(quoted(part) if _in_quotes(part) else part for part in map(str, key))
 
 
 def _in_quotes(part: str) -> bool:
@@ -80,21 +81,6 @@ def shown(value: Any) -> str:
     """A value as written in TOML, shortened to 60 characters."""
     text = toml(value)
     return text if len(text) <= 60 else text[:57] + "..."
-
-
-def toml(value: Any) -> str:
-    """A value as written in TOML, in one line."""
-    if isinstance(value, list):
-        return f"[{', '.join(map(toml, value))}]"
-    if isinstance(value, dict) and value:
-        return f"{{ {', '.join(f'{dotted((key,))} = {toml(item)}' for key, item in value.items())} }}"
-    return repr(value) if isinstance(value, float) else _escaped(value)  # JSON has no nan and inf
-
-
-def _escaped(value: Any) -> str:
-    """The value as JSON in one line; characters that can't be printed are escaped."""
-    text = json.dumps(value, ensure_ascii=False, default=str)
-    return text if text.isprintable() else json.dumps(value, default=str).replace("\x7f", "\\u007f")
 
 
 def problems(error: ValidationError, tables: Any) -> list[Problem]:

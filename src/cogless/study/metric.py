@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, Literal, Protocol, Self
 
@@ -38,6 +39,7 @@ STATE = re.compile(r"x_\d+")
 AT_AN_EVENT = ("dip", "settling", "overshoot")
 WITH_A_BAND = ("settling", "exceeds", "time-to-learn")
 EACH_TRIAL = ("rms", "ripple-rms", "mean", "maximum", "peak-to-peak")  # in a study of trials
+LAST_TRIAL = "last"  # the value that a table of many runs has of a number in each trial
 EACH_PHASE = ("first-rms", "final-rms", "trials-to-floor")  # only there
 
 
@@ -50,6 +52,7 @@ class Metric(Table):
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+    """Name in tables; in `results.json` it gets its SI unit as an ending."""
     kind: Literal[
         "peak-to-peak",
         "rms",
@@ -70,22 +73,38 @@ class Metric(Table):
         "final-rms",
         "trials-to-floor",
     ]
-    signal: str | None = None  # not for copper-loss and chattering; default at an event: omega_m
-    # s; default: from the metric's event to the next one, or without an event the whole run
-    window: tuple[Time, Time] | None = Field(default=None, strict=False)
-    last: Duration | None = None  # s: instead of a window, the last part of each scenario
-    scenarios: Many[str] | None = None  # default: all, or those that have the event
+    """What is computed."""
+    signal: str | None = None
+    """Signal that it is computed from. Default: `omega_m` for `dip`, `settling` and `overshoot`. None for
+    `copper-loss` and `chattering`."""
+    window: tuple[Time, Time] | None = Field(default=None, strict=False)  # s
+    """Start and end time. Default: from the event to the next one, else the whole run."""
+    last: Duration | None = None  # s
+    """This time at the end of each scenario, in place of a window or an event."""
+    scenarios: Many[str] | None = None
+    """Scenarios in which it is computed. Default: all, or those that have the event."""
     order: Many[Annotated[float, Field(gt=0)]] | None = None
-    # revolution that an order refers to; for other kinds, frame of angles and speeds
+    """Orders of a revolution, for kind `order`."""
     frame: Literal["electrical", "mechanical"] = "mechanical"
+    """Kind `order`: revolution that orders count in. Other kinds: whether angles and speeds are mechanical or
+    electrical, [times the pole pairs](/guide/metrics.md#frame)."""
     event: Time | None = None  # s
-    band: float | None = None  # half width, SI
-    floor: float | None = None  # of trials-to-floor, SI
-    # s: the signal is averaged over this time first, to remove ripple; time-to-learn: pieces of this length
-    smooth: Duration | None = None
-    unit: str | None = None  # in tables and report; default: SI
+    """Time of a load event, for `dip`, `settling` and `overshoot`."""
+    band: float | None = None  # SI
+    """Half width, in the signal's unit, for `settling` and `exceeds`."""
+    floor: float | None = None  # SI
+    """Floor for `trials-to-floor`, in the signal's unit."""
+    smooth: Duration | None = None  # s
+    """Centred mean over this time before a `dip`, `settling` or `overshoot` is taken, so that ripple does not
+    count. For `time-to-learn`: length of the pieces."""
+    unit: str | None = None  # SI
+    """Unit in tables and report; `results.json` is in SI. Default: SI, but for speeds and angles the [unit
+    that the study uses](/guide/metrics.md#units)."""
     better: Literal["lower", "higher", "none"] = "lower"
-    limit: float | None = None  # SI: what is still good; `cogless sweep` tells the share that keeps it
+    """What counts as best in tables."""
+    limit: float | None = None  # SI
+    """What is still good: at most, or at least where higher is better. `cogless sweep` tells the share of
+    variants that keep it."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -164,6 +183,20 @@ class Metric(Table):
         event = self.event
         return None if event is None else min((t for t in events if t > event + row / 2), default=None)
 
+    def window_within(
+        self, end: float, events: Iterable[float], row: float, before_event: float = 0.0
+    ) -> tuple[float, float]:
+        """The window in a run that ends at `end`, s: as declared, else from the metric's event to the next of
+        these events, else the whole run.
+
+        `row`: time between rows. `before_event`: time by which the window ends before the next event.
+        """
+        declared = self.span(end)
+        if declared is not None:
+            return declared
+        after = self.next_event(events, row)
+        return self.event or 0.0, end if after is None else after - before_event
+
     @property
     def wanted(self) -> str:
         """The direction that is better: as `better` says, but a band is by default better left late."""
@@ -186,6 +219,19 @@ class Metric(Table):
         if self.scenarios is not None:
             return name in self.scenarios
         return self.event is None or scenario.has_event(self.event)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Data of a run that metrics need besides its trace."""
+
+    pole_pairs: int = 1
+    R_s: float = math.nan  # ohm, of the star equivalent
+    power_factor: float = math.nan  # 3/2 for three phases, 1 for two
+    speed_period: float = math.nan  # s, of the speed loop
+    events: tuple[float, ...] = ()  # s, times of the scenario's events
+    trials: int | None = None
+    starts: tuple[int, ...] = ()  # the phases' first trials, counted from 1
 
 
 class WithEvents(Protocol):

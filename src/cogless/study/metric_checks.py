@@ -5,13 +5,11 @@ Find out which signals the runs of a study have, and why a signal is missing.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING
 
-from cogless import units
 from cogless.control_library import C_LAWS
 from cogless.signals import dimensions, exists
 from cogless.study.laws.own import OwnLaw
@@ -20,7 +18,6 @@ from cogless.study.laws.trial import TrialLaw
 from cogless.study.metric import (
     EACH_PHASE,
     EACH_TRIAL,
-    OF_LINEAR_PLANTS,
     Metric,
     result_name,
     turns_held,
@@ -28,13 +25,13 @@ from cogless.study.metric import (
 )
 from cogless.study.motor import Motor
 from cogless.study.table import invalid, nearest, one_of
-from cogless.study.trial_study import TrialStudy
-from cogless.units import Dimension
+from cogless.units import TURN
 
 if TYPE_CHECKING:
     from cogless.study.laws.law import Base
     from cogless.study.scenario import Scenario
     from cogless.study.speed_study import Study
+    from cogless.study.trial_study import TrialStudy
 
 OF_A_LAW = "expected a signal that a controller of this study has"
 # Properties of a drive that a signal may need (signals.def), and the error text if the drive lacks one.
@@ -67,7 +64,7 @@ def _terms(name: str) -> frozenset[str]:
 
 def kinds(study: Study | TrialStudy) -> set[str]:
     """Properties that a study's drive has, out of the keys of NEEDED and "trials"."""
-    motor, trials = study.motor, isinstance(study, TrialStudy)
+    motor = study.motor
     has = {
         "electrical": study.drive is not None and not study.drive.ideal,
         "three_phases": motor is not None and motor.phases == 3,
@@ -77,23 +74,15 @@ def kinds(study: Study | TrialStudy) -> set[str]:
         "path": any(
             isinstance(law, SpaceLearning) or law.holds_position for law in study.controller.values()
         ),
-        "trials": trials,
         "trial_law": any(isinstance(law, TrialLaw) for law in study.controller.values()),
     }
-    return {kind for kind, there in has.items() if there}
-
-
-def linear(states: int) -> dict[str, Dimension]:
-    """All signals of a linear plant in trials; they have no unit."""
-    own = (term.signal for term in C_LAWS["trial"].terms)
-    names = (*OF_LINEAR_PLANTS, *own, "learned", "status")
-    return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(states))), units.NONE)
+    return {kind for kind, there in has.items() if there} | study.signal_kinds
 
 
 def missing(study: Study | TrialStudy, signals: Iterable[str]) -> Iterator[str | None]:
     """Error text for each signal that no run of the study has; None if a run has it."""
-    if isinstance(study, TrialStudy) and study.plant is not None:
-        known = linear(study.states)
+    known = study.own_signals
+    if known is not None:
         yield from (None if name in known else f"expected a signal: {', '.join(known)}" for name in signals)
         return
     has = kinds(study)
@@ -188,13 +177,11 @@ def _in_time(study: Study, index: int, metric: Metric) -> None:
 
 def _span(study: Study, metric: Metric, scenario: Scenario) -> tuple[str, float]:
     """The key that decides a metric's window in a scenario, and the window's length, s."""
-    declared = metric.span(scenario.duration)
-    if declared is not None:
-        return ("window" if metric.last is None else "last"), declared[1] - declared[0]
-    if metric.event is None:
-        return "window", scenario.duration
-    after = metric.next_event((event.time for event in scenario.events), 1 / study.trace_rate)
-    return "event", (scenario.duration if after is None else after) - metric.event
+    keys = {"last": metric.last, "window": metric.window, "event": metric.event}
+    key = next((key for key, value in keys.items() if value is not None), "window")
+    events = (event.time for event in scenario.events)
+    begin, end = metric.window_within(scenario.duration, events, 1 / study.trace_rate)
+    return key, end - begin
 
 
 def orders(study: Study) -> None:
@@ -209,7 +196,7 @@ def orders(study: Study) -> None:
             if not metric.order or not metric.applies_in(name, scenario):
                 continue
             poles = study.motor.pole_pairs if metric.frame == "electrical" else 1
-            turns = poles * scenario.top_speed / (2 * math.pi)
+            turns = poles * scenario.top_speed / TURN
             key, span = _span(study, metric, scenario)
             fewest = whole_revolutions(metric.order)
             if turns_held(turns * span, turns / study.trace_rate) < fewest:

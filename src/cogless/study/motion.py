@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from cogless.study.reference import Reference
 from cogless.study.scenario import Scenario
+from cogless.units import TURN
 
 Real = NDArray[np.float64]
 FEWEST, MOST = 4000, 200_000  # samples
 A_SWING, A_PIECE = 40, 10  # samples per period of the fastest sine; per shortest piece or smoothing time
 GOLDEN = (math.sqrt(5) - 1) / 2
-TURN = 2 * math.pi
 
 
 @dataclass(frozen=True)

@@ -60,10 +60,15 @@ class FluxHarmonic(Table):
     """
 
     order: Order
+    """Waves per electrical revolution."""
     d: FluxAmplitude = 0.0  # Wb
+    r"""Amplitude of $\psi_d$ += d cos(order $\theta_e$ + d_phase)."""
     q: FluxAmplitude = 0.0  # Wb
+    r"""Amplitude of $\psi_q$ += q sin(order $\theta_e$ + q_phase)."""
     d_phase: Angle = 0.0  # rad
+    """Phase of the d part."""
     q_phase: Angle = 0.0  # rad
+    """Phase of the q part."""
 
 
 class TorqueRipple(Table):
@@ -73,9 +78,15 @@ class TorqueRipple(Table):
     """
 
     order: Order
+    """Waves per mechanical revolution."""
     percent: float | None = None  # amplitude
-    percent_peak_to_peak: float | None = None  # twice the amplitude
+    r"""Amplitude, in per cent of the mean torque constant: $K_t$ (1 + percent/100 sin(order $\theta_m$ +
+    phase)). The back-EMF ripples [with it](/theory/plant.md#torque-constant-ripple). Give this or
+    `percent_peak_to_peak`."""
+    percent_peak_to_peak: float | None = None
+    """Twice the amplitude, in per cent."""
     phase: Angle = 0.0  # rad
+    """Phase of this harmonic, in its own angle."""
 
     @model_validator(mode="after")
     def _one_amplitude(self) -> Self:
@@ -95,10 +106,17 @@ class Cogging(Table):
     IN_PLACE: ClassVar[dict[str, str]] = {"amplitude": "torque", "peak_to_peak": "torque_peak_to_peak"}
 
     order: Order
+    """Waves per mechanical revolution."""
     torque: Torque | None = None  # N*m
-    torque_peak_to_peak: Torque | None = None  # N*m, twice the amplitude
-    current: Current | None = None  # A, measured as the holding current: torque = K_t current
+    r"""Amplitude of $\tau_{cog}$ += torque sin(order $\theta_m$ + phase); give this, `torque_peak_to_peak` or
+    `current`."""
+    torque_peak_to_peak: Torque | None = None  # N*m
+    """Twice the amplitude, as datasheets have it."""
+    current: Current | None = None  # A
+    """Amplitude as holding current; torque = $K_t$ current. The cogging torque is opposite to the holding
+    torque: mind the sign of the phase."""
     phase: Angle = 0.0  # rad
+    """Phase of this harmonic, in its own angle."""
 
     @model_validator(mode="after")
     def _one_amplitude(self) -> Self:
@@ -133,36 +151,72 @@ class Motor(Table):
     """
 
     kind: Literal["pmsm"] = "pmsm"
+    """A synchronous motor."""
     datasheet: Datasheet | None = None  # its file; its fields are already merged in here
+    """Name of a shipped motor (`cogless list`), or a path relative to the study. Keys set in the study win.
+    """
     pole_pairs: Annotated[int, Field(ge=1, le=1000)]
-    slots: Annotated[int, Field(ge=3, le=10_000)] | None = None  # of the stator
+    """Electrical revolutions in a mechanical one."""
+    slots: Annotated[int, Field(ge=3, le=10_000)] | None = None
+    """Teeth of the stator. With the poles they tell the orders of cogging; only [harmonic](/laws/harmonic.md)
+    needs them."""
     # one word for each of resistance, inductance and magnet; several must agree, and the first counts
     R_s: Resistance | None = None  # ohm
+    """Resistance of one winding."""
     resistance_line_to_line: Resistance | None = None  # ohm
+    """Resistance between two terminals: twice that of a phase of the star equivalent."""
     L_d: Inductance | None = None  # H
+    """Inductance of one winding, d axis."""
     L_q: Inductance | None = None  # H
-    inductance_line_to_line: Inductance | None = None  # H, of a motor with L_d = L_q
-    psi_f: FluxLinkage | None = None  # Wb, peak
-    K_t: TorqueConstant | None = None  # N*m/A, 1.5 pole_pairs psi_f of the star equivalent
-    K_t_rms: TorqueConstant | None = None  # N*m/A, per rms line current
-    kv: SpeedConstant | None = None  # rad/s/V, no-load speed per peak voltage from line to line
+    """Inductance of one winding, q axis."""
+    inductance_line_to_line: Inductance | None = None  # H
+    """Inductance between two terminals, for $L_d = L_q$: twice that of a phase of the star equivalent."""
+    psi_f: FluxLinkage | None = None  # Wb
+    """Flux linkage of the magnet, peak, of one winding. Give this or another word for the magnet, down to
+    `K_e_phase_rms`."""
+    K_t: TorqueConstant | None = None  # N*m/A
+    r"""Torque per peak line current, $1.5\, p\, \psi_f$ of the star equivalent."""
+    K_t_rms: TorqueConstant | None = None  # N*m/A
+    r"""Torque per rms line current, $\sqrt2\, K_t$."""
+    kv: SpeedConstant | None = None  # rad/s/V
+    r"""No-load speed per peak voltage from line to line, $1/(\sqrt3\, p\, \psi_f)$ of the star equivalent:
+    $K_t = \frac{\sqrt3}{2}/k_v$. The "Kv" of hobby motors, in rpm per volt of the battery, is this."""
     kv_line_to_line_rms: SpeedConstant | None = None  # rad/s/V
+    r"""Speed per rms voltage from line to line, $\sqrt2\, k_v$."""
     kv_phase_peak: SpeedConstant | None = None  # rad/s/V
+    r"""Speed per peak voltage from line to star point, $\sqrt3\, k_v$."""
     kv_phase_rms: SpeedConstant | None = None  # rad/s/V
+    r"""Speed per rms voltage from line to star point, $\sqrt6\, k_v$."""
     K_e_line_to_line_peak: BackEmfConstant | None = None  # V*s/rad
+    """Peak voltage from line to line per speed, $1/k_v$."""
     K_e_line_to_line_rms: BackEmfConstant | None = None  # V*s/rad
+    """Rms voltage from line to line per speed, often in V per 1000 rpm: write `"46 mV/rpm"` for 46 of those.
+    """
     K_e_phase_peak: BackEmfConstant | None = None  # V*s/rad
+    r"""Peak voltage from line to star point per speed, $p\, \psi_f$."""
     K_e_phase_rms: BackEmfConstant | None = None  # V*s/rad
+    """Rms voltage from line to star point per speed."""
     winding: Literal["star", "delta"] = "star"
-    rated_torque: Torque | None = None  # N*m, informative
-    rated_speed: AngularSpeed | None = None  # rad/s, informative
+    r"""Connection of the windings that `R_s`, `L_d`, `L_q` and flux linkages are of. A delta is turned into
+    its star equivalent: a third of resistance and inductance, $1/\sqrt 3$ of the flux linkage."""
+    rated_torque: Torque | None = None  # N*m
+    """Rated torque, for information."""
+    rated_speed: AngularSpeed | None = None  # rad/s
+    """Rated speed, for information."""
     flux_harmonics: Many[FluxHarmonic] = ()
+    """Harmonics of the magnet's flux linkage."""
     torque_ripple: Many[TorqueRipple] = ()
+    """Harmonics of the torque constant, in per cent."""
     cogging: Many[Cogging] = ()
-    cogging_table: CoggingTable | None = None  # added to cogging
-    back_emf_table: BackEmfTable | None = None  # a word for the magnet, and flux harmonics
-    saturation: Saturation | None = None  # of the star equivalent
+    """Harmonics of the cogging torque."""
+    cogging_table: CoggingTable | None = None
+    """Measured cogging over the angle, from a CSV file; added to `cogging`."""
+    back_emf_table: BackEmfTable | None = None
+    """Measured back-EMF over the angle, from a CSV file: a word for the magnet, and flux harmonics."""
+    saturation: Saturation | None = None
+    """Flux linkages over the currents. Default: constant inductances. Not for a delta."""
     temperature: MotorTemperature | None = None
+    """Temperature of winding and magnets. Default: resistance and flux stay as given."""
 
     @model_validator(mode="after")
     def _words(self) -> Self:
@@ -319,14 +373,25 @@ class StepMotor(Table):
     """A step motor, with the parameters that papers on it use."""
 
     kind: Literal["step"]
+    """A two-phase step motor with non-sinusoidal flux."""
     datasheet: Datasheet | None = None  # its file; its fields are already merged in here
-    teeth: Annotated[int, Field(ge=1, le=1000)]  # N_r, of the rotor
-    R_s: Resistance  # ohm, of a phase
-    L_0: Inductance  # H, self inductance of a phase
-    L_1: InductanceAmplitude = 0.0  # H, of the saliency
-    L_m: Many[InductanceAmplitude]  # H, L_m1, L_m2, ...: flux of the magnet
-    L_f: Many[InductanceAmplitude] = ()  # H, L_f4, L_f5, ...: cogging
-    i_f: MagnetCurrent = 1.0  # A, fictitious, of the magnet
+    """Name of a shipped motor (`cogless list`), or a path relative to the study. Keys set in the study win.
+    """
+    teeth: Annotated[int, Field(ge=1, le=1000)]
+    """Number of rotor teeth $N_r$: electrical revolutions in a mechanical one."""
+    R_s: Resistance  # ohm
+    """Resistance of a phase."""
+    L_0: Inductance  # H
+    """Inductance of a phase."""
+    L_1: InductanceAmplitude = 0.0  # H
+    """Inductance of the saliency: $L_d = L_0 + L_1$, $L_q = L_0 - L_1$; smaller than `L_0`."""
+    L_m: Many[InductanceAmplitude]  # H
+    r"""Coefficients $L_{m1}, L_{m2}, \ldots$ of the magnet's flux. The first makes the mean torque, $K_t =
+    N_r i_f L_{m1}$; $L_{mj}$ makes ripple of electrical order $j - 1$."""
+    L_f: Many[InductanceAmplitude] = ()  # H
+    r"""Coefficients $L_{f4}, L_{f5}, \ldots$ of the cogging torque, $L_{fj}$ of electrical order $j$."""
+    i_f: MagnetCurrent = 1.0  # A
+    """Fictitious current of the magnet."""
 
     @model_validator(mode="after")
     def _magnet(self) -> Self:

@@ -10,6 +10,7 @@ from cogless.study.laws.adrc import Adrc
 from cogless.study.laws.anti_cogging import AntiCogging
 from cogless.study.laws.law import Learning
 from cogless.study.table import invalid
+from cogless.units import RPM, TURN
 
 if TYPE_CHECKING:
     from cogless.study.drive import Drive
@@ -20,10 +21,9 @@ if TYPE_CHECKING:
 
 LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable
 FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
-FASTEST_OBSERVER = 2.0  # bandwidth of a law's observer, per sample (control/src/cogless/adrc.c)
+OBSERVER_BANDWIDTH_MOST = 2.0  # rad a sample, of a law's observer: FASTEST in adrc.c
 OVERMODULATED = 1.2  # above 2 sqrt(3) / pi = 1.10, what square voltages have more than sinusoidal ones
 TOP = "at top speed"  # in the cause of a natural rate that it decides
-RPM = 30 / math.pi
 MOST_ROWS = 20_000_000  # of one run's trace: 4 GB with some 25 signals of 8 bytes each
 
 
@@ -34,7 +34,7 @@ def integration(study: Study) -> None:
     begun, at = max((abs(of.initial_speed), f"{name}.initial_speed") for name, of in study.scenario.items())
     most, why = voltage_reach(study), ""
     if wanted > most:
-        why = f"; its voltage turns the motor at {most * RPM:.4g} rpm without load, not at {wanted * RPM:.4g}"
+        why = f"; its voltage turns the motor at {most / RPM:.4g} rpm without load, not at {wanted / RPM:.4g}"
     reached = min(wanted, OVERMODULATED * most)
     top, of = (begun, top_speed(begun, at)) if begun > reached else (reached, top_speed(wanted, asked))
     found = natural_rates(motor, study.mechanics, top, electrical=not study.drive.ideal)
@@ -43,7 +43,7 @@ def integration(study: Study) -> None:
 
 def top_speed(omega_m: float, key: str) -> str:
     """What the top speed, rad/s, is, in a message. `key`: that has it, in the table of scenarios."""
-    return f"the {omega_m * RPM:.4g} rpm of scenario.{key}"
+    return f"the {omega_m / RPM:.4g} rpm of scenario.{key}"
 
 
 def no_load_speed(bus_voltage: float, motor: StarMotor, psi_f: float) -> float:
@@ -195,10 +195,10 @@ def commissioning(study: Study) -> None:
 
 def observers(study: Study) -> None:
     """Check that a law's observer isn't faster than the samples that it gets."""
-    fastest = FASTEST_OBSERVER * study.drive.rates.outer_loop
+    fastest = OBSERVER_BANDWIDTH_MOST * study.drive.rates.outer_loop
     for name, controller in study.controller.items():
         if isinstance(controller, Adrc) and controller.omega_o > fastest * (1 - 1e-6):
-            expected = f"expected less than {fastest:.6g} 1/s, {FASTEST_OBSERVER:g} a sample"
+            expected = f"expected less than {fastest:.6g} 1/s, {OBSERVER_BANDWIDTH_MOST:g} a sample"
             raise invalid(expected, "controller", name, "omega_o")
 
 
@@ -213,7 +213,7 @@ def periods(study: Study) -> None:
             continue
         per_turn = study.motor.pole_pairs if controller.period == "electrical" else 1
         speeds = [study.scenario[key].top_speed for key in study.scenarios_of(name)]
-        samples = [rate * 2 * math.pi / (per_turn * speed) for speed in speeds if speed > 0]
+        samples = [rate * TURN / (per_turn * speed) for speed in speeds if speed > 0]
         if not samples:
             continue
         longest = max(samples)

@@ -32,35 +32,55 @@ def _equals(key: str, value: Any) -> str:
 class Mounted(Table):
     """A sensor on the shaft of the motor or of the load."""
 
-    side: Literal["motor", "load"] = "motor"  # load: its angle times the gear's ratio is the drive's angle
+    side: Literal["motor", "load"] = "motor"
+    """Shaft that the sensor is on. On the `load`'s the drive takes angle and speed times the gear's ratio, a
+    whole number, for the motor's. Twist and gear error then disturb law and commutation."""
 
 
 class IdealSensor(Mounted):
     """An ideal sensor, which gives the true angle and speed."""
 
     kind: Literal["ideal"] = "ideal"
+    """Measures the true angle and speed."""
 
 
 class AngleOrder(Table):
     """A part of a sensor's error: amplitude sin(order theta_m + phase)."""
 
-    order: Annotated[int, Field(ge=1, le=ORDER_MAX)]  # of the mechanical revolution
+    order: Annotated[int, Field(ge=1, le=ORDER_MAX)]
+    """Waves per mechanical revolution."""
     amplitude: Angle  # rad
+    r"""The angle's error += amplitude sin(order $\theta_m$ + phase)."""
     phase: Angle = 0.0  # rad
+    """Phase of this order."""
 
 
 class Counted(Mounted):
     """A sensor that shows the angle in steps; its speed follows from them."""
 
     kind: str
+    """Kind of the sensor, by which its own table is chosen."""
     speed_method: Literal["M", "average", "T", "MT", "observer"] = "M"
+    """Counts in a speed-loop period (M), time between edges (T), or both (MT); a moving average of the
+    differences (average), or an observer of the angle (observer). M is noisy where few counts come in a
+    period, and laws learn that noise. MT is not, if the hardware can time edges. T and MT are for encoders.
+    """
     window: Annotated[int, Field(ge=1, le=100_000)] = 16  # current-loop periods, with average only
-    observer_bandwidth: Frequency | None = None  # Hz, with observer only
-    eccentricity: Angle = 0.0  # rad, amplitude of the error once per revolution
+    """Window of the moving average, in current-loop periods. Only with that method."""
+    observer_bandwidth: Frequency | None = None  # Hz
+    """Bandwidth of the observer, three times the speed loop's crossover or more. Only with that method."""
+    eccentricity: Angle = 0.0  # rad
+    """Amplitude of the angle error with one wave per revolution, the usual one of `error`."""
     eccentricity_phase: Angle = 0.0  # rad
+    """Phase of that error."""
     error: Many[AngleOrder] = ()
-    error_table: File | None = None  # CSV of angle and error, beside the study
-    latency: Time = 0.0  # s, age of the angle that is sampled
+    """Orders of the error, which adds to the true angle."""
+    error_table: File | None = None
+    """CSV of the error over the mechanical angle, relative to the study, with units in its first line: `angle
+    [deg],error [deg]`. Eight angles or more rise over one revolution, which must close. Linear in between."""
+    latency: Time = 0.0  # s
+    """Age of the angle that is sampled, and of the speed from it. Not with T and MT, whose edges are timed.
+    """
     _errors: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -177,9 +197,11 @@ class Encoder(Counted):
     """Incremental encoder with quadrature signals: four counts per line."""
 
     kind: Literal["encoder"]
-    lines: Annotated[int, Field(ge=1, le=10_000_000)]  # a revolution
-    # M: counts per period; average: over a window; T: time per count; MT: both; observer: of the angle
-    timer: Frequency = 100e6  # Hz, for T and MT
+    """An incremental encoder with quadrature signals."""
+    lines: Annotated[int, Field(ge=1, le=10_000_000)]
+    """Lines per revolution; four counts per line."""
+    timer: Frequency = 100e6  # Hz
+    """Rate of the clock that times the edges, for T and MT."""
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str:
@@ -202,9 +224,14 @@ class Absolute(Counted):
     """Absolute encoder, whose word is the angle."""
 
     kind: Literal["absolute"]
+    """An absolute encoder, which measures as a resolver does."""
     bits: Annotated[int, Field(ge=1, le=31)] | None = None
-    positions: Annotated[int, Field(ge=2, le=2**31)] | None = None  # instead of bits
+    """$2^{bits}$ positions per revolution; give this or `positions`."""
+    positions: Annotated[int, Field(ge=2, le=2**31)] | None = None
+    """Positions per revolution."""
     speed_method: Literal["M", "average", "observer"] = "average"
+    """A moving average of the differences (average), the difference over a speed-loop period (M), or an
+    observer."""
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str:
@@ -225,8 +252,12 @@ class Resolver(Counted):
     """Resolver and its digital converter."""
 
     kind: Literal["resolver"]
+    """A resolver and its converter."""
     bits: Annotated[int, Field(ge=1, le=32)] = 14
+    """The converter has $2^{bits}$ counts per revolution."""
     speed_method: Literal["M", "average", "observer"] = "average"
+    """A moving average of the differences (average), the difference over a speed-loop period (M), or an
+    observer."""
 
     @property
     def counts(self) -> int:
@@ -238,10 +269,15 @@ class Hall(Table):
 
     side: ClassVar[Literal["motor"]] = "motor"
     kind: Literal["hall"]
-    # rad, electrical: by which each edge of a revolution comes late, from that at angle zero on
-    placement: Annotated[tuple[Angle, ...], Field(strict=False)] = (0.0,) * 6
-    edges: Annotated[int, Field(ge=1, le=6)] = 6  # intervals between edges that the speed is taken over
-    timer: Frequency = 1e6  # Hz, the clock that times the edges
+    """Three Hall sensors, six edges per electrical revolution; the angle between edges is interpolated."""
+    placement: Annotated[tuple[Angle, ...], Field(strict=False)] = (0.0,) * 6  # rad
+    """Electrical angle by which each edge of an electrical revolution comes late. The first is that at angle
+    zero, the others follow every 60 deg."""
+    edges: Annotated[int, Field(ge=1, le=6)] = 6
+    """Intervals between edges that the speed is taken over. Over six the errors of placement cancel; over
+    fewer the speed is younger."""
+    timer: Frequency = 1e6  # Hz
+    """Rate of the clock that times the edges."""
 
     @model_validator(mode="after")
     def _apart(self) -> Self:

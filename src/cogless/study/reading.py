@@ -10,15 +10,15 @@ import os
 import re
 import tomllib
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache, cached_property, lru_cache, partial
+from functools import cache, lru_cache, partial
 from itertools import compress
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError, create_model
+from pydantic import ValidationError, create_model
 
 from cogless import units
 from cogless.errors import StudyError
@@ -35,8 +35,6 @@ from cogless.study.trial_study import Hardware, TrialStudy, is_trial_study
 
 Check = Callable[[Any], None]
 AStudy = TypeVar("AStudy", bound=StudyBase)
-THERE = ""  # below a key: whether the table is there, or which tables are, whatever they have
-TYPES = ("kind", "law")  # keys that decide which type a table is of
 
 
 def reused(new: Any, old: Any, made: Any) -> Any:
@@ -89,8 +87,7 @@ def derived(like: AStudy, tables: dict[str, Any], checks: tuple[Check, ...], fol
     found = {key: _whole(getattr(made, key), tables[key], getattr(like, key)) for key in differ}
     study = like.model_copy(update=found)
     study._made = {}
-    keys = tuple(_differences(tables, before, like, ()))
-    for check in like.once(_needed, (checks, keys)):
+    for check in checks:
         check(study)
     return study
 
@@ -119,82 +116,6 @@ def _tables_model(model: type[StudyBase], keys: tuple[str, ...]) -> type[Table]:
         key: (model.model_fields[key].annotation, model.model_fields[key]) for key in keys
     }
     return create_model("Part", __base__=Table, **fields)
-
-
-def _needed(study: StudyBase, of: tuple[tuple[Check, ...], tuple[Key, ...]]) -> list[Check]:
-    """The checks that may find something else once these keys have changed."""
-    checks, keys = of
-    reads = study.once(_reads, checks)
-    return [c for c in checks if any(_touches(read, key) for read in reads[c] for key in keys)]
-
-
-def _reads(study: StudyBase, checks: tuple[Check, ...]) -> dict[Check, set[Key]]:
-    """The keys that each check looked at; with others changed, it does and finds the same again."""
-    found = {}
-    for check in checks:
-        read: set[Key] = set()
-        check(_Watched(study, (), read))
-        found[check] = read
-    return found
-
-
-class _Watched:
-    """A table that notes which of its keys are read, in the tables within it, too."""
-
-    def __init__(self, table: Table, key: Key, read: set[Key]) -> None:
-        self.table, self.key, self.read = table, key, read
-
-    @property  # type: ignore[misc]
-    def __class__(self) -> type:  # for isinstance
-        self._read_type()
-        return type(self.table)
-
-    def __getattr__(self, name: str) -> Any:
-        kind = type(self.table)
-        if name in kind.model_fields:
-            return self._watched(getattr(self.table, name), (*self.key, name))
-        found = getattr(kind, name, None)
-        self._read_type()
-        if isinstance(found, property) and found.fget is not None:
-            return found.fget(self)
-        if isinstance(found, cached_property):
-            return found.func(self)
-        if callable(found) and not hasattr(BaseModel, name):
-            return partial(found, self)
-        self.read.add(self.key)  # in a way that can't be watched
-        return getattr(self.table, name)
-
-    def _read_type(self) -> None:
-        self.read |= {(*self.key, name) for name in TYPES} if self.key else set()
-
-    def _watched(self, value: Any, key: Key) -> Any:
-        within = isinstance(value, Mapping) and any(isinstance(inner, Table) for inner in value.values())
-        self.read.add((*key, THERE) if within or isinstance(value, Table) else key)
-        if within:
-            return {name: self._watched(inner, (*key, name)) for name, inner in value.items()}
-        return _Watched(value, key, self.read) if isinstance(value, Table) else value
-
-
-def _differences(new: dict[str, Any], old: dict[str, Any], made: Any, key: Key) -> Iterator[Key]:
-    """Keys of a table, or of tables by name, whose values differ, as deep as there are tables."""
-    for name in old.keys() | new.keys():
-        value, before = new.get(name, MISSING), old.get(name, MISSING)
-        if value is before or alike(value, before):
-            continue
-        inner = made.get(name) if isinstance(made, Mapping) else getattr(made, name, None)
-        same = isinstance(inner, Table) or (isinstance(inner, Mapping) and _names(value) == _names(before))
-        if same and isinstance(value, dict) and isinstance(before, dict):
-            yield from _differences(value, before, inner, (*key, name))
-        else:
-            yield (*key, name)
-
-
-def _names(table: Any) -> list[str] | None:
-    return list(table) if isinstance(table, dict) else None
-
-
-def _touches(read: Key, changed: Key) -> bool:
-    return all(a == b for a, b in zip(read, changed, strict=False))
 
 
 Changes = Mapping[str, Any]
@@ -240,12 +161,19 @@ def changed(study: AStudy, changes: Changes) -> AStudy:
     return of_its_kind
 
 
+def with_tables(study: AStudy, tables: dict[str, Any]) -> AStudy:
+    """A study of the same kind and source with other tables."""
+    of_its_kind = checked(replace(study.source, tables=tables))
+    assert isinstance(of_its_kind, type(study))
+    return of_its_kind
+
+
 def for_scenario(study: Study, scenario: str) -> Study:
     """The study with a scenario's overrides applied and without the other scenarios.
 
     If the scenario has no overrides, the study itself.
     """
-    return study._scenarios.get(scenario, study)
+    return study.in_scenario(scenario)
 
 
 def _in_scenario(study: Study, like: Study | None, scenario: str) -> Study:
@@ -444,7 +372,7 @@ def _own(tables: dict[str, Any], path: Key) -> None:
 
 
 def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str, Any]:
-    """A copy of a study's tables with other values. `prefix`: their place in the file, for messages."""
+    """A copy of a study's tables with `changes`. `prefix`: where they stand in the file, for messages."""
     tables = dict(source.tables)
     _apply(f"{source.path}: {prefix}", tables, changes)
     return tables

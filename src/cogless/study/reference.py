@@ -20,6 +20,7 @@ from cogless.study.table import (
     Time,
     invalid,
 )
+from cogless.units import TURN
 
 Kind = Literal["constant", "ramp", "profile", "sine", "fm", "sines", "moves", "file"]
 FORMS: dict[Kind, set[str]] = {
@@ -38,8 +39,11 @@ class Sine(Table):
     """A sinusoidal part of a speed reference: amplitude sin(2 pi frequency t + phase)."""
 
     amplitude: AngularSpeed  # rad/s
+    """Amplitude of this sine."""
     frequency: Frequency  # Hz
+    """Frequency of this sine."""
     phase: Angle = 0.0  # rad
+    """Phase of this sine."""
 
 
 class Reference(Table):
@@ -51,17 +55,33 @@ class Reference(Table):
     """
 
     speed: AngularSpeed = 0.0  # rad/s
+    """Constant speed; with `ramp`, where the ramp ends."""
     ramp: AngularAcceleration = 0.0  # rad/s^2
-    profile: Many[tuple[Time, AngularSpeed]] = ()  # s, rad/s; linear between points, ends held
+    """Slope, from `initial_speed`."""
+    profile: Many[tuple[Time, AngularSpeed]] = ()  # s
+    """Points [time, speed]; linear in between, the ends held."""
     offset: AngularSpeed = 0.0  # rad/s
+    """Mean speed of a sine with `amplitude` and `frequency`, or of a sum of `sines`."""
     amplitude: AngularSpeed = 0.0  # rad/s
+    """Amplitude of the sine."""
     frequency: Frequency = 0.0  # Hz
-    depth: float = 0.0  # index of the frequency modulation, a ratio
-    modulation: Frequency = 0.0  # Hz, of frequency modulation
+    """Frequency of the sine."""
+    depth: float = 0.0
+    """Index of frequency modulation, the frequency deviation over `modulation`: offset + amplitude sin(2π
+    frequency t + depth sin(2π modulation t))."""
+    modulation: Frequency = 0.0  # Hz
+    """Frequency of the frequency modulation."""
     sines: Many[Sine] = ()
-    moves: Many[tuple[Time, Angle]] = ()  # s, rad; at rest at each point, fifth-degree polynomials between
-    file: File | None = None  # CSV of time [s] and speed [rad/s], or in its heading's units; beside the study
-    smoothing: Time = 0.0  # s, of a critically damped filter that makes the speed differentiable
+    """Sines that are added to `offset`."""
+    moves: Many[tuple[Time, Angle]] = ()  # s
+    """Points [time, angle]. The reference is at rest at each point and follows a polynomial of the fifth
+    degree between two."""
+    file: File | None = None
+    """CSV of time and speed, relative to the study, in s and rad/s, or in the units of its first line: `time
+    [s],speed [rpm]`."""
+    smoothing: Time = 0.0  # s
+    """Time constant of a critically damped filter on the speed, so that it has a derivative. Goes with any
+    form."""
     _from_file: Points = PrivateAttr(default=())
 
     @classmethod
@@ -126,16 +146,15 @@ class Reference(Table):
 
         `initial_speed`, rad/s: where the smoothing filter starts.
         """
-        turn = 2 * math.pi
         slopes = [abs((b - a) / (end - start)) for (start, a), (end, b) in pairwise(self.points)]
         # a fifth-degree polynomial at rest at both ends has at most 10 / sqrt(3) distance / time^2
         moving = [
             10 / math.sqrt(3) * abs(b - a) / (end - start) ** 2
             for (start, a), (end, b) in pairwise(self.moves)
         ]
-        rate = turn * self.frequency + turn * abs(self.depth) * self.modulation
+        rate = TURN * self.frequency + TURN * abs(self.depth) * self.modulation
         waves = abs(self.amplitude) * rate
-        waves += sum(turn * abs(sine.amplitude) * sine.frequency for sine in self.sines)
+        waves += sum(TURN * abs(sine.amplitude) * sine.frequency for sine in self.sines)
         jump = self._at_start() - initial_speed if self.smoothing and self.kind != "ramp" else 0.0
         # the critically damped filter's response to a unit step has the largest slope 1 / (e smoothing)
         return max([waves, self.ramp, *slopes, *moving]) + abs(jump) / (math.e * (self.smoothing or 1.0))

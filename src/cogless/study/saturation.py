@@ -36,9 +36,15 @@ Points = tuple[tuple[float, ...], tuple[float, ...]]  # currents (A) and flux li
 class CurrentFile(Table):
     """Values over a current, here or in a CSV file with the same columns."""
 
-    current: Many[Current] = ()  # A, rising
-    flux: Many[FluxAmplitude] | None = None  # Wb, zero at zero
-    file: File | None = None  # instead of the others; units in its heading; beside the study
+    current: Many[Current] = ()  # A
+    """Rising currents. They begin at zero for an axis that is alike in both directions; else zero is among
+    them. For `magnet`: $i_q$ from zero on."""
+    flux: Many[FluxAmplitude] | None = None  # Wb
+    """Flux linkage at each current, zero at zero. For `d` and `q` its slope at zero must be `L_d` or `L_q` to
+    10 %. For `magnet` it is the change of the magnets' flux, negative for saturation."""
+    file: File | None = None
+    """CSV with the columns `current` and `flux` (for `d` and `q` also `inductance`), units in its heading,
+    instead of these keys."""
 
     def _with_file(self, info: ValidationInfo, columns: Mapping[str, Dimension]) -> Self:
         """The table with the values of its file, if it has one."""
@@ -71,7 +77,8 @@ class OverCurrent(CurrentFile):
     smooth, beyond the last it is straight.
     """
 
-    inductance: Many[Inductance] | None = None  # H, flux over current, not its slope
+    inductance: Many[Inductance] | None = None  # H
+    """Flux linkage over current at each current: the apparent inductance, not the slope."""
 
     @model_validator(mode="after")
     def _shape(self, info: ValidationInfo) -> Self:
@@ -126,8 +133,11 @@ class Saturation(Table):
     """
 
     d: OverCurrent | None = None
+    """Flux linkage of the d axis over $i_d$, without the magnets'. Default: $L_d i_d$."""
     q: OverCurrent | None = None
+    """Flux linkage of the q axis over $i_q$. Default: $L_q i_q$."""
     magnet: MagnetOverCurrent | None = None
+    """What $i_q$ takes from the magnets' flux, so that $K_t$ falls with the current. Default: nothing."""
 
     def engine_config(self) -> dict[str, Any]:
         """As the engine reads it: points with the slopes of a monotone cubic between them."""
@@ -182,18 +192,24 @@ def _curve(current: tuple[float, ...], flux: tuple[float, ...]) -> dict[str, lis
 
 
 COPPER = 0.00393  # 1/K, at 20 degC
-NOTHING = -273.15  # degC
+ABSOLUTE_ZERO = -273.15  # degC
 
 
 class Heating(Table):
     """Winding and magnets as bodies that the copper loss heats; a path that is left out conducts nothing."""
 
     ambient: Temperature  # degC
+    """Temperature of the ambient, or of a housing that stays as it is."""
     winding_capacity: HeatCapacity  # J/K
+    """Heat capacity of the winding."""
     magnet_capacity: HeatCapacity  # J/K
+    """Heat capacity of the magnets."""
     winding_to_ambient: ThermalResistance | None = None  # K/W
+    """Thermal resistance. Default: no heat goes this way."""
     winding_to_magnet: ThermalResistance | None = None  # K/W
+    """Thermal resistance. Default: no heat goes this way."""
     magnet_to_ambient: ThermalResistance | None = None  # K/W
+    """Thermal resistance. Default: no heat goes this way."""
 
     def paths(self) -> dict[str, float]:
         """Conductances between the bodies and the ambient, W/K."""
@@ -216,18 +232,25 @@ class MotorTemperature(Table):
     """
 
     reference: Temperature = 20.0  # degC
+    """Temperature of the resistance and flux in `[motor]`."""
     winding: Temperature  # degC
-    magnet: Temperature | None = None  # degC; default: that of the winding
+    """Temperature of the winding at the start."""
+    magnet: Temperature | None = None  # degC
+    """Temperature of the magnets at the start. Default: that of the winding."""
     resistance_coefficient: TemperatureCoefficient = COPPER
-    flux_coefficient: TemperatureCoefficient = 0.0  # 1/K; cogging goes with the flux squared
+    """Relative change of the resistance. Default: copper's at 20 degC."""
+    flux_coefficient: TemperatureCoefficient = 0.0  # 1/K
+    """Relative change of the flux, negative: about `"-0.0011 1/K"` for neodymium magnets, `"-0.002 1/K"` for
+    ferrite. Cogging changes with the square of the flux."""
     heating: Heating | None = None
+    """Heat capacities and paths of heat. Default: the temperatures stay."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
         for key in ("reference", "winding", "magnet"):
             value = getattr(self, key)
-            if value is not None and value < NOTHING:
-                raise invalid(f"expected {NOTHING} degC or more", key)
+            if value is not None and value < ABSOLUTE_ZERO:
+                raise invalid(f"expected {ABSOLUTE_ZERO} degC or more", key)
         for key, at in (("resistance_coefficient", self.winding), ("flux_coefficient", self.magnets)):
             if 1 + getattr(self, key) * (at - self.reference) <= 0:
                 raise invalid(f"expected one that leaves something at {at:g} degC", key)

@@ -33,8 +33,10 @@ from cogless.study.table import (
 class FaultBase(Table):
     """A fault: the keys that every kind has."""
 
-    time: Time  # s, when it begins
+    time: Time  # s
+    """Start of the fault."""
     duration: Duration  # s
+    """Duration of the fault."""
 
     @property
     def end(self) -> float:
@@ -46,6 +48,7 @@ class AngleFault(FaultBase):
     """The position sensor gives no number, or keeps giving the last angle."""
 
     kind: Literal["angle-missing", "angle-stuck"]
+    """Angle and speed are not numbers, or the sensor keeps its last angle."""
 
     @property
     def words(self) -> str:
@@ -56,7 +59,10 @@ class AngleJump(FaultBase):
     """The position sensor's angle has a constant error."""
 
     kind: Literal["angle-jump"]
-    angle: Angle  # rad, mechanical
+    """The measured angle is shifted. A jump that lasts to the scenario's end is an index that slips, or lost
+    counts."""
+    angle: Angle  # rad
+    """Mechanical angle of the shift."""
 
     @property
     def words(self) -> str:
@@ -67,7 +73,9 @@ class CurrentFault(FaultBase):
     """The current sensor of a phase gives no number, or zero."""
 
     kind: Literal["current-missing", "current-zero"]
+    """The output of a current sensor is not a number, or is zero."""
     phase: Literal["a", "b", "c"]
+    """Phase of that sensor. With two sensors the third current is computed from the others."""
 
     @property
     def words(self) -> str:
@@ -79,7 +87,9 @@ class BusFault(FaultBase):
     """The bus has another voltage, and the controller measures it."""
 
     kind: Literal["bus-voltage"]
+    """The bus has another voltage, and the controller measures it."""
     voltage: Voltage  # V
+    """Bus voltage during the fault."""
 
     @property
     def words(self) -> str:
@@ -93,7 +103,9 @@ class Event(Table):
     """A change during a run: the constant part of the load gets a new set value."""
 
     time: Time  # s
+    """Time of the load step."""
     load: Torque  # N*m
+    """New target of the constant part of the load."""
 
     def is_at(self, time: float) -> bool:
         """Whether the event is at this time, s, apart from rounding in the conversion of units."""
@@ -106,10 +118,14 @@ class TorqueMode(Table):
     What the law has learned acts on beside it, frozen.
     """
 
-    time: Time  # s, when it begins
-    duration: Duration | None = None  # s; default: to the end
+    time: Time  # s
+    """Beginning of [torque mode](/laws/torque-mode.md), in which the speed reference is not followed."""
+    duration: Duration | None = None  # s
+    """Duration of torque mode. Default: to the end of the run."""
     current: Current = 0.0  # A
-    profile: Many[tuple[Time, Current]] = ()  # s, A; replaces current: linear between points, ends held
+    """Q-axis current, to which what is learned adds."""
+    profile: Many[tuple[Time, Current]] = ()  # s
+    """In place of `current`, points [time, current]; linear in between, the ends held."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -143,9 +159,13 @@ class TorqueMode(Table):
 class Experiment(Table):
     """Keys that a scenario of a speed study and one of trials have in common."""
 
-    duration: Duration  # s, of the run, or of one trial
-    faults: Many[Fault] = ()  # of sensors and supply; their times are from the start of the run
-    controllers: Many[str] | None = None  # default: all
+    duration: Duration  # s
+    """Simulated time. In a study of trials: duration of one trial, a whole number of samples from 4 to 65535.
+    """
+    faults: Many[Fault] = ()
+    """Faults of sensors and bus. In a study of trials their time counts from the start of the run."""
+    controllers: Many[str] | None = None
+    """Controllers that run in this scenario. Default: all."""
 
     @property
     def run_time(self) -> float:
@@ -173,13 +193,20 @@ class Scenario(Experiment):
     ) | dict.fromkeys(("time", "length"), "duration")
 
     reference: Reference = Field(examples=['"60 rpm"'])
-    initial_speed: AngularSpeed = 0.0  # rad/s, mechanical
-    initial_angle: Angle = 0.0  # rad, mechanical
-    load: Load | None = None  # replaces mechanics.load
+    """The speed reference; a plain speed is short for `{ speed = ... }`."""
+    initial_speed: AngularSpeed = 0.0  # rad/s
+    """Initial speed of the rotor."""
+    initial_angle: Angle = 0.0  # rad
+    """Initial angle of the rotor."""
+    load: Load | None = None
+    """Replaces `mechanics.load`."""
     events: Many[Event] = ()
+    """Load steps, in the order of time."""
     torque_mode: TorqueMode | None = None
-    # changes of motor, drive and mechanics for this scenario only
+    """From a time on a current acts in place of the speed loop."""
     override: Override = Field(default={})
+    """Values of `motor`, `drive` or `mechanics` by dotted key, for this scenario only. The controllers are
+    not told: gains by a rule are those without the override."""
 
     @field_validator("override")
     @classmethod

@@ -6,15 +6,17 @@ import math
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from cogless.study.laws.law import MOST_SAMPLES
+from cogless.control_library import real_number
+from cogless.study.laws.law import LINE_SAMPLES_MOST
 from cogless.study.laws.space import SpaceLearning
 from cogless.study.table import check_precision, invalid
+from cogless.units import TURN
 
 if TYPE_CHECKING:
     from cogless.study.speed_study import Study
 
 FEWEST_SAMPLES = 4  # of a period
-ANGLE_MAX = 1e5  # rad, CGL_ANGLE_MAX of control/src/cogless/real.h
+ANGLE_MAX = real_number("CGL_ANGLE_MAX")  # rad
 MOST_PARTS = 65535  # largest denominator of a period in revolutions of the law's angle
 
 
@@ -36,7 +38,7 @@ def space_laws(study: Study) -> None:
         for key, scenario in study.scenario.items():
             if not law.learning or name not in study.controllers_in(key):
                 continue
-            top, turn = scenario.top_reference, 2 * math.pi * float(revolutions)
+            top, turn = scenario.top_reference, TURN * float(revolutions)
             if top > 0 and rate * turn / top < FEWEST_SAMPLES:
                 samples = rate * turn / top
                 expected = f"expected a longer one: at the top speed of scenario {key} it has {samples:.3g} "
@@ -62,7 +64,7 @@ def _angles(name: str, revolutions: Fraction, ratio: int) -> None:
     The controller counts it up to the smallest angle that is a whole number of revolutions and of learned
     periods.
     """
-    longest = int(ANGLE_MAX / (2 * math.pi * ratio))
+    longest = int(ANGLE_MAX / (TURN * ratio))
     if revolutions.numerator > longest:
         expected = f"expected at most {longest} revolutions, until whole periods are whole revolutions, not"
         raise invalid(f"{expected} {revolutions.numerator}", "controller", name, "period")
@@ -76,9 +78,9 @@ def _delay_line(name: str, scenario: str, law: SpaceLearning, slowest: float, re
         needed = f"and a delay line needs omega_min, {law.omega_min:g} rad/s, or more"
         raise invalid(expected + needed, "controller", name, "memory")
     samples = math.ceil(reach / slowest)
-    if samples > MOST_SAMPLES:
+    if samples > LINE_SAMPLES_MOST:
         expected = f'expected "map": a period at the slowest speed of scenario {scenario} has {samples} '
-        needed = f"samples, and a delay line at most {MOST_SAMPLES}"
+        needed = f"samples, and a delay line at most {LINE_SAMPLES_MOST}"
         raise invalid(expected + needed, "controller", name, "memory")
     if samples > law.cells:
         expected = f"expected {samples} or more, the samples of a period at the slowest speed of scenario"

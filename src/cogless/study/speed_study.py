@@ -2,26 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Iterable
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
-from cogless.study.base import StudyBase
-from cogless.study.drive import Drive, StarBelief
+from cogless.study.base import StudyBase, Timing
+from cogless.study.drive import OUTER_LOOPS, Drive, StarBelief
 from cogless.study.laws import Controller
 from cogless.study.mechanics import Mechanics
+from cogless.study.metric import Conditions, Metric
 from cogless.study.motor import AnyMotor
 from cogless.study.scenario import Scenario
+from cogless.units import Dimension
 
 
 class Study(StudyBase):
     """A validated study, all SI. Made by `cogless.study.load`."""
 
+    kind: ClassVar[Literal["speed"]] = "speed"
+    outer_loop: ClassVar[str] = OUTER_LOOPS[0]
+    overridable: ClassVar[tuple[str, ...]] = ("motor", "mechanics", "drive")
+
     motor: AnyMotor
+    """The motor."""
     mechanics: Mechanics
+    """Inertia, friction and load."""
     drive: Drive
+    """Inverter, sensors, rates, current loop."""
     scenario: Annotated[dict[str, Scenario], Field(min_length=1)]
+    """Experiments by name, `[scenario.NAME]`."""
     controller: Annotated[dict[str, Controller], Field(min_length=1)]
+    """Controllers by name; `[controller.NAME]`."""
     _scenarios: dict[str, Study] = PrivateAttr(default={})  # scenario -> study with its overrides applied
 
     @property
@@ -39,3 +51,58 @@ class Study(StudyBase):
     def trace_rate(self) -> float:
         """Recorded rows per second, Hz."""
         return self.trace.rate or self.drive.rates.current_loop
+
+    def in_scenario(self, scenario: str) -> Study:
+        """As `cogless.for_scenario`."""
+        return self._scenarios.get(scenario, self)
+
+    @property
+    def precision(self) -> str:
+        return self.drive.precision
+
+    @property
+    def file_rate(self) -> float:
+        return self.trace.file_rate
+
+    @property
+    def own_signals(self) -> dict[str, Dimension] | None:
+        return None
+
+    @property
+    def example_metric(self) -> dict[str, str]:
+        return {"name": "ripple", "kind": "ripple-rms", "signal": "omega_m"}
+
+    def timing(self, scenario: str) -> Timing:
+        in_scenario = self.in_scenario(scenario)
+        rates = in_scenario.drive.rates
+        return Timing(
+            ticks=round(in_scenario.scenario[scenario].duration * rates.current_loop),
+            rate=round(rates.current_loop),
+            divider=rates.divider,
+            decimation=round(rates.current_loop / in_scenario.trace_rate),
+        )
+
+    def when(self, scenario: str, tick: int) -> str:
+        return f" at {tick / self.timing(scenario).rate:.6g} s"
+
+    def conditions(self, scenario: str) -> Conditions:
+        in_scenario = self.in_scenario(scenario)
+        motor = in_scenario.motor.star()
+        return Conditions(
+            pole_pairs=motor.pole_pairs,
+            R_s=motor.R_s,
+            power_factor=motor.power_factor,
+            speed_period=1 / in_scenario.drive.rates.outer_loop,
+            events=tuple(event.time for event in in_scenario.scenario[scenario].events),
+        )
+
+    def values_of(self, metric: Metric, scenario: str) -> int:
+        return len(self.columns_of(metric))
+
+    def columns_of(self, metric: Metric) -> list[tuple[int | None, str]]:
+        if metric.kind != "order":
+            return [(None, "")]
+        return [(place, f"{order:g}") for place, order in enumerate(metric.order or ())]
+
+    def scenario_facts(self, scenarios: Iterable[str]) -> dict[str, Any]:
+        return {}

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from cogless.study.trial_study import TrialStudy
 
 FEWEST_SAMPLES = 4  # of a trial
-MOST_SAMPLES = 65_535
+TRIAL_SAMPLES_MOST = 65_535
 MOST_RANGES = 12  # 4096 corners
 # How a load or position is written: first in a drive's study, then in a linear plant's.
 LOADS = ('a torque with a unit, such as [100, "1 N*m"]', "a number in the unit of u, such as [100, 1.0]")
@@ -73,8 +73,8 @@ def samples(study: TrialStudy) -> None:
         if not math.isclose(count, round(count), rel_tol=1e-9):
             expected = f"expected a whole number of samples of {study.period:g} s"
             raise invalid(expected, "scenario", name, "duration")
-        if not FEWEST_SAMPLES <= round(count) <= MOST_SAMPLES:
-            expected = f"expected {FEWEST_SAMPLES} to {MOST_SAMPLES} samples, not {round(count)}"
+        if not FEWEST_SAMPLES <= round(count) <= TRIAL_SAMPLES_MOST:
+            expected = f"expected {FEWEST_SAMPLES} to {TRIAL_SAMPLES_MOST} samples, not {round(count)}"
             raise invalid(expected, "scenario", name, "duration")
         rows = round(count) * scenario.trials * max(1.0, study.period * (study.trace.rate or 0.0))
         if rows > numerics.MOST_ROWS:

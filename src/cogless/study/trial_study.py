@@ -5,20 +5,21 @@ A scenario of trials: a repeated motion; reference, load, plant and start may ch
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from math import sqrt
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from math import inf, sqrt
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from cogless import units
-from cogless.study.base import StudyBase
-from cogless.study.drive import Drive
+from cogless.study.base import StudyBase, Timing
+from cogless.study.drive import OUTER_LOOPS, Drive
 from cogless.study.laws.trial import DesignSettings, TrialController
 from cogless.study.linear_plant import LinearPlant
 from cogless.study.mechanics import Load, Mechanics
-from cogless.study.metric import EACH_TRIAL, Metric
+from cogless.study.metric import EACH_PHASE, EACH_TRIAL, LAST_TRIAL, Conditions, Metric
 from cogless.study.motor import Motor
 from cogless.study.scenario import Experiment
 from cogless.study.table import (
@@ -64,7 +65,9 @@ LoadMagnitude = Annotated[float, EitherWay(units.TORQUE, ">=", bare=True)]
 class PositionReference(Table):
     """Smooth moves from point to point: polynomials of fifth degree, at rest at both ends."""
 
-    points: Many[tuple[Time, Position]]  # s, rad; the ends are held
+    points: Many[tuple[Time, Position]]  # s
+    """`[time, position]`. The reference is at rest at each point and follows a polynomial of the fifth degree
+    between two. A plain array of points is short for this table."""
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -95,17 +98,22 @@ class Deviations(Table):
     """How far start and load of a trial are from those of its phase."""
 
     initial_angle: AngleMagnitude | None = None  # rad
+    """For a drive, deviation of the angle at the start."""
     initial_speed: AngularSpeedMagnitude | None = None  # rad/s
-    initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None  # of a linear plant
-    # of the load throughout a trial: torque of a drive in N*m, or of a linear plant in the unit of u
+    """For a drive, deviation of the speed at the start."""
+    initial_state: Many[Annotated[float, Field(ge=0, le=1e12)]] | None = None
+    """For a linear plant, deviation of the state at the start, one number a state."""
     load: LoadMagnitude | None = None
+    """Deviation of the load, constant throughout a trial and added to its load steps."""
 
 
 class EachTrial(Table):
     """Deviations that are drawn anew in each trial, around zero."""
 
-    normal: Deviations = Deviations()  # standard deviations
-    uniform: Deviations = Deviations()  # largest deviations
+    normal: Deviations = Deviations()
+    """Normally distributed deviations, by their standard deviation."""
+    uniform: Deviations = Deviations()
+    """Evenly distributed deviations, by the largest one."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -139,16 +147,27 @@ class TrialConditions(Table):
     """Conditions of a trial. In a change, a key that is left out keeps its earlier value."""
 
     reference: PositionReference | None = None
-    load: Load | None = None  # of a drive; replaces mechanics.load
-    # (sample, load from it on): torque of a drive in N*m, or disturbance of a linear plant in the unit of u
+    """New reference; a key that is left out stays as it was."""
+    load: Load | None = None
+    """For a drive: load in place of `mechanics.load`."""
     load_steps: (
         Many[Annotated[tuple[Annotated[int, Field(ge=0)], LoadTorque], Field(strict=False)]] | None
     ) = None
-    initial_angle: Angle | None = None  # rad, mechanical; default: where the reference begins
-    initial_speed: AngularSpeed | None = None  # rad/s, mechanical; default 0
-    initial_state: Many[float] | None = None  # of a linear plant; default 0
-    each_trial: EachTrial | None = None  # replaces that of the phase before; default: all trials are alike
-    override: Override | None = None  # of motor and mechanics, or of a linear plant's parameters
+    """`[sample, amount]`: load from that sample of each trial on. For a drive a torque against positive
+    rotation, for a linear plant $d$ in the unit of $u$. `[]` for none."""
+    initial_angle: Angle | None = None  # rad
+    """For a drive: angle at the start of each trial. Default: where the reference begins."""
+    initial_speed: AngularSpeed | None = None  # rad/s
+    """For a drive: speed at the start of each trial. Default: 0."""
+    initial_state: Many[float] | None = None
+    """For a linear plant: state at the start of each trial. Default: zeros."""
+    each_trial: EachTrial | None = None
+    """How start and load [differ from trial to trial](/guide/trial-studies.md#starts-and-loads-at-random).
+    Default: not at all."""
+    override: Override | None = None
+    """For a drive: values of `motor` and `mechanics` by dotted key. For a linear plant: values of parameters,
+    or `{ vertex = 2 }`. The controllers are not told. The certificate does not cover values outside the
+    ranges."""
 
     @field_validator("override")
     @classmethod
@@ -167,15 +186,19 @@ class TrialConditions(Table):
 class Change(TrialConditions):
     """New conditions from trial number `trial` on."""
 
-    trial: Annotated[int, Field(ge=2)]  # the first is 1
+    trial: Annotated[int, Field(ge=2)]
+    """First trial with the change, counted from 1. Keys that are left out stay as they were."""
 
 
 class TrialScenario(TrialConditions, Experiment):
     """An experiment of `trials` trials, each a whole number of samples long, with changes in between."""
 
     trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)]
+    """Number of trials."""
     reference: PositionReference
+    """The motion."""
     changes: Many[Change] = ()
+    """Changes of the scenario from some trial on."""
 
     @model_validator(mode="after")
     def _changes(self) -> Self:
@@ -232,13 +255,25 @@ class Hardware:
 class TrialStudy(StudyBase):
     """A validated study of trials, all SI. Made by `cogless.study.load`."""
 
-    plant: LinearPlant | None = None  # in place of motor, mechanics and drive
+    kind: ClassVar[Literal["trials"]] = "trials"
+    outer_loop: ClassVar[str] = OUTER_LOOPS[1]
+    overridable: ClassVar[tuple[str, ...]] = ("motor", "mechanics")
+    signal_kinds: ClassVar[frozenset[str]] = frozenset({"trials"})
+
+    plant: LinearPlant | None = None
+    """A linear plant, in place of the next three tables."""
     motor: Motor | None = None
+    """The motor."""
     mechanics: Mechanics | None = None
+    """Inertia, friction and load."""
     drive: Drive | None = None
+    """Inverter, sensors, rates, current loop."""
     design: DesignSettings
+    """Weights and ranges of the designs."""
     scenario: Annotated[dict[str, TrialScenario], Field(min_length=1)]
+    """Experiments by name; `[scenario.NAME]`."""
     controller: Annotated[dict[str, TrialController], Field(min_length=1)]
+    """Controllers by name; `[controller.NAME]`."""
     # a drive's hardware in each phase, by scenario
     _hardware: dict[str, tuple[Hardware, ...]] = PrivateAttr(default={})
 
@@ -277,10 +312,66 @@ class TrialStudy(StudyBase):
             found += [abs(conditions.initial_speed or 0.0) + spread, float(np.max(steps))]
         return max(found)
 
+    @property
+    def precision(self) -> str:
+        return "double" if self.drive is None else self.drive.precision
+
+    @property
+    def file_rate(self) -> float:
+        return inf
+
+    @property
+    def own_signals(self) -> dict[str, units.Dimension] | None:
+        return None if self.plant is None else self.plant.signals
+
+    @property
+    def example_metric(self) -> dict[str, str]:
+        signal = "theta_error" if self.plant is None else "y_error"
+        return {"name": "error", "kind": "final-rms", "signal": signal}
+
+    def timing(self, scenario: str) -> Timing:
+        divider, rate = 1, 1 / self.period
+        if self.drive is not None:
+            divider, rate = self.drive.rates.divider, round(self.drive.rates.current_loop)
+        return Timing(
+            ticks=self.samples(scenario) * self.scenario[scenario].trials * divider,
+            rate=rate,
+            divider=divider,
+            decimation=divider if self.trace.rate is None else round(rate / self.trace.rate),
+        )
+
+    def when(self, scenario: str, tick: int) -> str:
+        return f" in trial {tick // (self.timing(scenario).divider * self.samples(scenario)) + 1}"
+
+    def conditions(self, scenario: str) -> Conditions:
+        experiment = self.scenario[scenario]
+        return Conditions(
+            pole_pairs=1 if self.motor is None else self.motor.pole_pairs,
+            trials=experiment.trials,
+            starts=experiment.starts,
+        )
+
     def values_of(self, metric: Metric, scenario: str) -> int:
-        """Number of values of a metric: one per trial, or one per phase."""
         experiment = self.scenario[scenario]
         return experiment.trials if metric.kind in EACH_TRIAL else len(experiment.starts)
+
+    def columns_of(self, metric: Metric) -> list[tuple[int | None, str]]:
+        if metric.kind not in EACH_PHASE:
+            return [(None, LAST_TRIAL)]
+        phases = max(len(scenario.starts) for scenario in self.scenario.values())
+        return [(place, f"{place + 1}") for place in range(phases)]
+
+    def scenario_facts(self, scenarios: Iterable[str]) -> dict[str, Any]:
+        """Number of trials, samples per trial, and first trial of each phase, by scenario."""
+        facts = {
+            name: {
+                "count": self.scenario[name].trials,
+                "samples": self.samples(name),
+                "phases": list(self.scenario[name].starts),
+            }
+            for name in scenarios
+        }
+        return {"trials": facts}
 
     def differs_at_random(self, scenario: str) -> bool:
         """Whether trials of a phase differ at random, beside the noise of a drive's sensors."""

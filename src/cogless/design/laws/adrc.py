@@ -18,9 +18,9 @@ import numpy as np
 
 from cogless.design.margins import Complex, Margins, Real, margins_of, root
 from cogless.design.speed_loop import NoMarginError, SpeedLoop
+from cogless.study.numerics import OBSERVER_BANDWIDTH_MOST
 
 RATIO = 4.0  # observer's bandwidth / the loop's: 3 to 10 in use
-FASTEST = 2.0  # observer's bandwidth times the period, at most
 TRIED = 60
 
 
@@ -55,7 +55,7 @@ def bandwidths(loop: SpeedLoop, b: float, phase_margin: float) -> tuple[float, f
         found = adrc_margins(loop, b, omega_c, RATIO * omega_c)
         return found.phase_margin if found.stable else -1.0
 
-    tried = np.geomspace(1e-3, 1, TRIED) * FASTEST / RATIO / loop.period
+    tried = np.geomspace(1e-3, 1, TRIED) * OBSERVER_BANDWIDTH_MOST / RATIO / loop.period
     last = next((k for k in range(TRIED)[::-1] if margin(float(tried[k])) >= phase_margin), None)
     if last is None:
         raise NoMarginError

@@ -27,18 +27,18 @@ from cogless.design.laws.harmonic_transfer import (
 from cogless.design.margins import Real
 from cogless.design.speed_loop import CurrentLoop, SpeedLoop, speed_loop
 from cogless.study import Study
-from cogless.study.laws.harmonic import FASTEST, ORDERS, Harmonic, Learner
+from cogless.study.laws.harmonic import HARMONIC_ORDERS, ORDER_ANGLE_MOST, Harmonic, Learner
 from cogless.study.motor import StepMotor
 from cogless.study.position_sensor import Counted, Hall
+from cogless.units import RPM
 
 FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
 MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have
 TOGETHER = 1 / 16  # a sample, that the rates of all acting orders add up to, as TOGETHER in harmonic.c
 MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
-SURE = 5e-4  # rad, of the sensor's error: what deviates by more is not learned, as SURE in harmonic.c
+SURE = 5e-4  # rad: a larger sensor error needs a base that can learn it; SURE of harmonic.c is its square
 FOLLOWS = 10  # times as fast as a load that turns with the rotor: a tenth of what it changes is left
-MARGIN = 2.4  # between the rate and where all orders together oscillate
-RPM = 30 / math.pi
+RATE_MARGIN = 2.4  # between the rate and where all orders together oscillate
 BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
 
 
@@ -51,7 +51,7 @@ def _learner(study: Study, name: str) -> Learner:
     law, loop = study.controller[name], speed_loop(study)
     assert isinstance(law, Harmonic)
     base, sure, highest = _orders(study, law)
-    fast, orders = (max(1, min(ORDERS, top // base)) for top in (sure, highest))
+    fast, orders = (max(1, min(HARMONIC_ORDERS, top // base)) for top in (sure, highest))
     step, bends = _step(study), _bends(study, base)
     told = Learner(
         b=loop.b,
@@ -72,7 +72,7 @@ def _learner(study: Study, name: str) -> Learner:
     told = replace(told, held=held_bands(loop, told, pi, *_halls(study), (speeds[0], speeds[-1])))
     if loop.shaft is None:
         return told
-    bound = min(_rate_bound(study, loop, told, pi, omega) for omega in speeds) / MARGIN
+    bound = min(_rate_bound(study, loop, told, pi, omega) for omega in speeds) / RATE_MARGIN
     return replace(told, rate=min(told.rate, bound), rate_min=min(bound, told.rate_min))
 
 
@@ -115,10 +115,10 @@ def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
     of_current += [motor.pole_pairs * flux.order for flux in motor.flux_harmonics]
     sure = max([main, *cogging, *(order for order in of_current if order <= highest)])
     chosen = law.base or _base(base, [main, *cogging], 3 * poles, least_base(study))
-    return chosen, highest if law.base or _loses_voltage(study) else sure, highest
+    return chosen, highest if law.base or loses_voltage(study) else sure, highest
 
 
-def _loses_voltage(study: Study) -> bool:
+def loses_voltage(study: Study) -> bool:
     """Whether the inverter has dead time or voltage drops without compensation."""
     inverter = study.drive.inverter
     lost = inverter is not None and bool(inverter.dead_time or inverter.device_drop)
@@ -126,14 +126,14 @@ def _loses_voltage(study: Study) -> bool:
 
 
 def _base(base: int, cogging: Sequence[int], inverter: int, least: int) -> int:
-    """The base, or its least multiple of which `ORDERS` reach the highest order of the cogging.
+    """The base, or its least multiple of which `HARMONIC_ORDERS` reach the highest order of the cogging.
 
     It divides all orders of cogging and inverter, but may leave out what an uneven magnet or tooth adds. If
     there is none, the base remains. One of at least `least` comes first.
     """
     shared = math.gcd(*cogging, inverter)
     multiples = (n for n in range(base, shared + 1, base) if shared % n == 0)
-    reaching = [n for n in dict.fromkeys([base, *multiples]) if n * ORDERS >= max(cogging)]
+    reaching = [n for n in dict.fromkeys([base, *multiples]) if n * HARMONIC_ORDERS >= max(cogging)]
     return next((n for n in reaching if n >= least), next(iter(reaching), base))
 
 
@@ -200,7 +200,7 @@ class Certified:
             slow = f", order{of} too slow to be judged"
         swings = f", not sure: its feedback lets the speed swing by {100 * self.swing:.0f} % rms"
         return (
-            f"at {self.omega_m * RPM:.4g} rpm those to {self.acting} learn at {self.rate:.3g} 1/s, settle at "
+            f"at {self.omega_m / RPM:.4g} rpm those to {self.acting} learn at {self.rate:.3g} 1/s, settle at "
             f"{'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "
             f"{'converge' if self.gamma > 0 else 'may not all converge'} with b 50 % off "
             f"(Re Gamma {self.gamma:.2f} or more), to {self.late} with an untold sample of delay"
@@ -231,13 +231,13 @@ class Certificate:
         if all(each.snaps is not None for each in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
         found = [each.words() for each in self.speeds]
-        ends = [f"learns at up to {self.fastest * RPM:.4g} rpm"]
+        ends = [f"learns at up to {self.fastest / RPM:.4g} rpm"]
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
         if edges:
             bands = [f"{low:.3g} to {high:.3g}" for low, high in zip(edges[::2], edges[1::2], strict=True)]
             ends = [f"holds orders from {' and from '.join(bands)} Hz", *ends]
         if self.straight is not None:
-            ends += [f"an eccentric sensor's error at up to {self.straight * RPM:.4g} rpm"]
+            ends += [f"an eccentric sensor's error at up to {self.straight / RPM:.4g} rpm"]
         return "; ".join([self.learner.order_words, *found, *ends])
 
 
@@ -254,7 +254,7 @@ def certificate(study: Study, name: str) -> Certificate:
     judged = ((omega, _judged(told, omega, loop.period)) for omega in speeds)
     found = tuple(_at(study, name, loop, told, pi, acting, omega) for omega, acting in judged if len(acting))
     straight = SPLIT / (main_order(study, told.base) * loop.period) if told.bends else None
-    return Certificate(told, loop.period, found, FASTEST / (told.base * loop.period), straight)
+    return Certificate(told, loop.period, found, ORDER_ANGLE_MOST / (told.base * loop.period), straight)
 
 
 def _acting(told: Learner, omega: float, T: float) -> Real:
@@ -264,7 +264,7 @@ def _acting(told: Learner, omega: float, T: float) -> Real:
     """
     count = np.arange(1, told.orders + 1)
     turned = told.base * count * abs(omega) * T
-    acts = (turned <= SPLIT) | ((count <= told.fast) & (turned <= FASTEST))
+    acts = (turned <= SPLIT) | ((count <= told.fast) & (turned <= ORDER_ANGLE_MOST))
     return np.asarray(told.base * count[acts], dtype=float)
 
 

@@ -21,14 +21,18 @@ import numpy as np
 from cogless.design.closed_loop import Gains
 from cogless.design.margins import Complex, Real
 from cogless.design.speed_loop import SpeedLoop, pi_response
-from cogless.study.laws.harmonic import BANDS, FASTEST, Learner
+from cogless.study.laws.harmonic import HARMONIC_BANDS, ORDER_ANGLE_MOST, Learner
 
 POLE = math.exp(-0.5)  # of the observer, each sample: its bandwidth is half a radian a sample
 SPLIT = 0.5105  # rad a sample, up to which an order learns from z
 FROM = 1e-3  # rad a sample: the slowest order that is judged
-WRONG = (0.5, 1.0, 1.5)  # of the plant / of the model: K_t, and the motor's inertia before a soft shaft
+WRONG = (
+    0.5,
+    1.0,
+    1.5,
+)  # true value over the law's: of K_t, and of the inertia on the motor's side of a soft shaft
 TURNED = math.cos(math.radians(60))  # least cos arg Gamma: an order turned by more is held
-POINTS = 2000  # frequencies at which that is judged
+TRANSFER_POINTS = 2000  # frequencies at which that is judged
 
 
 def _shares(d: float, z: Complex) -> Complex:
@@ -78,9 +82,9 @@ def held_bands(
     frequencies that it has at `speeds`, slowest and fastest, rad/s.
     """
     T = loop.period
-    om = np.geomspace(FROM, FASTEST, POINTS)
+    om = np.geomspace(FROM, ORDER_ANGLE_MOST, TRANSFER_POINTS)
     if loop.near is not None:
-        om = np.union1d(om, [x for x in loop.near * T if FROM < x < FASTEST])
+        om = np.union1d(om, [x for x in loop.near * T if FROM < x < ORDER_ANGLE_MOST])
     bad = np.zeros(len(om), dtype=bool)
     if not sector:
         for plant in plants(loop):
@@ -113,7 +117,7 @@ def _bands(om: Real, bad: np.ndarray) -> list[tuple[float, float]]:
 
 def _few(bands: list[tuple[float, float]]) -> tuple[float, ...]:
     """As many as the law can have: those that are nearest become one."""
-    while len(bands) > BANDS:
+    while len(bands) > HARMONIC_BANDS:
         k = min(range(len(bands) - 1), key=lambda k: bands[k + 1][0] / bands[k][1])
         bands[k : k + 2] = [(bands[k][0], bands[k + 1][1])]
     return tuple(edge for band in bands for edge in band)

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from cogless.design.learning_loop import SETTLED, LearningLoop, fewest_samples
+from cogless.design.learning_loop import FACTOR_MOST, LearningLoop, fewest_samples
 from cogless.design.ripple import WORSE, ripple
 from cogless.study.base import speed_text
 from cogless.study.laws.law import Learning
@@ -61,6 +61,10 @@ class PeriodicLoop(LearningLoop):
         return f"{found}the Q filter needs {wide + 1}"
 
     @property
+    def learns_more(self) -> bool:
+        return self.law.learns_by_switching
+
+    @property
     def doubt(self) -> str | None:
         """Whether beta_1 sgn S keeps an oscillation alive that is worse than the feedback's ripple.
 
@@ -92,4 +96,4 @@ class PeriodicLoop(LearningLoop):
         f = self.frequencies
         q, longest = self.q(f), int(min(1 / self.periods_per_second / self.plant.period, self.law.cells) / 4)
         leads = range(1, min(longest, LONGEST_LEAD) + 1)
-        return {n for n in leads if np.max(q * self.unfiltered(f, n)) <= SETTLED}
+        return {n for n in leads if np.max(q * self.unfiltered(f, n)) <= FACTOR_MOST}

@@ -20,10 +20,11 @@ from numpy.typing import ArrayLike
 
 from cogless.design.closed_loop import Oscillation, Resonator, poles
 from cogless.design.laws.periodic import LONGEST_LEAD
-from cogless.design.learning_loop import SETTLED, LearningLoop, Worst
+from cogless.design.learning_loop import FACTOR_MOST, LearningLoop, Worst
 from cogless.design.margins import Complex, Real
 from cogless.study.base import speed_text
 from cogless.study.laws.pi_afc import PiAfc
+from cogless.units import TURN
 
 FIXED = 1e-6  # tolerance of the fixed pole at z = 1: the angle, which has no feedback
 
@@ -86,9 +87,16 @@ class OrderLoop(LearningLoop):
         power = -self.law.gain / 2 * seen / self.periods_per_second
         return np.asarray(np.exp(np.where(2 * f * self.plant.period < 1, power, 0.0)))
 
+    def yet(self, f: ArrayLike, periods: float) -> Real:
+        """Of its own orders as far as they are learned, by the averaged factor; of others as it stays."""
+        f, settled = np.asarray(f, dtype=float), self.residual(f)
+        order = f / self.periods_per_second
+        own = np.any(np.isclose(order[..., None], self.orders), axis=-1)
+        return np.asarray(settled + np.where(own, self.unfiltered(f) ** periods * (1 - settled), 0.0))
+
     def oscillation(self) -> Oscillation | None:
         """The oscillation that grows only because the gain is too large; None if there is none."""
-        if self._worst.factor <= SETTLED or np.any(self.unfiltered(self.frequencies) > 1):
+        if self._worst.factor <= FACTOR_MOST or np.any(self.unfiltered(self.frequencies) > 1):
             return None
         return Oscillation(self._worst.frequency, math.log(self._worst.factor) * self.periods_per_second)
 
@@ -101,11 +109,11 @@ class OrderLoop(LearningLoop):
 
     @property
     def sure(self) -> bool:
-        return self._worst.factor > SETTLED
+        return self._worst.factor > FACTOR_MOST
 
     def settling_leads(self) -> set[int]:
         averaged = (n for n in range(LONGEST_LEAD + 1) if np.all(self.unfiltered(self.frequencies, n) < 1))
-        return {n for n in averaged if self._worst_with(n * self.plant.period).factor <= SETTLED}
+        return {n for n in averaged if self._worst_with(n * self.plant.period).factor <= FACTOR_MOST}
 
     def _resonators(self, lead: float) -> list[Resonator]:
         return [Resonator(self.law.gain, h * abs(self.omega_m), lead) for h in self.orders.tolist()]
@@ -117,4 +125,4 @@ class OrderLoop(LearningLoop):
         largest = found[np.argmax(np.abs(found))]
         samples = 1 / self.plant.period / self.periods_per_second  # in a revolution
         factor = math.exp(min(samples * math.log(max(abs(largest), 1e-300)), 700.0))
-        return Worst(factor, abs(float(np.angle(largest))) / (2 * math.pi * self.plant.period))
+        return Worst(factor, abs(float(np.angle(largest))) / (TURN * self.plant.period))

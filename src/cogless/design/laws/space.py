@@ -12,7 +12,6 @@ C is k_omega + v, plus the integral unless the law has `hand_over`. For law (4),
 from __future__ import annotations
 
 import dataclasses
-import math
 from functools import cached_property
 
 import numpy as np
@@ -22,8 +21,9 @@ from cogless.design.closed_loop import Linear
 from cogless.design.learning_loop import LearningLoop
 from cogless.study.base import speed_text
 from cogless.study.laws.space import SpacePosition, SpaceSpeed
+from cogless.units import TURN
 
-ANGLES = np.linspace(0, 2 * math.pi, 720, endpoint=False)
+ANGLES = np.linspace(0, TURN, 720, endpoint=False)
 
 
 class SpaceLoop(LearningLoop):

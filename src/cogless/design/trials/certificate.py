@@ -35,6 +35,7 @@ from cogless.design.trials.response import (
     peak,
 )
 from cogless.design.trials.trial_observer import ObserverGains
+from cogless.units import TURN
 
 Structure = Literal["input-and-integrator", "input"]
 ENDS = 1e-4  # growth per trial that counts as none: it is only estimated, from simulated trials
@@ -135,7 +136,7 @@ class ModelCertificate:
     def finite(self) -> FiniteTrial | None:
         """Norms of a whole trial at the vertices and the nominal plant. They take most of a design's time.
 
-        None without growth and beyond GROWTH_MOST. Of the design's models only if no exactly sampled
+        None if `growth` is None or above GROWTH_MOST. The design's models decide only if no exactly sampled
         plants are known.
         """
         return self.norms() if self.norms is not None else None
@@ -243,7 +244,7 @@ class _Sweep:
 
     def __init__(self, loops: Sequence[Loop], names: Sequence[str], update: Update, period: float) -> None:
         self._bundle, self._names = Bundle(loops, update.shift), names
-        self._update, self._hertz = update, 1 / (2 * np.pi * period)
+        self._update, self._hertz = update, 1 / (TURN * period)
         self._w = self._bundle.grid
         self._G = update.on(self._bundle(self._w), self._w)
 

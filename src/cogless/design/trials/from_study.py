@@ -49,6 +49,7 @@ from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 from cogless.study.trial_study import EachTrial, TrialConditions
+from cogless.units import TURN
 
 ROUNDING = 1e-9
 ANGLE = np.array([1.0, 0.0])  # C of a drive, whose states are angle and speed
@@ -376,7 +377,7 @@ def sensor_of(study: TrialStudy) -> Sensor:
     if drive is None:
         return Sensor()
     sensor, late = drive.position_sensor, 0.0 if drive.bus is None else drive.bus.mean_delay
-    smoothed = 2 * np.pi * (drive.speed_filter or 0.0)
+    smoothed = TURN * (drive.speed_filter or 0.0)
     if isinstance(sensor, Hall):
         assert study.motor is not None
         step = sensor.step(study.motor.pole_pairs)

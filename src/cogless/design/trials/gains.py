@@ -512,8 +512,8 @@ def _chosen(plant: UncertainPlant, law: Gains, settings: TrialSettings, bench: B
 def _choice_note(bench: Bench, choice: Choice) -> Remark:
     passes = "no filter" if choice.cutoff is None else f"{choice.cutoff:.3g} Hz"
     return Remark(
-        f"shift = {choice.shift} and {passes} are chosen together with K_3: {JUDGED_TRIALS} trials leave "
-        f"{100 * bench.share_left(choice):.2g} % of the error of a load step, at the worst corner"
+        f"shift = {choice.shift} and {passes} are chosen together with K_3. After {JUDGED_TRIALS} trials "
+        f"{100 * bench.share_left(choice):.2g} % of a load step's error is left, at the worst corner"
     )
 
 
@@ -529,7 +529,10 @@ def other_choices(plant: UncertainPlant, settings: TrialSettings, gains: TrialGa
 
 
 def _bench(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> Bench:
-    """The loops of a feedback: judged are those exactly sampled, if they are known and stable."""
+    """The loops of a feedback.
+
+    The exactly sampled models are judged if they are known and all their loops are stable, else the design's.
+    """
 
     def stable(models: Sequence[Model]) -> list[Loop]:
         return [loop for loop in (law.closed(m, plant.C) for m in models) if loop.radius < 1]

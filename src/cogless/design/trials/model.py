@@ -17,8 +17,9 @@ from importlib import import_module
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cogless.design.margins import Real as Real
 from cogless.errors import StudyError
 
 
@@ -31,7 +32,6 @@ class DesignError(StudyError):
         return str(self).partition(":")[0]
 
 
-Real = NDArray[np.float64]
 Discretisation = Literal["euler", "exact"]
 NO_PATH = 1e-9  # a product below this share of the sum of its terms' magnitudes counts as zero
 
@@ -44,7 +44,9 @@ class Model:
     B: Real
     continuous: Model | None = None  # the plant that is exactly sampled; None: not known, or another
     seen: Real | None = None  # (plant's order, n): the plant's state as a law gets it; None: as it is
-    lift: Real | None = None  # (n, plant's order): the state of an axis that came at its speed
+    lift: Real | None = (
+        None  # (n, plant's order): from the plant's state to this model's, at a constant speed
+    )
     base: Model | None = None  # the plant alone, without what a sensor adds; None: this
 
     @property

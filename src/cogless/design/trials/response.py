@@ -39,6 +39,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cogless.design.margins import Complex as Complex
 from cogless.design.trials.feedforward import polynomials
 from cogless.design.trials.model import (
     DesignError,
@@ -50,7 +51,6 @@ from cogless.design.trials.model import (
     forward_and_backward_transposed,
 )
 
-Complex = NDArray[np.complex128]
 Filtered = Literal["error", "signal"]
 GRID = 700
 AROUND = np.array([0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0])  # from a pole's angle, in 1 - |p|

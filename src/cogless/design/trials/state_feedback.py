@@ -138,7 +138,7 @@ def smallest_share(blocks: Sequence[Real]) -> float:
 
 TRIES = 3  # each in coordinates in which the Y of the try before is I
 NONE = 1e-9  # a Y with an eigenvalue below this counts as singular; its upper bound is I
-MARGIN = 1e-9  # by which |A_j + B_j K|^2 has to be below one
+NORM_SLACK = 1e-9  # by which |A_j + B_j K|^2 has to be below one
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def stabilise(models: Sequence[Model], T: Real) -> Common | None:
             return None
         K, T = found
         closed = [np.linalg.solve(T, (model.A + model.B @ K[None, :]) @ T) for model in models]
-        if all(np.linalg.norm(matrix, 2) ** 2 < 1 - MARGIN for matrix in closed):
+        if all(np.linalg.norm(matrix, 2) ** 2 < 1 - NORM_SLACK for matrix in closed):
             return Common(K, T)
     return None
 

@@ -24,7 +24,9 @@ from cogless.design.trials.response import Bundle, Complex, Disturbed, Loop, but
 SHIFT = 2  # samples after which the law knows what was missing
 SENSITIVITY = 3.0
 LEFT = 2 / 3
-QUIET_SHARE = 1 / 30  # three times of it are a tenth of the limit
+QUIET_SHARE = (
+    1 / 30
+)  # of the limit of u: most RMS of the sensor's steps; three times this RMS is a tenth of the limit
 NOISE_FREQUENCIES = 200
 POLES = np.arange(0.95, 0.045, -0.01)
 RESPONSES = 25  # responses tried at each pole, from half the weakest plant's to twice the strongest's

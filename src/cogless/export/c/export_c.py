@@ -20,7 +20,7 @@ from cogless.export.c.subject import Subject, identifier, study_hash
 from cogless.export.c.texts import texts
 from cogless.export.prepared import Prepared, Recording, first_scenario, prepare_whole, record
 from cogless.files import control_sources, versions
-from cogless.study import AnyStudy, TrialStudy
+from cogless.study import AnyStudy
 
 
 def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple[str, str]], str]:
@@ -28,17 +28,10 @@ def figures(study: AnyStudy, scenario: str, controller: str) -> tuple[list[tuple
 
     The verdict says in one line whether learning works; it is empty for a law that learns nothing.
     """
-    if isinstance(study, TrialStudy):
-        from cogless.design.trials import trial_summary
-        from cogless.design.trials.from_study import design_study
+    from cogless.design.kinds import DESIGNS
 
-        trial = design_study(study, [(scenario, controller)])[scenario, controller]
-        return list(_flat(trial_summary.design_dict(trial))), trial_summary.words(trial)
-    from cogless.design.summary import current_loop_dict, design, design_dict
-
-    found = design(study, controller)
-    loop = {f"current_loop.{axis}": entry for axis, entry in current_loop_dict(study).items()}
-    return [*_flat(loop), *_flat(design_dict(found))], found.words()
+    table, verdict = DESIGNS[study.kind].figures(study, scenario, controller)
+    return list(_flat(table)), verdict
 
 
 def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:

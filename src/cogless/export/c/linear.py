@@ -44,7 +44,8 @@ def export_linear(
     where = first_scenario(study, controller, scenario)
     planned = plan(study, where, controller)
     trials = min(study.scenario[where].trials, max(2, min(TEST_TRIALS, TEST_SAMPLES // study.samples(where))))
-    written = contents(planned, recorded(planned, trials), trials, command)
+    trace = recorded(planned, trials * study.samples(where))
+    written = contents(study, planned, trace, trials, command)
     about = {
         "study": study.name,
         "sha256": study_hash(study),
@@ -58,19 +59,17 @@ def export_linear(
     sources.write(target, written, about)
 
 
-def recorded(planned: Plan, trials: int) -> Trace:
-    """The first trials of a run, a row for each sample. StudyError: the run fails."""
-    assert isinstance(planned.study, TrialStudy)
-    ticks = trials * planned.study.samples(planned.scenario)
+def recorded(planned: Plan, ticks: int) -> Trace:
+    """The first samples of a run, a row for each. StudyError: the run fails."""
     recorder = planned.engine.Recorder(planned.drive, 1, ticks)
     with failures(*planned.names):
         planned.drive.advance(planned.start(), recorder, ticks)
     return trace_of(planned.drive, recorder)
 
 
-def contents(planned: Plan, trace: Trace, trials: int, command: str) -> dict[str, bytes]:
+def contents(study: TrialStudy, planned: Plan, trace: Trace, trials: int, command: str) -> dict[str, bytes]:
     """Contents of the exported files, by their path in the folder."""
-    words = _words(planned, command) | {"trials": str(trials), "rows": _rows(trace)}
+    words = _words(study, planned, command) | {"trials": str(trials), "rows": _rows(trace)}
     assets = {
         f"{words['stem']}.h": "linear.h",
         f"{words['stem']}.c": "linear.c",
@@ -89,10 +88,10 @@ def contents(planned: Plan, trace: Trace, trials: int, command: str) -> dict[str
     return written | copied | {"cogless/LICENSE": sources.licence().read_bytes()}
 
 
-def _words(planned: Plan, command: str) -> dict[str, str]:
+def _words(study: TrialStudy, planned: Plan, command: str) -> dict[str, str]:
     """What fills the templates' placeholders."""
-    study, scenario, controller = planned.names
-    assert isinstance(study, TrialStudy) and study.plant is not None
+    _, scenario, controller = planned.names
+    assert study.plant is not None
     layout, law = control_layout("double"), C_LAWS["trial"]
     description = planned.description["controller"]
     config: dict[str, Any] = layout.decode(law.config, description["config"])

@@ -104,7 +104,7 @@ def duties(causality: Causality, phases: int) -> list[Variable]:
 
 
 def place_of(variables: Sequence[Variable], name: str) -> int:
-    """Value reference of a variable; if there is no such variable 0, which is that of the time."""
+    """Value reference of a variable; 0, the reference of the time, if there is no such variable."""
     return next((n for n, variable in enumerate(variables) if variable.name == name), 0)
 
 

@@ -22,7 +22,7 @@
   // ------------------------------------------------------------------ state
 
   const { runs, keys, described, read, ratio } = liveBytes(page);
-  const { state, notes, scenario, controllers, usual, value, within, bounds, set, fromAddress, address } = liveState(page, keys, ratio, number);
+  const { state, notes, scenario, controllers, usual, value, within, bounds, set, prefix, isFree, choose: chooseSensor, fromAddress, address } = liveState(page, keys, ratio, number);
   const ofTrials = page.kind === "trials";
   for (const part of document.querySelectorAll("[data-kind]")) part.hidden = part.dataset.kind !== page.kind;
   const shown = () => controllers().filter((c) => state.shown.includes(c.name));
@@ -35,7 +35,7 @@
   // ------------------------------------------------------------------ runs
 
   function job(name, off) {
-    const place = `${state.scenario}/${name}`, { data, view, run } = described(`${place}/run`, state.values, off);
+    const place = `${prefix()}${state.scenario}/${name}`, { data, view, run } = described(`${place}/run`, state.values, off);
     const at = (what) => read(view, run.about[`page.${what}`]);
     if (ofTrials) {
       const starts = [], { metrics, judged, panels, phases } = scenario();
@@ -96,7 +96,7 @@
         running -= 1;
         if (data.result !== null) done.set(at, { job: wanted, id, result: data.result, error: data.error });
         go();
-        draw(!off); // a run with learning off is a number, no curve
+        draw(!off || pair()[0]?.off); // a run with learning off is mostly a number, no curve
       };
       worker.postMessage({ id, job: wanted });
     }
@@ -116,6 +116,7 @@
     for (const key of page.keys) {
       if (key.scenario !== null && key.scenario !== state.scenario) continue;
       if (key.controller !== null && !state.shown.includes(key.controller)) continue;
+      if (spare(key)) continue;
       const group = key.controller ?? key.group;
       groups.set(group, [...(groups.get(group) ?? []), key]);
     }
@@ -131,12 +132,46 @@
       if (of) title.style.setProperty("--colour", `var(--c${about.colour})`);
       for (const key of list) slide(details, key, `k${n++}`);
     }
+    drawSpares(box, open.has("spares"));
     refreshKeys();
+  }
+  // Cogging orders that are added: each is two keys, which are shown while it has torque.
+  const spare = (key) => /^cogging\.\d+\./.exec(key.key)?.[0];
+  const spares = [...new Set(page.keys.map(spare).filter(Boolean))].map((name) => ({ order: keys.get(`${name}order`), torque: keys.get(`${name}torque`) }));
+  const isAdded = ({ torque }) => value(torque) !== 0;
+  function drawSpares(box, open) {
+    if (!spares.length) return;
+    const details = make("details", box), some = spares.filter(isAdded);
+    details.dataset.group = "spares";
+    details.open = open || some.length > 0;
+    make("summary", details, "Cogging orders that you add");
+    if (page.motor) make("p", details, "The controller is not told of them.", "note");
+    some.forEach((one, n) => {
+      const box = make("div", details, "", "order");
+      slide(box, one.order, `s${n}`);
+      slide(box, one.torque, `t${n}`);
+      press(box, "Remove", () => { set(one.torque, 0); set(one.order, one.order.start); });
+    });
+    const free = spares.find((one) => !isAdded(one));
+    if (free) press(details, "Add a cogging order", () => { set(free.order, 6); set(free.torque, Number((free.torque.high / 5).toPrecision(2))); });
+  }
+  function press(box, text, change) {
+    const button = make("button", box, text);
+    button.type = "button";
+    button.addEventListener("click", () => {
+      begin();
+      change();
+      dragging = false;
+      drawKeys();
+      refresh();
+    });
   }
   function slide(parent, key, id) {
     const row = make("div", parent, "", "slide");
     const label = make("label", row);
-    for (const word of key.label.split(/(?<=[._])/)) label.append(word, document.createElement("wbr"));
+    if (key.words) label.append(key.words);
+    const code = make("code", label);
+    for (const word of key.label.split(/(?<=[._])/)) code.append(word, document.createElement("wbr"));
     label.htmlFor = id;
     label.title = key.key;
     const right = make("span", row);
@@ -147,7 +182,7 @@
     const range = make("input", row);
     const stops = key.stops.length, span = key.high - key.low;
     Object.assign(range, { type: "range", min: stops ? 0 : key.low, max: stops ? stops - 1 : key.high, step: stops || key.whole ? 1 : span / 200 });
-    range.setAttribute("aria-label", `${key.label} ${key.unit}`);
+    range.setAttribute("aria-label", `${key.words || key.label} ${key.unit}`);
     range.addEventListener("input", () => {
       begin();
       set(key, stops ? key.stops[range.value] : Number(Number(range.value).toPrecision(4)));
@@ -177,6 +212,8 @@
       field.value = x;
       if (range !== source) range.value = key.stops.length ? key.stops.indexOf(x) : x;
       range.setAttribute("aria-valuetext", `${x} ${key.unit}`);
+      field.disabled = range.disabled = !isFree(key);
+      row.classList.toggle("fixed", !isFree(key));
       row.classList.toggle("changed", state.values.has(key.key));
       row.classList.toggle("told", notes.has(key.key));
       note.textContent = notes.get(key.key) ?? bounds(key);
@@ -192,6 +229,7 @@
   }
   function refresh(source) {
     refreshKeys(source);
+    $("sensor").value = state.sensor;
     drawChanges();
     keepAddress();
     go();
@@ -200,23 +238,49 @@
   // ------------------------------------------------------------------ what changed
 
   const changes = () => [...state.values].map(([name, x]) => ({ key: keys.get(name), x }));
+  // The same as the study has it: key and text. With an added order all orders are one list of the scenario's own.
+  const SENSOR = "drive.position_sensor";
+  const OWN_ORDER = /motor\.cogging\.(\d+)\.(\w+)"?$/;
+  function written() {
+    const all = changes(), plain = all.filter(({ key }) => !spare(key)), added = spares.filter(isAdded);
+    const texts = plain.map(({ key, x }) => ({ key, name: key.key, text: key.unit ? JSON.stringify(spelled(key, x)) : String(x), set: spelled(key, x) }));
+    if (state.sensor) {
+      const { text } = page.sensors[state.sensor - 1];
+      texts.unshift({ key: { scenario: null, key: SENSOR }, name: SENSOR, text, set: text });
+    }
+    if (!added.length) return texts;
+    const rows = page.cogging[state.scenario].map((row) => ({ ...row }));
+    for (const { key, text } of texts) {
+      const at = OWN_ORDER.exec(key.key);
+      if (at) rows[at[1]][at[2]] = text;
+    }
+    rows.push(...added.map(({ order, torque }) => ({ order: String(value(order)), torque: JSON.stringify(spelled(torque, value(torque))) })));
+    const text = `[${rows.map((row) => `{ ${Object.entries(row).map(([k, v]) => `${k} = ${v}`).join(", ")} }`).join(", ")}]`;
+    const rest = texts.filter(({ key }) => !(key.scenario === state.scenario && OWN_ORDER.test(key.key)));
+    return [...rest, { name: `${dotted(["scenario", state.scenario])}.override."motor.cogging"`, text, set: text }];
+  }
   const quoted = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", `'"'"'`)}'`);
   const spelled = (key, x) => (key.unit ? `${x} ${key.unit}` : String(x));
   function drawChanges() {
     const box = $("changes"), all = changes();
     box.textContent = "";
-    $("limit").textContent = all.length ? "" : scenario().limit; // it was found for the study's own values
-    if (!all.length) make("p", box, "Nothing: these are the study's values.");
+    $("limit").textContent = all.length || state.sensor ? "" : scenario().limit; // it was found for the study's own values
+    if (!all.length && !state.sensor) make("p", box, "Nothing: these are the study's values.");
     else {
       const list = make("ul", box);
+      if (state.sensor) {
+        const item = make("li", list);
+        make("code", item, SENSOR);
+        item.append(`: ${page.sensors[state.sensor - 1].words}`);
+      }
       for (const { key, x } of all) {
         const item = make("li", list);
         make("code", item, key.key);
-        item.append(`: ${spelled(key, x)}, in the study ${spelled(key, key.start)}`);
+        item.append(spare(key) ? `: ${spelled(key, x)}, added` : `: ${spelled(key, x)}, in the study ${spelled(key, key.start)}`);
       }
     }
     const only = shown().flatMap((c) => ["--only", quoted(`${state.scenario}/${c.name}`)]);
-    const sets = [...pinned(all), ...all.map(({ key, x }) => `${key.key}=${spelled(key, x)}`)].flatMap((set) => ["--set", quoted(set)]);
+    const sets = [...pinned(all), ...written().map(({ name, set }) => `${name}=${set}`)].flatMap((set) => ["--set", quoted(set)]);
     $("command").textContent = [page.command, ...sets, ...only].join(" ");
     $("download").download = `${page.name}-changed.toml`;
     for (const button of $("scenarios").children) button.setAttribute("aria-pressed", String(button.dataset.name === state.scenario));
@@ -240,16 +304,17 @@
   const dotted = (parts) => parts.map((p) => (/^[\w-]+$/.test(p) ? p : JSON.stringify(p))).join(".");
   function toml() {
     const all = changes(), texts = page.toml.map((s) => ({ ...s, lines: s.lines.map(([k, v]) => [k, v.map((p) => (Array.isArray(p) ? [...p] : p))]) }));
-    for (const { key, x } of all) {
-      const parts = split(key.key), section = texts.filter((s) => s.path.every((p, i) => p === parts[i])).at(-1);
-      const name = dotted(parts.slice(section.path.length)), text = key.unit ? JSON.stringify(spelled(key, x)) : String(x);
+    for (const { name: path, text } of written()) {
+      const parts = split(path), section = texts.filter((s) => s.path.every((p, i) => p === parts[i])).at(-1);
+      const name = dotted(parts.slice(section.path.length));
+      if (path === SENSOR) section.lines = section.lines.filter(([k]) => k !== name && !k.startsWith(`${name}.`));
       const line = section.lines.find(([k]) => k === name), pieces = section.lines.flatMap(([, v]) => v);
       const piece = pieces.find((p) => p[0] === name && Array.isArray(p));
       if (piece) piece[1] = text;
       else if (line) line[1] = [text];
       else section.lines.push([name, [text]]);
     }
-    const about = ["# Changed in the live page:", ...all.map(({ key, x }) => `#   ${key.key} = ${spelled(key, x)} (was ${spelled(key, key.start)})`), `# ${$("command").textContent}`, ""];
+    const about = ["# Changed in the live page:", ...(state.sensor ? [`#   ${SENSOR}: ${page.sensors[state.sensor - 1].words}`] : []), ...all.map(({ key, x }) => `#   ${key.key} = ${spelled(key, x)} (was ${spelled(key, key.start)})`), `# ${$("command").textContent}`, ""];
     return about.concat(texts.map(({ heading, lines }) => [...(heading ? [`[${heading}]`] : []), ...lines.map(([k, v]) => `${k} = ${v.map((p) => (Array.isArray(p) ? p[1] : p)).join("")}`), ""].join("\n"))).join("\n");
   }
 
@@ -341,6 +406,132 @@
     if (before && before !== run.result) make("p", item, `Before the change: ${told(settled(before))}.`, "details");
   }
 
+  // ------------------------------------------------------------------ the answer
+
+  // Before and after: the baseline, or else a law with learning off, and the best of the others that run.
+  function pair() {
+    const { metrics } = scenario(), which = judged(), metric = metrics[which];
+    const one = (c, off) => ({ c, off, label: off ? `${c.label}, learning off` : c.label, run: found(c.name, off) });
+    const settled = (r) => (ofTrials ? (r.settled.at(-1) ?? NaN) / scenario().judged.factor : metric && !r.missed[which] ? r.values[which] / metric.factor : null);
+    const told = (x) => (x.run ? { ...x, value: settled(x.run), colour: x.off ? "--c0" : `--c${x.c.colour}` } : null);
+    const all = shown().map((c) => told(one(c, false))).filter(Boolean), base = all.find((x) => x.c.baseline);
+    const others = all.filter((x) => x !== base).sort((a, b) => (a.value ?? Infinity) - (b.value ?? Infinity));
+    const after = others[0] ?? base, off = after && bar(after.c) && told(one(after.c, true));
+    return [base && base !== after ? base : off, after].filter(Boolean);
+  }
+  function drawAnswer() {
+    const two = pair(), box = $("figures"), metric = scenario().metrics[judged()];
+    const unit = ofTrials ? scenario().judged.unit : (metric?.unit ?? "").replace("rpm", "r/min");
+    box.textContent = "";
+    box.parentElement.className = "answer";
+    for (const { label, value, colour } of two) {
+      const item = make("p", box, "", "figure"), name = make("span", item, label, "key");
+      item.style.setProperty("--colour", `var(${colour})`);
+      name.after(" ");
+      make("strong", item, value == null ? "lost" : number(value));
+      item.append(value == null ? " the speed" : ` ${unit}`);
+    }
+    if (!two.length) return;
+    const change = make("p", box, "", "change"), [x, y] = [two[0].value, two.at(-1).value], ratio = two.length > 1 && x != null && y != null ? x / y : null;
+    if (ratio != null) make("strong", change, ratio > 1.05 ? `${number(ratio)} times less` : ratio < 0.95 ? `${number(1 / ratio)} times as much` : "as much");
+    make("span", change, ofTrials ? `RMS of the ${scenario().judged.quantity} at the end` : metric?.titles[0] ?? "");
+    if (ratio != null) box.parentElement.classList.add(ratio > 1.05 ? "better" : ratio < 0.95 ? "worse" : "even");
+  }
+  // The strongest order of a revolution, or the highest that is nearly as strong: how often the curve goes up and down.
+  function cycles(run) {
+    const top = Math.max(...(run.orders ?? [0]));
+    return 1 + (run.orders ?? []).findLastIndex((a) => a >= 0.3 * top);
+  }
+  function drawPicture() {
+    const two = pair().filter((x) => x.run.revolution), box = $("picture");
+    const curve = (x, run, more) => ({ label: x.label, colour: style(x.colour), dash: false, values: run.revolution.map(rpm), ...more });
+    if (two.length) {
+      const last = two.at(-1), before = found(last.c.name, last.off, ghost), xs = last.run.revolution.map((_, n) => (360 * n) / (last.run.revolution.length - 1));
+      const width = Math.max(200, box.clientWidth - 90), share = 1 / (PARTS.find((n) => n * width >= CYCLE * cycles(two[0].run)) ?? PARTS.at(-1));
+      const old = before && before !== last.run && before.revolution ? [curve(last, before, { label: "", dash: true })] : [];
+      const series = [...old, ...two.map((x, n) => curve(x, x.run, { width: n ? 2.2 : 1.4 }))];
+      chart(box, "picture:turn", { title: "Speed over the rotor's angle, in the last revolution", x: "angle of the rotor (°)", y: "speed (r/min)", from: 0, to: 360 * share, xs, series });
+    } else drop("picture:turn");
+    const ripples = shown().map((c) => found(c.name)?.ripple.values ?? []).flat().filter((x) => x > 0);
+    const log = Math.max(...ripples) > 10 * Math.min(...ripples);
+    lines($("ripple"), "ripple:time", { title: "Speed ripple, rms of the last revolution, over the time", x: "time (s)", y: "ripple, rms (r/min)", log },
+      ({ ripple }) => ({ at: ripple.at, values: ripple.values.map((x) => (log && !(x > 0) ? null : rpm(x))) }));
+    rotors.show(two.map((x) => ({ label: x.label, colour: x.colour, motion: x.run.motion })));
+  }
+
+  // Two rotors that turn as the runs' rotors did in their last revolution, slower if that is fast.
+  const rotors = (() => {
+    const SLOWEST = 8; // s for a revolution, so that one sees it jerk
+    const still = matchMedia("(prefers-reduced-motion: reduce)");
+    let list = [], turns = !still.matches, begun = 0, frame = 0;
+    const at = ({ time, angle }, t) => {
+      let low = 0, high = time.length - 1;
+      while (high - low > 1) {
+        const middle = (low + high) >> 1;
+        if (time[middle] > t) high = middle; else low = middle;
+      }
+      const share = Math.min(1, Math.max(0, (t - time[low]) / (time[high] - time[low] || 1)));
+      return angle[low] + share * (angle[high] - angle[low]);
+    };
+    function paint(now) {
+      frame = 0;
+      const canvas = $("rotor"), { clientWidth: width, clientHeight: height } = canvas, px = devicePixelRatio, down = height > width;
+      if (!width || !list.length) return;
+      if (canvas.width !== Math.round(width * px)) Object.assign(canvas, { width: Math.round(width * px), height: Math.round(height * px) });
+      const ctx = canvas.getContext("2d"), size = Math.min(width, height, Math.max(width, height) / 2), radius = size / 2 - 22;
+      ctx.setTransform(px, 0, 0, px, 0, 0);
+      ctx.clearRect(0, 0, width, height);
+      list.forEach(({ label, colour, motion }, n) => {
+        const [cx, cy] = down ? [width / 2, size * (n + 0.5) + n * 10] : [size * (n + 0.5), size / 2];
+        const long = motion.time.at(-1) || 1, slow = Math.max(1, SLOWEST / long);
+        const angle = at(motion, (((now - begun) / 1000) / slow) % long);
+        ctx.lineWidth = 2;
+        ctx.strokeStyle = style("--line");
+        ctx.fillStyle = style("--card");
+        ctx.beginPath();
+        ctx.arc(cx, cy, radius, 0, 2 * Math.PI);
+        ctx.fill();
+        ctx.stroke();
+        for (let pole = 0; pole < 14; pole++) {
+          const [from, to] = [angle + (pole * Math.PI) / 7, angle + ((pole + 0.8) * Math.PI) / 7];
+          ctx.beginPath();
+          ctx.lineWidth = 9;
+          ctx.globalAlpha = pole % 2 ? 0.35 : 0.9;
+          ctx.strokeStyle = style(colour);
+          ctx.arc(cx, cy, radius - 7, -to, -from);
+          ctx.stroke();
+        }
+        ctx.globalAlpha = 1;
+        ctx.lineWidth = 3;
+        ctx.beginPath();
+        ctx.moveTo(cx, cy);
+        ctx.lineTo(cx + (radius - 16) * Math.cos(angle), cy - (radius - 16) * Math.sin(angle));
+        ctx.stroke();
+        ctx.fillStyle = style("--ink");
+        ctx.font = FONT;
+        ctx.textAlign = "center";
+        ctx.fillText(label.length > 22 ? `${label.slice(0, 21)}…` : label, cx, cy + radius + 16);
+      });
+      if (turns) frame = requestAnimationFrame(paint);
+    }
+    function next() { frame ||= requestAnimationFrame(paint); }
+    function say() {
+      $("turn-rotor").textContent = turns ? "Stop" : "Turn";
+      const long = Math.max(...list.map((x) => x.motion.time.at(-1) || 1), 0), slow = SLOWEST / (long || 1);
+      $("rotor-note").textContent = slow > 1.05 ? `The rotors of both runs, ${number(slow)} times slower` : "The rotors of both runs";
+      $("rotor").setAttribute("aria-label", `Rotors: ${listed(list.map((x) => x.label))}`);
+    }
+    function show(now) {
+      list = now.filter((x) => x.motion.time.length > 1);
+      $("rotors").hidden = !list.length;
+      say();
+      next();
+    }
+    $("turn-rotor").addEventListener("click", () => { turns = !turns; begun = performance.now(); say(); next(); });
+    still.addEventListener("change", () => { turns = !still.matches; say(); next(); });
+    return { show };
+  })();
+
   function drawNumbers() {
     const table = $("numbers");
     table.textContent = "";
@@ -399,7 +590,9 @@
     panel.space.setAttribute("aria-label", `${about.title}; ${about.y} over ${about.x}`);
     if (panel.near) paint(panel);
   }
-  const HEIGHT = 190, NEAR = 200; // pixels
+  const HEIGHT = 360, NEAR = 200; // pixels
+  const CYCLE = 9; // px of what goes up and down once: with less, lines become a block
+  const PARTS = [1, 2, 3, 4, 6, 8, 12, 18, 24, 36]; // of a revolution
   const inSight = new IntersectionObserver((seen) => {
     for (const { target, isIntersecting } of seen) {
       const panel = [...plots.values()].find(({ card }) => card === target);
@@ -412,8 +605,8 @@
 
   function paint(panel) {
     if (panel.painted === panel.about) return;
-    const { about, readout, space } = panel, { title, x, y, xs, series, height = HEIGHT, log = false } = about;
-    const data = [xs, ...series.map((s) => s.values)], look = JSON.stringify([title, y, series.map((s) => [s.label, s.colour, s.dash])]);
+    const { about, readout, space } = panel, { title, x, y, xs, series, height = HEIGHT, log = false, from = null, to = null } = about;
+    const data = [xs, ...series.map((s) => s.values)], look = JSON.stringify([title, y, log, from, to, series.map((s) => [s.label, s.colour, s.dash])]);
     panel.painted = about;
     if (panel.look === look) {
       panel.plot.setData(data);
@@ -422,10 +615,10 @@
     panel.plot?.destroy();
     panel.look = look;
     panel.plot = new uPlot({
-      width: Math.max(240, space.clientWidth || 600), height, legend: { show: false }, scales: { x: { time: false, range: (u, low, high) => [low, high] }, y: { distr: log ? 3 : 1 } },
+      width: Math.max(240, space.clientWidth || 600), height, legend: { show: false }, scales: { x: { time: false, range: (u, low, high) => (low === xs[0] && from != null ? [from, to] : [low, high]) }, y: { distr: log ? 3 : 1 } },
       cursor: { drag: { x: true, y: false }, points: { show: false }, sync: { key: panel.name.split(":")[0] } },
       axes: [axis(x, 2), axis(y, 3)],
-      series: [{}, ...series.map((s) => ({ stroke: s.colour, width: s.dash ? 1 : 1.5, dash: s.dash ? [5, 4] : undefined, alpha: s.dash ? 0.7 : 1, points: { show: false }, spanGaps: true }))],
+      series: [{}, ...series.map((s) => ({ stroke: s.colour, width: s.width ?? (s.dash ? 1 : 1.5), dash: s.dash ? [5, 4] : undefined, alpha: s.dash ? 0.7 : 1, points: { show: false }, spanGaps: true }))],
       hooks: { setCursor: [(u) => {
         readout.textContent = "";
         const i = u.cursor.idx, now = panel.about.series;
@@ -473,6 +666,21 @@
     chart(box, name, { ...about, xs, series: all.map((c, i) => ({ ...c, values: ys[i] })) });
   }
 
+  // The error over one trial of the best controller: the first, faint, and the last one that there is.
+  function drawOneTrial(best) {
+    const { judged, panels } = scenario(), n = panels.findIndex((p) => p.signal === judged.signal);
+    const trials = Object.keys(best?.run.curves ?? {}).map(Number).filter((t) => best.run.curves[t][n]?.values).sort((a, b) => a - b);
+    if (n < 0 || !trials.length) {
+      drop("picture:trial");
+      return;
+    }
+    const ends = [...new Set([trials[0], trials.at(-1)])], colour = style(best.colour);
+    const curve = (t, k) => ({ label: `trial ${t}`, colour: k < ends.length - 1 ? `${colour}80` : colour, width: k < ends.length - 1 ? 1.4 : 2.2, at: best.run.curves[t][n].at, values: best.run.curves[t][n].values.map((x) => x / panels[n].factor) });
+    const both = ends.map(curve), [xs, ...ys] = joined(both), { quantity, unit } = panels[n];
+    const title = `${judged.quantity[0].toUpperCase()}${judged.quantity.slice(1)} over one trial of ${best.label}: ${ends.join(" against ")}`;
+    chart($("picture"), "picture:trial", { title, x: "time in the trial (s)", y: unit ? `${quantity} (${unit})` : quantity, xs, series: both.map((c, k) => ({ ...c, values: ys[k] })) });
+  }
+
   function drawTrials() {
     const { judged, phases, panels } = scenario(), unit = (u) => (u ? ` (${u})` : "");
     const all = shown().map((c) => found(c.name)).filter(Boolean);
@@ -480,7 +688,8 @@
     const count = Math.max(...all.map((run) => run.errors.length));
     const floor = judged.floor ? [{ label: "floor", colour: style("--ink"), dash: true, at: [1, Math.max(2, count)], values: [judged.floor, judged.floor] }] : [];
     const numbers = (x) => Array.from(x, (_, n) => n + 1);
-    lines($("trials"), "trials:error", { title: `RMS of the ${judged.quantity} in each trial`, x: "trial", y: `RMS${unit(judged.unit)}`, log: true, height: 260 },
+    drawOneTrial(pair().at(-1));
+    lines($("trials"), "trials:error", { title: `RMS of the ${judged.quantity} in each trial`, x: "trial", y: `RMS${unit(judged.unit)}`, log: true, height: 440 },
       (run) => ({ at: numbers(run.errors), values: run.errors.map((x) => (x > 0 && Number.isFinite(x) ? x / judged.factor : null)) }), floor);
     scenario().metrics.forEach((m, n) => {
       if (m.titles.length || (m.kind === "rms" && m.signal === judged.signal)) return;
@@ -509,6 +718,7 @@
     }
     const first = shown().map((c) => found(c.name)).find(Boolean);
     if (!first) return;
+    drawPicture();
     const degrees = (run) => run.turn.time.map((t) => t - run.turn.time.at(-1));
     const reference = { label: "reference", colour: style("--ink"), dash: false, at: degrees(first), values: first.turn.wanted?.map(rpm) };
     const ago = "time before the end (s)";
@@ -547,6 +757,7 @@
     if (drawn) return;
     drawn = requestAnimationFrame(() => {
       drawn = 0;
+      drawAnswer();
       drawVerdict();
       drawNumbers();
       if (withPlots) drawPlots();
@@ -589,10 +800,18 @@
   });
   $("reset").addEventListener("click", () => {
     begin();
+    $("motor-class").value = "";
+    state.sensor = 0;
     state.values.clear();
     notes.clear();
     dragging = false;
     refresh();
+  });
+  $("link").addEventListener("click", async () => {
+    const link = location.href.split("#")[0] + address();
+    history.replaceState(null, "", address());
+    const copied = await navigator.clipboard?.writeText(link).then(() => true, () => false);
+    $("link-note").textContent = copied ? "Copied." : "This browser does not let a page copy. The address bar has the link.";
   });
   $("copy").addEventListener("click", () => navigator.clipboard?.writeText($("command").textContent));
   $("download").addEventListener("click", () => {
@@ -600,6 +819,36 @@
   });
   $("download").href = "#";
   addEventListener("hashchange", () => { if (location.hash !== address()) { fromAddress(location.hash); another(); } });
+  // A motor of the catalogue: its values are put in together, since some bound each other.
+  function pickMotor(name) {
+    const { values } = byName(page.classes, name) ?? {}, all = new URLSearchParams(address().slice(1));
+    for (const key of new Set(page.classes.flatMap((c) => Object.keys(c.values)))) {
+      if (values && key in values) all.set(key, values[key]); else all.delete(key);
+    }
+    begin();
+    fromAddress(`#${all}`);
+    another();
+  }
+  if (page.classes.length) {
+    const select = $("motor-class");
+    $("motors").hidden = false;
+    make("option", select, "the study's motor").value = "";
+    for (const { name, words } of page.classes) make("option", select, `${name}: ${words}`).value = name;
+    select.addEventListener("change", () => pickMotor(select.value));
+  }
+  if (page.sensors.length) {
+    const select = $("sensor");
+    $("sensors").hidden = false;
+    ["the study's", ...page.sensors.map((sensor) => sensor.words)].forEach((words, n) => { make("option", select, words).value = n; });
+    select.addEventListener("change", () => {
+      begin();
+      notes.clear();
+      chooseSensor(Number(select.value));
+      dragging = false;
+      drawKeys();
+      refresh();
+    });
+  }
   let resized = 0;
   addEventListener("resize", () => {
     clearTimeout(resized);
@@ -628,5 +877,5 @@
   }
   start();
   // for scripts, and the page's own tests
-  window.cogless = { page, state, toml, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, isShown: () => shown().every((c) => isThere(c.name, false)) && !drawn, result: (name, off) => done.get(slot(name, off)), learned: (name) => learnedOf(found(name), byName(page.controllers, name)) };
+  window.cogless = { page, state, toml, address, set: (name, x) => { begin(); set(keys.get(name), x); dragging = false; refresh(); }, job, isIdle: () => !running && !missing().length && !drawn, isShown: () => shown().every((c) => isThere(c.name, false)) && !drawn, result: (name, off) => done.get(slot(name, off)), learned: (name) => learnedOf(found(name), byName(page.controllers, name)) };
 })();

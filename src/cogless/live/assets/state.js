@@ -3,7 +3,7 @@
 // number(x): x as text, for what is told about a value.
 const liveState = (page, keys, ratio, number) => {
   const byName = liveState.byName;
-  const state = { scenario: page.scenarios[0].name, shown: [], values: new Map(), trial: 0 }; // values: by key, where not the study's; trial 0: the last
+  const state = { scenario: page.scenarios[0].name, shown: [], values: new Map(), trial: 0, sensor: 0 }; // values: by key, where not the study's; trial 0: the last
   const notes = new Map(); // by key, what was done with a value that the key does not take
   const scenario = () => byName(page.scenarios, state.scenario);
   const controllers = () => scenario().controllers.map((name) => byName(page.controllers, name));
@@ -16,6 +16,19 @@ const liveState = (page, keys, ratio, number) => {
   const bounds = (key) => `${within(key).map(number).join(" to ")} ${key.unit}`.trim();
   const milliseconds = (share) => `${number((1e3 * page.motor.time) / share)} ms`;
   const bounded = page.motor ? [page.motor.over, page.motor.under] : []; // keys that bound each other
+
+  // With another sensor, whose place in the page's list is counted from 1, some keys have no place: they keep the study's value.
+  const prefix = () => (state.sensor ? `${state.sensor}|` : "");
+  const isFree = (key) => !state.sensor || Object.keys(key.lands).some((place) => place.startsWith(prefix()));
+  const FIXED = "With this sensor it keeps the study's value";
+  function choose(sensor) {
+    state.sensor = Number.isInteger(sensor) && sensor > 0 && sensor <= (page.sensors ?? []).length ? sensor : 0;
+    for (const name of [...state.values.keys()]) {
+      if (isFree(keys.get(name))) continue;
+      state.values.delete(name);
+      refuse(keys.get(name), FIXED);
+    }
+  }
 
   // Why a key can't take a value, whatever the others are; "" if it can.
   function outside(key, x) {
@@ -39,7 +52,7 @@ const liveState = (page, keys, ratio, number) => {
   // A value that a key does not take leaves the key as it is, or goes to the next one that it takes; either is told.
   function set(key, x) {
     notes.delete(key.key);
-    const why = outside(key, x) || clash(key, x);
+    const why = (isFree(key) ? "" : FIXED) || outside(key, x) || clash(key, x);
     if (why) refuse(key, why); else put(key, x);
   }
 
@@ -62,13 +75,15 @@ const liveState = (page, keys, ratio, number) => {
     const clashes = together.map((key) => [key, clash(key, value(key))]).filter(([, why]) => why);
     for (const [key] of clashes) state.values.delete(key.key);
     for (const [key, why] of clashes) refuse(key, why);
+    choose(Number(given.get("sensor")));
   }
   function address() {
     const all = new URLSearchParams({ scenario: state.scenario, controllers: state.shown.join("\n") });
     if (state.trial) all.set("trial", state.trial);
+    if (state.sensor) all.set("sensor", state.sensor);
     for (const [name, x] of state.values) all.set(name, x);
     return `#${all}`;
   }
-  return { state, notes, scenario, controllers, usual, value, within, bounds, set, fromAddress, address };
+  return { state, notes, scenario, controllers, usual, value, within, bounds, set, prefix, isFree, choose, fromAddress, address };
 };
 liveState.byName = (list, name) => list.find((one) => one.name === name);

@@ -5,6 +5,8 @@
   const POINTS = 600; // of a curve over the whole run: a lowest and a highest value each
   const CELLS = 1024; // of a revolution in the spectrum
   const ORDERS = 160; // of a revolution at most
+  const TURN_CELLS = 1440; // of a revolution
+  const MOTION_POINTS = 1500; // of the rotor's angle
   const PIECE = 2.0; // s, over which errors are compared
   const SOON = 120; // ms between two pictures of trials that still go on
   const tables = new Map(); // what a commissioning run has learned, by its description
@@ -80,6 +82,70 @@
     return found;
   }
 
+  // The rows of the rotor's last whole revolution; -1: it turns less, or turns back.
+  function revolution(theta) {
+    const end = theta.length - 1;
+    for (let first = end; first >= 0; first--) {
+      if (Math.abs(theta[end] - theta[first]) >= TAU) return first;
+    }
+    return -1;
+  }
+
+  // A signal over the rotor's angle in its last revolution, a value each 1 / TURN_CELLS of it; null: it turns less.
+  function overAngle(theta, x) {
+    const first = revolution(theta);
+    if (first < 0) return null;
+    const values = new Float64Array(TURN_CELLS + 1).fill(NaN);
+    for (let i = first; i < theta.length - 1; i++) {
+      const [from, to] = [(theta[i] / TAU) * TURN_CELLS, (theta[i + 1] / TAU) * TURN_CELLS];
+      const [low, high] = from < to ? [from, to] : [to, from];
+      for (let k = Math.ceil(low); k <= high; k++) {
+        const share = from === to ? 0 : (k - from) / (to - from);
+        values[((k % TURN_CELLS) + TURN_CELLS) % TURN_CELLS] = x[i] + share * (x[i + 1] - x[i]);
+      }
+    }
+    values[TURN_CELLS] = values[0];
+    return Array.from(values, (v) => (Number.isNaN(v) ? null : v));
+  }
+
+  // The RMS about its mean of a signal over each time of so many rows, and when each ends.
+  function movingRms(trace, x, rows) {
+    const hop = Math.max(1, Math.min(Math.floor(rows / 4), Math.ceil(x.length / POINTS))), at = [], values = [];
+    const hops = Math.max(1, Math.round(rows / hop)), sums = [0], squares = [0], origin = x[x.length - 1];
+    for (let from = 0; from + hop <= x.length; from += hop) {
+      let sum = 0, square = 0;
+      for (let i = from; i < from + hop; i++) {
+        const y = x[i] - origin;
+        sum += y;
+        square += y * y;
+      }
+      sums.push(sums.at(-1) + sum);
+      squares.push(squares.at(-1) + square);
+      const n = sums.length - 1;
+      if (n < hops) continue;
+      const mean = (sums[n] - sums[n - hops]) / (hops * hop);
+      at.push(trace.time[from + hop - 1]);
+      values.push(Math.sqrt(Math.max(0, (squares[n] - squares[n - hops]) / (hops * hop) - mean * mean)));
+    }
+    return { at, values };
+  }
+
+  // Rows of a revolution at the mean speed; of a twentieth of the run where the rotor turns less than twice.
+  function rowsOfTurn(trace) {
+    const theta = trace.get("theta_m"), turns = Math.abs(theta[theta.length - 1] - theta[0]) / TAU;
+    return Math.max(4, Math.round(turns >= 2 ? theta.length / turns : theta.length / 20));
+  }
+
+  // The rotor's angle over its last revolution, some hundred rows of it.
+  function motion(trace, first) {
+    const theta = trace.get("theta_m"), every = Math.max(1, Math.ceil((theta.length - first) / MOTION_POINTS)), time = [], angle = [];
+    for (let i = first; i < theta.length; i += every) {
+      time.push(trace.time[i] - trace.time[first]);
+      angle.push(theta[i]);
+    }
+    return { time, angle };
+  }
+
   // Rows of the last revolution, at most of the last second.
   function lastTurn(trace) {
     const theta = trace.get("theta_m"), end = trace.count - 1, from = trace.left(trace.time[end] - 1);
@@ -108,6 +174,9 @@
       whole: thin(trace.time, trace.get(error)),
       current: thin(trace.time, trace.get("i_q")),
       turn: { time: Array.from(trace.time.subarray(first)), speed: late("omega_m"), wanted: late("omega_ref"), current: late("i_q"), torque: late(trace.has("tau_motor") ? "tau_motor" : "tau_e") },
+      revolution: overAngle(trace.get("theta_m"), trace.get("omega_m")),
+      ripple: movingRms(trace, trace.get("omega_m"), rowsOfTurn(trace)),
+      motion: motion(trace, Math.max(0, revolution(trace.get("theta_m")))),
       orders: spectrum(trace.get("theta_m").subarray(settledFrom, settledTo), trace.get("omega_m").subarray(settledFrom, settledTo)),
       errors: errors(trace, error),
       ms: { engine: ran - begun, all: performance.now() - begun },

@@ -30,6 +30,13 @@
   };
 
   const SOME = 24; // rows of a plot's table
+  const HIGH = 360; // px of a plot
+  const PAPER = 0.6; // of that on paper
+  const CYCLE = 9; // px of what goes up and down once: with less, lines become a block
+  const PARTS = [1, 2, 3, 4, 6, 8, 12, 18, 24, 36]; // of a revolution
+
+  // The part of a revolution with so many cycles that a plot can show as lines.
+  const legible = (cycles, width) => 1 / (PARTS.find((n) => n * width >= CYCLE * cycles) ?? PARTS.at(-1));
   const FONT = "12px system-ui, sans-serif";
   const WIDE = 7.5; // px that a character takes at most
 
@@ -123,7 +130,7 @@
     // One plot in a card: a title, the values under the cursor, the axes with their units. A series has `values` and a
     // `controller` (`fade`: 0 to 1, how much of its colour), or a `stroke` of its own; `label`: its name beside the value.
     // `least`: px below which it scrolls sideways instead. `adapt` may change uPlot's options.
-    function panel(parent, { title, x, y, xs, series, height = 180, least = 0, group = null, readX = number, cursor = {}, adapt = () => {}, columns = null, rows = null }) {
+    function panel(parent, { title, x, y, xs, series, height = HIGH, least = 0, group = null, readX = number, cursor = {}, adapt = () => {}, columns = null, rows = null }) {
       const names = () => [x, ...series.map((s) => [s.controller == null ? "" : report.controllers[s.controller].label, s.label || ""].filter(Boolean).join(", ") || y)];
       const { card, readout, box } = cardOf(parent, title, columns ?? names(), rows ?? (() => someRows(u)));
       const faded = (s) => colour(s.controller) + (s.fade == null ? "" : Math.round(255 * s.fade).toString(16).padStart(2, "0"));
@@ -150,7 +157,7 @@
         zooming = false;
       };
       const options = {
-        width: box.clientWidth, height,
+        width: box.clientWidth, height: printing() ? PAPER * height : height,
         legend: { show: false },
         cursor: { y: false, sync: group == null ? undefined : { key: `${scenario} ${group}`, setSeries: false, scales: ["x", null] }, drag: { x: true, y: false }, points: { show: true }, ...cursor },
         scales: { x: { time: false }, y: {} },
@@ -198,8 +205,31 @@
       for (const element of cards) element.textContent = "";
     }
 
+    // The scenario's answer: a revolution, or a trial, before and after; then what is left over the time.
+    function answer(charts, options = () => ({})) {
+      const section = part("answer"), parent = section.querySelector(".panels");
+      charts.forEach((chart, i) => {
+        const series = chart.series.map((s, k) => ({ ...s, width: i || !k ? 1.5 : 2.2, values: Array.isArray(s.values) ? s.values : unpack(s.values) }));
+        const count = Math.max(...series.map((s) => s.values.length));
+        for (const s of series) while (s.values.length < count) s.values.push(null);
+        const xs = Array.from({ length: count }, (_, k) => chart.start + k * chart.step);
+        panel(parent, { ...about(chart), xs, series, group: `answer${i}`, readX: (x) => `${Number(x.toPrecision(5))} ${chart.about}`, ...options(chart, i, series) });
+      });
+      const share = turnShown();
+      section.querySelector(".zooms").textContent = "";
+      if (!charts[0]?.cycles) return;
+      const end = charts[0].start + charts[0].step * (unpack(charts[0].series[0].values).length - 1), some = { from: 0, to: end * Math.min(share, 1 / 6) };
+      zoomButtons(section, "answer0", [{ name: "one revolution", from: 0, to: end }, { name: `${number(some.to)}°`, ...some }]);
+      const first = zoomed.get("answer0") ?? (share < 1 && { from: 0, to: end * share });
+      if (first) zoomTo("answer0", first);
+    }
+
+    // The part of a revolution that is shown first.
+    const turnShown = () => legible(shown.answer?.[0]?.cycles ?? 0, article.clientWidth - 90);
+
     function redraw() {
       clear();
+      answer(shown.answer ?? [], draw[shown.kind].options?.(shown));
       draw[shown.kind](shown, self);
       resize();
     }
@@ -222,7 +252,7 @@
       }
     }
 
-    const self = { article, shown, part, panel, canvas, zoomed, zoomTo, zoomButtons, clear, redraw, resize, toggle };
+    const self = { article, shown, part, turnShown, panel, canvas, zoomed, zoomTo, zoomButtons, clear, redraw, resize, toggle };
     return self;
   }
 

@@ -4,6 +4,7 @@ const speedPlots = (page) => {
   const { about, colour, number, unpack, hidden } = page;
   const BAR = 3; // px, at least
   const AXES = 80; // px beside a plot, about
+  const SHRINKS = 10; // times: from there on a log axis
   const FILLED = 0.78; // of an order's place by its bars
 
   // Groups of bars over names, such as orders, in place of lines over numbers.
@@ -171,7 +172,7 @@ const speedPlots = (page) => {
     const { frequency, series, marks } = chart;
     const one = { values: frequency.map(() => 1), dash: true, label: "limit" };
     sheet.panel(parent, {
-      ...about(chart), xs: frequency, series: [...series, one], height: 260, readX: (f) => `${number(f)} Hz`,
+      ...about(chart), xs: frequency, series: [...series, one], readX: (f) => `${number(f)} Hz`,
       adapt: (o) => {
         overFrequency(o);
         o.hooks.draw.push((u) => {
@@ -203,7 +204,7 @@ const speedPlots = (page) => {
     const values = unpack(chart.values);
     const edges = [speeds[0], ...speeds.slice(1).map((v, i) => (v + speeds[i]) / 2), speeds.at(-1)];
     sheet.panel(parent, {
-      ...about(chart), title: page.report.controllers[controller].label, xs: Array.from({ length: orders }, (_, i) => i + 1), series: [], height: 300,
+      ...about(chart), title: page.report.controllers[controller].label, xs: Array.from({ length: orders }, (_, i) => i + 1), series: [],
       readX: (n) => `order ${n}`, cursor: { drag: { x: false, y: false } },
       rows: () => speeds.map((v, i) => {
         const row = values.slice(i * orders, (i + 1) * orders);
@@ -315,13 +316,15 @@ const speedPlots = (page) => {
     }
     sheet.zoomButtons(part("waveforms"), "time", shown.zooms);
     const named = (name) => shown.zooms.find((z) => z.name === name);
-    const first = wanted ?? shown.zooms.find((z) => z.first) ?? named("after start-up") ?? shown.zooms[0];
+    const usual = shown.zooms.find((z) => z.first) ?? named("after start-up") ?? shown.zooms[0];
+    const share = usual?.name === "last revolution" ? sheet.turnShown() : 1;
+    const first = wanted ?? (usual && { from: usual.to - share * (usual.to - usual.from), to: usual.to });
     if (first) zoomTo("time", first);
 
     part("spectra").hidden = !shown.spectra.length && !part("spectra").querySelector(".missed");
     for (const s of shown.spectra)
       bars(sheet, panels("spectra"), {
-        ...about(s), xs: s.orders, series: s.series, height: 230, readX: (n) => `order ${n}`,
+        ...about(s), xs: s.orders, series: s.series, readX: (n) => `order ${n}`,
       });
 
     part("late").hidden = !part("late").querySelector("table");
@@ -329,13 +332,13 @@ const speedPlots = (page) => {
     for (const w of shown.waterfall) drawWaterfall(sheet, panels("waterfall"), w);
     part("tracking").hidden = !shown.tracking.length;
     for (const t of shown.tracking)
-      panel(panels("tracking"), { ...about(t), xs: t.along, series: t.series, group: "tracking", height: 210, adapt: logY(t.series, 1e-4) });
+      panel(panels("tracking"), { ...about(t), xs: t.along, series: t.series, group: "tracking", adapt: logY(t.series, 1e-4) });
 
     part("map").hidden = !shown.maps.length && !shown.polar.length;
     for (const p of shown.polar) drawPolar(sheet, panels("map"), p);
     for (const m of shown.maps)
       panel(panels("map"), {
-        ...about(m), xs: m.angle, series: m.series, height: 230, readX: (a) => `${number(a)}°`,
+        ...about(m), xs: m.angle, series: m.series, readX: (a) => `${number(a)}°`,
       });
 
     part("angle").hidden = !shown.angle.length;
@@ -349,14 +352,31 @@ const speedPlots = (page) => {
 
     part("bode").hidden = !shown.bode.length;
     for (const b of shown.bode)
-      panel(panels("bode"), { ...about(b), xs: b.frequency, series: b.series, group: "bode", height: 260, readX: (f) => `${number(f)} Hz`, adapt: overFrequency });
+      panel(panels("bode"), { ...about(b), xs: b.frequency, series: b.series, group: "bode", readX: (f) => `${number(f)} Hz`, adapt: overFrequency });
 
     part("events").hidden = !shown.events.length;
-    shown.events.forEach((e, i) => drawTimes(sheet, panels("events"), e, "event" + i, () => ({ height: 210 })));
+    shown.events.forEach((e, i) => drawTimes(sheet, panels("events"), e, "event" + i, () => ({})));
 
     part("terms").hidden = !part("terms").querySelector("table");
     part("spectra").querySelector(".log").onchange = sheet.redraw;
   }
+
+  // The next of 1, 2, 5, 10, ... below or above.
+  const round = (x, direct) => {
+    const decade = 10 ** Math.floor(Math.log10(x)), steps = [1, 2, 5, 10];
+    return decade * (direct === Math.floor ? steps.findLast((s) => s * decade <= x) : steps.find((s) => s * decade >= x));
+  };
+
+  // Of the answer's plots: what broke is shaded, and ripple that shrinks has a log axis.
+  draw.options = (shown) => (chart, i, series) => ({
+    adapt: (o) => {
+      if (!i && chart.cycles) return;
+      shade([...shown.marks, ...(chart.held ?? [])], i === 1)(o);
+      const values = series.flatMap((s) => s.values.filter((v) => v > 0));
+      const [low, high] = [Math.min(...values), Math.max(...values)];
+      if (i && high > SHRINKS * low) o.scales.y = { distr: 3, range: () => [round(low / 1.1, Math.floor), round(high * 1.1, Math.ceil)] };
+    },
+  });
 
   return draw;
 };

@@ -16,7 +16,7 @@ const sweepPlots = (page) => {
     const series = [...chart.series];
     if (chart.limit != null) series.push({ dash: true, label: "limit", values: chart.xs.map(() => chart.limit) });
     panel(parent, {
-      ...about(chart), xs: chart.xs, series, height: dots ? 230 : 300, readX: dots ? number : (share) => `${number(share)} %`,
+      ...about(chart), xs: chart.xs, series, height: dots ? 300 : 360, readX: dots ? number : (share) => `${number(share)} %`,
       adapt: (o) => {
         if (!dots) return;
         // uPlot draws one point only of those that share the last x of the scale

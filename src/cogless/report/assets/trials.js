@@ -28,7 +28,7 @@ const trialsPlots = (page) => {
       const xs = Array.from({ length: trials }, (_, k) => k + 1);
       const series = chart.series.map((s) => ({ controller: s.controller, values: unpack(s.values).map((v) => (v == null ? null : 10 ** v)) }));
       panel(parent, {
-        ...about(chart), xs, series, height: i ? 230 : 360, group: "trials",
+        ...about(chart), xs, series, height: i ? 360 : 440, group: "trials",
         readX: (k) => `trial ${k}`,
         adapt: (o) => {
           o.scales.y = { distr: 3, range: (u, low, high) => logRange(low, high, chart.floor) };
@@ -208,7 +208,7 @@ const trialsPlots = (page) => {
       const xs = chart.frequency;
       const series = chart.series.map((s) => ({ ...s, values: unpack(s.values), label: s.dash && "unfiltered" }));
       panel(part("certificate").querySelector(".panels"), {
-        ...about(chart), xs, series, height: 260, readX: (f) => `${number(f)} Hz`,
+        ...about(chart), xs, series, readX: (f) => `${number(f)} Hz`,
         adapt: (o) => {
           o.scales.x = { time: false, distr: 3, range: (u, low, high) => [low, high] };
           o.scales.y = { range: (u, low, high) => [0, 1.1 * Math.max(1, high ?? 1)] };

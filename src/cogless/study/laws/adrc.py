@@ -13,10 +13,15 @@ class Adrc(Base):
     """Active disturbance rejection with a linear extended state observer (Gao 2003)."""
 
     law: Literal["adrc"]
-    b: CurrentToAcceleration  # rad/s^2/A, value that the controller assumes
-    omega_c: RateGain  # 1/s, bandwidth of the loop
-    omega_o: Annotated[float, Quantity(units.RATE, ">", bare=True)]  # 1/s, bandwidth of the observer
-    tuning: AutoTuning | None = None  # in place of the gains
+    """Active disturbance rejection."""
+    b: CurrentToAcceleration  # rad/s^2/A
+    """Acceleration per current that the controller assumes, $K_t / J$."""
+    omega_c: RateGain  # 1/s
+    """Bandwidth of the loop."""
+    omega_o: Annotated[float, Quantity(units.RATE, ">", bare=True)]  # 1/s
+    """Bandwidth of the observer, less than twice the speed loop's rate."""
+    tuning: AutoTuning | None = None
+    """The rule `auto` in place of the numbers."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"b": 1.0, "omega_c": 0.0, "omega_o": 1.0}
 

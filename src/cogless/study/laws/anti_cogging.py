@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from cogless.study.laws.law import MOST_CELLS, Feedback, LawLoop, Startable
 from cogless.study.table import LawSpeed, RateGain, StartTime, Table, invalid
+from cogless.units import TURN
 
 SETTLING = 1 / 8  # revolutions in each direction before a commissioning run begins to record
 
@@ -17,13 +17,16 @@ class Commissioning(Table):
     """The slow run, forwards and backwards, that fills an anti-cogging table."""
 
     speed: LawSpeed  # rad/s
-    revolutions: Annotated[int, Field(ge=1, le=100)] = 1  # each way
+    """Speed of the run."""
+    revolutions: Annotated[int, Field(ge=1, le=100)] = 1
+    """Recorded revolutions in each direction."""
     position_gain: RateGain  # 1/s
+    """Gain that holds the rotor to the angle of the run's reference."""
 
     @property
     def duration(self) -> float:
         """Duration of the commissioning run, s."""
-        return 2 * (self.revolutions + SETTLING) * 2 * math.pi / self.speed
+        return 2 * (self.revolutions + SETTLING) * TURN / self.speed
 
 
 NOT_FILLED = (
@@ -39,9 +42,14 @@ class AntiCogging(Feedback, Startable):
     """PI with a current table over the mechanical angle, learned in a commissioning run or before."""
 
     law: Literal["anti-cogging"]
-    cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720  # a revolution
-    lead: StartTime = 0.0  # s: the table is read at the angle expected after this time
-    calibration: Commissioning | None = None  # in place of a start
+    """PI and an anti-cogging table."""
+    cells: Annotated[int, Field(ge=4, le=MOST_CELLS)] = 720
+    """Entries of the table over a mechanical revolution."""
+    lead: StartTime = 0.0  # s
+    """The table is looked up at the angle that the rotor will have after this time. This compensates the
+    current loop's lag."""
+    calibration: Commissioning | None = None
+    """The run that fills the table; give this or `start`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         "cells": 720,

@@ -8,12 +8,14 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from cogless.control_library import real_number, whole_number
 from cogless.study.laws.law import Feedback, LawLoop, LearnsWhileRunning
 from cogless.study.table import CurrentBound, RateGain, invalid
 
-ORDERS, HIGHEST = 128, 65_535  # CGL_HARMONIC_ORDERS, CGL_HARMONIC_ORDER_MAX
-BANDS = 4  # half of CGL_HARMONIC_EDGES
-FASTEST = 2.6  # rad a sample of an order: CGL_HARMONIC_FASTEST
+HARMONIC_ORDERS = whole_number("CGL_HARMONIC_ORDERS")
+HARMONIC_ORDER_MAX = whole_number("CGL_HARMONIC_ORDER_MAX")
+HARMONIC_BANDS = whole_number("CGL_HARMONIC_EDGES") // 2  # a band has two edges
+ORDER_ANGLE_MOST = real_number("CGL_HARMONIC_FASTEST")  # rad that an order turns in a sample
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +28,8 @@ class Learner:
     base: int  # mechanical
     bends: int  # 1: a sensor's error once a turn is learned, 2: twice, too
     orders: int
-    fast: int  # so many of them, the lowest, act up to FASTEST, the others up to 12 samples in a cycle
+    # so many of them, the lowest, act up to ORDER_ANGLE_MOST, the others up to 12 samples in a cycle
+    fast: int
     rate: float  # 1/s, at most: the law shares 1/16 a sample among the orders that act
     rate_min: float  # 1/s, likewise
     held: tuple[float, ...] = ()  # rad a sample: bands, from and to, in which no order learns
@@ -46,10 +49,17 @@ class Harmonic(Feedback, LearnsWhileRunning):
     """PI with learned harmonics: every gain and order follows from motor and drive."""
 
     law: Literal["harmonic"]
-    base: Annotated[int, Field(ge=1, le=HIGHEST)] | None = None  # mechanical; default: of slots and poles
-    limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
-    position: bool = False  # it controls the position: its feedback is that of space-position
-    k_theta: RateGain | None = None  # 1/s, where that feedback is by hand
+    """PI with learned harmonics of the motor."""
+    base: Annotated[int, Field(ge=1, le=HARMONIC_ORDER_MAX)] | None = None
+    """Lowest learned order of a mechanical revolution; the others are its multiples. Default: the common
+    divisor of `slots` and poles, or the multiple of it that [reaches the main
+    order](/laws/harmonic.md#the-rule). With a given base all orders act up to 2.6 rad a sample."""
+    limit: CurrentBound | None = None  # A
+    """Most that each amplitude, and their sum, may be; default `current_limit`."""
+    position: bool = False
+    """Whether it controls the position."""
+    k_theta: RateGain | None = None  # 1/s
+    """Gain of the angle; only if `position` is true and `kp` and `ki` are given."""
 
     @model_validator(mode="after")
     def _of_position(self) -> Self:

@@ -46,9 +46,16 @@ class Start(Table):
 
     # in the format of control/SPEC.md, as `cogless run` writes and firmware saves
     map: StartFile | None = None
+    """[A stored map](/guide/stored-maps.md#start-a-run-from-a-map), relative to the study. Give this or
+    `table`."""
     table: StartFile | None = None
-    frame: Literal["mechanical", "electrical"] = "mechanical"  # of the table's angle
-    sign: Literal["holding", "cogging"] | None = None  # of the table
+    """CSV of angle and current or torque, relative to the study, [with units in its
+    heading](/guide/stored-maps.md#a-foreign-table)."""
+    frame: Literal["mechanical", "electrical"] = "mechanical"
+    """The revolution that the table's angle is of."""
+    sign: Literal["holding", "cogging"] | None = None
+    """Required for a table. `"holding"`: it holds the rotor against the motor's own torque. `"cogging"`: it
+    is that torque."""
     _over_angle: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
@@ -85,7 +92,10 @@ class Tuning(Table):
     """
 
     rule: Literal["phase-margin", "auto"]
-    phase_margin: PhaseMargin = math.radians(45)  # rad, must be given unless the rule is auto
+    """`phase-margin`, see [](/laws/pi.md), or `auto`, which gives all of a law's numbers that its table
+    lacks: [](/laws/auto.md)."""
+    phase_margin: PhaseMargin = math.radians(45)  # rad
+    """Phase margin of the feedback, 20 to 80 deg (0.3 to 1.45 rad). Default with `auto`: 45 deg."""
 
     @property
     def is_auto(self) -> bool:
@@ -137,6 +147,7 @@ class AutoTuning(Tuning):
     """The rule auto alone."""
 
     rule: Literal["auto"]
+    """`auto`, see [](/laws/auto.md)."""
 
 
 class Base(Table):
@@ -146,8 +157,10 @@ class Base(Table):
     by name. Gains from a tuning rule and default limits are filled in before it is called.
     """
 
-    label: Line | None = None  # in tables and report; default: its name
-    baseline: bool = False  # ratios in tables are relative to it
+    label: Line | None = None
+    """Name in tables and report. Default: its name in the study."""
+    baseline: bool = False
+    """True: ratios in tables and report are relative to this controller; one at most. Default: the first."""
 
     # keys that the rule auto gives (cogless.design.auto), with what stands there until it does
     AUTOMATIC: ClassVar[dict[str, Any]] = {}
@@ -208,8 +221,11 @@ class Feedback(Base):
     """A speed PI controller: kp and ki, or the rule that computes them."""
 
     kp: SpeedGain | None = None  # A*s/rad
+    """Proportional gain; give it with `ki`, or give `tuning`."""
     ki: SpeedIntegralGain | None = None  # A/rad
+    """Integral gain."""
     tuning: Tuning | None = None
+    """Rule that gives `kp` and `ki`. The learning part of `harmonic` has its own rule in any case."""
 
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
@@ -227,9 +243,9 @@ class Feedback(Base):
         return {"kp": self.kp, "ki": self.ki, "limit": loop.current_limit}
 
 
-MOST_CELLS = 65_535  # of a map
-MOST_SAMPLES = 1 << 24  # of a delay line
-Cells = Annotated[int, Field(ge=4, le=MOST_SAMPLES)]
+MOST_CELLS = 65_535
+LINE_SAMPLES_MOST = 1 << 24  # of a delay line
+Cells = Annotated[int, Field(ge=4, le=LINE_SAMPLES_MOST)]
 
 
 def check_cells(cells: int, q_half_width: int, line: bool) -> None:
@@ -244,13 +260,16 @@ def check_cells(cells: int, q_half_width: int, line: bool) -> None:
 class Startable(Base):
     """A law whose map over the angle can be one that was learned before."""
 
-    start: Start | None = None  # default: zeros
+    start: Start | None = None
+    """What the map holds at the start of a run. Default: nothing. A class of your own then has `learned_map`
+    and `load_map`; a library has `cogless_plugin_learned_map` and `cogless_plugin_load_map`."""
 
 
 class LearnsWhileRunning(Startable):
     """A law that learns during the run, from a time on."""
 
     learning_start: StartTime = 0.0  # s
+    """Time at which learning starts."""
 
     @property
     def learns(self) -> bool:
@@ -265,12 +284,21 @@ class Learning(LearnsWhileRunning):
     """The memory of an iterative learning law."""
 
     memory: Literal["time", "angle"] = "angle"
+    """Indexed by time or by angle, see [](/laws/memory.md)."""
     period: Literal["electrical", "mechanical"] = "mechanical"
-    cells: Cells = 1024  # entries of a map over angle, or most samples of a delay line
-    forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the memory that is kept per period
-    q_half_width: Annotated[int, Field(ge=0)] = 0  # cells on each side of the centre of the boxcar Q filter
-    lead: StartTime = 0.0  # s: the present error corrects what was output this long ago
-    limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+    """The period of the ripple: an electrical or a mechanical revolution."""
+    cells: Cells = 1024
+    """By angle: entries of the map over a period, at most 65535. By time: the longest period, in speed-loop
+    samples."""
+    forgetting: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Share of the memory that is kept in each period; 1 keeps all."""
+    q_half_width: Annotated[int, Field(ge=0)] = 0
+    """Entries on each side of the Q filter's mean; 0 for no filter."""
+    lead: StartTime = 0.0  # s
+    """The present error corrects the entry that acted this long ago. Rounded to speed-loop samples, at most
+    `cells`/4 of them."""
+    limit: CurrentBound | None = None  # A
+    """Largest magnitude of the learned part. Default: `current_limit`."""
 
     @property
     def over_angle(self) -> bool:
@@ -285,6 +313,11 @@ class Learning(LearnsWhileRunning):
     @abstractmethod
     def learning_gain(self) -> tuple[float, float]:
         """Learning gains on the speed error and its integral, like a PI's kp [A*s/rad] and ki [A/rad]."""
+
+    @property
+    def learns_by_switching(self) -> bool:
+        """Whether a switching term, which no model for small signals has, makes it learn faster."""
+        return False
 
     def ratio(self, pole_pairs: int) -> int:
         return pole_pairs if self.period == "electrical" else 1

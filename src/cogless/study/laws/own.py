@@ -16,9 +16,12 @@ class OwnLaw(Startable):
 
     NEEDS: ClassVar[str]  # what it must have to start from a map
 
-    learning: bool = False  # whether it learns, which only the user knows
-    learning_start: StartTime = 0.0  # s: until then inputs.learn is false
-    position: bool = False  # whether it holds the angle of the reference, too
+    learning: bool = False
+    """True: the law learns, so reports count it among the learning laws."""
+    learning_start: StartTime = 0.0  # s
+    """Until then `inputs.learn` is false."""
+    position: bool = False
+    """True: the law holds the angle of the reference, so its error is recorded."""
 
     @property
     def learns(self) -> bool:
@@ -43,9 +46,12 @@ class PythonLaw(OwnLaw):
     NEEDS: ClassVar[str] = "a class with the methods learned_map() and load_map(learned)"
 
     law: Literal["python"]
+    """A class of your own, see [](/guide/own-controller.md)."""
     # "file.py:Class", relative to the study
     object: Annotated[str, Field(pattern=r"^.+\.py:\w+$"), FileName(with_name=True)]
-    params: dict[str, Any] = Field(default={})  # keyword arguments of the class
+    """File, relative to the study, and class."""
+    params: dict[str, Any] = Field(default={})
+    """Keyword arguments of the class; a number with a unit arrives in SI."""
 
     @property
     def code(self) -> str:
@@ -64,8 +70,11 @@ class LibraryLaw(OwnLaw):
     NEEDS: ClassVar[str] = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
 
     law: Literal["library"]
-    library: File  # relative to the study
+    """A shared library of your own, see [](/guide/own-controller.md)."""
+    library: File
+    """File, relative to the study."""
     params: Many[float | str] = ()
+    """Numbers, with units or without, that are passed to its init function."""
 
     @field_validator("params")
     @classmethod

@@ -21,7 +21,9 @@ class PiIlc(Feedback, Learning):
     """PI with P-type iterative learning (Liu 2018, law 29)."""
 
     law: Literal["pi-ilc"]
-    gain: SpeedGain  # A*s/rad, learning
+    """PI with P-type learning."""
+    gain: SpeedGain  # A*s/rad
+    """Learning gain."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"gain": 0.0, **PERIODIC}
 
@@ -37,23 +39,39 @@ class RobustIlc(Learning):
     """Robust iterative learning by adaptive sliding mode (Liu 2018, law 19)."""
 
     law: Literal["robust-ilc"]
-    b: CurrentToAcceleration  # rad/s^2/A, value that the controller assumes
+    """Robust ILC by adaptive sliding mode."""
+    b: CurrentToAcceleration  # rad/s^2/A
+    """Acceleration per current that the controller assumes, $K_t / J$."""
     c: RateGain  # 1/s
-    g: AccelerationGain  # rad/s^2, switching
+    """Slope of the sliding surface."""
+    g: AccelerationGain  # rad/s^2
+    """Switching gain."""
     eta: RateGain  # 1/s
+    """Linear reaching gain."""
     q: NumberGain
+    """Learning rate."""
     beta_1: AccelerationGain  # rad/s^2
+    """Weight of sgn S in learning."""
     beta_2: RateGain  # 1/s
+    """Weight of S in learning."""
     gamma: RateGainPerTime  # 1/s^2
-    viscous: RateGain = 0.0  # 1/s: B(x) = viscous omega + coulomb sgn(omega)
+    """Adaptation rate."""
+    viscous: RateGain = 0.0  # 1/s
+    """Viscous part of the known friction."""
     coulomb: AccelerationGain = 0.0  # rad/s^2
-    tuning: AutoTuning | None = None  # in place of the gains
+    """Coulomb part of the known friction."""
+    tuning: AutoTuning | None = None
+    """The rule `auto` in place of the numbers."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {
         **dict.fromkeys(("c", "g", "eta", "q", "beta_1", "beta_2", "gamma"), 0.0),
         "b": 1.0,
         **PERIODIC,
     }
+
+    @property
+    def learns_by_switching(self) -> bool:
+        return True
 
     @property
     def linear(self) -> tuple[float, float]:

@@ -11,6 +11,7 @@ class Pi(Feedback):
     """Proportional-integral speed control."""
 
     law: Literal["pi"]
+    """PI speed control."""
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
         return self.pi_config(loop)

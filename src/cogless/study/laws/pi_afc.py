@@ -8,21 +8,30 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
+from cogless.control_library import whole_number
 from cogless.study.laws.law import Feedback, LawLoop, LearnsWhileRunning
 from cogless.study.table import CurrentBound, LawSpeed, Many, SpeedIntegralGain, StartTime, invalid
 
-ORDERS, HIGHEST = 16, 65_535  # CGL_PI_AFC_ORDERS, CGL_PI_AFC_ORDER_MAX
+PI_AFC_ORDERS = whole_number("CGL_PI_AFC_ORDERS")
+PI_AFC_ORDER_MAX = whole_number("CGL_PI_AFC_ORDER_MAX")
 
 
 class PiAfc(Feedback, LearnsWhileRunning):
     """PI with adaptive feedforward cancellation: amplitudes of chosen orders, learned over the angle."""
 
     law: Literal["pi-afc"]
+    """PI with adaptive feedforward cancellation."""
     orders: Many[int]  # mechanical
-    gain: SpeedIntegralGain  # A/rad, learning
-    lead: StartTime = 0.0  # s: delay from the current to the measured speed
-    omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning pauses, but the learned part stays on
-    limit: CurrentBound | None = None  # A, of the learned part; default: current_limit
+    """Orders of the mechanical revolution to learn, in rising order."""
+    gain: SpeedIntegralGain  # A/rad
+    """Learning gain."""
+    lead: StartTime = 0.0  # s
+    """The present error corrects the coefficients at the angle of this long ago: the delay from current to
+    measured speed. Not rounded."""
+    omega_min: LawSpeed = 0.01  # rad/s
+    """Below this speed learning pauses, and what was learned continues to act."""
+    limit: CurrentBound | None = None  # A
+    """Largest magnitude of each coefficient and of the learned part. Default: `current_limit`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"orders": [1], "gain": 0.0, "lead": 0.0}
 
@@ -47,9 +56,11 @@ class PiAfc(Feedback, LearnsWhileRunning):
 
     @model_validator(mode="after")
     def _rising(self) -> Self:
-        rising = all(a < b for a, b in pairwise((0, *self.orders, HIGHEST + 1)))
-        if not rising or not 1 <= len(self.orders) <= ORDERS:
-            raise invalid(f"expected 1 to {ORDERS} orders that rise, from 1 to {HIGHEST}", "orders")
+        rising = all(a < b for a, b in pairwise((0, *self.orders, PI_AFC_ORDER_MAX + 1)))
+        if not rising or not 1 <= len(self.orders) <= PI_AFC_ORDERS:
+            raise invalid(
+                f"expected 1 to {PI_AFC_ORDERS} orders that rise, from 1 to {PI_AFC_ORDER_MAX}", "orders"
+            )
         return self
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:

@@ -30,8 +30,11 @@ class Period(Table):
     """The period of what is learned: turns / parts of an electrical or mechanical revolution."""
 
     of: Literal["electrical", "mechanical"] = "electrical"
+    """The kind of revolution, electrical or mechanical."""
     turns: Whole = 1
+    """Number of revolutions."""
     parts: Whole = 1
+    """Divisor: the period is turns/parts revolutions."""
 
     def revolutions(self, pole_pairs: int) -> Fraction:
         """Length of the period in mechanical revolutions."""
@@ -42,22 +45,36 @@ class SpaceLearning(LearnsWhileRunning):
     """The memory of a law that learns over the angle."""
 
     learning: bool = True
+    """False: the feedback alone."""
     period: Period = Period()
-    memory: Literal["map", "delay"] = "map"  # map over the angle, or delay line over time; P_t is its delay
-    delay_method: Literal["ode", "inversion"] = "ode"  # how P_t is found
-    k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s, gain of the ODE for P_t
-    cells: Cells = 1024  # cells of the map; samples of the delay line's longest period
-    q_half_width: Annotated[int, Field(ge=0)] = 5  # cells, or samples, on each side of the Q filter; 0: none
+    """The period of the ripple."""
+    memory: Literal["map", "delay"] = "map"
+    """A map over the angle, or a delay line over time that is read the time $P_t$ back."""
+    delay_method: Literal["ode", "inversion"] = "ode"
+    """How $P_t$ is found: by the paper's differential equation, or by inversion."""
+    k_pp: Annotated[float, Quantity(units.RATE, ">", bare=True)] = 10.0  # 1/s
+    """Gain in the differential equation for $P_t$."""
+    cells: Cells = 1024
+    """Entries of the map, at most 65535; for the delay line, the samples of the longest period."""
+    q_half_width: Annotated[int, Field(ge=0)] = 5
+    """Cells, or samples, on each side of the Q filter's mean; 0 for no filter, as printed."""
     # learning gains of alpha, beta and h; a rad in their units is of the angle that the law uses
     mu_alpha: Annotated[float, Quantity(units.CURRENT, ">=", bare=True)] = 0.0  # A
+    r"""Learning gain of $\alpha$."""
     mu_beta: Annotated[float, Quantity(units.SPEED_LEARNING, ">=", bare=True)] = 0.0  # A*s^2/rad^2
+    r"""Learning gain of $\beta$, on speed; 0 leaves it out."""
     mu_h: Annotated[float, Quantity(units.ACCELERATION_LEARNING, ">=", bare=True)] = 0.0  # A*s^4/rad^2
-    alpha_limit: CurrentBound | None = None  # A; default: the current limit
-    # A*s/rad; default: the current limit over the reference's top speed
-    beta_limit: Annotated[float, Quantity(units.SPEED_GAIN, ">", bare=True)] | None = None
-    # A*s^2/rad; default: the current limit over the reference's top acceleration
+    """Learning gain of $h$, on acceleration; 0 leaves it out."""
+    alpha_limit: CurrentBound | None = None  # A
+    r"""Largest magnitude of the stored $\alpha$. Default: `current_limit`."""
+    beta_limit: Annotated[float, Quantity(units.SPEED_GAIN, ">", bare=True)] | None = None  # A*s/rad
+    r"""Largest magnitude of the stored $\beta$. Default: the value that gives `current_limit` at the top
+    speed."""
     h_limit: Annotated[float, Quantity(units.CURRENT_PER_ACCELERATION, ">", bare=True)] | None = None
-    omega_min: LawSpeed = 0.01  # rad/s, mechanical: below it learning pauses, but the learned part stays on
+    """Largest magnitude of the stored $h$. Default: the value that gives `current_limit` at the top
+    acceleration."""
+    omega_min: LawSpeed = 0.01  # rad/s
+    """Below this speed learning pauses, and what was learned continues to act."""
 
     @model_validator(mode="after")
     def _cells_fit(self) -> Self:
@@ -118,17 +135,30 @@ class SpacePosition(SpaceLearning):
     """Position control that learns in angle, with hand-over from integral action (Verrelli 2016, law 6)."""
 
     law: Literal["space-position"]
-    frame: Literal["electrical", "mechanical"] = "electrical"  # of the angle that the gains multiply
+    """Position control that learns in angle."""
+    frame: Literal["electrical", "mechanical"] = "electrical"
+    """Frame of the angles and speeds to which the gains apply: `electrical` multiplies mechanical ones by the
+    pole pairs."""
     k_theta: RateGain | None = None  # 1/s
+    """Speed reference per angle error; give it with `k_omega`, or give `tuning`."""
     k_omega: SpeedGain | None = None  # A*s/rad
-    k_i: SpeedIntegralGain = 0.0  # A/rad, until learning takes over
-    tuning: Tuning | None = None  # in place of k_theta, k_omega and k_i
+    """Current per speed error."""
+    k_i: SpeedIntegralGain = 0.0  # A/rad
+    """Gain of the integral action; with `hand_over` it acts only until learning takes over."""
+    tuning: Tuning | None = None
+    """A rule that gives `k_theta`, `k_omega` and `k_i`, see [](/theory/learning-in-angle.md#a-fair-pi)."""
     k_v: SpeedIntegralGain = 0.0  # A/rad
+    """Additional current per angle error."""
     v_0: SpeedGain = 0.0  # A*s/rad
+    """Robustifying gain, constant."""
     v_2: Annotated[float, Quantity(units.CUBIC_SPEED_GAIN, ">=", bare=True)] = 0.0  # A*s^3/rad^3
-    hand_over: bool = True  # integral action fades out as learning fades in
+    """Robustifying gain, per square of the speed."""
+    hand_over: bool = True
+    """Integral action fades out as learning fades in."""
     ramp: StartTime = 1.0  # s
-    index: Literal["reference", "rotor"] = "reference"  # the angle that the memory is over
+    """Time over which the learning gains rise and the hand-over takes place, from `learning_start` on."""
+    index: Literal["reference", "rotor"] = "reference"
+    """The angle that indexes the memory, the reference's or the rotor's."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"frame": "mechanical", "hand_over": False, **MECHANICAL}
 
@@ -166,9 +196,13 @@ class SpaceSpeed(SpaceLearning):
     """Speed control that learns in angle (Verrelli 2016, law 4); all of its quantities are mechanical."""
 
     law: Literal["space-speed"]
+    """Speed control that learns over the rotor's angle."""
     k: SpeedGain  # A*s/rad
-    eta_bar: LawSpeed  # rad/s: learning pauses while the speed error is larger
-    tuning: AutoTuning | None = None  # in place of the gains
+    """Current per speed error."""
+    eta_bar: LawSpeed  # rad/s
+    """Learning pauses while the speed error is larger than this."""
+    tuning: AutoTuning | None = None
+    """The rule `auto` in place of the numbers."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"k": 0.0, "eta_bar": 1.0, **MECHANICAL}
 

@@ -23,32 +23,45 @@ class SignalFilter(Table):
     """A Butterworth low-pass, run forwards and backwards after each trial, so that it has no phase shift."""
 
     cutoff: LawFrequency  # Hz
+    """Frequency at which its gain is one half, since it runs forward and backward. Below half the sampling
+    rate."""
     order: Annotated[int, Field(ge=1, le=4)] = 2
-    ends: Ends = "even"  # reflection by which the filter continues the trial at both ends
+    """Order of the Butterworth filter that runs each way."""
+    ends: Ends = "even"
+    """Reflection by which the filter continues the trial at both ends. The even one enlarges no signal. The
+    odd one, as of SciPy's filtfilt, multiplies noise near the ends."""
 
 
 class QFilter(SignalFilter):
     """The filter of a law that learns with a single gain."""
 
-    acts_on: Literal["error", "signal"] = "error"  # filter the error to learn from, or the learned signal
+    acts_on: Literal["error", "signal"] = "error"
+    """What is filtered: the error before it is learned, or the whole learned signal."""
 
 
 class TrialLaw(Base):
     """The keys that every law of trials has."""
 
-    # bound of the learned signal, rad or the unit of y
     learned_limit: Annotated[float, Field(gt=0, le=1e12)] = 1e6
-    # what was learned moves along with a changed reference, by functions of it
+    r"""Largest $\lvert v \rvert$. With `state-ilc` and `observer-ilc` $v$ is in the unit of the input."""
     basis_functions: bool = False
-    guard: bool = True  # what is learned goes back where it leaves more error than the feedback alone
+    """True: what was learned [moves along with a changed
+    reference](/guide/trial-studies.md#a-motion-that-changes)."""
+    guard: bool = True
+    """False switches [the guard](/laws/trial.md#the-guard) off, which takes back what leaves more error than
+    the feedback alone."""
 
 
 class FilteredLaw(TrialLaw):
     """A law of trials that learns with a single gain, and may have a Q filter."""
 
-    q_filter: QFilter | Literal["auto", "none"] | None = None  # default: none
-    # samples by which the error is ahead of the learned signal; default: the relative degree
+    q_filter: QFilter | Literal["auto", "none"] | None = None
+    """Filter applied between trials, `"auto"` for [the design's
+    choice](/theory/trial-design.md#shift-and-filter-together), or `"none"`. Default of `trial-ilc`: `"auto"`,
+    but none if `shift` is a number or `K_3` is given. Default of `state-ilc`: none."""
     shift: Annotated[int, Field(ge=1, le=65_534)] | Literal["auto"] | None = None
+    """Sample $p$ of $v$ learns from the error at $p$ + `shift`. Default: `"auto"` with a filter that is
+    `"auto"`, else the relative degree. A larger shift suits a loop that lags."""
 
     @property
     def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
@@ -60,14 +73,22 @@ class TrialIlc(FilteredLaw):
     """State feedback with integral action, feedforward and trial-to-trial learning (Mandra 2019, Fig. 1)."""
 
     law: Literal["trial-ilc"]
-    acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"  # the learned signal
+    """State feedback with integral action, feedforward, learning."""
+    acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
+    """Where $v$ is added. With the input only, the integrator [works against what is
+    learned](/studies/mandra2019.md#why-the-simplified-structure-is-slow)."""
     integral: bool = True
+    """False switches the integrator off."""
     learning: bool = True
+    """False keeps $v$ at zero."""
     feedforward: bool = True
-    K_s: Many[float] | None = None  # of the states and the integrator; default: from LMIs (9) to (13)
-    N: float | None = None  # static feedforward gain; default: 1 / DC gain
-    # learning gain; default: chosen with shift and filter, or from the LMIs (32) to (35)
+    """False switches the dynamic feedforward off."""
+    K_s: Many[float] | None = None
+    """Given gains of the states and the integrator. They are certified, not designed."""
+    N: float | None = None
+    """Given static feedforward."""
     K_3: float | None = None
+    """Given learning gain. It changes neither a shift nor a filter that is `"auto"`."""
 
     @property
     def choice(self) -> tuple[QFilter | Literal["auto"] | None, int | Literal["auto"] | None]:
@@ -88,37 +109,55 @@ class StateIlc(FilteredLaw):
     """The older law (3) of Mandra 2019: it corrects the last trial's input, and has no feedforward."""
 
     law: Literal["state-ilc"]
-    K_stab: Many[float] | None = None  # of the states; default: from the LMIs without integral action
-    K_ilc: float | None = None  # learning gain; default: from the LMIs (32) to (35)
+    """The older law (3) of Mandra 2019."""
+    K_stab: Many[float] | None = None
+    """Given state feedback."""
+    K_ilc: float | None = None
+    """Given learning gain."""
 
 
 class NormOptimalIlc(TrialLaw):
     """Learning by a whole matrix from the error over a trial, optimal for the nominal plant."""
 
     law: Literal["norm-optimal"]
+    """Learning by a matrix."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
+    """Where $v$ is added: input and integrator, or the input only."""
     integral: bool = True
+    """False switches the integrator off."""
     feedforward: bool = True
+    """False switches the dynamic feedforward off."""
     K_s: Many[float] | None = None
+    """Given gains of the states and the integrator."""
     N: float | None = None
+    """Given static feedforward."""
     q_filter: SignalFilter | None = (
         None  # on the learned signal: a weight of the signal itself over frequency
     )
-    # weight of the learned signal's change in the cost, where the error's weight is 1
+    r"""Filter on the learned signal, $v \leftarrow Q\,(v + L e)$. Default: none. It forgets what is above the
+    cut-off ([why](/theory/trial-design.md#a-weight-of-the-signal-itself))."""
     change_weight: Annotated[float, Field(gt=0)] = 0.01
+    """Weight of the change of $v$ from trial to trial; the error has weight 1. A larger one learns more
+    slowly and tolerates a worse model."""
 
 
 class ObserverIlc(TrialLaw):
     """Feedback from an observed error, and learning of the input that was missing; all gains by a rule."""
 
     law: Literal["observer-ilc"]
+    """An observer's feedback, and learning of the missing input."""
     learning: bool = True
+    """False keeps $v$ at zero."""
     feedforward: bool = True
+    """False switches off the input that the nominal plant needs for the reference."""
     pole: Annotated[float, Field(ge=0.0, lt=1.0)] | None = (
         None  # of observer and feedback; default: by the rule
     )
-    cutoff: LawFrequency | None = None  # of the filter on the learned signal, Hz; default: by the rule
-    ends: Ends = "even"  # as in QFilter
+    """Given pole of observer and feedback, 0 to below 1; a smaller one is faster."""
+    cutoff: LawFrequency | None = None
+    """Given cut-off of the filter on $v$."""
+    ends: Ends = "even"
+    """As in `q_filter`."""
 
 
 AnyTrialController = TrialIlc | StateIlc | NormOptimalIlc | ObserverIlc | PythonLaw | LibraryLaw
@@ -136,16 +175,28 @@ UNCERTAIN = {
 class DesignSettings(Table):
     """Settings of the design by LMIs: weights, initial conditions, ranges of a drive's parameters."""
 
-    # of all models; default: Euler's in the inequalities, exact for the feedforward and whatever is judged
     discretisation: Literal["euler", "exact"] | None = None
-    # whether certificate, prediction and rules know the position sensor; the floor has its steps anyway
+    """How the models of the design are sampled: exactly, with a zero-order hold, or by Euler. Default:
+    Euler's models in the inequalities, exact ones for the feedforward
+    ([why](/theory/trial-design.md#the-plant-as-a-polytope))."""
     sensor: bool = True
-    state_weight: Weight  # Q of (8), for states and integrator: its diagonal, or all its rows
-    input_weight: Annotated[float, Field(gt=0)]  # R of (8)
-    initial_state: Many[float]  # gamma of (10): states and integrator where the cost begins
-    initial_change: Many[float] | None = None  # f of (31); default: initial_state
-    initial_error: Annotated[float, Field(gt=0)] = 0.1  # g of (31)
+    """Whether certificate, prediction and the rule of `observer-ilc` know the latency, speed method and steps
+    of the position sensor, and a bus's delay ([how](/theory/trial-design.md#the-sensor))."""
+    state_weight: Weight
+    """Q of (8), positive definite: its diagonal, or its rows; the integrator comes last. Without an entry for
+    the integrator every `trial-ilc` and `norm-optimal` must have `integral = false`."""
+    input_weight: Annotated[float, Field(gt=0)]
+    """R of (8)."""
+    initial_state: Many[float]
+    r"""$\gamma$ of (10), the deviation whose cost is bounded; as long as `state_weight`."""
+    initial_change: Many[float] | None = None
+    """f of (31), as long as `state_weight`. Default: `initial_state`. Give zeros if all trials start alike,
+    even with an offset: $K_3$ is then the gain whose slowest frequency converges fastest."""
+    initial_error: Annotated[float, Field(gt=0)] = 0.1
+    """g of (31)."""
     range: dict[str, tuple[float, float]] = Field(default={})  # of a drive's parameters, as in UNCERTAIN
+    """For a drive, `[smallest, largest]` by dotted key: `"mechanics.inertia"`,
+    `"mechanics.viscous_friction"`, `"motor.K_t"`."""
 
     @field_validator("range", mode="before")
     @classmethod

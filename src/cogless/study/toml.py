@@ -1,4 +1,4 @@
-"""A study's tables as lines of TOML that a page can change one by one."""
+"""Values and keys as written in TOML, and a study's tables as lines that a page can change one by one."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def sections(source: Source) -> list[dict[str, Any]]:
     return [
         {
             "path": path,
-            "heading": dotted(path),
-            "lines": [[dotted(key), list(_pieces(v, key))] for key, v in _leaves(table)],
+            "heading": toml_key(path),
+            "lines": [[toml_key(key), list(_pieces(v, key))] for key, v in _leaves(table)],
         }
         for path, table in [((), top), *below]
     ]
@@ -48,9 +48,9 @@ def _leaves(table: Mapping[str, Any], above: tuple[str, ...] = ()) -> Iterator[t
 
 
 def _pieces(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str, str]]:
-    """The text of `text` in pieces, each number or text of an array apart."""
+    """The text of `toml` in pieces, each number or text of an array apart."""
     if not isinstance(value, list | tuple):
-        yield text(value)
+        yield toml(value)
         return
     yield from _within(value, path)
 
@@ -58,9 +58,9 @@ def _pieces(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str, str]
 def _within(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str, str]]:
     if isinstance(value, dict):
         for n, (key, inner) in enumerate(value.items()):
-            yield f"{', ' if n else '{ '}{dotted((key,))} = "
+            yield f"{', ' if n else '{ '}{toml_key((key,))} = "
             yield from _within(inner, (*path, key))
-        yield " }" if value else "{ }"
+        yield " }" if value else "{}"
     elif isinstance(value, list | tuple):
         yield "["
         for n, inner in enumerate(value):
@@ -68,24 +68,29 @@ def _within(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str, str]
             yield from _within(inner, (*path, str(n)))
         yield "]"
     else:
-        yield dotted(path), text(value)
+        yield toml_key(path), toml(value)
 
 
-def dotted(path: tuple[str, ...]) -> str:
+def toml_key(path: tuple[str, ...]) -> str:
     """A key of several parts."""
-    return ".".join(
-        part if part and set(part) <= BARE else json.dumps(part, ensure_ascii=False) for part in path
-    )
+    return ".".join(part if part and set(part) <= BARE else quoted(part) for part in path)
 
 
-def text(value: Any) -> str:
-    """A value on one line."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{dotted((key,))} = {text(inner)}" for key, inner in value.items()) + " }"
+def toml(value: Any) -> str:
+    """A value in one line. What TOML has no form for becomes a text."""
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(text, value)) + "]"
-    return repr(value)
+        return f"[{', '.join(map(toml, value))}]"
+    if isinstance(value, dict) and value:
+        return f"{{ {', '.join(f'{toml_key((key,))} = {toml(item)}' for key, item in value.items())} }}"
+    return repr(value) if isinstance(value, float) else quoted(value)  # JSON has no nan and inf
+
+
+def quoted(value: Any) -> str:
+    """The value as JSON in one line; characters that can't be printed are escaped."""
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if text.isprintable() else "".join(map(_printable, text))
+
+
+def _printable(character: str) -> str:
+    code = ord(character)
+    return character if character.isprintable() else f"\\u{code:04x}" if code < 1 << 16 else f"\\U{code:08x}"

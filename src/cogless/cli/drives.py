@@ -1,0 +1,165 @@
+"""`drives` and `table`: what is read and written for drives that people own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cogless.cli.options import output_option
+from cogless.errors import StudyError
+
+if TYPE_CHECKING:
+    from cogless.drives.adapter import TableFrame, TableText
+    from cogless.drives.holding_current import HoldingCurrent
+
+FLAWED_SHARE = 0.1  # of the holding current's rms: a table that leaves more is told
+
+
+def drives() -> None:
+    """List the drives whose logs cogless reads and whose cogging tables it writes, and how sure that is."""
+    from cogless.drives.registry import ADAPTERS
+
+    for adapter in ADAPTERS.values():
+        print(f"{adapter.name}: {adapter.title}")
+        for verb, features in (("reads", adapter.reads), ("writes", adapter.writes)):
+            for feature in features:
+                print(f"  {verb:<7}{feature.what} ({feature.certainty.value})")
+        if adapter.refusal:
+            print(f"  takes no table: {adapter.refusal}")
+
+
+def table(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A folder of cogless identify, a stored map, or with --from a drive's table.",
+        ),
+    ],
+    to: Annotated[str, typer.Option("--to", metavar="DRIVE", help="Whose format.", show_default=False)],
+    output: Annotated[
+        Path | None,
+        output_option("Write the table there; without it only what is said of it.", "FILE", False),
+    ] = None,
+    from_: Annotated[
+        str | None, typer.Option("--from", metavar="DRIVE", help="SOURCE is a table of this drive.")
+    ] = None,
+    drive_config: Annotated[
+        Path | None,
+        typer.Option(
+            "--drive-config", metavar="FILE", help="What the drive of --from needs beside its table."
+        ),
+    ] = None,
+    shift: Annotated[
+        str | None,
+        typer.Option(
+            "--shift", metavar="ANGLE", help="The new index where SOURCE's angle is zero, mechanical."
+        ),
+    ] = None,
+    reverse: Annotated[
+        bool, typer.Option("--reverse", help="Angle and current of the new drive count the other way.")
+    ] = False,
+) -> None:
+    """Write a cogging table in a drive's own format.
+
+    Says what the drive's own interpolation and rounding leave of the cogging, how to install the table and to
+    take it out, and how to check its sign. `cogless drives` lists what each drive takes.
+    """
+    from cogless.drives.adapter import TableFrame
+    from cogless.drives.holding_current import residue
+    from cogless.drives.registry import adapter_named
+    from cogless.files import replacing
+
+    adapter = adapter_named(to, "--to")
+    if adapter.write is None:
+        raise StudyError(f"--to: {to}: takes no table: {adapter.refusal}")
+    current, frame = _source(source, from_, to, drive_config)
+    if shift is not None:
+        current = current.turned(-1 if reverse else 1, _angle(shift))
+        frame = TableFrame(to, zero=True)
+    elif reverse:
+        raise StudyError(
+            "--reverse: expected --shift ANGLE beside it: the zero of a reversed angle is another"
+        )
+    if not frame.zero:
+        raise StudyError(f"{source}: the table's zero is not known: {frame.lacking}")
+    written = adapter.write(current, frame)
+    rest = residue(current, written.entries, written.applied)
+    torque = f", {1e3 * current.K_t * rest.before:.3g} mN*m" if current.K_t else ""
+    print(f"{adapter.title}: {written.entries} entries, {written.scale}.")
+    print(f"Holding current without the table {1e3 * rest.before:.4g} mA rms{torque}.")
+    print(
+        f"Left by the drive's own rounding and interpolation {1e3 * rest.after:.3g} mA rms, "
+        f"{rest.share:.2%}; most of it order {rest.order}, {1e3 * rest.amplitude:.2g} mA."
+    )
+    if rest.share > FLAWED_SHARE:
+        highest = max(current.orders)
+        print(
+            f"! The orders reach {highest}: {written.entries} entries hold those below "
+            f"{written.entries // 2}."
+        )
+    if frame.zero_error:
+        highest = max(current.orders)
+        print(f"The table's zero is known to {frame.zero_error * highest:.2g} rad of order {highest}.")
+    for line in _instructions(written, output):
+        print(line)
+    if output is not None:
+        with replacing(output) as temporary:
+            temporary.write_text(written.text, "utf-8")
+        print(f"Table: {output}")
+
+
+def _angle(text: str) -> float:
+    """An angle of the command line, rad."""
+    from cogless import units
+
+    try:
+        return units.parse(text, units.ANGLE)
+    except units.UnitError as error:
+        raise StudyError(f'--shift: "{text}": {error}') from None
+
+
+def _source(
+    source: Path, from_: str | None, to: str, configuration: Path | None
+) -> tuple[HoldingCurrent, TableFrame]:
+    """The current, and how its angle lies to the index of the drive that it is written for."""
+    from cogless.drives import holding_current
+    from cogless.drives.adapter import FRAME_FILE, TableFrame, frame_from
+    from cogless.drives.registry import adapter_named
+
+    unknown = (
+        f"it is over another angle: expected logs of {to}, or --shift ANGLE that says how its index lies"
+    )
+    if from_ is not None:
+        adapter = adapter_named(from_, "--from")
+        if adapter.read_table is None:
+            raise StudyError(f"--from: {from_}: no table of it can be read: see cogless drives")
+        current = adapter.read_table(source, configuration)
+        return current, TableFrame(to, zero=to in (from_, "csv"), lacking=unknown)
+    if not source.exists():
+        raise StudyError(f"{source}: no such file or folder: expected a folder of cogless identify, or a map")
+    if not source.is_dir():
+        return holding_current.from_stored_map(source), TableFrame(to, zero=to == "csv", lacking=unknown)
+    current = holding_current.from_identified(source)
+    if to == "csv":
+        return current, TableFrame(to, zero=True)
+    if not (source / FRAME_FILE).is_file():
+        return current, TableFrame(
+            to, lacking=f"no {FRAME_FILE} in it: expected cogless identify with --drive {to}"
+        )
+    frame = frame_from(source / FRAME_FILE)
+    if frame.drive != to:
+        return current, TableFrame(to, lacking=f"{FRAME_FILE}: drive: {frame.drive}: {unknown}")
+    return current, frame
+
+
+def _instructions(written: TableText, output: Path | None) -> list[str]:
+    file = str(output) if output is not None else "FILE"
+    return [
+        f"Install: {written.install.replace('FILE', file)}",
+        f"Take out: {written.remove}",
+        f"Check the sign: {written.sign_check}.",
+        *written.notes,
+    ]

@@ -1,0 +1,157 @@
+"""What each drive's module offers: the logs that it reads, its configuration, the table that it takes.
+
+A drive is one module with an `Adapter`; `registry` lists them. Angles are the rotor's, mechanical, and count
+in the direction in which a positive i_q accelerates. Currents are peak amperes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from cogless.drives.holding_current import HoldingCurrent
+from cogless.errors import StudyError
+from cogless.files import no_device, reason
+from cogless.identify.files import Array
+
+RAMP_TIME = 1.0  # s, from rest to the first speed of a motion and from the last to rest
+FRAME_FILE = "drive.json"  # stands beside the results of identify
+
+
+class Certainty(StrEnum):
+    """How sure it is that a format is read or written as its firmware does."""
+
+    SOURCE = "verified in its source"
+    MANUAL = "by its manual"
+    DRIVE = "needs one test on the drive"
+    OWN = "a format of cogless"
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A format that a drive's module reads or writes, and how sure that is."""
+
+    what: str
+    certainty: Certainty
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A log in SI units by signal, as `identify.config.SIGNALS` names them. `kind`: of `identify`, or ""."""
+
+    path: Path
+    name: str  # "": the file's
+    signals: Mapping[str, Array]
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class TableFrame:
+    """How the identified angle lies to the index of the drive's own cogging table.
+
+    The index counts as `direction` times the identified angle. `zero`: both are zero at one place;
+    `zero_error`: by how much they may differ, rad. `lacking`: what to do where `zero` is false.
+    """
+
+    drive: str
+    direction: int = 1
+    zero: bool = False
+    zero_error: float = 0.0
+    lacking: str = ""
+
+    def to_json(self) -> str:
+        return json.dumps(asdict(self), indent=2) + "\n"
+
+
+@dataclass(frozen=True, eq=False)
+class DriveLogs:
+    """What logs and configuration of a drive tell: recordings, tables of a file of columns, remarks."""
+
+    recordings: Sequence[Recording]
+    tables: Mapping[str, Mapping[str, Any]]  # [motor] and [drive]
+    frame: TableFrame
+    remarks: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class TableText:
+    """A cogging table in the drive's own format.
+
+    `applied`: the current that the firmware makes of it at an identified angle, A over rad. `entries`,
+    `scale`: for the summary. `install`, `remove`, `sign_check`: what the user does, a line each.
+    """
+
+    text: str
+    entries: int
+    scale: str
+    applied: Callable[[Array], Array]
+    install: str
+    remove: str
+    sign_check: str
+    notes: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Speeds of the rotor, rad/s over s, with straight lines between, by the name of the log to record.
+
+    `current_limit`: A; `K_t`: N m/A. `tables`: [motor] and [drive] of the plan's study.
+    """
+
+    speeds: Mapping[str, Sequence[tuple[float, float]]]
+    current_limit: float
+    K_t: float
+    tables: Mapping[str, Mapping[str, Any]]
+
+
+def ramped(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Speeds over time with a ramp before and after, from rest and back to it."""
+    (_, first), (end, last) = points[0], points[-1]
+    before = [(0.0, 0.0)] if first else []
+    start = RAMP_TIME if first else 0.0
+    after = [(start + end + RAMP_TIME, 0.0)] if last else []
+    return [*before, *((start + t, speed) for t, speed in points), *after]
+
+
+@dataclass(frozen=True, eq=False)
+class Adapter:
+    """A drive's module. `recognise`: which of its logs begins with these lines, "" for none of them.
+
+    `read_logs`, `read_table` also take the file of `--drive-config`. `write`: the drive's own text of a
+    table; None: `refusal` says why the drive takes none. `write_script`: files by name,
+    of which the first plays motions and logs them.
+    """
+
+    name: str
+    title: str
+    reads: tuple[Feature, ...]
+    writes: tuple[Feature, ...]
+    recognise: Callable[[Sequence[str]], str] | None = None
+    read_logs: Callable[[Sequence[Path], Path | None], DriveLogs] | None = None
+    write: Callable[[HoldingCurrent, TableFrame], TableText] | None = None
+    read_table: Callable[[Path, Path | None], HoldingCurrent] | None = None
+    write_script: Callable[[Motions, Path | None], Mapping[str, str]] | None = None
+    refusal: str = ""
+
+
+def text_of(path: Path, expected: str) -> str:
+    """The text of a small file. StudyError: it can't be read."""
+    try:
+        no_device(path)
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise StudyError(f"{path}: not UTF-8: expected {expected}") from None
+    except OSError as error:
+        raise StudyError(f"{path}: {reason(error)}: expected {expected}") from error
+
+
+def frame_from(path: Path) -> TableFrame:
+    """The frame that identify wrote beside its results. StudyError: the file is no such one."""
+    try:
+        return TableFrame(**json.loads(text_of(path, "what identify --drive writes")))
+    except (TypeError, ValueError):
+        raise StudyError(f"{path}: expected what identify --drive writes") from None

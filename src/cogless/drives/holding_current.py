@@ -1,0 +1,153 @@
+"""The current that holds a rotor against its cogging, and the entries of a drive's table of it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.errors import StudyError
+from cogless.files import reason
+from cogless.identify.files import Array
+from cogless.maps import stored_map
+from cogless.maps.stored_map import CURRENT
+
+FINE_POINTS = 16  # for each entry of a table, or for each wave of the highest order
+ORDER_LEAST = 1e-6  # an order below this share of the largest is rounding
+Waves = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class HoldingCurrent:
+    """The current over the rotor's angle is sum Re(waves[n] exp(j n angle)), A; waves[0] is zero.
+
+    `K_t`: N*m/A, of the motor that it is for; 0: unknown. `source`: for messages.
+    """
+
+    waves: Waves
+    K_t: float
+    source: str
+
+    def current(self, angle: Array) -> Array:
+        """The current at these angles, A."""
+        orders = np.flatnonzero(self.waves)
+        return np.asarray(sum((self.waves[n] * np.exp(1j * n * angle)).real for n in orders) + 0 * angle)
+
+    @property
+    def orders(self) -> list[int]:
+        """The orders that it has."""
+        sizes = np.abs(self.waves)
+        return [int(n) for n in np.flatnonzero(sizes > ORDER_LEAST * np.max(sizes))]
+
+    @property
+    def rms(self) -> float:
+        """Root mean square, A."""
+        return float(np.sqrt(np.sum(np.abs(self.waves) ** 2) / 2))
+
+    def turned(self, direction: int, shift: float = 0.0) -> HoldingCurrent:
+        """The same where angle and current count in this direction, and the angle is larger by `shift`."""
+        n = np.arange(len(self.waves))
+        waves = self.waves if direction > 0 else -np.conj(self.waves)
+        return HoldingCurrent(waves * np.exp(-1j * n * shift), self.K_t, self.source)
+
+
+def from_samples(
+    values: Array, K_t: float, source: str, kind: Literal["points", "linear", "step", "means"] = "points"
+) -> HoldingCurrent:
+    """The current of evenly spaced values over a revolution. Their mean, a load, is left out.
+
+    Value i is `points`: the current at i / count. `linear`: a table's entry there, with straight lines
+    between, which make an order n smaller by sinc^2(n / count). `step`: an entry that holds from i to i + 1.
+    `means`: the mean of a current over that stretch, which is smaller than the current by sinc.
+    """
+    count = len(values)
+    n = np.arange((count + 1) // 2)
+    waves = 2 / count * np.fft.rfft(values)[: len(n)]
+    sinc = np.sinc(n / count)
+    if kind in ("step", "means"):
+        waves *= np.exp(-1j * n * np.pi / count)
+    waves *= sinc ** {"points": 0, "linear": 2, "step": 1, "means": -1}[kind]
+    waves[0] = 0.0
+    return HoldingCurrent(waves, K_t, source)
+
+
+def samples(current: HoldingCurrent, count: int, direction: int, between: Literal["linear", "step"]) -> Array:
+    """The entries of a table whose own interpolation makes each order of the current as large as it is.
+
+    Entry i is at the index i / count, which counts as `direction` times the angle. `linear`: the firmware
+    interpolates between entries, which makes an order n smaller by sinc^2(n / count). `step`: an entry holds
+    from i to i + 1, which delays an order by half an entry and makes it smaller by sinc. Orders of half the
+    entries and above can't be held, and are left out.
+    """
+    waves = np.array(current.waves if direction > 0 else np.conj(current.waves))[: (count + 1) // 2]
+    n = np.arange(len(waves))
+    waves = waves / np.sinc(n / count) ** (2 if between == "linear" else 1)
+    if between == "step":
+        waves = waves * np.exp(1j * n * np.pi / count)
+    spectrum = np.zeros(count // 2 + 1, complex)
+    spectrum[: len(waves)] = waves * count / 2
+    return np.fft.irfft(spectrum, count)
+
+
+@dataclass(frozen=True)
+class Residue:
+    """What a table leaves of the holding current: rms before and after, A; the largest order that is left."""
+
+    before: float
+    after: float
+    order: int
+    amplitude: float  # A, of this order
+
+    @property
+    def share(self) -> float:
+        return self.after / self.before if self.before else 0.0
+
+
+def residue(current: HoldingCurrent, entries: int, applied: Callable[[Array], Array]) -> Residue:
+    """What is left where the firmware's own look-up acts, computed on a fine grid of angles."""
+    points = FINE_POINTS * max(entries, max(current.orders, default=1))
+    angle: Array = math.tau / points * (np.arange(points, dtype=np.float64) + 0.5)
+    rest = current.current(angle) - applied(angle)
+    spectrum = 2 / points * np.abs(np.fft.rfft(rest))
+    order = int(np.argmax(spectrum[1:])) + 1
+    rms = float(np.sqrt(np.mean((rest - np.mean(rest)) ** 2)))
+    return Residue(current.rms, rms, order, float(spectrum[order]))
+
+
+def from_identified(folder: Path) -> HoldingCurrent:
+    """The current that cancels the identified cogging. StudyError: the folder has none."""
+    path = folder / "identified.json"
+    try:
+        contents = json.loads(path.read_text("utf-8"))
+        K_t, cogging = float(contents["K_t_N_m_per_A"]), contents["cogging"]
+        waves = np.zeros(max((wave["order"] for wave in cogging), default=0) + 1, complex)
+        for (
+            wave
+        ) in cogging:  # The torque is A sin(n theta + phase); what holds against it is -A / K_t of that.
+            waves[wave["order"]] = 1j * wave["amplitude_N_m"] / K_t * np.exp(1j * wave["phase_rad"])
+    except OSError as error:
+        raise StudyError(f"{path}: {reason(error)}: expected a folder that cogless identify wrote") from error
+    except (KeyError, TypeError, ValueError):
+        raise StudyError(f"{path}: expected what cogless identify writes") from None
+    if not cogging:
+        raise StudyError(f"{path}: cogging: no order: expected logs that tell the cogging; see its left_out")
+    return HoldingCurrent(waves, K_t, str(folder))
+
+
+def from_stored_map(path: Path) -> HoldingCurrent:
+    """The current of the newest stored map in a file. StudyError: it is not one over a revolution."""
+    places = stored_map.read(path)
+    newest = stored_map.newest(places)
+    if newest is None:
+        raise StudyError(f"{path}: " + "; ".join(f"at byte {place.offset}: {place.map}" for place in places))
+    stored = newest.map
+    if stored.units != (CURRENT,) or stored.turns != stored.parts or not stored.turns:
+        kind = " and ".join(stored.unit(c)[0] for c in range(stored.channels))
+        raise StudyError(f"{path}: a map of {kind}: expected one of a current over a mechanical revolution")
+    return from_samples(np.asarray(stored.values[0], np.float64), 0.0, str(path))

@@ -1,0 +1,356 @@
+"""moteus: logs of tview and of Python, the dump of its configuration, and its cogging table.
+
+Formats and arithmetic were read in its source (mjbots/moteus, db1a762). Positions are turns of the output;
+currents are peak amperes. The table's index is the angle of the commutation source, not the logged position.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cogless.drives.adapter import (
+    Adapter,
+    Certainty,
+    DriveLogs,
+    Feature,
+    Recording,
+    TableFrame,
+    TableText,
+    text_of,
+)
+from cogless.drives.holding_current import HoldingCurrent, from_samples, samples
+from cogless.drives.moteus_dump import DUMP_HINT, TABLE_ENTRIES, Dump, read_dump, tables
+from cogless.drives.moteus_script import write_script
+from cogless.drives.row_times import overlay, sent_times
+from cogless.errors import StudyError
+from cogless.identify.files import Array, printable, require_bytes
+from cogless.identify.read_log import read
+
+ENTRY_MOST = 127
+STATS_CHANNEL, POSITION_CHANNEL = "servo_stats", "motor_position"
+STATS_SIGNALS = {"position", "velocity", "q_A", "d_A", "bus_V"}
+REGISTERS = {"position": "POSITION", "velocity": "VELOCITY", "q_A": "Q_CURRENT", "d_A": "D_CURRENT"}
+OVERLAY_SPREAD = 0.2  # rad rms of single rows; beyond it the channels are not of one log
+CHANNEL_ROWS_LEAST = 3  # a channel with fewer is no log
+
+
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """A log of a controller: the file's name, and the columns of each channel by their name there."""
+
+    path: Path
+    name: str
+    stats: Mapping[str, Array]
+    position: Mapping[str, Array]
+    stamped: bool = True  # by the PC, when a row arrived; else the time is that of the question
+
+
+def recognise(first: Sequence[str]) -> str:
+    line = first[0] if first else ""
+    cells = {cell.strip() for cell in line.split(",")}
+    if line.startswith("{") and '"channel"' in line and '"controller"' in line:
+        return "a log of tview (JSONL)"
+    if "timestamp" in cells and "q_A" in cells:
+        return f"a log of tview, channel {STATS_CHANNEL}"
+    if "timestamp" in cells and any(cell.startswith("sources.0.") for cell in cells):
+        return f"a log of tview, channel {POSITION_CHANNEL}"
+    if "time" in cells and {"POSITION", "Q_CURRENT"} <= cells:
+        return "a log of its Python library (CSV)"
+    return ""
+
+
+def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
+    """All logs with the dump of the drive that made them. StudyError: a file that can't be used."""
+    if configuration is None:
+        raise StudyError(f"{paths[0]}: a moteus log: expected --drive-config FILE beside it, {DUMP_HINT}")
+    dump = read_dump(configuration)
+    logs = list(_channels(paths, dump))
+    if not logs:
+        raise StudyError(
+            f"{paths[0]}: no channel {STATS_CHANNEL}: expected its log beside that of {POSITION_CHANNEL}"
+        )
+    recordings, remarks, frames = [], [], []
+    for log in logs:
+        recording, frame, lines = _recording(log, dump)
+        recordings.append(recording)
+        frames.append(frame)
+        remarks += lines
+    voltages = [log.stats["bus_V"] for log in logs if "bus_V" in log.stats]
+    volts = float(np.median(np.concatenate(voltages))) if voltages else 0.0
+    if np.any(dump.table):
+        remarks.append(
+            f"{dump.path}: it has a cogging table, scale {dump.values['motor.cogging_dq_scale']} A: the "
+            "logs are taken as made with it. The whole current is identified, so a new table replaces it."
+        )
+    directions = {frame.direction for frame in frames if frame.zero}
+    if len(directions) > 1:
+        raise StudyError(f"{paths[0]}: the encoder counts one way in some logs and the other way in others")
+    without = next((log for log, frame in zip(logs, frames, strict=True) if not frame.zero), None)
+    if without is not None and directions:
+        raise StudyError(
+            f"{without.path}: no angle of the table's index, which other logs have: expected it in each"
+        )
+    frame = max(frames, key=lambda frame: frame.zero_error)
+    return DriveLogs(recordings, tables(dump, volts if volts > 0 else None), frame, remarks)
+
+
+def _channels(paths: Sequence[Path], dump: Dump) -> Iterator[Channels]:
+    """The logs in these files; those of tview's CSV are two files each, whatever their names are."""
+    stats: dict[Path, dict[str, Array]] = {}
+    positions: dict[Path, dict[str, Array]] = {}
+    for path in paths:
+        if ".jsonl" in path.name.lower():
+            yield from _jsonl(path, dump)
+            continue
+        headings = set(read(path, [])[0].headings)
+        if {"timestamp", "q_A"} <= headings:
+            names = ["timestamp", *sorted(STATS_SIGNALS)]
+            stats[path] = _columns(path, names, ["timestamp", "position", "q_A"])
+        elif "timestamp" in headings and any(name.startswith("sources.") for name in headings):
+            names = ["timestamp", _filtered(dump)]
+            positions[path] = _columns(path, names, names)
+        else:
+            yield _registers(path, dump)
+    partners = {_partner(path, columns, stats): columns for path, columns in positions.items()}
+    for path, columns in stats.items():
+        yield Channels(path, path.name, columns, partners.get(path, {}))
+
+
+def _partner(path: Path, position: Mapping[str, Array], stats: Mapping[Path, Mapping[str, Array]]) -> Path:
+    """The log of servo_stats of the time of a log of motor_position; of several that of its name.
+
+    StudyError: there is none.
+    """
+    first, last = position["timestamp"][[0, -1]]
+    overlapping = [
+        other
+        for other, columns in stats.items()
+        if columns["timestamp"][0] < last and columns["timestamp"][-1] > first
+    ]
+    named = Path(str(path).replace(POSITION_CHANNEL, STATS_CHANNEL))
+    if named in overlapping or len(overlapping) == 1:
+        return named if named in overlapping else overlapping[0]
+    raise StudyError(
+        f"{path}: {len(overlapping) or 'no'} logs of the channel {STATS_CHANNEL} at its time: expected the "
+        "one that was recorded beside it"
+    )
+
+
+def _filtered(dump: Dump) -> str:
+    return f"sources.{dump.source}.filtered_value"
+
+
+def _columns(path: Path, names: list[str], needed: list[str]) -> dict[str, Array]:
+    (log,) = read(path, names)
+    lacking = next((name for name in needed if name not in log.columns), None)
+    if lacking is not None:
+        others = ", ".join(map(printable, log.headings[:8]))
+        raise StudyError(f'{path}: no column "{lacking}"; it has {others}: expected a log of moteus')
+    return {name: np.asarray(values) for name, values in log.columns.items()}
+
+
+def _registers(path: Path, dump: Dump) -> Channels:
+    """A log of the Python library: one row has all registers, at one time."""
+    encoder = f"ENCODER_{dump.source}_POSITION"
+    names = ["time", "VOLTAGE", encoder, *REGISTERS.values()]
+    columns = _columns(path, names, ["time", "POSITION", "Q_CURRENT"])
+    stats = {name: columns[register] for name, register in REGISTERS.items() if register in columns}
+    stats["timestamp"] = columns["time"]
+    if "VOLTAGE" in columns:
+        stats["bus_V"] = columns["VOLTAGE"]
+    if not np.any(stats["q_A"]):
+        raise StudyError(f"{path}: Q_CURRENT: zero in each row: expected a log that asks for this register")
+    position = {}
+    if np.any(columns.get(encoder, 0.0)):  # The library writes 0 for a register that was not asked for.
+        cpr = dump.number(f"motor_position.sources.{dump.source}.cpr", "counts of a turn", 16384.0)
+        position = {"timestamp": columns["time"], _filtered(dump): cpr * columns[encoder]}
+    return Channels(path, path.name, stats, position, stamped=False)
+
+
+def _jsonl(path: Path, dump: Dump) -> Iterator[Channels]:
+    """The controllers in a log of tview, each with its channels."""
+    wanted_columns = {STATS_CHANNEL: STATS_SIGNALS, POSITION_CHANNEL: {_filtered(dump)}}
+    rows: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    lines = text_of(path, "a log of tview").splitlines()
+    require_bytes(path, sum(map(len, lines)))
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        try:
+            record = json.loads(line)
+            channel = record["channel"]
+            if channel not in wanted_columns:
+                continue
+            values = {"timestamp": float(record["timestamp"])}
+            for name in wanted_columns[channel]:
+                value = _nested(record["data"], name)
+                if value is not None:
+                    values[name] = float(value)
+            columns = rows[str(record["controller"]), channel]
+        except (KeyError, TypeError, ValueError):
+            if number == len(lines):
+                continue  # The log was cut while it was written.
+            expected = 'expected {"controller": ..., "timestamp": ..., "channel": ..., "data": ...}'
+            raise StudyError(f"{path}: line {number}: {expected}") from None
+        for name, value in values.items():
+            columns[name].append(value)
+    controllers = dict.fromkeys(controller for controller, _ in rows)
+    for controller in controllers:
+        stats = _whole(path, rows.get((controller, STATS_CHANNEL), {}))
+        if not {"position", "q_A"} <= stats.keys():
+            raise StudyError(
+                f"{path}: controller {printable(controller)}: no channel {STATS_CHANNEL}: expected it"
+            )
+        name = path.name if len(controllers) == 1 else f"{path.name}-{printable(controller)}"
+        yield Channels(path, name, stats, _whole(path, rows.get((controller, POSITION_CHANNEL), {})))
+
+
+def _nested(data: Any, name: str) -> Any:
+    """The value at a dotted name; None if there is none."""
+    for part in name.split("."):
+        if isinstance(data, list):
+            data = data[int(part)] if int(part) < len(data) else None
+        else:
+            data = data.get(part)
+        if data is None:
+            return None
+    return data
+
+
+def _whole(path: Path, columns: Mapping[str, list[float]]) -> dict[str, Array]:
+    lengths = {len(values) for values in columns.values()}
+    if len(lengths) > 1:
+        raise StudyError(f"{path}: some records lack a value that others have: expected the same in each")
+    return {name: np.array(values) for name, values in columns.items()}
+
+
+def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[str]]:
+    """A log in SI units, with the angle of the table's index where a channel tells it."""
+    stats = log.stats
+    if len(stats["timestamp"]) < CHANNEL_ROWS_LEAST:
+        raise StudyError(f"{log.path}: {len(stats['timestamp'])} rows: expected a log")
+    t = sent_times(stats["timestamp"]) if log.stamped else stats["timestamp"]
+    start = t[0]
+    theta = math.tau / dump.ratio * stats["position"]
+    signals = {"t": t - start, "theta": theta, "i_q": stats["q_A"]}
+    if "velocity" in stats:
+        signals["omega"] = math.tau / dump.ratio * stats["velocity"]
+    if "d_A" in stats:
+        signals["i_d"] = stats["d_A"]
+    kind = "table-on" if np.any(dump.table) else ""
+    if not dump.takes_table:
+        lacking = f"{dump.path}: no motor.cogging_dq_scale: expected firmware with it, of ABI 0x0105 or later"
+        return Recording(log.path, log.name, signals, kind), TableFrame("moteus", lacking=lacking), []
+    name, filtered = _filtered(dump), log.position.get(_filtered(dump))
+    if filtered is None:
+        lacking = (
+            f"{log.path}: no angle of the table's index, only the output's position, whose zero moves: "
+            f"expected channel {POSITION_CHANNEL} ({name}), or the register ENCODER_{dump.source}_POSITION"
+        )
+        return Recording(log.path, log.name, signals, kind), TableFrame("moteus", lacking=lacking), []
+    cpr = dump.above_zero(f"motor_position.sources.{dump.source}.cpr", "counts of a turn")
+    stamps = log.position["timestamp"]
+    t_other = sent_times(stamps) if log.stamped else stamps
+    laid = overlay(t, theta, t_other, math.tau / cpr * filtered)
+    if laid is None or laid.spread > OVERLAY_SPREAD:
+        raise StudyError(
+            f"{log.path}: {name} and position do not move alike: expected both channels of one drive and one "
+            f"log, and the dump of that drive, {dump.path}"
+        )
+    signals["theta"] = theta + laid.offset
+    remark = (
+        f"{log.name}: the table's index is laid over the position by {math.degrees(laid.offset):.2f} +- "
+        f"{math.degrees(laid.error):.2g} deg."
+    )
+    frame = TableFrame("moteus", laid.direction, zero=True, zero_error=laid.error)
+    return Recording(log.path, log.name, signals, kind), frame, [remark]
+
+
+def look_up(entries: Array, scale: float, index: Array) -> Array:
+    """The current that the firmware adds: entry i is at i / 1024 of a turn, straight lines between, A."""
+    place = np.mod(index / math.tau, 1.0) * TABLE_ENTRIES
+    first = np.floor(place).astype(int) % TABLE_ENTRIES
+    share = place - np.floor(place)
+    between = (1 - share) * entries[first] + share * entries[(first + 1) % TABLE_ENTRIES]
+    return np.asarray(scale * between)
+
+
+def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
+    """The table as lines for `moteus_tool --restore-config`. Its current has the sign of the logged q_A."""
+    values = samples(current, TABLE_ENTRIES, frame.direction, "linear")
+    largest = float(np.max(np.abs(values)))
+    scale = float(np.float32(largest / ENTRY_MOST)) or 1.0
+    entries = np.clip(np.round(values / scale), -ENTRY_MOST, ENTRY_MOST)
+    lines = [
+        "# Cogging table of moteus, by cogless. Install: moteus_tool -t 1 --restore-config THIS_FILE",
+        f"motor.cogging_dq_scale {scale:.9g}",
+        *(f"motor.cogging_dq_comp.{n} {round(value)}" for n, value in enumerate(entries)),
+    ]
+    return TableText(
+        "\n".join(lines) + "\n",
+        TABLE_ENTRIES,
+        f"{scale:.4g} A a step, -127 to 127",
+        lambda angle: look_up(entries, scale, frame.direction * angle),
+        install="moteus_tool -t 1 --restore-config FILE",
+        remove='in tview: "conf set motor.cogging_dq_scale 0", then "conf write"',
+        sign_check=f'in tview: "conf set motor.cogging_dq_scale {0.3 * scale:.4g}", then "{-0.3 * scale:.4g}"'
+        ", each at a slow speed: the ripple falls with the first and grows with the second",
+        notes=(
+            "moteus adds the table in position mode only, after the limit of the torque.",
+            "A calibration or an encoder compensation moves the index: make the table after them.",
+        ),
+    )
+
+
+def read_table(path: Path, configuration: Path | None) -> HoldingCurrent:
+    """The table in a dump, or the two means that moteus's own compensate_cogging.py measures (JSON).
+
+    The mean of both directions is free of friction. A mean of a bin belongs to the bin's middle.
+    """
+    del configuration  # Both are over the index itself.
+    text = text_of(path, f"{DUMP_HINT}, or the JSON of compensate_cogging.py")
+    if not text.lstrip().startswith("{"):
+        dump = read_dump(path)
+        if not np.any(dump.table):
+            raise StudyError(f"{path}: motor.cogging_dq_comp: all zero or missing: expected a table")
+        return from_samples(dump.table, 0.0, str(path), "linear")
+    try:
+        contents = json.loads(text)
+        means = [np.array(contents[key], dtype=np.float64) for key in ("forward", "reverse")]
+    except (KeyError, TypeError, ValueError):
+        raise StudyError(f'{path}: expected {{"reverse": [...], "forward": [...]}}') from None
+    if means[0].ndim != 1 or means[0].shape != means[1].shape or len(means[0]) < CHANNEL_ROWS_LEAST:
+        raise StudyError(f"{path}: forward, reverse: expected two lists of equal length")
+    if not np.all(np.isfinite(means)):
+        raise StudyError(f"{path}: forward, reverse: expected finite numbers")
+    return from_samples((means[0] + means[1]) / 2, 0.0, str(path), "means")
+
+
+MOTEUS = Adapter(
+    name="moteus",
+    title="moteus",
+    reads=(
+        Feature("tview CSV: servo_stats, and motor_position for the table's zero", Certainty.SOURCE),
+        Feature("tview JSONL", Certainty.SOURCE),
+        Feature("Python library's CSV; ENCODER_0_POSITION for the table's zero", Certainty.SOURCE),
+        Feature("compensate_cogging.py's JSON, as a table", Certainty.SOURCE),
+        Feature("moteus_tool --dump-config: motor, drive, its table", Certainty.SOURCE),
+    ),
+    writes=(
+        Feature("cogging table: lines for moteus_tool --restore-config", Certainty.SOURCE),
+        Feature("identify --plan: a script for its Python package that records the logs", Certainty.DRIVE),
+    ),
+    recognise=recognise,
+    read_logs=read_logs,
+    write=write,
+    read_table=read_table,
+    write_script=write_script,
+)

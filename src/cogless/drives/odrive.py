@@ -1,0 +1,254 @@
+"""ODrive: captures of firmware 0.5 and 0.6 whose headings are paths of its API, its configuration, its map.
+
+Firmware 0.5 was read in its source (odriverobotics/ODrive, f9b5419). That of 0.6 is closed: its paths are by
+its API's pages. Angles are turns of the encoder; currents are peak amperes; the map is a torque.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cogless.drives.adapter import Adapter, Certainty, DriveLogs, Feature, Recording, TableFrame, text_of
+from cogless.drives.holding_current import HoldingCurrent, from_samples
+from cogless.drives.odrive_script import write_script
+from cogless.errors import StudyError
+from cogless.identify.files import Array, printable
+from cogless.identify.read_log import read
+
+CONFIG_HINT = "the JSON of odrivetool backup-config"
+MAP_CELLS = 3600
+COUNTS_A_LINE = 4
+CONTROL_RATE = 8000.0  # Hz, of control cycles; high-rate captures may count them
+NANOSECONDS_LEAST = 1000.0  # apart; captures that count cycles have less
+PATH_PATTERN = re.compile(r"(?:odrv\w*\.)?(?:axis(?P<axis>\d)\.)?(?P<rest>.+)")
+TIME_HEADINGS = ("t", "time", "timestamp", "timestamps")
+# Paths below the axis, of 0.5 and then 0.6: the signal, and the factor to SI.
+SIGNAL_PATHS: dict[str, tuple[str, float]] = {
+    "encoder.pos_estimate": ("theta", math.tau),
+    "encoder.vel_estimate": ("omega", math.tau),
+    "motor.current_control.Iq_measured": ("i_q", 1.0),
+    "motor.current_control.Id_measured": ("i_d", 1.0),
+    "motor.current_control.Iq_setpoint": ("i_q_ref", 1.0),
+    "pos_estimate": ("theta", math.tau),
+    "vel_estimate": ("omega", math.tau),
+    "motor.foc.Iq_measured": ("i_q", 1.0),
+    "motor.foc.Id_measured": ("i_d", 1.0),
+    "motor.foc.Iq_setpoint": ("i_q_ref", 1.0),
+}
+BUS_PATH = "vbus_voltage"
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Values by dotted path, of firmware 0.5 (nested in its file) or 0.6 (one path a line)."""
+
+    path: Path
+    values: Mapping[str, Any]
+    axis: str
+
+    def number(self, names: Sequence[str], expected: str) -> float:
+        """The value at the first path of an axis that is there. StudyError: none, or no number above 0."""
+        paths = [f"axis{self.axis}.{name}" for name in names]
+        path = next((path for path in paths if path in self.values), None)
+        if path is None:
+            raise StudyError(f"{self.path}: {' or '.join(paths)}: missing: expected {expected}")
+        value = self.values[path]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+            raise StudyError(f"{self.path}: {path}: {printable(str(value))}: expected {expected}")
+        return float(value)
+
+    @property
+    def map_on(self) -> bool:
+        """Whether the map of firmware 0.5 acts after a start."""
+        prefix = f"axis{self.axis}.controller.config.anticogging."
+        return all(
+            self.values.get(prefix + name) is True for name in ("pre_calibrated", "anticogging_enabled")
+        )
+
+
+def read_configuration(path: Path, axis: str) -> Configuration:
+    """Read the file. StudyError: it is no such one."""
+    try:
+        contents = json.loads(text_of(path, CONFIG_HINT))
+    except ValueError:
+        raise StudyError(f"{path}: not readable as JSON: expected {CONFIG_HINT}") from None
+    if not isinstance(contents, dict):
+        raise StudyError(f"{path}: expected {CONFIG_HINT}")
+    return Configuration(path, dict(_flat(contents)), axis)
+
+
+def _flat(tables: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    """Each value with its dotted path."""
+    pairs = []
+    for key, value in tables.items():
+        pairs += _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else [(f"{prefix}{key}", value)]
+    return pairs
+
+
+def tables(configuration: Configuration, bus_voltage: float) -> dict[str, dict[str, Any]]:
+    """[motor] and [drive] as the configuration tells them."""
+
+    def number(name: str, expected: str, *others: str) -> float:
+        return configuration.number([f"motor.config.{name}", f"config.motor.{name}", *others], expected)
+
+    limit = configuration.number(
+        ["motor.config.current_lim", "config.motor.current_soft_max"], "a current above zero"
+    )
+    bandwidth = number("current_control_bandwidth", "a bandwidth above zero, rad/s")
+    rate = f"{CONTROL_RATE:.0f} Hz"
+    loop: dict[str, Any] = {"current_limit": f"{limit:.9g} A"}
+    drive: dict[str, Any] = {"rates": {"current_loop": rate, "speed_loop": rate}, "current_loop": loop}
+    if bus_voltage > 0:
+        loop["bandwidth"] = f"{bandwidth / math.tau:.9g} Hz"
+        drive["inverter"] = {"bus_voltage": f"{bus_voltage:.4g} V"}
+    else:
+        loop["kind"] = "ideal"
+    counts = configuration.values.get(f"axis{configuration.axis}.encoder.config.cpr")
+    if isinstance(counts, int) and counts > 0 and counts % COUNTS_A_LINE == 0:
+        drive["position_sensor"] = {"kind": "encoder", "lines": counts // COUNTS_A_LINE}
+    inductance = f"{number('phase_inductance', 'the inductance of a calibrated motor'):.9g} H"
+    return {
+        "motor": {
+            "pole_pairs": round(number("pole_pairs", "a number of pole pairs")),
+            "R_s": f"{number('phase_resistance', 'the resistance of a calibrated motor'):.9g} ohm",
+            "L_d": inductance,
+            "L_q": inductance,
+            "K_t": f"{number('torque_constant', 'a torque constant above zero, N m/A'):.9g} N*m/A",
+        },
+        "drive": drive,
+    }
+
+
+def recognise(first: Sequence[str]) -> str:
+    paths = _paths(first[0].split(",") if first else [])
+    signals = {SIGNAL_PATHS[rest][0] for _, rest in paths.values() if rest in SIGNAL_PATHS}
+    if not {"theta", "i_q"} <= signals:
+        return ""
+    old = any(rest.startswith("encoder.") for _, rest in paths.values())
+    return f"a capture of firmware {'0.5' if old else '0.6'}"
+
+
+def _paths(headings: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Axis and path below it, by heading; a heading without an axis is of axis 0."""
+    paths = {}
+    for heading in headings:
+        match = PATH_PATTERN.fullmatch(heading.strip())
+        if match is not None:
+            paths[heading.strip()] = (match["axis"] or "0", match["rest"])
+    return paths
+
+
+def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
+    """Captures, all of one axis. StudyError: a file that can't be used."""
+    if configuration is None:
+        raise StudyError(f"{paths[0]}: a log of ODrive: expected --drive-config FILE, {CONFIG_HINT}")
+    captures = [_capture(path) for path in paths]
+    axes = {axis for _, axis, _, _ in captures}
+    if len(axes) > 1:
+        raise StudyError(f"{paths[0]}: axes {', '.join(sorted(axes))}: expected the logs of one axis")
+    settings = read_configuration(configuration, axes.pop())
+    kind = "table-on" if settings.map_on else ""
+    recordings = [Recording(recording.path, "", recording.signals, kind) for recording, *_ in captures]
+    remarks = [remark for *_, lines in captures for remark in lines]
+    if kind:
+        remarks.append(
+            f"{configuration}: its anti-cogging map is on: the logged current has the map's in it."
+        )
+    volts = [volt for _, _, volt, _ in captures if volt > 0]
+    frame = TableFrame("odrive", zero=True)
+    return DriveLogs(recordings, tables(settings, float(np.median(volts)) if volts else 0.0), frame, remarks)
+
+
+def _capture(path: Path) -> tuple[Recording, str, float, list[str]]:
+    """A log in SI units, its axis, its bus voltage or 0, and what was taken for granted."""
+    headings = read(path, [])[0].headings
+    times = [heading for heading in headings if heading.strip().lower() in TIME_HEADINGS]
+    columns = {
+        heading: (axis, rest)
+        for heading, (axis, rest) in _paths(headings).items()
+        if rest in SIGNAL_PATHS or rest == BUS_PATH
+    }
+    signals_named = {SIGNAL_PATHS[rest][0]: rest for _, rest in columns.values() if rest in SIGNAL_PATHS}
+    for signal, example in (("theta", "axis0.encoder.pos_estimate"), ("i_q", "axis0....Iq_measured")):
+        if signal not in signals_named:
+            others = ", ".join(printable(heading) for heading in headings[:8])
+            raise StudyError(
+                f'{path}: no column such as "{example}"; it has {others}: expected a log of ODrive'
+            )
+    if len(times) != 1:
+        raise StudyError(f"{path}: expected one column of the time, named one of {', '.join(TIME_HEADINGS)}")
+    axes = {axis for axis, rest in columns.values() if rest in SIGNAL_PATHS}
+    if len(axes) > 1:
+        raise StudyError(
+            f"{path}: axes {', '.join(sorted(axes))}: expected the columns of one axis in a file"
+        )
+    (log,) = read(path, [times[0], *columns])
+    signals: dict[str, Array] = {}
+    volts = 0.0
+    for heading, (_, rest) in columns.items():
+        values = np.asarray(log.columns[heading])
+        if rest == BUS_PATH:
+            volts = float(np.median(values))
+        else:
+            signal, factor = SIGNAL_PATHS[rest]
+            signals[signal] = factor * values
+    seconds, remarks = _seconds(path, times[0], np.asarray(log.columns[times[0]]))
+    return Recording(path, "", {"t": seconds, **signals}), axes.pop(), volts, remarks
+
+
+def _seconds(path: Path, heading: str, times: Array) -> tuple[Array, list[str]]:
+    """The time in s. High-rate captures give whole numbers of nanoseconds, or of control cycles."""
+    if heading.strip().lower() != "timestamps" or np.any(times % 1):
+        return times, []
+    step = float(np.median(np.diff(times)))
+    if step >= NANOSECONDS_LEAST:
+        return 1e-9 * (times - times[0]), [f"{path.name}: timestamps are taken as nanoseconds."]
+    cycles = f"{path.name}: timestamps are taken as control cycles of {CONTROL_RATE:g} Hz."
+    return (times - times[0]) / CONTROL_RATE, [cycles]
+
+
+def read_table(path: Path, configuration: Path | None) -> HoldingCurrent:
+    """The map of firmware 0.5: get_anticogging_value(i) for i = 0 ... 3599, N m, a JSON list or a line each.
+
+    Value i was measured at i / 3600 of a turn, from one side only: half the friction is in its mean.
+    """
+    if configuration is None:
+        raise StudyError(f"{path}: a map of torques: expected --drive-config FILE with its torque_constant")
+    settings = read_configuration(configuration, "0")
+    K_t = settings.number(["motor.config.torque_constant"], "a torque constant above zero, N m/A")
+    text = text_of(path, f"{MAP_CELLS} values of get_anticogging_value")
+    try:
+        values = np.array(json.loads(text) if text.lstrip().startswith("[") else text.split(), np.float64)
+    except (TypeError, ValueError):
+        raise StudyError(f"{path}: expected {MAP_CELLS} numbers, a JSON list or one a line") from None
+    if values.shape != (MAP_CELLS,) or not np.all(np.isfinite(values)):
+        raise StudyError(f"{path}: {values.size} numbers: expected {MAP_CELLS} finite ones")
+    return from_samples(values / K_t, K_t, str(path))
+
+
+ODRIVE = Adapter(
+    name="odrive",
+    title="ODrive",
+    reads=(
+        Feature("0.5: NPZ or CSV of a BulkCapture, with time and paths as headings", Certainty.SOURCE),
+        Feature("0.6: NPZ or CSV of a high-rate capture, with timestamps and paths", Certainty.DRIVE),
+        Feature("0.5: the map by get_anticogging_value, as a table", Certainty.SOURCE),
+        Feature("odrivetool backup-config: motor and drive", Certainty.DRIVE),
+    ),
+    writes=(
+        Feature("identify --plan: a script for its Python package that records the logs", Certainty.DRIVE),
+    ),
+    recognise=recognise,
+    read_logs=read_logs,
+    read_table=read_table,
+    write_script=write_script,
+    refusal="firmware 0.5 lets its map be read and not written; 0.6 documents no way to either",
+)

@@ -1,0 +1,182 @@
+"""All drives, the one that a log is of, and its logs as identify takes them."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from glob import escape
+from pathlib import Path
+from typing import Any
+
+from cogless import units
+from cogless.drives.adapter import Adapter, Motions, Recording, TableFrame
+from cogless.drives.moteus import MOTEUS
+from cogless.drives.odrive import ODRIVE
+from cogless.drives.plain_table import PLAIN_TABLE
+from cogless.drives.simplefoc import SIMPLEFOC
+from cogless.drives.vesc import VESC
+from cogless.errors import StudyError
+from cogless.files import no_device
+from cogless.identify import config, plan, read_log
+from cogless.identify.config import Identification
+from cogless.identify.files import LogColumns, readable
+from cogless.identify.log import Log, logs_of_columns
+from cogless.study import AnyStudy
+from cogless.study.datasheet import replaced_by_any
+from cogless.study.reading import read
+
+ADAPTERS: dict[str, Adapter] = {
+    adapter.name: adapter for adapter in (MOTEUS, ODRIVE, VESC, SIMPLEFOC, PLAIN_TABLE)
+}
+FIRST_BYTES = 1 << 14  # of a file, in which its heading is
+OWN_TABLES = ("title", "motor", "drive", "controller", "log", "angle_offset")  # --config may have these
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Logs of a drive with what is known of it. `remarks`: what was guessed or laid over, a sentence each."""
+
+    identification: Identification
+    logs: list[Log]
+    frame: TableFrame
+    remarks: tuple[str, ...]
+
+    @property
+    def takes_table(self) -> bool:
+        """Whether a table can be written for the drive that made the logs."""
+        return self.frame.zero and ADAPTERS[self.frame.drive].write is not None
+
+
+def adapter_named(name: str, option: str) -> Adapter:
+    """The drive of this name. StudyError names the option."""
+    if name not in ADAPTERS:
+        raise StudyError(f'{option}: "{name}": expected one of {", ".join(ADAPTERS)}')
+    return ADAPTERS[name]
+
+
+def readers() -> str:
+    """The drives whose logs are read."""
+    return ", ".join(name for name, adapter in ADAPTERS.items() if adapter.read_logs is not None)
+
+
+def recognised(path: Path) -> tuple[Adapter, str] | None:
+    """The drive whose log a file is by its first lines, and which log; None: no drive's."""
+    lines = first_lines(path)
+    for adapter in ADAPTERS.values():
+        kind = adapter.recognise(lines) if adapter.recognise is not None else ""
+        if kind:
+            return adapter, kind
+    return None
+
+
+def first_lines(path: Path) -> list[str]:
+    """The whole lines at the beginning of a text file, packed or not; of an NPZ its names, in one line."""
+    if path.suffix.lower() == ".npz":
+        return [",".join(read_log.read(path, [])[0].headings)]
+    with readable(path, "log"):
+        no_device(path)
+        with (gzip.open if path.name.endswith(".gz") else open)(path, "rb") as file:
+            raw = file.read(FIRST_BYTES)
+    try:
+        return raw[: raw.rfind(b"\n") + 1].decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        return []
+
+
+def script_files(study: AnyStudy, drive: str, configuration: Path | None) -> Mapping[str, str]:
+    """Files, by name, that play on a drive the motions of a plan that need no load from outside.
+
+    StudyError: there is none for this drive, or no plan for this study.
+    """
+    adapter = adapter_named(drive, "--drive")
+    if adapter.write_script is None:
+        having = ", ".join(key for key, other in ADAPTERS.items() if other.write_script is not None)
+        raise StudyError(f'--drive: "{drive}": no script for it is written: expected one of {having}')
+    play, columns = plan.tables(study)
+    assert study.motor is not None and study.drive is not None
+    speeds = {
+        log: [
+            (units.parse(t, units.TIME), units.parse(speed, units.ANGULAR_SPEED))
+            for t, speed in scenario["reference"]["profile"]
+        ]
+        for log, scenario in play["scenario"].items()
+        if "load" not in scenario
+    }
+    limit, K_t = study.drive.current_loop.current_limit, study.motor.star().K_t
+    return adapter.write_script(Motions(speeds, limit, K_t, columns), configuration)
+
+
+def prepare(
+    paths: Sequence[Path], drive: str | None, configuration: Path | None, columns: Path | None
+) -> Prepared:
+    """Read a drive's logs. `drive`: its name, or None to guess it. `columns`: more tables.
+
+    StudyError: a file that can't be used, or what is lacking.
+    """
+    remarks = []
+    if drive is None:
+        match = recognised(paths[0])
+        if match is None:
+            raise StudyError(
+                f"{paths[0]}: no drive's log by its first lines: expected --config FILE that names its "
+                f"columns, or --drive NAME, one of {readers()}"
+            )
+        adapter, kind = match
+        remarks.append(f"{paths[0].name}: by its first lines {adapter.title}, {kind}.")
+    else:
+        adapter = adapter_named(drive, "--drive")
+        match = recognised(paths[0])
+        if match is not None and match[0] is not adapter:
+            raise StudyError(f"{paths[0]}: {match[0].title}, {match[1]}: expected a log of {adapter.title}")
+    if adapter.read_logs is None:
+        raise StudyError(f'--drive: "{adapter.name}": no logs of it are read: expected one of {readers()}')
+    logs = adapter.read_logs(paths, configuration)
+    identification = config.from_tables(
+        columns or configuration or paths[0], _merged(logs.tables, logs.recordings, columns, adapter)
+    )
+    read_columns = [
+        (recording.path, LogColumns(recording.name, dict(recording.signals), tuple(recording.signals)))
+        for recording in logs.recordings
+    ]
+    if adapter.write is not None and not logs.frame.zero:
+        remarks.append(f"No table can be placed: {logs.frame.lacking}.")
+    return Prepared(
+        identification, logs_of_columns(read_columns, identification), logs.frame, (*remarks, *logs.remarks)
+    )
+
+
+def _merged(
+    tables: Mapping[str, Mapping[str, Any]],
+    recordings: Sequence[Recording],
+    columns: Path | None,
+    adapter: Adapter,
+) -> dict[str, Any]:
+    """The tables of a file of columns: those of the drive, over them what the user's file says."""
+    own = {} if columns is None else read(columns)
+    other = next((key for key in own if key not in OWN_TABLES), None)
+    if other is not None:
+        raise StudyError(
+            f"{columns}: {other}: expected none beside --drive: {adapter.name} knows its columns"
+        )
+    motor = own.get("motor", {})
+    drive = own.get("drive", {})
+    replaced = replaced_by_any(motor) if isinstance(motor, dict) else frozenset()
+    merged: dict[str, Any] = {
+        "title": f"A motor from the logs of its {adapter.name}",
+        "angle_offset": "0 rad",
+        **own,
+        "motor": {**{key: v for key, v in tables["motor"].items() if key not in replaced}, **motor},
+        "drive": {**tables["drive"], **drive},
+    }
+    merged["log"] = [
+        *own.get("log", []),
+        *({"file": escape(r.name or r.path.name), "kind": r.kind} for r in recordings if r.kind),
+    ]
+    names = {r: r.name or r.path.name for r in recordings}
+    signals = dict.fromkeys(signal for r in recordings for signal in r.signals)
+    merged["columns"] = {
+        signal: {"name": signal, "files": [escape(names[r]) for r in recordings if signal in r.signals]}
+        for signal in signals
+    }
+    return merged

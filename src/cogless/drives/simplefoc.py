@@ -1,0 +1,232 @@
+"""SimpleFOC: the lines of its monitor, and a header with a cogging table for its feed-forward.
+
+Read in its source (simplefoc/Arduino-FOC, 7f9c45f). The monitor has no heading and no time, and its currents
+are in mA, so a small file says which columns it prints and how far apart. The table's index is
+`motor.shaft_angle`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cogless import units
+from cogless.drives.adapter import (
+    Adapter,
+    Certainty,
+    DriveLogs,
+    Feature,
+    Recording,
+    TableFrame,
+    TableText,
+    text_of,
+)
+from cogless.drives.holding_current import HoldingCurrent, samples
+from cogless.drives.simplefoc_sketch import write_script
+from cogless.errors import StudyError
+from cogless.identify.files import Array, require_bytes
+from cogless.study.reading import read
+
+MONITOR_HINT = (
+    'a TOML file: monitor = ["target", "Iq", "velocity", "angle"], as monitor_variables prints them, '
+    'row_period = "2 ms" or a column "time_us", and [motor] and [drive] as in a file of columns'
+)
+# Columns of the monitor: the signal of each, and the factor to SI.
+MONITOR_SIGNALS: dict[str, tuple[str, float]] = {
+    "target": ("", 1.0),
+    "Uq": ("u_q", 1.0),
+    "Ud": ("", 1.0),
+    "Iq": ("i_q", 1e-3),
+    "Id": ("i_d", 1e-3),
+    "velocity": ("omega", 1.0),
+    "angle": ("theta", 1.0),
+    "time_us": ("t", 1e-6),
+    "part": ("part", 1.0),
+}
+NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
+MONITOR_LINE = re.compile(r"\D{0,3}[-+\d.]+(\t[-+\d.]+)+\t?\D{0,3}")
+SPOILT_SHARE_MOST = 0.05  # lines of another form that a log may have
+MICROS_WRAP = 2**32  # microseconds, at which the processor's counter begins anew
+WAVE_ENTRIES = 8  # entries for a wave of the highest order
+ENTRIES_LEAST, ENTRIES_MOST = 128, 4096
+LINE_NUMBERS = 8  # entries in a line of the header
+
+HEADER_TEXT = """\
+// Cogging feed-forward for SimpleFOC, by cogless. Angles are those of motor.shaft_angle.
+//
+// In loop(), before motor.loopFOC(), with torque control by a current:
+//     motor.feed_forward_current.q = cogging_feed_forward(motor.shaft_angle);
+// with torque control by a voltage:
+//     motor.feed_forward_voltage.q = motor.phase_resistance * cogging_feed_forward(motor.shaft_angle);
+// The angle needs the same zero after each start: an absolute sensor, or the search of an index.
+#ifndef COGGING_FEED_FORWARD_H
+#define COGGING_FEED_FORWARD_H
+
+#include <math.h>
+
+#define COGGING_ENTRIES {count}
+#define COGGING_SHARE 1.0f /* 0.3f and -0.3f check the sign; 0.0f takes the table out */
+
+/* A, peak; entry i is at i / COGGING_ENTRIES of a mechanical revolution, straight lines between. */
+static const float cogging_table[COGGING_ENTRIES] = {{
+{entries}
+}};
+
+/* The current that holds the rotor against its cogging, A, at an angle in rad, of any turn. */
+static inline float cogging_feed_forward(float shaft_angle)
+{{
+    const float place = shaft_angle * (COGGING_ENTRIES / 6.28318530718f);
+    if (!(fabsf(place) < 1.0e9f)) {{
+        return 0.0f; /* no number, or beyond all angles */
+    }}
+    const float whole = floorf(place);
+    const float share = place - whole;
+    const unsigned first = (unsigned)(int)whole % COGGING_ENTRIES; /* it is a power of two */
+    const unsigned next = (first + 1U) % COGGING_ENTRIES;
+    return COGGING_SHARE * (cogging_table[first] + share * (cogging_table[next] - cogging_table[first]));
+}}
+
+#endif
+"""
+
+
+def recognise(first: Sequence[str]) -> str:
+    lines = [line for line in first[:10] if line.strip()]
+    if len(lines) > 1 and all(MONITOR_LINE.fullmatch(line.strip()) for line in lines):
+        return "lines of its monitor: numbers between tabs, no heading"
+    return ""
+
+
+def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
+    """The lines of the monitor. StudyError: what they mean isn't said, or a file that can't be used."""
+    if configuration is None:
+        raise StudyError(
+            f"{paths[0]}: SimpleFOC's monitor has no heading and no time: "
+            f"expected --drive-config FILE, {MONITOR_HINT}"
+        )
+    tables = read(configuration)
+    monitor, period = _monitor(configuration, tables), _period(configuration, tables)
+    recordings, remarks = [], []
+    for path in paths:
+        values, spoilt = _read_monitor(path, monitor)
+        signals = {}
+        for name, column in zip(monitor, values.T, strict=True):
+            signal, factor = MONITOR_SIGNALS[name]
+            if name == "time_us":
+                column = np.unwrap(column, period=MICROS_WRAP)
+            if signal:
+                signals[signal] = factor * column
+        if period is not None:
+            signals["t"] = period * np.arange(len(values))
+            remarks.append(f"{path.name}: rows are taken as {1e3 * period:g} ms apart, as row_period says.")
+        if spoilt:
+            remarks.append(f"{path.name}: {spoilt} lines of another form are left out.")
+        recordings.append(Recording(path, "", signals))
+    own = {"motor": tables.get("motor", {}), "drive": tables.get("drive", {})}
+    return DriveLogs(recordings, own, TableFrame("simplefoc", zero=True), remarks)
+
+
+def _monitor(path: Path, tables: dict[str, Any]) -> list[str]:
+    names = tables.get("monitor")
+    if not isinstance(names, list) or not names:
+        raise StudyError(f"{path}: monitor: missing: expected {MONITOR_HINT}")
+    for name in names:
+        if name not in MONITOR_SIGNALS:
+            raise StudyError(f'{path}: monitor: "{name}": expected some of {", ".join(MONITOR_SIGNALS)}')
+    for name in ("Iq", "angle"):
+        if names.count(name) != 1:
+            raise StudyError(
+                f"{path}: monitor: {name}: expected once: motor.monitor_variables = _MON_CURR_Q | _MON_VEL | "
+                "_MON_ANGLE prints them, with current sense or estimated_current for Iq"
+            )
+    return names
+
+
+def _period(path: Path, tables: dict[str, Any]) -> float | None:
+    """Time between the monitor's lines, s; None: each has its time."""
+    text = tables.get("row_period")
+    if ("time_us" in tables["monitor"]) == (text is not None):
+        raise StudyError(
+            f'{path}: row_period: expected it, such as "2 ms", or time_us among monitor, not both'
+        )
+    if text is None:
+        return None
+    try:
+        period = units.parse(str(text), units.TIME)
+    except units.UnitError as error:
+        raise StudyError(f'{path}: row_period: "{text}": {error}') from None
+    if not 0 < period < 1:
+        raise StudyError(f'{path}: row_period: "{text}": expected a time above zero and below 1 s')
+    return period
+
+
+def _read_monitor(path: Path, monitor: list[str]) -> tuple[Array, int]:
+    """The numbers of each line, and how many lines are of another form."""
+    text = text_of(path, "lines of SimpleFOC's monitor")
+    require_bytes(path, len(text))
+    lines = [line for line in text.splitlines() if line.strip()]
+    rows = [numbers for line in lines if len(numbers := NUMBER_PATTERN.findall(line)) == len(monitor)]
+    spoilt = len(lines) - len(rows)
+    if not rows or spoilt > max(2, SPOILT_SHARE_MOST * len(lines)):
+        count = len(NUMBER_PATTERN.findall(lines[len(lines) // 2])) if lines else 0
+        raise StudyError(
+            f"{path}: {count} numbers in a line: expected {len(monitor)}, as monitor says: "
+            f"{', '.join(monitor)}"
+        )
+    return np.array(rows, dtype=np.float64), spoilt
+
+
+def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
+    """A header with the table and its interpolation."""
+    wanted_entries = WAVE_ENTRIES * max(current.orders)
+    count = int(np.clip(1 << (wanted_entries - 1).bit_length(), ENTRIES_LEAST, ENTRIES_MOST))
+    entries = np.asarray(samples(current, count, frame.direction, "linear"), dtype=np.float32)
+    rows = (entries[n : n + LINE_NUMBERS] for n in range(0, count, LINE_NUMBERS))
+    text = ",\n".join("    " + ", ".join(f"{_float(value)}" for value in row) for row in rows)
+
+    def applied(angle: Array) -> Array:
+        place = np.mod(frame.direction * angle / math.tau, 1.0) * count
+        return np.asarray(np.interp(place, np.arange(count + 1), np.append(entries, entries[0])))
+
+    return TableText(
+        HEADER_TEXT.format(count=count, entries=text),
+        count,
+        "float, A",
+        applied,
+        install="copy FILE into the sketch, #include it, and call it in loop() as its first lines say",
+        remove="#define COGGING_SHARE 0.0f in it",
+        sign_check="COGGING_SHARE 0.3f, then -0.3f, each at a slow speed: the ripple falls with the first "
+        "and grows with the second",
+        notes=(
+            "SimpleFOC adds it after current_limit. feed_forward_current is in its source at 7f9c45f; older "
+            "releases lack it.",
+        ),
+    )
+
+
+def _float(value: float) -> str:
+    """A number as a constant of type float in C."""
+    text = f"{value:.7g}"
+    return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
+
+
+SIMPLEFOC = Adapter(
+    name="simplefoc",
+    title="SimpleFOC",
+    reads=(
+        Feature("the monitor's lines, with a small file that says its columns and times", Certainty.SOURCE),
+    ),
+    writes=(
+        Feature("a header with table and cogging_feed_forward(angle)", Certainty.SOURCE),
+        Feature("identify --plan: a header for a sketch that records the logs", Certainty.DRIVE),
+    ),
+    recognise=recognise,
+    read_logs=read_logs,
+    write=write,
+    write_script=write_script,
+)

@@ -1,0 +1,182 @@
+"""VESC: the log of real-time data that VESC Tool writes, and the motor configuration as XML.
+
+Read in its source (vedderb/vesc_tool 426a4f8, vedderb/bldc b9d287b). A row's currents are means since the row
+before, its angle and speed are of the moment, so each mean is laid over the middle between two rows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from cogless.drives.adapter import Adapter, Certainty, DriveLogs, Feature, Recording, TableFrame, text_of
+from cogless.errors import StudyError
+from cogless.identify.files import Array, printable
+from cogless.identify.read_log import read
+
+XML_HINT = "the motor configuration that VESC Tool saves as XML"
+DAY_MILLISECONDS = 86_400_000.0
+TIME_HEADING, SPEED_HEADING, ENCODER_HEADING = "ms_today", "erpm", "encoder_position"
+LOG_HEADINGS = (
+    TIME_HEADING,
+    "q_axis_current",
+    "d_axis_current",
+    SPEED_HEADING,
+    ENCODER_HEADING,
+    "input_voltage",
+)
+LOG_ROWS_LEAST = 3
+ANGLE_AGREEMENT = (
+    0.3  # rad rms by which the encoder's angle may differ from the integrated speed within a row
+)
+
+
+@dataclass(frozen=True)
+class MotorXml:
+    """The elements of the file, by name."""
+
+    path: Path
+    root: ElementTree.Element
+
+    def number(self, names: Sequence[str], expected: str, zero: bool = False) -> float:
+        """The number in the first of these elements. StudyError: none is there, or it is not above zero."""
+        element = next((e for name in names if (e := self.root.find(f".//{name}")) is not None), None)
+        if element is None:
+            raise StudyError(f"{self.path}: {' or '.join(names)}: missing: expected {expected}")
+        text = (element.text or "").strip()
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (value > 0 or (zero and value == 0)) or value == math.inf:
+            raise StudyError(f'{self.path}: {element.tag}: "{printable(text)}": expected {expected}')
+        return value
+
+
+def read_xml(path: Path) -> MotorXml:
+    """Read the file. StudyError: it is no such one."""
+    text = text_of(path, XML_HINT)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise StudyError(f"{path}: it defines entities: expected {XML_HINT}")
+    try:
+        return MotorXml(path, ElementTree.fromstring(text.encode()))
+    except ElementTree.ParseError as error:
+        raise StudyError(f"{path}: not readable as XML: {error}: expected {XML_HINT}") from None
+
+
+def pole_pairs(motor: MotorXml) -> int:
+    poles = motor.number(["si_motor_poles"], "the number of poles, such as 14")
+    if poles % 2:
+        raise StudyError(f"{motor.path}: si_motor_poles: {poles:g}: expected an even number")
+    return round(poles) // 2
+
+
+def tables(motor: MotorXml, bus_voltage: float) -> dict[str, dict[str, Any]]:
+    """[motor] and [drive] as the configuration tells them."""
+    inductance = motor.number(["foc_motor_l"], "the inductance of a measured motor")
+    rate = f"{motor.number(['foc_f_zv', 'foc_f_sw'], 'a rate above zero'):.0f} Hz"
+    limit = motor.number(["l_current_max"], "a current above zero")
+    loop = {
+        "kp": f"{motor.number(['foc_current_kp'], 'a gain above zero'):.9g} V/A",
+        "ki": f"{motor.number(['foc_current_ki'], 'a gain above zero'):.9g} V/A/s",
+        "current_limit": f"{limit:.9g} A",
+    }
+    return {
+        "motor": {
+            "pole_pairs": pole_pairs(motor),
+            "R_s": f"{motor.number(['foc_motor_r'], 'the resistance of a measured motor'):.9g} ohm",
+            "L_d": f"{inductance:.9g} H",
+            "L_q": f"{inductance:.9g} H",
+            "psi_f": f"{motor.number(['foc_motor_flux_linkage'], 'the flux of a measured motor'):.9g} Wb",
+        },
+        "drive": {
+            "rates": {"current_loop": rate, "speed_loop": rate},
+            "current_loop": loop,
+            "inverter": {"bus_voltage": f"{bus_voltage:.4g} V"},
+        },
+    }
+
+
+def recognise(first: Sequence[str]) -> str:
+    cells = {cell.strip() for cell in (first[0] if first else "").split(";")}
+    return "a log of real-time data" if {TIME_HEADING, "q_axis_current", SPEED_HEADING} <= cells else ""
+
+
+def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
+    """Logs of real-time data. StudyError: a file that can't be used."""
+    if configuration is None:
+        raise StudyError(f"{paths[0]}: a log of VESC: expected --drive-config FILE, {XML_HINT}")
+    motor = read_xml(configuration)
+    pairs = pole_pairs(motor)
+    recordings, remarks, volts = [], [], []
+    for path in paths:
+        (log,) = read(path, list(LOG_HEADINGS))
+        for heading in (TIME_HEADING, "q_axis_current", SPEED_HEADING):
+            if heading not in log.columns:
+                others = ", ".join(map(printable, log.headings[:8]))
+                raise StudyError(
+                    f'{path}: no column "{heading}"; it has {others}: expected a log of VESC Tool'
+                )
+        columns = {name: np.asarray(values) for name, values in log.columns.items()}
+        if len(columns[TIME_HEADING]) < LOG_ROWS_LEAST:
+            raise StudyError(f"{path}: {len(columns[TIME_HEADING])} rows: expected a log")
+        signals, lines = _signals(path, columns, pairs)
+        recordings.append(Recording(path, "", signals))
+        remarks += lines
+        volts.append(float(np.median(columns["input_voltage"])) if "input_voltage" in columns else 0.0)
+    if max(volts) <= 0:
+        raise StudyError(f"{paths[0]}: input_voltage: {max(volts):g}: expected the supply's voltage")
+    return DriveLogs(recordings, tables(motor, float(np.median(volts))), TableFrame("vesc"), remarks)
+
+
+def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[str, Array], list[str]]:
+    """Signals at the middles between the rows, where the mean currents belong."""
+    t = 1e-3 * np.unwrap(columns[TIME_HEADING], period=DAY_MILLISECONDS)
+    steps = np.diff(t)
+    if np.any(steps < 0):
+        row = int(np.flatnonzero(steps < 0)[0]) + 2
+        raise StudyError(f"{path}: {TIME_HEADING}: row {row}: the time goes back: expected one clock")
+    omega = math.tau / 60 / pairs * columns[SPEED_HEADING]
+    turned = np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1]) * steps)])
+    encoder = np.radians(columns.get(ENCODER_HEADING, 0 * t))
+    theta, lines = turned, []
+    apart = np.angle(np.exp(1j * (np.diff(encoder) - np.diff(turned))))
+    if np.all(encoder == encoder[0]) or np.std(apart) > ANGLE_AGREEMENT:
+        lines.append(
+            f"{path.name}: no {ENCODER_HEADING} that turns with {SPEED_HEADING}: the angle is the speed's "
+            "integral, so no order has a place on the rotor."
+        )
+    else:  # Between two rows the rotor may make more than half a turn; the speed says how many.
+        theta = turned + np.unwrap(encoder - turned)
+    rate = 1 / float(np.median(steps))
+    speed = float(np.median(np.abs(omega))) / math.tau
+    lines.append(
+        f"{path.name}: {rate:.0f} rows a second of mean currents, at {speed:.2g} r/s, show orders below "
+        f"{rate / 2 / max(speed, 1e-3):.0f}: they tell inertia and friction, and hardly cogging."
+    )
+    middle = {"t": t, "theta": theta, "omega": omega}
+    signals = {name: 0.5 * (values[1:] + values[:-1]) for name, values in middle.items()}
+    signals["i_q"] = columns["q_axis_current"][1:]
+    if "d_axis_current" in columns:
+        signals["i_d"] = columns["d_axis_current"][1:]
+    return {name: values - (values[0] if name == "t" else 0.0) for name, values in signals.items()}, lines
+
+
+VESC = Adapter(
+    name="vesc",
+    title="VESC",
+    reads=(
+        Feature("VESC Tool's log of real-time data (CSV): inertia and friction", Certainty.SOURCE),
+        Feature("the motor configuration as XML: motor and drive", Certainty.DRIVE),
+    ),
+    writes=(),
+    recognise=recognise,
+    read_logs=read_logs,
+    refusal="it has no table of cogging; its encoder correction is of the angle",
+)

@@ -1,0 +1,240 @@
+"""ODrive: captures of both firmwares, made by a stand-in of its controller, and its map."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from commands import cogless
+from drives.drive_bench import RATE, RUNS, TURN, Plant, Tracker, play, profile
+
+PLANT = Plant()
+ENCODER_ZERO = -0.8  # rad: pos_estimate where the rotor is at 0
+OLD = {
+    "motor": {
+        "config": {
+            "pole_pairs": 7,
+            "torque_constant": PLANT.K_t,
+            "phase_resistance": 0.8,
+            "phase_inductance": 0.00045,
+            "current_lim": 8.0,
+            "current_control_bandwidth": 1000.0,
+        }
+    },
+    "encoder": {"config": {"cpr": 8192}},
+    "controller": {"config": {"anticogging": {"pre_calibrated": False, "anticogging_enabled": True}}},
+}
+NEW = {
+    "axis0.config.motor.pole_pairs": 7,
+    "axis0.config.motor.torque_constant": PLANT.K_t,
+    "axis0.config.motor.phase_resistance": 0.8,
+    "axis0.config.motor.phase_inductance": 0.00045,
+    "axis0.config.motor.current_soft_max": 8.0,
+    "axis0.config.motor.current_control_bandwidth": 1000.0,
+}
+OLD_PATHS = ("encoder.pos_estimate", "encoder.vel_estimate", "motor.current_control.Iq_measured")
+NEW_PATHS = ("pos_estimate", "vel_estimate", "motor.foc.Iq_measured")
+
+
+def run(points: list[tuple[float, float]]) -> dict[str, np.ndarray]:
+    """A P controller of the position over a PI of the speed; the torque becomes a current by its constant."""
+    reference, tracker = profile(points), Tracker(8192, 1000 / TURN)
+    pos_gain, vel_gain, vel_integrator_gain = (
+        20.0,
+        2.2e-3 * TURN,
+        0.03 * TURN,
+    )  # 1/s, N m per turn/s, per turn
+    integral, start = 0.0, None
+    rows = []
+
+    def law(t: float, phi: float, omega: float) -> float:
+        nonlocal integral, start
+        angle, speed = tracker.step(phi + ENCODER_ZERO, omega)
+        position, velocity = angle / TURN, speed / TURN
+        start = position if start is None else start
+        wanted, feed = (value / TURN for value in reference(t))
+        error = feed + pos_gain * (start + wanted - position) - velocity
+        integral += vel_integrator_gain / RATE * error
+        rows.append((position, velocity))
+        return (vel_gain * error + integral) / PLANT.K_t
+
+    made = play(PLANT, law, points[-1][0], points[0][1])
+    position, velocity = np.array(rows).T
+    current = made["i"] + 2e-3 * np.random.default_rng(4).standard_normal(len(position))
+    return {"t": made["t"], "position": position, "velocity": velocity, "Iq": current}
+
+
+@pytest.fixture(scope="module")
+def captures() -> dict[str, dict[str, np.ndarray]]:
+    return {name: run(points) for name, points in RUNS.items()}
+
+
+def old_csv(made: dict[str, np.ndarray], path: Path) -> Path:
+    """BulkCapture's array with headings: some 500 rows a second, at the times when USB answered."""
+    steps = np.random.default_rng(2).integers(8, 13, len(made["t"]) // 10)
+    rows = np.cumsum(steps)
+    rows = rows[rows < len(made["t"])]
+    lines = [",".join(["t", *(f"axis0.{name}" for name in OLD_PATHS), "vbus_voltage"])]
+    for k in rows:
+        values = (made["t"][k], made["position"][k], made["velocity"][k], made["Iq"][k], 24.0)
+        lines.append(",".join(f"{value:.9g}" for value in values))
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def new_npz(made: dict[str, np.ndarray], path: Path, unit: str) -> Path:
+    every = 5
+    cycles = (np.round(8000 / RATE * np.arange(0, len(made["t"]), every)) + 77_000).astype(np.int64)
+    stamps = cycles if unit == "cycles" else cycles * 125_000
+    columns = {"timestamps": stamps}
+    for name, key in zip(NEW_PATHS, ("position", "velocity", "Iq"), strict=True):
+        columns[f"axis0.{name}"] = made[key][::every]
+    np.savez(path, **columns)
+    return path
+
+
+def true_current(angle: np.ndarray) -> np.ndarray:
+    return PLANT.holding(angle - ENCODER_ZERO)
+
+
+@pytest.mark.parametrize("form", ["0.5", "0.6 ns", "0.6 cycles"])
+def test_captures_tell_the_motor(
+    form: str, captures: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "config.json"
+    config.write_text(json.dumps({"axis0": OLD} if form == "0.5" else NEW))
+    if form == "0.5":
+        logs = [old_csv(made, tmp_path / f"{name}.csv") for name, made in captures.items()]
+    else:
+        logs = [new_npz(made, tmp_path / f"{name}.npz", form.split()[1]) for name, made in captures.items()]
+    folder = tmp_path / "found"
+    code, out, err = cogless(capsys, "identify", *logs, "--drive-config", config, "-o", folder)
+    assert (code, err) == (0, "")
+    assert f"by its first lines ODrive, a capture of firmware {form[:3]}" in out
+    values = json.loads((folder / "identified.json").read_text())["values"]
+    for key, truth in (("j", PLANT.inertia), ("c", PLANT.coulomb), ("b", PLANT.viscous)):
+        assert abs(values[key]["value"] - truth / PLANT.K_t) < 1.2 * values[key]["error"], key
+    code, _, err = cogless(capsys, "table", folder, "--to", "csv", "-o", tmp_path / "table.csv")
+    assert (code, err) == (0, "")
+    degrees, current = np.loadtxt(tmp_path / "table.csv", delimiter=",", skiprows=1).T
+    truth = true_current(np.radians(degrees))
+    assert np.std(current - truth) < 0.1 * np.std(truth)
+    code, _, err = cogless(capsys, "table", folder, "--to", "odrive")
+    assert (
+        code == 2 and "--to: odrive: takes no table: firmware 0.5 lets its map be read and not written" in err
+    )
+
+
+def test_its_map_is_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Value i stands at i/3600; a map made from one side has friction in its mean."""
+    config, source = tmp_path / "config.json", tmp_path / "map.txt"
+    config.write_text(json.dumps({"axis0": OLD}))
+    places = TURN / 3600 * np.arange(3600)
+    source.write_text("\n".join(f"{PLANT.K_t * v + 0.5 * PLANT.coulomb:.9g}" for v in true_current(places)))
+    options = ["--from", "odrive", "--drive-config", config, "--to", "csv", "-o", tmp_path / "table.csv"]
+    code, _, err = cogless(capsys, "table", source, *options)
+    assert (code, err) == (0, "")
+    degrees, current = np.loadtxt(tmp_path / "table.csv", delimiter=",", skiprows=1).T
+    assert current == pytest.approx(true_current(np.radians(degrees)), abs=0.003)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"torque_constant": 0},
+            "axis0.motor.config.torque_constant: 0: expected a torque constant above zero",
+        ),
+        ({"phase_resistance": math.nan}, "axis0.motor.config.phase_resistance: nan: expected the resistance"),
+        ({"pole_pairs": None}, "axis0.motor.config.pole_pairs: None: expected a number of pole pairs"),
+    ],
+)
+def test_a_configuration_that_does_not_fit_is_one_line(
+    change: dict[str, Any],
+    message: str,
+    captures: dict[str, Any],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    config = tmp_path / "config.json"
+    motor = {"config": {**OLD["motor"]["config"], **change}}
+    config.write_text(json.dumps({"axis0": {**OLD, "motor": motor}}))
+    log = old_csv(captures["accel"], tmp_path / "accel.csv")
+    code, _, err = cogless(capsys, "identify", log, "--drive-config", config, "-o", tmp_path / "out")
+    assert code == 2 and message in err and err.count("\n") == 1
+
+
+def test_files_that_do_not_fit_are_one_line(
+    captures: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = old_csv(captures["accel"], tmp_path / "accel.csv")
+    config, other = tmp_path / "config.json", tmp_path / "other.csv"
+    config.write_text(json.dumps({"axis1": OLD}))
+    other.write_text(log.read_text().replace("axis0.", "axis1."))
+    untimed = tmp_path / "untimed.csv"
+    untimed.write_text(log.read_text().replace("t,", "x,", 1))
+    cases = {
+        (log,): f"{log}: a log of ODrive: expected --drive-config FILE, the JSON",
+        (log, "--drive-config", config): f"{config}: axis0.motor.config.current_lim or",
+        (log, other, "--drive-config", config): f"{log}: axes 0, 1: expected the logs of one axis",
+        (untimed, "--drive-config", config): f"{untimed}: expected one column of the time",
+        (
+            log,
+            "--drive",
+            "moteus",
+            "--drive-config",
+            config,
+        ): f"{log}: ODrive, a capture of firmware 0.5: expected",
+        (log, "--drive-config", log): f"{log}: not readable as JSON: expected the JSON of odrivetool",
+    }
+    for arguments, message in cases.items():
+        code, _, err = cogless(capsys, "identify", *arguments, "-o", tmp_path / "out")
+        assert code == 2 and message in err and err.count("\n") == 1, err
+
+
+def test_a_map_that_is_on_is_told(
+    captures: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "config.json"
+    on = {"config": {"anticogging": {"pre_calibrated": True, "anticogging_enabled": True}}}
+    config.write_text(json.dumps({"axis0": {**OLD, "controller": on}}))
+    log = old_csv(captures["accel"], tmp_path / "accel.csv")
+    code, out, _ = cogless(capsys, "identify", log, "--drive-config", config, "-o", tmp_path / "out")
+    assert code == 0 and f"{config}: its anti-cogging map is on" in out
+
+
+DATA = next((path for up in Path(__file__).parents if (path := up / "shared" / "data").is_dir()), None)
+
+
+def test_spin_ups_of_a_real_odrive_tell_its_inertia(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """J/K_t is 3.74e-3 +- 0.36e-3 A s^2/rad by an impulse balance, without derivative and kernel.
+
+    Its counts are turned into turns, as the API has them, with one file a run.
+    """
+    pytest.importorskip("cogless.identify.jackknife", reason="needs the balance with instruments")
+    if DATA is None:
+        pytest.skip("the real log is not beside the repository")
+    rows: dict[str, list[str]] = {}
+    with gzip.open(DATA / "real_logs" / "odrive_spinups_4.csv.gz", "rt") as file:
+        assert next(file).strip() == "run,t,pos,iq_set,iq"
+        for line in file:
+            name, t, position, _, current = line.strip().split(",")
+            rows.setdefault(name, []).append(f"{t},{float(position) / 8192:.9f},{current}")
+    heading = "t,axis0.encoder.pos_estimate,axis0.motor.current_control.Iq_measured"
+    logs = [tmp_path / f"run{name}.csv" for name in rows]
+    for path, lines in zip(logs, rows.values(), strict=True):
+        path.write_text("\n".join([heading, *lines]) + "\n")
+    config = tmp_path / "config.json"
+    motor = {**OLD["motor"]["config"], "current_lim": 60.0}
+    config.write_text(json.dumps({"axis0": {**OLD, "motor": {"config": motor}}}))
+    code, _, err = cogless(capsys, "identify", *logs, "--drive-config", config, "-o", tmp_path / "found")
+    assert (code, err) == (0, "")
+    inertia = json.loads((tmp_path / "found" / "identified.json").read_text())["values"]["j"]
+    assert abs(inertia["value"] - 3.74e-3) < 0.36e-3 + inertia["error"] and inertia["error"] < 0.3e-3
