@@ -15,13 +15,13 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from cogless.live.toml import text
 from marked import Blocks, main, number, table
 from pil_tables import CASES, LAW_ALONE
 from pil_tables import PAGE as COSTS
 
 import cogless
 from cogless.ensemble.arena_scores import COLUMNS, RPM, Scores
-from cogless.live.toml import text
 from cogless.results.limits import AND, CAUSES
 from cogless.run.causes import LONGER
 

@@ -51,17 +51,20 @@ class Touches:
 # run
 
 
-def test_run_prints_a_table_and_writes_everything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_prints_the_verdict_and_writes_everything(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = tmp_path / "out"
     code, out, err = cogless(capsys, "run", studies.write(tmp_path), "-o", folder)
     assert (code, err) == (0, "")
     assert {path.name for path in folder.iterdir()} == {"results.json", "traces.nc", "report.html"}
     lines = out.splitlines()
-    assert lines[0].strip() == "low"
-    assert lines[1].split() == ["pi", "fair"]
-    ripple = next(line for line in lines if line.startswith("speed ripple [rpm]"))
-    assert "x)" in ripple and ripple.count("*") == 1
-    assert "* best; (x) times the value of pi" in lines
+    assert lines[0] == "low" and lines[1].startswith("At 60 rpm, fair leaves ")
+    title = next(line for line in lines if line.startswith("speed ripple"))
+    pi, fair = lines[lines.index(title) + 1 :][:2]
+    assert title.split()[-1] == "rpm" and pi.endswith("baseline") and fair.endswith(" times less")
+    assert "x)" not in out and "*" not in out and "chattering" not in out
+    assert lines[-2] == "All 6 metrics: in the report, or here with --all."
     assert lines[-1] == f"Report: {folder / 'report.html'}"
     results = json.loads((folder / "results.json").read_text())
     assert [(run["scenario"], run["controller"]) for run in results["runs"]] == [
@@ -72,13 +75,22 @@ def test_run_prints_a_table_and_writes_everything(tmp_path: Path, capsys: pytest
     ]
 
 
+def test_run_prints_all_metrics_if_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = cogless(capsys, "run", studies.write(tmp_path), "--all", "-o", tmp_path / "out")
+    lines = out.splitlines()
+    assert code == 0 and lines[1].startswith("At 60 rpm, fair leaves ")
+    ripple = next(line for line in lines if line.startswith("speed ripple [rpm]"))
+    assert "x)" in ripple and ripple.count("*") == 1
+    assert "* best; (x) times the value of pi" in lines and "--all" not in out
+
+
 def test_a_scenario_without_a_metric_has_no_empty_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     only = ("--only", "low/*", "--set", "metric.0.scenarios=['step']", "--set", "metric.1.scenarios=['step']")
     code, out, _ = cogless(capsys, "run", studies.write(tmp_path), *only, "-o", tmp_path / "out")
     assert code == 0
-    assert [line.strip() for line in out.splitlines() if line][:-1] == ["low: no metric"]
+    assert [line.strip() for line in out.splitlines() if line][:-1] == ["low", "No metric."]
 
 
 @pytest.mark.parametrize("text", [studies.BASE, trial_studies.LINEAR])
@@ -93,7 +105,7 @@ def test_a_study_without_metrics_is_told_one_to_paste(
     assert code == 0 and f"such as this one in {path}:\n\n[[metric]]" in out
     path.write_text(f"{path.read_text()}\n{pasted}")
     code, out, _ = cogless(capsys, "run", path, *only)
-    assert code == 0 and load(path).metric[0].name in out and "no metric" not in out
+    assert code == 0 and load(path).metric[0].name in out and "No metric." not in out
 
 
 def test_run_warns_of_what_design_says_diverges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -220,7 +232,7 @@ def test_a_whole_controller_may_be_added(tmp_path: Path, capsys: pytest.CaptureF
     changes = [f"--set=controller.new.{pair}" for pair in ("kp=0.02", "ki=0.3", "law=pi")]
     code, out, _ = cogless(capsys, "run", studies.write(tmp_path), "-o", tmp_path, "--only=low/new", *changes)
     assert code == 0
-    assert out.splitlines()[1].split() == ["new"]
+    assert re.match(r"At 60 rpm, speed ripple: new [\d.]+ rpm\.$", out.splitlines()[1])
 
 
 def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -230,11 +242,12 @@ def test_a_controller_that_stalls_gets_no_star(tmp_path: Path, capsys: pytest.Ca
     text += '[controller.mine]\nlaw = "python"\nobject = "law.py:Zero"\n'
     study = studies.write(tmp_path, text)
     named = ("--set", "controller.pi.label=PI [red]", "--set", "controller.mine.label=[b]Mine")  # no markup
-    code, out, _ = cogless(capsys, "run", study, "-o", tmp_path, "--only", "low/*", *named)
+    code, out, _ = cogless(capsys, "run", study, "-o", tmp_path, "--only", "low/*", "--all", *named)
     assert code == 0
     said = out.splitlines()
-    assert said[2].split() == ["PI", "[red]", "fair", "[b]Mine"]
-    rows = [line for line in said if line.startswith("speed")]
+    assert any(line.split() == ["PI", "[red]", "fair", "[b]Mine"] for line in said)
+    assert any(line.startswith("[b]Mine ") and line.endswith("did not hold the speed") for line in said)
+    rows = [line.rstrip() for line in said if line.startswith("speed") and "[rpm]" in line]
     assert len(rows) == 2
     assert all(row.endswith(" !") and row.count("*") == 1 for row in rows)
     assert "! [b]Mine did not hold the speed in speed, 0.3 to 0.4 s: mean 0 of 60 rpm" in said
@@ -303,9 +316,10 @@ def test_an_order_that_no_run_yields_keeps_the_runs(
 ) -> None:
     swing = 'scenario.low.reference={offset="0 rpm", amplitude="60 rpm", frequency="10 Hz"}'
     study = studies.write(tmp_path)
-    code, out, err = cogless(capsys, "run", study, "-o", tmp_path, "--plots", "--only=low/*", "--set", swing)
+    options = ("--plots", "--all", "--only=low/*", "--set", swing)
+    code, out, err = cogless(capsys, "run", study, "-o", tmp_path, *options)
     assert (code, err) == (0, "")
-    row = next(line for line in out.splitlines() if line.startswith("speed: order 1 (electrical)"))
+    row = next(line for line in out.splitlines() if line.startswith("speed: order 1 (electrical) ["))
     assert row.count("not finite") == 2 and "*" not in row
     results = json.loads((tmp_path / "results.json").read_text())
     assert [run["metrics"]["speed_rad_s"] for run in results["runs"]] == [[None] * 3] * 2
@@ -616,8 +630,12 @@ def test_design_shows_gains_and_margins(tmp_path: Path, capsys: pytest.CaptureFi
     study = studies.write(tmp_path)
     code, out, _ = cogless(capsys, "design", study)
     assert code == 0
+    block = out[out.index("fair (pi, phase-margin)\n") :].splitlines()[1:3]
+    assert [line.split()[0] for line in block] == ["margins", "gains"]
+    assert "phase 60 deg at " in block[0] and "kp " in block[1] and "A/rpm" in block[1]
+    code, out, _ = cogless(capsys, "design", study, "--long")
     fair = next(line for line in out.splitlines() if line.startswith("fair"))
-    assert "phase-margin" in fair and "60.0 deg" in fair and "A/rpm" in fair
+    assert code == 0 and "phase-margin" in fair and "60.0 deg" in fair and "A/rpm" in fair
     code, out, _ = cogless(
         capsys, "design", study, "--json", "--set", "controller.fair.tuning.phase_margin=45"
     )
@@ -666,7 +684,7 @@ def test_list_tells_titles_and_first_comments(
     show()
     plain = capsys.readouterr().out
     assert plain.splitlines() == [
-        "Studies", "  longer  ", "  one     First", "Motors", "  m  Of a maker", "  n  ",
+        "Studies", "  longer", "  one     First", "Motors", "  m  Of a maker", "  n",
         "Control laws", "Control laws of trials",
     ]  # fmt: skip
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
@@ -737,7 +755,7 @@ def test_calibrate_says_how_far_the_fit_is_off_and_what_it_changed(
     code, out, err = cogless(capsys, "calibrate", path)
     said = f"{path}: calibration: not settled: expected parameters that move the targets\n"
     assert (code, err) == ((0, "") if settled else (2, said))
-    row, blank, *lines = out.splitlines()[1:]
+    *lines, blank, _, row = out.splitlines()
     assert row.split() == ["low/pi", "speed_ripple", "1.91", "rpm", "2.387", "rpm", "+25.0", "%"]
     assert blank == "" and lines == [
         "# fitted to 1.23 % (rms of the deviations)",
@@ -764,6 +782,7 @@ def test_a_plan_says_what_is_to_be_expected_and_where_it_is(
         *([f"! {lowered}"] if lowered else []),
         f"Study: {folder / 'study.toml'}",
         f"Columns: {folder / 'id.toml'}",
+        f"Next: cogless identify --config {folder / 'id.toml'} LOG...",
     ]
 
 
@@ -795,7 +814,7 @@ def test_an_interrupt_is_told(
     def interrupted(study: object) -> object:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cogless.design.design_table.summary", interrupted)
+    monkeypatch.setattr("cogless.design.speed_blocks.speed_blocks", interrupted)
     assert cogless(capsys, "design", studies.write(tmp_path)) == (130, "", "Interrupted.\n")
 
 
@@ -813,8 +832,17 @@ def test_no_help_text_loses_words_to_markup() -> None:
         assert "[" not in (inspect.getdoc(command.callback) or ""), command.callback
 
 
-PRINTED = """\
+LOW = """\
 low-speed
+At 60 rpm, PI-ILC leaves 1.57 rpm of speed ripple, 7.52 times less than PI as published (11.8 rpm).
+
+speed ripple, 8 to 10 s   rpm
+PI as published          11.8  baseline
+PI re-tuned              5.17  2.28 times less
+PI-ILC                   1.57  7.52 times less
+
+"""
+LOW_METRICS = """\
                                           PI as published        PI re-tuned             PI-ILC
 speed orders: order 1 (electrical) [rpm]            0.900     0.500 (0.556x)   0.100 (0.111x) *
 speed orders: order 2 (electrical) [rpm]            0.400     0.200 (0.500x)  0.0600 (0.150x) *
@@ -824,32 +852,50 @@ torque ripple [mN·m]                                 6.07       6.07 (1.00x)   
 copper loss [W]                                   0.00497    0.00497 (1.00x)    0.00497 (1.00x)
 chattering [mA]                                      2.95       2.95 (1.00x)       2.95 (1.00x)
 
+"""
+LOW_COST = "None of the 3 other numbers is worse with PI-ILC than with PI as published.\n\n"
+STEP = """\
 step-on
+At 60 rpm, PI re-tuned is thrown off by 48.3 rpm (dip), 1.51 times less than PI as published (73.0 rpm).
+
+dip, 2 to 4 s     rpm
+PI as published  73.0  baseline
+PI re-tuned      48.3  1.51 times less
+PI-ILC           56.4  1.29 times less
+
+"""
+STEP_METRICS = """\
                  PI as published      PI re-tuned           PI-ILC
 copper loss [W]             48.4     48.4 (1.00x)     48.4 (1.00x)
 chattering [mA]             3.52     3.52 (1.00x)     3.52 (1.00x)
 dip [rpm]                   73.0  48.3 (0.661x) *    56.4 (0.772x)
 settling [s]               never            never           1.36 *
 
-* best; (x) times the value of PI as published
 """
+STEP_COST = "None of the 2 other numbers is worse with PI re-tuned than with PI as published.\n\n"
+MARKS = "* best; (x) times the value of PI as published\n"
+REST = "All 11 metrics: in the report, or here with --all.\n"
 
 
-def test_tables_of_results_as_they_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    made = synthetic.results(synthetic.study(tmp_path), rate=5000)
+def test_results_as_they_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    results = synthetic.results(synthetic.study(tmp_path), rate=5000)
 
-    def printed(results: Results) -> str:
-        printing.print_tables(results)
-        return "".join(f"{line.rstrip()}\n" for line in capsys.readouterr().out.splitlines())
+    def printed(results: Results, every_metric: bool = False) -> str:
+        printing.print_results(results, every_metric)
+        return capsys.readouterr().out
 
-    assert printed(made) == PRINTED
-    low = [run for run in made.runs if run.scenario == "low-speed"]
-    without_bar = printed(replace(made, runs=low[1:]))
+    assert printed(results) == LOW + LOW_COST + STEP + STEP_COST + REST
+    every = LOW + LOW_METRICS + LOW_COST + STEP + STEP_METRICS + STEP_COST + MARKS
+    assert printed(results, every_metric=True) == every
+    low = [run for run in results.runs if run.scenario == "low-speed"]
+    without_bar = printed(replace(results, runs=low[1:]), every_metric=True)
     assert re.search(r"speed ripple \[rpm\] +5\.17 +1\.57 \*\n", without_bar)
     assert without_bar.endswith("\n* best\n")
-    alone = printed(replace(made, runs=low[:1]))
-    assert "speed ripple [rpm]                                   11.8\n" in alone
-    assert alone.endswith("[mA]                                      2.95\n\n")  # no marks to explain
+    alone = "low-speed\nAt 60 rpm, speed ripple: PI as published 11.8 rpm.\n\n"
+    assert printed(replace(results, runs=low[:1])) == alone + REST.replace("11", "7")
+    metrics = printed(replace(results, runs=low[:1]), every_metric=True)
+    assert re.search(r"\nspeed ripple \[rpm\] +11\.8\n", metrics)
+    assert "best" not in metrics  # no marks to explain
 
 
 def test_progress_is_shown_as_shares_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -879,7 +925,7 @@ def test_progress_is_shown_as_shares_of_all(monkeypatch: pytest.MonkeyPatch) -> 
         assert told() == [("low/pi", 0.3, 1.0)]
     assert all(bar.disable and bar.live.transient for bar in bars)  # no terminal
     assert terminal.new_console().width == 240
-    assert (logs.told(0.0), logs.told(0.256)) == ("", ", 26%")
+    assert (logs.percent(0.0), logs.percent(0.256)) == ("", ", 26%")
 
 
 def test_a_flag_asks_for_what_is_not_done_without_it() -> None:
@@ -932,7 +978,7 @@ def test_a_tuning_s_mistake_is_told_before_it_begins(
 
 def test_cogless_alone_says_what_it_can_do(capsys: pytest.CaptureFixture[str]) -> None:
     _, out, _ = cogless(capsys)
-    assert "Usage: cogless" in out and "diagnose" in out and "completion" not in out
+    assert "Usage: cogless" in out and "diagnose" in out and "--install-completion" in out
 
 
 def test_every_option_says_what_it_is_for() -> None:

@@ -7,7 +7,7 @@ import style
 PLACES_MOST = {
     "constant_with_several_values": 117,
     "number_of_one_word": 338,
-    "vague_local": 867,
+    "vague_local": 862,
     "vague_argument": 235,
     "vague_function": 146,
     "many_positional_arguments": 46,

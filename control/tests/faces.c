@@ -280,8 +280,9 @@ static void gains_of_nothing(void)
     }
 }
 
-/* Every law opens with the same check: of the loop, of its limit against that of the loop, and of a foreign feedback if it needs its own. */
-#define CHECK_OPENING(name, config, needs_own)                                                                         \
+/* Every law opens with the same check: of the loop, of its limit against that of the loop, and of a foreign feedback if it needs its
+ * own. `bound` is the limit, and `text` its name. */
+#define CHECK_OPENING(name, config, bound, text, needs_own)                                                            \
     do {                                                                                                               \
         cgl_##name##_config other = (config);                                                                          \
         cgl_loop loop = guarded_loop;                                                                                  \
@@ -296,11 +297,11 @@ static void gains_of_nothing(void)
         loop.current_limit = CGL_R(-3.0);                                                                              \
         CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), "loop.current_limit"));                                  \
         loop.current_limit = CGL_R(2.99);                                                                              \
-        CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), #name ".limit"));                                        \
-        other.limit = CGL_R(2.99);                                                                                     \
+        CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), (text)));                                                \
+        other.bound = CGL_R(2.99);                                                                                     \
         CHECK(cgl_##name##_bad_field(&other, &loop) == NULL);                                                          \
-        other.limit = CGL_R(0.0);                                                                                      \
-        CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), #name ".limit"));                                        \
+        other.bound = CGL_R(0.0);                                                                                      \
+        CHECK(IS_NAMED(cgl_##name##_bad_field(&other, &loop), (text)));                                                \
     } while (false)
 
 static void opening_checks(void)
@@ -311,11 +312,20 @@ static void opening_checks(void)
     const cgl_robust_ilc_config robust = {.b = CGL_R(100.0), .eta = CGL_R(1.0), .limit = CGL_R(3.0), .memory = memory};
     const cgl_space_speed_config speed = {.eta_bar = CGL_R(9.0), .omega_min = CGL_R(0.1), .limit = CGL_R(3.0), .memory = memory};
     const cgl_space_position_config position = {.omega_min = CGL_R(0.1), .limit = CGL_R(3.0), .memory = memory};
-    CHECK_OPENING(pi, pi, false);
-    CHECK_OPENING(adrc, adrc, true);
-    CHECK_OPENING(robust_ilc, robust, true);
-    CHECK_OPENING(space_speed, speed, true);
-    CHECK_OPENING(space_position, position, true);
+    const cgl_pi_config weak = {CGL_R(0.1), CGL_R(1.0), CGL_R(1.0)};
+    const cgl_pi_afc_config afc = {.pi = weak, .gain = CGL_R(1.0), .omega_min = CGL_R(0.1), .limit = CGL_R(3.0), .orders = 1U, .order = {7U}};
+    const cgl_harmonic_config harmonic = {.pi = weak, .b = CGL_R(100.0), .base = 1U, .orders = 3U, .limit = CGL_R(3.0)};
+    const cgl_anti_cogging_config cogging = {.pi = pi, .cells = 4U, .speed = CGL_R(1.0), .revolutions = 1U};
+    const cgl_pi_ilc_config ilc = some_law();
+    CHECK_OPENING(pi, pi, limit, "pi.limit", false);
+    CHECK_OPENING(pi_ilc, ilc, pi.limit, "pi.limit", false);
+    CHECK_OPENING(anti_cogging, cogging, pi.limit, "pi.limit", false);
+    CHECK_OPENING(pi_afc, afc, limit, "pi_afc.limit", false);
+    CHECK_OPENING(harmonic, harmonic, limit, "harmonic.limit", true);
+    CHECK_OPENING(adrc, adrc, limit, "adrc.limit", true);
+    CHECK_OPENING(robust_ilc, robust, limit, "robust_ilc.limit", true);
+    CHECK_OPENING(space_speed, speed, limit, "space_speed.limit", true);
+    CHECK_OPENING(space_position, position, limit, "space_position.limit", true);
 }
 
 /* Laws whose learning needs a feedback of their own say so. */
@@ -328,6 +338,31 @@ static void laws_that_are_not_fed_forward(void)
     CHECK(IS_NAMED(cgl_adrc_bad_field(&adrc, &loop), "loop.feed_forward"));
     const cgl_pi_ilc_config ilc = some_law();
     CHECK(cgl_pi_ilc_bad_field(&ilc, &loop) == NULL);
+}
+
+/* ---- torque mode ---- */
+
+/* A law is given the rotor itself as its reference, so that no error is left to it. */
+static void references_of_torque_mode(void)
+{
+    cgl_drive drive;
+    const cgl_drive_config config = some_drive();
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_OK);
+    const cgl_reference reference = {.theta_ref = CGL_R(2.0), .omega_ref = CGL_R(5.0), .alpha_ref = CGL_R(7.0), .learn = true,
+                                     .torque = true, .i_q_ref = CGL_R(0.5)};
+    int due = 0;
+    for (int n = 0; n < 100; ++n) {
+        const cgl_measurement now = {.theta_m = CGL_R(2.0e-4) * (cgl_real)n, .omega_m = CGL_R(2.0), .u_dc = CGL_R(24.0)};
+        cgl_drive_output out;
+        if (cgl_drive_measure(&drive, &now, &reference)) {
+            ++due;
+            CHECK(within(drive.in.omega_m - CGL_R(2.0), CGL_R(0.0)) && within(drive.in.omega_ref - CGL_R(2.0), CGL_R(0.0)));
+            CHECK(within(drive.in.theta_ref - drive.in.theta_m, CGL_R(0.0)) && within(drive.in.alpha_ref, CGL_R(0.0)));
+            CHECK(drive.in.torque && !drive.in.learn && within(drive.in.i_q_ref - CGL_R(0.5), CGL_R(0.0)));
+        }
+        cgl_drive_actuate(&drive, &out);
+    }
+    CHECK(due >= 10);
 }
 
 /* ---- 0 is the default ---- */
@@ -372,5 +407,6 @@ void faces(void)
     gains_of_nothing();
     opening_checks();
     laws_that_are_not_fed_forward();
+    references_of_torque_mode();
     defaults();
 }

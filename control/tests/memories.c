@@ -6,6 +6,7 @@
 #include "cogless/angle.h"
 #include "cogless/memory.h"
 #include "cogless/pi_ilc.h"
+#include "cogless/robust_ilc.h"
 
 static cgl_real cell[CGL_MEMORY_LENGTH(CGL_MEMORY_ANGLE, 1U, CGL_CELLS_MAX, 2U)];
 
@@ -234,8 +235,67 @@ static void another_lead(void)
     CHECK(written(&memory, CGL_R(0.0)) < untouched && written(&memory, CGL_R(0.0)) + 3U > untouched);
 }
 
+/* The mean of what a law has learned from an error of four turns, sixty turns after it. */
+static double mean_of_map(void (*step)(void *law, const cgl_law_input *in, cgl_law_output *out), void *law)
+{
+    double sum = 0.0;
+    for (int n = 0; n < 64 * 64; ++n) {
+        const cgl_law_input in = {.omega_ref = CGL_R(98.0), .omega_m = n < 4 * 64 ? CGL_R(97.0) : CGL_R(98.0), .learn = true,
+                                  .theta_m = cgl_fraction(((cgl_real)n + CGL_R(0.5)) / CGL_R(64.0)) * CGL_TWO_PI};
+        cgl_law_output out;
+        step(law, &in, &out);
+    }
+    for (int n = 0; n < 64; ++n) {
+        sum += (double)cell[n] / 64.0;
+    }
+    return sum > 0.0 ? sum : -sum;
+}
+
+static void step_pi_ilc(void *law, const cgl_law_input *in, cgl_law_output *out)
+{
+    cgl_pi_ilc_step((cgl_pi_ilc *)law, in, out);
+}
+
+static void step_robust_ilc(void *law, const cgl_law_input *in, cgl_law_output *out)
+{
+    cgl_robust_ilc_step((cgl_robust_ilc *)law, in, out);
+}
+
+/* A mean that the law's integral removes leaves the map, whether the law has had the integral since init or since a retune. The
+ * robust law goes on learning from the integral of its error, so that its map keeps a part. */
+static void means_of_the_integral(void)
+{
+    static const cgl_loop loop = {.ts = CGL_R(1.0e-3), .current_limit = CGL_R(9.0)};
+    const cgl_memory_config memory = {.cells = 64U, .limit = {CGL_R(9.0)}};
+    const uint32_t length = CGL_MEMORY_LENGTH(CGL_MEMORY_ANGLE, 1U, 64U, 0U);
+    for (int n = 0; n < 3; ++n) { /* without an integral, with one, and with one after a retune */
+        static double alone[2];
+        cgl_pi_ilc ilc;
+        cgl_pi_ilc_config of_ilc = {.pi = {CGL_R(0.1), CGL_R(0.0), CGL_R(9.0)}, .gain = CGL_R(0.05), .memory = memory};
+        of_ilc.pi.ki = n == 1 ? CGL_R(0.1) : CGL_R(0.0);
+        CHECK(cgl_pi_ilc_init(&ilc, &of_ilc, &loop, cell, length) == CGL_OK);
+        of_ilc.pi.ki = n > 0 ? CGL_R(0.1) : CGL_R(0.0);
+        CHECK(n < 2 || cgl_pi_ilc_retune(&ilc, &of_ilc) == CGL_OK);
+        const double by_pi = mean_of_map(step_pi_ilc, &ilc);
+        cgl_robust_ilc robust;
+        cgl_robust_ilc_config of_robust = {.b = CGL_R(100.0), .c = CGL_R(1.0), .eta = CGL_R(1.0), .q = CGL_R(1.0), .beta_2 = CGL_R(0.05),
+                                           .limit = CGL_R(9.0), .memory = memory};
+        of_robust.gamma = n == 1 ? CGL_R(0.1) : CGL_R(0.0);
+        CHECK(cgl_robust_ilc_init(&robust, &of_robust, &loop, cell, length) == CGL_OK);
+        of_robust.gamma = n > 0 ? CGL_R(0.1) : CGL_R(0.0);
+        CHECK(n < 2 || cgl_robust_ilc_retune(&robust, &of_robust) == CGL_OK);
+        const double by_robust = mean_of_map(step_robust_ilc, &robust);
+        if (n == 0) {
+            alone[0] = by_pi;
+            alone[1] = by_robust;
+        }
+        CHECK(n == 0 ? by_pi > 0.1 && by_robust > 0.1 : by_pi < 0.1 * alone[0] && by_robust < 0.5 * alone[1]);
+    }
+}
+
 void memories(void)
 {
+    means_of_the_integral();
     periods_ago();
     another_lead();
     keep_sizes();

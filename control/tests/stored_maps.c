@@ -715,10 +715,29 @@ static void maps_of_laws(void)
     CHECK(cgl_map_of_pi_ilc(&by_time, &map) == CGL_MAP_BY_TIME);
 }
 
+/* A state that no init has made has no map: its limit is 0. */
+static void maps_of_no_law(void)
+{
+    static const cgl_pi_ilc pi_ilc;
+    static const cgl_robust_ilc robust_ilc;
+    static const cgl_space_position position;
+    static const cgl_space_speed speed;
+    static const cgl_anti_cogging table;
+    static const cgl_trial run;
+    static const cgl_pi_afc afc;
+    static const cgl_harmonic harmonic;
+    cgl_map map;
+    CHECK(cgl_map_of_pi_ilc(&pi_ilc, &map) == CGL_MAP_INVALID && cgl_map_of_robust_ilc(&robust_ilc, &map) == CGL_MAP_INVALID);
+    CHECK(cgl_map_of_space_position(&position, &map) == CGL_MAP_INVALID && cgl_map_of_space_speed(&speed, &map) == CGL_MAP_INVALID);
+    CHECK(cgl_map_of_anti_cogging(&table, &map) == CGL_MAP_INVALID && cgl_map_of_trial(&run, &map) == CGL_MAP_INVALID);
+    CHECK(cgl_map_of_pi_afc(&afc, &map) == CGL_MAP_INVALID && cgl_map_of_harmonic(&harmonic, &map) == CGL_MAP_INVALID);
+}
+
 void stored_maps(void)
 {
     describe_a_map();
     maps_of_laws();
+    maps_of_no_law();
     CHECK(cgl_crc32(0U, (const uint8_t *)"123456789", 9U) == 0xCBF43926U);
     refuse_configs();
     refuse_with_reason();

@@ -8,9 +8,10 @@ import signal
 import sys
 import traceback
 
-from cogless.errors import DEFECT, INTERRUPTED, WRONG, StudyError, say
+from cogless.errors import DEFECT, INTERRUPTED, WRONG, StudyError
 from cogless.files import reason
 from cogless.interrupts import REQUESTS, end_as_by_ctrl_c
+from cogless.lines import say
 
 REPORT = (
     "This is a defect of cogless, not a mistake of yours. Please report it to the maintainers, with the "

@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 
 from cogless.files import shipped
+from cogless.lines import print_text
 
 OF_LAWS = re.compile(r"law: Literal|AnyController")
 LAW = re.compile(r"law: Literal\['(.+?)'\]")
@@ -32,7 +33,7 @@ def show() -> None:
         print(f"{bold}{heading}{plain}")
         width = max((len(name) for name in entries), default=0)
         for name, about in entries.items():
-            print(f"  {name:<{width}}  {about}")
+            print_text(f"{name:<{width}}  {about}", "  ", " " * (width + 4))
 
 
 def _models() -> tuple[dict[str, tuple[str, str]], dict[str, list[str]]]:

@@ -1,10 +1,8 @@
-"""The error that the user can correct, and how the command line tells of it."""
+"""The error that the user can correct, and the exit codes of the command line."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
-from contextlib import suppress
 from typing import Any, Self
 
 DEFECT, WRONG, INTERRUPTED = 1, 2, 130  # exit codes
@@ -27,9 +25,3 @@ class StudyError(Exception):
     def within(self, file: object) -> str:
         """The text without the name of this file, for where that is known."""
         return str(self).removeprefix(f"{file}: ")
-
-
-def say(line: str) -> None:
-    """Print a line on stderr, if that can be written."""
-    with suppress(OSError):
-        print(line, file=sys.stderr)

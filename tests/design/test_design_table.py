@@ -13,7 +13,7 @@ from engine import unpacked
 from rich.console import Console
 
 from cogless import load
-from cogless.design.design_table import _margins, _shown, design_table
+from cogless.design.design_table import _margins, design_table, shown_gain
 from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.laws.space_bounds import theorem
 from cogless.design.margins import UNSTABLE, Margins
@@ -88,7 +88,7 @@ def test_a_lead_is_shown_as_it_is_used() -> None:
     lead = design_dict(design(coarse, "pi-ilc"))["gains"]["lead"]
     assert lead == {"value": 0.0005, "unit": "s", "note": "2 samples; 0.0006 s asked for"}
     none = load("uomodri", {"drive.rates": rates, "controller.pi-ilc.lead": "0.1 ms"})
-    leads = [_shown(design(study, "pi-ilc").gains["lead"]) for study in (none, load("uomodri"))]
+    leads = [shown_gain(design(study, "pi-ilc").gains["lead"]) for study in (none, load("uomodri"))]
     assert leads == ["0 s (0 samples; 0.0001 s asked for)", "0.0006 s"]
 
 
@@ -111,4 +111,4 @@ def test_margins_that_a_loop_has_or_lacks(margins: Margins | None, cells: tuple[
 
 def test_a_gain_is_shown_in_its_datasheet_s_unit_with_its_note() -> None:
     told = [Gain(0.5, "A*s/rad"), Gain(2.34567, "1/s"), Gain(12.0, ""), Gain(4e-3, "s", "4 samples")]
-    assert [_shown(gain) for gain in told] == ["0.05236 A/rpm", "2.346 1/s", "12", "0.004 s (4 samples)"]
+    assert [shown_gain(gain) for gain in told] == ["0.05236 A/rpm", "2.346 1/s", "12", "0.004 s (4 samples)"]

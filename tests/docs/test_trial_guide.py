@@ -95,7 +95,7 @@ def test_the_terminal_has_the_columns_of_the_guide(axis: Path) -> None:
     found = outcome(results, "move")
     assert found is not None
     columns = re.findall(r"^\| ([a-z1 ()]+) \|", GUIDE[GUIDE.index("## On the terminal") :], re.MULTILINE)
-    shown = [" ".join(column.split()) for column in found[1].columns]
+    shown = [" ".join(column.split()) for column in found.columns]
     assert columns[1:7] == [*shown[:4], f"current ({shown[4]})", shown[5]]
 
 

@@ -111,6 +111,11 @@ def test_a_table_that_cannot_be_written_is_one_line(
     assert code == 2 and message in err and err.count("\n") == 1
 
 
+def test_a_source_that_is_not_there_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = cogless(capsys, "table", tmp_path / "none", "--to", "moteus")
+    assert code == 2 and f"{tmp_path / 'none'}: no such file or folder: expected a folder of" in err
+
+
 def test_uneven_angles_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = tmp_path / "table.csv"
     source.write_text("angle [deg],current [A]\n0,1\n100,2\n240,1\n")

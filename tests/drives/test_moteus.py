@@ -293,6 +293,10 @@ def test_a_file_beside_the_drive_adds_and_replaces(tmp_path: Path) -> None:
         "fast.csv": "",
         "accel.csv": "acceleration",
     }
+    older = Moteus().dump(tmp_path / "older.cfg", motor__Kv="", motor__v_per_hz="0.2")
+    assert prepare(logs, "moteus", older, more).identification.motor.star().K_t == pytest.approx(0.04)
+    with pytest.raises(StudyError, match=r"older.cfg: motor: expected one of psi_f = .*kv = "):
+        prepare(logs, "moteus", older, None)
     more.write_text('columns = { t = "time" }\n')
     with pytest.raises(StudyError, match=f"{more}: columns: expected none beside --drive: moteus knows its"):
         prepare(logs, "moteus", dump, more)

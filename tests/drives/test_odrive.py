@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
 from pathlib import Path
@@ -25,6 +26,7 @@ OLD = {
             "current_control_bandwidth": 1000.0,
         }
     },
+    "encoder": {"config": {"cpr": 8192}},
     "controller": {"config": {"anticogging": {"pre_calibrated": False, "anticogging_enabled": True}}},
 }
 NEW = {
@@ -204,3 +206,35 @@ def test_a_map_that_is_on_is_told(
     log = old_csv(captures["accel"], tmp_path / "accel.csv")
     code, out, _ = cogless(capsys, "identify", log, "--drive-config", config, "-o", tmp_path / "out")
     assert code == 0 and f"{config}: its anti-cogging map is on" in out
+
+
+DATA = next((path for up in Path(__file__).parents if (path := up / "shared" / "data").is_dir()), None)
+
+
+def test_spin_ups_of_a_real_odrive_tell_its_inertia(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """J/K_t is 3.74e-3 +- 0.36e-3 A s^2/rad by an impulse balance, without derivative and kernel.
+
+    Its counts are turned into turns, as the API has them, with one file a run.
+    """
+    pytest.importorskip("cogless.identify.jackknife", reason="needs the balance with instruments")
+    if DATA is None:
+        pytest.skip("the real log is not beside the repository")
+    rows: dict[str, list[str]] = {}
+    with gzip.open(DATA / "real_logs" / "odrive_spinups_4.csv.gz", "rt") as file:
+        assert next(file).strip() == "run,t,pos,iq_set,iq"
+        for line in file:
+            name, t, position, _, current = line.strip().split(",")
+            rows.setdefault(name, []).append(f"{t},{float(position) / 8192:.9f},{current}")
+    heading = "t,axis0.encoder.pos_estimate,axis0.motor.current_control.Iq_measured"
+    logs = [tmp_path / f"run{name}.csv" for name in rows]
+    for path, lines in zip(logs, rows.values(), strict=True):
+        path.write_text("\n".join([heading, *lines]) + "\n")
+    config = tmp_path / "config.json"
+    motor = {**OLD["motor"]["config"], "current_lim": 60.0}
+    config.write_text(json.dumps({"axis0": {**OLD, "motor": {"config": motor}}}))
+    code, _, err = cogless(capsys, "identify", *logs, "--drive-config", config, "-o", tmp_path / "found")
+    assert (code, err) == (0, "")
+    inertia = json.loads((tmp_path / "found" / "identified.json").read_text())["values"]["j"]
+    assert abs(inertia["value"] - 3.74e-3) < 0.36e-3 + inertia["error"] and inertia["error"] < 0.3e-3

@@ -390,6 +390,9 @@ def test_the_table_has_a_row_for_each_law(results: ArenaResults) -> None:
     assert [str(column.header) for column in shown.columns] == ["law", *titles, "plants"]
     rows = list(zip(*(column.cells for column in shown.columns), strict=True))
     assert [row[0] for row in rows] == ["bar", "pi-ilc", "mine"] and {row[-1] for row in rows} == {"1"}
+    least = Scores(arena_scores.to_dict(results)).score("ripple", "pi-ilc")
+    headline = f"pi-ilc leaves the least ripple: {least:.3g} times that of bar, over one plant."
+    assert arena_scores.headline(results) == headline
     ripples = [row[1] for row in rows]
     assert [str(cell).strip()[-1] == "*" for cell in ripples] == [False, True, False]
     assert ripples[0] == "1  " and {row[-2] for row in rows} == {"not run"}
@@ -406,6 +409,7 @@ def test_without_the_bar_the_table_says_so(tmp_path: Path) -> None:
     found = run_arena(arena(tmp_path, seeds=[0]), ["drone/pi-ilc"])
     shown = arena_scores.table(found)
     assert str(shown.caption) == "In no score, since bar was not on it: drone."
+    assert arena_scores.headline(found) == ""
     of_hour = list(COLUMNS).index("after_hour")
     told = ["not run" if n == of_hour else "no bar" for n in range(len(COLUMNS))]
     assert [list(column.cells)[1] for column in shown.columns][1:-1] == told

@@ -401,7 +401,7 @@ def test_keys_of_whole_numbers_are_tuned(tmp_path: Path, limits: str, low: int, 
         changed(study(tmp_path), {knob.key: value})
     (value,) = found.values.values()
     assert type(value) is int and not found.sweep_after.errors
-    assert f"cells = {value}  # was 64" in tuning.lines(found)[0]
+    assert f"cells = {value}  # was 64" in tuning.lines(found)[1]
 
 
 def test_a_range_without_two_whole_numbers_is_refused(tmp_path: Path) -> None:
@@ -431,10 +431,10 @@ def test_the_outcome_is_told_with_what_it_was(usual: tuning.Tuned) -> None:
 
     first = 'controller.pi.kp = "0.02 A/rpm"  # was "0.015 A/rpm"'
     worth = "of what it was, over 16 fresh variants"
-    assert told(tuning.Score(0, 1.0), tuning.Score(0, 0.876)) == [first, f"pi: 87.6 % {worth}"]
-    assert told(tuning.Score(0.5, 1.0), tuning.Score(0.25, 0.9))[1] == (
+    assert told(tuning.Score(0, 1.0), tuning.Score(0, 0.876)) == [f"pi: 87.6 % {worth}", first]
+    assert told(tuning.Score(0.5, 1.0), tuning.Score(0.25, 0.9))[0] == (
         f"pi: 90.0 % {worth}; limits missed by 50.0 % before, 25.0 % now"
     )
-    assert told(tuning.Score(0, 1.0), tuning.Score(0, 1.0))[1] == (
+    assert told(tuning.Score(0, 1.0), tuning.Score(0, 1.0))[0] == (
         f"pi: 100.0 % {worth}; no better, so the values stay as they were"
     )

@@ -15,7 +15,7 @@ from identify.commissioned import METRIC, MOTORS, PI, write
 from typer.testing import CliRunner
 
 from cogless import cli
-from cogless.cli.logs import _marked
+from cogless.cli.logs import _print_remarks
 from cogless.errors import StudyError
 from cogless.identify import diagnosis, plan, speed_alone
 from cogless.identify.causes import Cause, Found, candidates
@@ -233,15 +233,33 @@ def test_the_command_answers_first_and_writes_a_report(tmp_path):
     assert found["orders"][0]["causes"][0].keys() == {"name", "share", "error"}
 
 
+def test_the_command_in_eighty_columns(tmp_path, monkeypatch):
+    paths = write(tmp_path, *played("cogging"))
+    arguments = ["diagnose", *map(str, paths), "--config", str(tmp_path / "id.toml")]
+    texts = []
+    for columns in (80, 2000):
+        monkeypatch.setattr("cogless.lines.terminal_columns", lambda *_, columns=columns: columns)
+        texts.append(CliRunner().invoke(cli.app, arguments).stdout)
+    narrow, wide = texts
+    assert narrow.split() == wide.split() and narrow.startswith("Most of the ripple is cogging, ")
+    assert max(map(len, narrow.splitlines())) <= 80
+
+
 def said_of_k_t(made: Diagnosis) -> str:
     (said,) = [line for line in made.said if line.startswith("The voltage says K_t = 0.0")]
     return said
 
 
-def test_a_right_k_t_is_told_as_no_mistake():
+def test_a_right_k_t_is_told_as_no_mistake(capsys):
     said = said_of_k_t(of("cogging"))
     assert said.endswith("as the file of columns has it (0.08).")
-    assert isinstance(said, Agreement) and _marked(said) == said
+    assert isinstance(said, Agreement)
+    _print_remarks(["The inertia isn't in these logs."], ["A column is late.", said])
+    assert capsys.readouterr().out.split("\n\n") == [
+        "\nNot in these logs:\n! The inertia isn't in these logs.",
+        "Problems:\n! A column is late.",
+        f"Notes:\n{said}\n",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -259,7 +277,7 @@ def test_the_voltage_tells_a_wrong_k_t(tmp_path, K_t, says):
         f"{says}: all torques are in proportion to it; correct motor.K_t (per rms ampere it is K_t_rms) or "
         "kv."
     )
-    assert not isinstance(said, Agreement) and _marked(said) == f"! {said}"
+    assert not isinstance(said, Agreement)
 
 
 def test_the_voltage_tells_a_current_in_rms(tmp_path):

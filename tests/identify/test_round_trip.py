@@ -75,8 +75,13 @@ def test_the_plan_says_which_errors_to_expect(chain):
     assert 0.2 * error("found.txt") < error("plan.txt") < 4 * error("found.txt")
 
 
-def test_each_command_ends_with_the_files_that_it_wrote(chain):
-    for folder, end in (("plan", "Columns: plan/id.toml"), ("found", "Report: found/report.html")):
+def test_each_command_ends_with_the_files_that_it_wrote_and_the_next_command(chain):
+    """The next commands are those of `chain` and of the test below."""
+    ends = {
+        "plan": "Columns: plan/id.toml\nNext: cogless identify --config plan/id.toml LOG...",
+        "found": "Report: found/report.html\nNext: cogless run found/study.toml",
+    }
+    for folder, end in ends.items():
         said = (chain / f"{folder}.txt").read_text()
         assert said.endswith(f"\nStudy: {folder}/study.toml\n{end}\n")
 
@@ -177,6 +182,9 @@ def test_the_real_motors_hold_map(tmp_path):
     assert "j" not in found["values"]
     assert 12 not in by_order
     assert any(line.startswith("One speed only") for line in found["left_out"])
+    _, missing = done.stdout.split("\n\nNot in these logs:\n")
+    assert missing.startswith("! ") and "\n! One speed only" in f"\n{missing}"
+    assert done.stdout.endswith("Next: cogless identify --plan STUDY, for what to record\n")
 
 
 def test_a_motor_on_hall_sensors_has_no_plan(tmp_path):

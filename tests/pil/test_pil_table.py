@@ -65,8 +65,8 @@ FOUND = Comparison(
 def test_a_comparison_s_lines() -> None:
     """What does not exist has no line; a file below half an instruction a period is not named."""
     assert lines(FOUND) == [
-        "compared          100 periods of liu2018, 60-rpm/pi",
         "result            every output and what was learned: bit for bit equal",
+        "compared          100 periods of liu2018, 60-rpm/pi",
         "instructions      300 to 900, mean 412.2",
         "  with the law    800 to 900, mean 850.0",
         "  without         300 to 400, mean 376.0",
@@ -83,7 +83,7 @@ def test_a_comparison_s_lines() -> None:
 
 @pytest.mark.parametrize(("tick", "where"), [(99, "period 99"), (100, "at the end")])
 def test_a_difference_s_line(tick: int, where: str) -> None:
-    told = lines(replace(FOUND, difference=Difference(tick, "i_d", 0.5, -1.0)))[1]
+    told = lines(replace(FOUND, difference=Difference(tick, "i_d", 0.5, -1.0)))[0]
     assert told == f"result            NOT equal: {where}: i_d: simulation 0.5, processor -1.0"
 
 

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import cogless
 import studies
-from cogless.report import broken, render, verdicts, write_plots
+from cogless.report import render, verdict, verdicts, write_plots
 from cogless.report.faults import account
 from cogless.results import Results
 
@@ -91,8 +91,7 @@ def test_the_verdict_says_what_broke_and_what_came_of_it(made):
 def test_nothing_broken_nothing_said(made):
     low = verdicts(made)[0]
     assert low.scenario == "low" and low.told == () and "broke" not in low.headline
-    assert broken(made, "low") is None
-    assert broken(made, "faulty") == verdict_on(made).headline
+    assert verdict(made, "faulty") == verdict_on(made)
 
 
 def test_a_verdict_is_not_green_with_a_current_beyond_the_limit(made):

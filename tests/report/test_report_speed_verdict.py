@@ -12,7 +12,7 @@ from test_report_orders import RATE, with_signals
 
 from cogless.report.comparison import Line, compare, remarks, runs_in
 from cogless.report.speed_verdict import Sensor
-from cogless.report.verdicts import change
+from cogless.report.verdicts import change_words
 
 room = import_module("cogless.report.speed_verdict")
 PI, FAIR, ILC = "PI as published", "PI re-tuned", "PI-ILC"  # the first is the baseline, the last learns
@@ -142,7 +142,7 @@ def test_a_dip_is_told_as_thrown_off_and_not_as_left(study):
     ],
 )
 def test_a_change_in_words(ratio, said):
-    assert change(ratio) == said
+    assert change_words(ratio) == said
 
 
 def test_what_a_speed_is_judged_by():

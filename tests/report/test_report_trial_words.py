@@ -10,10 +10,10 @@ import pytest
 import synthetic
 import trial_studies
 
-from cogless.cli.printed import print_tables
+from cogless.cli.printed import print_results
 from cogless.design.trials.from_study import design_study
 from cogless.design.trials.trial_summary import labelled_notes, megabytes
-from cogless.report import lines, outcome, render, verdicts
+from cogless.report import lines, outcome, render, verdict, verdicts
 from cogless.report.phases import NAMED_MOST, Phase, after, groups, phases
 from cogless.report.trial_case import case, own_lines, same_size, than
 from cogless.report.trials import over_trials, waveforms
@@ -321,7 +321,7 @@ def test_the_terminal_says_how_each_run_ended(tmp_path, capsys):
     limit = {"drive.current_loop.current_limit": "1.6 A"}
     results = run_study(trial_studies.loaded(tmp_path, limit))
     by_name = {run.controller: run for run in results.runs}
-    title, ends = outcome(results, "move")
+    title, ends = verdict(results, "move").headline, outcome(results, "move")
     assert title == verdicts(results)[0].headline
     cells = dict(ends.rows)
     end_of = {}
@@ -343,7 +343,7 @@ def test_the_terminal_says_how_each_run_ended(tmp_path, capsys):
     assert float(cells["ilc"][2]) == pytest.approx(alone_rms, rel=5e-3)
     assert cells["ilc"][3] == than(end_of["ilc"], alone_rms)
     assert cells["feedback"][2:4] == ["–", "–"]  # noqa: RUF001
-    print_tables(results)
+    print_results(results)
     shown = capsys.readouterr().out
     assert title in shown and ends.note in shown and cells["ilc"][3] in shown
 
@@ -351,7 +351,7 @@ def test_the_terminal_says_how_each_run_ended(tmp_path, capsys):
 def test_a_study_with_values_of_trials_alone_has_a_table_too(tmp_path, capsys):
     """Neither does it claim to have no metric, nor explain a mark that it doesn't show."""
     results = run_study(trial_studies.loaded(tmp_path, text=trial_studies.LINEAR))
-    print_tables(results)
+    print_results(results)
     shown = capsys.readouterr().out
     assert "no metric" not in shown and "* best" not in shown
     assert "ilc ends each phase with at most" in shown
@@ -359,8 +359,8 @@ def test_a_study_with_values_of_trials_alone_has_a_table_too(tmp_path, capsys):
 
 
 def test_words_fit_eighty_columns(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("cogless.cli.terminal.WIDE", 80)
-    print_tables(run_study(trial_studies.loaded(tmp_path)))
+    monkeypatch.setattr("cogless.lines.terminal_columns", lambda: 80)
+    print_results(run_study(trial_studies.loaded(tmp_path)))
     shown = capsys.readouterr().out.splitlines()
     rows = [line for line in shown if line.startswith(("ilc ", "feedback ")) and " of 12" in line]
     assert len(rows) == 2 and all(len(line) <= 80 for line in shown)

@@ -42,7 +42,7 @@ def test_it_writes_a_study_and_says_what_matters_and_what_is_next(capsys: pytest
     ]
     assert lines[-2:] == ["Next: cogless run my_motor", "  or: cogless live my_motor"]
     code, out, _ = cogless(capsys, "run", "my_motor", "--only", "slow/pi", "--no-limits", "-o", "results")
-    assert code == 0 and "speed ripple [rpm]" in out
+    assert code == 0 and "speed ripple: PI " in out
     assert load("my_motor").title == "My motor"
 
 

@@ -24,7 +24,7 @@ CGL_SELDOM const char *cgl_pi_afc_bad_field(const cgl_pi_afc_config *config, con
                                       CGL_RANGE(pi_afc, omega_min, CGL_POSITIVE),
                                       CGL_RANGE(pi_afc, limit, CGL_POSITIVE)};
     const char *field = cgl_pi_bad_field(&config->pi, loop);
-    field = field != 0 ? field : CGL_OUT_OF_RANGE(config, range);
+    field = field != 0 ? field : CGL_LAW_BAD_FIELD(config, range, loop);
     if (field != 0) {
         return field;
     }
@@ -33,9 +33,6 @@ CGL_SELDOM const char *cgl_pi_afc_bad_field(const cgl_pi_afc_config *config, con
     }
     if (!is_rising(config)) {
         return CGL_FIELD("pi_afc.order");
-    }
-    if (config->limit > loop->current_limit) {
-        return CGL_FIELD("pi_afc.limit");
     }
     return cgl_loop_can_learn(loop, config->gain, config->pi.kp) ? 0 : CGL_FIELD("pi.kp");
 }

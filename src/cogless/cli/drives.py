@@ -138,6 +138,8 @@ def _source(
             raise StudyError(f"--from: {from_}: no table of it can be read: see cogless drives")
         current = adapter.read_table(source, configuration)
         return current, TableFrame(to, zero=to in (from_, "csv"), lacking=unknown)
+    if not source.exists():
+        raise StudyError(f"{source}: no such file or folder: expected a folder of cogless identify, or a map")
     if not source.is_dir():
         return holding_current.from_stored_map(source), TableFrame(to, zero=to == "csv", lacking=unknown)
     current = holding_current.from_identified(source)

@@ -26,6 +26,7 @@ from cogless.cli.options import (
 from cogless.cli.printed import print_uncertified
 from cogless.cli.terminal import tune_progress, variant_progress
 from cogless.errors import StudyError
+from cogless.lines import print_text
 
 if TYPE_CHECKING:
     from cogless.ensemble.sweep import Shard
@@ -80,7 +81,7 @@ def sweep(
             sweep_table.write(found, stage / "sweep.parquet")
             told = report.write(found, stage / "report.html", partial(_repeat, study, changes))
     for line in told:
-        print(line)
+        print_text(line)
     print(f"Table: {folder / 'sweep.parquet'}")
     print(f"Report: {folder / 'report.html'}")
 
@@ -124,7 +125,7 @@ def tune(
             sweep_table.write(both, stage / "sweep.parquet")
             told = report.write(both, stage / "report.html", lambda settings, pair: "")
     for line in [line for one in tuned for line in tuning.lines(one)] + told:
-        print(line)
+        print_text(line)
     print(f"Study: {path}")
     print(f"Report: {folder / 'report.html'}")
     # short runs don't show all, such as learning that grows slowly

@@ -23,6 +23,7 @@ from cogless.cli.options import (
 from cogless.cli.printed import print_warnings
 from cogless.cli.terminal import new_console, share_progress
 from cogless.errors import StudyError
+from cogless.lines import print_text
 
 DIFFERENT = 1
 
@@ -69,7 +70,8 @@ def export(
     loaded = load(study, changes)
 
     def announce(size: str) -> None:
-        print(f"Size: {size}.", flush=True)
+        print_text(f"Size: {size}.")
+        sys.stdout.flush()
 
     if loaded.drive is None:
         export_linear(loaded, controller, output, scenario, command, announce)
@@ -105,7 +107,7 @@ def pil(
     """
     from cogless.export.prepared import first_scenario
     from cogless.pil import toolchain
-    from cogless.pil.compare import compare, lines
+    from cogless.pil.compare import NAME_COLUMNS, compare, lines
     from cogless.pil.processor import require
 
     if compiler not in (None, "gcc", "zig"):
@@ -119,7 +121,7 @@ def pil(
         print(json.dumps(dataclasses.asdict(found), indent=2, ensure_ascii=False))
     else:
         for line in lines(found):
-            print(line)
+            print_text(line, others=" " * NAME_COLUMNS)
     print_warnings(loaded, [(where, controller)])
     if found.difference is not None:
         sys.exit(DIFFERENT)
@@ -166,4 +168,7 @@ def map_(
     if output is not None:
         wanted = stored.motor if motor is None else identity(motor)
         stored_map.write(output, bytes(dataclasses.replace(stored, motor=wanted)))
-    print(to_csv(stored) if to_screen else "\n".join(lines(found, newest)), end="" if to_screen else "\n")
+    if to_screen:
+        print(to_csv(stored), end="")
+    else:
+        print_text("\n".join(lines(found, newest)))

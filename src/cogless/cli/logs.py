@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+import shlex
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from cogless.cli.completion import complete_study
 from cogless.cli.options import load, output_option
 from cogless.cli.terminal import new_console
 from cogless.errors import StudyError
+from cogless.lines import print_text
 
 
-def told(share: float) -> str:
+def percent(share: float) -> str:
     """How far a step is, for the terminal."""
     return f", {share:.0%}" if share else ""
 
@@ -49,6 +53,7 @@ def identify(
         typer.Option(
             "--plan",
             metavar="STUDY",
+            autocompletion=complete_study,
             help="Write the sequence of logs to record for the motor of a study: its name or file.",
         ),
     ] = None,
@@ -83,13 +88,14 @@ def identify(
                 expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
         print("To be expected, from simulated logs of this motor:")
         for line in expected:
-            print(line)
+            print_text(line, others="  ")
         if lowered := planning.lowered(study):
-            print(f"! {lowered}")
+            print_text(f"! {lowered}")
         print(f"Study: {output / 'study.toml'}")
         print(f"Columns: {output / 'id.toml'}")
         if scripts:
             print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
+        print(f"Next: {shlex.join(['cogless', 'identify', '--config', str(output / 'id.toml')])} LOG...")
         return
     if not logs:
         raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
@@ -110,7 +116,7 @@ def identify(
             print(line)
     with held(output, [*names, *(["orders.png"] if plots else [])]):
         with new_console(stderr=True).status("Identifying") as status:
-            found = identified(lambda what, share: status.update(f"Identifying: {what}{told(share)}"))
+            found = identified(lambda what, share: status.update(f"Identifying: {what}{percent(share)}"))
         with new_set(output) as stage:
             if of_drive is not None:
                 (stage / FRAME_FILE).write_text(of_drive.frame.to_json(), "utf-8")
@@ -119,14 +125,17 @@ def identify(
             if plots:
                 report.write_plot(found.estimate, stage / "orders.png")
     for line in command.lines(found.estimate):
-        print(line)
-    for line in (*found.estimate.left_out, *found.estimate.remarks):
-        print(_marked(line))
-    if "j" in found.estimate.values:
+        print_text(line, others="  ")
+    _print_remarks(found.estimate.left_out, found.estimate.remarks)
+    print()
+    runs = "j" in found.estimate.values
+    if runs:
         print(f"Study: {output / 'study.toml'}")
     print(f"Report: {output / 'report.html'}")
+    words = ["run", str(output / "study.toml")] if runs else ["identify", "--plan", "STUDY"]
     if of_drive is not None and of_drive.takes_table and found.estimate.cogging:
         print(f"Table: cogless table {output} --to {of_drive.frame.drive} -o FILE")
+    print(f"Next: {shlex.join(['cogless', *words])}{'' if runs else ', for what to record'}")
 
 
 def diagnose(
@@ -151,12 +160,11 @@ def diagnose(
 
     with new_console(stderr=True).status("Diagnosing") as status:
         made = diagnosis.diagnosed(
-            logs, config, lambda what, share: status.update(f"Diagnosing: {what}{told(share)}")
+            logs, config, lambda what, share: status.update(f"Diagnosing: {what}{percent(share)}")
         )
     for line in diagnosis.lines(made):
-        print(line)
-    for line in made.said:
-        print(_marked(line))
+        print_text(line, others="  ")
+    _print_remarks((), made.said)
     if output is not None:
         from cogless.report import diagnosed as report
         from cogless.results.folder import held, new_set
@@ -169,8 +177,17 @@ def diagnose(
         print(f"Report: {output / 'report.html'}")
 
 
-def _marked(line: str) -> str:
-    """A remark with a mark, unless it finds nothing wrong."""
+def _print_remarks(left_out: Sequence[str], remarks: Sequence[str]) -> None:
+    """Print what the logs can't tell and problems, each with a mark, then notes, which find nothing wrong."""
     from cogless.identify.voltage import Agreement
 
-    return line if isinstance(line, Agreement) else f"! {line}"
+    groups: dict[str, list[str]] = {
+        "Not in these logs": [f"! {line}" for line in left_out],
+        "Problems": [f"! {line}" for line in remarks if not isinstance(line, Agreement)],
+        "Notes": [line for line in remarks if isinstance(line, Agreement)],
+    }
+    for heading, lines in groups.items():
+        if lines:
+            print(f"\n{heading}:")
+        for line in lines:
+            print_text(line, others="  ")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
 import typer
 
+from cogless.cli.completion import complete_part
 from cogless.cli.options import CORES
 from cogless.cli.terminal import share_progress
 from cogless.errors import StudyError
@@ -23,9 +24,18 @@ LINE_COLUMNS = 80
 SHOWN_EFFECTS = 3
 Text = str | None
 
+QUESTIONS: dict[str, tuple[Kind, str, str]] = {
+    "motor": ("motors", "Which motor is most like yours?", "own"),
+    "drive": ("drives", "Which drive?", "generic"),
+    "encoder": ("encoders", "Which position sensor?", "as5047"),
+}
+
 
 def _name(flag: str, help: str) -> Any:
-    return typer.Option(flag, metavar="NAME", help=help, show_default=False)
+    kind, *_ = QUESTIONS[flag.removeprefix("--")]
+    return typer.Option(
+        flag, metavar="NAME", help=help, show_default=False, autocompletion=complete_part(kind)
+    )
 
 
 def _number(flag: str, help: str) -> Any:
@@ -158,13 +168,6 @@ def _request(chosen: Mapping[str, str | None], texts: Mapping[str, str]) -> Requ
     if asks() and "speed" not in numbers:
         _ask_number("speed", "Speed that matters to you, in r/min (or: slow)", "slow", numbers)
     return Request(motor=motor, drive=drive, encoder=encoder, numbers=numbers)
-
-
-QUESTIONS: dict[str, tuple[Kind, str, str]] = {
-    "motor": ("motors", "Which motor is most like yours?", "own"),
-    "drive": ("drives", "Which drive?", "generic"),
-    "encoder": ("encoders", "Which position sensor?", "as5047"),
-}
 
 
 def _part(flag: str, name: str | None) -> str:

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cogless.cli.completion import (
+    complete_change,
+    complete_controller,
+    complete_run,
+    complete_scenario,
+    complete_study,
+)
 from cogless.errors import StudyError
+from cogless.lines import print_text
 
 if TYPE_CHECKING:
     from cogless.study import AnyStudy
@@ -31,7 +39,12 @@ def output_option(help: str, metavar: str = "DIR", show_default: bool | str = Tr
 
 
 StudyArgument = Annotated[
-    str, typer.Argument(metavar="STUDY", help="A study file, or the name of a shipped study.")
+    str,
+    typer.Argument(
+        metavar="STUDY",
+        help="A study file, or the name of a shipped study.",
+        autocompletion=complete_study,
+    ),
 ]
 
 SetOption = Annotated[
@@ -39,6 +52,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
+        autocompletion=complete_change,
         help="Change a value, such as controller.pi.kp=0.02. A number takes the unit that stands there.",
     ),
 ]
@@ -48,7 +62,14 @@ JobsOption = Annotated[
 ]
 
 ControllerOption = Annotated[
-    str, typer.Option("--controller", metavar="NAME", help="A controller of the study.", show_default=False)
+    str,
+    typer.Option(
+        "--controller",
+        metavar="NAME",
+        help="A controller of the study.",
+        show_default=False,
+        autocompletion=complete_controller,
+    ),
 ]
 
 ScenarioOption = Annotated[
@@ -57,6 +78,7 @@ ScenarioOption = Annotated[
         "--scenario",
         metavar="NAME",
         help="Where it runs.",
+        autocompletion=complete_scenario,
         show_default="the first scenario that has the controller",
     ),
 ]
@@ -72,7 +94,12 @@ LimitsOption = Annotated[
 
 OnlyOption = Annotated[
     list[str] | None,
-    typer.Option("--only", metavar="SCENARIO/CONTROLLER", help="Only this run; * and ? match. Repeatable."),
+    typer.Option(
+        "--only",
+        metavar="SCENARIO/CONTROLLER",
+        help="Only this run; * and ? match. Repeatable.",
+        autocompletion=complete_run,
+    ),
 ]
 
 OutputOption = Annotated[
@@ -123,4 +150,4 @@ def name_code(
             if no_code:
                 where = f'{path}: {table}.{name}.law: "{law.law}"'
                 raise StudyError(f"{where}: expected no code of the file's own, with --no-code")
-            print(f"Code: {table}.{name} runs {found(law.code)}.")
+            print_text(f"Code: {table}.{name} runs {found(law.code)}.")

@@ -1,81 +1,141 @@
-"""Results as tables on the terminal, and the design's warnings."""
+"""Results on the terminal, the answer first, and the design's warnings."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from cogless.cli.terminal import new_console
-from cogless.errors import say
+from cogless.cli.terminal import new_console, print_fitted
+from cogless.lines import print_text, warn
 
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.text import Text
 
+    from cogless.design.blocks import Blocks
     from cogless.report import Line, Outcome
     from cogless.results import AnyResults
     from cogless.study import AnyStudy
     from cogless.study.remark import Remark
 
+BLOCK_INDENT = "  "
+LABEL_COLUMNS = 30  # a table of metrics has at least so many for its labels, if these are that long
 
-def print_tables(results: AnyResults) -> None:
-    from rich.table import Table
-    from rich.text import Text
 
+def print_results(results: AnyResults, every_metric: bool = False) -> None:
+    """Print for each scenario the verdict, what each controller leaves, what limits the best, and the cost.
+
+    `every_metric`: with the table of all metrics.
+    """
     from cogless import report
     from cogless.report.comparison import remarks
 
-    study, console, shown = results.study, new_console(), set[str]()
+    study, marked, numbers = results.study, set[str](), 0
     for scenario in results.scenarios:
         controllers = [run.controller for run in results.runs if run.scenario == scenario]
         lines = report.lines(results, scenario)
-        table = Table(
-            title=Text(scenario), title_justify="left", title_style="bold", box=None, pad_edge=False
-        )
-        table.add_column("")
-        for name in controllers:
-            table.add_column(Text(study.label(name)), justify="right")
-        for line in lines:
-            cells = [_cell(line, name, study.baseline) for name in controllers]
-            table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)
-        shown |= {*controllers} if lines else set()
-        ends = report.outcome(results, scenario)
-        console.print(table if lines else Text(scenario if ends else f"{scenario}: no metric"))
-        for remark in remarks(study, lines):
-            console.print(f"! {remark}", highlight=False, markup=False)
-        broken = report.broken(results, scenario)
-        if broken is not None:
-            console.print(broken, highlight=False, markup=False)
+        verdict, ends = report.verdict(results, scenario), report.outcome(results, scenario)
+        numbers += len(lines)
+        new_console().print(scenario, style="bold", highlight=False, markup=False)
+        if verdict is not None:
+            print_text(verdict.headline)
+        elif not lines and ends is None:
+            print_text("No metric.")
         if ends is not None:
-            _print_outcome(console, study, *ends)
+            _print_outcome(study, ends)
+        elif len(controllers) > 1 and (line := report.judged_line(results, scenario)) is not None:
+            _print_line(study, line, controllers)
+        if every_metric and lines:
+            _print_metrics(study, lines, controllers)
+            marked |= {*controllers}
         limit = report.limit(results, scenario)
-        if limit is not None:
-            console.print(str(limit), highlight=False, markup=False)
-        console.print()
+        sentences = [f"! {remark}" for remark in remarks(study, lines)]
+        sentences += [str(limit or ""), verdict.cost if verdict is not None else ""]
+        if any(sentences):
+            print()
+        for sentence in filter(None, sentences):
+            print_text(sentence)
+        print()
     for text in results.without_design():
-        console.print(f"! {text}\n", highlight=False, markup=False)
-    if len(shown) > 1:  # with one controller there are no marks to explain
-        ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in shown else ""
-        console.print(f"* best{ratio}", highlight=False, markup=False)
+        print_text(f"! {text}\n")
+    if len(marked) > 1:  # with one controller there are no marks to explain
+        ratio = f"; (x) times the value of {study.label(study.baseline)}" if study.baseline in marked else ""
+        print_text(f"* best{ratio}")
     if not study.metric:
-        console.print(f"{a_metric(study)}\n", highlight=False, markup=False, soft_wrap=True)
+        print(f"{a_metric(study)}\n")
+    elif numbers and not every_metric:
+        print_text(f"All {numbers} metrics: in the report, or here with --all.")
 
 
-def _print_outcome(console: Console, study: AnyStudy, headline: str, ends: Outcome) -> None:
-    """Print how each controller ended, a row for each, and the verdict's first sentences."""
+def _print_line(study: AnyStudy, line: Line, controllers: Iterable[str]) -> None:
+    """Print a metric: each controller's value, and what that is beside the baseline's."""
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, pad_edge=False, padding=(0, 1))
-    table.add_column("", overflow="fold")
+    from cogless.report.verdicts import change_words
+
+    window = f", {line.window}" if line.window else ""
+    table = Table(box=None, pad_edge=False)
+    table.add_column(Text(f"{line.title}{window}"))
+    table.add_column(Text(line.unit), justify="right", no_wrap=True)
+    table.add_column("")
+    for name in controllers:
+        ratio = line.ratio(name, study.baseline)
+        remark = "baseline" if name == study.baseline else "" if ratio is None else change_words(ratio)
+        remark = "did not hold the speed" if name in line.missed else remark
+        remark = "learned nothing" if name in line.unlearned else remark
+        style = "bold" if name in line.best else ""
+        table.add_row(Text(study.label(name), style), Text(line.number(name) or "-", style), Text(remark))
+    print()
+    print_fitted(table)
+
+
+def _print_metrics(study: AnyStudy, lines: Iterable[Line], controllers: Iterable[str]) -> None:
+    """Print the table of all metrics."""
+    from rich.table import Table
+    from rich.text import Text
+
+    names = list(controllers)
+    table = Table(box=None, pad_edge=False)
+    table.add_column("", min_width=LABEL_COLUMNS)
+    for name in names:
+        table.add_column(Text(study.label(name)), justify="right", no_wrap=True)
+    for line in lines:
+        cells = [_cell(line, name, study.baseline) for name in names]
+        table.add_row(Text(f"{line.title} [{line.unit}]" if line.unit else line.title), *cells)
+    print()
+    print_fitted(table)
+
+
+def _print_outcome(study: AnyStudy, ends: Outcome) -> None:
+    """Print how each controller ended, a row for each."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False)
+    table.add_column("")
     for heading in ends.columns:
         table.add_column(heading, justify="right", no_wrap=True)
     for name, cells in ends.rows:
         table.add_row(Text(study.label(name)), *cells)
-    console.print()
-    console.print(table)
-    for line in (ends.note, headline):
-        console.print(line, highlight=False, markup=False)
+    print()
+    print_fitted(table)
+    print_text(ends.note)
+
+
+def print_blocks(blocks: Blocks) -> None:
+    """Print a design: a block a controller, then the notes."""
+    console = new_console()
+    console.print(blocks.title, style="bold", highlight=False, markup=False)
+    for block in blocks.blocks:
+        print()
+        console.print(block.heading, style="bold", highlight=False, markup=False)
+        width = max(len(word) for word, _ in block.rows)
+        for word, text in block.rows:
+            print_text(f"{word:<{width}}  {text}", BLOCK_INDENT, " " * (len(BLOCK_INDENT) + width + 2))
+    if blocks.notes:
+        print()
+    for note in blocks.notes:
+        print_text(note)
 
 
 def a_metric(study: AnyStudy) -> Remark:
@@ -96,7 +156,7 @@ def print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
     of_each = {name: scenario for scenario, name in runs}
     found = (remark for name, at in of_each.items() for remark in warnings(study, at, name))
     for line in dict.fromkeys(map(str, found)):
-        say(f"Warning: {line}.")
+        warn(line)
 
 
 def print_uncertified(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:

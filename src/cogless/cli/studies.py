@@ -24,10 +24,11 @@ from cogless.cli.options import (
     output_option,
     to_run,
 )
-from cogless.cli.printed import print_tables, print_uncertified
-from cogless.cli.terminal import new_bar, new_console, run_progress
-from cogless.errors import INTERRUPTED, StudyError, say
+from cogless.cli.printed import print_blocks, print_results, print_uncertified
+from cogless.cli.terminal import new_bar, new_console, print_fitted, run_progress
+from cogless.errors import INTERRUPTED, StudyError
 from cogless.interrupts import deferred
+from cogless.lines import print_text, say, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,10 +54,11 @@ def run(
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,
     no_code: NoCodeOption = False,
+    every_metric: Annotated[bool, typer.Option("--all", help="Print every metric, too.")] = False,
 ) -> None:
     """Simulate a study: every controller in every scenario. Of an arena: every law on every plant.
 
-    Prints a table of controllers against metrics and writes results.json, traces.nc and report.html.
+    Prints the verdict on each scenario and writes results.json, traces.nc and report.html.
 
     Ctrl-C and SIGTERM keep the runs that are finished.
     """
@@ -79,7 +81,7 @@ def run(
         check(loaded)  # before the runs
     pairs = runs_of(loaded, only)
     for line in DESIGNS[loaded.kind].before_runs(loaded, pairs):
-        say(f"Warning: {line}.")
+        warn(str(line))
     failures: list[StudyError] = []
     defect: RunDefect | None = None
     place = folder.absolute()  # a law may change the directory
@@ -100,7 +102,8 @@ def run(
                     _write(results, place, plots, not no_traces, page)
                 except StudyError as error:  # such as a full disk; the tables are still printed
                     failures.append(error)
-                _print(results, folder, with_page, all(isinstance(failure, RunError) for failure in failures))
+                written = all(isinstance(failure, RunError) for failure in failures)
+                _print(results, folder, with_page, written, every_metric)
     if defect is not None:
         raise defect
     if failures:
@@ -128,9 +131,9 @@ def _names(
     ]
 
 
-def _print(results: AnyResults, folder: Path, with_page: bool, written: bool) -> None:
-    """Print the tables, and where the files are if they are `written`."""
-    print_tables(results)
+def _print(results: AnyResults, folder: Path, with_page: bool, written: bool, every_metric: bool) -> None:
+    """Print the results, and where the files are if they are `written`."""
+    print_results(results, every_metric)
     print_uncertified(results.study, [(run.scenario, run.controller) for run in results.runs])
     if written:
         print(f"Report: {folder / 'report.html'}")
@@ -199,7 +202,9 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
             if written:
                 with new_set(place) as stage:
                     arena_scores.write(results, stage / "results.json")
-                new_console().print(arena_scores.table(results))
+                if headline := arena_scores.headline(results):
+                    print_text(f"{headline}\n")
+                print_fitted(arena_scores.table(results))
     for (plant, law), why in results.absent.items():
         say(f"Absent: {law} on {plant}: {why}")
     if written:
@@ -215,8 +220,9 @@ def design(
     study: StudyArgument,
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
+    whole: Annotated[bool, typer.Option("--long", help="Print every number, as a table.")] = False,
 ) -> None:
-    """Show every controller's gains, and what follows from them before any run.
+    """Say before any run whether each controller's learning settles, and how fast; margins and gains.
 
     For a study of speed: gains, given or by a tuning rule, the margins of the loop, whether learning settles.
 
@@ -228,8 +234,10 @@ def design(
     design_of = DESIGNS[loaded.kind]
     if as_json:
         print(json.dumps(design_of.to_dict(loaded), indent=2, ensure_ascii=False))
+    elif whole:
+        print_fitted(design_of.table(loaded))
     else:
-        new_console().print(design_of.table(loaded))
+        print_blocks(design_of.blocks(loaded))
 
 
 def calibrate(
@@ -255,17 +263,17 @@ def calibrate(
         )
     from rich.table import Table
 
+    outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
+    print(f"# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
+    for parameter in fit.parameters:
+        print_text(f"{parameter.toml}  # was {parameter.before}", others="# ")
     table = Table(
         "run", "metric", "wanted", "got", "deviation", box=None, header_style="bold", pad_edge=False
     )
     for row in residual_rows(fit):
         table.add_row(*row)
-    console = new_console()
-    console.print(table)
-    outcome = "interrupted, the best fit so far is off by" if fit.interrupted else "fitted to"
-    print(f"\n# {outcome} {100 * fit.deviation:.2f} % (rms of the deviations)")
-    for parameter in fit.parameters:
-        print(f"{parameter.toml}  # was {parameter.before}")
+    print()
+    print_fitted(table)
     if fit.interrupted:
         raise KeyboardInterrupt
     if not fit.settled:

@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from cogless import lines as text_lines
+
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, RenderableType
     from rich.progress import Progress, ProgressColumn
 
     from cogless.run.simulate import StudyProgress
@@ -19,7 +21,23 @@ def new_console(**options: Any) -> Console:
     from rich.console import Console
 
     console = Console(**options)
-    return console if console.is_terminal else Console(width=WIDE, **options)
+    return console if console.is_terminal else Console(width=text_lines.terminal_columns() or WIDE, **options)
+
+
+def print_fitted(part: RenderableType) -> None:
+    """Print tables and texts. A table that is wider than the terminal is printed in parts."""
+    from rich.text import Text
+
+    from cogless.cli.fitted import fitted
+
+    console = new_console()
+    for piece in fitted(console, part):
+        if isinstance(piece, Text):
+            text_lines.print_text(piece.plain)
+        else:
+            with console.capture() as printed:
+                console.print(piece, highlight=False)
+            print("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
 def new_bar(*columns: ProgressColumn) -> Progress:

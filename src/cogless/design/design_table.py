@@ -1,9 +1,10 @@
-"""The table that `cogless design` prints."""
+"""The table that `cogless design --long` prints."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from cogless import units
@@ -47,12 +48,17 @@ def design_table(study: Study) -> Group:
     for name, design in designs.items():
         gains, margins = _gains(design.gains), _margins(design.margins)
         table.add_row(study.label(name), design.law, design.rule or "", gains, *margins, design.words())
+    below = (*notes_below(study, designs), *_theorems(study, designs))
+    return Group(table, *(Text(line) for line in below))
+
+
+def notes_below(study: Study, designs: Iterable[str]) -> list[str]:
+    """What the design warns of, in a sentence each. `designs`: names of controllers."""
     own = [line for name in designs for line in notes(study, name)]
     far = beyond_drive(study, study.scenario)
-    known = [
+    return [
         f"{line}." for line in (*coarse_table(study), *far, *shaft_notes(study), *loop_remarks(study), *own)
     ]
-    return Group(table, *(Text(line) for line in (*known, *_theorems(study, designs))))
 
 
 def _theorems(study: Study, designs: dict[str, Design]) -> list[str]:
@@ -75,10 +81,11 @@ def _bounds(bounds: Bounds) -> str:
 
 def _gains(gains: dict[str, Gain]) -> str:
     """Gains in one line. Zero gains without a note are left out, because their terms are inactive."""
-    return ", ".join(f"{key} {_shown(gain)}" for key, gain in gains.items() if gain.value or gain.note)
+    return ", ".join(f"{key} {shown_gain(gain)}" for key, gain in gains.items() if gain.value or gain.note)
 
 
-def _shown(gain: Gain) -> str:
+def shown_gain(gain: Gain) -> str:
+    """A gain with its unit, as papers and datasheets write it."""
     if gain.unit in SHOWN:
         dimension, unit = SHOWN[gain.unit]
         return units.format(gain.value, unit, dimension, digits=4)

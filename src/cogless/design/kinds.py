@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cogless.design import design_table, law_rules, summary, verdict, warnings
+from cogless.design import design_table, law_rules, speed_blocks, summary, verdict, warnings
+from cogless.design.blocks import Blocks
 from cogless.study import Study, TrialStudy
 from cogless.study.base import Kind
 from cogless.study.remark import Remark
@@ -27,7 +28,8 @@ class KindOfDesign:
 
     prepared: Callable[[Any, Sequence[Pair]], Designs]  # designs that the runs of these pairs need
     to_dict: Callable[[Any], dict[str, Any]]  # the JSON of `cogless design`
-    table: Callable[[Any], Group]  # the text of `cogless design`
+    table: Callable[[Any], Group]  # the text of `cogless design --long`
+    blocks: Callable[[Any], Blocks]  # the text of `cogless design`
     # of a study, scenario and controller: the design's numbers, and its verdict in a line
     figures: Callable[[Any, str, str], tuple[dict[str, Any], str]]
     warnings: Callable[[Any, str, str], list[Remark]]  # arguments: study, scenario, controller
@@ -78,6 +80,12 @@ def _trial_table(study: TrialStudy) -> Group:
     return trial_summary.table(study, trial_summary.summary(study))
 
 
+def _trial_blocks(study: TrialStudy) -> Blocks:
+    from cogless.design.trials import trial_blocks, trial_summary
+
+    return trial_blocks.trial_blocks(study, trial_summary.summary(study))
+
+
 def _trial_figures(study: TrialStudy, scenario: str, controller: str) -> tuple[dict[str, Any], str]:
     from cogless.design.trials import trial_summary
 
@@ -97,6 +105,7 @@ DESIGNS: Mapping[Kind, KindOfDesign] = {
         prepared=_no_designs,
         to_dict=summary.to_dict,
         table=design_table.design_table,
+        blocks=speed_blocks.speed_blocks,
         figures=_speed_figures,
         warnings=warnings.warnings,
         before_runs=_speed_warnings_before,
@@ -108,6 +117,7 @@ DESIGNS: Mapping[Kind, KindOfDesign] = {
         prepared=_trial_designs,
         to_dict=_trial_dict,
         table=_trial_table,
+        blocks=_trial_blocks,
         figures=_trial_figures,
         warnings=_trial_warnings,
         certified=True,

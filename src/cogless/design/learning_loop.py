@@ -91,6 +91,11 @@ class LearningLoop(ABC):
         return None
 
     @property
+    def learns_more(self) -> bool:
+        """Whether the law also learns from what the small-signal analysis leaves out."""
+        return False
+
+    @property
     def forgetting(self) -> float:
         """The share of the learned signal that the memory keeps in each period."""
         return 1.0

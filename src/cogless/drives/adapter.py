@@ -28,6 +28,7 @@ class Certainty(StrEnum):
     SOURCE = "verified in its source"
     MANUAL = "by its manual"
     DRIVE = "needs one test on the drive"
+    OWN = "a format of cogless"
 
 
 @dataclass(frozen=True)

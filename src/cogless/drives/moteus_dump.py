@@ -96,7 +96,10 @@ def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:
     if poles % 2:
         raise StudyError(f"{dump.path}: motor.poles: {poles:g}: expected an even number")
     resistance = dump.above_zero("motor.resistance_ohm", "the resistance of a calibrated motor")
-    kv = dump.above_zero("motor.Kv", "the Kv of a calibrated motor, r/min per volt")
+    magnet = {}
+    if "motor.Kv" in dump.values or "motor.v_per_hz" not in dump.values:
+        kv = dump.above_zero("motor.Kv", "the Kv of a calibrated motor, r/min per volt")
+        magnet["kv"] = f"{kv:.9g} rpm/V"
     kp = dump.above_zero("servo.pid_dq.kp", "a gain above zero")
     ki = dump.above_zero("servo.pid_dq.ki", "a gain above zero")
     # Calibration sets kp = w L and ki = w R, so older firmware, which stores no inductance, tells it too.
@@ -106,6 +109,9 @@ def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:
     rate = f"{dump.number('servo.pwm_rate_hz', 'a rate', 30_000.0):.0f} Hz"
     loop: dict[str, Any] = {"current_limit": f"{limit:.9g} A"}
     drive: dict[str, Any] = {"rates": {"current_loop": rate, "speed_loop": rate}, "current_loop": loop}
+    counts = round(dump.above_zero(f"motor_position.sources.{dump.source}.cpr", "counts of a turn"))
+    if counts.bit_count() == 1 and counts > 1:
+        drive["position_sensor"] = {"kind": "absolute", "bits": counts.bit_length() - 1}
     if bus_voltage is None:
         loop["kind"] = "ideal"
     else:
@@ -117,7 +123,7 @@ def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:
             "R_s": f"{resistance:.9g} ohm",
             "L_d": f"{inductance:.9g} H",
             "L_q": f"{inductance_q:.9g} H",
-            "kv": f"{kv:.9g} rpm/V",
+            **magnet,  # Older firmware has v_per_hz in its place; then --config says kv or K_t.
         },
         "drive": drive,
     }

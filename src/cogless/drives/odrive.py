@@ -25,6 +25,7 @@ from cogless.identify.read_log import read
 
 CONFIG_HINT = "the JSON of odrivetool backup-config"
 MAP_CELLS = 3600
+COUNTS_A_LINE = 4
 CONTROL_RATE = 8000.0  # Hz, of control cycles; high-rate captures may count them
 NANOSECONDS_LEAST = 1000.0  # apart; captures that count cycles have less
 PATH_PATTERN = re.compile(r"(?:odrv\w*\.)?(?:axis(?P<axis>\d)\.)?(?P<rest>.+)")
@@ -110,6 +111,9 @@ def tables(configuration: Configuration, bus_voltage: float) -> dict[str, dict[s
         drive["inverter"] = {"bus_voltage": f"{bus_voltage:.4g} V"}
     else:
         loop["kind"] = "ideal"
+    counts = configuration.values.get(f"axis{configuration.axis}.encoder.config.cpr")
+    if isinstance(counts, int) and counts > 0 and counts % COUNTS_A_LINE == 0:
+        drive["position_sensor"] = {"kind": "encoder", "lines": counts // COUNTS_A_LINE}
     inductance = f"{number('phase_inductance', 'the inductance of a calibrated motor'):.9g} H"
     return {
         "motor": {

@@ -57,8 +57,8 @@ def read_table(path: Path, configuration: Path | None) -> HoldingCurrent:
 PLAIN_TABLE = Adapter(
     name="csv",
     title="a table as CSV",
-    reads=(Feature("angle [deg], current [A]: a table that cogless wrote", Certainty.SOURCE),),
-    writes=(Feature("angle [deg], current [A] that holds the rotor", Certainty.SOURCE),),
+    reads=(Feature("angle [deg], current [A]: a table that cogless wrote", Certainty.OWN),),
+    writes=(Feature("angle [deg], current [A] that holds the rotor", Certainty.OWN),),
     write=write,
     read_table=read_table,
 )

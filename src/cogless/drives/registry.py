@@ -120,7 +120,7 @@ def prepare(
         if match is None:
             raise StudyError(
                 f"{paths[0]}: no drive's log by its first lines: expected --config FILE that names its "
-                f"columns, or --drive {readers()}"
+                f"columns, or --drive NAME, one of {readers()}"
             )
         adapter, kind = match
         remarks.append(f"{paths[0].name}: by its first lines {adapter.title}, {kind}.")

@@ -260,6 +260,20 @@ def write(results: ArenaResults, path: Path) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
+def headline(results: ArenaResults) -> str:
+    """Which laws leave the least ripple, and how much beside the bar; "" if that is unknown."""
+    scores = Scores(to_dict(results))
+    laws = scores.winners("ripple")
+    score = scores.score("ripple", laws[0]) if laws else None
+    if score is None:
+        return ""
+    labels = " and ".join(map(scores.label, laws))
+    count, verb = scores.met(laws[0]), "leaves" if len(laws) == 1 else "leave"
+    plants = "one plant" if count == 1 else f"{count} plants, in the mean"
+    share = f"{score:.3g} times that of {scores.label(scores.bar)}"
+    return f"{labels} {verb} the least ripple: {share}, over {plants}."
+
+
 def table(results: ArenaResults) -> Table:
     """The scores: a row for each law, * for the best of a column."""
     from rich.table import Table
@@ -268,7 +282,7 @@ def table(results: ArenaResults) -> Table:
     found = Table(box=None, pad_edge=False, title=f"Times {scores.label(scores.bar)}, mean over plants")
     found.add_column("law")
     for column in COLUMNS.values():
-        found.add_column(column.title, justify="right")
+        found.add_column(column.title, justify="right", no_wrap=True)
     found.add_column("plants", justify="right")
     best = {column: scores.winners(column) for column in COLUMNS}
     for law in scores.laws:

@@ -26,8 +26,9 @@ from typing import Any
 from cogless.ensemble.sweep_table import Row, Sweep, columns, gathered
 from cogless.ensemble.variants import Ensemble, draw
 from cogless.ensemble.workers import Parcel, Workers, given, pack, run_all, unpacked
-from cogless.errors import StudyError, say
+from cogless.errors import StudyError
 from cogless.files import no_device, no_link, reason, versions
+from cogless.lines import warn
 from cogless.results import AnyResults
 from cogless.run.simulate import Pair, RunError, rollout, runs_of
 from cogless.study import AnyStudy, changed
@@ -139,7 +140,7 @@ def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chun
             case [int(chunk), list(rows)]:
                 finished[chunk] = rows
             case _:
-                say(f"Warning: {path}: line {number} is damaged and not used.")
+                warn(f"{path}: line {number} is damaged and not used")
     return finished
 
 

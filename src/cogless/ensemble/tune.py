@@ -254,7 +254,7 @@ def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
 
 
 def lines(tuned: Tuned) -> list[str]:
-    """The outcome as lines of text: each value before and after, and what it is worth on fresh variants."""
+    """The outcome as lines of text: what it is worth on fresh variants, and each value before and after."""
     name, before, after = tuned.subject.name, tuned.before, tuned.after
     found = [
         f"{knob.key} = {shown(tuned.values[knob.key])}  # was {shown(knob.start_text)}"
@@ -268,7 +268,7 @@ def lines(tuned: Tuned) -> list[str]:
         )
     if not tuned.adopted:
         worth += "; no better, so the values stay as they were"
-    return [*found, worth]
+    return [worth, *found]
 
 
 def _values(subject: Subject, settings: Settings) -> dict[str, Any]:

@@ -246,9 +246,14 @@ def _blob(study: Study, scenario: str, controller: str) -> Packed:
 
 
 def _with_spares(description: dict[str, Any]) -> dict[str, Any]:
-    """The description with cogging orders without torque after the motor's own."""
+    """The description with cogging orders without torque after the motor's own.
+
+    They have an order that the motor's functions of the angle have already: another one would change how the
+    engine multiplies its way to the others, and with it their last bits.
+    """
     motor = description["motor"]
-    spare = [{"order": 1, "torque": 0.0, "phase": 0.0}] * SPARE_ORDERS
+    order = motor["cogging"][0]["order"] if motor["cogging"] else motor["pole_pairs"]
+    spare = [{"order": order, "torque": 0.0, "phase": 0.0}] * SPARE_ORDERS
     return description | {"motor": motor | {"cogging": [*motor["cogging"], *spare]}}
 
 

@@ -6,8 +6,9 @@ import importlib.util
 import os
 from pathlib import Path
 
-from cogless.errors import StudyError, say
+from cogless.errors import StudyError
 from cogless.files import control_sources, package_folders, replacing
+from cogless.lines import say
 from cogless.live.compile import NAMES, CompileError, cached, compiled
 
 NO_COMPILER = (

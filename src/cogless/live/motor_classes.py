@@ -17,12 +17,12 @@ def motor_classes(keys: Sequence[Key]) -> list[dict[str, Any]]:
 
     A value is the class's typical one in the key's unit, to four digits. Keys that the page lacks have none.
     """
-    known = {key.candidate.key: key.candidate for key in keys}
+    candidates = {key.candidate.key: key.candidate for key in keys}
     classes = []
     for name, part in parts("motors").items():
         if name != OWN_CLASS and part.layouts:
-            usual = {key: value for key, value in _usual(part).items() if key in known}
-            values = {key: float(f"{x / known[key].factor:.4g}") for key, x in usual.items()}
+            usual = {key: value for key, value in _usual(part).items() if key in candidates}
+            values = {key: float(f"{x / candidates[key].factor:.4g}") for key, x in usual.items()}
             classes.append({"name": name, "words": part.description, "values": values})
     return classes
 

@@ -204,11 +204,14 @@ def _instructions(counts: Any) -> Instructions:
     return Instructions(int(counts.min()), float(counts.mean()), int(counts.max()))
 
 
+NAME_COLUMNS = 18  # before the values in `lines`
+
+
 def lines(found: Comparison) -> list[str]:
     """Lines that `cogless pil` prints."""
     rows = [
-        ("compared", f"{found.ticks} periods of {found.study}, {found.scenario}/{found.controller}"),
         ("result", "every output and what was learned: bit for bit equal"),
+        ("compared", f"{found.ticks} periods of {found.study}, {found.scenario}/{found.controller}"),
         ("instructions", _instruction_counts(found.all)),
         ("  with the law", _instruction_counts(found.with_law)),
         ("  without", _instruction_counts(found.without_law)),
@@ -221,8 +224,8 @@ def lines(found: Comparison) -> list[str]:
         ("compiler", f"{found.compiler} {found.flags}"),
     ]
     if found.difference is not None:
-        rows[1] = ("result", _difference(found.difference, found.ticks))
-    return [f"{name:<18}{value}" for name, value in rows if value]
+        rows[0] = ("result", _difference(found.difference, found.ticks))
+    return [f"{name:<{NAME_COLUMNS}}{value}" for name, value in rows if value]
 
 
 def _difference(d: Difference, ticks: int) -> str:

@@ -21,15 +21,16 @@ __all__ = [
     "Line",
     "Outcome",
     "ScenarioVerdict",
-    "broken",
     "compare",
     "has_limits",
     "is_quick",
+    "judged_line",
     "limit",
     "lines",
     "outcome",
     "plot_names",
     "render",
+    "verdict",
     "verdicts",
     "with_limits",
     "write",
@@ -55,18 +56,19 @@ def verdicts(results: AnyResults) -> list[ScenarioVerdict]:
     return page.verdicts(results, _sections(results))
 
 
-def outcome(results: AnyResults, scenario: str) -> tuple[str, Outcome] | None:
-    """The verdict's first sentences on a scenario of trials, and how each controller ended; else None."""
-    sections, runs = _sections(results), runs_in(results, scenario)
-    found = sections.outcome(results, runs)
-    verdict = sections.verdict(results, runs) if found is not None else None
-    return (verdict.headline, found) if found is not None and verdict is not None else None
+def verdict(results: AnyResults, scenario: str) -> ScenarioVerdict | None:
+    """The verdict on a scenario; None if it can't be judged."""
+    return _sections(results).verdict(results, runs_in(results, scenario))
 
 
-def broken(results: AnyResults, scenario: str) -> str | None:
-    """A sentence or two on the faults in a scenario and their effects; None if it has no faults."""
-    found = _sections(results).verdict(results, runs_in(results, scenario))
-    return found.headline if found is not None and found.told else None
+def outcome(results: AnyResults, scenario: str) -> Outcome | None:
+    """How each controller ended in a scenario of trials; None if there is no error to judge by."""
+    return _sections(results).outcome(results, runs_in(results, scenario))
+
+
+def judged_line(results: AnyResults, scenario: str) -> Line | None:
+    """The metric by which a scenario's controllers are judged; None in a study of trials, or if none is."""
+    return _sections(results).judged_line(results, runs_in(results, scenario))
 
 
 def limit(results: AnyResults, scenario: str) -> Remark | None:

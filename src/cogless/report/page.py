@@ -112,6 +112,11 @@ def no_answer(results: Any, runs: Runs) -> Answer | None:
     return None
 
 
+def no_judged_line(results: Any, runs: Runs) -> Line | None:
+    """None: the outcome says how the runs ended."""
+    return None
+
+
 @dataclass(frozen=True)
 class Sections:
     """Functions that take the results, of the kind's own type, and the scenario or its runs."""
@@ -126,6 +131,7 @@ class Sections:
     # further runs that find what limits the best run of each scenario; None: nothing is known of that
     with_limits: Callable[..., AnyResults] | None = None
     answer: Callable[[Any, Runs], Answer | None] = no_answer
+    judged_line: Callable[[Any, Runs], Line | None] = no_judged_line  # the verdict compares by it
 
 
 UNJUDGED = "Nothing to judge by: no run has a metric that is better when lower."

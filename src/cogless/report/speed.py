@@ -12,7 +12,7 @@ from cogless.report.comparison import compare
 from cogless.report.markup import note, reservations
 from cogless.report.page import Runs, Sections
 from cogless.report.speed_tracking import strip
-from cogless.report.speed_verdict import verdict
+from cogless.report.speed_verdict import judged_line, verdict
 from cogless.report.tables import line_table, term_tables
 from cogless.report.waveforms import events, marks, waveforms, zooms
 from cogless.results import Results
@@ -61,5 +61,13 @@ def _parts(results: Results, runs: Runs) -> dict[str, str]:
 
 
 SPEED = Sections(
-    "speed", compare, verdict, _charts, _parts, SPEED_PICTURES, answer=answer, with_limits=with_limits
+    "speed",
+    compare,
+    verdict,
+    _charts,
+    _parts,
+    SPEED_PICTURES,
+    answer=answer,
+    with_limits=with_limits,
+    judged_line=judged_line,
 )

@@ -38,7 +38,7 @@ from cogless.report.verdicts import (
     SAME,
     Contest,
     ScenarioVerdict,
-    change,
+    change_words,
     listed,
     over,
     times,
@@ -179,7 +179,8 @@ def verdict(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     if compared is None:
         return replace(broken, tone=worst(broken.tone, "even"))
     details = [compared.headline, *compared.details]
-    return replace(broken, tone=worst(broken.tone, compared.tone), details=details)
+    tone = worst(broken.tone, compared.tone)
+    return replace(broken, tone=tone, details=details, cost=compared.cost)
 
 
 def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] | None:
@@ -225,7 +226,7 @@ def changed_by(pair: Contrast) -> str:
     values = [pair.line.values[name] for name in (before, after)]
     if before in pair.line.missed or any(value is None for value in values):
         return ""
-    return change(over(abs(values[1] or 0.0), abs(values[0] or 0.0)))
+    return change_words(over(abs(values[1] or 0.0), abs(values[0] or 0.0)))
 
 
 def _seen_case(results: Results, runs: Sequence[Run]) -> _Case | None:
@@ -242,6 +243,12 @@ def _metric_of(results: Results, scenario: str, line: Line) -> Metric:
     name = line.name.removesuffix(MEASURED)
     named = {metric.name: metric for metric in results.study.metrics_in(scenario)}
     return named[line.name if line.name in named else name]
+
+
+def judged_line(results: Results, runs: Sequence[Run]) -> Line | None:
+    """The line by which a scenario's controllers are judged; None if none is."""
+    case = _seen_case(results, runs)
+    return case.line if case is not None else None
 
 
 @dataclass(frozen=True)
@@ -295,15 +302,18 @@ def _compared(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     tone, headline = _headline(case)
     unlearned = [f"{case.label(c)} learned nothing: {why}." for c, why in case.line.unlearned.items()]
     unlearned += [f"{line[0].upper()}{line[1:]}." for line in held_back(results.study, [case.line])]
+    cost = ""
     if len(line.values) < 2 or baseline not in line.values:
         details = ["There is nothing to compare.", own, *unlearned, *_failures(case)]
     else:
         details = [own, *unlearned, *growing(results, runs, case.worsened), _strongest_order(case)]
         if len(case.ranked) > 1:
-            details += [_without_learning(case), _against_the_next(case), _costs(case)]
+            cost = _costs(case)
+            details += [_without_learning(case), _against_the_next(case), cost]
         details += [_rest(case), *_failures(case)]
     details = [str(limited or ""), *details]
-    return ScenarioVerdict(scenario, tone, headline, [sentence for sentence in details if sentence])
+    sentences = [sentence for sentence in details if sentence]
+    return ScenarioVerdict(scenario, tone, headline, sentences, cost=cost)
 
 
 def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Line]) -> ScenarioVerdict:
@@ -366,7 +376,7 @@ def _comparison(case: _Case) -> tuple[str, str]:
         best = ranked[1]
         return tone, (
             f"{case.where}, no controller beats {case.label(base)}: it {_has(line, line.text(base))}; "
-            f"the next, {case.label(best)}, {line.text(best)} ({change(case.against(best, base))})."
+            f"the next, {case.label(best)}, {line.text(best)} ({change_words(case.against(best, base))})."
         )
     if base in winners:
         return tone, f"{case.where}, {_have(case)}."
@@ -536,7 +546,7 @@ def _rest(case: _Case) -> str:
         return ""
     if base not in case.ranked:
         return f"The others: {case.shown(others)}."
-    parts = [f"{case.label(c)} {case.line.text(c)} ({change(case.against(c, base))})" for c in others]
+    parts = [f"{case.label(c)} {case.line.text(c)} ({change_words(case.against(c, base))})" for c in others]
     return f"The others against {case.label(base)}: {listed(parts)}."
 
 

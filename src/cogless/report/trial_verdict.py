@@ -37,12 +37,13 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
         headline = " ".join(text for text in (headline, _unranked(c, ranked), _saturates(c, best)) if text)
         tone = worst(tone, "even") if c.at_limit.get(best) == c.trials else tone
     others = [name for name in ranked if name != best]
+    cost = _input(c, best)
     details = [
         "" if others else "There is nothing to compare.",
         *[_behind(c, name, best) for name in others if name not in c.growing],
         *[_grows(c, name) for name in ranked if name in c.growing and others],
         _against_the_baseline(c, best),
-        _input(c, best),
+        cost,
         *[_against_its_feedback(c, name, best) for name in ranked],
         *[_above_for_long(c, name) for name in ranked if name not in c.growing],
         *[_leaves_floor(c, name) for name in ranked],
@@ -52,7 +53,7 @@ def verdict(results: TrialResults, runs: Sequence[Run]) -> ScenarioVerdict | Non
     ]
     sentences = [_capital(c, text) for text in details if text]
     sentences += [f"{line}." for line in results.without_design(c.scenario)]
-    return ScenarioVerdict(c.scenario, tone, _capital(c, headline), sentences)
+    return ScenarioVerdict(c.scenario, tone, _capital(c, headline), sentences, cost=_capital(c, cost))
 
 
 def _ranked(c: Case) -> list[str]:

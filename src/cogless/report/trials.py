@@ -30,7 +30,7 @@ from cogless.report.phases import NAMES, Phase, display_unit, groups, judged, ph
 from cogless.report.tables import line_table
 from cogless.report.trial_case import Case, case, outcome, own_lines
 from cogless.report.trial_verdict import best_of, verdict
-from cogless.report.verdicts import Answer, change, over
+from cogless.report.verdicts import Answer, change_words, over
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
 from cogless.study import TrialStudy
@@ -252,7 +252,7 @@ def answer(results: TrialResults, runs: Sequence[Run]) -> Answer | None:
         (best, f"trial {trial}", judged.about.text(x)) for trial, x in zip(chosen, errors, strict=True)
     ]
     compared = len(errors) > 1 and math.isfinite(sum(errors))
-    words = change(over(errors[-1], errors[0])) if compared else ""
+    words = change_words(over(errors[-1], errors[0])) if compared else ""
     return Answer(figures, words, f"RMS of the {judged.about.quantity}")
 
 

@@ -29,6 +29,7 @@ class ScenarioVerdict:
 
     `tone`: "better" if a learning law is the best, "worse" if the baseline is, else "even". With faults the
     headline is about these, and the tone is at best the one of the response to these.
+    `cost`: a sentence on what the best controller costs; "" where that is unknown.
     """
 
     scenario: str
@@ -36,6 +37,7 @@ class ScenarioVerdict:
     headline: str
     details: Sequence[str]
     told: Sequence[Told] = ()
+    cost: str = ""
 
 
 @dataclass(frozen=True)
@@ -103,8 +105,8 @@ def times(ratio: float) -> str:
     return f"{number(ratio) if ratio < 100 else f'{ratio:.0f}'} times"
 
 
-def change(ratio: float) -> str:
-    """How a value compares with another, by their ratio, such as "72.4 times less"."""
+def change_words(ratio: float) -> str:
+    """A value's ratio to another in words, such as "46.2 times less"."""
     if abs(ratio - 1) <= SAME:
         return "as much"
     if ratio < 1:

@@ -115,10 +115,10 @@ def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
     of_current += [motor.pole_pairs * flux.order for flux in motor.flux_harmonics]
     sure = max([main, *cogging, *(order for order in of_current if order <= highest)])
     chosen = law.base or _base(base, [main, *cogging], 3 * poles, least_base(study))
-    return chosen, highest if law.base or _loses_voltage(study) else sure, highest
+    return chosen, highest if law.base or loses_voltage(study) else sure, highest
 
 
-def _loses_voltage(study: Study) -> bool:
+def loses_voltage(study: Study) -> bool:
     """Whether the inverter has dead time or voltage drops without compensation."""
     inverter = study.drive.inverter
     lost = inverter is not None and bool(inverter.dead_time or inverter.device_drop)

@@ -61,6 +61,10 @@ class PeriodicLoop(LearningLoop):
         return f"{found}the Q filter needs {wide + 1}"
 
     @property
+    def learns_more(self) -> bool:
+        return self.law.learns_by_switching
+
+    @property
     def doubt(self) -> str | None:
         """Whether beta_1 sgn S keeps an oscillation alive that is worse than the feedback's ripple.
 

@@ -87,6 +87,13 @@ class OrderLoop(LearningLoop):
         power = -self.law.gain / 2 * seen / self.periods_per_second
         return np.asarray(np.exp(np.where(2 * f * self.plant.period < 1, power, 0.0)))
 
+    def yet(self, f: ArrayLike, periods: float) -> Real:
+        """Of its own orders as far as they are learned, by the averaged factor; of others as it stays."""
+        f, settled = np.asarray(f, dtype=float), self.residual(f)
+        order = f / self.periods_per_second
+        own = np.any(np.isclose(order[..., None], self.orders), axis=-1)
+        return np.asarray(settled + np.where(own, self.unfiltered(f) ** periods * (1 - settled), 0.0))
+
     def oscillation(self) -> Oscillation | None:
         """The oscillation that grows only because the gain is too large; None if there is none."""
         if self._worst.factor <= FACTOR_MOST or np.any(self.unfiltered(self.frequencies) > 1):

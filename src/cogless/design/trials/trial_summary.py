@@ -137,7 +137,7 @@ def words(design: TrialDesign) -> str:
     said = []
     for model, found in _rows(design.certificate):
         none = "no K_3" if design.no_K_3 else "no learning"
-        does = _verdict(found.learning) if found.learning else none
+        does = verdict_words(found.learning) if found.learning else none
         said.append(f"{model} model: {does if found.stable else 'unstable along the trial'}")
     return f"from trial to trial, {'; '.join(said)}"
 
@@ -291,18 +291,21 @@ def _learning(learning: Learning) -> dict[str, Any]:
     }
 
 
+def plant_words(plant: UncertainPlant) -> str:
+    """The plant in one sentence."""
+    sampling = {None: "given as a discrete model", "euler": "Euler", "exact": "exact"}[plant.discretisation]
+    return (
+        f"Plant: order {plant.order}, relative degree {plant.relative_degree}, sampled every "
+        f"{1e3 * plant.period:g} ms ({sampling}), {len(plant.vertices)} vertices."
+    )
+
+
 def table(study: TrialStudy, found: TrialSummary) -> Group:
     """The plant in one line, a table of gains, a table of certificates, and notes."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
-    plant = found.plant
-    sampling = {None: "given as a discrete model", "euler": "Euler", "exact": "exact"}[plant.discretisation]
-    about = (
-        f"Plant: order {plant.order}, relative degree {plant.relative_degree}, sampled every "
-        f"{1e3 * plant.period:g} ms ({sampling}), {len(plant.vertices)} vertices."
-    )
     gains = Table(title=study.title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for heading in ("controller", "K_s", "N", "K_3", "feedforward", "filter", "checked"):
         gains.add_column(heading, overflow="fold")
@@ -316,7 +319,7 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     for heading in ("controller", *headings, "learning"):
         share.add_column(heading)
     for name, design in found.designs.items():
-        gains.add_row(study.label(name), *_gains(design))
+        gains.add_row(study.label(name), *gain_cells(design))
         for row in _proof(design.certificate):
             proof.add_row(study.label(name), *row)
     for name, design in found.designs.items():
@@ -330,10 +333,13 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
         Text(f"Note: {note}") for note in (*labelled_notes(study, found.designs), *_large(study, found))
     ]
     legend = Text(LEGEND, style="dim")
-    return Group(Text(about), Text(), gains, Text(), proof, Text(), share, Text(), legend, *lines)
+    return Group(
+        Text(plant_words(found.plant)), Text(), gains, Text(), proof, Text(), share, Text(), legend, *lines
+    )
 
 
-def _gains(design: TrialDesign) -> tuple[str, ...]:
+def gain_cells(design: TrialDesign) -> tuple[str, ...]:
+    """K_s, N, K_3, feedforward, filter, and whether the gains passed their check."""
     checks = [c.check for c in (design.gains.feedback, design.gains.learning) if c is not None]
     learning = "none" if design.no_K_3 else f"{design.K_3:.4f}" if design.K_3 else "-"
     learning = "matrix" if design.learning_matrix is not None else learning
@@ -395,8 +401,8 @@ def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
             f"{model}, decides" if len(rows) > 1 and found is certificate.deciding else model,
             f"{found.radius:.4f}" + ("" if found.stable else " unstable"),
             f"{found.delayed_radius:.3f}" + ("" if found.delayed_stable else " unstable"),
-            _verdict(plain),
-            _verdict(filtered),
+            verdict_words(plain),
+            verdict_words(filtered),
             "-" if found.growth is None else f"{found.growth:.6g}",
             "-" if found.finite is None else f"{found.finite.norm:.4g}, {found.finite.power:.4g}",
             "-" if found.finite is None else f"{found.finite.share:.4g}",
@@ -404,7 +410,8 @@ def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
         )
 
 
-def _verdict(learning: Learning | None) -> str:
+def verdict_words(learning: Learning | None) -> str:
+    """The largest factor from trial to trial, and what follows from it; "-" without learning."""
     if learning is None:
         return "-"
     word = "contracting" if learning.contracting else "monotone" if learning.monotone else "may grow"

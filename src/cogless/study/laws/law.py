@@ -314,6 +314,11 @@ class Learning(LearnsWhileRunning):
     def learning_gain(self) -> tuple[float, float]:
         """Learning gains on the speed error and its integral, like a PI's kp [A*s/rad] and ki [A/rad]."""
 
+    @property
+    def learns_by_switching(self) -> bool:
+        """Whether a switching term, which no model for small signals has, makes it learn faster."""
+        return False
+
     def ratio(self, pole_pairs: int) -> int:
         return pole_pairs if self.period == "electrical" else 1
 

@@ -70,6 +70,10 @@ class RobustIlc(Learning):
     }
 
     @property
+    def learns_by_switching(self) -> bool:
+        return True
+
+    @property
     def linear(self) -> tuple[float, float]:
         """kp and ki of the feedback (c e + eta S) / b with S = e + c integral(e), e the speed error."""
         return (self.c + self.eta) / self.b, self.c * self.eta / self.b

@@ -1,0 +1,108 @@
+"""How long a law learns until nine tenths of the ripple that it will take away are gone.
+
+The models are those of ripple.py and learning_loop.py. Under the law `harmonic` an order's amplitude fades
+as exp(-Re Gamma rate t / 2), with Gamma of laws/harmonic_transfer.py. The models are for small signals: they
+don't have the voltage that dead time loses (tests/design/test_settling.py has both).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cogless.design.closed_loop import harmonic_gains
+from cogless.design.law_rules import feedback_of
+from cogless.design.laws.harmonic import Certificate
+from cogless.design.laws.harmonic_transfer import gamma
+from cogless.design.learning_loop import LearningLoop
+from cogless.design.ripple import orders, responses, ripple
+from cogless.design.speed_loop import speed_loop
+from cogless.design.verdict import judged
+from cogless.study import Study
+
+REMAINING_SHARE = 0.1  # of the ripple that learning takes away, left when it counts as settled
+SETTLING_STEPS_MOST = 1 << 20  # learning periods, or thousandths of a time constant
+
+
+@dataclass(frozen=True)
+class Settling:
+    """A speed, rad/s, and the time in which learning settles there, s."""
+
+    omega_m: float
+    time: float
+
+
+def settling(study: Study, name: str, certified: Certificate | None = None) -> list[Settling]:
+    """The times at the slowest and the fastest speed that scenarios of a controller hold.
+
+    `certified`: the certificate of the law `harmonic`. Empty if the reference varies in all of them, or if
+    learning takes nothing away.
+    """
+    times: dict[float, float] = {}
+    for scenario in study.scenarios_of(name):
+        omega = study.scenario[scenario].slowest
+        if not omega or omega < study.scenario[scenario].top_reference:
+            continue
+        if certified is not None:
+            time = _time_of_harmonic(study, name, scenario, omega, certified)
+        else:
+            times_of_loops = (_time_of_loop(loop) for loop in judged(study, scenario, name))
+            time = next((each_time for each_time in times_of_loops if each_time), None)
+        if time is not None:
+            times[omega] = max(time, times.get(omega, 0.0))
+    speeds = sorted(times)
+    return [Settling(omega, times[omega]) for omega in dict.fromkeys([*speeds[:1], *speeds[-1:]])]
+
+
+def _time_of_harmonic(
+    study: Study, name: str, scenario: str, omega: float, certified: Certificate
+) -> float | None:
+    feedback = feedback_of(study, name, omega)
+    speed = next((at for at in certified.speeds if at.fine and math.isclose(at.omega_m, omega)), None)
+    n, d = orders(study, scenario, omega)
+    if speed is None or feedback is None or not len(n):
+        return None
+    learner, loop = certified.learner, speed_loop(study, scenario)
+    w = np.asarray(n * omega, dtype=np.float64)
+    alone = np.abs(responses(loop, feedback, w / math.tau)[0]) * d
+    learned = (n % learner.base == 0) & (n <= speed.acting) & ~np.isin(n, speed.held)
+    # a low speed bounds the rate: pi radians of the base order are the shortest time constant
+    rate = min(speed.rate, learner.base * omega / math.pi)
+    decay = np.where(learned, rate / 2 * gamma(loop, learner, harmonic_gains(study, name), w).real, 0.0)
+
+    def remaining(steps: float) -> float:
+        return math.sqrt(float(np.sum((alone * np.exp(-decay * steps / 1000 / rate)) ** 2)))
+
+    steps = _steps(remaining, remaining(0), math.sqrt(float(np.sum(alone[decay <= 0] ** 2))))
+    return None if steps is None else steps / 1000 / rate
+
+
+def _time_of_loop(loop: LearningLoop) -> float | None:
+    if loop.learns_more:
+        return None
+    period = 1 / loop.periods_per_second
+
+    def remaining(steps: float) -> float:
+        return ripple(loop, steps * period, settled=False).learned
+
+    steps = _steps(remaining, ripple(loop, 0.0).without, ripple(loop, SETTLING_STEPS_MOST * period).learned)
+    return None if steps is None else steps * period
+
+
+def _steps(remaining: Callable[[float], float], begin: float, end: float) -> int | None:
+    """The steps until a tenth is left of the way from `begin` to `end`; None if there is no such way."""
+    if begin <= end:
+        return None
+    goal = end + REMAINING_SHARE * (begin - end)
+    few, many = 0, 1
+    while remaining(many) > goal:
+        few, many = many, 2 * many
+        if many > SETTLING_STEPS_MOST:
+            return None
+    while many - few > 1:
+        middle = (few + many) // 2
+        few, many = (middle, many) if remaining(middle) > goal else (few, middle)
+    return many

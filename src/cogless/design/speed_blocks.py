@@ -1,0 +1,117 @@
+"""What `cogless design` prints of a study of speed. The whole is in design_table.py."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Mapping
+
+from cogless import units
+from cogless.design.blocks import Block, Blocks, margin_words
+from cogless.design.design_table import notes_below, shown_gain
+from cogless.design.laws.harmonic import loses_voltage
+from cogless.design.settling import settling
+from cogless.design.summary import LEARNER, Design, Gain, current_loop_summary, summary
+from cogless.design.verdict import Kind
+from cogless.design.warnings import told_apart
+from cogless.study import Study
+from cogless.study.base import speed_text, spoken_unit
+from cogless.units import ANGULAR_SPEED
+
+# What a verdict that is no yes says, after "because".
+CLAUSES: dict[Kind, str] = {
+    "unstable": "it is unstable",
+    "feedback unstable": "its feedback is unstable",
+    "grows": "it grows",
+    "may grow": "it may grow",
+    "may be unstable": "it may be unstable",
+}
+
+
+def speed_blocks(study: Study) -> Blocks:
+    """A block for each controller, then one for each current loop."""
+    designs = summary(study)
+    controllers = [
+        Block(
+            f"{study.label(name)} ({design.law}{f', {design.rule}' if design.rule else ''})",
+            [
+                *([("settles", _settles(study, name, design))] if study.controller[name].learned else []),
+                ("margins", margin_words(design.margins)),
+                *_gain_row(design.gains, without=LEARNER if design.certificate else ()),
+            ],
+        )
+        for name, design in designs.items()
+    ]
+    loops = [
+        Block(name, [("margins", margin_words(loop.margins)), *_gain_row(loop.gains)])
+        for name, loop in told_apart(current_loop_summary(study)).items()
+    ]
+    return Blocks(study.title, [*controllers, *loops], notes_below(study, designs))
+
+
+def _settles(study: Study, name: str, design: Design) -> str:
+    """Whether learning settles, and how fast; or why not, with what repairs it."""
+    law, verdict = study.controller[name], design.learning
+    if not law.learns:
+        return "it learned before the run, and doesn't learn in it"
+    if design.certificate is not None:
+        return _certified(study, name, design)
+    if verdict is None:
+        return "not judged: it is a law of the study's own"
+    if verdict.kind == "settles":
+        harm = verdict.short().removeprefix("settles")
+        rest = verdict.words().removeprefix(verdict.short())
+        return f"yes{_times(study, name, design)}{harm}{rest}{_reach(study, design)}"
+    if verdict.kind in CLAUSES:
+        return f"no, because {CLAUSES[verdict.kind]}{verdict.words().removeprefix(verdict.kind)}"
+    return "; ".join(["it learns nothing", *verdict.frozen]) if verdict.kind == "rests" else verdict.words()
+
+
+def _certified(study: Study, name: str, design: Design) -> str:
+    """The answer for `harmonic`, of which the certificate speaks."""
+    assert design.certificate is not None
+    speeds = design.certificate.speeds
+    if not speeds or all(speed.snaps is not None for speed in speeds):
+        return design.certificate.words()
+    orders = design.certificate.learner.order_words
+    if design.certificate.fine:
+        return f"yes{_times(study, name, design)}, {orders}{_reach(study, design)}"
+    bad = next(speed for speed in speeds if not speed.fine)
+    at = speed_text(study, bad.omega_m)
+    if bad.snaps is not None:
+        return f"no, because {bad.snaps}"
+    if bad.gamma <= 0:
+        return f"no, because at {at} not all orders need converge where the inertia is 50 % off"
+    return f"no, because at {at} the orders together settle only at rates to {bad.most:.3g} 1/s"
+
+
+def _times(study: Study, name: str, design: Design) -> str:
+    """In which time it settles, at the slowest and the fastest speed that is held; "" if that is unknown."""
+    times_held = settling(study, name, design.certificate)
+    times = [f"{_about(each.time)} at {speed_text(study, each.omega_m)}" for each in times_held]
+    if not times:
+        return ""
+    slower = ", by a model without the inverter's dead time" if loses_voltage(study) else ""
+    return f", in about {' and '.join(times)}{slower}"
+
+
+def _about(time: float) -> str:
+    """A time in one digit, or in two that begin with 1 or 2, such as "2.4 s", "30 s" or "0.5 s"."""
+    digits = 2 if 1 <= float(f"{time:.1e}".partition("e")[0]) < 3 else 1
+    return f"{float(f'{time:.{digits}g}'):g} s"
+
+
+def _reach(study: Study, design: Design) -> str:
+    """Up to which speed it learns, in three digits."""
+    fastest = design.certificate.fastest if design.certificate is not None else design.fastest
+    if fastest is None:
+        return ""
+    unit = spoken_unit(study, ANGULAR_SPEED)
+    rounded = float(f"{units.convert(fastest, unit, ANGULAR_SPEED):.3g}")
+    return f"; it learns up to {rounded:g} {unit}"
+
+
+def _gain_row(gains: Mapping[str, Gain], without: Container[str] = ()) -> Iterator[tuple[str, str]]:
+    """The gains that have a unit and act. `without`: keys that only the whole table shows."""
+    acting = {key: gain for key, gain in gains.items() if gain.unit and (gain.value or gain.note)}
+    parts = [f"{key} {shown_gain(gain)}" for key, gain in acting.items() if key not in without]
+    if parts:
+        yield "gains", ", ".join(parts)

@@ -1,0 +1,78 @@
+"""What `cogless design` prints of a study of trials: a block a controller, its answer first.
+
+The whole, with the certificate's numbers, is the tables of trial_summary.py.
+"""
+
+from __future__ import annotations
+
+from cogless.design.blocks import Block, Blocks
+from cogless.design.trials.gains import TrialDesign
+from cogless.design.trials.prediction import PHASE_TRIALS
+from cogless.design.trials.trial_summary import (
+    TrialSummary,
+    gain_cells,
+    labelled_notes,
+    plant_words,
+    verdict_words,
+)
+from cogless.study import TrialStudy
+
+
+def trial_blocks(study: TrialStudy, summary: TrialSummary) -> Blocks:
+    """A block for each controller, and the plant in one line below them."""
+    blocks = [Block(study.label(name), _rows(design)) for name, design in summary.designs.items()]
+    blocks += [
+        Block(study.label(name), [("design", f"none: {why}")]) for name, why in summary.without.items()
+    ]
+    notes = [plant_words(summary.plant), *labelled_notes(study, summary.designs)]
+    return Blocks(study.title, blocks, notes)
+
+
+def _rows(design: TrialDesign) -> list[tuple[str, str]]:
+    feedback, static, learning, *_ = gain_cells(design)
+    settles = [("settles", _settles(design))] if design.learns or design.no_K_3 else []
+    gains = f"{feedback}, N {static}" if design.gains.observer is not None else f"K_s {feedback}, N {static}"
+    gains += f", K_3 {learning}" if settles else ""
+    return [*settles, ("margins", _margins(design)), ("gains", gains)]
+
+
+def _settles(design: TrialDesign) -> str:
+    """Whether learning is certified, and after how many trials it is there; or why not."""
+    reason = why_not(design)
+    answer = "yes, certified" if reason is None else f"no, because {reason}"
+    prediction = design.prediction
+    if prediction is None or prediction.ends_above:
+        return answer
+    counts = prediction.trials_to_floor
+    trials = ", ".join(f"more than {PHASE_TRIALS}" if count is None else f"{count}" for count in counts)
+    phases = f" in its {len(counts)} phases" if len(counts) > 1 else ""
+    left = f"at most {100 * prediction.share:.3g} % of the error without learning is left"
+    return f"{answer}; at its floor after {trials} trials{phases}, where {left}"
+
+
+def why_not(design: TrialDesign) -> str | None:
+    """Why a design isn't certified, as a clause; None if it is."""
+    if design.certified:
+        return None
+    part, prediction = design.certificate.deciding, design.prediction
+    if not part.stable:
+        return f"along the trial its loop is unstable for {part.worst} (largest pole {part.radius:.4g})"
+    if design.no_K_3 or part.learning is None:
+        return "no K_3 makes every error smaller"
+    if not part.learning.monotone:
+        return f"an error may grow from trial to trial ({verdict_words(part.learning)})"
+    if design.beyond:
+        return design.beyond[0]
+    if prediction is None:
+        return "the scenario can't be predicted"
+    if design.over_limit is not None:
+        plant, most = design.over_limit
+        return f"the motion needs an input of {most:.4g} at {plant}, and the limit is {design.limit:.4g}"
+    return f"in this scenario the error may end at {prediction.share:.3g} times that without learning"
+
+
+def _margins(design: TrialDesign) -> str:
+    part = design.certificate.deciding
+    own = f"largest pole along the trial {part.radius:.3f}{'' if part.stable else ', unstable'}"
+    late = f"{part.delayed_radius:.3f}{'' if part.delayed_stable else ', unstable'}"
+    return f"{own}; with one more sample of delay {late}"

@@ -1,0 +1,188 @@
+"""The answer of `cogless design`, a block a controller: yes or no, and why."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trial_studies
+
+import studies
+from cogless import load
+from cogless.design.blocks import margin_words
+from cogless.design.closed_loop import Oscillation
+from cogless.design.learning_loop import Worst
+from cogless.design.margins import UNSTABLE, Margins
+from cogless.design.speed_blocks import _about, _settles, speed_blocks
+from cogless.design.summary import design
+from cogless.design.trials.trial_blocks import trial_blocks, why_not
+from cogless.design.trials.trial_summary import summary
+from cogless.design.verdict import Verdict
+from cogless.study import Study, TrialStudy
+from cogless.study.remark import Remark
+
+FADES, RISES, SWINGS = Worst(0.9, 50.0), Worst(1.2, 50.0), Oscillation(88.0, 1.0)
+YES = r"yes, in about \d+ s at 15 rpm and [\d.]+ s at 240 rpm, by a model without the inverter's dead time"
+REACH = r"; it learns up to 25000 rpm$"
+
+
+@pytest.fixture(scope="module")
+def uomodri() -> Study:
+    study = load("uomodri", studies.HARMONIC)
+    assert isinstance(study, Study)
+    return study
+
+
+@pytest.mark.parametrize(
+    ("verdict", "answer"),
+    [
+        (Verdict("settles", FADES), YES + REACH),
+        (
+            Verdict("settles", FADES, ratio=1.9),
+            f"{YES}, but leaves 1.9 times the speed ripple of its feedback{REACH}",
+        ),
+        (
+            Verdict("settles", FADES, doubts=(Remark("few counts"),)),
+            f"{YES}; not sure: few counts{REACH}",
+        ),
+        (
+            Verdict("grows", RISES, remedy=Remark("lead = 1 repairs it")),
+            "no, because it grows, 1.2x a period at 50 Hz; lead = 1 repairs it$",
+        ),
+        (Verdict("may grow", RISES), "no, because it may grow, 1.2x a period at 50 Hz$"),
+        (
+            Verdict("unstable", unstable=SWINGS),
+            "no, because it is unstable with what learning adds at once, at 88 Hz$",
+        ),
+        (
+            Verdict("may be unstable", unstable=SWINGS),
+            "no, because it may be unstable with what learning adds at once, at 88 Hz, where K_t is largest$",
+        ),
+        (
+            Verdict("feedback unstable", unstable=SWINGS, remedy=Remark("kp = 1 steadies it")),
+            "no, because its feedback is unstable, at 88 Hz; kp = 1 steadies it$",
+        ),
+        (Verdict("rests", frozen=("too few samples",)), "it learns nothing; too few samples$"),
+        (Verdict("not judged", doubts=(Remark("it snaps"),)), "not judged: it snaps$"),
+        (None, "not judged: it is a law of the study's own$"),
+    ],
+)
+def test_the_answer_says_yes_or_no_and_why(uomodri: Study, verdict: Verdict | None, answer: str) -> None:
+    said = _settles(uomodri, "pi-ilc", replace(design(uomodri, "pi-ilc"), learning=verdict))
+    assert re.match(answer, said), said
+
+
+@pytest.mark.parametrize(
+    ("change", "answer"),
+    [
+        ({}, r"yes, in about .*, orders 6, 12 to \d+; it learns up to \d+ rpm$"),
+        (
+            {"gamma": -0.1},
+            "no, because at 15 rpm not all orders need converge where the inertia is 50 % off",
+        ),
+        ({"most": 0.25}, "no, because at 15 rpm the orders together settle only at rates to 0.25 1/s$"),
+        ({"snaps": "the rotor snaps"}, "no, because the rotor snaps$"),
+    ],
+)
+def test_the_answer_of_harmonic_is_its_certificate_s(
+    uomodri: Study, change: dict[str, Any], answer: str
+) -> None:
+    whole = design(uomodri, "harmonic")
+    assert whole.certificate is not None
+    slow, *others = whole.certificate.speeds
+    certificate = replace(whole.certificate, speeds=(replace(slow, **change), *others))
+    said = _settles(uomodri, "harmonic", replace(whole, certificate=certificate))
+    assert re.match(answer, said), said
+
+
+def test_where_all_speeds_snap_the_certificate_says_it(uomodri: Study) -> None:
+    whole = design(uomodri, "harmonic")
+    assert whole.certificate is not None
+    speeds = tuple(replace(speed, snaps="since the rotor snaps") for speed in whole.certificate.speeds)
+    certificate = replace(whole.certificate, speeds=speeds)
+    said = _settles(uomodri, "harmonic", replace(whole, certificate=certificate))
+    assert said == certificate.words() == "not judged: since the rotor snaps"
+
+
+def test_only_what_learns_is_asked_whether_it_settles(uomodri: Study) -> None:
+    found = {block.heading: dict(block.rows) for block in speed_blocks(uomodri).blocks}
+    assert list(found) == [
+        "PI (pi, phase-margin)",
+        "Anti-cogging table (anti-cogging, phase-margin)",
+        "PI-ILC (pi-ilc, phase-margin)",
+        "Robust ILC (robust-ilc)",
+        "harmonic (harmonic, auto)",
+        "current loop",
+    ]
+    assert "settles" not in found["PI (pi, phase-margin)"] and "settles" not in found["current loop"]
+    table = found["Anti-cogging table (anti-cogging, phase-margin)"]
+    assert table["settles"] == "it learned before the run, and doesn't learn in it"
+    assert found["harmonic (harmonic, auto)"]["gains"].count(",") == 1  # kp and ki; the rest is in --long
+    assert "b 4.393e+04 rpm/s/A" in found["Robust ILC (robust-ilc)"]["gains"]
+
+
+@pytest.mark.parametrize(
+    ("time", "words"),
+    [(0.234, "0.23 s"), (0.34, "0.3 s"), (1.23, "1.2 s"), (2.4, "2.4 s"), (2.96, "3 s"), (84.0, "80 s")],
+)
+def test_a_time_is_told_as_well_as_it_is_known(time: float, words: str) -> None:
+    assert _about(time) == words
+
+
+def test_margins_in_words() -> None:
+    assert margin_words(None) == "not known, since it is a law of the study's own"
+    assert margin_words(UNSTABLE) == "unstable"
+    whole = Margins(True, 628.3185, 1.0471976, 6.5, 6283.185)
+    assert margin_words(whole) == "phase 60 deg at 100 Hz, gain 6.50 at 1000 Hz"
+    nan = float("nan")
+    assert margin_words(replace(whole, gain_margin=nan)) == "phase 60 deg at 100 Hz, no limit of gain"
+    assert margin_words(replace(whole, crossover=nan)) == "gain 6.50 at 1000 Hz"
+
+
+def test_the_answer_of_trials_that_are_certified() -> None:
+    study = load("mandra2019")
+    assert isinstance(study, TrialStudy)
+    found = {block.heading: dict(block.rows) for block in trial_blocks(study, summary(study)).blocks}
+    counts, share = "at its floor after 3, 7, 3, 10 trials in its 4 phases", r"where at most 2\.07 % of "
+    assert re.match(f"yes, certified; {counts}, {share}", found["ILC, Fig. 1"]["settles"])
+    assert "settles" not in found["no learning"] and "K_3" not in found["no learning"]["gains"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "answer"),
+    [
+        ({}, r"no, because in this scenario the error may end at 1\.07 times that without learning$"),
+        (
+            {"drive.current_loop.current_limit": "0.5 A"},
+            r"no, because the motion needs an input of [\d.]+ at .+, and the limit is 0\.5$",
+        ),
+    ],
+)
+def test_the_answer_of_trials_that_are_not(tmp_path: Path, changes: dict[str, Any], answer: str) -> None:
+    study = trial_studies.loaded(tmp_path, changes)
+    ilc, feedback = (dict(block.rows) for block in trial_blocks(study, summary(study)).blocks)
+    assert re.match(answer, ilc["settles"]), ilc["settles"]
+    assert "settles" not in feedback and "K_3" in ilc["gains"]
+
+
+def test_why_a_trial_s_design_is_not_certified(tmp_path: Path) -> None:
+    """What is worst is told, even where it isn't the only reason."""
+    whole = summary(trial_studies.loaded(tmp_path)).designs["ilc"]
+    part, side = whole.certificate.deciding, whole.certificate.decides
+    assert part.with_filter is not None
+
+    def reason(**changes: Any) -> str | None:
+        models: Any = {side: replace(part, **changes)}
+        return why_not(replace(whole, certificate=replace(whole.certificate, **models)))
+
+    growing = replace(part.with_filter, monotone=False, contracting=False, norm=1.2, frequency=50.0)
+    assert reason(stable=False, radius=1.02) == (
+        f"along the trial its loop is unstable for {part.worst} (largest pole 1.02)"
+    )
+    assert reason(with_filter=growing) == "an error may grow from trial to trial (1.2 at 50 Hz, may grow)"
+    assert reason(with_filter=None, without_filter=None) == "no K_3 makes every error smaller"
+    assert why_not(replace(whole, beyond=("K_t is outside",))) == "K_t is outside"
+    assert why_not(replace(whole, prediction=None)) == "the scenario can't be predicted"

@@ -1,0 +1,73 @@
+"""The time in which learning settles, beside runs: nine tenths of the ripple that it takes away are gone."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import studies
+from cogless import load, run_study
+from cogless.design.settling import settling
+from cogless.design.speed_blocks import speed_blocks
+from cogless.design.summary import design
+from cogless.results import Run
+from cogless.study import Study
+
+LOSSLESS = {"drive.inverter.dead_time": "0 s", "drive.inverter.device_drop": "0 V"}
+
+
+def held(speed: float, duration: float, changes: dict[str, Any]) -> Study:
+    """The motor `uomodri` at one speed, r/min, which it has from the first sample on."""
+    scenario = {"duration": f"{duration} s", "reference": f"{speed} rpm", "initial_speed": f"{speed} rpm"}
+    laws = {**studies.HARMONIC, **studies.AFC}
+    study = load("uomodri", {**laws, "scenario": {"held": scenario}, "trace.rate": "5 kHz", **changes})
+    assert isinstance(study, Study)
+    return study
+
+
+def turns(run: Run, speed: float) -> Any:
+    """The spread of the speed in each revolution."""
+    samples = round(5000 * 60 / speed)
+    omega = run.trace["omega_m"]
+    return omega[: len(omega) // samples * samples].reshape(-1, samples).std(axis=1)
+
+
+@pytest.mark.parametrize(
+    ("speed", "duration", "changes", "slower"),
+    [
+        (60.0, 16.0, LOSSLESS, (1 / 1.5, 1.5)),
+        (240.0, 6.0, LOSSLESS, (1 / 1.5, 1.5)),
+        (240.0, 8.0, {}, (1.5, 2.6)),
+    ],
+)
+def test_learning_settles_in_the_time_that_the_design_says(
+    speed: float, duration: float, changes: dict[str, Any], slower: tuple[float, float]
+) -> None:
+    """Within a turn and a factor of 1.5; with dead time, which the model doesn't have, it takes longer."""
+    study, (least, most) = held(speed, duration, changes), slower
+    laws = ("pi-ilc", "pi-afc", "harmonic")
+    pi, *runs = run_study(study, ["held/pi", *(f"held/{name}" for name in laws)], jobs=2).runs
+    alone = turns(pi, speed)[-1]
+    for run in runs:
+        each, turn = turns(run, speed), 60 / speed
+        goal = each[-1] + 0.1 * (alone - each[-1])
+        settled = turn * int(np.argmax(each <= goal))  # the turn before it ended above
+        (predicted,) = settling(study, run.controller, design(study, run.controller).certificate)
+        assert predicted.omega_m == pytest.approx(speed * math.pi / 30)
+        assert least * predicted.time - turn <= settled <= most * predicted.time + turn, run.controller
+
+
+def test_what_isnt_known_isnt_said() -> None:
+    """Robust ILC learns faster by its switching term; with a speed that varies, no time is one of a speed."""
+    steady = held(60.0, 4.0, {})
+    assert settling(steady, "robust-ilc") == []
+    answers = {block.heading: dict(block.rows).get("settles", "") for block in speed_blocks(steady).blocks}
+    ilc = "PI-ILC (pi-ilc, phase-margin)"
+    assert answers["Robust ILC (robust-ilc)"].startswith("yes; it learns up to ")
+    assert "s at 60 rpm, by a model without the inverter's dead time" in answers[ilc]
+    lossless = {block.heading: dict(block.rows) for block in speed_blocks(held(60.0, 4.0, LOSSLESS)).blocks}
+    assert "dead time" not in lossless[ilc]["settles"]
+    assert settling(load("verrelli2016"), "filtered") == []
