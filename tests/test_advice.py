@@ -428,7 +428,7 @@ CASES: dict[str, list[Case]] = {
     ],
     "design.warnings._no_room": [
         Case(MY_MOTOR, {**NONE, "drive.position_sensor.eccentricity": "0.3 deg",
-                        "controller.harmonic.base": 2}, "leaves no room", "harmonic"),
+                        "controller.harmonic.base": 2}, "is too low to learn", "harmonic"),
     ],
     "design.current_needed.too_much_current": [
         Case(MY_MOTOR, {**NONE, "drive.current_loop.current_limit": "0.05 A"}, "current_limit", "harmonic",

@@ -814,7 +814,7 @@ def test_an_interrupt_is_told(
     def interrupted(study: object) -> object:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cogless.design.speed_blocks.speed_blocks", interrupted)
+    monkeypatch.setattr("cogless.design.speed_blocks.summary", interrupted)
     assert cogless(capsys, "design", studies.write(tmp_path)) == (130, "", "Interrupted.\n")
 
 

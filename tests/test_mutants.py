@@ -207,7 +207,7 @@ def test_first_those_that_execute_a_mutant_then_the_others_of_their_files(
         assert block is not None
         return 1 << seen.numbers[of] + block
 
-    inside = bit(file, "poles = 1 if")
+    inside = bit(file, "last = values[phase]")
     ran = "src/cogless/run/carry_out.py"
     assert "import metrics" in seen.texts[ran] or "results.metrics" in seen.texts[ran]
     seen.tests = {
@@ -217,13 +217,16 @@ def test_first_those_that_execute_a_mutant_then_the_others_of_their_files(
         "tests/results/test_metrics.py::likely": (inside, 30.0),
     }  # fmt: skip
     likely = "tests/results/test_metrics.py::likely"
-    assert turns("poles = 1 if") == [[likely, "tests/a.py::quick", "tests/b.py::slow"], ["tests/b.py::other"]]
+    assert turns("last = values[phase]") == [
+        [likely, "tests/a.py::quick", "tests/b.py::slow"],
+        ["tests/b.py::other"],
+    ]
     anything = [likely, "tests/a.py::quick", "tests/b.py::slow", "tests/b.py::other", "tests/d.py::runs"]
     assert turns("SETTLED_SHARE = 1") == [anything, []]
     seen.imported = inside
-    assert turns("poles = 1 if") == [anything, []]
+    assert turns("last = values[phase]") == [anything, []]
     seen.tests = {"tests/c.py::other": (0, 0.1)}
-    assert turns("poles = 1 if") == [["tests/c.py::other"], []]
+    assert turns("last = values[phase]") == [["tests/c.py::other"], []]
 
 
 BROKEN_IMPORT = """collecting ... collected 0 items / 2 errors

@@ -231,7 +231,7 @@ class MetricSignals(Parsed):
 class TrialSignals(Parsed):
     def run(self) -> list[nodes.Node]:
         from cogless.signals import DERIVED, dimensions
-        from cogless.study.metric_checks import linear
+        from cogless.study.linear_plant import linear_signals
 
         ideal, laws = ("trials", "trial_law"), ["trial"]
         by_unit: dict[str, list[str]] = {}
@@ -241,7 +241,7 @@ class TrialSignals(Parsed):
             by_unit.setdefault(dimension.unit or "bits", []).append(mark)
         lines = ["| of a drive, unit | signals |", "| --- | --- |"]
         lines += [f"| {unit.replace('*', '·')} | {', '.join(names)} |" for unit, names in by_unit.items()]
-        plain = [f"`{name}`" + ("\\*" if name in DERIVED else "") for name in linear(0)]
+        plain = [f"`{name}`" + ("\\*" if name in DERIVED else "") for name in linear_signals(0)]
         lines += ["", "| of a linear plant |", "| --- |", f"| {', '.join(plain)}, `x_1`, `x_2`, ... |"]
         return self.parse(lines)
 

@@ -895,7 +895,7 @@ def test_bars_of_an_estimate_are_as_high_as_the_waves(known: Identification) -> 
     )  # fmt: skip
     page = identified.render(Identified(made, {}))
     headings = re.findall(r"<h2>(.*?)</h2>", page)
-    assert headings == ["What was found", "What is left out, and what to record next", "Orders"]
+    assert headings == ["Orders", "What was found", "What is left out, and what to record next"]
     first, second, once = rects(page)
     half = (720 - 46) / 2
     assert first == pytest.approx((46 + half / 2 - 20, 176 - 160 * 5 / 6, 40, 160 * 5 / 6), abs=0.1)

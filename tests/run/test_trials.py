@@ -223,8 +223,9 @@ def test_the_commands_name_an_unsuitable_controller(tmp_path: Path) -> None:
     def invoke(*command: str) -> Result:
         return CliRunner().invoke(app, [*command], env={"COLUMNS": "200"})
 
-    shown, printed = invoke("design", path), invoke("run", path, "-o", folder)
-    for found in (shown, printed):
+    whole, printed = invoke("design", path, "--long"), invoke("run", path, "-o", folder)
+    assert f"observed\n  design  none: {UNSUITABLE}\n" in invoke("design", path).stdout
+    for found in (whole, printed):
         assert found.exit_code == 0 and f"observed: not designed: {UNSUITABLE}" in found.stdout
     told = json.loads(invoke("design", path, "--json").stdout)["controllers"]
     assert told["observed"] == {"not_designed": UNSUITABLE} and "certificate" in told["feedback"]
@@ -264,7 +265,7 @@ def test_a_design_without_a_learning_gain_shows_what_there_is(tmp_path: Path) ->
         assert ilc[key] == feedback[key]
     radius = ilc["certificate"]["design_model"]["radius_along_the_trial"]
     assert radius == feedback["certificate"]["design_model"]["radius_along_the_trial"] < 1
-    shown = CliRunner().invoke(app, ["design", str(path), "--set", "design.discretisation=exact"])
+    shown = CliRunner().invoke(app, ["design", str(path), "--set", "design.discretisation=exact", "--long"])
     assert " none " in shown.stdout and "no K_3 is stable" in shown.stdout
 
 

@@ -48,16 +48,19 @@ class Prepared:
         return self.frame.zero and ADAPTERS[self.frame.drive].write is not None
 
 
+USES = {"--drive": "read_logs", "--from": "read_table", "--to": "write"}  # what an option asks of a drive
+
+
+def able_drives(option: str) -> str:
+    """The drives that an option can have."""
+    return ", ".join(name for name, drive in ADAPTERS.items() if getattr(drive, USES[option]) is not None)
+
+
 def adapter_named(name: str, option: str) -> Adapter:
-    """The drive of this name. StudyError names the option."""
+    """The drive of this name. StudyError names the option, and the drives that it can have."""
     if name not in ADAPTERS:
-        raise StudyError(f'{option}: "{name}": expected one of {", ".join(ADAPTERS)}')
+        raise StudyError(f'{option}: "{name}": expected one of {able_drives(option)}')
     return ADAPTERS[name]
-
-
-def readers() -> str:
-    """The drives whose logs are read."""
-    return ", ".join(name for name, adapter in ADAPTERS.items() if adapter.read_logs is not None)
 
 
 def recognised(path: Path) -> tuple[Adapter, str] | None:
@@ -120,7 +123,7 @@ def prepare(
         if match is None:
             raise StudyError(
                 f"{paths[0]}: no drive's log by its first lines: expected --config FILE that names its "
-                f"columns, or --drive NAME, one of {readers()}"
+                f"columns, or --drive NAME, one of {able_drives('--drive')}"
             )
         adapter, kind = match
         remarks.append(f"{paths[0].name}: by its first lines {adapter.title}, {kind}.")
@@ -130,7 +133,9 @@ def prepare(
         if match is not None and match[0] is not adapter:
             raise StudyError(f"{paths[0]}: {match[0].title}, {match[1]}: expected a log of {adapter.title}")
     if adapter.read_logs is None:
-        raise StudyError(f'--drive: "{adapter.name}": no logs of it are read: expected one of {readers()}')
+        raise StudyError(
+            f'--drive: "{adapter.name}": no logs of it are read: expected one of {able_drives("--drive")}'
+        )
     logs = adapter.read_logs(paths, configuration)
     identification = config.from_tables(
         columns or configuration or paths[0], _merged(logs.tables, logs.recordings, columns, adapter)

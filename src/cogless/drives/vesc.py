@@ -158,7 +158,7 @@ def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[st
     speed = float(np.median(np.abs(omega))) / math.tau
     lines.append(
         f"{path.name}: {rate:.0f} rows a second of mean currents, at {speed:.2g} r/s, show orders below "
-        f"{rate / 2 / max(speed, 1e-3):.0f}: they tell inertia and friction, and hardly cogging."
+        f"{rate / 2 / max(speed, 1e-3):.0f}."
     )
     middle = {"t": t, "theta": theta, "omega": omega}
     signals = {name: 0.5 * (values[1:] + values[:-1]) for name, values in middle.items()}
@@ -172,7 +172,10 @@ VESC = Adapter(
     name="vesc",
     title="VESC",
     reads=(
-        Feature("VESC Tool's log of real-time data (CSV): inertia and friction", Certainty.SOURCE),
+        Feature(
+            "VESC Tool's log of real-time data (CSV); identify does not take its 50 rows a second yet",
+            Certainty.SOURCE,
+        ),
         Feature("the motor configuration as XML: motor and drive", Certainty.DRIVE),
     ),
     writes=(),

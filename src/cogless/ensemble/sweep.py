@@ -131,7 +131,7 @@ def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chun
         raise StudyError(f"{path}: not readable: {expected}")
     different = next((key for key in about if has.get(key) != about[key]), None)
     if different is not None:
-        wanted = f"{about[different]}, which this command has," if different != "study" else "the same study"
+        wanted = f"{about[different]}, which this command has" if different != "study" else "the same study"
         where = f"{path}: {different}: {has.get(different)}"
         raise StudyError(f"{where}: expected {wanted}, or another directory")
     finished: dict[Chunk, Any] = {}

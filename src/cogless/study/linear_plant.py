@@ -208,9 +208,7 @@ class LinearPlant(Table):
     @property
     def signals(self) -> dict[str, units.Dimension]:
         """All signals of the plant in trials; they have no unit."""
-        own = (term.signal for term in C_LAWS["trial"].terms)
-        names = (*OF_LINEAR_PLANTS, *own, "learned", "status")
-        return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(len(self.C)))), units.NONE)
+        return linear_signals(len(self.C))
 
     def at(self, parameters: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         """A and B for these parameter values; parameters that are left out are nominal.
@@ -246,3 +244,10 @@ def _number(entry: Entry, values: Mapping[str, float], *key: str | int) -> float
     except ExpressionError as error:
         at = ", ".join(f"{name} = {value:g}" for name, value in values.items())
         raise invalid(f"{error} at {at}", *key) from None
+
+
+def linear_signals(states: int) -> dict[str, units.Dimension]:
+    """All signals of a linear plant with so many states, in trials; they have no unit."""
+    own = (term.signal for term in C_LAWS["trial"].terms)
+    names = (*OF_LINEAR_PLANTS, *own, "learned", "status")
+    return dict.fromkeys((*names, *(f"x_{i + 1}" for i in range(states))), units.NONE)
