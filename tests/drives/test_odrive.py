@@ -37,6 +37,7 @@ NEW = {
     "axis0.config.motor.current_soft_max": 8.0,
     "axis0.config.motor.current_control_bandwidth": 1000.0,
 }
+GOALS = (("j", PLANT.inertia, 0.01), ("c", PLANT.coulomb, 0.01), ("b", PLANT.viscous, 0.05))
 OLD_PATHS = ("encoder.pos_estimate", "encoder.vel_estimate", "motor.current_control.Iq_measured")
 NEW_PATHS = ("pos_estimate", "vel_estimate", "motor.foc.Iq_measured")
 
@@ -117,8 +118,9 @@ def test_captures_tell_the_motor(
     assert (code, err) == (0, "")
     assert f"by its first lines ODrive, a capture of firmware {form[:3]}" in out
     values = json.loads((folder / "identified.json").read_text())["values"]
-    for key, truth in (("j", PLANT.inertia), ("c", PLANT.coulomb), ("b", PLANT.viscous)):
-        assert abs(values[key]["value"] - truth / PLANT.K_t) < 1.2 * values[key]["error"], key
+    for key, truth, goal in GOALS:  # one of twenty intervals of 95 % may miss, a goal may not
+        off = abs(values[key]["value"] - truth / PLANT.K_t)
+        assert off < max(1.2 * values[key]["error"], goal * truth / PLANT.K_t), key
     code, _, err = cogless(capsys, "table", folder, "--to", "csv", "-o", tmp_path / "table.csv")
     assert (code, err) == (0, "")
     degrees, current = np.loadtxt(tmp_path / "table.csv", delimiter=",", skiprows=1).T

@@ -77,6 +77,11 @@ def log(made: dict[str, np.ndarray], path: Path, encoder: bool = True, start: fl
 
 
 @pytest.fixture(scope="module")
+def crawl() -> dict[str, Any]:
+    return run([(0.0, 1.5), (20.0, 1.5), (21.0, -1.5), (41.0, -1.5)])
+
+
+@pytest.fixture(scope="module")
 def runs() -> dict[str, Any]:
     return {name: run(points) for name, points in motions().items()}
 
@@ -85,7 +90,6 @@ def runs() -> dict[str, Any]:
 def test_inertia_and_friction_come_out(
     encoder: bool, runs: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("cogless.identify.jackknife", reason="needs the balance that takes any rate of rows")
     logs = [log(made, tmp_path / f"{name}.csv", encoder) for name, made in runs.items()]
     config = tmp_path / "motor.xml"
     config.write_text(XML)
@@ -100,6 +104,28 @@ def test_inertia_and_friction_come_out(
     assert values["c"]["value"] == pytest.approx(PLANT.coulomb / PLANT.K_t, rel=0.05)
     code, _, err = cogless(capsys, "table", folder, "--to", "vesc")
     assert code == 2 and "--to: vesc: takes no table: it has no table of cogging" in err
+
+
+def test_a_quarter_of_a_turn_a_second_adds_one_order_and_costs_nothing(
+    runs: dict[str, Any], crawl: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its mean currents show order 12; orders that it does not show do not take that away."""
+    config = tmp_path / "motor.xml"
+    config.write_text(XML)
+    logs = [log(made, tmp_path / f"{name}.csv") for name, made in {**runs, "crawl": crawl}.items()]
+    told = []
+    for number in (2, 3):
+        folder = tmp_path / f"found{number}"
+        code, _, err = cogless(capsys, "identify", *logs[:number], "--drive-config", config, "-o", folder)
+        assert (code, err) == (0, "")
+        told.append(json.loads((folder / "identified.json").read_text()))
+    for key in ("j", "c", "b"):
+        assert told[1]["values"][key]["error"] < 2 * told[0]["values"][key]["error"], key
+    assert not told[0]["cogging"]
+    (wave,) = told[1]["cogging"]
+    order, size, _ = PLANT.cogging[0]
+    assert wave["order"] == order
+    assert wave["amplitude_N_m"] == pytest.approx(size, rel=0.05)
 
 
 def test_means_are_laid_over_the_middle_of_their_rows(runs: dict[str, Any], tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -102,3 +104,20 @@ def test_a_prediction_without_a_log_is_from_the_others() -> None:
 def test_logs_without_rows_are_refused() -> None:
     with pytest.raises(StudyError, match="expected longer logs"):
         Equations([])
+
+
+def test_equations_without_an_order_are_those_built_without_it() -> None:
+    """Also without the waves that are a log's own, which are of the cogging."""
+    one = rows("a", np.random.default_rng(3), 0.1)
+    own = (("own", 6, "c", "a"), ("own", 6, "s", "a"))
+    more = replace(
+        one,
+        names=(*one.names, *own),
+        columns=np.column_stack([one.columns, one.columns[:, 2:] ** 2]),
+        noise=np.column_stack([one.noise, one.noise[:, 2:]]),
+    )
+    short = replace(one, names=one.names[:2], columns=one.columns[:, :2], noise=one.noise[:, :2])
+    fewer = Equations([more]).without("cogging", 6).fit()
+    assert fewer.names == one.names[:2]
+    assert fewer.values == pytest.approx(Equations([short]).fit().values)
+    assert Equations([more]).without("ripple", 6).names == more.names

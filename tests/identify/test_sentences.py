@@ -311,10 +311,10 @@ def test_a_rotor_that_sticks_should_turn_as_fast_as_it_slips() -> None:
     rest = "of the time, where friction is not known"
     assert findings._sticks(known, log(theta=slips)) == (
         f"{still} 77 % {rest}: it sticks, and slips at 20 rev/s; record it at that speed or faster, with "
-        "1.4e+03 rows a second or more, or with more feedback."
+        "1500 rows a second or more, or with more feedback."
     )
     slow = findings._sticks(known, log(theta=slips / 10))
-    assert slow is not None and "slips at 2 rev/s; record it at that speed or faster, with 1e+03 rows" in slow
+    assert slow is not None and "slips at 2 rev/s; record it at that speed or faster, with 1000 rows" in slow
     for rows, sticks in ((310, True), (210, False)):
         said = findings._sticks(known, log(theta=slips[:rows], rows=rows))
         assert said is not None and ("it sticks" in said) == sticks

@@ -173,7 +173,8 @@ VESC = Adapter(
     title="VESC",
     reads=(
         Feature(
-            "VESC Tool's log of real-time data (CSV); identify does not take its 50 rows a second yet",
+            "VESC Tool's log of real-time data (CSV): its 50 rows a second tell inertia and friction, and "
+            "cogging hardly",
             Certainty.SOURCE,
         ),
         Feature("the motor configuration as XML: motor and drive", Certainty.DRIVE),

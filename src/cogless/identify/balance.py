@@ -10,7 +10,7 @@ i_q times a wave is right even where the wave is faster than the rows. All terms
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +101,13 @@ class Rows:
     at: Array
     instruments: Array = field(default_factory=lambda: np.zeros((len(LADDER), 0)))
     spacing: float = 0.0  # s
+
+    def without(self, kind: str, order: int) -> Rows:
+        """These rows without the columns of a kind and order; a log's own waves are cogging."""
+        kinds = ("cogging", "own") if kind == "cogging" else (kind,)
+        stay = np.array([name[:2] not in [(each, order) for each in kinds] for name in self.names])
+        names = tuple(name for name, stays in zip(self.names, stay, strict=True) if stays)
+        return replace(self, names=names, columns=self.columns[:, stay], noise=self.noise[:, stay])
 
 
 def all_names(rows: Sequence[Rows]) -> tuple[Name, ...]:

@@ -411,12 +411,20 @@ def _with_orders(drive: Logs, model: Model, first: bool) -> State:
 
 
 def _standing_out(drive: Logs, state: State) -> State:
-    """Keep the orders that stand out of the joint fit, and that of the poles."""
-    fit, model = state.fit, state.model
-    ripple = tuple(n for n in model.ripple if fit.chance("ripple", n) < FEW_CHANCE)
-    kept = {n for n in model.cogging if fit.chance("cogging", n) < ORDER_CHANCE or n == drive.poles}
-    pruned = replace(model, ripple=ripple, cogging=tuple(sorted({*kept, *ripple})))
-    return state if pruned == model else drive.settled(pruned, state.instrument)
+    """Keep the orders that stand out of the joint fit, and that of the poles.
+
+    The one that stands out least goes first, since it may widen the errors of the others.
+    """
+    model, equations, fit = state.model, state.equations, state.fit
+    while True:
+        waves = [("ripple", n) for n in model.ripple]
+        waves += [("cogging", n) for n in model.cogging if n not in (*model.ripple, drive.poles)]
+        chances = {wave: fit.chance(*wave) for wave in waves}
+        kind, order = max(waves, key=chances.__getitem__, default=("", 0))
+        if not waves or chances[kind, order] < FEW_CHANCE:
+            return state if model == state.model else drive.settled(model, state.instrument)
+        model, equations = _left(model, kind, (kind, order)), equations.without(kind, order)
+        fit = equations.fit(state.instrument)
 
 
 def _with_rubbing(drive: Logs, state: State) -> State:

@@ -137,10 +137,10 @@ def _sticks(known: Identification, log: Log) -> str | None:
     turned = np.abs(log["theta"][SMOOTH:] - log["theta"][:-SMOOTH])
     slip = float(np.percentile(turned[rows:], 99)) / (SMOOTH * log.dt * 2 * np.pi)
     needed = 6 * known.motor.pole_pairs * slip / VISIBLE
-    rate = max(needed, 1 / log.dt)
+    rate = _up(max(needed, 1 / log.dt))
     return Advice(
         f"{said}: it sticks, and slips at {slip:.2g} rev/s; record it at that speed or faster, with "
-        f"{rate:.2g} rows a second or more, or with more feedback.",
+        f"{rate:.0f} rows a second or more, or with more feedback.",
         recording(speed=2 * np.pi * slip, rate=rate, log=log.name),
     )
 
@@ -419,7 +419,7 @@ def _out_of_sight(made: Estimate) -> list[str]:
     if made.model.width(log) < (1 + ROUNDING) * WIDTH_ROWS * log.dt:  # more rows make the kernel narrower
         rate = _up(WIDTH_ROWS * order * turning / SEEN / SPARE_SPEED)
         cures = [recording(rate=rate, log=log.name), *cures]
-        needs = f"{rate:.2g} rows a second or {needs}"
+        needs = f"{rate:.0f} rows a second or {needs}"
     return [
         Advice(
             f"{log.name}: seen up to order {highest:.0f} at {turning / (2 * np.pi):.2g} rev/s, the slowest; "

@@ -166,6 +166,10 @@ class Equations:
         self.names = all_names(rows)
         self.logs = tuple(dict.fromkeys(each.log.name for each in rows))
 
+    def without(self, kind: str, order: int) -> Equations:
+        """These equations without the waves of a kind and order."""
+        return Equations([rows.without(kind, order) for rows in self.rows])
+
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
         blocks: list[Block] = []
