@@ -38,9 +38,9 @@ RIPPLE = "ripple_rad_s"  # its name in results
 UNTOLD = (LATE, HEAVY, LIGHT)
 INERTIA = {HEAVY: 1.5, LIGHT: 0.5}  # true inertia over the inertia that the laws assume
 DROPOUT = "50 ms"  # without an angle
-LONG, LAST = 3600.0, 60.0  # s: the hour, and the end of it that is measured
-ROWS = 20.0  # Hz, in an hour
-TURN = 1.1  # turns that orders need, with a law that is too slow
+HOUR_TIME, HOUR_END = 3600.0, 60.0  # s: the hour, and its end that is measured
+HOUR_TRACE_RATE = 20.0  # Hz, of the trace of an hour
+SLOW_TURNS = 1.1  # turns that the orders need with a law that is too slow
 
 
 def scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
@@ -90,7 +90,7 @@ def metrics(study: Study, plant: ArenaPlant) -> list[dict[str, Any]]:
     of_error = {"signal": "omega_error", "unit": "rpm"}
     only_told = {"scenarios": [TOLD]}
     slowest = study.scenario[TOLD].slowest
-    turn = max(plant.window, TURN * math.tau / slowest) if slowest else math.inf
+    turn = max(plant.window, SLOW_TURNS * math.tau / slowest) if slowest else math.inf
     orders = {
         "kind": "order",
         "order": known_orders(study, next(iter(study.controller))),
@@ -135,17 +135,19 @@ def hour(study: Study) -> Study:
     told = study.source.tables["scenario"][TOLD]
     long = {key: value for key, value in told.items() if key not in ("events", "faults")}
     # an odd divider: rows that don't return to the same angles, so that few of them tell an rms
-    rate = study.drive.rates.current_loop / (2 * round(study.drive.rates.current_loop / ROWS / 2) + 1)
-    ripple = {"kind": "rms", "signal": "omega_error", "last": f"{LAST!r} s", "unit": "rpm"}
+    rate = study.drive.rates.current_loop / (
+        2 * round(study.drive.rates.current_loop / HOUR_TRACE_RATE / 2) + 1
+    )
+    ripple = {"kind": "rms", "signal": "omega_error", "last": f"{HOUR_END!r} s", "unit": "rpm"}
     tables = study.source.tables | {
         "trace": {"rate": f"{rate!r} Hz"},
-        "scenario": {HOUR: {**long, "duration": f"{LONG!r} s"}},
+        "scenario": {HOUR: {**long, "duration": f"{HOUR_TIME!r} s"}},
         "metric": [{"name": "after_hour", **ripple}],
     }
     return with_tables(study, tables)
 
 
-GOLDEN = 137.508  # deg, between the first angles of two seeds
+SEED_ANGLE_STEP = 137.508  # deg, from the first angle of one seed to that of the next
 
 ArenaProgress = Callable[[str, int], None]
 
@@ -361,7 +363,7 @@ def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | 
 
 def _seeded(study: Study, seed: int) -> Study:
     """The study with other noise, and another angle to begin at."""
-    angle = f"{GOLDEN * seed % 360!r} deg"
+    angle = f"{SEED_ANGLE_STEP * seed % 360!r} deg"
     return changed(
         study, {"seed": seed} | {f"scenario.{case}.initial_angle": angle for case in study.scenario}
     )

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Content = Mapping[str, Any]  # of results.json
 LEAST_TIME = 1e-3  # s; shorter ones count as this
-EVEN = 1.02  # times the best: laws that are as good
+EVEN_RATIO = 1.02  # a law is as good as the best up to this ratio
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class Scores:
         """The laws whose value is the least, with those that are as good; the best first."""
         found = {law: v for law in (among or self.laws) if (v := value(law)) is not None and v < math.inf}
         order = sorted(found, key=lambda law: found[law])
-        return [law for law in order if found[law] <= EVEN * found[order[0]]]
+        return [law for law in order if found[law] <= EVEN_RATIO * found[order[0]]]
 
     def winners(self, column: str, seeds: Iterable[int] | None = None) -> list[str]:
         """The laws with the best score of a column, of those that have it wherever the bar has."""

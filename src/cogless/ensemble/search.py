@@ -23,7 +23,7 @@ from cogless.study.named_files import named_files
 from cogless.study.reading import put
 
 Settings = Mapping[str, float]  # a share of each range, 0 to 1
-SPREAD = 0.2  # of the first settings around the start, in shares of the ranges
+START_SPREAD = 0.2  # spread of the first settings around the start, in shares of the ranges
 
 
 def require() -> None:
@@ -58,7 +58,7 @@ class Search:
             sampler: Any = optuna.samplers.TPESampler(seed=short)
             if len(start) > 1:
                 sampler = optuna.samplers.CmaEsSampler(
-                    x0=self.start, sigma0=SPREAD, seed=short, warn_independent_sampling=False
+                    x0=self.start, sigma0=START_SPREAD, seed=short, warn_independent_sampling=False
                 )
             self.study = optuna.create_study(sampler=sampler)
             for _, (params, value, attributes) in sorted(kept.finished.items()):

@@ -210,7 +210,7 @@ def _told(study: AnyStudy, error: StudyError) -> str:
 
 
 SHARD_NUMBER = re.compile("[1-9][0-9]{0,8}")
-CHUNK = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker
+TASK_VARIANTS = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker
 
 SweepProgress = Callable[[int], None]
 
@@ -239,7 +239,7 @@ class Plan:
 
     @property
     def chunks(self) -> int:
-        return -(-self.ensemble.count // CHUNK)
+        return -(-self.ensemble.count // TASK_VARIANTS)
 
     def part(self, shard: Shard) -> range:
         """The chunks of a shard."""
@@ -251,8 +251,8 @@ class Plan:
 
     def changes(self, chunk: int) -> list[dict[str, Any]]:
         """What differs from the study, for each variant of a chunk."""
-        last = min(self.ensemble.count, (chunk + 1) * CHUNK)
-        return [self.ensemble.changes(variant) for variant in range(chunk * CHUNK, last)]
+        last = min(self.ensemble.count, (chunk + 1) * TASK_VARIANTS)
+        return [self.ensemble.changes(variant) for variant in range(chunk * TASK_VARIANTS, last)]
 
     def for_shards(self, shard: Shard) -> dict[str, Any]:
         """What a journal says it is; a shard also says how many variants there are, which decide its part."""

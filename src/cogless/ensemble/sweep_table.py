@@ -62,7 +62,7 @@ def columns(study: AnyStudy) -> list[Column]:
     return list(found.values())
 
 
-ROWS = 1 << 16  # rows per row group of sweep.parquet, at most
+GROUP_ROWS = 1 << 16  # largest number of rows in a row group of sweep.parquet
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ def write(sweep: Sweep, path: Path) -> None:
     }
     table = pa.table(named).replace_schema_metadata({"cogless": json.dumps(about, ensure_ascii=False)})
     with replacing(path) as temporary:
-        pq.write_table(table, temporary, row_group_size=ROWS, compression="zstd")
+        pq.write_table(table, temporary, row_group_size=GROUP_ROWS, compression="zstd")
 
 
 def _array(values: list[Any]) -> Any:

@@ -16,7 +16,7 @@ import numpy as np
 from cogless.design.kinds import DESIGNS
 from cogless.ensemble import judge
 from cogless.ensemble.search import Settings, opened
-from cogless.ensemble.sweep import CHUNK, needed, rows
+from cogless.ensemble.sweep import TASK_VARIANTS, needed, rows
 from cogless.ensemble.sweep_table import Column, Sweep, columns, gathered
 from cogless.ensemble.variants import SEED, Ensemble, Reader, draw, seeds, tried
 from cogless.ensemble.workers import Workers, pack, run_all
@@ -30,9 +30,9 @@ from cogless.study.metric import result_name
 from cogless.study.reading import split
 from cogless.study.table import perhaps
 
-DECADE = 10.0  # a range at least this wide is searched by ratios
-FRESH = 4  # variants of the check, for each that was searched over
-SEEDS = 16  # variants of the check of the nominal plant, which differ by their noise
+DECADE_RATIO = 10.0  # a range at least this wide is searched by ratios
+FRESH_VARIANTS = 4  # variants of the check, for each that was searched over
+NOMINAL_SEEDS = 16  # variants of the check of the nominal plant, which differ by their noise
 TuneProgress = Callable[[str, int, int, float], None]  # subject, tried, budget, best value
 
 
@@ -49,7 +49,7 @@ class Knob:
 
     @property
     def by_ratio(self) -> bool:
-        return self.low > 0 and self.high >= DECADE * self.low
+        return self.low > 0 and self.high >= DECADE_RATIO * self.low
 
     def text(self, share: float) -> Any:
         """The value at a share of the range, as it stands in a study's file."""
@@ -141,7 +141,7 @@ class Evaluation:
         """Run each candidate, values by key, over all variants."""
         count = self.ensemble.count
         changes = [self.ensemble.changes(v) | dict(c) for c in candidates for v in range(count)]
-        chunks = [changes[at : at + CHUNK] for at in range(0, len(changes), CHUNK)]
+        chunks = [changes[at : at + TASK_VARIANTS] for at in range(0, len(changes), TASK_VARIANTS)]
         tasks = {number: (self.parcel, chunk, self.subject.pairs) for number, chunk in enumerate(chunks)}
         found: dict[int, Any] = {}
         run_all(self.workers, rows, tasks, found.__setitem__, needed(self.study))
@@ -305,8 +305,8 @@ def ensembles(study: AnyStudy) -> tuple[Ensemble, Ensemble]:
     """The variants to search over, and fresh ones to check on."""
     wanted = _wanted(study)
     if wanted.over == "nominal":
-        return Ensemble((), {}, 1), Ensemble((), {SEED: seeds(study, SEEDS, fresh=1)}, SEEDS)
-    return draw(study, wanted.variants), draw(study, FRESH * wanted.variants, fresh=1)
+        return Ensemble((), {}, 1), Ensemble((), {SEED: seeds(study, NOMINAL_SEEDS, fresh=1)}, NOMINAL_SEEDS)
+    return draw(study, wanted.variants), draw(study, FRESH_VARIANTS * wanted.variants, fresh=1)
 
 
 def subjects(study: AnyStudy) -> list[Subject]:

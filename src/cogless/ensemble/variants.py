@@ -25,8 +25,8 @@ from cogless.study.reading import split
 from cogless.study.table import Key
 
 PERCENT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*%\s*")
-CUT = 3.0  # standard deviations at which a normal distribution ends
-DIGITS = 6  # of a value, so that the command that repeats a variant can be read
+CUT_DEVIATIONS = 3.0  # standard deviations at which a normal distribution ends
+VALUE_DIGITS = 6  # digits of a value, so few that the command that repeats a variant can be read
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Axis:
             return [self.choices[min(int(s * len(self.choices)), last)] for s in share]
         if self.whole:
             return [round(x) for x in self.spread(share)]
-        numbers = (float(f"{x:.{DIGITS}g}") for x in self.spread(share))
+        numbers = (float(f"{x:.{VALUE_DIGITS}g}") for x in self.spread(share))
         return [f"{x!r} {self.unit}" if self.unit else x for x in numbers]
 
     def si(self, value: Any) -> Any:
@@ -217,7 +217,7 @@ def _log(low: float, high: float) -> Callable[[Array], Array]:
 
 
 def _normal(mean: float, deviation: float) -> Callable[[Array], Array]:
-    edge = float(ndtr(-CUT))
+    edge = float(ndtr(-CUT_DEVIATIONS))
     return lambda share: mean + deviation * ndtri(edge + (1 - 2 * edge) * share)
 
 
@@ -246,7 +246,7 @@ def together(shares: Array, axes: Sequence[Axis], study: AnyStudy) -> Array:
 
 
 SEED = "seed"  # a study's key: of the sensors' noise
-FRESH = 1 << 32  # between the seeds of an ensemble and those of a fresh one
+FRESH_SEED_OFFSET = 1 << 32  # distance of the seeds of an ensemble from those of a fresh one
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +284,7 @@ class Ensemble:
 
 def seeds(study: AnyStudy, count: int, fresh: int = 0) -> list[int]:
     """A seed of the sensors' noise for each variant."""
-    first = study.seed + 1 + fresh * FRESH
+    first = study.seed + 1 + fresh * FRESH_SEED_OFFSET
     return [(first + variant) % 2**64 for variant in range(count)]
 
 

@@ -32,9 +32,9 @@ from cogless.study.reading import checked
 
 T = TypeVar("T")
 MOST_LOSSES = 3  # workers that one task may cost before it is given up
-AHEAD = 2  # tasks sent for each worker: one that runs, one that waits
+TASKS_AHEAD = 2  # tasks sent for each worker: one that runs, one that waits
 END_PROCESS = os._exit  # itself, while a task runs that may not call it
-PATIENCE = 10  # s that a cluster is given to answer
+CLUSTER_PATIENCE = 10  # s that a cluster has to answer
 
 
 class Workers:
@@ -118,7 +118,7 @@ def dask(address: str) -> Iterator[Workers]:
     except ImportError:
         raise StudyError("--dask: expected the extra: pip install 'cogless[dask]'") from None
     try:
-        client = Client(address, timeout=PATIENCE, set_as_default=False)
+        client = Client(address, timeout=CLUSTER_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         said = str(error).splitlines()[0] if isinstance(error, ValueError) else "no answer"
         expected = "expected the address of a Dask scheduler, such as tcp://127.0.0.1:8786"
@@ -184,7 +184,7 @@ def _use(
     running: dict[Future[T], int] = {}
     broken = False
     while running or (waiting and not broken):
-        most = AHEAD * max(1, workers.count())
+        most = TASKS_AHEAD * max(1, workers.count())
         while waiting and not broken and len(running) < (1 if losses[waiting[0]] else most):
             alone = any(losses[number] for number in running.values())
             if alone:

@@ -158,8 +158,8 @@ MOTOR = (
 )
 CURRENT_LIMIT = "drive.current_loop.current_limit"
 YOURS = "Your motor"
-WIDE = 100.0  # what a field takes, as a share of the slider's ends
-PAIRS, ORDERS = 40.0, 400.0  # most pole pairs, highest order
+FIELD_WIDTH = 100.0  # a field takes this many times the slider's ends
+POLE_PAIRS_MOST, ORDER_MOST = 40.0, 400.0  # the highest order
 
 
 def candidates(study: Study, told: bool = False) -> Iterator[Candidate]:
@@ -190,7 +190,9 @@ def of_motor(study: Study) -> Iterator[Candidate]:
         owner, last, value = looked_up(study, study.source.tables, key)
         if value is None or owner is None:
             continue
-        span = {"pole_pairs": (1.0, PAIRS, ""), "order": (1.0, ORDERS, "")}.get(str(last), (0.3, 3.0))
+        span = {"pole_pairs": (1.0, POLE_PAIRS_MOST, ""), "order": (1.0, ORDER_MOST, "")}.get(
+            str(last), (0.3, 3.0)
+        )
         yield from made(key, key.partition(".")[2], YOURS, owner, last, value, span)
 
 
@@ -369,8 +371,8 @@ def made(
     is_share = len(span) == 2 and not whole and not stops and label != "forgetting"
     least, most = low, high
     if is_share:
-        least = low / WIDE if low > 0 else WIDE * low
-        most = high / WIDE if high < 0 else WIDE * high
+        least = low / FIELD_WIDTH if low > 0 else FIELD_WIDTH * low
+        most = high / FIELD_WIDTH if high < 0 else FIELD_WIDTH * high
     yield Candidate(
         key=key,
         label=label,

@@ -38,7 +38,7 @@ STRUCTS = {
     "drive.dead_time": "cgl_dead_time_config",
 }
 SPARE_ORDERS = 3  # cogging orders that a page can add
-POINTER = 4  # bytes, in WebAssembly
+POINTER_BYTES = 4  # bytes of a pointer in WebAssembly
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def pack(description: Mapping[str, Any], precision: str) -> Packed:
 
 @cache
 def _leaves(precision: str, name: str) -> tuple[Leaf, ...]:
-    return tuple(control_layout(precision, POINTER).leaves(name))
+    return tuple(control_layout(precision, POINTER_BYTES).leaves(name))
 
 
 class _Packer:
@@ -116,7 +116,7 @@ class _Packer:
 
     def struct(self, of: bytes, path: str) -> None:
         name = self.structs[path]
-        ours, theirs = control_layout(self.precision), control_layout(self.precision, POINTER)
+        ours, theirs = control_layout(self.precision), control_layout(self.precision, POINTER_BYTES)
         if ours.size(name) != theirs.size(name):
             of = theirs.pack(name, ours.decode(name, of))
         self._head(TEXT, len(of), path)
@@ -178,7 +178,7 @@ KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]]
 )
 
 
-OFF = 1e9  # s, a learning_start that never comes
+NEVER_LEARNS = 1e9  # s, a learning_start that never comes
 
 
 def held(study: AnyStudy) -> list[Pair]:

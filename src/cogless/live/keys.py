@@ -31,10 +31,11 @@ from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import changed
 
-STOPS = 21
-TRIES = 20
-HALVINGS = 5  # of the way from an end that is refused to the study's value, or to the slider's end
-REPEATS = 9  # of a value beside different pole pairs
+STOP_COUNT = 21
+TRIED_VALUES = 20
+# an end that is refused moves so often half the way to the study's value, or to the slider's end
+END_HALVINGS = 5
+PAIRS_REPEATS = 9  # times that a value is tried, each beside different pole pairs
 JOINT_TRIES = 6  # combinations of the motor's keys on which a table over stops and pole pairs is tested
 SAME_NUMBERS = "it acts on the same numbers as another key"
 OTHER_SHAPE = "the run's description takes another shape with it"
@@ -153,14 +154,14 @@ def _narrowed(study: AnyStudy, base: All, key: Key, own: OwnMotor | None) -> Key
         return not disproved(study, base, [key], lambda _: [value] * repeats, own, alone=True)
 
     def end(far: float, near: float) -> float:
-        for _ in range(HALVINGS):
+        for _ in range(END_HALVINGS):
             far = float(f"{far:.4g}")
             if is_right(far):
                 return far
             far = (far + near) / 2
         return near
 
-    candidate, repeats = key.candidate, 2 if own is None else REPEATS  # the first isn't tried
+    candidate, repeats = key.candidate, 2 if own is None else PAIRS_REPEATS  # the first isn't tried
     least, most = end(candidate.least, candidate.low), end(candidate.most, candidate.high)
     narrower = replace(key, candidate=replace(candidate, least=least, most=most))
     return _of_slider(key) if disproved(study, base, [narrower], _wide, own, alone=True) else narrower
@@ -205,7 +206,7 @@ def _within_study(study: AnyStudy, candidate: Candidate) -> Candidate:
 
 def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
     """The end, or if the study refuses it, a value nearer to the study's own."""
-    for _ in range(HALVINGS):
+    for _ in range(END_HALVINGS):
         try:
             changed(study, {candidate.key: candidate.text(end)})
             return end
@@ -469,7 +470,7 @@ def landed(landing: Landing, si: float) -> float:
 def samples(candidate: Candidate) -> list[float]:
     """Values across the slider, as irregular as they can be: by the golden section."""
     span = candidate.high - candidate.low
-    found = [candidate.low + span * ((n * 0.6180339887498949) % 1.0) for n in range(1, TRIES + 1)]
+    found = [candidate.low + span * ((n * 0.6180339887498949) % 1.0) for n in range(1, TRIED_VALUES + 1)]
     return [float(round(value)) if candidate.whole else float(f"{value:.7g}") for value in found]
 
 
@@ -482,6 +483,6 @@ def _wide(candidate: Candidate) -> list[float]:
 
 def _grid(candidate: Candidate) -> list[float]:
     """The stops of a slider, rounded, with the study's value among them."""
-    values = np.linspace(candidate.low, candidate.high, STOPS)
+    values = np.linspace(candidate.low, candidate.high, STOP_COUNT)
     rounded = {float(round(v)) if candidate.whole else float(f"{v:.3g}") for v in values}
     return sorted(rounded | {candidate.start})

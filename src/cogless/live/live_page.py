@@ -17,7 +17,7 @@ from cogless.control_library import C_LAWS
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders, versions
 from cogless.live import engine, own_motor
-from cogless.live.description import OFF, Packed, held, left_out
+from cogless.live.description import NEVER_LEARNS, Packed, held, left_out
 from cogless.live.key_words import key_words
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.live.motor_classes import motor_classes
@@ -25,7 +25,13 @@ from cogless.live.sensor_choices import SensorChoice, sensor_choices
 from cogless.live.spare_orders import spare_orders
 from cogless.report.markup import asset as report_asset
 from cogless.report.phases import display_unit, groups, judged, phases
-from cogless.report.speed_tracking import DRIFT, FAR, LOST, MOMENT, ONE_WAY
+from cogless.report.speed_tracking import (
+    LOST_SPEED_RATIO,
+    MEAN_ERROR_MOST,
+    ONE_WAY,
+    REST_ERROR_MOST,
+    STATE_TIME_LEAST,
+)
 from cogless.report.trials import panels_of
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
@@ -39,7 +45,7 @@ from cogless.units import NONE, factor
 
 NO_LIMITS: Mapping[str, str] = {}
 NO_PINS: Changes = {}
-COLOURS = 8  # as in the report
+COLOUR_COUNT = 8  # as many as in the report
 FORBID = (
     "default-src 'none'; script-src {scripts} 'wasm-unsafe-eval'; style-src {styles}; worker-src blob:; "
     "base-uri 'none'; form-action 'none'"
@@ -130,8 +136,13 @@ def data(
         "kind": study.kind,
         "busy": int(Status.BUSY),
         "guarded": int(Status.GUARDED),
-        "moment": MOMENT,
-        "tracking": {"far": FAR, "lost": LOST, "drift": DRIFT, "one_way": ONE_WAY},
+        "moment": STATE_TIME_LEAST,
+        "tracking": {
+            "far": MEAN_ERROR_MOST,
+            "lost": LOST_SPEED_RATIO,
+            "drift": REST_ERROR_MOST,
+            "one_way": ONE_WAY,
+        },
         "scenarios": [
             {
                 "name": scenario,
@@ -146,7 +157,7 @@ def data(
             {
                 "name": name,
                 "label": study.label(name),
-                "colour": 0 if name == study.baseline else 1 + others.index(name) % (COLOURS - 1),
+                "colour": 0 if name == study.baseline else 1 + others.index(name) % (COLOUR_COUNT - 1),
                 "learns": _learns(study, name),
                 "baseline": name == study.baseline,
                 "by_order": _by_order(study.controller[name].law),
@@ -308,7 +319,7 @@ def _run(blob: Packed) -> dict[str, Any]:
 
 def _off(found: dict[str, list[Any]]) -> list[Any] | None:
     """The number with which a law never learns: its place, and it."""
-    for path, value in (("controller.learning_start", OFF), ("controller.config.k_3", 0.0)):
+    for path, value in (("controller.learning_start", NEVER_LEARNS), ("controller.config.k_3", 0.0)):
         if path in found:
             return [*found[path], value]
     return None

@@ -25,14 +25,15 @@ POLE_PAIRS = "motor.pole_pairs"
 TOGETHER = frozenset(
     (POLE_PAIRS, RESISTANCE, INDUCTANCE, "motor.kv", "mechanics.inertia", "drive.inverter.bus_voltage")
 )
-NODES = 24  # of the curve, at Chebyshev's places over log(R_s / L)
-SLOW, FAST = 1 / 30, 4.0  # widest ends of the curve: R_s / L as a share of the study's
-RETREAT = 0.8  # power of a share of R_s / L that the study refuses, for an end nearer to 1
+CURVE_NODES = 24  # nodes of the curve, at Chebyshev's places over log(R_s / L)
+SLOWEST_RATIO, FASTEST_RATIO = 1 / 30, 4.0  # widest ends of the curve: R_s / L as a share of the study's
+RETREAT_POWER = 0.8  # power of a share of R_s / L that the study refuses, for an end nearer to 1
 NO_ROOM = 1e-3  # an end this near to 1 is 1
 CLOSE = {"f": 3e-7, "d": 1e-12}  # relative; other numbers are whole
-INTEGER = 1e-5  # how near a power must be
-TRIES = 12
-HALVINGS = 8  # of the logarithms of refused shares, until _check gives up: 100 has become 1.02
+POWER_TOLERANCE = 1e-5  # distance of a power from a whole number that counts as none
+CHECKED_MOTORS = 12
+# the logarithm of a refused share is halved so often, until _check gives up: 100 has become 1.02
+END_HALVINGS = 8
 STEPS = (2.0, 0.5, 1.25, 0.8, 1.02, 0.98)  # shares of a key's value: the first accepted shows its power
 
 Place = tuple[str, str, str]
@@ -85,7 +86,7 @@ class OwnMotor:
         pairs = self.pole_pairs
         drawn = pairs.least + 7 * n % round(pairs.most - pairs.least + 1)
         values[POLE_PAIRS] = float(round(pairs.start + reach * (drawn - pairs.start)))
-        ratio = (slow * (fast / slow) ** ((n + 0.5) / TRIES)) ** reach
+        ratio = (slow * (fast / slow) ** ((n + 0.5) / CHECKED_MOTORS)) ** reach
         over, under = self.keys[RESISTANCE], self.keys[INDUCTANCE]
         values[INDUCTANCE] = float(f"{under.start * values[RESISTANCE] / over.start / ratio:.6g}")
         return values
@@ -141,7 +142,7 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
 def nodes(ends: tuple[float, float]) -> list[float]:
     """Chebyshev nodes over log(R_s / L), R_s / L as a share of the study's, from the upper end down."""
     low, high = map(math.log, ends)
-    angles = ((2 * j + 1) * math.pi / (2 * NODES) for j in range(NODES))
+    angles = ((2 * j + 1) * math.pi / (2 * CURVE_NODES) for j in range(CURVE_NODES))
     return [(low + high) / 2 + (high - low) / 2 * math.cos(angle) for angle in angles]
 
 
@@ -171,14 +172,14 @@ def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list
 
     Each node has a share of the study's L and the descriptions with it.
     """
-    ends = [SLOW, FAST]
+    ends = [SLOWEST_RATIO, FASTEST_RATIO]
     while True:
         bent = []
         for at in nodes((ends[0], ends[1])):
             share = math.exp(-at)
             made = _accepted(changed, [(under, share * under.start)])
             if made is None:
-                end = math.exp(RETREAT * at)
+                end = math.exp(RETREAT_POWER * at)
                 ends[at > 0] = end if abs(end - 1) > NO_ROOM else 1.0
                 break
             bent.append((share, made))
@@ -215,7 +216,7 @@ def _between(nodes: Sequence[float], curve: Sequence[float], at: float) -> float
     for j, (node, value) in enumerate(zip(nodes, curve, strict=True)):
         if at == node:
             return value
-        weight = (-1) ** j * math.sin((2 * j + 1) * math.pi / (2 * NODES)) / (at - node)
+        weight = (-1) ** j * math.sin((2 * j + 1) * math.pi / (2 * CURVE_NODES)) / (at - node)
         above, below = above + weight * value, below + weight
     return above / below
 
@@ -228,13 +229,13 @@ def _power(x: float, start: float, share: float) -> float:
 
 
 def _is_whole(x: float) -> bool:
-    return abs(x - round(x)) < INTEGER if math.isfinite(x) else False
+    return abs(x - round(x)) < POWER_TOLERANCE if math.isfinite(x) else False
 
 
 def _check(base: All, changed: Changed, own: OwnMotor) -> None:
     """StudyError: a number is not what its product says, or one moves that has none."""
-    for n in range(TRIES):
-        for halvings in range(HALVINGS):
+    for n in range(CHECKED_MOTORS):
+        for halvings in range(END_HALVINGS):
             values = own.together(n, 0.5**halvings)
             made = _accepted(changed, [(own.keys[key], x) for key, x in values.items()])
             if made is not None:

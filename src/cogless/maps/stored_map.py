@@ -24,7 +24,7 @@ from cogless.units import TURN
 
 MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
 FLOAT32 = 1  # the only number type
-OWN = 128  # the first code of a user's own laws
+OWN_LAW_CODE = 128  # the first code of a user's own laws
 LONGEST_WRITE = 256  # bytes
 
 LAWS = ("other", *(law.name for law in C_LAWS.values() if law.cells))  # index: code of the law
@@ -93,7 +93,7 @@ class StoredMap:
 
     @property
     def law_name(self) -> str:
-        if self.law >= OWN:
+        if self.law >= OWN_LAW_CODE:
             return f"own law {self.law}"
         return LAWS[self.law] if self.law < len(LAWS) else str(self.law)
 
@@ -263,7 +263,7 @@ def _write_sizes() -> tuple[int, ...]:
     return tuple(1 << n for n in range(LONGEST_WRITE.bit_length()))
 
 
-HEX = 16
+HEX_BASE = 16
 
 
 def lines(found: list[Found], newest: Valid) -> list[str]:
@@ -331,7 +331,7 @@ def to_csv(stored: StoredMap) -> str:
 def identity(text: str) -> int:
     """Parse a motor's identity on the command line: hexadecimal after 0x, otherwise decimal."""
     try:
-        number = int(text, HEX if text.lower().startswith("0x") else 10)
+        number = int(text, HEX_BASE if text.lower().startswith("0x") else 10)
     except ValueError:
         number = -1
     if not 0 <= number < 2**32:

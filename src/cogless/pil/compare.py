@@ -19,8 +19,8 @@ from cogless.pil.toolchain import Toolchain
 from cogless.run.plan import Progress
 from cogless.study import AnyStudy
 
-TICKS = 100_000
-PIECE = 1000  # ticks between two reports of progress
+TICKS_DEFAULT = 100_000
+REPORT_TICKS = 1000  # ticks between two reports of progress
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def compare(
     `ticks`: default 100,000, and at most those of the scenario. StudyError: one of the two fails.
     """
     prepared = prepare(study, scenario, controller)
-    ticks = min(ticks or TICKS, prepared.ticks)
+    ticks = min(ticks or TICKS_DEFAULT, prepared.ticks)
     subject, image = build(prepared, toolchain)
     wanted = record(prepared, ticks)
     target = Target(subject, image, prepared.memory)
@@ -130,7 +130,7 @@ class _Watched:
         if out != wanted.outputs[tick] or measurement != wanted.measurements[tick]:
             self._compare("cgl_drive_output", wanted.outputs[tick], out)
             self._compare("cgl_measurement", wanted.measurements[tick], measurement)
-        if tick % PIECE == 0:
+        if tick % REPORT_TICKS == 0:
             self._progress(tick / self._ticks)
         return out
 

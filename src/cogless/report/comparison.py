@@ -19,11 +19,11 @@ from cogless.design.ripple import WORSE
 from cogless.design.unlearned import Memory, never, revolutions_learned, starts_too_late, too_short
 from cogless.report.markup import number
 from cogless.report.panels import travelled, varies
-from cogless.report.speed_tracking import MOMENT, missed, rows_of, span_of, spans
+from cogless.report.speed_tracking import STATE_TIME_LEAST, missed, rows_of, span_of, spans
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
-from cogless.results.trace import BLOCK
+from cogless.results.trace import BLOCK_ROWS
 from cogless.study import Study
 from cogless.study.base import StudyBase, spoken_unit
 from cogless.study.metric import Metric
@@ -36,7 +36,7 @@ def unlearned(results: Results, run: Run) -> str | None:
 
     This is judged by the angle turned since the status first showed that learning wasn't frozen.
     """
-    stop = BLOCK
+    stop = BLOCK_ROWS
     while (why := _within(results, run, slice(0, stop))) and stop < len(run.trace):
         stop *= 4  # what is enough at the beginning stays enough
     return why
@@ -251,7 +251,7 @@ def guarded(results: Results, run: Run, rows: slice) -> str:
     if not results.study.controller[run.controller].learns:
         return ""
     found = spans(run, Status.GUARDED, rows)
-    if sum(to - since for since, to in found) < MOMENT:
+    if sum(to - since for since, to in found) < STATE_TIME_LEAST:
         return ""
     return f"{found[0][0]:.3g} to {found[-1][1]:.3g} s"
 

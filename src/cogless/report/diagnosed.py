@@ -11,7 +11,7 @@ from cogless.identify.diagnosis import SHOWN, TURN, Diagnosis, answer, shown, si
 from cogless.report.identified import page_of, sentences
 from cogless.report.markup import note, table
 
-COLOURS = 6  # of the palette
+COLOUR_COUNT = 6  # colours of the palette
 
 
 def write_report(made: Diagnosis, path: Path) -> None:
@@ -33,7 +33,7 @@ def render(made: Diagnosis) -> str:
 def _bars(made: Diagnosis) -> str:
     """A bar for each log, its parts the shares of its causes."""
     names = list(dict.fromkeys(name for log in made.whole for name in made.causes(log)))
-    colour = {name: f"var(--c{n % COLOURS})" for n, name in enumerate(names)}
+    colour = {name: f"var(--c{n % COLOUR_COUNT})" for n, name in enumerate(names)}
     rows, high = "", 34
     for n, log in enumerate(made.whole):
         shares = {name: max(0.0, share) for name, share in made.causes(log).items()}

@@ -17,13 +17,13 @@ from cogless.results import Results, Run
 from cogless.results.fault_response import Fault, Response, faults_in, ripple, without_faults
 from cogless.units import ANGULAR_SPEED, factor
 
-OVER = 1.05  # largest current / its limit; more than a current loop's usual overshoot
+OVERSHOOT_MOST = 1.05  # largest current / its limit; more than a current loop's usual overshoot
 # Ripple after a fault / usual ripple, above which it is worse: the usual ripple changes by a tenth per turn.
-WORSE = 1.25
-SMALL = 1e-4  # share of the speed; a smaller ripple isn't called worse
-ALIKE = 0.05  # largest relative difference of speeds at which two ripples are compared
+WORSE_RATIO = 1.25
+RIPPLE_SHARE_LEAST = 1e-4  # share of the speed; a smaller ripple is not called worse
+SPEED_SPREAD_MOST = 0.05  # largest relative difference of speeds at which two ripples are compared
 UNBROKEN = r"(?<=\d) (?=(m?s|A|of \d)\b)| (?=\(rpm)"  # spaces at which a line must not break
-SHOWN = 3  # largest number of faults in a scenario's verdict; results.json has all
+FAULTS_SHOWN = 3  # largest number of faults in a scenario's verdict; results.json has all
 
 
 def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
@@ -41,9 +41,9 @@ def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
             words[place] if len(faults) > 1 else "",
             [(run.controller, _sentence(results, run, run.faults[place])) for run in runs],
         )
-        for place in range(min(SHOWN, len(faults)))
+        for place in range(min(FAULTS_SHOWN, len(faults)))
     ]
-    more = len(faults) - SHOWN
+    more = len(faults) - FAULTS_SHOWN
     if more > 0:
         others = "One more fault is" if more == 1 else f"{more} more faults are"
         told.append(Told(f"{others} in results.json.", []))
@@ -82,7 +82,7 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
     for run in runs:
         label = results.study.label(run.controller)
         peak = max(run.faults, key=_over)
-        if _over(peak) > OVER:
+        if _over(peak) > OVERSHOOT_MOST:
             current = (
                 f"{number(peak.largest_current or 0.0)} A" if math.isfinite(_over(peak)) else "no number"
             )
@@ -94,7 +94,7 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
         ratios = [_times_usual(results, run, response) for response in run.faults]
         known = [ratio for ratio in ratios if ratio is not None]
         judged += len(known)
-        if max(known, default=0.0) > WORSE:
+        if max(known, default=0.0) > WORSE_RATIO:
             worse.append(f"{label} {times(max(known))}")
     twin = _twin(results, runs[0])
     than = "without the fault" if twin else "before"
@@ -184,11 +184,11 @@ def _times_usual(results: Results, run: Run, response: Response) -> float | None
     if usual is None and response.before is not None:
         early = speed[run.trace.window(*response.before)]
         both = np.concatenate((early, late))
-        alike = not varies(early) and np.ptp(both) <= ALIKE * np.max(np.abs(both))
+        alike = not varies(early) and np.ptp(both) <= SPEED_SPREAD_MOST * np.max(np.abs(both))
         usual = response.ripple_before if alike else None
     if usual is None or not math.isfinite(after):
         return None
-    if after <= SMALL * float(np.mean(np.abs(late))):
+    if after <= RIPPLE_SHARE_LEAST * float(np.mean(np.abs(late))):
         return 1.0
     return after / usual if usual else math.inf
 

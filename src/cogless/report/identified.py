@@ -25,7 +25,7 @@ from cogless.results.trace import Trace
 
 Array = NDArray[np.float64]
 WIDE, HIGH, EDGE = 720, 200, 46  # of a picture
-POINTS = 700
+CURVE_POINTS = 700
 
 
 def write_report(found: Identified, path: Path) -> None:
@@ -172,7 +172,7 @@ def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
     x, y = x[start : start + count], y[start : start + count]
     low, high = float(min(x.min(), y.min())), float(max(x.max(), y.max()))
     span = (high - low) or 1.0
-    every = max(1, count // POINTS)
+    every = max(1, count // CURVE_POINTS)
 
     def line(values: Array, colour: str) -> str:
         points = " ".join(

@@ -12,9 +12,9 @@ from cogless.report.markup import Array, place, plain
 from cogless.report.panels import learned_terms
 from cogless.results import Results, Run
 
-MOST = 1440  # points of a map
-CELLS = 360  # of a polar map
-LAST = 8  # periods, from which its spread comes
+MAP_POINTS_MOST = 1440  # points of a map
+POLAR_CELLS = 360  # cells of a polar map
+SPREAD_PERIODS = 8  # last periods, from which a map's spread comes
 MOST_ROWS = 1_000_000  # from which these periods come: all of a long trace would take gigabytes
 
 NOTE = (
@@ -38,7 +38,7 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         ]
         if not learned:
             continue
-        cells = min(MOST, max(len(run.memory["current"]) for run in learned))
+        cells = min(MAP_POINTS_MOST, max(len(run.memory["current"]) for run in learned))
         longest = max(_period(run) for run in learned)
         grid = np.linspace(0, longest, cells + 1)
         series = [
@@ -100,12 +100,12 @@ def _last_turns(turns: Array, x: Array) -> Array:
     angle so far counts.
     """
     if not np.all(np.isfinite(turns)) or not np.all(np.isfinite(x)) or not len(turns):
-        return np.zeros((0, CELLS))
+        return np.zeros((0, POLAR_CELLS))
     back = turns[-1] < turns[0]
     onward = np.maximum.accumulate(-turns if back else turns)
     first, last = math.ceil(onward[0]), math.floor(onward[-1])
-    grid = np.arange(CELLS) / CELLS
-    wanted = np.arange(max(first, last - LAST), last)
+    grid = np.arange(POLAR_CELLS) / POLAR_CELLS
+    wanted = np.arange(max(first, last - SPREAD_PERIODS), last)
     found = [np.interp(k + grid, onward, x) for k in wanted.tolist()]
-    rows = np.array(found).reshape(len(found), CELLS)
+    rows = np.array(found).reshape(len(found), POLAR_CELLS)
     return np.roll(rows[:, ::-1], 1, axis=1) if back else rows

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cogless.report.comparison import pretty, speed_unit
 from cogless.report.markup import Array, number, pack, place, plain
 from cogless.report.panels import learned_terms, varies_in
-from cogless.report.speed_tracking import BLOCK, late
+from cogless.report.speed_tracking import BLOCK_ROWS, late
 from cogless.results import Results, Run
 from cogless.results.metrics import onward
 from cogless.results.trace import Trace
@@ -30,8 +30,8 @@ from cogless.study.metric import turns_held
 from cogless.units import ANGULAR_SPEED, factor
 
 SHOWN_ORDERS = 24
-NEAR = 0.05  # of the reference: with a smaller error the drive is up to speed
-BACK = 0.01  # of the rotor's travel: turning back by less is ignored
+SPEED_ERROR_MOST = 0.05  # share of the reference: with a smaller error the drive is up to speed
+REVERSAL_SHARE = 0.01  # share of the rotor's travel: turning back by less is ignored
 
 SPECTRA_NOTE = (
     "Amplitude of each order, integrated over angle in the last whole revolutions of the run. The baseline's "
@@ -86,7 +86,7 @@ def turned_back(results: Results, runs: Sequence[Run]) -> str:
         theta = run.trace.part("theta_m", late(results, run))
         if len(theta) > 1 and not left_out(results, run):
             when = _when(results, run)
-            if _way(theta) - _turns(theta) > BACK * _way(theta):
+            if _way(theta) - _turns(theta) > REVERSAL_SHARE * _way(theta):
                 found.append(f"{results.study.label(run.controller)} {_way_in_words(theta)}")
     if not found:
         return ""
@@ -149,7 +149,10 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
     begin = _first(
         trace,
         0,
-        lambda part: np.abs(trace.part("omega_error", part)) <= NEAR * np.abs(trace.part("omega_ref", part)),
+        lambda part: (
+            np.abs(trace.part("omega_error", part))
+            <= SPEED_ERROR_MOST * np.abs(trace.part("omega_ref", part))
+        ),
     )
     if begin is None:
         return None, after
@@ -198,12 +201,13 @@ def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> A
     return amplitudes
 
 
-PIECES = 48
-FEWEST = 8  # pieces
-SWEEP = 1.5  # fastest / slowest piece, from which on the speed sweeps
-FOLLOWED = 4  # orders
-HIGHEST = 120
-SLACK = 0.05  # of a revolution, that a piece is longer: the rotor may lag behind its reference
+PIECES_MOST = 48
+PIECES_LEAST = 8  # pieces
+SWEEP_RATIO = 1.5  # fastest / slowest piece, from which on the speed sweeps
+ORDERS_FOLLOWED = 4  # orders
+ORDER_MOST = 120
+# a piece is longer by this share of a revolution, as the rotor may lag behind its reference
+PIECE_SLACK = 0.05
 
 WATERFALL_NOTE = (
     "Amplitude of each order of the mechanical revolution at each speed: the fuller the colour, the larger, "
@@ -226,13 +230,13 @@ class Tracked:
 
     @property
     def sweeps(self) -> bool:
-        return bool(np.max(self.speeds) >= SWEEP * np.min(self.speeds))
+        return bool(np.max(self.speeds) >= SWEEP_RATIO * np.min(self.speeds))
 
     @cached_property
     def followed(self) -> list[int]:
         """The orders to follow: the strongest in the median piece of any controller, in ascending order."""
         typical = np.max([_median(found) for found in self.amplitudes.values()], axis=0)
-        strongest = np.argsort(typical)[::-1][:FOLLOWED]
+        strongest = np.argsort(typical)[::-1][:ORDERS_FOLLOWED]
         return sorted(int(n) + 1 for n in strongest if typical[n] > 0)
 
 
@@ -241,8 +245,8 @@ def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
     trace, poles = runs[0].trace, results.study.motor.pole_pairs
     turned = _revolutions(trace)
     whole = int(turned[-1] + 1e-6)
-    each = max(1, -(-whole // PIECES))
-    if whole // each < FEWEST:
+    each = max(1, -(-whole // PIECES_MOST))
+    if whole // each < PIECES_LEAST:
         return None
     ends = [int(np.searchsorted(turned, k * each)) for k in range(whole // each + 1)]
     del turned  # as long as the run
@@ -261,10 +265,10 @@ def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
 def _revolutions(trace: Trace) -> Array:
     """Revolutions of the reference until each row. Of a long trace this is the only array of its length."""
     turned, before = np.empty(len(trace)), 0.0
-    for at in range(0, len(trace), BLOCK):
-        speed = _speed(trace, slice(at, at + BLOCK))
+    for at in range(0, len(trace), BLOCK_ROWS):
+        speed = _speed(trace, slice(at, at + BLOCK_ROWS))
         speed[0] += before
-        before = np.cumsum(speed, out=turned[at : at + BLOCK])[-1]
+        before = np.cumsum(speed, out=turned[at : at + BLOCK_ROWS])[-1]
     turned *= trace.period
     turned /= 2 * math.pi
     return turned
@@ -277,11 +281,11 @@ def _speed(trace: Trace, rows: slice) -> Array:
 
 
 def _amplitudes(trace: Trace, piece: slice, turns: int, pole_pairs: int) -> Array:
-    """Amplitudes, rad/s, of the speed error's orders 1 to HIGHEST; NaN where the rows don't resolve them."""
-    longer = slice(piece.start, piece.stop + math.ceil(SLACK * (piece.stop - piece.start) / turns))
-    amplitudes = np.full(HIGHEST, np.nan)
+    """Amplitudes, rad/s, of the speed error's orders 1 to ORDER_MOST; NaN if rows don't resolve them."""
+    longer = slice(piece.start, piece.stop + math.ceil(PIECE_SLACK * (piece.stop - piece.start) / turns))
+    amplitudes = np.full(ORDER_MOST, np.nan)
     theta, error = trace.part("theta_m", longer), trace.part("omega_error", longer)
-    highest = min(HIGHEST, int((piece.stop - piece.start) / turns / 2.5))
+    highest = min(ORDER_MOST, int((piece.stop - piece.start) / turns / 2.5))
     found = order_spectrum(theta, error, highest, pole_pairs) if highest > 0 else None
     if found is not None:
         amplitudes[:highest] = found[1:]

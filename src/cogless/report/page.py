@@ -135,7 +135,7 @@ class Sections:
 
 
 UNJUDGED = "Nothing to judge by: no run has a metric that is better when lower."
-HUGE = 1e30  # far beyond any drive
+NUMBER_MOST = 1e30  # far beyond any drive
 
 
 def render(results: AnyResults, sections: Sections) -> str:
@@ -191,7 +191,7 @@ def data(results: AnyResults, sections: Sections) -> dict[str, Any]:
 
 def drawable(results: AnyResults) -> AnyResults:
     """The results with NaN in place of values that aren't finite or are too large to draw."""
-    runs = [replace(run, trace=replace(run.trace, largest=HUGE)) for run in results.runs]
+    runs = [replace(run, trace=replace(run.trace, largest=NUMBER_MOST)) for run in results.runs]
     return replace(results, runs=runs)
 
 

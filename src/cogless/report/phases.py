@@ -23,9 +23,9 @@ from cogless.study.metric import SIGNALS, Metric
 from cogless.study.trial_study import Change, TrialScenario
 from cogless.units import factor
 
-ZOOM = 30  # trials
-BEFORE = 2  # trials of the phase before that a zoom shows too
-SHARE = 0.8  # of all trials: there is no zoom on a larger share
+ZOOM_TRIALS = 30  # trials
+ZOOM_TRIALS_BEFORE = 2  # trials of the phase before that a zoom shows too
+ZOOM_SHARE_MOST = 0.8  # there is no zoom on a larger share of all trials
 NAMED_MOST = 3  # changes of the same things are named one by one up to this number, and counted above it
 
 
@@ -127,13 +127,13 @@ def zooms(found: Sequence[Phase]) -> list[dict[str, object]]:
     """Zoom buttons above the plots over trials: all trials, and the first trials of each group of phases."""
     count = found[-1].stop - 1
     buttons: list[dict[str, object]] = [{"name": "all trials", "from": 1, "to": count}]
-    changes = min(count, found[-1].start + ZOOM - 1)
-    if len(found) > 1 and changes < SHARE * count:
+    changes = min(count, found[-1].start + ZOOM_TRIALS - 1)
+    if len(found) > 1 and changes < ZOOM_SHARE_MOST * count:
         buttons.append({"name": "all changes", "from": 1, "to": changes})
     for group in groups(found):
-        end = group.start + ZOOM - 1 if len(group.phases) == 1 else group.stop - 1
-        first, last = max(1, group.start - BEFORE), min(count, end)
-        if last - first < SHARE * (count - 1):
+        end = group.start + ZOOM_TRIALS - 1 if len(group.phases) == 1 else group.stop - 1
+        first, last = max(1, group.start - ZOOM_TRIALS_BEFORE), min(count, end)
+        if last - first < ZOOM_SHARE_MOST * (count - 1):
             buttons.append({"name": group.name, "from": first, "to": last})
     return buttons
 

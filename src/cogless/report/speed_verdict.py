@@ -34,8 +34,8 @@ from cogless.report.faults import account
 from cogless.report.limit_sentences import remark
 from cogless.report.panels import varies_in
 from cogless.report.verdicts import (
-    CLEARLY,
-    SAME,
+    EQUAL_DIFFERENCE,
+    REPORTED_RATIO,
     Contest,
     ScenarioVerdict,
     change_words,
@@ -122,7 +122,7 @@ def _value(run: Run, metric: Metric, line: Line, signal: str, kind: str, conditi
     return math.nan if value is None else value
 
 
-COST = 0.01  # relative; a metric that gets worse by less isn't reported as a cost
+COST_LEAST = 0.01  # relative; a metric that gets worse by less is not reported as a cost
 METRICS_MOST = 3  # largest number of metrics in a sentence about another controller
 
 TOTALS = ("ripple-rms", "peak-to-peak")
@@ -156,8 +156,8 @@ class _Case(Contest):
 
     @cached_property
     def winners(self) -> list[str]:
-        """The best controller, and those whose values are equal to its value within `SAME`."""
-        return [c for c in self.ranked if self.against(c, self.ranked[0]) <= 1 + SAME]
+        """The best controller, and those whose values are equal to its value within `EQUAL_DIFFERENCE`."""
+        return [c for c in self.ranked if self.against(c, self.ranked[0]) <= 1 + EQUAL_DIFFERENCE]
 
     def against(self, controller: str, other: str) -> float:
         """A controller's value divided by another's; infinite if only the other's is zero."""
@@ -442,10 +442,10 @@ def _is_part(case: _Case, line: Line) -> bool:
 
 
 def _is_slight(case: _Case, line: Line, controller: str) -> bool:
-    """Whether an order of the speed is below `SAME` of the baseline's total, which counts as equal."""
+    """Whether an order of the speed is below `EQUAL_DIFFERENCE` of the baseline's total: it is equal."""
     order, total = line.values[controller] or 0.0, case.line.values[case.baseline] or 0.0
     size = order * factor(line.unit, ANGULAR_SPEED)
-    return size < SAME * total * factor(case.line.unit, ANGULAR_SPEED)
+    return size < EQUAL_DIFFERENCE * total * factor(case.line.unit, ANGULAR_SPEED)
 
 
 def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
@@ -506,7 +506,7 @@ def _worse(case: _Case, controller: str, other: str) -> str:
     """A sentence on other metrics in which a controller is clearly worse than another, the worst first."""
     others = [line for line in case.lines if line is not case.line and not _is_part(case, line)]
     ratios = [(line.ratio(controller, other) or 0.0, line) for line in others]
-    worst = sorted((pair for pair in ratios if pair[0] >= CLEARLY), key=lambda pair: -pair[0])
+    worst = sorted((pair for pair in ratios if pair[0] >= REPORTED_RATIO), key=lambda pair: -pair[0])
     parts = [
         f"{times(ratio)} the {line.quantity} ({line.text(controller)} against {line.text(other)})"
         for ratio, line in worst[:METRICS_MOST]
@@ -525,7 +525,7 @@ def _costs(case: _Case) -> str:
         if line is case.line or ratio is None or (_is_part(case, line) and _is_slight(case, line, best)):
             continue
         compared += 1
-        if ratio > 1 + COST:
+        if ratio > 1 + COST_LEAST:
             more = f"+{100 * (ratio - 1):.0f} %" if ratio < 2 else f"{times(ratio)} the"
             costs.append(f"{more} {line.quantity} ({line.text(best)})")
     if costs:

@@ -13,7 +13,7 @@ import numpy as np
 
 from cogless import units
 from cogless.ensemble import judge
-from cogless.ensemble.judge import FEWEST, Influence, Spread, influences, positions
+from cogless.ensemble.judge import SOBOL_VARIANTS_LEAST, Influence, Spread, influences, positions
 from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
@@ -26,9 +26,9 @@ from cogless.results.trace import Trace
 from cogless.study.metric import LAST_TRIAL
 
 Repeat = Callable[[list[str], tuple[str, str]], str]  # settings and run to the command that repeats it
-POINTS = 600  # of a plot
-PLOTTED = 3  # metrics with plots, and
-KEYS = 4  # scatter plots for each, of the keys that explain most
+PLOT_POINTS = 600  # points of a plot
+METRICS_PLOTTED = 3  # metrics with plots, and
+KEYS_PLOTTED = 4  # scatter plots for each, of the keys that explain most
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,10 +250,11 @@ def _influence_note(sweep: Sweep) -> str:
         "variance that the key explains by itself (first-order Sobol index, RBD-FAST); what the shares lack "
         "of 1 is keys acting together, and noise."
     ]
-    few = f"{sweep.ensemble.count} variants are too few for Sobol indices: expected {FEWEST} or more."
+    count, least = sweep.ensemble.count, SOBOL_VARIANTS_LEAST
+    few = f"{count} variants are too few for Sobol indices: expected {least} or more."
     if sweep.study.vary is not None and sweep.study.vary.together:
         said.append("Keys that vary together share what they explain.")
-    return note(" ".join(said)) + reservations([few] if sweep.ensemble.count < FEWEST else [])
+    return note(" ".join(said)) + reservations([few] if sweep.ensemble.count < SOBOL_VARIANTS_LEAST else [])
 
 
 # --- plots
@@ -263,7 +264,7 @@ def _plotted(groups: Sequence[Sequence[Spread]]) -> list[Sequence[Spread]]:
     """The metrics that have plots: those with a limit, or else the first."""
     judged = [group for group in groups if group[0].column.metric.wanted != "none"]
     limited = [group for group in judged if group[0].within is not None]
-    return (limited or judged)[:PLOTTED]
+    return (limited or judged)[:METRICS_PLOTTED]
 
 
 def _charts(results: SweepResults, runs: Runs) -> dict[str, Any]:
@@ -282,7 +283,7 @@ def _shown(sweep: Sweep, run: Run, column: Column) -> Array:
 
 
 def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str, Any]:
-    shares = np.linspace(0, 100, min(POINTS, results.of.ensemble.count))
+    shares = np.linspace(0, 100, min(PLOT_POINTS, results.of.ensemble.count))
     series = []
     for run in runs:
         values = _shown(results.of, run, column)
@@ -308,12 +309,15 @@ def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str
         for one in of_run:
             strength[one.key] = max(strength.get(one.key, 0.0), abs(one.rank or 0.0), one.first or 0.0)
     charts = []
-    for name in sorted(strength, key=lambda k: -strength[k])[:KEYS]:
+    for name in sorted(strength, key=lambda k: -strength[k])[:KEYS_PLOTTED]:
         axis = next(axis for axis in sweep.ensemble.axes if axis.key == name)
-        x = positions(sweep, name)[:POINTS] / axis.factor
+        x = positions(sweep, name)[:PLOT_POINTS] / axis.factor
         order = np.argsort(x, kind="stable")
         series = [
-            {"controller": place(results, run), "values": plain(_shown(sweep, run, column)[:POINTS][order])}
+            {
+                "controller": place(results, run),
+                "values": plain(_shown(sweep, run, column)[:PLOT_POINTS][order]),
+            }
             for run in runs
         ]
         unit = f" ({pretty(axis.unit)})" if axis.unit else ""

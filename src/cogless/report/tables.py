@@ -94,7 +94,7 @@ def _meters(figures: Sequence[float]) -> list[str]:
     ]
 
 
-STILL = 1e-9  # rad/s, of the reference: below it the drive holds its position
+REST_SPEED_MOST = 1e-9  # rad/s; below this reference the drive holds its position
 
 NOTE = (
     "Over the last part of the run, from {:.4g} to {:.4g} s. Jitter is about the mean. Torque ripple is "
@@ -135,7 +135,7 @@ def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
 def _rows(results: Results, runs: Sequence[Run]) -> Iterator[tuple[str, str, str, str]]:
     """Name, signal, kind and unit of each row; a signal that some run lacks has no row."""
     trace, part = runs[0].trace, late(results, runs[0])
-    still = not np.any(np.abs(trace.part("omega_ref", part)) > STILL)
+    still = not np.any(np.abs(trace.part("omega_ref", part)) > REST_SPEED_MOST)
     speed, angle = speed_unit(results), spoken_unit(results.study, ANGLE)
     rows = [
         ("speed ripple, rms", "omega_error", "ripple-rms", speed),

@@ -21,16 +21,16 @@ from cogless.report.markup import NONE, Array, number, rms
 from cogless.report.page import Outcome
 from cogless.report.phases import Judged, Phase, judged, phases, rms_of_trials, settled
 from cogless.report.trial_certificate import Model, models
-from cogless.report.verdicts import SAME, Contest, over, times
+from cogless.report.verdicts import EQUAL_DIFFERENCE, Contest, over, times
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
 from cogless.study import TrialStudy
 
-GROWS = 1.5  # RMS / smallest RMS earlier in the phase; above this learning diverges
-FEWEST = 8  # smallest number of trials in which growth can be detected
-ROUNDING = 1e-9  # of a phase's first RMS: a smaller RMS doesn't count as growth
-QUARTERS = 4
+GROWTH_RATIO = 1.5  # RMS / smallest RMS earlier in the phase; above this learning diverges
+TRIALS_LEAST = 8  # smallest number of trials in which growth can be detected
+RMS_ROUNDING = 1e-9  # an RMS below this share of a phase's first one does not count as growth
+QUARTER_COUNT = 4
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Case(Contest):
             return []
         ends = zip(self.phases, self.final[controller], self.feedback[controller], strict=True)
         floor = self.about.floor or 0.0
-        return [end for end in ends if not end[1] <= floor and not end[1] <= (1 + SAME) * end[2]]
+        return [end for end in ends if not end[1] <= floor and not end[1] <= (1 + EQUAL_DIFFERENCE) * end[2]]
 
     def longest_above_feedback(self, controller: str) -> tuple[int, tuple[int, float, float]]:
         """The most trials in a row of a phase with more error than the controller's own feedback has.
@@ -100,7 +100,7 @@ class Case(Contest):
         for phase, base in zip(self.phases, self.feedback[controller], strict=True):
             row: list[tuple[int, float, float]] = []
             for trial, error in enumerate(self.of(controller, phase), start=phase.start):
-                within = error <= max(floor, (1 + SAME) * base)
+                within = error <= max(floor, (1 + EQUAL_DIFFERENCE) * base)
                 row = [] if within else [*row, (trial, float(error), base)]
                 if len(row) > longest:
                     longest, peak = len(row), max(row, key=lambda each: each[1])
@@ -146,12 +146,12 @@ class Case(Contest):
         """
         if not np.all(np.isfinite(rms)):
             return float(rms[0]), math.nan
-        if len(rms) < FEWEST:
+        if len(rms) < TRIALS_LEAST:
             return None
-        medians = [float(np.median(part)) for part in np.array_split(rms, QUARTERS)]
+        medians = [float(np.median(part)) for part in np.array_split(rms, QUARTER_COUNT)]
         low, last = min(medians), medians[-1]
-        least = max(ROUNDING * float(rms[0]), self.about.floor or 0.0)
-        return (low, last) if last > GROWS * low and last > least else None
+        least = max(RMS_ROUNDING * float(rms[0]), self.about.floor or 0.0)
+        return (low, last) if last > GROWTH_RATIO * low and last > least else None
 
     @property
     def trials(self) -> int:
@@ -302,4 +302,4 @@ def than(value: float, other: float) -> str:
 
 def same_size(value: float, other: float) -> bool:
     """Whether two values differ by little."""
-    return value <= (1 + SAME) * other and other <= (1 + SAME) * value
+    return value <= (1 + EQUAL_DIFFERENCE) * other and other <= (1 + EQUAL_DIFFERENCE) * value

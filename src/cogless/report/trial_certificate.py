@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cogless.design.trials.certificate import ENDS, Certificate, Learning, ModelCertificate
+from cogless.design.trials.certificate import GROWTH_ROUNDING, Certificate, Learning, ModelCertificate
 from cogless.report.markup import NONE, key, number, pack, place, plain, table
 from cogless.results import Run, TrialResults
 
@@ -22,7 +22,7 @@ NOTE = (
     "it shrinks at every frequency (contracting). Largest share: of any error without learning (with an "
     "observer, of any missing input), what a trial may have at most."
 )
-ROUNDING = 1e-4  # of K_3
+GAIN_ROUNDING = 1e-4  # share of K_3
 MINUS = "−"  # noqa: RUF001
 STABLE = ("stable", "unstable")
 GROWS = ("doesn't grow", "may grow")
@@ -126,7 +126,7 @@ def _rows(results: TrialResults, run: Run) -> str:
             _cell(model.phi_radius),
             _learning(model.without_filter),
             _learning(model.with_filter),
-            _cell(model.growth, model.growth is not None and model.growth <= 1 + ENDS, GROWS),
+            _cell(model.growth, model.growth is not None and model.growth <= 1 + GROWTH_ROUNDING, GROWS),
             _cell(model.finite.share if model.finite is not None else None),
             f"<td>{limits}</td>",
         ]
@@ -146,7 +146,7 @@ def _limit(learning: Learning | None, K_3: float, where: str = "") -> str:
     """The largest K_3 with which no error grows; "none" if it is only rounding relative to the K_3 in use."""
     if learning is None or learning.K_3_limit is None:
         return "" if where else NONE
-    limit = f"{learning.K_3_limit:.4g}" if abs(learning.K_3_limit) > ROUNDING * abs(K_3) else "none"
+    limit = f"{learning.K_3_limit:.4g}" if abs(learning.K_3_limit) > GAIN_ROUNDING * abs(K_3) else "none"
     return f'<span class="small"><br>{limit}{where}</span>' if where else limit
 
 

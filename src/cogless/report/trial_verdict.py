@@ -8,14 +8,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from cogless.design.trials.certificate import ENDS, Learning, ModelCertificate
+from cogless.design.trials.certificate import GROWTH_ROUNDING, Learning, ModelCertificate
 from cogless.design.trials.gains import TrialDesign
-from cogless.design.trials.response import MONOTONE
+from cogless.design.trials.response import FACTOR_ROUNDING
 from cogless.report.markup import number
 from cogless.report.phases import Phase, after
 from cogless.report.trial_case import Case, case, same_size, than
 from cogless.report.trial_certificate import Model, close_to_one
-from cogless.report.verdicts import CLEARLY, SAME, ScenarioVerdict, listed, over, times, worst
+from cogless.report.verdicts import (
+    EQUAL_DIFFERENCE,
+    REPORTED_RATIO,
+    ScenarioVerdict,
+    listed,
+    over,
+    times,
+    worst,
+)
 from cogless.results import Run, TrialResults
 
 FEW_TRIALS = 5  # in a row above the feedback alone: no sentence is said of so few
@@ -129,7 +137,7 @@ def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
         return "even", sentence
     if best == base:
         return "worse", f"No controller beats {c.label(base)}. {sentence}"
-    ties = c.worst(base) <= (1 + SAME) * c.worst(best)
+    ties = c.worst(base) <= (1 + EQUAL_DIFFERENCE) * c.worst(best)
     return c.tone([best, base] if ties else [best]), sentence
 
 
@@ -197,7 +205,7 @@ def _behind(c: Case, name: str, best: str) -> str:
     if name in c.counts and best in c.counts and name != c.baseline:
         told, where = _slower(c, name, best)
     ratio, phase, values = c.worst_first(name, best)
-    if c.learns(name) and ratio >= CLEARLY:
+    if c.learns(name) and ratio >= REPORTED_RATIO:
         there = "there" if phase == where else phase.after
         worse = f"first trial {there} is {times(ratio)} worse than with {c.label(best)} ({values})"
         return f"{c.label(name)} {told}; its {worse}." if told else f"With {c.label(name)} the {worse}."
@@ -234,7 +242,7 @@ def _against_the_baseline(c: Case, best: str) -> str:
         end = "In the last phase" if len(c.phases) > 1 else "At the end"
         sentences.append(f"{end} {c.label(best)} leaves {c.text(mine)} RMS, {_beside(c, mine, other, base)}.")
     ratio, phase, values = c.worst_first(best, base)
-    if ratio >= CLEARLY:
+    if ratio >= REPORTED_RATIO:
         sentences.append(
             f"What it has learned does not fit at first: in the first trial {phase.after} its error is "
             f"{times(ratio)} that of {c.label(base)} ({values})."
@@ -297,7 +305,7 @@ def _leaves_floor(c: Case, name: str) -> str:
     lost = [
         (rms, phase.after)
         for phase, n, rms in zip(c.phases, c.counts[name], c.final[name], strict=True)
-        if rms > (1 + SAME) * c.about.floor and n <= (phase.stop - phase.start) / 2
+        if rms > (1 + EQUAL_DIFFERENCE) * c.about.floor and n <= (phase.stop - phase.start) / 2
     ]
     if not lost:
         return ""
@@ -412,9 +420,9 @@ def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None
 
 def _growing(found: ModelCertificate, learning: Learning) -> str:
     """Why a certificate doesn't hold, in words."""
-    if learning.norm > 1 + MONOTONE:
+    if learning.norm > 1 + FACTOR_ROUNDING:
         where, factor = f"at {number(learning.frequency)} Hz the error", learning.norm
-    elif found.growth is not None and found.growth > 1 + ENDS:
+    elif found.growth is not None and found.growth > 1 + GROWTH_ROUNDING:
         where, factor = "from the trial's ends the error", found.growth
     else:
         return "Φ has a pole outside the unit circle"

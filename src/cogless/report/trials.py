@@ -85,8 +85,8 @@ def _chart(
     return {**about, "series": series, "note": note}
 
 
-POINTS = 900_000  # in all waveforms of a page, at 2.7 bytes per point
-FEWEST = 200  # of one waveform
+PAGE_POINTS = 900_000  # points of all waveforms of a page, at 2.7 bytes per point
+WAVEFORM_POINTS_LEAST = 200  # points of one waveform
 MOST_PHASES = 24
 TRIAL_POINTS = 3000  # the answer's curve over a trial has at most
 
@@ -119,7 +119,7 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
     every = [phase for group in together for phase in group.drawn]
     found = every[:MOST_PHASES]
     chosen = [trial for phase in found for trial in phase.chosen]
-    points = max(FEWEST, POINTS // (len(DRIVE) * len(results.runs) * len(chosen)))
+    points = max(WAVEFORM_POINTS_LEAST, PAGE_POINTS // (len(DRIVE) * len(results.runs) * len(chosen)))
 
     def packed(run: Run, signal: str, scale: float, trials: Sequence[int]) -> list[dict[str, Any]]:
         x = _of_trials(run, signal, count)

@@ -18,7 +18,7 @@ from cogless.report.markup import Array, bucket, pack, peaks, place
 from cogless.report.panels import ALL_LEARNED, Panel, errors, in_angle, learned_terms
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
-from cogless.results.trace import BLOCK, Trace
+from cogless.results.trace import BLOCK_ROWS, Trace
 from cogless.study import for_scenario
 
 
@@ -49,11 +49,11 @@ def needed_current(results: Results, run: Run) -> Callable[[slice], Array] | Non
     return needed
 
 
-POINTS = 560_000  # in all waveforms of a page, at 2.7 bytes per point
-MOST, FEWEST = 20_000, 1_500  # of one waveform
+PAGE_POINTS = 560_000  # points of all waveforms of a page, at 2.7 bytes per point
+WAVEFORM_POINTS_MOST, WAVEFORM_POINTS_LEAST = 20_000, 1_500  # points of one waveform
 POINTS_FINE, MOST_FINE = 200_000, 4_000  # the same for the finer points of faults and last revolutions
-READABLE = 2  # revolutions in one plot
-BUTTONS = 6  # for faults
+TURNS_READABLE = 2  # revolutions in one plot
+FAULT_BUTTONS = 6  # buttons that show a fault
 FAULTS_FINE = 2  # largest number of faults with finer points
 EVENT_POINTS = 1_200
 EVENT_SPAN = (-0.1, 1.5)  # s about an event
@@ -81,7 +81,7 @@ class View:
         size = bucket(last - first, self.points)
         if not size:
             return values(slice(first, last))
-        pieces = trace.blocks(slice(first, last), max(1, BLOCK // size) * size)
+        pieces = trace.blocks(slice(first, last), max(1, BLOCK_ROWS // size) * size)
         return np.concatenate([peaks(values(rows), size) for rows in pieces])
 
 
@@ -104,7 +104,7 @@ def waveforms(results: Results, runs: Sequence[Run]) -> dict[str, Any]:
         if any("P_t" in run.trace for run in runs):
             panels.append(Panel("Time of the last period, P_t, by the delay memory", "P_t", "P_t", "s"))
     share = len(panels) * len(results.runs)
-    whole = View(None, max(FEWEST, min(MOST, POINTS // share)))
+    whole = View(None, max(WAVEFORM_POINTS_LEAST, min(WAVEFORM_POINTS_MOST, PAGE_POINTS // share)))
     return _times(results, runs, panels, [whole, *_details(results, runs, whole.points, share)])
 
 
@@ -113,9 +113,9 @@ def _details(results: Results, runs: Sequence[Run], coarse: int, share: int) -> 
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
     found = [(since, until) for _, since, until in spans(results, runs, start, end)[:FAULTS_FINE]]
-    last = _since(runs[0].trace, READABLE)
+    last = _since(runs[0].trace, TURNS_READABLE)
     found += [(last, end)] if last is not None else []
-    fine = max(FEWEST, min(MOST_FINE, POINTS_FINE // share // max(1, len(found))))
+    fine = max(WAVEFORM_POINTS_LEAST, min(MOST_FINE, POINTS_FINE // share // max(1, len(found))))
     views: list[View] = []
     for since, until in found:
         since = max(since, views[-1].span[1]) if views and views[-1].span else since
@@ -142,13 +142,13 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     started = _started(runs, min([end, *changes]))
     if started > start:
         add("after start-up", started, end)
-    for name, count in (("last two revolutions", READABLE), ("last revolution", 1)):
+    for name, count in (("last two revolutions", TURNS_READABLE), ("last revolution", 1)):
         since = _since(runs[0].trace, count)
         if since is not None:
             add(name, since, end)
     if not broken and not changes and found[-1]["name"] == "last revolution":
         found[-1]["first"] = True
-    for fault, since, until in broken[:BUTTONS]:
+    for fault, since, until in broken[:FAULT_BUTTONS]:
         add(f"fault at {fault.time:g} s", since, until)
         if fault is broken[0][0]:
             found[-1]["first"] = True

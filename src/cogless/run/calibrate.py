@@ -29,8 +29,8 @@ from cogless.study.reading import split
 # Relative steps for numerical derivatives. There is one fit per step, each from the best point so far. An
 # encoder makes metrics uneven: large steps find the valley, small ones its lowest point.
 STEPS = (0.3, 0.1, 0.02)
-TOLERANCE = 1e-4  # relative change of the parameters that ends a fit
-ROUNDS = 20  # of each fit
+FIT_TOLERANCE = 1e-4  # relative change of the parameters that ends a fit
+EVALUATIONS_MOST = 20  # evaluations of each fit
 
 FitProgress = Callable[[int, float], None]
 
@@ -130,7 +130,12 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
         for step in STEPS:
             steps = np.full(len(knobs), step)
             fit = least_squares(
-                deviations, best, bounds=bounds, diff_step=steps, xtol=TOLERANCE, max_nfev=ROUNDS
+                deviations,
+                best,
+                bounds=bounds,
+                diff_step=steps,
+                xtol=FIT_TOLERANCE,
+                max_nfev=EVALUATIONS_MOST,
             )
             settled = fit.status > 0
     except KeyboardInterrupt:

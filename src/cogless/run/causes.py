@@ -17,8 +17,8 @@ from cogless.study.metric import Metric
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall
 from cogless.study.reading import Changes
 
-LONGER = 4  # times the scenario's duration, to see what has not been learned yet
-LARGER = 4  # times the limits of current and voltage
+LONGER_FACTOR = 4  # factor on the scenario's duration that shows what has not been learned yet
+LARGER_FACTOR = 4  # factor on the limits of current and voltage
 TOLD = ("delay", "belief")  # causes without which a rule gives other gains
 REST_SHARE = 0.05  # of the largest speed; below it the rotor is near standstill
 FINE_LINES, FINE_BITS = 10_000_000, 31  # the most that an encoder has, and a word that shows an angle
@@ -131,7 +131,7 @@ def longer(study: Study, scenario: str, controller: str, metric: Metric) -> Chan
     """The change to a longer run, judged at its end; empty if it isn't comparable or nothing learns."""
     if not isinstance(study.controller[controller], LearnsWhileRunning):
         return {}
-    return later(study, scenario, metric, (LONGER - 1) * study.scenario[scenario].duration)
+    return later(study, scenario, metric, (LONGER_FACTOR - 1) * study.scenario[scenario].duration)
 
 
 def later(study: Study, scenario: str, metric: Metric, more: float) -> Changes:
@@ -198,7 +198,7 @@ def _limit(study: Study, run: Run) -> Changes:
     if not (status & Status.SATURATED).any():
         return {}
     drive = study.drive
-    found = {f"{LOOP}.current_limit": f"{LARGER * drive.current_loop.current_limit!r} A"}
+    found = {f"{LOOP}.current_limit": f"{LARGER_FACTOR * drive.current_loop.current_limit!r} A"}
     if drive.inverter is not None:
-        found[f"{INVERTER}.bus_voltage"] = f"{LARGER * drive.inverter.bus_voltage!r} V"
+        found[f"{INVERTER}.bus_voltage"] = f"{LARGER_FACTOR * drive.inverter.bus_voltage!r} V"
     return found

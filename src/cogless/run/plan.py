@@ -103,7 +103,7 @@ def _of_table(study: Study, given: Start) -> StoredMap:
 
 ENGINES = {"single": "cogless._simulator_f32", "double": "cogless._simulator_f64"}
 REFUSALS = (ValueError, RuntimeError, MemoryError)  # exactly these does the engine raise about a study
-PIECE = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
+PROGRESS_PERIOD = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
 
 Progress = Callable[[float], None]
 
@@ -144,7 +144,7 @@ def memory_enough(study: AnyStudy, scenario: str, controller: str) -> Iterator[N
 
 
 def advance(run: Callable[[int], None], ticks: int, progress: Progress, stop: Event) -> None:
-    """Call `run` for all the ticks, in pieces of about PIECE. In between, report progress, see `stop`."""
+    """Call `run` for all ticks, in pieces of about PROGRESS_PERIOD, with progress reports; see `stop`."""
     done, piece = 0, 1000
     while done < ticks:
         if stop.is_set():
@@ -155,7 +155,7 @@ def advance(run: Callable[[int], None], ticks: int, progress: Progress, stop: Ev
         done += step
         progress(done / ticks)
         spent = max(time.perf_counter() - begun, 1e-6)
-        piece = max(1, min(4 * piece, int(step * PIECE / spent)))
+        piece = max(1, min(4 * piece, int(step * PROGRESS_PERIOD / spent)))
 
 
 def trace_of(drive: Any, recorder: Any) -> Trace:

@@ -27,7 +27,7 @@ from cogless.units import TURN, Dimension
 
 DECIMAL_POINT_HINT = ", and decimal points in numbers"
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
-HUGE = 1e9  # in the column's unit: beyond any drive
+VALUE_MOST = 1e9  # largest value in the column's unit: beyond any drive
 COLUMN_NAME = re.compile(r"\s*([^\W\d_]+)")  # in "error [deg]" and "error_deg"
 BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # speed [rpm]
 
@@ -43,7 +43,7 @@ def lines(path: Path) -> list[list[str]]:
 
 def finite(text: str, number: float, name: str, where: str) -> float:
     """The number, if it is finite and not absurd; else an error that quotes its cell."""
-    if not abs(number) < HUGE:
+    if not abs(number) < VALUE_MOST:
         raise invalid(f"{where}{shown(text)}: expected a finite {name}", "file")
     return number
 
@@ -153,9 +153,10 @@ def _number(text: str, name: str, line: int) -> float:
     return finite(text, number, name, where)
 
 
-FEWEST = 8  # points
-GAP = 5.0  # times the median spacing: a wider one is a hole in the table
-SEAM = 3.0  # times the largest step between neighbours: a larger one from the end to the start is a mistake
+POINTS_LEAST = 8  # points
+GAP_RATIO = 5.0  # a spacing of more than this many medians is a hole in the table
+# the step from the end to the start is a mistake if it is this many times the largest other step
+SEAM_RATIO = 3.0
 
 
 @dataclass(frozen=True)
@@ -210,8 +211,10 @@ def _read(path: Path, columns: Mapping[str, Dimension]) -> OverAngle:
 
 def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> OverAngle:
     """The table, if it covers a revolution without holes and its end fits its start."""
-    if len(angle) < FEWEST:
-        raise invalid(f"{len(angle)} lines of numbers: expected {FEWEST} or more over a revolution", "file")
+    if len(angle) < POINTS_LEAST:
+        raise invalid(
+            f"{len(angle)} lines of numbers: expected {POINTS_LEAST} or more over a revolution", "file"
+        )
     span, last = angle[-1] - angle[0], at[-1]
     if span > TURN * (1 + 1e-6):
         raise invalid(
@@ -219,7 +222,7 @@ def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> 
         )
     largest = max(abs(b - a) for a, b in pairwise(value[:-1]))  # the last may be the start again
     step = abs(value[-1] - value[0])
-    if step > SEAM * largest:
+    if step > SEAM_RATIO * largest:
         raise invalid(
             f"line {last}: the {name} does not close over the revolution: from the last to the first it "
             f"steps {step / largest if largest else math.inf:.3g} times as far as anywhere else",
@@ -230,10 +233,10 @@ def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> 
     gaps = [b - a for a, b in pairwise([*angle, angle[0] + TURN])]
     widest = max(range(len(gaps)), key=gaps.__getitem__)
     usual = statistics.median(gaps)
-    if gaps[widest] > GAP * usual:
+    if gaps[widest] > GAP_RATIO * usual:
         raise invalid(
             f"line {at[widest]}: the next angle comes after {math.degrees(gaps[widest]):.3g} deg: expected "
-            f"at most {math.degrees(GAP * usual):.3g} deg, {GAP:g} times the usual",
+            f"at most {math.degrees(GAP_RATIO * usual):.3g} deg, {GAP_RATIO:g} times the usual",
             "file",
         )
     return OverAngle(name, tuple(angle), tuple(value))

@@ -28,9 +28,9 @@ from cogless.study.table import AngularSpeed, Current, File, Many, Table, Torque
 
 MOST_ORDERS = 48  # that a table becomes unless they are named; each costs time in every step
 LEFT_OUT = 0.02  # largest share of the table's rms that may be left out then
-OFFSET = 0.1  # largest mean, as a share of the rms
-FUNDAMENTAL = 0.1  # least, as a share of the rms: with other pole pairs there is none, and no torque
-AGREE = 0.05  # relative difference at which a stated size still agrees with the table
+OFFSET_MOST = 0.1  # largest mean / rms
+FUNDAMENTAL_LEAST = 0.1  # smallest fundamental / rms: with other pole pairs there is none, and no torque
+AGREEMENT_MOST = 0.05  # relative difference at which a stated size still agrees with the table
 
 TableOrder = Annotated[int, Field(ge=1, le=10_000)]
 Wave = tuple[int, complex]  # an order n of the table and c: Re(c e^{j n angle})
@@ -64,7 +64,7 @@ class AngleFile(Table):
         ]
         mean = all_[0][1].real
         rms = math.sqrt(sum(abs(c) ** 2 for _, c in all_[1:]) / 2)
-        if abs(mean) > OFFSET * rms:
+        if abs(mean) > OFFSET_MOST * rms:
             raise invalid(
                 f"expected a mean of zero, not {mean / rms:.3g} of the rms: is friction or an offset in it?",
                 *key,
@@ -99,9 +99,11 @@ class AngleFile(Table):
         low, high = min(self._table.value), max(self._table.value)
         for key, found in ((f"{start}peak", max(-low, high)), (f"{start}peak_to_peak", high - low)):
             stated = getattr(self, key)
-            if stated is None or math.isclose(stated, found, rel_tol=AGREE):
+            if stated is None or math.isclose(stated, found, rel_tol=AGREEMENT_MOST):
                 continue
-            twice = any(math.isclose(stated, factor * found, rel_tol=2 * AGREE) for factor in (2, 0.5))
+            twice = any(
+                math.isclose(stated, factor * found, rel_tol=2 * AGREEMENT_MOST) for factor in (2, 0.5)
+            )
             why = "; peak and peak to peak differ by 2" if twice else ""
             raise invalid(f"expected {found:.4g} {unit} or so, as the table has{why}", key)
 
@@ -187,8 +189,10 @@ class BackEmfTable(AngleFile):
         per_turn = pole_pairs if self.frame == "mechanical" else 1
         found = self._waves((per_turn,), 3 * per_turn, ("back_emf_table",))
         rms, fundamental = math.hypot(*(abs(c) for _, c in found)), abs(dict(found)[per_turn])
-        if fundamental <= FUNDAMENTAL * rms:
-            expected = f"expected a fundamental, order {per_turn}, of more than {FUNDAMENTAL:.0%} of the rms"
+        if fundamental <= FUNDAMENTAL_LEAST * rms:
+            expected = (
+                f"expected a fundamental, order {per_turn}, of more than {FUNDAMENTAL_LEAST:.0%} of the rms"
+            )
             raise invalid(f"{expected}: are pole_pairs and frame right?", "back_emf_table", "file")
         of_phase = {
             n // per_turn: c / (pole_pairs * self.speed) / self._difference(n // per_turn)
@@ -215,7 +219,7 @@ class BackEmfTable(AngleFile):
         return 1 - cmath.exp(-2j * math.pi * n / 3) if self.between == "line-to-line" else 1.0
 
 
-NEAR = 0.03  # relative distance from a factor that still is this factor
+FACTOR_TOLERANCE = 0.03  # relative distance from a factor that still is this factor
 
 # K_t, torque per peak line current, as a factor of each back-EMF constant; phases are sinusoidal. The speed
 # constants are the reciprocals.
@@ -284,9 +288,9 @@ def check_agreement(found: Mapping[str, float]) -> None:
     """Refuse words for one thing that disagree. `found`: what each of them makes of the same quantity."""
     first, *others = found
     for other in others:
-        if not math.isclose(found[other], found[first], rel_tol=AGREE):
+        if not math.isclose(found[other], found[first], rel_tol=AGREEMENT_MOST):
             why = _block_commutated(found, first, other) or _why(found[other], found[first])
-            raise invalid(f"expected {first} and {other} to agree within {AGREE:.0%}{why}", other)
+            raise invalid(f"expected {first} and {other} to agree within {AGREEMENT_MOST:.0%}{why}", other)
 
 
 def _block_commutated(found: Mapping[str, float], first: str, other: str) -> str:
@@ -298,7 +302,7 @@ def _block_commutated(found: Mapping[str, float], first: str, other: str) -> str
     """
     if first != "K_t" or other not in OF_TWO_LINES:
         return ""
-    if abs(found["K_t"] / found[other] * PER_BACK_EMF["line_to_line_peak"] - 1) > NEAR:
+    if abs(found["K_t"] / found[other] * PER_BACK_EMF["line_to_line_peak"] - 1) > FACTOR_TOLERANCE:
         return ""
     return (
         "; K_t = 1/kv is of block commutation, with sinusoidal currents it is sqrt(3)/2 of that: delete K_t"
@@ -307,7 +311,7 @@ def _block_commutated(found: Mapping[str, float], first: str, other: str) -> str
 
 def _why(one: float, other: float) -> str:
     times = max(one, other) / min(one, other) if one and other else math.inf
-    return mixed_up(times, NEAR) or f", not to differ by a factor of {times:.3g}"
+    return mixed_up(times, FACTOR_TOLERANCE) or f", not to differ by a factor of {times:.3g}"
 
 
 def mixed_up(times: float, near: float) -> str:

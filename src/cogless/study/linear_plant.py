@@ -31,7 +31,7 @@ OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Div: operator.truediv,
     ast.Pow: math.pow,
 }
-LONGEST = 200  # characters
+TEXT_LENGTH_MOST = 200  # characters
 
 
 class ExpressionError(ValueError):
@@ -59,7 +59,7 @@ def evaluate(text: str, values: Mapping[str, float]) -> float:
 
 def _tree(text: str) -> ast.expr:
     try:
-        if len(text) > LONGEST:
+        if len(text) > TEXT_LENGTH_MOST:
             raise ValueError
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):

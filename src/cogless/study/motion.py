@@ -14,9 +14,9 @@ from cogless.study.scenario import Scenario
 from cogless.units import TURN
 
 Real = NDArray[np.float64]
-FEWEST, MOST = 4000, 200_000  # samples
+SAMPLES_LEAST, SAMPLES_MOST = 4000, 200_000  # samples
 A_SWING, A_PIECE = 40, 10  # samples per period of the fastest sine; per shortest piece or smoothing time
-GOLDEN = (math.sqrt(5) - 1) / 2
+GOLDEN_SECTION = (math.sqrt(5) - 1) / 2
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ def course(scenario: Scenario) -> Course:
     pieces = [b - a for (a, _), (b, _) in pairwise(reference.points or reference.moves)]
     pieces += [reference.smoothing] if reference.smoothing else []
     wanted = end * max(A_SWING * _fastest(reference), A_PIECE / min([*pieces, end]))
-    count = min(max(math.ceil(wanted), FEWEST), MOST)
+    count = min(max(math.ceil(wanted), SAMPLES_LEAST), SAMPLES_MOST)
     places = np.arange(count)
-    time = (places + places * GOLDEN % 1) * end / count
+    time = (places + places * GOLDEN_SECTION % 1) * end / count
     omega, alpha = _unfiltered(reference, scenario.initial_speed, time)
     if reference.smoothing:
         omega, alpha = _smoothed(time, omega, reference.smoothing, scenario.initial_speed)

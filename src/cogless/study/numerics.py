@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable
 FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
 OBSERVER_BANDWIDTH_MOST = 2.0  # rad a sample, of a law's observer: FASTEST in adrc.c
-OVERMODULATED = 1.2  # above 2 sqrt(3) / pi = 1.10, what square voltages have more than sinusoidal ones
+OVERMODULATION_MOST = 1.2  # above 2 sqrt(3) / pi = 1.10, what square voltages have more than sinusoidal ones
 TOP = "at top speed"  # in the cause of a natural rate that it decides
 MOST_ROWS = 20_000_000  # of one run's trace: 4 GB with some 25 signals of 8 bytes each
 
@@ -35,7 +35,7 @@ def integration(study: Study) -> None:
     most, why = voltage_reach(study), ""
     if wanted > most:
         why = f"; its voltage turns the motor at {most / RPM:.4g} rpm without load, not at {wanted / RPM:.4g}"
-    reached = min(wanted, OVERMODULATED * most)
+    reached = min(wanted, OVERMODULATION_MOST * most)
     top, of = (begun, top_speed(begun, at)) if begun > reached else (reached, top_speed(wanted, asked))
     found = natural_rates(motor, study.mechanics, top, electrical=not study.drive.ideal)
     check_step(1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, found, of, why)

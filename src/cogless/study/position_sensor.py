@@ -14,7 +14,7 @@ from cogless.study.table import Angle, File, Frequency, Many, Table, Time, inval
 from cogless.units import ANGLE
 
 ORDER_MAX = 1000  # of a sensor's error
-FINE = 3600  # angles of a revolution at which a table of it is taken
+ERROR_TABLE_ANGLES = 3600  # angles of a revolution at which a table of its error is taken
 
 
 # datasheet words for the counts of both channels (four for each line), and for the pulses of one channel
@@ -164,7 +164,7 @@ class Counted(Mounted):
             return 0j
         import numpy as np
 
-        angle = math.tau / FINE * np.arange(FINE)
+        angle = math.tau / ERROR_TABLE_ANGLES * np.arange(ERROR_TABLE_ANGLES)
         error = np.interp(angle, self._errors.angle, self._errors.value, period=math.tau)
         return complex(2j * np.mean(error * np.exp(-1j * order * angle)))
 

@@ -122,11 +122,11 @@ Changes = Mapping[str, Any]
 AnyStudy = Study | TrialStudy
 Model = TypeVar("Model", bound=Table)
 Made = TypeVar("Made")
-DEEPEST = 32  # levels of tables and arrays
+DEPTH_MOST = 32  # levels of tables and arrays
 LONGEST_NAME = 1000  # characters of a path in a message
 # tomllib needs time and memory that grow with the square of the number of a key's parts.
 PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
-LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{PART}\.[ \t]*){{{DEEPEST}}}{PART}""", re.ASCII)
+LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{PART}\.[ \t]*){{{DEPTH_MOST}}}{PART}""", re.ASCII)
 AT_LINE = re.compile(r"Invalid value \(at line (\d+), ")
 INDEX = re.compile(r"\d{1,9}", re.ASCII)
 
@@ -255,11 +255,11 @@ def read(path: Path) -> dict[str, Any]:
 
 def _toml(text: str) -> dict[str, Any]:
     """Parse a TOML text to tables; ValueError says in one line why it can't be read."""
-    too_deep = f"expected at most {DEEPEST} levels of tables and arrays"
+    too_deep = f"expected at most {DEPTH_MOST} levels of tables and arrays"
     long = LONG_KEY.search(text)
     if long:
         line = text.count("\n", 0, long.start()) + 1
-        raise ValueError(f"expected keys of at most {DEEPEST} parts (at line {line})")
+        raise ValueError(f"expected keys of at most {DEPTH_MOST} parts (at line {line})")
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -267,7 +267,7 @@ def _toml(text: str) -> dict[str, Any]:
     except RecursionError:
         raise ValueError(too_deep) from None
     level: list[Any] = [tables]
-    for _ in range(DEEPEST + 1):
+    for _ in range(DEPTH_MOST + 1):
         level = [inner for outer in level for inner in (outer.values() if isinstance(outer, dict) else outer)]
         level = [inner for inner in level if isinstance(inner, dict | list)]
     if level:
@@ -330,8 +330,8 @@ def split(key: str) -> Key:
             parts += [int(part) if INDEX.fullmatch(part) else part for part in piece.split(".") if part]
     if not parts:
         raise StudyError(f"{shown(key)}: expected a dotted key, such as controller.pi.kp")
-    if len(parts) > DEEPEST:
-        raise StudyError(f"{shown(key)}: expected a key of at most {DEEPEST} parts")
+    if len(parts) > DEPTH_MOST:
+        raise StudyError(f"{shown(key)}: expected a key of at most {DEPTH_MOST} parts")
     return tuple(parts)
 
 

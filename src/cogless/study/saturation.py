@@ -29,7 +29,7 @@ from cogless.study.table import (
 )
 from cogless.units import CURRENT, FLUX_LINKAGE, INDUCTANCE, Dimension
 
-START = 0.1  # relative difference of a table's inductance at zero current from L_d or L_q
+START_DIFFERENCE_MOST = 0.1  # relative difference of a table's inductance at zero current from L_d or L_q
 Points = tuple[tuple[float, ...], tuple[float, ...]]  # currents (A) and flux linkages (Wb)
 
 
@@ -151,7 +151,7 @@ class Saturation(Table):
                 continue
             curve = _curve(*table.points())
             found = curve["slope"][curve["current"].index(0.0)]
-            if not math.isclose(found, L, rel_tol=START):
+            if not math.isclose(found, L, rel_tol=START_DIFFERENCE_MOST):
                 raise invalid(
                     f"expected {L:.4g} H at zero current, as L_{axis}, not {found:.4g} H", "saturation", axis
                 )
@@ -191,7 +191,7 @@ def _curve(current: tuple[float, ...], flux: tuple[float, ...]) -> dict[str, lis
     return {"current": list(current), "flux": list(flux), "slope": slope.tolist()}
 
 
-COPPER = 0.00393  # 1/K, at 20 degC
+COPPER_COEFFICIENT = 0.00393  # 1/K, at 20 degC
 ABSOLUTE_ZERO = -273.15  # degC
 
 
@@ -237,7 +237,7 @@ class MotorTemperature(Table):
     """Temperature of the winding at the start."""
     magnet: Temperature | None = None  # degC
     """Temperature of the magnets at the start. Default: that of the winding."""
-    resistance_coefficient: TemperatureCoefficient = COPPER
+    resistance_coefficient: TemperatureCoefficient = COPPER_COEFFICIENT
     """Relative change of the resistance. Default: copper's at 20 degC."""
     flux_coefficient: TemperatureCoefficient = 0.0  # 1/K
     """Relative change of the flux, negative: about `"-0.0011 1/K"` for neodymium magnets, `"-0.002 1/K"` for

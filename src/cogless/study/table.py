@@ -155,7 +155,8 @@ def _again(details: ErrorDetails) -> InitErrorDetails:
     )
 
 
-SMALLEST, LARGEST = 1e-15, 1e15  # SI: single precision holds these, and products and quotients of two of them
+# SI: single precision holds these, and products and quotients of two of them
+MAGNITUDE_LEAST, MAGNITUDE_MOST = 1e-15, 1e15
 
 
 def check_sizes(table: Table, *above: str) -> None:
@@ -165,8 +166,8 @@ def check_sizes(table: Table, *above: str) -> None:
         if isinstance(value, Table):
             check_sizes(value, *above, key)
         for number in value if isinstance(value, tuple) else (value,):
-            if isinstance(number, float) and number and not SMALLEST <= abs(number) <= LARGEST:
-                size = f"{SMALLEST:g} to {LARGEST:g} in SI units"
+            if isinstance(number, float) and number and not MAGNITUDE_LEAST <= abs(number) <= MAGNITUDE_MOST:
+                size = f"{MAGNITUDE_LEAST:g} to {MAGNITUDE_MOST:g} in SI units"
                 raise invalid(f"expected a size that single precision holds, {size}", *above, key)
 
 

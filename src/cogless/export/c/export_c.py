@@ -58,7 +58,7 @@ def _text(value: Any) -> str:
 
 
 # periods of the self-test: enough for the law to do something, few enough for a microcontroller's flash
-TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
+TEST_TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
 
 
 def export_c(
@@ -97,7 +97,7 @@ def export_c(
 
 def self_test_ticks(subject: Subject, prepared: Prepared) -> int:
     """Number of current-loop periods that the self-test repeats."""
-    return min(max(TICKS, LAW_STEPS * subject.divider), MOST_TICKS, prepared.ticks)
+    return min(max(TEST_TICKS, LAW_STEPS * subject.divider), MOST_TICKS, prepared.ticks)
 
 
 def subject_of(prepared: Prepared, command: str = "") -> Subject:
