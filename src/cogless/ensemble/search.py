@@ -35,8 +35,8 @@ def require() -> None:
 @contextmanager
 def opened(path: Path, about: Mapping[str, Any], start: Settings, seed: int) -> Iterator[Search]:
     """Open a search with its journal at `path`. StudyError: the journal is of another search than `about`."""
-    with sweep.opened(path, about) as kept:
-        yield Search(kept, start, seed)
+    with sweep.opened(path, about) as journal:
+        yield Search(journal, start, seed)
 
 
 class Search:

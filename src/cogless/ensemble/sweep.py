@@ -131,9 +131,11 @@ def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chun
         raise StudyError(f"{path}: not readable: {expected}")
     different = next((key for key in about if has.get(key) != about[key]), None)
     if different is not None:
-        wanted = f"{about[different]}, which this command has" if different != "study" else "the same study"
+        difference = (
+            f"{about[different]}, which this command has" if different != "study" else "the same study"
+        )
         where = f"{path}: {different}: {has.get(different)}"
-        raise StudyError(f"{where}: expected {wanted}, or another directory")
+        raise StudyError(f"{where}: expected {difference}, or another directory")
     finished: dict[Chunk, Any] = {}
     for number, line in enumerate(lines[1:], 2):
         match _value(line):
@@ -151,35 +153,35 @@ class Ended(Exception):  # noqa: N818, it isn't an error
 def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[Pair]) -> list[list[Row]]:
     """Run these variants: for each, in order, one row per pair of scenario and controller."""
     study = unpacked(parcel)
-    wanted = columns(study)
-    made = [_made(study, of_variant) for of_variant in changes]
+    metrics = columns(study)
+    variants = [_made(study, of_variant) for of_variant in changes]
     errors: Sequence[Mapping[Pair, StudyError]] = []
-    valid = [variant for variant in made if not isinstance(variant, str)]
+    valid = [variant for variant in variants if not isinstance(variant, str)]
     try:
         results: Sequence[AnyResults] = rollout(
             valid, ["/".join(pair) for pair in pairs], jobs=1, keep_traces=False
         )
-        if any(found.interrupted for found in results):
+        if any(rows_of_variants.interrupted for rows_of_variants in results):
             raise Ended
     except RunError as error:
         results, errors = error.all_results, error.all_errors
     finished = zip(results, errors or [{}] * len(valid), strict=True)
-    found = []
-    for variant in made:
+    rows_of_variants = []
+    for variant in variants:
         if isinstance(variant, str):
-            found.append([_failed_row(len(wanted), variant) for _ in pairs])
+            rows_of_variants.append([_failed_row(len(metrics), variant) for _ in pairs])
             continue
         of_variant, failed = next(finished)
         runs = {(run.scenario, run.controller): run.metrics for run in of_variant.runs}
-        found.append(
+        rows_of_variants.append(
             [
-                _failed_row(len(wanted), _told(variant, failed[pair]))
+                _failed_row(len(metrics), _told(variant, failed[pair]))
                 if pair in failed
-                else [*(column.of(runs[pair]) for column in wanted), None]
+                else [*(column.of(runs[pair]) for column in metrics), None]
                 for pair in pairs
             ]
         )
-    return found
+    return rows_of_variants
 
 
 def needed(study: AnyStudy) -> str:
@@ -265,13 +267,13 @@ def plan(study: AnyStudy, count: int, only: Sequence[str] | None = None) -> Plan
     if not columns(study):
         raise StudyError(f"{study.source.path}: metric: missing: expected one or more to compare")
     ensemble = draw(study, count)
-    about = {
+    identity = {
         "study": pack(study).digest[:16],
         "version": versions()["cogless"],
         "runs": ["/".join(pair) for pair in pairs],
         "first": ensemble.changes(0),
     }
-    return Plan(study, ensemble, pairs, about)
+    return Plan(study, ensemble, pairs, identity)
 
 
 def run(
@@ -287,25 +289,25 @@ def run(
     those of an earlier call included. StudyError: a journal of another sweep, a worker that keeps dying.
     """
     part = shard or Shard()
-    wanted = planned.part(part)
-    with opened(folder / part.file, planned.for_shards(part)) as kept:
+    chunks = planned.part(part)
+    with opened(folder / part.file, planned.for_shards(part)) as journal:
         report = progress or (lambda variants: None)
         # a last chunk that was shorter in an earlier, smaller sweep runs again
-        left = [c for c in wanted if len(kept.finished.get(c, ())) < len(planned.changes(c))]
-        done = planned.variants(part) - sum(len(planned.changes(c)) for c in left)
+        remaining = [c for c in chunks if len(journal.finished.get(c, ())) < len(planned.changes(c))]
+        done = planned.variants(part) - sum(len(planned.changes(c)) for c in remaining)
         report(done)
 
         def finished(chunk: int, found: Any) -> None:
             nonlocal done
-            kept.add(chunk, found)
+            journal.add(chunk, found)
             done += len(found)
             report(done)
 
         parcel = pack(planned.study)
-        tasks = {chunk: (parcel, planned.changes(chunk), planned.pairs) for chunk in left}
+        tasks = {chunk: (parcel, planned.changes(chunk), planned.pairs) for chunk in remaining}
         at = workers if isinstance(workers, Workers) else given(workers)
         run_all(at, rows, tasks, finished, needed(planned.study))
-        return None if part.of > 1 else _gathered(planned, kept.finished)
+        return None if part.of > 1 else _gathered(planned, journal.finished)
 
 
 def merge(planned: Plan, folder: Path) -> Sweep:
@@ -319,12 +321,12 @@ def merge(planned: Plan, folder: Path) -> Sweep:
     finished: dict[int, Any] = {}
     for shard in (Shard(index, int(count)) for index in range(int(count))):
         path = folder / shard.file
-        found = read(path, planned.for_shards(shard))
-        wanted = planned.part(shard)
-        if not set(wanted) <= set(found):
-            has = f"{len(found)} of {len(wanted)} chunks"
+        chunks = read(path, planned.for_shards(shard))
+        expected_chunks = planned.part(shard)
+        if not set(expected_chunks) <= set(chunks):
+            has = f"{len(chunks)} of {len(expected_chunks)} chunks"
             raise StudyError(f"{path}: {has}: expected a finished shard; run it again, it goes on")
-        finished |= found
+        finished |= chunks
     return _gathered(planned, finished)
 
 

@@ -229,9 +229,9 @@ def _of_controller(study: Study, name: str) -> Iterator[Candidate]:
 
 
 def _of_scenario(study: Study, scenario: str, told: bool) -> Iterator[Candidate]:
-    here, where = for_scenario(study, scenario), f"scenario.{quoted(scenario)}"
-    tables = here._source.tables
-    own, experiment = tables["scenario"][scenario], here.scenario[scenario]
+    own_study, where = for_scenario(study, scenario), f"scenario.{quoted(scenario)}"
+    tables = own_study._source.tables
+    own, experiment = tables["scenario"][scenario], own_study.scenario[scenario]
     yield from made(
         f"{where}.duration",
         "duration",
@@ -269,22 +269,22 @@ def _of_scenario(study: Study, scenario: str, told: bool) -> Iterator[Candidate]
                 )
     load = own.get("load")
     if load is None or isinstance(load, str):
-        full = 0.5 * study.K_t * here.drive.current_loop.current_limit
-        given = load or tables["mechanics"].get("load", "0 N*m")
-        if isinstance(given, str):
-            reach = float(f"{full:.2g}") / (units.factor(units.unit_of(given), units.TORQUE) or 1)
+        full = 0.5 * study.K_t * own_study.drive.current_loop.current_limit
+        load_value = load or tables["mechanics"].get("load", "0 N*m")
+        if isinstance(load_value, str):
+            reach = float(f"{full:.2g}") / (units.factor(units.unit_of(load_value), units.TORQUE) or 1)
             yield from made(
                 f"{where}.load",
                 "load",
                 "Load and motion",
-                here.mechanics.load,
+                own_study.mechanics.load,
                 "torque",
-                given,
-                (-reach, reach, units.unit_of(given)),
+                load_value,
+                (-reach, reach, units.unit_of(load_value)),
                 scenario=scenario,
             )
     for group, key, low, high in PLANT:
-        owner, last, value = looked_up(here, tables, key)
+        owner, last, value = looked_up(own_study, tables, key)
         if told and (key.startswith("motor.") or key in MOTOR):
             continue
         if value is not None and owner is not None:
@@ -462,8 +462,8 @@ def _chosen(study: TrialStudy, run: Pair) -> Changes:
         pins[f"{where}.shift"] = design.shift
     own = getattr(law, "q_filter", None)
     if q is not None and cutoff and not isinstance(getattr(own, "cutoff", None), float):
-        about = {"order": len(q.b) - 1, "ends": "odd" if q.odd else "even", "acts_on": design.filtered}
-        pins[f"{where}.q_filter"] = {"cutoff": _hertz(cutoff), **about}
+        shape = {"order": len(q.b) - 1, "ends": "odd" if q.odd else "even", "acts_on": design.filtered}
+        pins[f"{where}.q_filter"] = {"cutoff": _hertz(cutoff), **shape}
     return pins
 
 
@@ -495,19 +495,19 @@ def _of_trial_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
         return
     run = next(pair for pair in held(study) if pair[1] == name)
     gain = _gain(law)
-    given, K_3 = getattr(law, gain) is not None, design_study(study, [run])[run].K_3
+    has_gain, K_3 = getattr(law, gain) is not None, design_study(study, [run])[run].K_3
     # Of an update that the design chooses as a whole, since the study says nothing of it, K_3 is only a part.
     chosen = "auto" in law.choice and law.q_filter is None and law.shift is None
     if K_3 and not chosen:
         yield from made(f"{where}.{gain}", gain, name, law, gain, K_3, (0.0, 2.0), controller=name)
     q = law.q_filter
-    stays = f" ({gain} stays)" if given else ""
+    stays = f" ({gain} stays)" if has_gain else ""
     learns = not isinstance(law, TrialIlc) or law.learning
-    if isinstance(q, QFilter) and (given or q.acts_on == "error") and learns:
+    if isinstance(q, QFilter) and (has_gain or q.acts_on == "error") and learns:
         own = study.source.tables["controller"][name]["q_filter"]
         key, label = f"{where}.q_filter.cutoff", "q_filter.cutoff" + stays * (q.acts_on == "signal")
         yield from made(key, label, name, q, "cutoff", own["cutoff"], (0.3, 2.0), controller=name)
-    if given and isinstance(law, TrialIlc) and isinstance(law.shift, int):
+    if has_gain and isinstance(law, TrialIlc) and isinstance(law.shift, int):
         least = uncertain_plant(study).relative_degree
         span = (float(least), float(max(4 * law.shift, SHIFT_MOST)), "")
         yield from made(

@@ -120,9 +120,9 @@ class _Packer:
         if ours.size(name) != theirs.size(name):
             of = theirs.pack(name, ours.decode(name, of))
         self._head(TEXT, len(of), path)
-        here = len(self.data)
+        begin = len(self.data)
         for leaf in _leaves(self.precision, name):
-            self.numbers.append(Number(f"{path}.{leaf.path}", here + leaf.offset, leaf.format))
+            self.numbers.append(Number(f"{path}.{leaf.path}", begin + leaf.offset, leaf.format))
         self._padded(of)
 
     def table(self, of: Mapping[str, Any], path: str) -> None:
@@ -215,14 +215,16 @@ def blobs(study: AnyStudy, scenario: str, controller: str, like: AnyStudy | None
 
 
 def _of_speed(study: Study, scenario: str, controller: str, like: Study | None) -> dict[str, Packed]:
-    made = {"run": _blob(study, scenario, controller)}
+    descriptions = {"run": _blob(study, scenario, controller)}
     law = study.controller[controller]
     if isinstance(law, AntiCogging) and law.calibration is not None:
         description = engine_config(study, scenario, controller, "learn")
         # as long as plan.py waits for it
         longest = 3 * law.calibration.duration * study.drive.rates.current_loop
-        made["learn"] = _packed(study, _with_spares(description) | {"page": {"ticks": math.ceil(longest)}})
-    return made
+        descriptions["learn"] = _packed(
+            study, _with_spares(description) | {"page": {"ticks": math.ceil(longest)}}
+        )
+    return descriptions
 
 
 def _blob(study: Study, scenario: str, controller: str) -> Packed:

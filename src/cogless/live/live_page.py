@@ -70,9 +70,11 @@ def render(
     StudyError: no WebAssembly engine, or no run that a page can hold.
     """
     module = engine.module(study.precision)
-    found = adjustable(study, told)
+    adjustable_keys = adjustable(study, told)
     blocks = {
-        "data": json.dumps(data(study, found, command, limits, pins), separators=(",", ":"), allow_nan=False),
+        "data": json.dumps(
+            data(study, adjustable_keys, command, limits, pins), separators=(",", ":"), allow_nan=False
+        ),
         "engine": base64.b64encode(gzip.compress(module, mtime=0)).decode(),
     }
     scripts = {
@@ -92,7 +94,7 @@ def render(
         description=_description(study),
         version=escape(versions()["cogless"]),
         policy=policy,
-        left_out=_left_out(study, found),
+        left_out=_left_out(study, adjustable_keys),
         **{name: text.replace("<", "\\u003c") for name, text in blocks.items()},
         **scripts,
         **styles,
@@ -201,14 +203,14 @@ def _speed_scenario(study: Study, scenario: str) -> dict[str, Any]:
 
 
 def _trial_scenario(study: TrialStudy, scenario: str) -> dict[str, Any]:
-    about = judged(study, scenario)
+    metric_words = judged(study, scenario)
     return {
         "judged": {
-            "signal": about.signal,
-            "quantity": about.quantity,
-            "unit": about.unit,
-            "factor": about.scale,
-            "floor": about.floor,
+            "signal": metric_words.signal,
+            "quantity": metric_words.quantity,
+            "unit": metric_words.unit,
+            "factor": metric_words.scale,
+            "floor": metric_words.floor,
         },
         "phases": [
             {"name": phase.name, "trials": phase.chosen}
@@ -306,14 +308,16 @@ PAGES: Mapping[Kind, KindOfPage] = {
 
 def _run(blob: Packed) -> dict[str, Any]:
     """A packed description, and the places in it of what the page reads."""
-    found = {n.path: [n.offset, n.format] for n in blob.numbers}
-    about = {path: at for path, at in found.items() if path.startswith("page.") and ".learned." not in path}
+    places = {n.path: [n.offset, n.format] for n in blob.numbers}
+    page_places = {
+        path: at for path, at in places.items() if path.startswith("page.") and ".learned." not in path
+    }
     shape = next((shape.split()[1] for shape in blob.shape if shape.startswith("page.learned ")), None)
     return {
         "bytes": base64.b64encode(blob.data).decode(),
-        "about": about,
-        "off": _off(found),
-        "learned": shape and [found["page.learned.0"][0], *map(int, shape.split("x"))],
+        "about": page_places,
+        "off": _off(places),
+        "learned": shape and [places["page.learned.0"][0], *map(int, shape.split("x"))],
     }
 
 

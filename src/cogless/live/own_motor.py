@@ -80,9 +80,9 @@ class OwnMotor:
         """Irregular values of all keys: the study's times (1/100 to 100) to the power `reach`."""
         slow, fast = self.ends
         values = {}
-        for k, (key, about) in enumerate(self.keys.items()):
+        for k, (key, candidate) in enumerate(self.keys.items()):
             share = 10 ** (reach * (4 * ((0.6180339887498949 * (n + 1) * (k + 1)) % 1.0) - 2))
-            values[key] = min(max(float(f"{about.start * share:.6g}"), about.least), about.most)
+            values[key] = min(max(float(f"{candidate.start * share:.6g}"), candidate.least), candidate.most)
         pairs = self.pole_pairs
         drawn = pairs.least + 7 * n % round(pairs.most - pairs.least + 1)
         values[POLE_PAIRS] = float(round(pairs.start + reach * (drawn - pairs.start)))
@@ -107,11 +107,11 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
     for key, (share, _) in scaled.items():
         if share != STEPS[0] and key not in (RESISTANCE, INDUCTANCE):
             by_key[key] = narrow(by_key[key])
-    both = _scaled(base, changed, over, under)
+    scaled_pair = _scaled(base, changed, over, under)
 
     def of(number: Number, place: Place) -> Product | None:
-        def power(share: float, made: All) -> float:
-            return _power(number.read(made[place].data), start, share)
+        def power(share: float, blobs_now: All) -> float:
+            return _power(number.read(blobs_now[place].data), start, share)
 
         start = number.read(base[place].data)
         powers = {key: power(*one) for key, one in scaled.items()}
@@ -122,9 +122,11 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
             return Product(number, 1.0, {}, factors)
         curve: tuple[float, ...] = ()
         if not all(_is_whole(powers[key]) for key in (RESISTANCE, INDUCTANCE)):
-            powers |= {RESISTANCE: 0.0, INDUCTANCE: power(*both)}
+            powers |= {RESISTANCE: 0.0, INDUCTANCE: power(*scaled_pair)}
             exponent = round(powers[INDUCTANCE])
-            curve = tuple(number.read(made[place].data) / start / share**exponent for share, made in bent)
+            curve = tuple(
+                number.read(blobs_now[place].data) / start / share**exponent for share, blobs_now in bent
+            )
         if not all(map(_is_whole, powers.values())):
             raise _no_product(number, "")
         whole = {key: round(power) for key, power in powers.items() if round(power)}
@@ -159,10 +161,10 @@ def _turned(base: All, changed: Changed, pairs: Candidate) -> tuple[Candidate, d
     start, turned = round(pairs.start), {round(pairs.start): base}
     for numbers in (range(start - 1, round(pairs.low) - 1, -1), range(start + 1, round(pairs.high) + 1)):
         for n in numbers:
-            made = _accepted(changed, [(pairs, float(n))])
-            if made is None:
+            changed_blobs = _accepted(changed, [(pairs, float(n))])
+            if changed_blobs is None:
                 break
-            turned[n] = made
+            turned[n] = changed_blobs
     low, high = float(min(turned)), float(max(turned))
     return replace(pairs, low=low, high=high, least=low, most=high), turned
 
@@ -177,12 +179,12 @@ def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list
         bent = []
         for at in nodes((ends[0], ends[1])):
             share = math.exp(-at)
-            made = _accepted(changed, [(under, share * under.start)])
-            if made is None:
+            changed_blobs = _accepted(changed, [(under, share * under.start)])
+            if changed_blobs is None:
                 end = math.exp(RETREAT_POWER * at)
                 ends[at > 0] = end if abs(end - 1) > NO_ROOM else 1.0
                 break
-            bent.append((share, made))
+            bent.append((share, changed_blobs))
         else:
             return (ends[0], ends[1]), bent
 
@@ -190,15 +192,15 @@ def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list
 def _scaled(base: All, changed: Changed, *keys: Candidate) -> tuple[float, All]:
     """The first of STEPS that the study accepts for these keys together, with its descriptions; else 1."""
     for share in STEPS:
-        made = _accepted(changed, [(key, share * key.start) for key in keys])
-        if made is not None:
-            return share, made
+        changed_blobs = _accepted(changed, [(key, share * key.start) for key in keys])
+        if changed_blobs is not None:
+            return share, changed_blobs
     return 1.0, base
 
 
 def computed(one: Product, own: OwnMotor, values: Mapping[str, float]) -> float:
     """A product at these values, as a page computes it."""
-    shares = {key: values.get(key, about.start) / about.start for key, about in own.keys.items()}
+    shares = {key: values.get(key, candidate.start) / candidate.start for key, candidate in own.keys.items()}
     pairs = own.pole_pairs
     result = one.start
     for key, power in one.powers.items():
@@ -237,9 +239,9 @@ def _check(base: All, changed: Changed, own: OwnMotor) -> None:
     for n in range(CHECKED_MOTORS):
         for halvings in range(END_HALVINGS):
             values = own.together(n, 0.5**halvings)
-            made = _accepted(changed, [(own.keys[key], x) for key, x in values.items()])
-            if made is not None:
-                _compare(base, made, own, values)
+            changed_blobs = _accepted(changed, [(own.keys[key], x) for key, x in values.items()])
+            if changed_blobs is not None:
+                _compare(base, changed_blobs, own, values)
                 break
 
 

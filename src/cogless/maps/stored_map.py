@@ -154,9 +154,9 @@ def decode(data: bytes, offset: int = 0) -> StoredMap:
     cells, turns, parts, ratio, channels, units, zero, *limits, entries_crc = fields[9:]
     if version != VERSION:
         raise MapError(f"version {version} of the format: expected {VERSION}")
-    known = length == HEADER and number_type == FLOAT32 and zero == 0 and write_size in _write_sizes()
-    known = known and 1 <= channels <= 3 and 1 <= cells <= 1 << 24 and ratio > 0
-    if not (known and (turns == 0) == (parts == 0)):
+    is_valid = length == HEADER and number_type == FLOAT32 and zero == 0 and write_size in _write_sizes()
+    is_valid = is_valid and 1 <= channels <= 3 and 1 <= cells <= 1 << 24 and ratio > 0
+    if not (is_valid and (turns == 0) == (parts == 0)):
         raise MapError("a header that is none of version 1, with a CRC that is right")
     end = HEADER + 4 * channels * cells
     end += -end % write_size
@@ -242,10 +242,10 @@ def read(path: Path) -> list[Found]:
         data = Path(path).read_bytes()
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a stored map") from error
-    found = find(data)
-    if not found:
+    maps = find(data)
+    if not maps:
         raise MapError(f'{path}: no map: expected "{MAGIC.decode()}" where a slot begins')
-    return found
+    return maps
 
 
 def write(path: Path, content: bytes) -> None:

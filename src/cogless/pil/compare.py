@@ -91,11 +91,11 @@ def compare(
     prepared = prepare(study, scenario, controller)
     ticks = min(ticks or TICKS_DEFAULT, prepared.ticks)
     subject, image = build(prepared, toolchain)
-    wanted = record(prepared, ticks)
+    recording = record(prepared, ticks)
     target = Target(subject, image, prepared.memory)
-    watched = _Watched(target, subject.layout, wanted, ticks, progress)
+    watched = _Watched(target, subject.layout, recording, ticks, progress)
     run(prepared, watched, ticks)
-    difference = watched.difference or _memory_difference(target, wanted, ticks)
+    difference = watched.difference or _memory_difference(target, recording, ticks)
     return _comparison(prepared, subject, image, target, difference, toolchain)
 
 
@@ -125,11 +125,11 @@ class _Watched:
 
     def _watched(self, measurement: bytes, out: bytes) -> bytes:
         """The output, after it and the measurement were compared with the simulation's."""
-        tick, wanted = self._tick, self._wanted
+        tick, recording = self._tick, self._wanted
         self._tick += 1
-        if out != wanted.outputs[tick] or measurement != wanted.measurements[tick]:
-            self._compare("cgl_drive_output", wanted.outputs[tick], out)
-            self._compare("cgl_measurement", wanted.measurements[tick], measurement)
+        if out != recording.outputs[tick] or measurement != recording.measurements[tick]:
+            self._compare("cgl_drive_output", recording.outputs[tick], out)
+            self._compare("cgl_measurement", recording.measurements[tick], measurement)
         if tick % REPORT_TICKS == 0:
             self._progress(tick / self._ticks)
         return out

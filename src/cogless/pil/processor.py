@@ -147,11 +147,11 @@ class Processor:
 
     def by_function(self, tally: Visits) -> dict[Function, int]:
         """Instructions in a tally, summed for each function that contains them."""
-        found: dict[Function, int] = {}
+        totals: dict[Function, int] = {}
         for visit, times in tally.items():
             function = self._owner(visit[0])
-            found[function] = found.get(function, 0) + times * self._length(visit)
-        return found
+            totals[function] = totals.get(function, 0) + times * self._length(visit)
+        return totals
 
     def read(self, address: int, size: int) -> bytes:
         return bytes(self._uc.mem_read(address, size))

@@ -53,8 +53,8 @@ class Toolchain:
         ]
         done = subprocess.run(line, capture_output=True, text=True, check=False)
         if done.returncode != 0 or not image.is_file():
-            found = [text for text in done.stderr.splitlines() if "error" in text] or ["no image"]
-            raise StudyError(f"pil: {self.name}: {found[0]}: expected code that compiles for a Cortex-M4F")
+            errors = [text for text in done.stderr.splitlines() if "error" in text] or ["no image"]
+            raise StudyError(f"pil: {self.name}: {errors[0]}: expected code that compiles for a Cortex-M4F")
 
 
 def find(wanted: str | None = None) -> Toolchain:

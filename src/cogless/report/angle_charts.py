@@ -141,11 +141,11 @@ def bode(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
             "unit": unit,
             "frequency": plain(f),
             "series": [
-                {"controller": where, "label": label, "fade": fade, "values": plain(shown(S))}
+                {"controller": where, "label": label, "fade": fade, "values": plain(in_unit(S))}
                 for where, label, fade, S in curves
             ],
         }
-        for title, quantity, unit, shown in charts
+        for title, quantity, unit, in_unit in charts
         if curves
     ]
 
@@ -166,8 +166,8 @@ def _left(loop: LearningLoop, f: Real, beside: float) -> Complex:
     at = (learned + beside) * loop.periods_per_second
     if not len(at):
         return np.full(len(f), np.nan + 0j)
-    left = np.interp(f, at, loop.left(at))
-    return np.where((f >= at[0]) & (f <= at[-1]), left, np.nan)
+    remaining = np.interp(f, at, loop.left(at))
+    return np.where((f >= at[0]) & (f <= at[-1]), remaining, np.nan)
 
 
 def _decibels(S: Complex) -> Real:
@@ -182,8 +182,8 @@ def _loop(results: Results, run: Run) -> LearningLoop | None:
     """The run's learning loop at its fastest judged speed; None if its learning has no such model."""
     if loop_type(results.study.controller[run.controller]) is not None:
         with suppress(StudyError):
-            found = judged(results.study, run.scenario, run.controller)
-            return found[-1] if found else None
+            loops = judged(results.study, run.scenario, run.controller)
+            return loops[-1] if loops else None
     return None
 
 
@@ -281,7 +281,7 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
 
     `worse`: the result of `worsened`.
     """
-    study, found = results.study, []
+    study, lines = results.study, []
     for run in runs:
         name, line = run.controller, growth(results, run)
         if in_angle(results, run) is None:
@@ -292,23 +292,23 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
             label = f"Worse with time: {called(study, name)}"
             than = f"{label} is no worse than {called(study, study.baseline)} until {worse[name]:.0f} s"
             cause = f"; its current {rising}" if rising else ""
-            found.append(f"{than}, then worse{cause}{_said(grows)}.")
+            lines.append(f"{than}, then worse{cause}{_said(grows)}.")
         elif rising and grows:
-            found.append(f"The current of {called(study, name)} {rising}{_said(grows)}.")
-    return found
+            lines.append(f"The current of {called(study, name)} {rising}{_said(grows)}.")
+    return lines
 
 
 def _expected(study: Study, name: str) -> str | None:
     """What cogless design says of a law that doesn't settle; "" if it settles, None if that isn't known."""
     try:
-        found = verdict(study, name)
+        forecast = verdict(study, name)
     except StudyError:
         return None
-    if found is None or found.kind == "rests":
+    if forecast is None or forecast.kind == "rests":
         return None
-    if found.kind != "settles":
-        return found.short()
-    return found.passing.words(found.unit) if found.passing else ""
+    if forecast.kind != "settles":
+        return forecast.short()
+    return forecast.passing.words(forecast.unit) if forecast.passing else ""
 
 
 def _said(grows: str | None) -> str:
@@ -354,5 +354,5 @@ def criterion(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         for run in runs
         if (grown := growth(results, run))  # on a log axis
     ]
-    about = {"title": "Factor per period", "x": "frequency (Hz)", "quantity": "factor", "unit": ""}
-    return [{**about, "frequency": plain(f), "series": series, "marks": marks}]
+    labels = {"title": "Factor per period", "x": "frequency (Hz)", "quantity": "factor", "unit": ""}
+    return [{**labels, "frequency": plain(f), "series": series, "marks": marks}]

@@ -36,7 +36,7 @@ def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
         return None
     faults = [response.fault for response in runs[0].faults]
     words = [f"{_seconds(fault.time)}: {what(fault)}" for fault in faults]
-    told = [
+    parts = [
         Told(
             words[place] if len(faults) > 1 else "",
             [(run.controller, _sentence(results, run, run.faults[place])) for run in runs],
@@ -46,10 +46,10 @@ def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
     more = len(faults) - FAULTS_SHOWN
     if more > 0:
         others = "One more fault is" if more == 1 else f"{more} more faults are"
-        told.append(Told(f"{others} in results.json.", []))
+        parts.append(Told(f"{others} in results.json.", []))
     broke = words[0] if len(faults) == 1 else f"{len(faults)} faults, the first at {words[0]}"
     tone, outcome = _outcome(results, runs)
-    return ScenarioVerdict(runs[0].scenario, tone, f"{broke}. {outcome}".rstrip(), [], told)
+    return ScenarioVerdict(runs[0].scenario, tone, f"{broke}. {outcome}".rstrip(), [], parts)
 
 
 def what(fault: Fault) -> str:
@@ -62,7 +62,7 @@ def spans(
     results: Results, runs: Sequence[Run], start: float, end: float
 ) -> list[tuple[Fault, float, float]]:
     """Each fault with start and end, s, of the time to show: a little before it to a turn or more after."""
-    found = []
+    of_faults = []
     for place, fault in enumerate(faults_in(results.study, runs[0].scenario)):
         if not start <= fault.time < end:
             continue
@@ -71,8 +71,8 @@ def spans(
         turn = before[1] - before[0] if before else 0.2
         turn = min(turn, max(1.0, 5 * length))
         since, until = fault.time - max(0.3 * length, 0.25 * turn), fault.end + max(length, turn)
-        found.append((fault, max(start, since), min(end, until)))
-    return found
+        of_faults.append((fault, max(start, since), min(end, until)))
+    return of_faults
 
 
 def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
@@ -92,15 +92,15 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
             lost.append(f"{label} ({how})")
             continue
         ratios = [_times_usual(results, run, response) for response in run.faults]
-        known = [ratio for ratio in ratios if ratio is not None]
-        judged += len(known)
-        if max(known, default=0.0) > WORSE_RATIO:
-            worse.append(f"{label} {times(max(known))}")
+        ratios_known = [ratio for ratio in ratios if ratio is not None]
+        judged += len(ratios_known)
+        if max(ratios_known, default=0.0) > WORSE_RATIO:
+            worse.append(f"{label} {times(max(ratios_known))}")
     twin = _twin(results, runs[0])
     than = "without the fault" if twin else "before"
     sentences = [
-        f"{found}: {', '.join(whose)}."
-        for found, whose in (
+        f"{effect}: {', '.join(whose)}."
+        for effect, whose in (
             ("The current is beyond its limit", over),
             ("Afterwards the speed is not held", lost),
             (f"Afterwards there is more ripple than {than}", worse),
@@ -147,8 +147,8 @@ def _noticed(run: Run, response: Response) -> str:
 def _ripples(results: Results, run: Run, response: Response) -> str:
     unit, after = speed_unit(results), response.ripple_after
     twin = _without(results, run, response) if after is not None else None
-    known = {"before": response.ripple_before, "after": after, "without the fault": twin}
-    parts = [f"{_speed(value, unit)} {name}" for name, value in known.items() if value is not None]
+    by_name = {"before": response.ripple_before, "after": after, "without the fault": twin}
+    parts = [f"{_speed(value, unit)} {name}" for name, value in by_name.items() if value is not None]
     return f"ripple {', '.join(parts)} ({unit})" if parts else ""
 
 
@@ -183,8 +183,8 @@ def _times_usual(results: Results, run: Run, response: Response) -> float | None
     late = speed[run.trace.window(*response.after)]
     if usual is None and response.before is not None:
         early = speed[run.trace.window(*response.before)]
-        both = np.concatenate((early, late))
-        alike = not varies(early) and np.ptp(both) <= SPEED_SPREAD_MOST * np.max(np.abs(both))
+        around = np.concatenate((early, late))
+        alike = not varies(early) and np.ptp(around) <= SPEED_SPREAD_MOST * np.max(np.abs(around))
         usual = response.ripple_before if alike else None
     if usual is None or not math.isfinite(after):
         return None

@@ -80,12 +80,14 @@ def polar(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
             rows = slice(-MOST_ROWS, None)
             turns = run.trace.part("theta_m", rows) / (2 * math.pi)
             turns = turns * (results.study.motor.pole_pairs if frame == "electrical" else 1)
-            found = _last_turns(turns, np.sum([run.trace.part(name, rows) for name in names], axis=0))
-            if len(found) > 1:
-                values = {"values": np.mean(found, axis=0)}
-                values |= {"low": np.min(found, axis=0), "high": np.max(found, axis=0)}
-                shown = {name: plain(x) for name, x in values.items()}
-                series[frame].append({"controller": place(results, run), **shown})
+            turns_of_current = _last_turns(
+                turns, np.sum([run.trace.part(name, rows) for name in names], axis=0)
+            )
+            if len(turns_of_current) > 1:
+                values = {"values": np.mean(turns_of_current, axis=0)}
+                values |= {"low": np.min(turns_of_current, axis=0), "high": np.max(turns_of_current, axis=0)}
+                packed = {name: plain(x) for name, x in values.items()}
+                series[frame].append({"controller": place(results, run), **packed})
     return [
         {"title": f"Learned current around one {frame} revolution", "unit": "A", "series": drawn}
         for frame, drawn in series.items()
@@ -105,7 +107,7 @@ def _last_turns(turns: Array, x: Array) -> Array:
     onward = np.maximum.accumulate(-turns if back else turns)
     first, last = math.ceil(onward[0]), math.floor(onward[-1])
     grid = np.arange(POLAR_CELLS) / POLAR_CELLS
-    wanted = np.arange(max(first, last - SPREAD_PERIODS), last)
-    found = [np.interp(k + grid, onward, x) for k in wanted.tolist()]
-    rows = np.array(found).reshape(len(found), POLAR_CELLS)
+    last_turns = np.arange(max(first, last - SPREAD_PERIODS), last)
+    on_grid = [np.interp(k + grid, onward, x) for k in last_turns.tolist()]
+    rows = np.array(on_grid).reshape(len(on_grid), POLAR_CELLS)
     return np.roll(rows[:, ::-1], 1, axis=1) if back else rows

@@ -44,11 +44,11 @@ def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     pole_pairs, unit = results.study.motor.pole_pairs, speed_unit(results)
     scale = factor(unit, ANGULAR_SPEED)
     highest = min(_highest(results, run) for run in runs)
-    both = [(place(results, run), *_before_and_after(results, run, highest)) for run in runs]
-    found = [(where, early, after) for where, early, after in both if after is not None]
-    if not found:
+    all_spectra = [(place(results, run), *_before_and_after(results, run, highest)) for run in runs]
+    with_end = [(where, early, after) for where, early, after in all_spectra if after is not None]
+    if not with_end:
         return []
-    peaks = np.fmax.reduce([after for _, _, after in found])  # NaN only if all are NaN
+    peaks = np.fmax.reduce([after for _, _, after in with_end])  # NaN only if all are NaN
     electrical = np.arange(1, min(12, (len(peaks) - 1) // pole_pairs) + 1)
     strongest = np.argsort(np.nan_to_num(peaks))[::-1][:SHOWN_ORDERS]
     mechanical = np.sort(strongest[peaks[strongest] > 1e-3 * np.nanmax(peaks)])
@@ -66,7 +66,7 @@ def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
             "series": [
                 {"controller": where, "values": plain(after[orders * step] / scale)}
                 | ({} if early is None else {"early": plain(early[orders * step] / scale)})
-                for where, early, after in found
+                for where, early, after in with_end
             ],
         }
         for frame, orders, step, which in frames
@@ -81,16 +81,16 @@ def _signal(run: Run) -> str:
 
 def turned_back(results: Results, runs: Sequence[Run]) -> str:
     """A note on spectra that cover only part of the travel, because the rotor turns back; "" if none does."""
-    found, when = [], ""
+    ways, when = [], ""
     for run in runs:
         theta = run.trace.part("theta_m", late(results, run))
         if len(theta) > 1 and not left_out(results, run):
             when = _when(results, run)
             if _way(theta) - _turns(theta) > REVERSAL_SHARE * _way(theta):
-                found.append(f"{results.study.label(run.controller)} {_way_in_words(theta)}")
-    if not found:
+                ways.append(f"{results.study.label(run.controller)} {_way_in_words(theta)}")
+    if not ways:
         return ""
-    return f"The rotor turns back {when}. Only its longest way in one direction counts: {'; '.join(found)}."
+    return f"The rotor turns back {when}. Only its longest way in one direction counts: {'; '.join(ways)}."
 
 
 def left_out(results: Results, run: Run) -> str:
@@ -166,9 +166,9 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
 def _first(trace: Trace, begin: int, holds: Callable[[slice], NDArray[np.bool_]]) -> int | None:
     """The first row from `begin` on where something holds; None if there is none."""
     for rows in trace.blocks(slice(begin, None)):
-        found = np.flatnonzero(holds(rows))
-        if len(found):
-            return int(rows.start + found[0])
+        matches = np.flatnonzero(holds(rows))
+        if len(matches):
+            return int(rows.start + matches[0])
     return None
 
 
@@ -235,7 +235,7 @@ class Tracked:
     @cached_property
     def followed(self) -> list[int]:
         """The orders to follow: the strongest in the median piece of any controller, in ascending order."""
-        typical = np.max([_median(found) for found in self.amplitudes.values()], axis=0)
+        typical = np.max([_median(amplitudes) for amplitudes in self.amplitudes.values()], axis=0)
         strongest = np.argsort(typical)[::-1][:ORDERS_FOLLOWED]
         return sorted(int(n) + 1 for n in strongest if typical[n] > 0)
 
@@ -245,21 +245,21 @@ def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
     trace, poles = runs[0].trace, results.study.motor.pole_pairs
     turned = _revolutions(trace)
     whole = int(turned[-1] + 1e-6)
-    each = max(1, -(-whole // PIECES_MOST))
-    if whole // each < PIECES_LEAST:
+    piece_turns = max(1, -(-whole // PIECES_MOST))
+    if whole // piece_turns < PIECES_LEAST:
         return None
-    ends = [int(np.searchsorted(turned, k * each)) for k in range(whole // each + 1)]
+    ends = [int(np.searchsorted(turned, k * piece_turns)) for k in range(whole // piece_turns + 1)]
     del turned  # as long as the run
     pieces = [slice(a, b) for a, b in pairwise(ends)]
     scale = factor(speed_unit(results), ANGULAR_SPEED)
-    found = {}
+    by_place = {}
     for run in runs:
-        rows = [_amplitudes(run.trace, piece, each, poles) / scale for piece in pieces]
+        rows = [_amplitudes(run.trace, piece, piece_turns, poles) / scale for piece in pieces]
         if np.any(np.isfinite(rows)):
-            found[place(results, run)] = np.array(rows)
+            by_place[place(results, run)] = np.array(rows)
     times = trace.time[[min(piece.stop, len(trace) - 1) for piece in pieces]]
     speeds = np.array([np.mean(_speed(trace, piece)) for piece in pieces])
-    return Tracked(times, speeds, found) if found else None
+    return Tracked(times, speeds, by_place) if by_place else None
 
 
 def _revolutions(trace: Trace) -> Array:
@@ -286,18 +286,18 @@ def _amplitudes(trace: Trace, piece: slice, turns: int, pole_pairs: int) -> Arra
     amplitudes = np.full(ORDER_MOST, np.nan)
     theta, error = trace.part("theta_m", longer), trace.part("omega_error", longer)
     highest = min(ORDER_MOST, int((piece.stop - piece.start) / turns / 2.5))
-    found = order_spectrum(theta, error, highest, pole_pairs) if highest > 0 else None
-    if found is not None:
-        amplitudes[:highest] = found[1:]
+    spectrum = order_spectrum(theta, error, highest, pole_pairs) if highest > 0 else None
+    if spectrum is not None:
+        amplitudes[:highest] = spectrum[1:]
     return amplitudes
 
 
 def _median(amplitudes: Array) -> Array:
     """Median over the pieces that resolve an order; 0 where none does."""
-    found = np.zeros(amplitudes.shape[1])
+    median = np.zeros(amplitudes.shape[1])
     some = np.any(np.isfinite(amplitudes), axis=0)
-    found[some] = np.nanmedian(amplitudes[:, some], axis=0)
-    return found
+    median[some] = np.nanmedian(amplitudes[:, some], axis=0)
+    return median
 
 
 def waterfall(results: Results, found: Tracked | None) -> list[dict[str, Any]]:
@@ -305,7 +305,9 @@ def waterfall(results: Results, found: Tracked | None) -> list[dict[str, Any]]:
     if found is None or not found.sweeps:
         return []
     by_speed = np.argsort(found.speeds)
-    shown = max(int(np.max(np.flatnonzero(_median(x) > 0), initial=0)) + 1 for x in found.amplitudes.values())
+    highest_shown = max(
+        int(np.max(np.flatnonzero(_median(x) > 0), initial=0)) + 1 for x in found.amplitudes.values()
+    )
     top = max(float(np.nanmax(x)) for x in found.amplitudes.values())
     unit = speed_unit(results)
     return [
@@ -317,8 +319,8 @@ def waterfall(results: Results, found: Tracked | None) -> list[dict[str, Any]]:
             "controller": controller,
             "top": top,
             "speeds": plain(found.speeds[by_speed] / factor(unit, ANGULAR_SPEED)),
-            "orders": shown,
-            "values": pack(x[by_speed, :shown].ravel()),
+            "orders": highest_shown,
+            "values": pack(x[by_speed, :highest_shown].ravel()),
         }
         for controller, x in found.amplitudes.items()
     ]

@@ -141,10 +141,10 @@ NUMBER_MOST = 1e30  # far beyond any drive
 def render(results: AnyResults, sections: Sections) -> str:
     """The page as one HTML text. All text from the study is escaped."""
     results, study = drawable(results), results.study
-    found = verdicts(results, sections)
+    all_verdicts = verdicts(results, sections)
     text = json.dumps(data(results, sections), separators=(",", ":"), allow_nan=False)
     return Template(asset("page.html")).substitute(
-        scenarios="".join(_scenario(results, sections, found, name) for name in results.scenarios)
+        scenarios="".join(_scenario(results, sections, all_verdicts, name) for name in results.scenarios)
         or note(UNJUDGED),
         title=escape(study.title),
         description=_description(study),
@@ -173,8 +173,8 @@ def render(results: AnyResults, sections: Sections) -> str:
 
 def verdicts(results: AnyResults, sections: Sections) -> list[ScenarioVerdict]:
     """The verdict on each scenario that can be judged."""
-    found = (sections.verdict(results, runs_in(results, scenario)) for scenario in results.scenarios)
-    return [verdict for verdict in found if verdict is not None]
+    of_scenarios = (sections.verdict(results, runs_in(results, scenario)) for scenario in results.scenarios)
+    return [verdict for verdict in of_scenarios if verdict is not None]
 
 
 def data(results: AnyResults, sections: Sections) -> dict[str, Any]:
@@ -183,8 +183,8 @@ def data(results: AnyResults, sections: Sections) -> dict[str, Any]:
     scenarios = []
     for scenario in results.scenarios:
         runs = runs_in(results, scenario)
-        shown = {"kind": sections.kind, "controllers": [place(results, run) for run in runs]}
-        scenarios.append(shown | sections.charts(results, runs))
+        common = {"kind": sections.kind, "controllers": [place(results, run) for run in runs]}
+        scenarios.append(common | sections.charts(results, runs))
     controllers = [{"label": results.study.label(name), "colour": colour[name]} for name in colour]
     return {"controllers": controllers, "scenarios": scenarios}
 

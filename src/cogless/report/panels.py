@@ -86,12 +86,12 @@ def errors(results: Results, runs: Sequence[Run]) -> list[Panel]:
     )
     ratio = study.motor.pole_pairs if electrical else 1
     frame = ", electrical" if ratio > 1 else ""
-    found = [("Speed error", "omega_error", ANGULAR_SPEED)]
+    panels = [("Speed error", "omega_error", ANGULAR_SPEED)]
     if any(law.holds_position for law in laws):
-        found.append(("Angle error", "theta_error", ANGLE))
+        panels.append(("Angle error", "theta_error", ANGLE))
     return [
         Panel(title + frame, signal, title.lower(), spoken_unit(study, dimension), ratio)
-        for title, signal, dimension in found
+        for title, signal, dimension in panels
     ]
 
 

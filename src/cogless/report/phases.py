@@ -52,8 +52,8 @@ class Phase:
     @property
     def chosen(self) -> list[int]:
         """The trials to draw: the first, second, fifth and last of the phase, as far as it has them."""
-        wanted = (self.start, self.start + 1, self.start + 4, self.stop - 1)
-        return sorted({trial for trial in wanted if trial < self.stop})
+        candidates = (self.start, self.start + 1, self.start + 4, self.stop - 1)
+        return sorted({trial for trial in candidates if trial < self.stop})
 
 
 @dataclass(frozen=True)
@@ -147,17 +147,17 @@ def _changes(changed: Sequence[str], count: int = 1) -> str:
 
 def _changed(change: Change) -> tuple[str, ...]:
     """Names of what a change of the scenario sets."""
-    told = []
+    names = []
     if change.reference is not None:
-        told.append("reference")
+        names.append("reference")
     if change.load is not None or change.load_steps is not None:
-        told.append("load")
-    told += [key for key in change.override or {}]
+        names.append("load")
+    names += [key for key in change.override or {}]
     if any(getattr(change, key) is not None for key in ("initial_angle", "initial_speed", "initial_state")):
-        told.append("start")
+        names.append("start")
     if change.each_trial is not None:
-        told.append("spread of the trials")
-    return tuple(told) or ("nothing",)
+        names.append("spread of the trials")
+    return tuple(names) or ("nothing",)
 
 
 NAMES = {"theta_error": "error", "theta_error_measured": "measured error", "y_error": "error"}
@@ -202,9 +202,9 @@ def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
     dimension = SIGNALS.get(signal) if study.plant is None else None
     if dimension is None or not dimension.unit:
         return "", 1.0
-    told = {m.signal: m.unit for m in reversed(study.metric) if m.unit and m.kind != "trials-to-floor"}
-    alike = [told[name] for name in NAMES if name in told and signal in NAMES]
-    unit = told.get(signal) or next(iter(alike), dimension.unit)
+    units_of = {m.signal: m.unit for m in reversed(study.metric) if m.unit and m.kind != "trials-to-floor"}
+    alike = [units_of[name] for name in NAMES if name in units_of and signal in NAMES]
+    unit = units_of.get(signal) or next(iter(alike), dimension.unit)
     return pretty(unit), factor(unit, dimension)
 
 

@@ -45,11 +45,11 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         able = [
             run for run in runs if bits != Status.FROZEN or results.study.controller[run.controller].learned
         ]
-        held = {place(results, run): found for run in able if (found := spans(run, bits))}
-        if any(sum(to - since for since, to in found) >= least for found in held.values()):
+        by_place = {place(results, run): spans_of_run for run in able if (spans_of_run := spans(run, bits))}
+        if any(sum(to - since for since, to in spans_of_run) >= least for spans_of_run in by_place.values()):
             drawn = [
-                {"controller": controller, "spans": [t for span in held[controller] for t in span]}
-                for controller in sorted(held)
+                {"controller": controller, "spans": [t for span in by_place[controller] for t in span]}
+                for controller in sorted(by_place)
             ]
             lanes.append({"name": name, "runs": drawn})
     return lanes
@@ -58,17 +58,19 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 def active(run: Run, bits: int, rows: slice = ALL) -> NDArray[np.bool_]:
     """The rows in which a state was active; none where the status isn't recorded."""
     first, last, _ = rows.indices(len(run.trace))
-    held = np.zeros(max(last - first, 0), dtype=bool)
+    is_active = np.zeros(max(last - first, 0), dtype=bool)
     for at in range(first, last, BLOCK_ROWS) if "status" in run.trace else ():
         status = run.trace.part("status", slice(at, min(at + BLOCK_ROWS, last)))
-        held[at - first :][: len(status)] = (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
-    return held
+        is_active[at - first :][: len(status)] = (
+            np.where(np.isfinite(status), status, 0).astype(int) & bits
+        ) > 0
+    return is_active
 
 
 def spans(run: Run, bits: int, rows: slice = ALL) -> list[tuple[float, float]]:
     """Start and end times, s, of the spans in which a state was active; at most SPANS_MOST."""
-    held, time, period = active(run, bits, rows), run.trace.time[rows], run.trace.period
-    edges = np.flatnonzero(np.diff(held, prepend=False, append=False))
+    is_active, time, period = active(run, bits, rows), run.trace.time[rows], run.trace.period
+    edges = np.flatnonzero(np.diff(is_active, prepend=False, append=False))
     from_, to = time[edges[::2]], time[edges[1::2] - 1] + period
     gap = 2 * period
     while len(from_) > SPANS_MOST:
@@ -135,13 +137,13 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
     reference, speed = (run.trace.part(x, rows) / scale for x in ("omega_ref", "omega_m"))
     half = slice(len(speed) // 2, None)
     with np.errstate(all="ignore"):
-        found = [
+        misses = [
             _off(reference[part], speed[part], unit, REST_ERROR_MOST / scale) for part in (slice(None), half)
         ]
-    if not all(found):
+    if not all(misses):
         return None
     limited = np.mean(active(run, Status.SATURATED, rows)[half]) > MAJORITY_SHARE
-    return found[0] + (_monitored(run, rows) or (AT_LIMIT if limited else ""))
+    return misses[0] + (_monitored(run, rows) or (AT_LIMIT if limited else ""))
 
 
 def _monitored(run: Run, rows: slice) -> str:
@@ -167,11 +169,11 @@ def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:
         return ""
     if not np.all(np.isfinite(speed)):
         return "speed not finite"
-    wanted, got, size = (float(np.mean(x)) for x in (reference, speed, np.abs(reference)))
-    if abs(wanted) > ONE_WAY * size:
-        off = abs(got - wanted) > MEAN_ERROR_MOST * size
-        shown = got if abs(got) > 1e-3 * size else 0.0
-        return f"mean {shown:.4g} of {wanted:.4g} {unit}" if off else ""
+    mean_reference, got, size = (float(np.mean(x)) for x in (reference, speed, np.abs(reference)))
+    if abs(mean_reference) > ONE_WAY * size:
+        off = abs(got - mean_reference) > MEAN_ERROR_MOST * size
+        mean_shown = got if abs(got) > 1e-3 * size else 0.0
+        return f"mean {mean_shown:.4g} of {mean_reference:.4g} {unit}" if off else ""
     error, amplitude = float(rms(reference - speed)), float(rms(reference))
     if error <= (LOST_SPEED_RATIO * amplitude or drift):
         return ""

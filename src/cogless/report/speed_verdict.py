@@ -99,13 +99,13 @@ def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
             continue
         if not len(run.trace) or measured not in run.trace:
             return None
-        true, left = (
+        true, measured_rms = (
             _value(run, metric, line, signal, SQUARES[metric.kind], conditions)
             for signal in (metric.signal, measured)
         )
-        if not (true > 0 and math.isfinite(true + left)):
+        if not (true > 0 and math.isfinite(true + measured_rms)):
             return None
-        shares[run.controller] = 1 - (left / true) ** 2
+        shares[run.controller] = 1 - (measured_rms / true) ** 2
         value = _value(run, metric, line, measured, metric.kind, conditions)
         seen[run.controller] = value / factor(line.unit, metric.dimension)
     if not shares:
@@ -273,13 +273,13 @@ class _Basis:
 
 def _basis(results: Results, runs: Sequence[Run]) -> _Basis:
     scenario, baseline, trace = runs[0].scenario, results.study.baseline, runs[0].trace
-    known = [line for line in compare(results, scenario) if line.better == "lower"]
-    lines = [line for line in known if not line.unjudged]
+    all_lines = [line for line in compare(results, scenario) if line.better == "lower"]
+    lines = [line for line in all_lines if not line.unjudged]
     moves = len(trace) > 0 and varies_in(trace, "omega_ref", len(trace) // 4)  # a start-up aside
     last = trace.part("omega_ref", slice(-1, None))
     line = _latest(results, scenario, _decisive(lines, baseline, moves), lines)
     where = f"In {scenario}" if moves or not len(trace) else _speed(results, float(last[0]))
-    return _Basis(where, known, lines, line)
+    return _Basis(where, all_lines, lines, line)
 
 
 def _case(results: Results, runs: Sequence[Run], basis: _Basis) -> _Case:
@@ -320,8 +320,8 @@ def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Li
     """What is said where only metrics are left that tell nothing of a controller."""
     why = next(line.unjudged for line in lines if line.unjudged)
     wants = f"; {error_metric(results.study)}" if why == VARIES else ""
-    found = remarks(results.study, [replace(line, unjudged="") for line in lines])
-    details = [f"{remark[0].upper()}{remark[1:]}." for remark in found]
+    reasons = remarks(results.study, [replace(line, unjudged="") for line in lines])
+    details = [f"{remark[0].upper()}{remark[1:]}." for remark in reasons]
     return ScenarioVerdict(scenario, "even", f"{at}, no speed is judged: {why}{wants}.", details)
 
 
@@ -337,8 +337,8 @@ def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = 
     whose = "the sensor's own error, which no law can see (its share of the square)"
     own = f"Most of the true {case.line.quantity} is {whose}: {values}."
     if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
-        left = f"As measured there is left: {case.shown(blurred, part.seen)}."
-        return case, left if limited else f"{own} {left}"
+        remainder = f"As measured there is left: {case.shown(blurred, part.seen)}."
+        return case, remainder if limited else f"{own} {remainder}"
     lines = [part.seen if line is case.line else line for line in case.lines]
     return replace(case, line=part.seen, lines=lines), own
 
@@ -380,9 +380,9 @@ def _comparison(case: _Case) -> tuple[str, str]:
         )
     if base in winners:
         return tone, f"{case.where}, {_have(case)}."
-    about = "" if len(winners) == 1 else "about "
+    roughly = "" if len(winners) == 1 else "about "
     ratio = case.against(winners[0], base)
-    less = f"{about}{times(1 / ratio)} less than" if ratio else "against"
+    less = f"{roughly}{times(1 / ratio)} less than" if ratio else "against"
     return tone, f"{case.where}, {_have(case)}, {less} {case.label(base)} ({line.text(base)})."
 
 
@@ -470,8 +470,8 @@ def _strongest_order(case: _Case) -> str:
     if not orders:
         return ""
     names = dict.fromkeys([*case.winners, *case.ranked[:2], compared])
-    shown = case.shown([c for c in names if c in orders[0].values], orders[0])
-    return f"Of the strongest order, {orders[0].order:g} ({orders[0].frame}): {shown}."
+    values = case.shown([c for c in names if c in orders[0].values], orders[0])
+    return f"Of the strongest order, {orders[0].order:g} ({orders[0].frame}): {values}."
 
 
 def _without_learning(case: _Case) -> str:
@@ -552,12 +552,14 @@ def _rest(case: _Case) -> str:
 
 def _failures(case: _Case) -> list[str]:
     """Sentences on controllers that missed the speed, unless the headline has them, or that never settled."""
-    told = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
+    in_headline = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
     since = case.line.span[0] if case.line.span else 0.0
     later = misses([line for line in case.lines if line.span and line.span[1] > since])
-    found = later | {c: case.line.not_held(c) for c in case.line.missed}
+    how_missed = later | {c: case.line.not_held(c) for c in case.line.missed}
     sentences = [
-        f"{case.label(c)} did not hold the speed in {how}." for c, how in found.items() if c not in told
+        f"{case.label(c)} did not hold the speed in {how}."
+        for c, how in how_missed.items()
+        if c not in in_headline
     ]
     for line in case.lines:
         unsettled = [case.label(c) for c, v in line.values.items() if v is None and c not in line.missed]

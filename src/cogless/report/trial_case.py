@@ -48,8 +48,8 @@ class Case(Contest):
     def counts(self) -> dict[str, list[float]]:
         """Trials until each controller reaches the floor, in each phase; empty without such a metric."""
         floors = [result_name(metric) for metric in self.about.metrics if metric.kind == "trials-to-floor"]
-        found = {c: run.metrics.get(name) for name in floors[:1] for c, run in self.runs.items()}
-        return {c: values for c, values in found.items() if isinstance(values, list)}
+        by_controller = {c: run.metrics.get(name) for name in floors[:1] for c, run in self.runs.items()}
+        return {c: values for c, values in by_controller.items() if isinstance(values, list)}
 
     @cached_property
     def final(self) -> dict[str, list[float]]:
@@ -59,17 +59,19 @@ class Case(Contest):
     @cached_property
     def feedback(self) -> dict[str, list[float]]:
         """RMS in each phase of each learning controller's own feedback: the same without learning."""
-        found = {}
+        by_controller = {}
         for controller, run in self.runs.items():
             trace = run.feedback
             if trace is not None and self.about.signal in trace:
                 rows = trace[self.about.signal].reshape(-1, self.study.samples(self.scenario))
                 of_trials = rms(rows) / self.about.scale
                 if len(of_trials) == len(self.phases):  # one of each
-                    found[controller] = [float(x) for x in of_trials]
+                    by_controller[controller] = [float(x) for x in of_trials]
                 else:
-                    found[controller] = [settled(of_trials[p.start - 1 : p.stop - 1]) for p in self.phases]
-        return found
+                    by_controller[controller] = [
+                        settled(of_trials[p.start - 1 : p.stop - 1]) for p in self.phases
+                    ]
+        return by_controller
 
     def above_feedback(self, controller: str) -> tuple[Phase, float, float] | None:
         """The phase that ends furthest above the controller's own feedback, and both values; None if none
@@ -131,13 +133,13 @@ class Case(Contest):
 
         The last number is NaN if it isn't finite.
         """
-        found: dict[str, tuple[Phase, float, float]] = {}
+        by_controller: dict[str, tuple[Phase, float, float]] = {}
         for controller in self.rms:
             for phase in self.phases:
                 grown = self._grown(self.of(controller, phase))
                 if grown is not None:
-                    found.setdefault(controller, (phase, *grown))
-        return found
+                    by_controller.setdefault(controller, (phase, *grown))
+        return by_controller
 
     def _grown(self, rms: Array) -> tuple[float, float] | None:
         """The lowest and the last RMS of a phase, as medians over its quarters; None if the RMS doesn't grow.
@@ -181,10 +183,12 @@ class Case(Contest):
         In A, or in the unit of a linear plant's input.
         """
         signal = "i_q_ref" if self.study.plant is None else "u"
-        known = {c: rows for c, run in self.runs.items() if (rows := self._trials(run, signal)) is not None}
+        by_controller = {
+            c: rows for c, run in self.runs.items() if (rows := self._trials(run, signal)) is not None
+        }
         ends = {
             c: [settled(rms(rows)[p.start - 1 : p.stop - 1]) for p in self.phases]
-            for c, rows in known.items()
+            for c, rows in by_controller.items()
         }
         return {c: max(values) if np.all(np.isfinite(values)) else math.inf for c, values in ends.items()}
 
@@ -226,12 +230,12 @@ class Case(Contest):
 def case(results: TrialResults, runs: Sequence[Run]) -> Case | None:
     """The values of a trial scenario to judge by; None if there are none."""
     study, scenario = results.study, runs[0].scenario
-    about, described = judged(study, scenario), study.scenario[scenario]
-    rms = {run.controller: rms_of_trials(about, run, described.trials) for run in runs}
-    known = {c: values for c, values in rms.items() if values is not None}
+    metric, described = judged(study, scenario), study.scenario[scenario]
+    rms = {run.controller: rms_of_trials(metric, run, described.trials) for run in runs}
+    rms_values = {c: values for c, values in rms.items() if values is not None}
     by_name = {run.controller: run for run in runs}
-    found = Case(study, scenario, about, phases(described), by_name, known)
-    return found if found.counts or found.rms else None
+    candidate = Case(study, scenario, metric, phases(described), by_name, rms_values)
+    return candidate if candidate.counts or candidate.rms else None
 
 
 def outcome(results: TrialResults, runs: Sequence[Run]) -> Outcome | None:
@@ -264,8 +268,8 @@ def own_lines(c: Case) -> list[Line]:
         (f"trials at the {quantity} limit, of {c.trials}", "trials-at-limit", "", limited),
     )
     return [
-        Line(name, kind, None, None, "mechanical", "none", shown, _finite(values))
-        for name, kind, shown, values in named
+        Line(name, kind, None, None, "mechanical", "none", unit_words, _finite(values))
+        for name, kind, unit_words, values in named
         if values
     ]
 

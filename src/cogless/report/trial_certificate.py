@@ -75,9 +75,13 @@ def curves(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
     charts: dict[Model, list[tuple[Run, Learning, bool]]] = {}
     for run in runs:
         for name, model in models(run.design.certificate) if run.design is not None else ():
-            both = [found for found in (model.with_filter, model.without_filter) if found is not None]
-            charts.setdefault(name, []).extend((run, found, found is not both[0]) for found in both)
-    return [_chart(results, name.title, found) for name, found in charts.items() if found]
+            curves_of_model = [
+                curve for curve in (model.with_filter, model.without_filter) if curve is not None
+            ]
+            charts.setdefault(name, []).extend(
+                (run, curve, curve is not curves_of_model[0]) for curve in curves_of_model
+            )
+    return [_chart(results, name.title, curve) for name, curve in charts.items() if curve]
 
 
 def _chart(results: TrialResults, title: str, found: Sequence[tuple[Run, Learning, bool]]) -> dict[str, Any]:
@@ -112,11 +116,11 @@ def close_to_one(value: float) -> str:
 
 def _rows(results: TrialResults, run: Run) -> str:
     assert run.design is not None
-    found, K_3 = list(models(run.design.certificate)), run.design.K_3
-    first = f'<th rowspan="{len(found)}">{key(results, run.controller)}</th>'
+    all_models, K_3 = list(models(run.design.certificate)), run.design.K_3
+    first = f'<th rowspan="{len(all_models)}">{key(results, run.controller)}</th>'
     body: list[str] = []
-    for name, model in found:
-        deciding = len(found) > 1 and model is run.design.certificate.deciding
+    for name, model in all_models:
+        deciding = len(all_models) > 1 and model is run.design.certificate.deciding
         decides = ", decides" if deciding else ""
         limits = _limit(model.without_filter, K_3) + _limit(model.with_filter, K_3, " with Q filter")
         cells = [

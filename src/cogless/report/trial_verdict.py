@@ -146,8 +146,8 @@ def _left(c: Case, ranked: Sequence[str]) -> str:
     base = c.baseline
     by_rms = sorted(_contenders(c, [name for name in ranked if name in c.final]), key=c.worst)
     best = by_rms[0]
-    each = "each phase with at most" if len(c.phases) > 1 else "with"
-    sentence = _capital(c, f"{c.label(best)} ends {each} {c.text(c.worst(best))} RMS")
+    phase_words = "each phase with at most" if len(c.phases) > 1 else "with"
+    sentence = _capital(c, f"{c.label(best)} ends {phase_words} {c.text(c.worst(best))} RMS")
     if best != base and base in c.final:
         return f"{sentence}, {_beside(c, c.worst(best), c.worst(base), base)}."
     if len(by_rms) > 1:
@@ -157,10 +157,10 @@ def _left(c: Case, ranked: Sequence[str]) -> str:
 
 def _beside(c: Case, value: float, other: float, name: str) -> str:
     """A value compared with another controller's, such as "21.0 times less than PI (8.20 mrad)"."""
-    told = f"{c.label(name)} ({c.text(other)})"
+    reference = f"{c.label(name)} ({c.text(other)})"
     if not math.isfinite(other):
-        return f"against {told}"
-    return f"{than(value, other)} {'as' if same_size(value, other) else 'than'} {told}"
+        return f"against {reference}"
+    return f"{than(value, other)} {'as' if same_size(value, other) else 'than'} {reference}"
 
 
 def _reach(c: Case, name: str, *, short: bool = False) -> str:
@@ -201,15 +201,15 @@ def _as_quick(c: Case, name: str, best: str) -> bool:
 
 def _behind(c: Case, name: str, best: str) -> str:
     """A sentence on a controller that is behind the best: its slowest phase and its worst first trial."""
-    told, where = "", None
+    slower, where = "", None
     if name in c.counts and best in c.counts and name != c.baseline:
-        told, where = _slower(c, name, best)
+        slower, where = _slower(c, name, best)
     ratio, phase, values = c.worst_first(name, best)
     if c.learns(name) and ratio >= REPORTED_RATIO:
-        there = "there" if phase == where else phase.after
-        worse = f"first trial {there} is {times(ratio)} worse than with {c.label(best)} ({values})"
-        return f"{c.label(name)} {told}; its {worse}." if told else f"With {c.label(name)} the {worse}."
-    return f"{c.label(name)} {told}." if told else ""
+        place = "there" if phase == where else phase.after
+        worse = f"first trial {place} is {times(ratio)} worse than with {c.label(best)} ({values})"
+        return f"{c.label(name)} {slower}; its {worse}." if slower else f"With {c.label(name)} the {worse}."
+    return f"{c.label(name)} {slower}." if slower else ""
 
 
 def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
@@ -294,8 +294,8 @@ def _input(c: Case, best: str) -> str:
     mine, other = c.input_rms[best], c.input_rms[base]
     if not (math.isfinite(mine) and math.isfinite(other)):
         return ""
-    beside = f"{than(mine, other)} {'as' if same_size(mine, other) else 'than'}"
-    return f"{c.label(best)} needs {number(mine)}{unit} RMS of {quantity}, {beside} {c.label(base)}."
+    comparison = f"{than(mine, other)} {'as' if same_size(mine, other) else 'than'}"
+    return f"{c.label(best)} needs {number(mine)}{unit} RMS of {quantity}, {comparison} {c.label(base)}."
 
 
 def _leaves_floor(c: Case, name: str) -> str:
@@ -334,10 +334,10 @@ def _at_the_limit(c: Case) -> str:
 
 def _held_back(c: Case) -> str:
     """A sentence on controllers whose learning the guard held back."""
-    held = {name: trials for name, trials in c.held_back.items() if trials}
-    if not held:
+    held_trials = {name: trials for name, trials in c.held_back.items() if trials}
+    if not held_trials:
         return ""
-    return f"The guard holds learning back, since it left more error than before: {_trials(c, held)}."
+    return f"The guard holds learning back, since it left more error than before: {_trials(c, held_trials)}."
 
 
 def _trials(c: Case, counts: Mapping[str, int]) -> str:
@@ -353,18 +353,18 @@ def _certificates(c: Case) -> list[str]:
     outside: dict[str, list[str]] = {}
     refuted: list[str] = []
     proven: dict[tuple[Model, int], list[str]] = {}
-    for name, (design, model, found) in c.certified.items():
-        learning = found.learning
-        if not found.stable:
+    for name, (design, model, judged_model) in c.certified.items():
+        learning = judged_model.learning
+        if not judged_model.stable:
             reason = (
-                f"along the trial the loop is unstable for {found.worst} "
-                f"(largest pole {close_to_one(found.radius)}; {model.words})"
+                f"along the trial the loop is unstable for {judged_model.worst} "
+                f"(largest pole {close_to_one(judged_model.radius)}; {model.words})"
             )
             uncertified.setdefault(reason, []).append(name)
         elif learning is None:
             continue
         elif not learning.monotone:
-            uncertified.setdefault(f"{_growing(found, learning)} ({model.words})", []).append(name)
+            uncertified.setdefault(f"{_growing(judged_model, learning)} ({model.words})", []).append(name)
         elif design.beyond:
             outside.setdefault(design.beyond[0], []).append(name)
         elif (why := _not_in_this_scenario(c, name, design)) is not None:
@@ -431,11 +431,11 @@ def _growing(found: ModelCertificate, learning: Learning) -> str:
 
 def _delay(c: Case) -> str:
     """A sentence on controllers whose loop one more sample of delay would make unstable."""
-    found = {name: model for name, (_, _, model) in c.certified.items()}
-    frail = [name for name, model in found.items() if model.stable and not model.delayed_stable]
+    models = {name: model for name, (_, _, model) in c.certified.items()}
+    frail = [name for name, model in models.items() if model.stable and not model.delayed_stable]
     if not frail:
         return ""
-    whose = "no loop is" if len(frail) == len(found) > 1 else f"the loop of {c.labels(frail)} is not"
+    whose = "no loop is" if len(frail) == len(models) > 1 else f"the loop of {c.labels(frail)} is not"
     return f"With one more sample of delay at the input {whose} stable at every corner."
 
 

@@ -91,13 +91,13 @@ def waveforms(results: Results, runs: Sequence[Run]) -> dict[str, Any]:
         return {"panels": []}
     spatial = any(in_angle(results, run) for run in runs)
     needed = spatial and needed_current(results, runs[0]) is not None
-    about = "; dashed: the current that the motion needs" if needed else ""
+    legend = "; dashed: the current that the motion needs" if needed else ""
     panels = [
         Panel("Speed, reference dashed", "omega_m", "speed", speed_unit(results)),
         *errors(results, runs),
         Panel("Current reference", "i_q_ref", "i_q_ref", "A"),
         Panel("Torque of the motor, cogging included", "tau_motor", "torque", "N*m"),
-        Panel(f"Learned part of the current reference{about}", ALL_LEARNED, "current", "A"),
+        Panel(f"Learned part of the current reference{legend}", ALL_LEARNED, "current", "A"),
     ]
     if spatial:
         panels += [Panel(f"{axis} current", f"i_{axis}", f"i_{axis}", "A") for axis in "qd"]
@@ -112,12 +112,12 @@ def _details(results: Results, runs: Sequence[Run], coarse: int, share: int) -> 
     """Views of the first faults and the last revolutions, if the run's `coarse` points are too few there."""
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
-    found = [(since, until) for _, since, until in spans(results, runs, start, end)[:FAULTS_FINE]]
+    close_ups = [(since, until) for _, since, until in spans(results, runs, start, end)[:FAULTS_FINE]]
     last = _since(runs[0].trace, TURNS_READABLE)
-    found += [(last, end)] if last is not None else []
-    fine = max(WAVEFORM_POINTS_LEAST, min(MOST_FINE, POINTS_FINE // share // max(1, len(found))))
+    close_ups += [(last, end)] if last is not None else []
+    fine = max(WAVEFORM_POINTS_LEAST, min(MOST_FINE, POINTS_FINE // share // max(1, len(close_ups))))
     views: list[View] = []
-    for since, until in found:
+    for since, until in close_ups:
         since = max(since, views[-1].span[1]) if views and views[-1].span else since
         if until > since and fine >= 2 * coarse * (until - since) / (end - start):
             views.append(View((since, until), fine))
@@ -131,10 +131,10 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
-    found: list[dict[str, Any]] = []
+    buttons: list[dict[str, Any]] = []
 
     def add(name: str, since: float, until: float) -> None:
-        found.append({"name": name, "from": max(start, since), "to": min(end, until)})
+        buttons.append({"name": name, "from": max(start, since), "to": min(end, until)})
 
     changes = [e.time for e in results.study.scenario[runs[0].scenario].events if e.time < end]
     broken = spans(results, runs, start, end)
@@ -146,19 +146,19 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         since = _since(runs[0].trace, count)
         if since is not None:
             add(name, since, end)
-    if not broken and not changes and found[-1]["name"] == "last revolution":
-        found[-1]["first"] = True
+    if not broken and not changes and buttons[-1]["name"] == "last revolution":
+        buttons[-1]["first"] = True
     for fault, since, until in broken[:FAULT_BUTTONS]:
         add(f"fault at {fault.time:g} s", since, until)
         if fault is broken[0][0]:
-            found[-1]["first"] = True
+            buttons[-1]["first"] = True
     laws = [in_angle(results, run) for run in runs]
     for begun in sorted({law.learning_start for law in laws if law and 0 < law.learning_start < end}):
         add(f"learning begins at {begun:g} s", begun - 2, begun + 5)
     for change in changes:
         if not any(fault.time <= change <= fault.end for fault, _, _ in broken):
             add(f"event at {change:g} s", change - 0.1, change + 1)
-    return found
+    return buttons
 
 
 def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
@@ -174,10 +174,10 @@ def _since(trace: Trace, revolutions: int) -> float | None:
     row, turned = len(trace) - 1, 0.0
     for rows in reversed(list(trace.blocks())):
         speed = np.abs(np.nan_to_num(trace.part("omega_ref", rows)))[::-1]
-        left = turned + np.cumsum(speed) * trace.period / (2 * math.pi)
-        within = int(np.count_nonzero(left <= revolutions))
-        row, turned = row - within, float(left[-1])
-        if within < len(left):
+        remaining = turned + np.cumsum(speed) * trace.period / (2 * math.pi)
+        within = int(np.count_nonzero(remaining <= revolutions))
+        row, turned = row - within, float(remaining[-1])
+        if within < len(remaining):
             return float(trace.time[row]) if row > 0 else None
     return None
 

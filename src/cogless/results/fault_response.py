@@ -148,10 +148,10 @@ def _last_turn(trace: Trace, room: Span) -> Span | None:
     time = trace.time[rows]
     if len(time) < RIPPLE_ROWS_LEAST:
         return None
-    left = np.cumsum(np.abs(trace.part("omega_ref", rows)[::-1]))[::-1] * trace.period
-    if not left[0] >= TURN * (1 - 1e-9):
+    remaining = np.cumsum(np.abs(trace.part("omega_ref", rows)[::-1]))[::-1] * trace.period
+    if not remaining[0] >= TURN * (1 - 1e-9):
         return None
-    first = int(np.flatnonzero(left >= TURN * (1 - 1e-9))[-1])
+    first = int(np.flatnonzero(remaining >= TURN * (1 - 1e-9))[-1])
     return float(time[first]), float(time[-1]) + trace.period
 
 

@@ -105,7 +105,7 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
             f"{study.source.path}: calibration: missing: expected a table of parameters, targets"
         )
     knobs = [_knob(study, index, parameter) for index, parameter in enumerate(study.calibration.parameters)]
-    known: dict[str, dict[str, Value]] = {}
+    metrics_of: dict[str, dict[str, Value]] = {}
     evaluations = 0
 
     best = np.array([k.start / k.scale for k in knobs])
@@ -113,8 +113,8 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
 
     def deviations(x: NDArray[np.float64]) -> NDArray[np.float64]:
         nonlocal evaluations, best, least
-        found = _residuals(_with(study, knobs, x), known, jobs)
-        weighted = np.array(_relative(study, found))
+        residuals = _residuals(_with(study, knobs, x), metrics_of, jobs)
+        weighted = np.array(_relative(study, residuals))
         deviation = float(np.sqrt(np.mean(weighted**2)))
         if deviation < least:
             best, least = x.copy(), deviation
@@ -146,7 +146,7 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
     parameters = tuple(
         Fitted(k.key, shown(k.text(s)), shown(k.text(x))) for k, s, x in zip(knobs, start, best, strict=True)
     )
-    residuals = tuple(_residuals(fitted, known, jobs))
+    residuals = tuple(_residuals(fitted, metrics_of, jobs))
     return Fit(parameters, residuals, least, settled, fitted, interrupted)
 
 
@@ -213,18 +213,20 @@ def _residuals(study: AnyStudy, known: dict[str, dict[str, Value]], jobs: int) -
         if results.interrupted:
             raise KeyboardInterrupt
         known |= {names[run.scenario, run.controller]: dict(run.metrics) for run in results.runs}
-    found = []
+    residuals = []
     for target in study.calibration.targets:
         metric = _metric(study, target.scenario, target.metric)
         value = known[names[target.scenario, target.controller]].get(result_name(metric))
         got = value if isinstance(value, list) else [math.nan if value is None else value]
         places = metric.order or (range(1, len(got) + 1) if isinstance(value, list) else (None,))
-        for part, wanted, number in zip(places, target.values(metric, len(got)), got, strict=True):
+        for part, target_value, number in zip(places, target.values(metric, len(got)), got, strict=True):
             if not math.isfinite(number):
                 place = f"{target.scenario}/{target.controller}"
                 raise StudyError(f"{study.source.path}: calibration: {target.metric} of {place} has no value")
-            found.append(Residual(target.scenario, target.controller, target.metric, part, wanted, number))
-    return found
+            residuals.append(
+                Residual(target.scenario, target.controller, target.metric, part, target_value, number)
+            )
+    return residuals
 
 
 def _metric(study: AnyStudy, scenario: str, name: str) -> Metric:
@@ -257,8 +259,8 @@ def residual_rows(fit: Fit) -> list[tuple[str, str, str, str, str]]:
     for r in fit.residuals:
         metric = _metric(fit.study, r.scenario, r.metric)
         unit = metric.unit or metric.dimension.unit
-        wanted, got = (units.format(value, unit, metric.dimension, digits=4) for value in (r.wanted, r.got))
+        expected, got = (units.format(value, unit, metric.dimension, digits=4) for value in (r.wanted, r.got))
         share = f"{100 * (r.got / r.wanted - 1):+.1f} %" if r.wanted else ""
         name = r.metric if r.part is None else f"{r.metric} {r.part:g}"
-        rows.append((f"{r.scenario}/{r.controller}", name, wanted, got, share))
+        rows.append((f"{r.scenario}/{r.controller}", name, expected, got, share))
     return rows

@@ -43,22 +43,22 @@ class Suspect:
 
 def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
     """The causes in a run's scenario. `metric`: the one that judges the run."""
-    here = for_scenario(study, run.scenario)
-    steps, error = _steps(here), _error(here)
+    own_study = for_scenario(study, run.scenario)
+    steps, error = _steps(own_study), _error(own_study)
     clean = {**steps, **error}
     found = {
         "sensor-steps": (steps, {}),
         "sensor-error": (error, {}),
-        "delay": (_delay(here), clean),
-        "dead-time": (_dead_time(here), {}),
-        "switching": (_switching(here), {}),
-        "current-noise": (_current_noise(here), {}),
-        "current-error": (_current_error(here), {}),
+        "delay": (_delay(own_study), clean),
+        "dead-time": (_dead_time(own_study), {}),
+        "switching": (_switching(own_study), {}),
+        "current-noise": (_current_noise(own_study), {}),
+        "current-error": (_current_error(own_study), {}),
         "learning-time": (longer(study, run.scenario, run.controller, metric), {}),
         "disturbance": (_disturbance(study, run.scenario), {}),
-        "friction": (_friction(here, run), {}),
-        "limit": (_limit(here, run), {}),
-        "belief": ({} if here.drive.belief == Belief() else {"drive.belief": {}}, {}),
+        "friction": (_friction(own_study, run), {}),
+        "limit": (_limit(own_study, run), {}),
+        "belief": ({} if own_study.drive.belief == Belief() else {"drive.belief": {}}, {}),
     }
     return [
         Suspect(name, without, beside, name in TOLD) for name, (without, beside) in found.items() if without

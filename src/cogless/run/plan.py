@@ -43,9 +43,9 @@ def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> l
     `drive`: the engine's, with this law. StudyError: the file is no map, or nothing that fits the law, or
     that a user's law takes.
     """
-    given = law.start
-    assert given is not None
-    key, name = ("table", given.table) if given.map is None else ("map", given.map)
+    start = law.start
+    assert start is not None
+    key, name = ("table", start.table) if start.map is None else ("map", start.map)
     where = f'{study.source.path}: controller.{controller}.start.{key}: "{name}": '
     try:
         with _law_failures(study, controller, where):
@@ -54,8 +54,8 @@ def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> l
         if own is None:
             needs = law.NEEDS if isinstance(law, OwnLaw) else "none, since the memory is over time"
             raise MapError(f"expected {needs}")
-        found = _of_table(study, given) if given.map is None else _newest(study, given.map)
-        entries = learned_map.entries(found, own, law.unit)
+        source = _of_table(study, start) if start.map is None else _newest(study, start.map)
+        entries = learned_map.entries(source, own, law.unit)
         if isinstance(law, OwnLaw):
             with _law_failures(study, controller, where):
                 drive.load_map(state, entries)  # it may refuse it: before the first run
@@ -79,10 +79,10 @@ def _newest(study: Study, name: str) -> StoredMap:
     path = study.source.folder / name
     if not path.is_file():
         raise MapError(f"expected a file at {path}")
-    found = stored_map.read(path)
-    newest = stored_map.newest(found)
+    maps = stored_map.read(path)
+    newest = stored_map.newest(maps)
     if newest is None:
-        raise MapError(str(found[0].map))
+        raise MapError(str(maps[0].map))
     return newest.map
 
 
@@ -227,12 +227,12 @@ def plan(
 def _plan_speed(
     study: Study, scenario: str, controller: str, stop: Event | None, design: TrialDesign | None
 ) -> Plan:
-    made, law = _speed(study, scenario, controller, "run"), study.controller[controller]
+    plan, law = _speed(study, scenario, controller, "run"), study.controller[controller]
     if isinstance(law, Startable) and law.start is not None:
-        return replace(made, learned=starting_map(study, controller, law, made.drive))
+        return replace(plan, learned=starting_map(study, controller, law, plan.drive))
     if not isinstance(law, AntiCogging):
-        return made
-    return replace(made, learned=_commissioned(study, scenario, controller, stop or Event()))
+        return plan
+    return replace(plan, learned=_commissioned(study, scenario, controller, stop or Event()))
 
 
 def _described(
@@ -325,15 +325,15 @@ def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> 
     """
     law = study.controller[controller]
     assert isinstance(law, AntiCogging) and law.calibration is not None
-    made = _speed(study, scenario, controller, "learn")
-    drive, state, expected = made.drive, made.drive.start(), law.calibration.duration
+    plan = _speed(study, scenario, controller, "learn")
+    drive, state, expected = plan.drive, plan.drive.start(), law.calibration.duration
 
     def when() -> str:
-        return f", commissioning run,{made.when(state.tick)}"
+        return f", commissioning run,{plan.when(state.tick)}"
 
-    piece = made.divider * math.ceil(made.rate / made.divider)  # 1 s
-    while state.tick < 3 * expected * made.rate:
-        recorder = made.engine.Recorder(drive, made.divider)
+    piece = plan.divider * math.ceil(plan.rate / plan.divider)  # 1 s
+    while state.tick < 3 * expected * plan.rate:
+        recorder = plan.engine.Recorder(drive, plan.divider)
 
         def run(ticks: int, recorder: Any = recorder) -> None:
             with failures(study, scenario, controller, when):

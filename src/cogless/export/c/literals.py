@@ -49,9 +49,9 @@ def _lines(headers: Headers, struct: str, values: dict[str, Any], precision: str
             lines += _lines(headers, first.type, values[first.name], precision, indent + INDENT_WIDTH)
             lines.append(f"{' ' * indent}}},")
             continue
-        given = [f for f in fields if values[f.name] is not None]
-        if given:
-            assigned = ", ".join(f".{f.name} = {_value(values[f.name], f, precision)}" for f in given)
+        set_fields = [f for f in fields if values[f.name] is not None]
+        if set_fields:
+            assigned = ", ".join(f".{f.name} = {_value(values[f.name], f, precision)}" for f in set_fields)
             lines += _commented(f"{' ' * indent}{assigned},", first.comment)
     return lines
 

@@ -66,10 +66,10 @@ def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[
     state = prepared.drive.start()
     if motion is not None:
         prepared.drive.begin_trial(state, motion)
-    layout, counts, found = subject.layout, 0, []
+    layout, counts, stretches = subject.layout, 0, []
     measured, asked = layout.leaves("cgl_measurement"), layout.leaves("cgl_reference")
     real: type[np.floating[Any]] = np.float64 if subject.precision == "d" else np.float32
-    for about, periods, jump, step, inputs in _plan(subject):
+    for title, periods, jump, step, inputs in _plan(subject):
         counts += jump
         now, reference = bytearray(layout.size("cgl_measurement")), bytearray(layout.size("cgl_reference"))
         values = _values(inputs)
@@ -84,9 +84,9 @@ def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[
             struct.pack_into(place.format, now, place.offset, angle)
             out: bytes = prepared.drive.step_controller(state, bytes(now), bytes(reference))
             total = fnv(layout.bits("cgl_drive_output", out), total)
-        found.append(Stretch(about, periods, counts % ANGLE_COUNTS, step, words, total))
+        stretches.append(Stretch(title, periods, counts % ANGLE_COUNTS, step, words, total))
         counts += periods * step
-    return found
+    return stretches
 
 
 def fnv(words: Iterable[int], total: int = FNV_START) -> int:
@@ -251,18 +251,18 @@ def self_test_words(
     """Texts that fill the placeholders in the templates self_test.c and self_test_data.h."""
     layout = subject.layout
     measured, asked = layout.leaves("cgl_measurement"), layout.leaves("cgl_reference")
-    given = layout.leaves("cgl_drive_output")
+    leaves = layout.leaves("cgl_drive_output")
     names = [f"now.{leaf.path}" for leaf in measured] + [f"reference.{leaf.path}" for leaf in asked]
     pairs = zip(recording.measurements, recording.references, strict=True)
     inputs = [layout.bits("cgl_measurement", m) + layout.bits("cgl_reference", r) for m, r in pairs]
     taken = _Columns("in", names, inputs)
     outputs = [layout.bits("cgl_drive_output", out) for out in recording.outputs]
-    wanted = _Columns("wanted", [leaf.path for leaf in given], outputs)
+    expected = _Columns("wanted", [leaf.path for leaf in leaves], outputs)
     reads = [
         f"{name} = {_read(leaf, word)};"
         for name, leaf, word in zip(names, [*measured, *asked], taken.words, strict=True)
     ]
-    equal = [_equal(leaf, word) for leaf, word in zip(given, wanted.words, strict=True)]
+    equal = [_equal(leaf, word) for leaf, word in zip(leaves, expected.words, strict=True)]
     every = [
         f"{name} = {_read(leaf, f's->in[{n}]')};"
         for n, (name, leaf) in enumerate(zip(names, [*measured, *asked], strict=True))
@@ -279,13 +279,13 @@ def self_test_words(
         "stretch_names": textwrap.fill(", ".join(names), 116, subsequent_indent=" * "),
         "stretches": "\n".join(map(_stretch, stretches)),
         "read_stretch": "\n".join(f"        {line}" for line in every),
-        "sum_outputs": "\n".join(f"        sum = add(sum, {_word(leaf)});" for leaf in given),
+        "sum_outputs": "\n".join(f"        sum = add(sum, {_word(leaf)});" for leaf in leaves),
         "input_count": str(len(taken.varying)),
-        "output_count": str(len(wanted.varying)),
+        "output_count": str(len(expected.varying)),
         "input_names": taken.header(),
-        "output_names": wanted.header(),
+        "output_names": expected.header(),
         "inputs": taken.table(),
-        "outputs": wanted.table(),
+        "outputs": expected.table(),
         "read_inputs": "\n".join(f"    {line}" for line in reads),
         "compare_outputs": "\n           && ".join(equal),
         **_memory(subject, recording, memory),

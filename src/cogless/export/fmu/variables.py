@@ -66,8 +66,8 @@ def real(causality: Causality, name: str, unit: str, about: str, start: float = 
 def signal(name: str, unit: str) -> Variable:
     """A recorded signal as an output."""
     kind: Kind = "integer" if name in INTEGERS else "real"
-    about = RECORDED[name].about if name in RECORDED else TERM
-    return Variable(name, kind, "output", about, unit)
+    description = RECORDED[name].about if name in RECORDED else TERM
+    return Variable(name, kind, "output", description, unit)
 
 
 def measurements(causality: Causality, phases: int, bus_voltage: float | None) -> list[Variable]:
