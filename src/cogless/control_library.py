@@ -203,22 +203,22 @@ def _members(struct: str, body: str, numbers: Mapping[str, int]) -> tuple[Field,
     fields: list[Field] = []
     place, count, body = 0, 0, body.rstrip()
     while place < len(body):
-        found = STRUCT_MEMBER.match(body, place)
-        if found is None:
+        member = STRUCT_MEMBER.match(body, place)
+        if member is None:
             raise ValueError(f"{struct}: not readable: {body[place:].strip()[:40]!r}")
-        place = found.end()
-        if found.group(1) is None:
+        place = member.end()
+        if member.group(1) is None:
             continue
-        function = FUNCTION.fullmatch(found.group(1).strip())
+        function = FUNCTION.fullmatch(member.group(1).strip())
         if function is not None:
-            comment = " ".join((found.group(2) or "").split())
+            comment = " ".join((member.group(2) or "").split())
             fields.append(Field(function.group(1), "void", None, True, comment, count))
             count += 1
             continue
-        whole = DECLARATION.fullmatch(found.group(1).strip())
+        whole = DECLARATION.fullmatch(member.group(1).strip())
         if whole is None:
-            raise ValueError(f"{struct}: not readable: {found.group(1).strip()!r}")
-        comment = " ".join((found.group(2) or "").split())
+            raise ValueError(f"{struct}: not readable: {member.group(1).strip()!r}")
+        comment = " ".join((member.group(2) or "").split())
         for part in whole.group(2).split(","):
             one = DECLARATOR.fullmatch(part.strip())
             if one is None:

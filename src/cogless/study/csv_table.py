@@ -104,30 +104,30 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
     places = {
         column: (names.index(column), _scale(heading, names, column, units_of[column])) for column in units_of
     }
-    found = Rising(name)
+    rising_column = Rising(name)
     for number, row in enumerate(rows, start=2):
         if not any(cell.strip() for cell in row):
             continue
         if len(row) != len(heading):
             points = DECIMAL_POINT_HINT if len(row) > len(heading) else ""
             raise invalid(f"line {number}: {shown(*row)}: expected {len(heading)} columns{points}", "file")
-        here, there = (
+        place_here, value_there = (
             _number(row[place], column, number) * factor for column, (place, factor) in places.items()
         )
-        if found.along and here <= found.along[-1]:
+        if rising_column.along and place_here <= rising_column.along[-1]:
             cell, article = shown(row[places[axis][0]]), "an" if axis[0] in "aeiou" else "a"
             raise invalid(f"line {number}: {cell}: expected {article} {axis} above the one before", "file")
-        found.along.append(here)
-        found.value.append(there)
-        found.line.append(number)
-    return found
+        rising_column.along.append(place_here)
+        rising_column.value.append(value_there)
+        rising_column.line.append(number)
+    return rising_column
 
 
 def _only(heading: list[str], names: list[str], columns: Mapping[str, Dimension]) -> str:
     """The name of the value's column."""
-    found = [name for name in names if name in columns]
-    if len(found) == 1:
-        return found[0]
+    value_names = [name for name in names if name in columns]
+    if len(value_names) == 1:
+        return value_names[0]
     examples = " or ".join(
         f'"{name} [{dimension.example or dimension.unit}]"' for name, dimension in columns.items()
     )
@@ -205,8 +205,8 @@ def read(path: Path, columns: Mapping[str, Dimension], key: str = "file") -> Ove
 
 
 def _read(path: Path, columns: Mapping[str, Dimension]) -> OverAngle:
-    found = rising(path, ("angle", units.ANGLE), columns)
-    return _whole(found.name, found.along, found.value, found.line)
+    column = rising(path, ("angle", units.ANGLE), columns)
+    return _whole(column.name, column.along, column.value, column.line)
 
 
 def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> OverAngle:
@@ -248,7 +248,7 @@ Points = tuple[tuple[float, float], ...]
 
 def points(path: Path) -> Points:
     """Time (s) and speed (rad/s) of each line; raises an error that names the line and quotes it."""
-    found: list[tuple[float, float]] = []
+    time_and_speed: list[tuple[float, float]] = []
     scales, expected = (
         (1.0, 1.0),
         f"expected time in s and speed in rad/s, with a comma between{DECIMAL_POINT_HINT}",
@@ -266,12 +266,12 @@ def points(path: Path) -> Points:
             raise invalid(f"{where}{shown(*row)}: {expected}", "file") from None
         for value, text, (name, _) in zip((time, speed), row, COLUMNS, strict=True):
             finite(text, value, name, where)
-        if found and time * scales[0] <= found[-1][0]:
+        if time_and_speed and time * scales[0] <= time_and_speed[-1][0]:
             raise invalid(f"{where}{shown(row[0])}: expected a time after the line before", "file")
-        found.append((time * scales[0], speed * scales[1]))
-    if not found:
+        time_and_speed.append((time * scales[0], speed * scales[1]))
+    if not time_and_speed:
         raise invalid("expected lines of time in s and speed in rad/s", "file")
-    return tuple(found)
+    return tuple(time_and_speed)
 
 
 def _scales(heading: list[str]) -> tuple[float, float]:

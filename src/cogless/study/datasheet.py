@@ -72,12 +72,12 @@ class AngleFile(Table):
             )
         waves = [(n, c) for n, c in all_[1:] if without_effect is None or n % without_effect]
         if self.orders is not None:
-            wanted = {*self.orders, *needed}
-            if max(wanted) > highest:
+            orders = {*self.orders, *needed}
+            if max(orders) > highest:
                 raise invalid(
                     f"expected orders up to {highest}, half the points of the table", *key, "orders"
                 )
-            return [(n, c) for n, c in waves if n in wanted]
+            return [(n, c) for n, c in waves if n in orders]
         power = sum(abs(c) ** 2 for _, c in waves)
         taken, rest = list[Wave](), power
         for n, c in sorted(waves, key=lambda wave: (wave[0] not in needed, -abs(wave[1]))):
@@ -97,15 +97,15 @@ class AngleFile(Table):
     def _check_size(self, unit: str, start: str = "") -> None:
         """Refuse a stated size that the table does not have. `start`: of the keys that state it."""
         low, high = min(self._table.value), max(self._table.value)
-        for key, found in ((f"{start}peak", max(-low, high)), (f"{start}peak_to_peak", high - low)):
+        for key, size in ((f"{start}peak", max(-low, high)), (f"{start}peak_to_peak", high - low)):
             stated = getattr(self, key)
-            if stated is None or math.isclose(stated, found, rel_tol=AGREEMENT_MOST):
+            if stated is None or math.isclose(stated, size, rel_tol=AGREEMENT_MOST):
                 continue
             twice = any(
-                math.isclose(stated, factor * found, rel_tol=2 * AGREEMENT_MOST) for factor in (2, 0.5)
+                math.isclose(stated, factor * size, rel_tol=2 * AGREEMENT_MOST) for factor in (2, 0.5)
             )
             why = "; peak and peak to peak differ by 2" if twice else ""
-            raise invalid(f"expected {found:.4g} {unit} or so, as the table has{why}", key)
+            raise invalid(f"expected {size:.4g} {unit} or so, as the table has{why}", key)
 
 
 def _folder(info: ValidationInfo) -> Path:
@@ -187,8 +187,8 @@ class BackEmfTable(AngleFile):
         8, ... Multiples of 3 are alike in all phases and have no effect.
         """
         per_turn = pole_pairs if self.frame == "mechanical" else 1
-        found = self._waves((per_turn,), 3 * per_turn, ("back_emf_table",))
-        rms, fundamental = math.hypot(*(abs(c) for _, c in found)), abs(dict(found)[per_turn])
+        waves = self._waves((per_turn,), 3 * per_turn, ("back_emf_table",))
+        rms, fundamental = math.hypot(*(abs(c) for _, c in waves)), abs(dict(waves)[per_turn])
         if fundamental <= FUNDAMENTAL_LEAST * rms:
             expected = (
                 f"expected a fundamental, order {per_turn}, of more than {FUNDAMENTAL_LEAST:.0%} of the rms"
@@ -196,7 +196,7 @@ class BackEmfTable(AngleFile):
             raise invalid(f"{expected}: are pole_pairs and frame right?", "back_emf_table", "file")
         of_phase = {
             n // per_turn: c / (pole_pairs * self.speed) / self._difference(n // per_turn)
-            for n, c in found
+            for n, c in waves
             if n % per_turn == 0
         }
         zero = cmath.phase(of_phase[1]) - math.pi / 2  # the table's angle where theta_e is zero, negated

@@ -72,8 +72,8 @@ def _value(node: ast.expr, values: Mapping[str, float]) -> float:
             return float(number)
         case ast.Name(id=name):
             if name not in values:
-                known = ", ".join(values) or "none are given"
-                raise ExpressionError(f'expected known parameters ({known}), not "{name}"')
+                names = ", ".join(values) or "none are given"
+                raise ExpressionError(f'expected known parameters ({names}), not "{name}"')
             return values[name]
         case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=inner):
             return -_value(inner, values) if isinstance(sign, ast.USub) else _value(inner, values)
@@ -201,8 +201,8 @@ class LinearPlant(Table):
             except ExpressionError as error:
                 raise invalid(str(error), *key) from None
             if unknown:
-                known = ", ".join(self.parameter) or "none"
-                expected = f'expected known parameters ({known}), not "{min(unknown)}"'
+                all_parameters = ", ".join(self.parameter) or "none"
+                expected = f'expected known parameters ({all_parameters}), not "{min(unknown)}"'
                 raise invalid(expected, *key)
 
     @property

@@ -86,8 +86,8 @@ class Counted(Mounted):
     @model_validator(mode="after")
     def _of_a_method(self) -> Self:
         for key, method in (("observer_bandwidth", "observer"), ("window", "average")):
-            given = key in self.model_fields_set and getattr(self, key) is not None
-            if given and self.speed_method != method:
+            is_set = key in self.model_fields_set and getattr(self, key) is not None
+            if is_set and self.speed_method != method:
                 raise invalid(f'expected none, unless speed_method is "{method}"', key)
         if self.observer_bandwidth is None and self.speed_method == "observer":
             raise invalid("expected a frequency", "observer_bandwidth", value="missing")

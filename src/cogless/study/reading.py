@@ -83,9 +83,9 @@ def derived(like: AStudy, tables: dict[str, Any], checks: tuple[Check, ...], fol
         raise ValueError("a table is gone")
     parts = {key: _new(tables[key], before.get(key, MISSING), getattr(like, key, None)) for key in differ}
     model = _tables_model(type(like), tuple(sorted(differ)))
-    made = model.model_validate(parts, context={"folder": folder})
-    found = {key: _whole(getattr(made, key), tables[key], getattr(like, key)) for key in differ}
-    study = like.model_copy(update=found)
+    validated = model.model_validate(parts, context={"folder": folder})
+    updates = {key: _whole(getattr(validated, key), tables[key], getattr(like, key)) for key in differ}
+    study = like.model_copy(update=updates)
     study._made = {}
     for check in checks:
         check(study)
@@ -203,10 +203,10 @@ def parse_change(text: str) -> tuple[str, Any]:
     if not text.isprintable() and any("\ud800" <= character <= "\udfff" for character in text):
         raise StudyError(f"--set: {shown(text)}: expected UTF-8")
     try:
-        found = _toml(f"value = {value}")
+        parsed = _toml(f"value = {value}")
     except ValueError:
-        found = {}
-    return key.strip(), found["value"] if len(found) == 1 else value.strip()
+        parsed = {}
+    return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
 
 
 def find(name: str | Path, room: str, what: str, beside: Path | None = None, where: str = "") -> Path:
@@ -214,9 +214,9 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
 
     `room`: folder of shipped files. `what`: kind of file. `where`: file and key that name it, for messages.
     """
-    known = shipped(room)
-    if str(name) in known:
-        return known[str(name)]
+    shipped_files = shipped(room)
+    if str(name) in shipped_files:
+        return shipped_files[str(name)]
     path = (beside or Path()) / name
     check_utf8(path, f"a {what} file")
     plain = not where and 0 < len(str(name)) <= LONGEST_NAME
@@ -228,8 +228,10 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
             return named_file
         if path.is_dir():
             raise StudyError(f"{named}is a directory: expected a {what} file")
-    expected = f"expected a file, or one of the shipped: {', '.join(known) or 'none'}"
-    raise StudyError(f"{named}no such {what}: {expected}{perhaps(path.name, [*known, *_beside_it(path)])}")
+    expected = f"expected a file, or one of the shipped: {', '.join(shipped_files) or 'none'}"
+    raise StudyError(
+        f"{named}no such {what}: {expected}{perhaps(path.name, [*shipped_files, *_beside_it(path)])}"
+    )
 
 
 def _beside_it(path: Path) -> list[str]:
@@ -292,15 +294,15 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
     path = split(key)
     inner: Any = tables
     for depth, part in enumerate(path[:-1]):
-        found = look_up(inner, (part,))
-        if found is MISSING and isinstance(inner, dict):
-            found = inner[str(part)] = {}
-        elif isinstance(found, str):
+        value_there = look_up(inner, (part,))
+        if value_there is MISSING and isinstance(inner, dict):
+            value_there = inner[str(part)] = {}
+        elif isinstance(value_there, str):
             # A short form such as reference = "60 rpm" is a text, which has no keys.
             raise StudyError(f"{key}: {shown(value)}: expected a table at {dotted(path[: depth + 1])}")
-        elif isinstance(inner, list) and found is MISSING:
+        elif isinstance(inner, list) and value_there is MISSING:
             raise StudyError(f"{key}: {shown(value)}: {_within(inner, path[:depth])}")
-        inner = found
+        inner = value_there
     last = path[-1]
     old = look_up(inner, (last,))
     if isinstance(inner, dict):
@@ -363,11 +365,11 @@ def _own(tables: dict[str, Any], path: Key) -> None:
     """Replace tables and arrays on the way to a key by copies; the originals may be another study's."""
     inner: Any = tables
     for part in path:
-        found = look_up(inner, (part,))
-        if not isinstance(found, dict | list):
+        value_there = look_up(inner, (part,))
+        if not isinstance(value_there, dict | list):
             return
         place = str(part) if isinstance(inner, dict) else part
-        inner[place] = copy.copy(found)
+        inner[place] = copy.copy(value_there)
         inner = inner[place]
 
 
@@ -381,13 +383,18 @@ def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str,
 def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
     """Refuse a change to an unknown controller or scenario, unless the changes define it as a whole."""
     for table, needed in (("controller", "law"), ("scenario", "duration")):
-        known = tables.get(table)
+        defined = tables.get(table)
         for key, value in changes.items():
             parts = split(key)
-            if not isinstance(known, dict) or parts[0] != table or len(parts) < 3 or str(parts[1]) in known:
+            if (
+                not isinstance(defined, dict)
+                or parts[0] != table
+                or len(parts) < 3
+                or str(parts[1]) in defined
+            ):
                 continue
             if f"{table}.{parts[1]}.{needed}" not in changes:
-                expected = f"expected a {table} of {', '.join(known)}{perhaps(str(parts[1]), known)}"
+                expected = f"expected a {table} of {', '.join(defined)}{perhaps(str(parts[1]), defined)}"
                 raise StudyError(f"{path}: {key}: {shown(value)}: {expected}")
 
 
@@ -439,48 +446,48 @@ def checked(source: Source, like: StudyBase | None = None) -> AnyStudy:
 
 def _of_each(scenarios: Iterable[str], made: Callable[[str], Made]) -> dict[str, Made]:
     """Call `made` for each scenario; a single StudyError lists the mistakes of all scenarios."""
-    found: dict[str, Made] = {}
+    by_scenario: dict[str, Made] = {}
     lines: list[str] = []
     for name in scenarios:
         try:
-            found[name] = made(name)
+            by_scenario[name] = made(name)
         except StudyError as error:
             lines += str(error).splitlines()
     if lines:
         raise study_error(lines)
-    return found
+    return by_scenario
 
 
 def _hardware(study: TrialStudy, scenario: str) -> tuple[Hardware, ...]:
     """Motor, mechanics and load of a drive in each phase, checked; empty for a linear plant."""
-    found: list[Hardware] = []
+    of_phases: list[Hardware] = []
     for index, (_, conditions) in enumerate(study.scenario[scenario].phases if study.plant is None else ()):
         at = f".changes.{index - 1}" if index else ""
         prefix = f"scenario.{scenario}{at}.override: "
         source = _replaced(study.source, _overridden(study.source, conditions.override or {}, prefix))
         motor = _part(Motor, "motor", source, prefix)
         mechanics = _part(Mechanics, "mechanics", source, prefix)
-        found.append(Hardware(motor, mechanics, conditions.load or mechanics.load))
-    return tuple(found)
+        of_phases.append(Hardware(motor, mechanics, conditions.load or mechanics.load))
+    return tuple(of_phases)
 
 
 def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
     try:
         return model.model_validate(source.tables[key], context={"folder": source.folder})
     except ValidationError as error:
-        found = [replace(p, key=(key, *p.key)) for p in problems(error, source.tables[key])]
-        raise _error(found, source, prefix) from None
+        mistakes = [replace(p, key=(key, *p.key)) for p in problems(error, source.tables[key])]
+        raise _error(mistakes, source, prefix) from None
 
 
 def _validated(model: type[AStudy], source: Source, prefix: str = "", like: AStudy | None = None) -> AStudy:
-    tables, folder, wanted = source.tables, source.folder, _checks(model, bool(prefix))
+    tables, folder, checks = source.tables, source.folder, _checks(model, bool(prefix))
     if like is not None:
         with suppress(ValueError):  # it is told below, as of a study that was read
-            study = derived(like, tables, wanted, folder)
+            study = derived(like, tables, checks, folder)
             study._source = source
             return study
     try:
-        study = model.model_validate(tables, context={"folder": folder, "checks": wanted})
+        study = model.model_validate(tables, context={"folder": folder, "checks": checks})
     except ValidationError as error:
         raise _error(problems(error, source.tables), source, prefix) from None
     study._source = source

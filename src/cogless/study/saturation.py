@@ -52,8 +52,8 @@ class CurrentFile(Table):
             return self
         if any(getattr(self, name) for name in ("current", *columns)):
             raise invalid("expected none, since its values are given", "file")
-        found = rising(Path(info.context["folder"]) / self.file, ("current", CURRENT), columns)
-        return self.model_copy(update={"current": tuple(found.along), found.name: tuple(found.value)})
+        column = rising(Path(info.context["folder"]) / self.file, ("current", CURRENT), columns)
+        return self.model_copy(update={"current": tuple(column.along), column.name: tuple(column.value)})
 
     def _check(self, value: tuple[float, ...], name: str) -> None:
         """Refuse currents that do not rise or lack zero, and fluxes of another number or not zero there."""
@@ -150,10 +150,12 @@ class Saturation(Table):
             if table is None:
                 continue
             curve = _curve(*table.points())
-            found = curve["slope"][curve["current"].index(0.0)]
-            if not math.isclose(found, L, rel_tol=START_DIFFERENCE_MOST):
+            start_slope = curve["slope"][curve["current"].index(0.0)]
+            if not math.isclose(start_slope, L, rel_tol=START_DIFFERENCE_MOST):
                 raise invalid(
-                    f"expected {L:.4g} H at zero current, as L_{axis}, not {found:.4g} H", "saturation", axis
+                    f"expected {L:.4g} H at zero current, as L_{axis}, not {start_slope:.4g} H",
+                    "saturation",
+                    axis,
                 )
         if self.magnet is not None:
             self._check_definite(L_d, L_q)
@@ -265,8 +267,8 @@ class MotorTemperature(Table):
         """As the engine reads it."""
         start = {"winding": self.winding, "magnet": self.magnets}
         keys = ("reference", "resistance_coefficient", "flux_coefficient")
-        found = {**start, **{key: getattr(self, key) for key in keys}, "drifts": self.heating is not None}
+        config = {**start, **{key: getattr(self, key) for key in keys}, "drifts": self.heating is not None}
         if self.heating is None:
-            return found
+            return config
         bodies = ("ambient", "winding_capacity", "magnet_capacity")
-        return {**found, **{key: getattr(self.heating, key) for key in bodies}, **self.heating.paths()}
+        return {**config, **{key: getattr(self.heating, key) for key in bodies}, **self.heating.paths()}

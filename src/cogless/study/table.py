@@ -35,8 +35,8 @@ T = TypeVar("T")
 
 def _as_made(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
     """Take over the tables of another study; a file has lists, no tuples."""
-    made = isinstance(value, tuple) and bool(value) and isinstance(value[0], Table)
-    return value if made else validate(value)
+    is_made = isinstance(value, tuple) and bool(value) and isinstance(value[0], Table)
+    return value if is_made else validate(value)
 
 
 # An array of a study file. TOML has only lists, so here a list is accepted for a tuple in spite of `strict`.
@@ -88,8 +88,8 @@ class Table(BaseModel):
         try:
             validate({key: value for key, value in data.items() if key in cls.model_fields})
         except ValidationError as error:
-            found = error.errors(include_url=False)
-            wrong += [_again(d) for d in found if d["loc"] and d["loc"][0] in data]
+            errors = error.errors(include_url=False)
+            wrong += [_again(d) for d in errors if d["loc"] and d["loc"][0] in data]
         raise ValidationError.from_exception_data(cls.__name__, wrong)
 
 
@@ -105,20 +105,20 @@ def _required(table: type[Table]) -> frozenset[str]:
 
 def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetails]:
     """Errors for unknown keys, and for missing keys unless an unknown key looks like their misspelling."""
-    known = list(table.model_fields)
-    near = {key: _meant(key, known) for key in data if key not in known}
-    found = [
-        invalid(table.other_word(key, data[key]) or _suggestion(meant, known), key, value="unknown key")
+    keys = list(table.model_fields)
+    near = {key: _meant(key, keys) for key in data if key not in keys}
+    errors = [
+        invalid(table.other_word(key, data[key]) or _suggestion(meant, keys), key, value="unknown key")
         for key, meant in near.items()
     ]
     meant_by_any = {name for meant in near.values() for name in meant}
     meant_by_any |= {
-        name for key in near for name in known if f'"{name}"' in (table.other_word(key, data[key]) or "")
+        name for key in near for name in keys if f'"{name}"' in (table.other_word(key, data[key]) or "")
     }
     for key, field in table.model_fields.items():
         if field.is_required() and key not in data and key not in meant_by_any:
-            found.append(invalid(f"expected {_wanted(key, field)}", key, value="missing"))
-    return [InitErrorDetails(type=error, input=data) for error in found]
+            errors.append(invalid(f"expected {_wanted(key, field)}", key, value="missing"))
+    return [InitErrorDetails(type=error, input=data) for error in errors]
 
 
 def _wanted(key: str, field: FieldInfo) -> str:
@@ -361,5 +361,5 @@ NumberGain = Annotated[float, Field(ge=0)]
 
 def one_of(names: Iterable[str]) -> str:
     """The text of an error: "expected one of", followed by these names."""
-    known = ", ".join(f'"{name}"' for name in names)
-    return f"expected one of {known}"
+    quoted_names = ", ".join(f'"{name}"' for name in names)
+    return f"expected one of {quoted_names}"
