@@ -104,7 +104,15 @@ def _laws() -> Iterator[CLaw]:
         if kind != "TERM":
             name, stem, header, step, *memory = row
             cells, length = memory or (None, None)
-            yield CLaw(name, stem, header, step, cells, length, tuple(terms.get(stem, ())))
+            yield CLaw(
+                name=name,
+                stem=stem,
+                header=header,
+                step=step,
+                cells=cells,
+                length=length,
+                terms=tuple(terms.get(stem, ())),
+            )
 
 
 C_LAWS = {law.name: law for law in _laws()}
@@ -212,7 +220,16 @@ def _members(struct: str, body: str, numbers: Mapping[str, int]) -> tuple[Field,
         function = FUNCTION.fullmatch(member.group(1).strip())
         if function is not None:
             comment = " ".join((member.group(2) or "").split())
-            fields.append(Field(function.group(1), "void", None, True, comment, count))
+            fields.append(
+                Field(
+                    name=function.group(1),
+                    type="void",
+                    length=None,
+                    pointer=True,
+                    comment=comment,
+                    declaration=count,
+                )
+            )
             count += 1
             continue
         whole = DECLARATION.fullmatch(member.group(1).strip())
@@ -224,7 +241,16 @@ def _members(struct: str, body: str, numbers: Mapping[str, int]) -> tuple[Field,
             if one is None:
                 raise ValueError(f"{struct}: not readable: {part.strip()!r}")
             length = _length(one.group(3), numbers) if one.group(3) else None
-            fields.append(Field(one.group(2), whole.group(1), length, bool(one.group(1)), comment, count))
+            fields.append(
+                Field(
+                    name=one.group(2),
+                    type=whole.group(1),
+                    length=length,
+                    pointer=bool(one.group(1)),
+                    comment=comment,
+                    declaration=count,
+                )
+            )
             comment = ""
         count += 1
     return tuple(fields)

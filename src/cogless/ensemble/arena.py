@@ -244,7 +244,16 @@ def run_arena(
                 trials += _trials(arena, name, jobs)
     except KeyboardInterrupt:
         interrupted = True
-    return ArenaResults(arena, runs, absent, settings, before, trials, limited, interrupted)
+    return ArenaResults(
+        arena=arena,
+        runs=runs,
+        absent=absent,
+        settings=settings,
+        before=before,
+        trials=trials,
+        limits=limited,
+        interrupted=interrupted,
+    )
 
 
 def _limits_of_best(plant: str, study: Study, runs: Sequence[ArenaRun], jobs: int) -> dict[str, Limits]:
@@ -278,7 +287,16 @@ def _trials(arena: Arena, name: str, jobs: int) -> list[ArenaTrialRun]:
             values = {n: v for n, v in run.metrics.items() if n in of_phases and isinstance(v, list)}
             law = study.controller[run.controller]
             kind = str(getattr(law, "law", ""))
-            runs.append(ArenaTrialRun(name, run.controller, study.label(run.controller), kind, seed, values))
+            runs.append(
+                ArenaTrialRun(
+                    trials=name,
+                    law=run.controller,
+                    label=study.label(run.controller),
+                    kind=kind,
+                    seed=seed,
+                    metrics=values,
+                )
+            )
     return runs
 
 

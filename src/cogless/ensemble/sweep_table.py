@@ -93,7 +93,7 @@ def gathered(
             values[variant, place] = row[:-1]  # None becomes NaN
             if row[-1] is not None:
                 errors[variant, place] = row[-1]
-    return Sweep(study, ensemble, pairs, metrics, values, errors)
+    return Sweep(study=study, ensemble=ensemble, pairs=pairs, columns=metrics, values=values, errors=errors)
 
 
 def require(command: str) -> None:

@@ -229,7 +229,14 @@ def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: TunePr
     values = _values(subject, best)
     first = _values(subject, start)
     before, after = check.sweeps([first, values])
-    return Tuned(subject, values, check.score(before, first), check.score(after, values), before, after)
+    return Tuned(
+        subject=subject,
+        values=values,
+        before=check.score(before, first),
+        after=check.score(after, values),
+        sweep_before=before,
+        sweep_after=after,
+    )
 
 
 def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
@@ -250,7 +257,14 @@ def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
     values = [sweep.values for one in tuned for sweep in (one.sweep_before, one.sweep_after)]
     first = tuned[0].sweep_before
     both_sides = changed(study, copies)
-    return Sweep(both_sides, first.ensemble, pairs, first.columns, np.concatenate(values, axis=1), {})
+    return Sweep(
+        study=both_sides,
+        ensemble=first.ensemble,
+        pairs=pairs,
+        columns=first.columns,
+        values=np.concatenate(values, axis=1),
+        errors={},
+    )
 
 
 def lines(tuned: Tuned) -> list[str]:
@@ -360,7 +374,7 @@ def _knob(study: AnyStudy, key: str, limits: tuple[Any, ...]) -> Knob:
     start = reader.middle()
     if not low <= start <= high:
         raise reader.wrong(f"expected a range with the study's own value, {shown(reader.nominal)}")
-    return Knob(key, reader.unit, low, high, start, reader.whole)
+    return Knob(key=key, unit=reader.unit, low=low, high=high, start=start, whole=reader.whole)
 
 
 def column_of(study: AnyStudy, name: str, where: str) -> Column:

@@ -11,7 +11,6 @@ Whether learning becomes unstable in a run: which frequency grows, since when th
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
@@ -33,6 +32,7 @@ from cogless.report.verdicts import EQUAL_DIFFERENCE, called
 from cogless.results import Results, Run
 from cogless.study import Study
 from cogless.study.laws.space import Period
+from cogless.units import TURN
 
 TURN_CELLS = 360
 PERIODS_SHOWN = 5  # periods that a chart shows
@@ -113,7 +113,7 @@ SENSITIVITY_NOTE = (
 
 def bode(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """Charts of magnitude and phase over frequency; empty if no controller has a linear model."""
-    turn = results.study.scenario[runs[0].scenario].top_reference / (2 * math.pi)
+    turn = results.study.scenario[runs[0].scenario].top_reference / TURN
     plant = speed_loop(results.study, runs[0].scenario)
     low = DECADES[0] * (turn or 1.0)
     f = np.geomspace(low, max(10 * low, DECADES[1] / plant.period), SENSITIVITY_POINTS)
@@ -121,9 +121,9 @@ def bode(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     P_omega, P_theta = (np.interp(f, grid, response) for response in responses)
     curves: list[tuple[int, str, float, Complex]] = []
     for run in runs:
-        feedback, where = _feedback(results, run, 2 * math.pi * turn), place(results, run)
+        feedback, where = _feedback(results, run, TURN * turn), place(results, run)
         if feedback is not None:
-            off = sensitivity(plant, feedback, 2 * math.pi * f, P_omega, P_theta)
+            off = sensitivity(plant, feedback, TURN * f, P_omega, P_theta)
             loop, learns = _loop(results, run), bool(learned_terms(results, run))
             curves.append((where, "off" if learns else "", 0.55 if learns else 1.0, off))
             if loop is not None:

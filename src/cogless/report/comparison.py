@@ -28,7 +28,7 @@ from cogless.study import Study
 from cogless.study.base import StudyBase, spoken_unit
 from cogless.study.metric import Metric
 from cogless.study.remark import Remark
-from cogless.units import ANGULAR_SPEED, factor
+from cogless.units import ANGULAR_SPEED, TURN, factor
 
 
 def unlearned(results: Results, run: Run) -> str | None:
@@ -54,7 +54,7 @@ def _within(results: Results, run: Run, rows: slice) -> str | None:
     if not np.all(np.isfinite(theta) & np.isfinite(status)):
         return None
     learning = (status.astype(int) & Status.FROZEN) == 0
-    cell = 2 * np.pi * float(revolutions) / law.cells
+    cell = TURN * float(revolutions) / law.cells
     if np.sum(np.abs(np.diff(theta))[learning[1:]]) < cell:
         end = float(trace.time[-1])
         why = starts_too_late(law, end) or never(study, run.scenario, name)

@@ -11,6 +11,7 @@ import numpy as np
 from cogless.report.markup import Array, place, plain
 from cogless.report.panels import learned_terms
 from cogless.results import Results, Run
+from cogless.units import TURN
 
 MAP_POINTS_MOST = 1440  # points of a map
 POLAR_CELLS = 360  # cells of a polar map
@@ -78,7 +79,7 @@ def polar(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         names = learned_terms(results, run)
         if names and frame in series:
             rows = slice(-MOST_ROWS, None)
-            turns = run.trace.part("theta_m", rows) / (2 * math.pi)
+            turns = run.trace.part("theta_m", rows) / TURN
             turns = turns * (results.study.motor.pole_pairs if frame == "electrical" else 1)
             turns_of_current = _last_turns(
                 turns, np.sum([run.trace.part(name, rows) for name in names], axis=0)

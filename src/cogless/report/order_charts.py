@@ -27,7 +27,7 @@ from cogless.results import Results, Run
 from cogless.results.metrics import onward
 from cogless.results.trace import Trace
 from cogless.study.metric import turns_held
-from cogless.units import ANGULAR_SPEED, factor
+from cogless.units import ANGULAR_SPEED, TURN, factor
 
 SHOWN_ORDERS = 24
 SPEED_ERROR_MOST = 0.05  # share of the reference: with a smaller error the drive is up to speed
@@ -116,12 +116,12 @@ def _way_in_words(theta: Array) -> str:
 
 def _way(theta: Array) -> float:
     """Revolutions turned, both directions added up."""
-    return float(np.sum(np.abs(np.diff(theta)))) / (2 * math.pi)
+    return float(np.sum(np.abs(np.diff(theta)))) / TURN
 
 
 def _turns(theta: Array) -> float:
     """Revolutions of the longest travel in one direction; 0 if an angle isn't finite."""
-    return float(np.ptp(theta)) / (2 * math.pi) if len(theta) and np.all(np.isfinite(theta)) else 0.0
+    return float(np.ptp(theta)) / TURN if len(theta) and np.all(np.isfinite(theta)) else 0.0
 
 
 def _highest(results: Results, run: Run) -> int:
@@ -157,7 +157,7 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
     if begin is None:
         return None, after
     start = trace.part("theta_m", slice(begin, begin + 1))
-    end = _first(trace, begin, lambda part: np.abs(trace.part("theta_m", part) - start) >= 2 * math.pi)
+    end = _first(trace, begin, lambda part: np.abs(trace.part("theta_m", part) - start) >= TURN)
     if end is None or end >= rows.start:
         return None, after
     return spectrum(slice(begin, end + 1)), after
@@ -184,14 +184,14 @@ def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> A
         return None
     theta_m, x = onward(theta_m, x)
     travelled = np.abs(theta_m - theta_m[0])
-    turned, rows = float(travelled[-1]) / (2 * math.pi), max(1, len(x) - 1)
+    turned, rows = float(travelled[-1]) / TURN, max(1, len(x) - 1)
     if (turns := math.floor(turns_held(turned, turned / rows))) >= 1:
-        span, stride = turns * 2 * math.pi, 1
+        span, stride = turns * TURN, 1
     elif (turns := math.floor(turns_held(turned * pole_pairs, turned * pole_pairs / rows))) >= 1:
-        span, stride = turns * 2 * math.pi / pole_pairs, pole_pairs
+        span, stride = turns * TURN / pole_pairs, pole_pairs
     else:
         return None
-    cycles = round(span * stride / (2 * math.pi))
+    cycles = round(span * stride / TURN)
     per_cycle = max(2 * highest // stride + 2, len(x) // cycles)
     grid = travelled[-1] - span + np.arange(cycles * per_cycle) * (span / (cycles * per_cycle))
     bins = 2 * np.abs(np.fft.rfft(np.interp(grid, travelled, x))) / len(grid)
@@ -270,7 +270,7 @@ def _revolutions(trace: Trace) -> Array:
         speed[0] += before
         before = np.cumsum(speed, out=turned[at : at + BLOCK_ROWS])[-1]
     turned *= trace.period
-    turned /= 2 * math.pi
+    turned /= TURN
     return turned
 
 

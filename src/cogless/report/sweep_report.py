@@ -382,4 +382,12 @@ def _figure(value: float | None) -> str:
     return NONE if value is None else f"{value:.2f}"
 
 
-SWEEP = Sections("sweep", lambda results, scenario: [], _verdict, _charts, _parts, {}, answer=_answer)
+SWEEP = Sections(
+    kind="sweep",
+    lines=lambda results, scenario: [],
+    verdict=_verdict,
+    charts=_charts,
+    parts=_parts,
+    pictures={},
+    answer=_answer,
+)

@@ -127,7 +127,18 @@ def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
             metric = Metric.model_construct(name=name, kind=kind, signal=signal, window=(begin, end))
             value = evaluate(metric, run.trace, conditions)
             values[run.controller] = value / scale if isinstance(value, float) and isfinite(value) else None
-        line = Line(name, kind, signal, None, "mechanical", "lower", pretty(unit), values, missed, idle)
+        line = Line(
+            name=name,
+            kind=kind,
+            signal=signal,
+            order=None,
+            frame="mechanical",
+            better="lower",
+            unit=pretty(unit),
+            values=values,
+            missed=missed,
+            unlearned=idle,
+        )
         rows = late(results, run)
         yield replace(line, unjudged=unjudged(metric, run, rows, in_torque_mode(study, run, rows)))
 

@@ -234,7 +234,9 @@ def case(results: TrialResults, runs: Sequence[Run]) -> Case | None:
     rms = {run.controller: rms_of_trials(metric, run, described.trials) for run in runs}
     rms_values = {c: values for c, values in rms.items() if values is not None}
     by_name = {run.controller: run for run in runs}
-    candidate = Case(study, scenario, metric, phases(described), by_name, rms_values)
+    candidate = Case(
+        study=study, scenario=scenario, about=metric, phases=phases(described), runs=by_name, rms=rms_values
+    )
     return candidate if candidate.counts or candidate.rms else None
 
 
@@ -268,7 +270,16 @@ def own_lines(c: Case) -> list[Line]:
         (f"trials at the {quantity} limit, of {c.trials}", "trials-at-limit", "", limited),
     )
     return [
-        Line(name, kind, None, None, "mechanical", "none", unit_words, _finite(values))
+        Line(
+            name=name,
+            kind=kind,
+            signal=None,
+            order=None,
+            frame="mechanical",
+            better="none",
+            unit=unit_words,
+            values=_finite(values),
+        )
         for name, kind, unit_words, values in named
         if values
     ]

@@ -361,4 +361,13 @@ def _parts(results: TrialResults, runs: Runs) -> dict[str, str]:
     }
 
 
-TRIALS = Sections("trials", _lines, verdict, _charts, _parts, TRIAL_PICTURES, outcome, answer=answer)
+TRIALS = Sections(
+    kind="trials",
+    lines=_lines,
+    verdict=verdict,
+    charts=_charts,
+    parts=_parts,
+    pictures=TRIAL_PICTURES,
+    outcome=outcome,
+    answer=answer,
+)

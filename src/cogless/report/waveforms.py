@@ -20,6 +20,7 @@ from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
 from cogless.results.trace import BLOCK_ROWS, Trace
 from cogless.study import for_scenario
+from cogless.units import TURN
 
 
 def needed_current(results: Results, run: Run) -> Callable[[slice], Array] | None:
@@ -174,7 +175,7 @@ def _since(trace: Trace, revolutions: int) -> float | None:
     row, turned = len(trace) - 1, 0.0
     for rows in reversed(list(trace.blocks())):
         speed = np.abs(np.nan_to_num(trace.part("omega_ref", rows)))[::-1]
-        remaining = turned + np.cumsum(speed) * trace.period / (2 * math.pi)
+        remaining = turned + np.cumsum(speed) * trace.period / TURN
         within = int(np.count_nonzero(remaining <= revolutions))
         row, turned = row - within, float(remaining[-1])
         if within < len(remaining):

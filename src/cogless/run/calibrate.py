@@ -147,7 +147,14 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
         Fitted(k.key, shown(k.text(s)), shown(k.text(x))) for k, s, x in zip(knobs, start, best, strict=True)
     )
     residuals = tuple(_residuals(fitted, metrics_of, jobs))
-    return Fit(parameters, residuals, least, settled, fitted, interrupted)
+    return Fit(
+        parameters=parameters,
+        residuals=residuals,
+        deviation=least,
+        settled=settled,
+        study=fitted,
+        interrupted=interrupted,
+    )
 
 
 def _deciding_tables(study: AnyStudy, scenario: str, controller: str) -> str:
@@ -224,7 +231,14 @@ def _residuals(study: AnyStudy, known: dict[str, dict[str, Value]], jobs: int) -
                 place = f"{target.scenario}/{target.controller}"
                 raise StudyError(f"{study.source.path}: calibration: {target.metric} of {place} has no value")
             residuals.append(
-                Residual(target.scenario, target.controller, target.metric, part, target_value, number)
+                Residual(
+                    scenario=target.scenario,
+                    controller=target.controller,
+                    metric=target.metric,
+                    part=part,
+                    wanted=target_value,
+                    got=number,
+                )
             )
     return residuals
 

@@ -183,12 +183,12 @@ def _trial_run(study: TrialStudy, planned: Plan, state: Any, trace: Trace, lanes
     own = isinstance(study.controller[controller], OwnLaw)
     learned = None if own else _learned(planned, state)
     return Run(
-        scenario,
-        controller,
-        trace,
-        learned_map.memory_of(study, scenario, controller, learned),
-        metrics,
-        planned.design,
+        scenario=scenario,
+        controller=controller,
+        trace=trace,
+        memory=learned_map.memory_of(study, scenario, controller, learned),
+        metrics=metrics,
+        design=planned.design,
         map=learned_map.of_run(study, learned, motion),
         feedback=_feedback_trace(study, planned),
     )

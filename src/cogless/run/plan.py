@@ -255,12 +255,12 @@ def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
         drive = engine.Drive(description, law)
         drive.stored(drive.start())  # what a user's law tells may be no map: found before it runs
     return Plan(
-        study,
-        scenario,
-        controller,
-        engine,
-        drive,
-        description,
+        study=study,
+        scenario=scenario,
+        controller=controller,
+        engine=engine,
+        drive=drive,
+        description=description,
         **vars(study.timing(scenario)),
     )
 
@@ -303,12 +303,12 @@ def _plan_trials(
     with failures(study, scenario, controller):
         drive = engine.LinearTrials(description) if linear else engine.Drive(description, law)
     return Plan(
-        study,
-        scenario,
-        controller,
-        engine,
-        drive,
-        description,
+        study=study,
+        scenario=scenario,
+        controller=controller,
+        engine=engine,
+        drive=drive,
+        description=description,
         **vars(study.timing(scenario)),
         design=design,
         in_step=False,

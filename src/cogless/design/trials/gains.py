@@ -275,7 +275,17 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
                 raise
             no_K_3 = error
     of_learning = (note,) if note is not None else ()
-    gains = TrialGains(K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes))
+    gains = TrialGains(
+        K_s=K_s,
+        integral=integral,
+        N=N,
+        feedforward=ahead,
+        K_3=K_3,
+        no_K_3=no_K_3,
+        feedback=feedback,
+        learning=learned,
+        notes=tuple(notes),
+    )
     gains = replace(gains, learning_notes=of_learning)
     return gains if choice is None else replace(gains, shift=choice.shift, cutoff=choice.cutoff)
 
@@ -376,13 +386,13 @@ def _trial_map(
     samples: int,
 ) -> TrialMap:
     return TrialMap(
-        [loop.closed(model, C) for model in models],
-        update.K_3 if update is not None else 0.0,
-        parameters.shift,
-        parameters.q_filter,
-        parameters.filtered,
-        samples,
-        parameters.learning_matrix,
+        loops=[loop.closed(model, C) for model in models],
+        K_3=update.K_3 if update is not None else 0.0,
+        shift=parameters.shift,
+        q_filter=parameters.q_filter,
+        filtered=parameters.filtered,
+        samples=samples,
+        matrix=parameters.learning_matrix,
     )
 
 
@@ -451,7 +461,19 @@ def _observer_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGain
     ahead = inverse(plant) if settings.feedforward else None
     notes = (Remark(plant.note),) if plant.note else ()
     none = np.zeros(plant.order)
-    return TrialGains(none, False, 1.0, ahead, 1.0, None, None, None, notes, observer, cutoff)
+    return TrialGains(
+        K_s=none,
+        integral=False,
+        N=1.0,
+        feedforward=ahead,
+        K_3=1.0,
+        no_K_3=None,
+        feedback=None,
+        learning=None,
+        notes=notes,
+        observer=observer,
+        cutoff=cutoff,
+    )
 
 
 def _law(K_s: Real, n: int, N: float, integral: bool, through: bool) -> Gains:

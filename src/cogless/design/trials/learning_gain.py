@@ -122,7 +122,7 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
         found, scaling = _solve(vertices, *scaling, f, g, 1 / start)
         if found is not None:
             K_3, bounds, result, status = found
-            return LearningGain(K_3, bounds, result, status, affine, note)
+            return LearningGain(K_3=K_3, bounds=bounds, check=result, status=status, affine=affine, note=note)
     given = float(f"{start:.4g}")
     keeps = f"with K_3 = {given:g} no vertex and frequency keeps more than {worst:.4g} of its error"
     raise DesignError(f"K_3: missing: expected a number, since (35) has no certificate: {keeps}").advising(

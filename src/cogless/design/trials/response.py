@@ -526,7 +526,21 @@ def better_shift(
 
     def with_ends(tried: int) -> float:
         K_3, worst = gains[tried]
-        return max(worst, float(growth(TrialMap(loops, K_3, tried, q_filter, "signal", samples)).max()))
+        return max(
+            worst,
+            float(
+                growth(
+                    TrialMap(
+                        loops=loops,
+                        K_3=K_3,
+                        shift=tried,
+                        q_filter=q_filter,
+                        filtered="signal",
+                        samples=samples,
+                    )
+                ).max()
+            ),
+        )
 
     now = with_ends(shift)
     best, factor_best = shift, now
@@ -563,7 +577,9 @@ def workable_cutoff(
         low, high = (middle, high) if at(middle)[1] <= PROPOSED_FACTOR_MOST else (low, middle)
     for _ in range(CUTOFFS_MOST):
         q_filter = butterworth(low, order, period)
-        trial = TrialMap(loops, at(low)[0], shift, q_filter, "signal", samples)
+        trial = TrialMap(
+            loops=loops, K_3=at(low)[0], shift=shift, q_filter=q_filter, filtered="signal", samples=samples
+        )
         if growth(trial).max() <= PROPOSED_FACTOR_MOST:
             return low
         low *= 0.8

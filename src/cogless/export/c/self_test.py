@@ -84,7 +84,11 @@ def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[
             struct.pack_into(place.format, now, place.offset, angle)
             out: bytes = prepared.drive.step_controller(state, bytes(now), bytes(reference))
             total = fnv(layout.bits("cgl_drive_output", out), total)
-        stretches.append(Stretch(title, periods, counts % ANGLE_COUNTS, step, words, total))
+        stretches.append(
+            Stretch(
+                about=title, periods=periods, counts=counts % ANGLE_COUNTS, step=step, inputs=words, sum=total
+            )
+        )
         counts += periods * step
     return stretches
 

@@ -60,7 +60,7 @@ TIME = Variable("time", "real", "independent", "time since the start of the simu
 
 
 def real(causality: Causality, name: str, unit: str, about: str, start: float = 0.0) -> Variable:
-    return Variable(name, "real", causality, about, unit, start)
+    return Variable(name=name, kind="real", causality=causality, about=about, unit=unit, start=start)
 
 
 def signal(name: str, unit: str) -> Variable:
