@@ -7,8 +7,8 @@ import style
 PLACES_MOST = {
     "constant_with_several_values": 96,
     "number_of_one_word": 161,
-    "vague_local": 478,
-    "vague_argument": 266,
+    "vague_local": 477,
+    "vague_argument": 213,
     "vague_function": 149,
     "many_positional_arguments": 14,
     "fragment_of_a_comment": 71,

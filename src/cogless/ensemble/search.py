@@ -33,9 +33,9 @@ def require() -> None:
 
 
 @contextmanager
-def opened(path: Path, about: Mapping[str, Any], start: Settings, seed: int) -> Iterator[Search]:
-    """Open a search with its journal at `path`. StudyError: the journal is of another search than `about`."""
-    with sweep.opened(path, about) as journal:
+def opened(path: Path, identity: Mapping[str, Any], start: Settings, seed: int) -> Iterator[Search]:
+    """Open a search with its journal at `path`. StudyError: the journal has another `identity`."""
+    with sweep.opened(path, identity) as journal:
         yield Search(journal, start, seed)
 
 

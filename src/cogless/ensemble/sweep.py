@@ -52,8 +52,8 @@ class Journal:
 
 
 @contextmanager
-def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
-    """Open the journal of the sweep `about`, and go on with it if there is one.
+def opened(path: Path, identity: Mapping[str, Any]) -> Iterator[Journal]:
+    """Open the journal of the sweep `identity`, and go on with it if there is one.
 
     StudyError: it belongs to another sweep, another process writes it, it can't be written.
     """
@@ -71,22 +71,22 @@ def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
         file.seek(0)
         content = file.read()
         lines = _whole_lines(content)
-        begun = lines or not _line(about).startswith(content)
-        finished = _read(path, lines, about) if begun else {}
+        begun = lines or not _line(identity).startswith(content)
+        finished = _read(path, lines, identity) if begun else {}
         file.truncate(sum(len(line) + 1 for line in lines))  # without a line that a kill cut off
         if not begun:
-            _append(path, file, about)
+            _append(path, file, identity)
         yield Journal(path, file, finished)
 
 
-def read(path: Path, about: Mapping[str, Any]) -> dict[Chunk, Any]:
+def read(path: Path, identity: Mapping[str, Any]) -> dict[Chunk, Any]:
     """The finished chunks of a journal that nobody writes any more."""
     try:
         no_device(path)
         content = path.read_bytes()
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a shard's file") from error
-    return _read(path, _whole_lines(content), about)
+    return _read(path, _whole_lines(content), identity)
 
 
 def _whole_lines(content: bytes) -> list[bytes]:
@@ -122,17 +122,17 @@ def _value(line: bytes) -> Any:
         return None
 
 
-def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chunk, Any]:
+def _read(path: Path, lines: list[bytes], identity: Mapping[str, Any]) -> dict[Chunk, Any]:
     has = _value(lines[0]) if lines else None
     if not isinstance(has, dict):
         expected = "expected a file that this command has written"
         if lines and lines[0].startswith(b"{"):
             expected = "was written by an earlier cogless, without checksums: expected another directory"
         raise StudyError(f"{path}: not readable: {expected}")
-    different = next((key for key in about if has.get(key) != about[key]), None)
+    different = next((key for key in identity if has.get(key) != identity[key]), None)
     if different is not None:
         difference = (
-            f"{about[different]}, which this command has" if different != "study" else "the same study"
+            f"{identity[different]}, which this command has" if different != "study" else "the same study"
         )
         where = f"{path}: {different}: {has.get(different)}"
         raise StudyError(f"{where}: expected {difference}, or another directory")
@@ -297,10 +297,10 @@ def run(
         done = planned.variants(part) - sum(len(planned.changes(c)) for c in remaining)
         report(done)
 
-        def finished(chunk: int, found: Any) -> None:
+        def finished(chunk: int, finished: Any) -> None:
             nonlocal done
-            journal.add(chunk, found)
-            done += len(found)
+            journal.add(chunk, finished)
+            done += len(finished)
             report(done)
 
         parcel = pack(planned.study)

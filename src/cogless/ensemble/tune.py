@@ -351,17 +351,17 @@ def subjects(study: AnyStudy) -> list[Subject]:
     return [Subject(name, of, _pairs(study, options, [name])) for name, of in knobs.items()]
 
 
-def _pairs(study: AnyStudy, wanted: Tune, controllers: Sequence[str]) -> list[Pair]:
-    for scenario in wanted.scenarios or ():
+def _pairs(study: AnyStudy, options: Tune, controllers: Sequence[str]) -> list[Pair]:
+    for scenario in options.scenarios or ():
         if scenario not in study.scenario:
             expected = f"expected one of {', '.join(study.scenario)}{perhaps(scenario, study.scenario)}"
             raise StudyError(f"{study.source.path}: tune.scenarios: {shown(scenario)}: {expected}")
-    chosen = wanted.scenarios or tuple(study.scenario)
-    metric = column_of(study, wanted.minimise, "minimise").metric
+    chosen = options.scenarios or tuple(study.scenario)
+    metric = column_of(study, options.minimise, "minimise").metric
     pairs = [pair for pair in runs_of(study) if pair[1] in controllers and pair[0] in chosen]
     if not any(metric.applies_in(s, study.scenario[s]) for s, _ in pairs):
         expected = f"expected a metric that is taken where {', '.join(controllers)} runs"
-        raise StudyError(f"{study.source.path}: tune.minimise: {shown(wanted.minimise)}: {expected}")
+        raise StudyError(f"{study.source.path}: tune.minimise: {shown(options.minimise)}: {expected}")
     return pairs
 
 

@@ -119,14 +119,14 @@ def size(files: Mapping[str, bytes], matrix: int) -> str:
     )
 
 
-def _swap(made: Path, target: Path, old: Path) -> None:
+def _swap(fresh: Path, target: Path, old: Path) -> None:
     """Replace the target by the new folder, and move it to `old`; if that fails, it is put back."""
     if not target.exists():
-        os.rename(made, target)
+        os.rename(fresh, target)
         return
     os.rename(target, old)
     try:
-        os.rename(made, target)
+        os.rename(fresh, target)
     except BaseException:
         os.rename(old, target)
         raise

@@ -304,9 +304,9 @@ def _overriding(where: str, own: Mapping[str, Any], key: str) -> str:
     return f'{where}.override."{key}"'
 
 
-def looked_up(here: AnyStudy, tables: Any, key: str) -> tuple[Any, str | int, Any]:
+def looked_up(study_here: AnyStudy, tables: Any, key: str) -> tuple[Any, str | int, Any]:
     """The model that holds a key, the key's last part, and its value in the file; None if not there."""
-    owner: Any = here
+    owner: Any = study_here
     parts = [int(part) if part.isdigit() else part for part in key.split(".")]
     for n, part in enumerate(parts):
         if n < len(parts) - 1 and not (

@@ -218,9 +218,9 @@ def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
     return candidate.start
 
 
-def _check_words(study: AnyStudy, there: Set[str]) -> None:
+def _check_words(study: AnyStudy, present: Set[str]) -> None:
     """StudyError unless the study has all keys that set numbers together."""
-    if missing := [key for key in MOTOR if key in TOGETHER - there]:
+    if missing := [key for key in MOTOR if key in TOGETHER - present]:
         motor = study.source.tables.get("motor", {})
         others = replaced_by_any(key.removeprefix("motor.") for key in missing)
         in_place = ", ".join(key for key in motor if key in others)
@@ -308,10 +308,12 @@ def disproved(
     return []
 
 
-def _are_set(beside: All, made: All, group: Sequence[Key], values: Sequence[tuple[Candidate, float]]) -> bool:
-    """Whether these direct keys, written into the descriptions `beside`, give the descriptions `made`."""
-    for place, blob in made.items():
-        data = bytearray(beside[place].data)
+def _are_set(
+    unchanged: All, changed_blobs: All, group: Sequence[Key], values: Sequence[tuple[Candidate, float]]
+) -> bool:
+    """Whether these direct keys, written into the `unchanged` descriptions, give the changed ones."""
+    for place, blob in changed_blobs.items():
+        data = bytearray(unchanged[place].data)
         for key, (candidate, value) in zip(group, values, strict=True):
             for one in key.lands.get(place, ()):
                 one.number.write(data, landed(one, candidate.si(value)))
@@ -437,8 +439,8 @@ def _holds_beside(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
     return True
 
 
-def _same_shape(base: All, made: All) -> bool:
-    return all(blob.shape == base[place].shape for place, blob in made.items())
+def _same_shape(base: All, changed_blobs: All) -> bool:
+    return all(blob.shape == base[place].shape for place, blob in changed_blobs.items())
 
 
 def _moved(blob: Packed, others: Sequence[Packed]) -> list[Number]:
@@ -452,20 +454,20 @@ def _moved(blob: Packed, others: Sequence[Packed]) -> list[Number]:
 
 
 def _fitting(
-    study: AnyStudy, number: Number, candidate: Candidate, value: float, base: Packed, made: Packed
+    study: AnyStudy, number: Number, candidate: Candidate, value: float, base: Packed, changed_blob: Packed
 ) -> Landing | None:
     """How a key sets a number: in proportion to its SI value, or as a time rounded to whole periods.
 
     It is tested at the study's value and one other. None if neither form fits both.
     """
     si = candidate.si(value)
-    ratio = number.read(made.data) / si if si else 1.0
+    ratio = number.read(changed_blob.data) / si if si else 1.0
     tries = [Landing(number, scale) for scale in (1.0, ratio, float(round(ratio)))]
     if number.format not in "df" and study.drive is not None:
         rates = study.drive.rates
         law, current = rates.current_loop / rates.divider, rates.current_loop
         tries += [Landing(number, rate, True) for rate in (law, current)]
-    points = ((si, made), (candidate.si(candidate.start), base))
+    points = ((si, changed_blob), (candidate.si(candidate.start), base))
     return next((one for one in tries if all(landed(one, x) == number.read(b.data) for x, b in points)), None)
 
 

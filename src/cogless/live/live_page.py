@@ -118,7 +118,7 @@ def _hashes(texts: Any) -> str:
 
 def data(
     study: AnyStudy,
-    found: Found,
+    adjustable_keys: Found,
     command: str,
     limits: Mapping[str, str] = NO_LIMITS,
     pins: Changes = NO_PINS,
@@ -126,8 +126,8 @@ def data(
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
     page = PAGES[study.kind]
-    spares, cogging = page.spare_orders(study, found.base)
-    sensors = page.sensor_choices(study, found, spares)
+    spares, cogging = page.spare_orders(study, adjustable_keys.base)
+    sensors = page.sensor_choices(study, adjustable_keys, spares)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
     others = [name for name in names if name != study.baseline]
     return {
@@ -167,11 +167,11 @@ def data(
             }
             for name in names
         ],
-        "keys": [_with_sensors(_key(study, key), key, sensors) for key in (*found.keys, *spares)],
+        "keys": [_with_sensors(_key(study, key), key, sensors) for key in (*adjustable_keys.keys, *spares)],
         "sensors": [{"words": sensor.words, "text": sensor.text} for sensor in sensors],
         "cogging": cogging,
-        "classes": motor_classes(found.keys) if found.own_motor is not None else [],
-        "motor": _motor(study, found),
+        "classes": motor_classes(adjustable_keys.keys) if adjustable_keys.own_motor is not None else [],
+        "motor": _motor(study, adjustable_keys),
         "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()}
         | {
             f"{n}|{'/'.join(place)}": _run(blob)
@@ -321,11 +321,11 @@ def _run(blob: Packed) -> dict[str, Any]:
     }
 
 
-def _off(found: dict[str, list[Any]]) -> list[Any] | None:
+def _off(places: dict[str, list[Any]]) -> list[Any] | None:
     """The number with which a law never learns: its place, and it."""
     for path, value in (("controller.learning_start", NEVER_LEARNS), ("controller.config.k_3", 0.0)):
-        if path in found:
-            return [*found[path], value]
+        if path in places:
+            return [*places[path], value]
     return None
 
 
@@ -369,9 +369,9 @@ def _landing(key: Key, one: Any) -> list[Any]:
     return [one.number.offset, one.number.format, one.scale, one.rounded]
 
 
-def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
+def _motor(study: AnyStudy, adjustable_keys: Found) -> dict[str, Any] | None:
     """What a page needs to set the numbers of one's own motor."""
-    own = found.own_motor
+    own = adjustable_keys.own_motor
     if own is None:
         return None
     assert study.motor is not None
@@ -398,9 +398,9 @@ def _description(study: AnyStudy) -> str:
     return f'<section><h2>About this study</h2><p class="description">{text}</p></section>'
 
 
-def _left_out(study: AnyStudy, found: Found) -> str:
+def _left_out(study: AnyStudy, adjustable_keys: Found) -> str:
     lines = left_out(study)
-    lines += [f"{key}: {why}." for key, why in found.left_out]
+    lines += [f"{key}: {why}." for key, why in adjustable_keys.left_out]
     if not lines:
         return ""
     rows = "".join(f"<li>{escape(line)}</li>" for line in lines)

@@ -245,8 +245,8 @@ def _check(base: All, changed: Changed, own: OwnMotor) -> None:
                 break
 
 
-def _compare(base: All, made: All, own: OwnMotor, values: Mapping[str, float]) -> None:
-    for place, blob in made.items():
+def _compare(base: All, changed_blobs: All, own: OwnMotor, values: Mapping[str, float]) -> None:
+    for place, blob in changed_blobs.items():
         products = {one.number: computed(one, own, values) for one in own.products[place]}
         for number in blob.numbers:
             x = number.read(blob.data)

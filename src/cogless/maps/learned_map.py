@@ -170,14 +170,14 @@ def resampled(values: NDArray[Any], cells: int) -> Real:
     return np.asarray(np.fft.irfft(orders, cells) * (cells / len(values)))
 
 
-def within(found: Real, law: Mapping[str, Any]) -> Real:
+def within(entries_now: Real, law: Mapping[str, Any]) -> Real:
     """The entries, if each is a number within the law's limit; what is above by rounding is cut."""
-    for channel, limit in zip(found, law["limits"], strict=True):
+    for channel, limit in zip(entries_now, law["limits"], strict=True):
         largest = float(np.max(np.abs(channel)))
         if not largest <= limit * (1 + 1e-6):
             raise MapError(f"an entry of {largest:.4g}: expected at most the law's limit, {limit:.4g}")
         np.clip(channel, -limit, limit, out=channel)
-    return found
+    return entries_now
 
 
 def _current(stored: StoredMap) -> Real:

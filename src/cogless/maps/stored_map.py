@@ -266,15 +266,15 @@ def _write_sizes() -> tuple[int, ...]:
 HEX_BASE = 16
 
 
-def lines(found: list[Found], newest: Valid) -> list[str]:
+def lines(maps: list[Found], newest: Valid) -> list[str]:
     """Lines about every map that was found; the newest one in detail."""
     text = []
-    for place in found:
-        where = f"At byte {place.offset}: " if len(found) > 1 else ""
+    for place in maps:
+        where = f"At byte {place.offset}: " if len(maps) > 1 else ""
         if not isinstance(place.map, StoredMap):
             text.append(f"{where}{place.map}")
         elif place.offset == newest.offset:
-            text.append(f"{where}a valid map{', the newest' if len(found) > 1 else ''}")
+            text.append(f"{where}a valid map{', the newest' if len(maps) > 1 else ''}")
             text += [f"  {name:<26}{value}" for name, value in rows(place.map)]
         else:
             text.append(f"{where}a valid map, save {place.map.sequence}")

@@ -156,14 +156,14 @@ def _feedback(results: Results, run: Run, omega_m: float) -> Linear | None:
     return None
 
 
-def _left(loop: LearningLoop, f: Real, beside: float) -> Complex:
-    """What learning leaves at the learned frequencies, or so far `beside` each, as a smooth curve over f.
+def _left(loop: LearningLoop, f: Real, offset: float) -> Complex:
+    """What learning leaves at the learned frequencies, or so far `offset` each, as a smooth curve over f.
 
-    `beside` is a share of the distance to the next. NaN where nothing is learned.
+    `offset` is a share of the distance to the next. NaN where nothing is learned.
     """
     count = int(loop.highest / loop.periods_per_second)
     learned = np.arange(1, count + 1) if loop.orders is None else loop.orders
-    at = (learned + beside) * loop.periods_per_second
+    at = (learned + offset) * loop.periods_per_second
     if not len(at):
         return np.full(len(f), np.nan + 0j)
     remaining = np.interp(f, at, loop.left(at))

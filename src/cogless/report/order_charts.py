@@ -300,15 +300,15 @@ def _median(amplitudes: Array) -> Array:
     return median
 
 
-def waterfall(results: Results, found: Tracked | None) -> list[dict[str, Any]]:
+def waterfall(results: Results, orders: Tracked | None) -> list[dict[str, Any]]:
     """Charts of amplitude by order and speed, one per controller; empty if the speed doesn't sweep."""
-    if found is None or not found.sweeps:
+    if orders is None or not orders.sweeps:
         return []
-    by_speed = np.argsort(found.speeds)
+    by_speed = np.argsort(orders.speeds)
     highest_shown = max(
-        int(np.max(np.flatnonzero(_median(x) > 0), initial=0)) + 1 for x in found.amplitudes.values()
+        int(np.max(np.flatnonzero(_median(x) > 0), initial=0)) + 1 for x in orders.amplitudes.values()
     )
-    top = max(float(np.nanmax(x)) for x in found.amplitudes.values())
+    top = max(float(np.nanmax(x)) for x in orders.amplitudes.values())
     unit = speed_unit(results)
     return [
         {
@@ -318,32 +318,32 @@ def waterfall(results: Results, found: Tracked | None) -> list[dict[str, Any]]:
             "unit": pretty(unit),
             "controller": controller,
             "top": top,
-            "speeds": plain(found.speeds[by_speed] / factor(unit, ANGULAR_SPEED)),
+            "speeds": plain(orders.speeds[by_speed] / factor(unit, ANGULAR_SPEED)),
             "orders": highest_shown,
             "values": pack(x[by_speed, :highest_shown].ravel()),
         }
-        for controller, x in found.amplitudes.items()
+        for controller, x in orders.amplitudes.items()
     ]
 
 
-def tracking(results: Results, runs: Sequence[Run], found: Tracked | None) -> list[dict[str, Any]]:
+def tracking(results: Results, runs: Sequence[Run], orders: Tracked | None) -> list[dict[str, Any]]:
     """A chart of each strong order over speed if that sweeps; else over time, if a law learns."""
-    if found is None or not (found.sweeps or any(learned_terms(results, run) for run in runs)):
+    if orders is None or not (orders.sweeps or any(learned_terms(results, run) for run in runs)):
         return []
     unit = pretty(speed_unit(results))
-    along = np.argsort(found.speeds) if found.sweeps else np.arange(len(found.times))
-    x = found.speeds[along] / factor(speed_unit(results), ANGULAR_SPEED) if found.sweeps else found.times
+    along = np.argsort(orders.speeds) if orders.sweeps else np.arange(len(orders.times))
+    x = orders.speeds[along] / factor(speed_unit(results), ANGULAR_SPEED) if orders.sweeps else orders.times
     return [
         {
             "title": f"Order {order} of the mechanical revolution",
-            "x": f"speed ({unit})" if found.sweeps else "time (s)",
+            "x": f"speed ({unit})" if orders.sweeps else "time (s)",
             "quantity": "amplitude",
             "unit": unit,
             "along": plain(x),
             "series": [
                 {"controller": controller, "values": plain(values[along, order - 1])}
-                for controller, values in found.amplitudes.items()
+                for controller, values in orders.amplitudes.items()
             ],
         }
-        for order in found.followed
+        for order in orders.followed
     ]

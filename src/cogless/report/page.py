@@ -212,11 +212,11 @@ def _tab(results: AnyResults, sections: Sections, scenario: str) -> str:
 
 
 def _scenario(
-    results: AnyResults, sections: Sections, found: Sequence[ScenarioVerdict], scenario: str
+    results: AnyResults, sections: Sections, all_verdicts: Sequence[ScenarioVerdict], scenario: str
 ) -> str:
     """A scenario's part of the page, its answer first; in print its name and colour legend are above it."""
     study, where, runs = results.study, results.scenarios.index(scenario), runs_in(results, scenario)
-    verdict = next((one for one in found if one.scenario == scenario), None)
+    verdict = next((one for one in all_verdicts if one.scenario == scenario), None)
     ran = {run.controller for run in runs}
     return Template(asset("scenario.html")).substitute(
         parts=Template(asset(f"{sections.kind}-scenario.html")).substitute(
@@ -265,8 +265,8 @@ def _details(verdict: ScenarioVerdict | None, results: AnyResults) -> str:
     )
 
 
-def _fault_lines(told: Told, results: AnyResults) -> str:
+def _fault_lines(part: Told, results: AnyResults) -> str:
     """A fault's heading, and a line for each controller."""
-    heading = f'<p class="fault">{escape(told.heading)}</p>' if told.heading else ""
-    rows = "".join(f"{key(results, c, 'dt')}<dd>{escape(text)}</dd>" for c, text in told.sentences)
+    heading = f'<p class="fault">{escape(part.heading)}</p>' if part.heading else ""
+    rows = "".join(f"{key(results, c, 'dt')}<dd>{escape(text)}</dd>" for c, text in part.sentences)
     return heading + (f'<dl class="told">{rows}</dl>' if rows else "")

@@ -93,9 +93,9 @@ class Group:
         return list(dict.fromkeys((self.phases[0], self.phases[-1])))
 
 
-def groups(found: Sequence[Phase]) -> list[Group]:
+def groups(all_phases: Sequence[Phase]) -> list[Group]:
     """The phases, where more than `NAMED_MOST` in a row after changes of the same things are one group."""
-    rows = (tuple(row) for _, row in groupby(found, key=lambda phase: phase.changed))
+    rows = (tuple(row) for _, row in groupby(all_phases, key=lambda phase: phase.changed))
     return [
         Group(part)
         for row in rows
@@ -103,16 +103,16 @@ def groups(found: Sequence[Phase]) -> list[Group]:
     ]
 
 
-def after(found: Sequence[Phase], every: Sequence[Phase]) -> str:
+def after(all_phases: Sequence[Phase], every: Sequence[Phase]) -> str:
     """Some of a scenario's phases within a sentence, such as "after 22 of 30 start changes"."""
-    alike, total = Counter(p.changed for p in found), Counter(p.changed for p in every)
+    alike, total = Counter(p.changed for p in all_phases), Counter(p.changed for p in every)
     words = []
     for changed, count in alike.items():
         if count > NAMED_MOST:
             share = "all" if count == total[changed] else f"{count} of"
             words.append(f"after {share} {_changes(changed, total[changed])}")
         else:
-            words += [phase.after for phase in found if phase.changed == changed]
+            words += [phase.after for phase in all_phases if phase.changed == changed]
     return listed(words)
 
 
@@ -123,14 +123,14 @@ def phases(scenario: TrialScenario) -> list[Phase]:
     return [Phase(start, stop, what) for (start, stop), what in zip(bounds, changed, strict=True)]
 
 
-def zooms(found: Sequence[Phase]) -> list[dict[str, object]]:
+def zooms(all_phases: Sequence[Phase]) -> list[dict[str, object]]:
     """Zoom buttons above the plots over trials: all trials, and the first trials of each group of phases."""
-    count = found[-1].stop - 1
+    count = all_phases[-1].stop - 1
     buttons: list[dict[str, object]] = [{"name": "all trials", "from": 1, "to": count}]
-    changes = min(count, found[-1].start + ZOOM_TRIALS - 1)
-    if len(found) > 1 and changes < ZOOM_SHARE_MOST * count:
+    changes = min(count, all_phases[-1].start + ZOOM_TRIALS - 1)
+    if len(all_phases) > 1 and changes < ZOOM_SHARE_MOST * count:
         buttons.append({"name": "all changes", "from": 1, "to": changes})
-    for group in groups(found):
+    for group in groups(all_phases):
         end = group.start + ZOOM_TRIALS - 1 if len(group.phases) == 1 else group.stop - 1
         first, last = max(1, group.start - ZOOM_TRIALS_BEFORE), min(count, end)
         if last - first < ZOOM_SHARE_MOST * (count - 1):

@@ -84,16 +84,18 @@ def curves(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
     return [_chart(results, name.title, curve) for name, curve in charts.items() if curve]
 
 
-def _chart(results: TrialResults, title: str, found: Sequence[tuple[Run, Learning, bool]]) -> dict[str, Any]:
+def _chart(
+    results: TrialResults, title: str, curves_of_runs: Sequence[tuple[Run, Learning, bool]]
+) -> dict[str, Any]:
     """A chart of all curves on the union of their frequencies, without zero: the axis is logarithmic."""
-    frequency = np.unique(np.concatenate([learning.curve[0] for _, learning, _ in found]))
+    frequency = np.unique(np.concatenate([learning.curve[0] for _, learning, _ in curves_of_runs]))
     frequency = frequency[frequency > 0]
     series = [
         {"controller": place(results, run), "values": pack(np.interp(frequency, *learning.curve))}
         | ({"dash": True} if dash else {})
-        for run, learning, dash in found
+        for run, learning, dash in curves_of_runs
     ]
-    dashed = ", without Q filter dashed" if any(dash for _, _, dash in found) else ""
+    dashed = ", without Q filter dashed" if any(dash for _, _, dash in curves_of_runs) else ""
     return {
         "title": f"{title}: |F| of the worst plant{dashed}",
         "x": "frequency (Hz)",

@@ -418,12 +418,12 @@ def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None
     return None
 
 
-def _growing(found: ModelCertificate, learning: Learning) -> str:
+def _growing(model: ModelCertificate, learning: Learning) -> str:
     """Why a certificate doesn't hold, in words."""
     if learning.norm > 1 + FACTOR_ROUNDING:
         where, factor = f"at {number(learning.frequency)} Hz the error", learning.norm
-    elif found.growth is not None and found.growth > 1 + GROWTH_ROUNDING:
-        where, factor = "from the trial's ends the error", found.growth
+    elif model.growth is not None and model.growth > 1 + GROWTH_ROUNDING:
+        where, factor = "from the trial's ends the error", model.growth
     else:
         return "Φ has a pole outside the unit circle"
     return f"{where} may grow by the factor {close_to_one(factor)} from one trial to the next"

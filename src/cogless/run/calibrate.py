@@ -206,24 +206,24 @@ def _knob(study: AnyStudy, index: int, parameter: FitParameter) -> _Knob:
     return _Knob(key, unit, start, abs(start) or width, lower, upper)
 
 
-def _residuals(study: AnyStudy, known: dict[str, dict[str, Value]], jobs: int) -> list[Residual]:
+def _residuals(study: AnyStudy, metrics_of: dict[str, dict[str, Value]], jobs: int) -> list[Residual]:
     """Targets and values of this study's metrics.
 
-    `known`: metrics of earlier runs; a run with the same tables as one of them isn't repeated.
+    `metrics_of`: metrics of earlier runs; a run with the same tables as one of them isn't repeated.
     """
     assert study.calibration is not None
     pairs = dict.fromkeys((target.scenario, target.controller) for target in study.calibration.targets)
     names = {pair: _deciding_tables(study, *pair) for pair in pairs}
-    missing = ["/".join(pair) for pair, name in names.items() if name not in known]
+    missing = ["/".join(pair) for pair, name in names.items() if name not in metrics_of]
     if missing:
         results = run_study(study, missing, jobs=jobs)
         if results.interrupted:
             raise KeyboardInterrupt
-        known |= {names[run.scenario, run.controller]: dict(run.metrics) for run in results.runs}
+        metrics_of |= {names[run.scenario, run.controller]: dict(run.metrics) for run in results.runs}
     residuals = []
     for target in study.calibration.targets:
         metric = _metric(study, target.scenario, target.metric)
-        value = known[names[target.scenario, target.controller]].get(result_name(metric))
+        value = metrics_of[names[target.scenario, target.controller]].get(result_name(metric))
         got = value if isinstance(value, list) else [math.nan if value is None else value]
         places = metric.order or (range(1, len(got) + 1) if isinstance(value, list) else (None,))
         for part, target_value, number in zip(places, target.values(metric, len(got)), got, strict=True):

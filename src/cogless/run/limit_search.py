@@ -103,9 +103,9 @@ def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limit
     return sorted(cures, key=lambda cure: cure.value)
 
 
-def _pairs(tries: _Tries, found: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:
+def _pairs(tries: _Tries, suspected: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:
     """Pairs of the largest causes that together, but not alone, have most of the metric's square."""
-    apart = {suspect.name: suspect for suspect in found if not suspect.beside}
+    apart = {suspect.name: suspect for suspect in suspected if not suspect.beside}
     largest = [apart[cause.name] for cause in causes if cause.name in apart][:PAIRED_CAUSES]
     pairs = [
         Suspect(f"{a.name}{AND}{b.name}", {**a.without, **b.without}, {}, a.told or b.told)
@@ -204,10 +204,11 @@ class _Tries:
         """The changes that remove a cause."""
         return self.placed({**suspect.beside, **suspect.without}, suspect.told)
 
-    def placed(self, changes: Changes, told: bool = True) -> dict[str, Any]:
+    def placed(self, changes: Changes, is_assumed: bool = True) -> dict[str, Any]:
         """The changes, repeated in the scenario's override where the override sets the same keys.
 
-        `told`: whether the controller knows of them. If not, changes of the drive are in the override alone.
+        `is_assumed`: whether the controller knows of them. If not, changes of the drive are only in the
+        override.
         """
         scenario, override = self._run.scenario, self._override
         over = {tuple(map(str, split(key))) for key in override}
@@ -215,7 +216,7 @@ class _Tries:
         for key, value in changes.items():
             path = tuple(map(str, split(key)))
             overridden = any(path[: len(other)] == other[: len(path)] for other in over)
-            if overridden or (not told and path[0] in PLANT):
+            if overridden or (not is_assumed and path[0] in PLANT):
                 whole = {name: inner for name, inner in override.items() if not name.startswith(f"{key}.")}
                 override = {**whole, key: value}
             else:

@@ -86,17 +86,17 @@ def _newest(study: Study, name: str) -> StoredMap:
     return newest.map
 
 
-def _of_table(study: Study, given: Start) -> StoredMap:
+def _of_table(study: Study, start: Start) -> StoredMap:
     """The table as the map of a current over its revolution."""
-    table = given.over_angle
-    cells, parts = len(table.angle), study.motor.pole_pairs if given.frame == "electrical" else 1
+    table = start.over_angle
+    cells, parts = len(table.angle), study.motor.pole_pairs if start.frame == "electrical" else 1
     amplitude, phase = np.transpose(table.harmonics((cells - 1) // 2))
     spectrum = amplitude / 2 * np.exp(1j * (phase - np.pi / 2))
     spectrum[0] *= 2
     current = np.fft.irfft(spectrum, cells) * cells
     if table.name == "torque":
         current /= study.K_t
-    if given.sign == "cogging":
+    if start.sign == "cogging":
         current = -current
     return StoredMap(current.astype(np.float32), (CURRENT,), (float(np.max(np.abs(current))),), parts=parts)
 

@@ -284,16 +284,16 @@ def torque_constant(word: str, value: float, pole_pairs: int, flux_factor: float
     return BACK_EMF[word] * value if word in BACK_EMF else value
 
 
-def check_agreement(found: Mapping[str, float]) -> None:
-    """Refuse words for one thing that disagree. `found`: what each of them makes of the same quantity."""
-    first, *others = found
+def check_agreement(by_word: Mapping[str, float]) -> None:
+    """Refuse words for one thing that disagree. `by_word`: what each of them makes of the same quantity."""
+    first, *others = by_word
     for other in others:
-        if not math.isclose(found[other], found[first], rel_tol=AGREEMENT_MOST):
-            why = _block_commutated(found, first, other) or _why(found[other], found[first])
+        if not math.isclose(by_word[other], by_word[first], rel_tol=AGREEMENT_MOST):
+            why = _block_commutated(by_word, first, other) or _why(by_word[other], by_word[first])
             raise invalid(f"expected {first} and {other} to agree within {AGREEMENT_MOST:.0%}{why}", other)
 
 
-def _block_commutated(found: Mapping[str, float], first: str, other: str) -> str:
+def _block_commutated(by_word: Mapping[str, float], first: str, other: str) -> str:
     """The words that say which key to delete where K_t is that of block commutation; "" elsewhere.
 
     Block commutation has current in two phases at a time. Its torque per current is the back-EMF between two
@@ -302,7 +302,7 @@ def _block_commutated(found: Mapping[str, float], first: str, other: str) -> str
     """
     if first != "K_t" or other not in OF_TWO_LINES:
         return ""
-    if abs(found["K_t"] / found[other] * PER_BACK_EMF["line_to_line_peak"] - 1) > FACTOR_TOLERANCE:
+    if abs(by_word["K_t"] / by_word[other] * PER_BACK_EMF["line_to_line_peak"] - 1) > FACTOR_TOLERANCE:
         return ""
     return (
         "; K_t = 1/kv is of block commutation, with sinusoidal currents it is sqrt(3)/2 of that: delete K_t"

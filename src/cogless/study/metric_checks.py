@@ -95,10 +95,10 @@ def missing(study: Study | TrialStudy, signals: Iterable[str]) -> Iterator[str |
 
 
 @cache
-def _missing(signal: str, found: frozenset[str]) -> str | None:
-    possible = NEEDED.keys() | (found & {"trials"})
+def _missing(signal: str, kinds_present: frozenset[str]) -> str | None:
+    possible = NEEDED.keys() | (kinds_present & {"trials"})
     possible_signals = dimensions(
-        possible, [name for name in C_LAWS if (name == "trial") == ("trials" in found)]
+        possible, [name for name in C_LAWS if (name == "trial") == ("trials" in kinds_present)]
     )
     if signal not in possible_signals:
         near = nearest(signal, list(possible_signals))
@@ -107,11 +107,11 @@ def _missing(signal: str, found: frozenset[str]) -> str | None:
             if near
             else f"expected a signal: {', '.join(possible_signals)}"
         )
-    if exists(signal, found):
+    if exists(signal, kinds_present):
         return None
     if any(signal == term.signal for law in C_LAWS.values() for term in law.terms):
         return OF_A_LAW
-    lacks = (kind for kind in NEEDED if kind not in found and not exists(signal, possible - {kind}))
+    lacks = (kind for kind in NEEDED if kind not in kinds_present and not exists(signal, possible - {kind}))
     return NEEDED[next(lacks)]
 
 

@@ -63,12 +63,12 @@ def voltage_reach(study: Study) -> float:
     return no_load_speed(inverter.bus_voltage, motor, motor.psi_f)
 
 
-def check_step(step: float, steps: int, found: Sequence[tuple[float, str]], top: str, why: str = "") -> None:
+def check_step(step: float, steps: int, rates: Sequence[tuple[float, str]], top: str, why: str = "") -> None:
     """Refuse an RK4 step (s) that is too long for these natural rates. `steps`: per current-loop period.
 
     `top`: what the top speed is, where it decides. `why`: what else is told.
     """
-    fastest, what = max(found)
+    fastest, what = max(rates)
     if fastest * step > LARGEST_STEP:
         needed = fastest * step * steps / LARGEST_STEP
         whole = f"{needed:.3g}" if needed > 1e6 else math.ceil(needed)

@@ -37,23 +37,23 @@ Check = Callable[[Any], None]
 AStudy = TypeVar("AStudy", bound=StudyBase)
 
 
-def reused(new: Any, old: Any, made: Any) -> Any:
-    """Tables as read, with what is alike in `old` replaced by the models `made` from it, at any depth."""
-    if isinstance(made, Table):
+def reused(new: Any, old: Any, validated: Any) -> Any:
+    """Tables as read, with what is alike in `old` replaced by its `validated` models, at any depth."""
+    if isinstance(validated, Table):
         if alike(new, old):
-            return made
+            return validated
         if isinstance(new, dict) and isinstance(old, dict):
             return {
-                key: reused(value, old.get(key, MISSING), getattr(made, key, None))
+                key: reused(value, old.get(key, MISSING), getattr(validated, key, None))
                 for key, value in new.items()
             }
-    elif isinstance(made, Mapping) and isinstance(new, dict) and isinstance(old, dict):
-        return {key: reused(value, old.get(key, MISSING), made.get(key)) for key, value in new.items()}
-    elif isinstance(made, tuple) and made and isinstance(made[0], Table) and alike(new, old):
-        return made
-    elif isinstance(made, tuple) and isinstance(new, list) and isinstance(old, list):
-        same = len(new) == len(old) == len(made)
-        return [reused(*parts) for parts in zip(new, old, made, strict=True)] if same else new
+    elif isinstance(validated, Mapping) and isinstance(new, dict) and isinstance(old, dict):
+        return {key: reused(value, old.get(key, MISSING), validated.get(key)) for key, value in new.items()}
+    elif isinstance(validated, tuple) and validated and isinstance(validated[0], Table) and alike(new, old):
+        return validated
+    elif isinstance(validated, tuple) and isinstance(new, list) and isinstance(old, list):
+        same = len(new) == len(old) == len(validated)
+        return [reused(*parts) for parts in zip(new, old, validated, strict=True)] if same else new
     return new
 
 
@@ -92,12 +92,12 @@ def derived(like: AStudy, tables: dict[str, Any], checks: tuple[Check, ...], fol
     return study
 
 
-def _new(new: Any, old: Any, made: Any) -> Any:
+def _new(new: Any, old: Any, validated: Any) -> Any:
     """A table with its unchanged parts reused; of all scenarios or controllers only the changed ones."""
-    if isinstance(made, Mapping) and isinstance(new, dict) and isinstance(old, dict):
+    if isinstance(validated, Mapping) and isinstance(new, dict) and isinstance(old, dict):
         differ = [name for name in new if not alike(new[name], old.get(name, MISSING))]
-        return {name: reused(new[name], old.get(name, MISSING), made.get(name)) for name in differ}
-    return reused(new, old, made)
+        return {name: reused(new[name], old.get(name, MISSING), validated.get(name)) for name in differ}
+    return reused(new, old, validated)
 
 
 def _whole(validated: Any, new: Any, made: Any) -> Any:
@@ -444,13 +444,13 @@ def checked(source: Source, like: StudyBase | None = None) -> AnyStudy:
     return study
 
 
-def _of_each(scenarios: Iterable[str], made: Callable[[str], Made]) -> dict[str, Made]:
-    """Call `made` for each scenario; a single StudyError lists the mistakes of all scenarios."""
+def _of_each(scenarios: Iterable[str], make: Callable[[str], Made]) -> dict[str, Made]:
+    """Call `make` for each scenario; a single StudyError lists the mistakes of all scenarios."""
     by_scenario: dict[str, Made] = {}
     lines: list[str] = []
     for name in scenarios:
         try:
-            by_scenario[name] = made(name)
+            by_scenario[name] = make(name)
         except StudyError as error:
             lines += str(error).splitlines()
     if lines:
@@ -500,8 +500,8 @@ def _checks(model: type[Table], one_scenario: bool) -> tuple[Callable[[Any], Non
     return checks.ALL if one_scenario else (*checks.ALL, *checks.WHOLE)
 
 
-def _error(found: list[Problem], source: Source, prefix: str) -> StudyError:
-    return study_error([_line(problem, source, prefix) for problem in found])
+def _error(mistakes: list[Problem], source: Source, prefix: str) -> StudyError:
+    return study_error([_line(problem, source, prefix) for problem in mistakes])
 
 
 def _line(problem: Problem, source: Source, prefix: str) -> str:

@@ -205,35 +205,35 @@ def dotted_keys(
     return flat
 
 
-def nearest(key: str, known: Sequence[str]) -> str | None:
+def nearest(key: str, names: Sequence[str]) -> str | None:
     """The known key that an unknown one was probably meant to be; None if none is similar."""
 
     def plain(name: str) -> str:
         return name.lower().replace("_", "")
 
-    near = difflib.get_close_matches(key, known, n=1)
-    return next(iter(near), None) or next((name for name in known if plain(name) == plain(key)), None)
+    near = difflib.get_close_matches(key, names, n=1)
+    return next(iter(near), None) or next((name for name in names if plain(name) == plain(key)), None)
 
 
-def perhaps(name: str, known: Iterable[str]) -> str:
+def perhaps(name: str, names: Iterable[str]) -> str:
     """The end of a message on an unknown name: the nearest known name, or "" if none is near."""
-    near = nearest(name, list(known))
+    near = nearest(name, list(names))
     return f', perhaps "{near}"' if near else ""
 
 
-def _meant(key: str, known: Sequence[str]) -> list[str]:
+def _meant(key: str, names: Sequence[str]) -> list[str]:
     """The known keys that an unknown one may stand for.
 
     They are those that it begins or ends (L begins L_d, friction ends coulomb_friction), or else the nearest.
     """
-    whole = [name for name in known if name.startswith(f"{key}_") or name.endswith(f"_{key}")]
-    near = nearest(key, known)
+    whole = [name for name in names if name.startswith(f"{key}_") or name.endswith(f"_{key}")]
+    near = nearest(key, names)
     return whole or ([near] if near else [])
 
 
-def _suggestion(near: Sequence[str], known: Sequence[str]) -> str:
+def _suggestion(near: Sequence[str], names: Sequence[str]) -> str:
     perhaps = " or ".join(f'"{name}"' for name in near)
-    return f"expected a known key, perhaps {perhaps}" if near else f"expected one of {', '.join(known)}"
+    return f"expected a known key, perhaps {perhaps}" if near else f"expected one of {', '.join(names)}"
 
 
 @dataclass(frozen=True)

@@ -147,25 +147,25 @@ def _deviations(study: TrialStudy, deviations: Deviations, where: tuple[str | in
         raise invalid(f"expected {expected}", *where, "load")
 
 
-def _start(study: TrialStudy, scenario: str, here: TrialConditions, where: tuple[str | int, ...]) -> None:
+def _start(study: TrialStudy, scenario: str, phase: TrialConditions, where: tuple[str | int, ...]) -> None:
     """Check that a phase's plant has values, and that the sensor can resolve its initial angle.
 
     The sensor doesn't count turns, so the start must be within half a turn of the reference.
     """
     if study.plant is not None:
         try:
-            study.plant.at(here.override or {})
+            study.plant.at(phase.override or {})
         except PydanticCustomError as error:
             raise invalid(error.message(), *where, "override") from None
     else:
-        begin = float(study.reference(scenario, here)[0])
+        begin = float(study.reference(scenario, phase)[0])
         begins = f"from where the reference begins, {begin:.4g} rad"
-        away = 0.0 if here.initial_angle is None else abs(here.initial_angle - begin)
+        away = 0.0 if phase.initial_angle is None else abs(phase.initial_angle - begin)
         if away >= math.pi:
             expected = f"expected less than half a turn {begins}"
             raise invalid(f"{expected}: the sensor doesn't tell turns", *where, "initial_angle")
-        if here.each_trial is not None and away + here.each_trial.most("initial_angle") >= math.pi:
-            form, _ = here.each_trial.form_of("initial_angle")
+        if phase.each_trial is not None and away + phase.each_trial.most("initial_angle") >= math.pi:
+            form, _ = phase.each_trial.form_of("initial_angle")
             expected = f"expected starts less than half a turn {begins}"
             key = (*where, "each_trial", form, "initial_angle")
             raise invalid(f"{expected}: the sensor doesn't tell turns", *key)
