@@ -41,7 +41,7 @@ void law_step(const cgl_law_input *in, cgl_law_output *out)
     for (uint32_t n = 0; n < 4U; ++n) {
         HOLDS(within(law.bend.part[n], CGL_R(0.05)));
     }
-    HOLDS(law.acting <= config.orders && law.low <= law.acting && law.due <= config.orders);
+    HOLDS(law.acting <= config.orders && law.low <= law.acting && law.next_gain <= config.orders);
 }
 
 void law_reset(void) { cgl_harmonic_reset(&law); }

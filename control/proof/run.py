@@ -72,8 +72,8 @@ PRECISE = """
     cgl_angle_observer_retune cgl_speed_timed_init
     cgl_feedforward_init cgl_zero_phase_init cgl_trial_init cgl_trial_reset learn learn_guarded correct step
     cgl_trial_step cgl_trial_drive_step cgl_space_speed_step cgl_space_position_step cgl_robust_ilc_step
-    follow learn_on repeat cgl_memory_step find_time find_angle cgl_delay_step write_bytes check_step
-    check_mark take_entries smaller slow_orders sum_of_orders cgl_pi_afc_step cgl_harmonic_step
+    follow learned_current learn_on repeat cgl_memory_step find_time find_angle cgl_delay_step write_bytes
+    check_step check_mark take_entries smaller slow_orders sum_of_orders cgl_pi_afc_step cgl_harmonic_step
 """
 
 EXTRA = {

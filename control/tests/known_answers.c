@@ -242,7 +242,7 @@ static void follow_positions(cgl_harmonic *law, cgl_real rotor[2])
             high = apart > high ? apart : high;
             cgl_sincos(rotor[0] - omega * ts, &sine, &cosine);
             const cgl_real angle = bend->share * (bend->part[0] * cosine + bend->part[1] * sine) / CGL_TWO_PI;
-            CHECK(within(bend->here - angle, CGL_R(5.0e-5))); /* between the bend's turns, too */
+            CHECK(within(bend->angle - angle, CGL_R(5.0e-5))); /* between the bend's turns, too */
         }
     }
     CHECK(high - low < CGL_R(0.007)); /* a loop that believed the sensor: 0.02 rad * 10 / hypot(10, 20) = 0.009 rad */

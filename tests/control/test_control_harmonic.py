@@ -229,7 +229,7 @@ def test_a_bend_learned_at_any_rate_is_believed_in_part(precision):
     for omega in np.repeat([20.0, 300.0, 20.0], 3000):
         c.step(omega, omega + rng.normal(), theta + 1e-3 * rng.normal())
         theta = (theta + omega * TS) % math.tau
-        assert c.state.bend.doubt >= 0 and 0 <= c.state.bend.share <= 1
+        assert c.state.bend.variance >= 0 and 0 <= c.state.bend.share <= 1
 
 
 def test_a_bend_is_as_in_the_reference():
@@ -242,7 +242,7 @@ def test_a_bend_is_as_in_the_reference():
         got, expected = c.step(*one), reference.step(*one)
         assert abs(got - expected) < 1e-8, n
         motor.move(got)
-    assert reference.believed > 0.3 and abs(reference.bend[0]) > 3e-3
+    assert reference.bend_share > 0.3 and abs(reference.bend[0]) > 3e-3
     assert complex(c.state.bend.part[0], -c.state.bend.part[1]) == pytest.approx(reference.bend[0], abs=1e-8)
 
 
@@ -352,7 +352,7 @@ def test_a_dropout_leaves_what_is_learned():
     before = run(c, motor, 10.0, 6.0)
     kept = c.c.copy()
     run(c, motor, 10.0, 0.05, angle=lambda theta, n: math.nan)
-    assert np.array_equal(c.c, kept) and not c.state.seated
+    assert np.array_equal(c.c, kept) and not c.state.follows
     after = run(c, motor, 10.0, 1.0)
     assert np.std(after[-300:]) < 3 * np.std(before[-300:]) + 1e-3
     assert np.abs(c.c - kept).max() < 0.02

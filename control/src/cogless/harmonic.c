@@ -5,29 +5,38 @@
 #include "sine.h"
 #include "turns.h"
 
-#define POLE CGL_R(0.60653065971263342) /* p = exp(-1/2): what the observer keeps of a deviation in a step */
+#define POLE CGL_R(0.60653065971263342) /* p = exp(-1/2): share of the observer's error that is left after a step */
 #define GAIN_1 (CGL_R(1.0) - POLE * POLE * POLE)
 #define GAIN_2 (CGL_R(1.5) * (CGL_R(1.0) - POLE) * (CGL_R(1.0) - POLE) * (CGL_R(1.0) + POLE))
 #define GAIN_3 ((CGL_R(1.0) - POLE) * (CGL_R(1.0) - POLE) * (CGL_R(1.0) - POLE))
 
-#define SPLIT CGL_R(0.5105) /* rad in a step of an order: up to here z tells more of it than e, |Z - p|^2 = 2 (1 - p)^2 */
-#define LAG CGL_R(1.5)      /* steps: a longer delay counts as a lag */
-#define LONGEST CGL_R(16.0)  /* steps: the longest delay that init takes */
-#define MEAN CGL_R(0.25)    /* share of z that its mean takes per rad of the base order */
-#define QUICK CGL_R(0.0625) /* share of z that its mean takes per step while nothing is learned, and the most otherwise */
-#define TOGETHER CGL_R(0.0625) /* per step: bound on the sum of all acting orders' rates; slow orders settle below 0.15 */
-#define FULL CGL_R(6.0)     /* learning time, times the full rate, after which the rate begins to fall; exp(-3) of the ripple is left by then */
-#define HALF CGL_R(0.5)     /* turns: bound of the speed in a step, and of z */
-#define NEW CGL_R(1.25)     /* a speed beyond the span of earlier speeds by this factor is new */
-#define HUNTS CGL_R(2.0)    /* a rotor that is faster than this times its reference swings about it, so the rate counts no more periods than that */
-#define BENT CGL_R(0.05)    /* rad: bound of each part of the bend */
-#define SURE CGL_R(2.5e-7)  /* rad^2: with a larger variance the bend is not learned; (0.5 mrad)^2 */
-#define CALM CGL_R(0.02)    /* share of the mean |c|^2 above which the square of the drift stops learning the bend: |c|/7 turns the orders by 1/7 rad */
-#define STAYS CGL_R(0.125)  /* half of the share of z's noise that a mean over the steps between two turns of the bend keeps */
-#define DOUBTED CGL_R(64.0) /* a bend whose square is below so many variances counts as none */
-#define PARTS 2U            /* the slow orders are taught in so many parts, one a step */
-#define FEW 8U              /* up to so many acting orders a gain is made anew every fourth step, else every second */
-#define TURN 8U             /* steps from one turn of the bend to the next */
+/* An order is slow, and learns from z, up to this angle in a step [rad]: there z shows as much of it as e, |Z - p|^2 = 2 (1 - p)^2. */
+#define SLOW_ANGLE_MOST CGL_R(0.5105)
+#define LAG_DELAY CGL_R(1.5)   /* a longer delay is modelled as a lag [steps] */
+#define DELAY_MOST CGL_R(16.0) /* largest delay that init takes [steps] */
+#define HALF_TURN CGL_R(0.5)   /* bound of the speed in a step, and of z [turns] */
+
+#define MEAN_SHARE_PER_RAD CGL_R(0.25)  /* weight of z in its moving mean, per angle of the base order in a step [1/rad] */
+#define MEAN_SHARE_MOST CGL_R(0.0625)   /* its largest weight, which it has while nothing is learned */
+#define RATE_SUM_MOST CGL_R(0.0625)     /* bound of the sum of the acting orders' rates [1/step]; slow orders settle below 0.15 */
+#define FULL_RATE_LENGTH CGL_R(6.0)     /* full rate times learning time until the rate falls; exp(-3) of the ripple is left then */
+#define NEW_SPEED_FACTOR CGL_R(1.25)    /* a speed that leaves the span of earlier speeds by this factor is new */
+/* A rotor that hunts swings about its reference, and so turns faster. The rate counts periods of the base order, but at most this
+ * many times those of the reference. */
+#define HUNTING_FACTOR CGL_R(2.0)
+
+#define BEND_MOST CGL_R(0.05)            /* bound of each part of the bend [rad] */
+#define BEND_VARIANCE_MOST CGL_R(2.5e-7) /* the bend is not learned if its variance is larger: (0.5 mrad)^2 [rad^2] */
+/* The bend is learned while the square of the drift is below this share of the mean |c|^2. A drift of |c|/7, which is its root, turns
+ * the phases of the orders by 1/7 rad. */
+#define BEND_DRIFT_SHARE CGL_R(0.02)
+/* Half of the share of z's noise that remains in a mean over the steps between two updates of the bend. */
+#define BEND_NOISE_SHARE CGL_R(0.125)
+#define BEND_DOUBT_FACTOR CGL_R(64.0) /* a bend is not used if its square is below this many of its variances */
+#define BEND_PERIOD 8U                /* steps from one update of the bend to the next */
+
+#define SLOW_SHARES 2U /* a step corrects one of this many shares of the slow orders */
+#define FEW_ORDERS 8U  /* with up to this many acting orders a gain is made every fourth step, with more every second */
 
 CGL_SELDOM const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config, const cgl_loop *loop)
 {
@@ -62,26 +71,27 @@ CGL_SELDOM const char *cgl_harmonic_bad_field(const cgl_harmonic_config *config,
     if (config->fast > config->orders) {
         return CGL_FIELD("harmonic.fast");
     }
-    if (!(config->delay <= LONGEST * loop->ts)) {
+    if (!(config->delay <= DELAY_MOST * loop->ts)) {
         return CGL_FIELD("harmonic.delay");
     }
     return cgl_is_positive(config->b * loop->ts * loop->ts) ? 0 : CGL_FIELD("harmonic.b");
 }
 
-/* What follows from a config that is valid. */
-CGL_SELDOM static void take(cgl_harmonic *law, const cgl_harmonic_config *config, cgl_real ts)
+/* Takes a valid config, and derives from it what the steps need. */
+CGL_SELDOM static void apply_config(cgl_harmonic *law, const cgl_harmonic_config *config, cgl_real ts)
 {
     law->config = *config;
     law->gain = config->b * ts * ts * (CGL_R(1.0) / CGL_TWO_PI);
     law->half_step = cgl_clamp(config->step * (CGL_R(0.5) / CGL_TWO_PI), CGL_R(0.25));
-    const cgl_real d = cgl_clamp(config->delay / ts, LONGEST);
-    law->ahead = CGL_R(0.5) + d;
+    const cgl_real d = cgl_clamp(config->delay / ts, DELAY_MOST);
+    law->lead = CGL_R(0.5) + d;
     const cgl_real part = d < CGL_R(1.0) ? d : d - CGL_R(1.0);
-    const bool lags = d > LAG;
-    law->kept = lags ? d / (CGL_R(1.0) + d) : CGL_R(0.0);
-    const uint32_t free = config->base > 4U ? 2U : (config->base > 2U ? 1U : 0U); /* between the orders */
+    const bool lags = d > LAG_DELAY;
+    law->lag_share = lags ? d / (CGL_R(1.0) + d) : CGL_R(0.0);
+    /* orders of the bend below the lowest learned order, and apart from it */
+    const uint32_t free = config->base > 4U ? 2U : (config->base > 2U ? 1U : 0U);
     law->bends = config->bends < free ? config->bends : free;
-    law->weight[0] = lags ? CGL_R(1.0) - law->kept : (d < CGL_R(1.0) ? CGL_R(1.0) - part : CGL_R(0.0));
+    law->weight[0] = lags ? CGL_R(1.0) - law->lag_share : (d < CGL_R(1.0) ? CGL_R(1.0) - part : CGL_R(0.0));
     law->weight[1] = lags ? CGL_R(0.0) : (d < CGL_R(1.0) ? part : CGL_R(1.0) - part);
     law->weight[2] = lags || d < CGL_R(1.0) ? CGL_R(0.0) : part;
 }
@@ -99,7 +109,7 @@ CGL_SELDOM cgl_error cgl_harmonic_init(cgl_harmonic *law, const cgl_harmonic_con
     if (cgl_pi_init(&law->pi, &config->pi, loop) != CGL_OK) {
         return CGL_ERROR_CONFIG;
     }
-    take(law, config, loop->ts);
+    apply_config(law, config, loop->ts);
     law->cosine = cell;
     for (uint32_t k = 0; k < config->orders; ++k) {
         cell[2U * config->orders + k] = (cgl_real)(config->base * (k + 1U));
@@ -115,7 +125,7 @@ CGL_SELDOM cgl_error cgl_harmonic_retune(cgl_harmonic *law, const cgl_harmonic_c
         return CGL_ERROR_CONFIG;
     }
     (void)cgl_pi_retune(&law->pi, &config->pi);
-    take(law, config, law->pi.loop.ts);
+    apply_config(law, config, law->pi.loop.ts);
     for (uint32_t n = 0; n < 2U * config->orders; ++n) {
         law->cosine[n] = cgl_clamped(law->cosine[n], config->limit);
     }
@@ -135,43 +145,43 @@ CGL_SELDOM void cgl_harmonic_reset(cgl_harmonic *law)
     cgl_pi_reset(&law->pi);
     clear(law->cosine, 2U * orders);
     clear(law->cosine + 3U * orders, 2U * orders);
-    clear(law->later, 2U);
-    law->last = CGL_R(0.0);
+    clear(law->pending, 2U);
+    law->last_load = CGL_R(0.0);
     const cgl_phasor none = {CGL_R(0.0), CGL_R(0.0)};
     law->base = law->half = law->delayed = law->turned = none;
     clear(law->bend.part, 4U);
-    law->bend.share = law->bend.rate = law->bend.power = law->bend.rest = law->bend.doubt = CGL_R(0.0);
-    law->bend.calm = law->bend.moved = law->bend.before = law->bend.here = law->bend.slope = law->step = CGL_R(0.0);
-    law->share = QUICK;
+    law->bend.share = law->bend.rate = law->bend.slow_power = law->bend.fast_power = law->bend.variance = CGL_R(0.0);
+    law->bend.drift_most = law->bend.phase_sum = law->bend.last_phase_sum = law->bend.angle = law->bend.slope = law->step = CGL_R(0.0);
+    law->share = MEAN_SHARE_MOST;
     law->current = law->omega = law->load = law->mean = law->drift = CGL_R(0.0);
     law->time = law->slowest = law->fastest = law->rate = CGL_R(0.0);
     law->since_edge = CGL_R(0.0);
-    law->shown = law->theta = law->due = law->band = law->acting = law->low = 0U;
-    law->since = 1U; /* the first step has enough to do without a gain */
+    law->theta_sensor = law->theta = law->next_gain = law->band = law->acting = law->low = 0U;
+    law->tick = 1U; /* so that the first step makes no gain: it has enough to do */
     law->wait = CGL_HARMONIC_SETTLE;
-    law->seated = law->learning = false;
+    law->follows = law->learning = false;
     law->learned = CGL_R(0.0);
 }
 
-/* Where the rotor is within the step that the sensor shows [turns]. A speed that is timed from edge to edge adds up to exactly the
- * way from edge to edge: what it is ahead of the steps is the way since the last edge, but for a constant. */
-static uint32_t within_step(cgl_harmonic *law, uint32_t shown, cgl_real omega_m)
+/* Returns the angle [turns of 2^32], refined within the sensor's step. The sum of a speed that is measured from edge to edge is
+ * exact from edge to edge. What this sum is ahead of the sensor's steps is the angle since the last edge, but for a constant. */
+static uint32_t refine_angle(cgl_harmonic *law, uint32_t shown, cgl_real omega_m)
 {
-    const cgl_real turned = cgl_steps(law->shown, shown) * (CGL_R(1.0) / CGL_TURN_BITS);
+    const cgl_real turned = cgl_steps(law->theta_sensor, shown) * (CGL_R(1.0) / CGL_TURN_BITS);
     law->since_edge = cgl_clamp(law->since_edge + omega_m * law->pi.loop.ts * (CGL_R(1.0) / CGL_TWO_PI) - turned, law->half_step);
-    law->shown = shown;
+    law->theta_sensor = shown;
     return cgl_turned(shown, law->since_edge);
 }
 
-/* The observer at the measured angle [turns], where it has followed none. */
-CGL_SELDOM static void seat(cgl_harmonic *law, uint32_t theta, cgl_real omega)
+/* Starts the observer at the measured angle [turns of 2^32], as it has not followed any. */
+CGL_SELDOM static void start_observer(cgl_harmonic *law, uint32_t theta, cgl_real omega)
 {
     law->theta = theta;
-    law->omega = cgl_clamp(omega * law->pi.loop.ts * (CGL_R(1.0) / CGL_TWO_PI), HALF);
+    law->omega = cgl_clamp(omega * law->pi.loop.ts * (CGL_R(1.0) / CGL_TWO_PI), HALF_TURN);
     law->load = law->mean = law->drift = CGL_R(0.0);
-    law->last = CGL_R(0.0);
+    law->last_load = CGL_R(0.0);
     law->wait = CGL_HARMONIC_SETTLE;
-    law->seated = true;
+    law->follows = true;
 }
 
 /* One step of the observer; returns e [turns]. */
@@ -181,26 +191,26 @@ static cgl_real observe(cgl_harmonic *law, uint32_t theta)
     const uint32_t ahead = cgl_turned(law->theta, law->omega + CGL_R(0.5) * rise);
     const cgl_real error = cgl_steps(ahead, theta) * (CGL_R(1.0) / CGL_TURN_BITS);
     law->theta = ahead + (uint32_t)(int32_t)(GAIN_1 * error * CGL_TURN_BITS); /* |error| <= 1/2 */
-    law->omega = cgl_clamp(law->omega + rise + GAIN_2 * error, HALF);
-    law->load = cgl_clamp(law->load + GAIN_3 * error, HALF);
+    law->omega = cgl_clamp(law->omega + rise + GAIN_2 * error, HALF_TURN);
+    law->load = cgl_clamp(law->load + GAIN_3 * error, HALF_TURN);
     return error;
 }
 
-/* What the feedback commands, u [A], acts from the next step on. */
-static void tell(cgl_harmonic *law, cgl_real u)
+/* Delays the feedback's current u [A], which acts from the next step on. */
+static void set_current(cgl_harmonic *law, cgl_real u)
 {
-    law->current = cgl_clamp(law->kept * law->current + law->weight[0] * u + law->later[0], law->pi.config.limit);
-    law->later[0] = law->weight[1] * u + law->later[1];
-    law->later[1] = law->weight[2] * u;
+    law->current = cgl_clamp(law->lag_share * law->current + law->weight[0] * u + law->pending[0], law->pi.config.limit);
+    law->pending[0] = law->weight[1] * u + law->pending[1];
+    law->pending[1] = law->weight[2] * u;
 }
 
-/* z of the last two steps, without its mean: their sum [turns]. */
+/* Returns the sum of z - mean over the last two steps [turns], and updates the mean. */
 static cgl_real two_loads(cgl_harmonic *law)
 {
     law->mean += law->share * (law->load - law->mean);
-    const cgl_real now = law->load - law->mean, sum = now + law->last;
+    const cgl_real now = law->load - law->mean, sum = now + law->last_load;
     law->drift += law->share * (now - law->drift);
-    law->last = now;
+    law->last_load = now;
     return sum;
 }
 
@@ -219,104 +229,109 @@ static cgl_real lesser(cgl_real a, cgl_real b)
     return a < b ? a : b;
 }
 
-/* How many multiples of `step` [rad] are within `most` [rad]. */
+/* The number of multiples of `step` [rad] up to `most` [rad]; at most `orders`. */
 static uint32_t fitting(cgl_real most, cgl_real step, uint32_t orders)
 {
     if (step < CGL_R(0.003)) {
-        return orders; /* CGL_HARMONIC_ORDERS of them are within SPLIT */
+        return orders; /* even the highest of CGL_HARMONIC_ORDERS is below SLOW_ANGLE_MOST */
     }
     const cgl_real count = most / step;
     return smaller((uint32_t)(int32_t)count, orders);
 }
 
-/* Sets the rate at which the next round learns the bend, and the share of the bend that is used. The noise of the orders gives the
- * bend a variance. Where fast orders have most of the ripple, the slow orders show too little of the bend. `begun`: time of the
- * orders' learning, times their full rate. */
-CGL_APART static void judge_bend(cgl_harmonic *law, cgl_real begun)
+/* Sets the rate at which the next round learns the bend, and the share of the bend that is used. Both depend on the variance that
+ * the noise of the orders gives to the bend. The bend is not learned while the fast orders have most of the ripple, as it is learned
+ * from the slow ones. `begun`: learning time of the orders times their full rate. */
+CGL_APART static void set_bend_rate(cgl_harmonic *law, cgl_real begun)
 {
     cgl_harmonic_bend *const bend = &law->bend;
     const cgl_real *const part = bend->part;
-    const cgl_real size = cgl_clamp((cgl_real)law->config.base * bend->power, CGL_R(1.0e9));
-    const cgl_real scale = law->rate * law->pi.loop.ts * size * size, variance = CGL_R(2.0) * bend->doubt;
-    const cgl_real mean = bend->power / (cgl_real)larger(law->low, 1U); /* mean |c|^2, or less */
-    bend->calm = CALM * cgl_clamp(mean, CGL_R(1.0e9)) * law->gain * law->gain;
+    const cgl_real size = cgl_clamp((cgl_real)law->config.base * bend->slow_power, CGL_R(1.0e9));
+    const cgl_real scale = law->rate * law->pi.loop.ts * size * size, variance = CGL_R(2.0) * bend->variance;
+    const cgl_real mean = bend->slow_power / (cgl_real)larger(law->low, 1U); /* at most the mean |c|^2 */
+    bend->drift_most = BEND_DRIFT_SHARE * cgl_clamp(mean, CGL_R(1.0e9)) * law->gain * law->gain;
     bend->rate = CGL_R(0.0);
-    const bool shows = size > CGL_R(1.0e-9) && bend->power > bend->rest;
-    if (begun > CGL_R(0.5) * FULL && shows && variance < SURE * scale) {
+    const bool shows = size > CGL_R(1.0e-9) && bend->slow_power > bend->fast_power;
+    if (begun > CGL_R(0.5) * FULL_RATE_LENGTH && shows && variance < BEND_VARIANCE_MOST * scale) {
         const cgl_real square = part[0] * part[0] + part[1] * part[1] + part[2] * part[2] + part[3] * part[3];
-        const cgl_real noise = DOUBTED * variance, sum = square * scale;
+        const cgl_real noise = BEND_DOUBT_FACTOR * variance, sum = square * scale;
         bend->rate = CGL_R(2.0) / size;
         bend->share = sum > noise ? CGL_R(1.0) - noise / sum : CGL_R(0.0);
     }
-    bend->power = bend->rest = CGL_R(0.0);
+    bend->slow_power = bend->fast_power = CGL_R(0.0);
 }
 
-/* The bend's turn: it goes where the phases of all orders went together since the last one. At the measured angle [turns]. */
-CGL_APART static void turn_bend(cgl_harmonic *law, uint32_t theta)
+/* Updates the bend at the measured angle [turns of 2^32]. It is corrected by the phase that all orders have gained together since
+ * the last update. */
+CGL_APART static void update_bend(cgl_harmonic *law, uint32_t theta)
 {
     cgl_harmonic_bend *const bend = &law->bend;
     cgl_real *const part = bend->part;
     const cgl_phasor once = cgl_phasor_of(theta), twice = cgl_product(once, once);
     const cgl_real x[2] = {once.cosine, twice.cosine}, y[2] = {once.sine, twice.sine};
-    if (law->learning && law->drift * law->drift < bend->calm) {
-        const cgl_real moved = cgl_clamp(bend->moved, CGL_R(1.0e9)), step = bend->rate * moved;
-        const cgl_real rate = law->rate * law->pi.loop.ts, most = CGL_R(1.0) / (cgl_real)TURN; /* beyond it no mean */
-        const cgl_real change = moved - bend->before; /* noise, but not what the bend moves: that is nearly the same in both */
-        bend->doubt += (rate < most ? rate : most) * (STAYS * change * change - (cgl_real)TURN * bend->doubt);
-        bend->before = moved;
+    if (law->learning && law->drift * law->drift < bend->drift_most) {
+        const cgl_real moved = cgl_clamp(bend->phase_sum, CGL_R(1.0e9)), step = bend->rate * moved;
+        const cgl_real rate = law->rate * law->pi.loop.ts, most = CGL_R(1.0) / (cgl_real)BEND_PERIOD; /* a larger rate makes no mean */
+        const cgl_real change = moved - bend->last_phase_sum; /* noise alone: the bend itself is nearly the same in both */
+        bend->variance += (rate < most ? rate : most) * (BEND_NOISE_SHARE * change * change - (cgl_real)BEND_PERIOD * bend->variance);
+        bend->last_phase_sum = moved;
         for (uint32_t m = 0; m < law->bends; ++m) {
-            part[2U * m] = cgl_clamp(part[2U * m] + step * x[m], BENT);
-            part[2U * m + 1U] = cgl_clamp(part[2U * m + 1U] + step * y[m], BENT);
+            part[2U * m] = cgl_clamp(part[2U * m] + step * x[m], BEND_MOST);
+            part[2U * m + 1U] = cgl_clamp(part[2U * m + 1U] + step * y[m], BEND_MOST);
         }
     }
-    bend->moved = CGL_R(0.0);
+    bend->phase_sum = CGL_R(0.0);
     bend->slope = bend->share * (part[1] * x[0] - part[0] * y[0] + CGL_R(2.0) * (part[3] * x[1] - part[2] * y[1]));
-    const cgl_real here = part[0] * x[0] + part[1] * y[0] + part[2] * x[1] + part[3] * y[1];
-    bend->here = bend->share * here * (CGL_R(1.0) / CGL_TWO_PI);
+    const cgl_real value = part[0] * x[0] + part[1] * y[0] + part[2] * x[1] + part[3] * y[1];
+    bend->angle = bend->share * value * (CGL_R(1.0) / CGL_TWO_PI);
 }
 
-/* Begins to make the gains anew: the present speed, the orders that it leaves, the rate. `speed_ref`: |omega_ref|, rad/s. */
+/* Begins a round that makes the gain of each acting order for the present speed. Decides which orders act, and the rate.
+ * `speed_ref`: |omega_ref| [rad/s]. */
 CGL_APART static void begin_round(cgl_harmonic *law, uint32_t gentle, cgl_real speed_ref)
 {
     const cgl_harmonic_config *const config = &law->config;
     const cgl_real speed = cgl_abs(law->omega), step = CGL_TWO_PI * (cgl_real)config->base * law->omega;
     const cgl_real size = cgl_abs(step);
-    if (speed > NEW * law->fastest || NEW * speed < law->slowest) {
+    if (speed > NEW_SPEED_FACTOR * law->fastest || NEW_SPEED_FACTOR * speed < law->slowest) {
         law->slowest = law->fastest <= CGL_R(0.0) || speed < law->slowest ? speed : law->slowest;
         law->fastest = speed > law->fastest ? speed : law->fastest;
         law->time = CGL_R(0.0);
     }
-    const uint32_t low = fitting(SPLIT, size, config->orders), acting = larger(low, fitting(CGL_HARMONIC_FASTEST, size, config->fast));
+    const uint32_t low = fitting(SLOW_ANGLE_MOST, size, config->orders);
+    const uint32_t acting = larger(low, fitting(CGL_HARMONIC_FASTEST, size, config->fast));
     cgl_real *const weight = law->cosine + 3U * config->orders;
     for (uint32_t n = 2U * smaller(low, law->low); n < 2U * larger(low, law->low); ++n) {
-        weight[n] = CGL_R(0.0); /* they are of another signal */
+        weight[n] = CGL_R(0.0); /* their gains belong to the other signal */
     }
     law->acting = acting;
     law->low = low;
-    const cgl_real shared = TOGETHER / ((cgl_real)larger(acting, 1U) * law->pi.loop.ts), full = lesser(config->rate, shared);
-    const cgl_real begun = full * law->time, after = begun - FULL; /* the mean begins FULL after learning */
+    const cgl_real shared = RATE_SUM_MOST / ((cgl_real)larger(acting, 1U) * law->pi.loop.ts), full = lesser(config->rate, shared);
+    const cgl_real begun = full * law->time, after = begun - FULL_RATE_LENGTH; /* the rate falls from FULL_RATE_LENGTH on */
     const cgl_real mean = after > CGL_R(0.0) ? full / (CGL_R(1.0) + CGL_R(0.5) * after) : full;
     const cgl_real rate = mean > config->rate_min ? mean : lesser(config->rate_min, shared);
-    const cgl_real asked = HUNTS * (cgl_real)config->base * law->pi.loop.ts * speed_ref;
-    const cgl_real most = lesser(asked, size) / (CGL_PI * law->pi.loop.ts); /* leaves exp(-1) of an order after a period of the base order */
+    const cgl_real asked = HUNTING_FACTOR * (cgl_real)config->base * law->pi.loop.ts * speed_ref;
+    /* with this rate exp(-1) of an order is left after a period of the base order */
+    const cgl_real most = lesser(asked, size) / (CGL_PI * law->pi.loop.ts);
     law->rate = cgl_gentle_gain(gentle, config->rate, config->rate) * lesser(rate, most);
-    const cgl_real turn = size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0);
-    cgl_sincos(CGL_R(0.5) * turn, &law->half.sine, &law->half.cosine);
-    cgl_sincos(turn * law->ahead, &law->base.sine, &law->base.cosine);
-    judge_bend(law, begun);
+    const cgl_real angle = size <= CGL_HARMONIC_FASTEST ? step : CGL_R(0.0);
+    cgl_sincos(CGL_R(0.5) * angle, &law->half.sine, &law->half.cosine);
+    cgl_sincos(angle * law->lead, &law->base.sine, &law->base.cosine);
+    set_bend_rate(law, begun);
     law->turned = law->half;
     law->delayed = law->base;
     law->step = size;
-    law->due = law->band = 0U;
+    law->next_gain = law->band = 0U;
 }
 
-/* The gain of the order that is due. With D = (Z - p) exp(-j Om/2), 1/G is D^3 exp(-j Om/2) / (cos(Om/2) l3) for z, and
- * D^3 / (j sin Om) for e; two z sum to 2 cos(Om/2) exp(-j Om/2) of one. The phasor that it meets is ahead by Om (1/2 + delay). */
+/* Makes the gain of the order `next_gain`, or begins the next round. With D = (Z - p) exp(-j Om/2), and GAIN_3 as l3, 1/G is
+ * D^3 exp(-j Om/2) / (cos(Om/2) l3) for z, and D^3 / (j sin Om) for e. The sum of two z is 2 cos(Om/2) exp(-j Om/2) times one z. The
+ * gain is turned by Om (1/2 + delay), because the order's phasor is computed for the time at which it acts. */
 CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gentle, cgl_real speed_ref)
 {
-    const uint32_t k = law->due, orders = law->config.orders;
-    const cgl_real slow = (CGL_TWO_PI * MEAN) * (cgl_real)law->config.base * cgl_abs(law->omega);
-    law->share = law->learning && slow < QUICK ? slow : QUICK;
+    const uint32_t k = law->next_gain, orders = law->config.orders;
+    const cgl_real slow = (CGL_TWO_PI * MEAN_SHARE_PER_RAD) * (cgl_real)law->config.base * cgl_abs(law->omega);
+    law->share = law->learning && slow < MEAN_SHARE_MOST ? slow : MEAN_SHARE_MOST;
     law->time += law->learning && law->time < CGL_R(1.0e6) ? (cgl_real)pause * law->pi.loop.ts : CGL_R(0.0);
     if (k >= law->acting) {
         begin_round(law, gentle, speed_ref);
@@ -334,13 +349,14 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     cgl_real scale = (holds ? CGL_R(0.0) : law->rate) * law->pi.loop.ts / law->gain;
     const cgl_real a = law->cosine[k], b = law->cosine[orders + k], power = (cgl_real)(k + 1U) * (a * a + b * b);
     if (k < law->low) {
-        law->bend.power += holds ? CGL_R(0.0) : power;
+        law->bend.slow_power += holds ? CGL_R(0.0) : power;
         scale /= GAIN_3 * c * c;
-        const cgl_real lost = (law->omega < CGL_R(0.0) ? MEAN : -MEAN) / (cgl_real)(k + 1U); /* what the mean takes away */
+        /* share of the order that the moving mean takes out of z */
+        const cgl_real lost = (law->omega < CGL_R(0.0) ? MEAN_SHARE_PER_RAD : -MEAN_SHARE_PER_RAD) / (cgl_real)(k + 1U);
         const cgl_phasor without = {CGL_R(1.0), lost};
         w = cgl_product(w, without);
     } else {
-        law->bend.rest += power;
+        law->bend.fast_power += power;
         const cgl_phasor back = {w.sine, -w.cosine}; /* times -j */
         w = back;
         scale /= CGL_R(2.0) * s * c;
@@ -350,13 +366,14 @@ CGL_APART static void make_gain(cgl_harmonic *law, uint32_t pause, uint32_t gent
     weight[1] = cgl_clamp(scale * w.sine, CGL_R(1.0e9));
     law->turned = cgl_product(law->turned, law->half);
     law->delayed = cgl_product(law->delayed, law->base);
-    law->due = k + 1U;
+    law->next_gain = k + 1U;
 }
 
-/* The orders' sum at an angle [turns] at which it will act, after what z teaches a part of the slow ones and e the others. */
+/* Corrects one share of the slow orders by `loads`, and the fast orders by `error`. Then returns the sum of the orders [A] at the
+ * angle [turns of 2^32] where it will act. */
 CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_real loads, cgl_real error)
 {
-    const uint32_t orders = law->config.orders, low = law->low, turn = law->since % PARTS;
+    const uint32_t orders = law->config.orders, low = law->low, share = law->tick % SLOW_SHARES;
     const cgl_real limit = law->config.limit;
     cgl_real *const a = law->cosine, *const b = a + orders;
     const cgl_real *const w = b + 2U * orders;
@@ -364,7 +381,7 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
     cgl_phasor first;
     cgl_sincos_of_turns(law->config.base * angle, &first.sine, &first.cosine);
     cgl_phasor at = first;
-    uint32_t k = 0U, begin = low * turn / PARTS, end = low * (turn + 1U) / PARTS;
+    uint32_t k = 0U, begin = low * share / SLOW_SHARES, end = low * (share + 1U) / SLOW_SHARES;
     for (uint32_t part = 0U; part < 2U; ++part) {
         for (; k < begin; ++k) {
             sum += a[k] * at.cosine + b[k] * at.sine;
@@ -381,7 +398,7 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
             at = cgl_product(at, first);
         }
         if (part == 0U) {
-            law->bend.moved += moved;
+            law->bend.phase_sum += moved;
         }
         if (k >= law->acting) {
             break;
@@ -393,7 +410,7 @@ CGL_APART static cgl_real sum_of_orders(cgl_harmonic *law, uint32_t angle, cgl_r
     return cgl_clamp(sum, limit);
 }
 
-/* Whether a law that has an angle has all that it needs. */
+/* Whether the error, and the position's reference where it is controlled, are numbers. The angle is one already. */
 static bool is_plausible(const cgl_harmonic *law, const cgl_law_input *in, cgl_real error)
 {
     const bool placed = !(law->config.k_theta > CGL_R(0.0)) || cgl_is_angle(in->theta_ref);
@@ -413,46 +430,47 @@ CGL_SELDOM static void step_otherwise(cgl_harmonic *law, const cgl_law_input *in
                   | (cgl_is_angle(in->theta_m) && is_plausible(law, in, error) ? 0U : (unsigned)CGL_STATUS_FAULT);
 }
 
-/* What is learned is cleared, as the guard says. */
-CGL_SELDOM static void forget(cgl_harmonic *law)
+/* Clears what was learned, at the guard's command. */
+CGL_SELDOM static void forget_orders(cgl_harmonic *law)
 {
     clear(law->cosine, 2U * law->config.orders);
     clear(law->bend.part, 4U);
     law->time = CGL_R(0.0);
 }
 
-/* What is fed back of the position, whose angle is bent [turns]: the short way round [rad/s]; 0 without a reference. */
+/* The position's error, taken the short way round, times k_theta [rad/s]; 0 without a reference. `theta`: measured angle [turns of
+ * 2^32], from which the bend is removed. */
 CGL_SELDOM static cgl_real lag_of(const cgl_harmonic *law, const cgl_law_input *in, uint32_t theta)
 {
     if (!cgl_is_angle(in->theta_ref)) {
         return CGL_R(0.0);
     }
-    const cgl_real way = cgl_steps(theta, cgl_turns(in->theta_ref)) * (CGL_R(1.0) / CGL_TURN_BITS) + law->bend.here;
+    const cgl_real way = cgl_steps(theta, cgl_turns(in->theta_ref)) * (CGL_R(1.0) / CGL_TURN_BITS) + law->bend.angle;
     return law->config.k_theta * CGL_TWO_PI * way;
 }
 
-/* Whether this step learns: it waits after what froze it. */
-CGL_SELDOM static void settle(cgl_harmonic *law, bool may)
+/* Decides whether this step learns. After learning was frozen it waits for CGL_HARMONIC_SETTLE steps. */
+CGL_SELDOM static void set_learning(cgl_harmonic *law, bool may)
 {
     law->learning = may && law->wait == 0U;
     law->wait = may ? law->wait - (law->wait > 0U ? 1U : 0U) : CGL_HARMONIC_SETTLE;
 }
 
-/* The learned current at an angle [turns]. */
-static cgl_real follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta)
+/* Returns the learned current at the measured angle [turns of 2^32], after a step of observer, gains and orders. */
+static cgl_real learned_current(cgl_harmonic *law, const cgl_law_input *in, uint32_t theta)
 {
-    if (!CGL_OFTEN(law->seated)) {
-        seat(law, theta, in->omega_m);
+    if (!CGL_OFTEN(law->follows)) {
+        start_observer(law, theta, in->omega_m);
     }
     const cgl_real error = observe(law, theta), loads = two_loads(law);
-    const uint32_t pause = law->acting > FEW ? 2U : 4U; /* a power of two: what follows is a remainder */
-    if ((law->since & (pause - 1U)) == 1U) {
+    const uint32_t pause = law->acting > FEW_ORDERS ? 2U : 4U; /* a power of two, so that the mask below gives the remainder */
+    if ((law->tick & (pause - 1U)) == 1U) {
         make_gain(law, pause, in->gentle, cgl_abs(in->omega_ref));
     }
     if (in->off) {
         return CGL_R(0.0);
     }
-    const uint32_t acts = cgl_turned(theta, law->omega * law->ahead - law->bend.here);
+    const uint32_t acts = cgl_turned(theta, law->omega * law->lead - law->bend.angle);
     const bool sees = CGL_OFTEN(law->learning);
     return cgl_law_share(in) * sum_of_orders(law, acts, sees ? loads : CGL_R(0.0), sees ? error : CGL_R(0.0));
 }
@@ -460,10 +478,10 @@ static cgl_real follow(cgl_harmonic *law, const cgl_law_input *in, uint32_t thet
 /* A step without an angle. */
 CGL_SELDOM static void step_blind(cgl_harmonic *law, const cgl_law_input *in, cgl_law_output *out)
 {
-    settle(law, false);
-    law->seated = false;
-    law->learned = law->bend.here = law->bend.slope = CGL_R(0.0);
-    law->since = TURN - 1U; /* the first angle that comes is the bend's */
+    set_learning(law, false);
+    law->follows = false;
+    law->learned = law->bend.angle = law->bend.slope = CGL_R(0.0);
+    law->tick = BEND_PERIOD - 1U; /* so that the next step with an angle updates the bend */
     step_otherwise(law, in, in->omega_ref - in->omega_m, out);
 }
 
@@ -474,25 +492,26 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
         return;
     }
     if (in->forget && !cgl_law_stands_by(in)) {
-        forget(law);
+        forget_orders(law);
     }
     if (CGL_OFTEN(cgl_is_angle(in->theta_m))) {
-        const uint32_t theta = within_step(law, cgl_turns(in->theta_m), in->omega_m);
-        law->since = (law->since + 1U) % TURN;
-        law->bend.here += law->bend.slope * law->omega;
-        if (law->since == 0U && law->bends > 0U) {
-            turn_bend(law, theta);
+        const uint32_t theta = refine_angle(law, cgl_turns(in->theta_m), in->omega_m);
+        law->tick = (law->tick + 1U) % BEND_PERIOD;
+        law->bend.angle += law->bend.slope * law->omega;
+        if (law->tick == 0U && law->bends > 0U) {
+            update_bend(law, theta);
         }
         cgl_real error = in->omega_ref - in->omega_m + law->bend.slope * in->omega_m;
         if (law->config.k_theta > CGL_R(0.0)) {
             error += lag_of(law, in, theta);
         }
         const bool turns = cgl_abs(in->omega_ref) > CGL_R(0.0);
-        const bool may = in->learn && law->config.rate > CGL_R(0.0) && turns && !cgl_law_stands_by(in) && !law->pi.saturated && is_plausible(law, in, error);
+        const bool may = in->learn && law->config.rate > CGL_R(0.0) && turns && !cgl_law_stands_by(in) && !law->pi.saturated
+                         && is_plausible(law, in, error);
         if (!CGL_OFTEN(may && law->learning)) {
-            settle(law, may);
+            set_learning(law, may);
         }
-        law->learned = follow(law, in, theta);
+        law->learned = learned_current(law, in, theta);
         if (law->learning && cgl_pi_step_free(&law->pi, error, law->learned, &out->i_q_ref)) {
             out->status = 0U;
         } else {
@@ -501,5 +520,5 @@ void cgl_harmonic_step(cgl_harmonic *law, const cgl_law_input *in, cgl_law_outpu
     } else {
         step_blind(law, in, out);
     }
-    tell(law, in->off ? CGL_R(0.0) : out->i_q_ref - law->learned);
+    set_current(law, in->off ? CGL_R(0.0) : out->i_q_ref - law->learned);
 }
