@@ -692,7 +692,22 @@ def test_list_tells_titles_and_first_comments(
     assert capsys.readouterr().out.startswith("\x1b[1mStudies\x1b[0m\n  longer")
 
 
-HEAVY = "dask jinja2 matplotlib netCDF4 numpy pandas pint pydantic pyarrow rich scipy scipy.stats typer xarray".split()
+HEAVY = [
+    "dask",
+    "jinja2",
+    "matplotlib",
+    "netCDF4",
+    "numpy",
+    "pandas",
+    "pint",
+    "pydantic",
+    "pyarrow",
+    "rich",
+    "scipy",
+    "scipy.stats",
+    "typer",
+    "xarray",
+]
 
 
 @pytest.mark.parametrize(
@@ -712,7 +727,9 @@ def test_a_command_loads_no_heavy_package_that_it_does_not_need(
     code += (
         f"atexit.register(lambda: print([m for m in {HEAVY} if m in sys.modules], file=sys.stderr)); main()"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
     assert set(eval(done.stderr.strip().splitlines()[-1])) <= set(needed) and done.stdout.strip()
 
 

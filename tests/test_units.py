@@ -266,10 +266,10 @@ def test_importing_cogless_loads_nothing_that_takes_time() -> None:
 
 
 OF_PINT = (
-    "m, s, A, g, K, rad, deg, turn, arcmin, arcsec, min, h, rpm, Hz, N, J, W, V, ohm, H, Wb, inch, ft, oz, lb, dyn, "
-    "gf, ozf, lbf, kHz, mH, uH, µH, mWb, Mohm, meters, millinewton, kilogram, revolutions/minute, N*m, kg*m^2, g*cm**2, "
-    "oz*inch^2, lb*inch**2, ozf*inch, V/rpm, rpm/V, mN*m/A, rad/s^2, 1/s, s^-1, A/(rad/s), (m/s)^2/K, V/A/s, N m s, "
-    "kgf*cm*s^2, 1/(ohm*s), W*h, lbf*ft"
+    "m, s, A, g, K, rad, deg, turn, arcmin, arcsec, min, h, rpm, Hz, N, J, W, V, ohm, H, Wb, inch, ft, oz, "
+    "lb, dyn, gf, ozf, lbf, kHz, mH, uH, µH, mWb, Mohm, meters, millinewton, kilogram, revolutions/minute, "
+    "N*m, kg*m^2, g*cm**2, oz*inch^2, lb*inch**2, ozf*inch, V/rpm, rpm/V, mN*m/A, rad/s^2, 1/s, s^-1, "
+    "A/(rad/s), (m/s)^2/K, V/A/s, N m s, kgf*cm*s^2, 1/(ohm*s), W*h, lbf*ft"
 )
 
 
@@ -281,7 +281,12 @@ def test_a_unit_is_worth_what_pint_says(unit: str) -> None:
     assert units.in_si(f"1 {unit}") == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("unit", ["lambda*rad", "(", "/m°V", "s**Wb", "m^^2", "or", "1/", "2**9**9", "kg)", "kg*", "()", 99 * "(" + "m" + 99 * ")"])
+DEEP = 99 * "(" + "m" + 99 * ")"
+
+
+@pytest.mark.parametrize(
+    "unit", [DEEP, "lambda*rad", "(", "/m°V", "s**Wb", "m^^2", "or", "1/", "2**9**9", "kg)", "kg*", "()"]
+)
 def test_what_is_no_unit_is_a_user_s_mistake(unit):
     with pytest.raises(UnitError):
         parse(f"1 {unit}", units.ANGLE)

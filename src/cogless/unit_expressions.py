@@ -1,7 +1,7 @@
 """The units that describe drives, and the worth of an expression of them, such as "kg*cm^2".
 
-Angle is a dimension of its own here, so "60 rpm" and "60 Hz" can be told apart. The package pint reads units as well;
-its import takes a third of a second at every start.
+Angle is a dimension of its own here, so "60 rpm" and "60 Hz" can be told apart. The package pint reads units,
+too; its import takes a third of a second at every start.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import cache
 
-PREFIXES = {
+PREFIX_FACTORS = {
     **dict.fromkeys(("pico", "p"), 1e-12),
     **dict.fromkeys(("nano", "n"), 1e-9),
     **dict.fromkeys(("micro", "u", "µ", "μ"), 1e-6),
@@ -22,7 +22,7 @@ PREFIXES = {
     **dict.fromkeys(("mega", "M"), 1e6),
     **dict.fromkeys(("giga", "G"), 1e9),
 }
-BASES = (
+BASE_UNITS = (
     "meter m",
     "second s sec",
     "ampere A",
@@ -32,7 +32,7 @@ BASES = (
     "radian rad",
 )
 # (names, a number, an expression): a unit is the number times the expression
-DERIVED = (
+DERIVED_UNITS = (
     ("degree deg °", math.pi / 180, "radian"),
     ("revolution rev turn r", math.tau, "radian"),
     ("arcminute arcmin", 1 / 60, "degree"),
@@ -59,15 +59,15 @@ DERIVED = (
     ("ounce_force ozf", 28.349523125, "gram_force"),
     ("pound_force lbf", 453.59237, "gram_force"),
 )
-BASE_BY_NAME = {name: names.split()[0] for names in BASES for name in names.split()}
+BASE_BY_NAME = {name: names.split()[0] for names in BASE_UNITS for name in names.split()}
 DERIVED_BY_NAME = {
-    name: (number, expression) for names, number, expression in DERIVED for name in names.split()
+    name: (number, expression) for names, number, expression in DERIVED_UNITS for name in names.split()
 }
 EXPRESSION_LETTERS_MOST = 100
-PLURAL = "s"
+PLURAL_ENDING = "s"
 PLURAL_LETTERS_LEAST = 2  # of the name before it: "ms" is a millisecond
 
-TOKEN = re.compile(r"\s*(?:(?P<power>(?:\^|\*\*)(?P<exponent>-?\d))|[A-Za-zµμΩ°_]+|[*/()]|1)")
+UNIT_TOKEN = re.compile(r"\s*(?:(?P<power>(?:\^|\*\*)(?P<exponent>-?\d))|[A-Za-zµμΩ°_]+|[*/()]|1)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class Unit:
         return math.prod((number**power for number, power in powers.items() if power < 0), start=float(above))
 
 
-ONE = Unit(Counter(), Counter())
+PLAIN_NUMBER = Unit(Counter(), Counter())
 
 
 @cache
@@ -113,7 +113,7 @@ def read_unit(expression: str) -> Unit | None:
     if tokens is None or len(expression) > EXPRESSION_LETTERS_MOST:
         return None
     if not tokens:
-        return ONE
+        return PLAIN_NUMBER
     try:
         unit = _product(tokens)
     except _NoUnitError:
@@ -129,7 +129,7 @@ def _tokens(expression: str) -> list[str] | None:
     """Words, powers such as "^-2", signs and ones; None if the text has anything else."""
     tokens, place, text = [], 0, expression.strip()
     while place < len(text):
-        match = TOKEN.match(text, place)
+        match = UNIT_TOKEN.match(text, place)
         if match is None:
             return None
         tokens.append(f"^{match.group('exponent')}" if match.group("power") else match.group().strip())
@@ -156,7 +156,7 @@ def _power(tokens: list[str]) -> Unit:
         if not tokens or tokens.pop(0) != ")":
             raise _NoUnitError
     elif token == "1":
-        unit = ONE
+        unit = PLAIN_NUMBER
     else:
         unit = _word(token)
     if tokens and tokens[0].startswith("^"):
@@ -166,14 +166,14 @@ def _power(tokens: list[str]) -> Unit:
 
 def _word(word: str) -> Unit:
     """The unit with this name, which may have a prefix and a plural's "s"."""
-    singular = [word, *([word[:-1]] if word.endswith(PLURAL) else [])]
+    singular = [word, *([word[:-1]] if word.endswith(PLURAL_ENDING) else [])]
     for name in singular:
-        for prefix in ("", *PREFIXES):
+        for prefix in ("", *PREFIX_FACTORS):
             unit = _named(name[len(prefix) :]) if name.startswith(prefix) else None
             letters = len(name) - len(prefix)
             if unit is None or (name != word and letters < PLURAL_LETTERS_LEAST):
                 continue
-            return Unit(Counter(), Counter({PREFIXES[prefix]: 1})).times(unit) if prefix else unit
+            return Unit(Counter(), Counter({PREFIX_FACTORS[prefix]: 1})).times(unit) if prefix else unit
     raise _NoUnitError
 
 
