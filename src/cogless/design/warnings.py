@@ -425,11 +425,11 @@ def rival_bases(study: Study, name: str) -> tuple[int, int] | None:
 
     None too if the law has no base, or if no base has that room.
     """
-    found = _unlearned(study, name)
-    if found is None or not found[0]:
+    orders = _unlearned(study, name)
+    if orders is None or not orders[0]:
         return None
-    here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
-    complete, roomy, least = math.gcd(*found[0]), roomy_base(here), least_base(here)
+    worst = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
+    complete, roomy, least = math.gcd(*orders[0]), roomy_base(worst), least_base(worst)
     return (complete, roomy) if complete < least <= roomy else None
 
 
