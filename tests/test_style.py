@@ -5,9 +5,9 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 96,
+    "constant_with_several_values": 95,
     "number_of_one_word": 161,
-    "vague_local": 477,
+    "vague_local": 475,
     "vague_argument": 213,
     "vague_function": 149,
     "many_positional_arguments": 14,
