@@ -9,7 +9,7 @@ SOURCES := $(shell find src control/src simulator studies motors parts -type f -
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 # where `cogless live` looks for the engine of its pages
 WEB_CACHE := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/cogless
-# modules are byte-compiled when first used; to rewrite a test's asserts again takes each worker 7 s
+# packages are byte-compiled when first imported; to rewrite a test's asserts again takes each worker 7 s
 export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: help build demo test web axe hash lint control cppcheck misra pil proof reproof fuzz mutants keep same docs bench dist versions clean
@@ -38,6 +38,9 @@ $(VENV)/installed: $(VENV)/tools $(SOURCES)
 	@echo "Installing cogless: the first time it compiles for a minute"
 	@$(MAKE) --no-print-directory -j2 $(VENV)/dependencies $(VENV)/wheel
 	$(PIP) --no-deps --force-reinstall $(VENV)/wheel/*.whl
+	@# byte code for later starts, as an environment may forbid them to write it: each would take a second longer
+	$(BIN)/python -m compileall -q $(VENV)/lib/python*/site-packages/cogless
+	$(BIN)/cogless design uomodri > /dev/null
 	touch $@
 
 # what an extra needs, by the wheel that is installed: nothing is compiled for it
@@ -48,7 +51,7 @@ $(VENV)/extra-%: $(VENV)/tools | $(VENV)/installed
 build: $(VENV)/installed ## cogless in .venv
 
 demo: $(VENV)/installed ## the main job: a motor that cogs, under five controllers
-	$(BIN)/cogless run uomodri -o results/uomodri --plots
+	$(BIN)/cogless run uomodri -o results/uomodri
 
 test: $(VENV)/installed $(VENV)/extra-test ## the whole test suite
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile

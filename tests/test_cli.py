@@ -692,14 +692,45 @@ def test_list_tells_titles_and_first_comments(
     assert capsys.readouterr().out.startswith("\x1b[1mStudies\x1b[0m\n  longer")
 
 
-def test_list_loads_nothing_that_takes_time(tmp_path: Path) -> None:
-    heavy = "('typer', 'pydantic', 'rich', 'numpy', 'pint')"
-    code = "import atexit, sys; sys.argv = ['cogless', 'list']; from cogless.__main__ import main\n"
+HEAVY = [
+    "dask",
+    "jinja2",
+    "matplotlib",
+    "netCDF4",
+    "numpy",
+    "pandas",
+    "pint",
+    "pydantic",
+    "pyarrow",
+    "rich",
+    "scipy",
+    "scipy.stats",
+    "typer",
+    "xarray",
+]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "needed"),
+    [
+        (["list"], []),
+        (["--help"], ["typer", "rich"]),
+        (["design", "uomodri"], ["numpy", "pydantic", "typer", "rich"]),
+        (["run", "study.toml", "--no-limits"], ["numpy", "pydantic", "typer", "rich", "netCDF4"]),
+    ],
+)
+def test_a_command_loads_no_heavy_package_that_it_does_not_need(
+    arguments: list[str], needed: list[str], tmp_path: Path
+) -> None:
+    studies.write(tmp_path, studies.BASE)
+    code = f"import atexit, sys; sys.argv = ['cogless', *{arguments}]; from cogless.__main__ import main\n"
     code += (
-        f"atexit.register(lambda: print([m for m in {heavy} if m in sys.modules], file=sys.stderr)); main()"
+        f"atexit.register(lambda: print([m for m in {HEAVY} if m in sys.modules], file=sys.stderr)); main()"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stderr.strip() == "[]" and done.stdout.startswith("Studies\n")
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert set(eval(done.stderr.strip().splitlines()[-1])) <= set(needed) and done.stdout.strip()
 
 
 def test_calibrate_prints_lines_for_the_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,9 +5,9 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 95,
+    "constant_with_several_values": 94,
     "number_of_one_word": 155,
-    "vague_local": 447,
+    "vague_local": 445,
     "vague_argument": 181,
     "vague_function": 146,
     "many_positional_arguments": 13,

@@ -1,69 +1,17 @@
-"""Convert texts with a unit to SI numbers and back. No other module uses pint.
-
-The registry defines only the units that describe drives, so it is built in a few milliseconds. Angle is a
-dimension of its own here (in pint's own registry rad is a plain number), so "60 rpm" and "60 Hz" can be told
-apart.
-"""
+"""Convert texts with a unit to SI numbers and back."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from threading import Lock
-from tokenize import TokenError
-from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    import pint
+from cogless.unit_expressions import Unit, read_unit
 
-ONE_AT_A_TIME = Lock()  # pint's registry is not made for threads
-
-DEFINITIONS = """
-    pico- = 1e-12 = p-
-    nano- = 1e-9 = n-
-    micro- = 1e-6 = u- = µ- = μ-
-    milli- = 1e-3 = m-
-    centi- = 1e-2 = c-
-    kilo- = 1e3 = k-
-    mega- = 1e6 = M-
-    giga- = 1e9 = G-
-    meter = [length] = m
-    second = [time] = s = sec
-    ampere = [current] = A
-    gram = [mass] = g
-    kelvin = [temperature] = K
-    celsius = [celsius] = degC
-    radian = [angle] = rad
-    degree = 3.141592653589793 / 180 * radian = deg = °
-    revolution = 2 * 3.141592653589793 * radian = rev = turn = r
-    arcminute = degree / 60 = arcmin
-    arcsecond = degree / 3600 = arcsec
-    minute = 60 * second = min
-    hour = 60 * minute = h
-    rpm = revolution / minute = RPM
-    rps = revolution / second
-    hertz = 1 / second = Hz
-    newton = kilogram * meter / second ** 2 = N
-    newton_meter = newton * meter = Nm
-    joule = newton * meter = J
-    watt = joule / second = W
-    volt = watt / ampere = V
-    ohm = volt / ampere = Ω = Ohm
-    henry = volt * second / ampere = H
-    weber = volt * second = Wb
-    inch = 0.0254 * meter = in
-    foot = 0.3048 * meter = ft
-    ounce = 28.349523125 * gram = oz
-    pound = 453.59237 * gram = lb = lbs
-    dyne = 1e-5 * newton = dyn
-    gram_force = 9.80665e-3 * newton = gf
-    ounce_force = 28.349523125 * gram_force = ozf
-    pound_force = 453.59237 * gram_force = lbf
-"""
 # Datasheets write a product of units without a sign, with a point, or with a hyphen.
 TERM = r"[A-Za-zµμΩ]+(?:\^-?\d)?"
 SIGNS = str.maketrans({"²": "^2", "³": "^3", "⋅": "*", "·": "*"})
@@ -196,8 +144,7 @@ def unit_of(text: str) -> str:
 
 def is_known(unit: str) -> bool:
     """Whether a word is the name of a unit, of any dimension."""
-    with ONE_AT_A_TIME:
-        return _quantity(unit) is not None
+    return _unit(unit) is not None
 
 
 def convert(value_si: float, unit: str, dimension: Dimension) -> float:
@@ -216,11 +163,10 @@ def number_in(text: str, unit: str) -> float:
 @cache
 def _ratio(unit: str, other: str) -> float:
     """Factor from a unit to another like it; UnitError if they aren't alike."""
-    with ONE_AT_A_TIME:
-        here, there = _quantity(unit), _quantity(other)
-        if here is None or there is None or not here.is_compatible_with(there):
-            raise _unlike(other)
-        return float((here / there).to("dimensionless").magnitude)
+    source, target = _unit(unit), _unit(other)
+    if source is None or target is None or not source.is_like(target):
+        raise _unlike(other)
+    return source.ratio(target)
 
 
 def in_si(text: str) -> float:
@@ -243,28 +189,20 @@ def format(value_si: float, unit: str, dimension: Dimension, digits: int = 6) ->
 @cache
 def si_factor(unit: str) -> float:
     """Factor from a unit of any dimension to SI; UnitError: unknown unit."""
-    with ONE_AT_A_TIME:
-        quantity = _quantity(unit)
-        if quantity is None:
-            raise UnitError(f'expected a known unit, not "{unit}"')
-        if any(quantity.is_compatible_with(product) for product in ("kg*m", "kg*m*s^2", "kg*m/A")):
-            quantity = _quantity(_with_forces(unit))  # nobody means a mass times a length
-        base = quantity.to_root_units()  # in grams, where SI has kilograms
-        grams = float(base.dimensionality.get("[mass]", 0))
-        return float(base.magnitude) * math.pow(1e-3, grams)
+    written = _unit(unit)
+    if written is None:
+        raise UnitError(f'expected a known unit, not "{unit}"')
+    if any(written.is_like(_si(product)) for product in ("kg*m", "kg*m*s^2", "kg*m/A")):
+        written = _unit(_with_forces(unit)) or written  # nobody means a mass times a length
+    return written.ratio(Unit(written.bases, Counter())) * math.pow(1e-3, written.bases["gram"])
 
 
 @cache
 def factor(unit: str, dimension: Dimension) -> float:
     """Factor from `unit` to the SI unit of the dimension; UnitError: other dimension or unknown unit."""
-    with ONE_AT_A_TIME:
-        return _factor(unit, dimension)
-
-
-def _factor(unit: str, dimension: Dimension) -> float:
     expected = f"expected {dimension.name}, such as {dimension.shown(1)}"
-    quantity = _quantity(unit)
-    if quantity is not None and (reading := _reading(unit, quantity, dimension)):
+    written = _unit(unit)
+    if written is not None and (reading := _reading(unit, written, dimension)):
         raise UnitError(f'{expected}; the unit "{unit}" {reading}')
     factor = _fitting(unit, dimension)
     if factor is not None:
@@ -272,13 +210,13 @@ def _factor(unit: str, dimension: Dimension) -> float:
     near = _perhaps(unit, dimension)
     perhaps = f', perhaps "{near}"' if near else ""
     raise UnitError(
-        f'{expected}; the unit "{unit}" is not known{perhaps}' if quantity is None else expected + perhaps
+        f'{expected}; the unit "{unit}" is not known{perhaps}' if written is None else expected + perhaps
     )
 
 
-def _reading(unit: str, quantity: Any, dimension: Dimension) -> str | None:
+def _reading(unit: str, written: Unit, dimension: Dimension) -> str | None:
     """The two readings of a unit of 1/s in a dimension; None if it has only one reading."""
-    if not quantity.is_compatible_with("1/s"):
+    if not written.is_like(_si("1/s")):
         return None
     return READINGS.get((dimension.unit, "Hz" if "Hz" in unit else "1/s"))
 
@@ -289,14 +227,14 @@ def _fitting(unit: str, dimension: Dimension) -> float | None:
     If a product fits in no other way, its words of mass stand for the weights of these masses. So "oz*in" is
     a torque, while "oz*in^2" and "oz*in*s^2" are inertias.
     """
-    for quantity in (_quantity(unit), _quantity(_with_forces(unit))):
-        if quantity is None:
+    for written in (_unit(unit), _unit(_with_forces(unit))):
+        if written is None:
             continue
         for si in (dimension.unit, *dimension.also):
-            if quantity.is_compatible_with(si):
-                return float(quantity.to(si).magnitude)
-        if dimension.angular and quantity.is_compatible_with("rad/s"):
-            return float(quantity.to("rad/s").magnitude) * dimension.angular
+            if written.is_like(_si(si)):
+                return written.ratio(_si(si))
+        if dimension.angular and written.is_like(_si("rad/s")):
+            return written.ratio(_si("rad/s")) * dimension.angular
     return None
 
 
@@ -343,24 +281,15 @@ def _product_of(group: re.Match[str]) -> str:
     return f"({'*'.join(word for word in words if word)}{exponent})"
 
 
-def _quantity(unit: str) -> Any:
-    # The only numbers allowed are "1 /" and one-digit exponents: pint shall parse units here, not formulas.
-    unit = _spelled_out(unit)
-    if not UNIT.fullmatch(unit):
-        return None
-    import pint
-
-    registry = _registry()
-    try:
-        return 1.0 * registry.parse_expression(unit) * registry.dimensionless
-    except (pint.PintError, TokenError, ArithmeticError, AssertionError):  # an unknown unit, or none at all
-        return None
+def _unit(unit: str) -> Unit | None:
+    """What a unit in a study means; None if it is unknown. The only numbers in it are "1 /" and exponents."""
+    spelled_out = _spelled_out(unit)
+    return read_unit(spelled_out) if UNIT.fullmatch(spelled_out) else None
 
 
-@cache  # callers hold the lock, so only one is built: units of two registries don't mix
-def _registry() -> pint.UnitRegistry[float]:
-    import pint
-
-    registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
-    registry.load_definitions([line.strip() for line in DEFINITIONS.strip().splitlines()])
-    return registry
+def _si(unit: str) -> Unit:
+    """The unit of a Dimension; UnitError if it is unknown."""
+    written = _unit(unit)
+    if written is None:
+        raise UnitError(f'expected a known unit, not "{unit}"')
+    return written

@@ -142,6 +142,9 @@ def test_a_base_without_room_for_a_sensor_s_error_is_said_with_one_that_has_it()
     assert f"{told}." in [str(text) for text in design_table(small).renderables]
     both = off | {"motor.cogging": [{"order": n, "torque": "1 mN*m"} for n in (14, 24, 84)]}
     assert notes(my_motor(**both), "harmonic") == [f"{told}, but not order 14 of the cogging"]
+    for base in (2, 6):  # a study that states one of the two has chosen
+        assert notes(my_motor(**both, **{"controller.harmonic.base": base}), "harmonic") == []
+    assert notes(my_motor(**both, **{"controller.harmonic.base": 4}), "harmonic") != []
     there = {"scenario.slow.override": {"drive.position_sensor.error": [{"order": 2, "amplitude": "1 deg"}]}}
     (of_a_scenario,) = notes(my_motor(**there), "harmonic")
     assert "comes twice a turn; controller.harmonic.base = 6 learns it" in of_a_scenario

@@ -1,6 +1,7 @@
 """Studies that `cogless new` writes: they load, run, mark each guess, and follow the rules they state."""
 
 import math
+import random
 import re
 import tomllib
 from collections import Counter
@@ -12,6 +13,7 @@ import pytest
 from drafts import request, written
 
 from cogless.design.summary import summary
+from cogless.design.warnings import beyond_drive, rival_bases, warnings
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.starter import Draft, Request, draft, parse_number
@@ -20,6 +22,7 @@ from cogless.starter.part_catalogue import parts
 from cogless.starter.ranking import outcome, shortened
 from cogless.starter.request import RequestError, names
 from cogless.study import changed
+from cogless.study.laws.harmonic import Harmonic
 
 
 def phases(motor: str) -> int:
@@ -71,6 +74,49 @@ def comment_above(lines: list[str], place: int) -> str:
     while first > 0 and lines[first - 1].startswith("# "):
         first -= 1
     return " ".join(line.removeprefix("#").strip() for line in lines[first:place])
+
+
+COMBINATIONS = [
+    (motor, drive, encoder)
+    for motor in names("motors")
+    for drive in drives_for(motor)
+    for encoder in parts("encoders")
+]
+
+
+ANOTHER_SENSOR = {"drive.position_sensor.bits", "drive.position_sensor.lines"}
+
+
+@pytest.mark.parametrize("combination", random.Random(40).sample(COMBINATIONS, 20), ids="-".join)
+def test_a_fresh_study_has_no_warning_that_it_could_have_avoided(
+    tmp_path: Path, combination: tuple[str, str, str]
+) -> None:
+    """The design knows a change against a warning: then the draft could have made it, unless it is a part."""
+    _, study = written(tmp_path, request(*combination))
+    (scenario,) = study.scenario
+    remarks = [
+        *beyond_drive(study, [scenario]),
+        *(remark for name in study.controller for remark in warnings(study, scenario, name)),
+    ]
+    avoidable = [remark for remark in remarks if any(set(cure) - ANOTHER_SENSOR for cure in remark.cures)]
+    assert [str(remark) for remark in avoidable] == []
+
+
+@pytest.mark.parametrize("motor", ["drone", "direct-drive", "gimbal", "liu2018"])
+def test_of_two_bases_the_one_with_less_ripple_is_written(tmp_path: Path, motor: str) -> None:
+    """One learns all the cogging, one the error of the sensor. No base does both with an AS5047."""
+    _, study = written(tmp_path, request(motor, "odrive", "as5047"))
+    learner, rivals = study.controller["harmonic"], rival_bases(study, "harmonic")
+    assert isinstance(learner, Harmonic) and rivals is not None
+    (other,) = set(rivals) - {learner.base}
+    (scenario,) = study.scenario
+    short = shortened(study)
+    (ripple, more) = (
+        run_study(variant, ["*/harmonic"]).runs[0].metrics["speed_ripple_rad_s"]
+        for variant in (short, changed(short, {"controller.harmonic.base": other}))
+    )
+    assert ripple < more
+    assert warnings(study, scenario, "harmonic") == []
 
 
 STRANGERS = [

@@ -299,7 +299,8 @@ def notes(study: Study, name: str) -> list[Remark]:
         relay_warning,
         commissioning_warning,
     )
-    found = (of(study, name) for of in all_of)
+    chosen = (_not_learned, _no_room) if _is_choice(study, name) else ()
+    found = (of(study, name) for of in all_of if of not in chosen)
     return [remark.about(f"controller.{name}") for remark in found if remark is not None]
 
 
@@ -417,6 +418,24 @@ def _no_room(study: Study, name: str) -> Remark | None:
     cogging = sorted({wave.order for wave in here.motor.star().cogging if wave.torque and wave.order % roomy})
     but = f", but not order{'s' * (len(cogging) > 1)} {', '.join(map(str, cogging))} of the cogging"
     return Remark(f"{told}; {either(cures)} learns it{but if cogging else ''}", cures)
+
+
+def rival_bases(study: Study, name: str) -> tuple[int, int] | None:
+    """A base that learns all cogging, and one with room for the sensor's error; None if one base does both.
+
+    None too if the law has no base, or if no base has that room.
+    """
+    orders = _unlearned(study, name)
+    if orders is None or not orders[0]:
+        return None
+    worst = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
+    complete, roomy, least = math.gcd(*orders[0]), roomy_base(worst), least_base(worst)
+    return (complete, roomy) if complete < least <= roomy else None
+
+
+def _is_choice(study: Study, name: str) -> bool:
+    """Whether the study itself states one of two bases, each of which misses what the other learns."""
+    return getattr(study.controller[name], "base", None) in (rival_bases(study, name) or ())
 
 
 def coarse_table(study: Study) -> list[str]:

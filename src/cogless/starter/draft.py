@@ -17,7 +17,8 @@ from typing import Any, cast
 from pydantic import TypeAdapter
 
 from cogless import units
-from cogless.design.warnings import slow_warning
+from cogless.design.warnings import rival_bases, slow_warning
+from cogless.run.simulate import rollout
 from cogless.starter.amounts import amount, exact_rate
 from cogless.starter.motor_rules import KV_TO_TORQUE
 from cogless.starter.motor_sections import (
@@ -32,6 +33,7 @@ from cogless.starter.motor_sections import (
     share_of,
 )
 from cogless.starter.part_catalogue import Figure, Part, parts
+from cogless.starter.ranking import LEARNING_LAW, outcome, shortened
 from cogless.starter.request import Request, RequestError
 from cogless.starter.sensor_choice import (
     COUNTS_PER_SECOND,
@@ -41,7 +43,7 @@ from cogless.starter.sensor_choice import (
     sensor_counts,
 )
 from cogless.starter.sheet import Guess, Section, Sheet, origin, round_125
-from cogless.study import Study
+from cogless.study import Study, changed
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import AnyMotor
 from cogless.study.numerics import OVERMODULATION_MOST, no_load_speed, steps_needed, voltage_reach
@@ -90,12 +92,14 @@ class Fit:
     """What is chosen by designs of the study itself.
 
     `steps`: integration steps of the plant in a period of the current loop. `observer`: keys of the sensor;
-    {} where its edges are timed. `feedbacks`: gains in place of the rule's.
+    {} where its edges are timed. `feedbacks`: gains in place of the rule's. `base`: of the law that learns,
+    and why.
     """
 
     steps: int = 1
     observer: Mapping[str, str] = field(default_factory=dict)
     feedbacks: Feedbacks = field(default_factory=dict)
+    base: tuple[int, str] | None = None
 
 
 def draft(request: Request, title: str, path: Path) -> Draft:
@@ -117,9 +121,8 @@ def _fitted(compose: Callable[[Fit], Draft], path: Path) -> Draft:
     """The study with the integration steps, the speed method and the feedbacks that suit it."""
     fit = Fit(steps=_integration_steps(compose(Fit()), path))
     fit = replace(fit, observer=fit_observer(_study(compose(fit), path)))
-    composed = compose(fit)
-    feedbacks = slower_feedbacks(_study(composed, path))
-    return compose(replace(fit, feedbacks=feedbacks)) if feedbacks else composed
+    fit = replace(fit, feedbacks=slower_feedbacks(_study(compose(fit), path)))
+    return compose(replace(fit, base=better_base(_study(compose(fit), path))))
 
 
 def _integration_steps(composed: Draft, path: Path) -> int:
@@ -157,6 +160,28 @@ def slower_feedbacks(study: Study) -> Feedbacks:
                 slower[name] = (str(gains["kp"]), str(gains["ki"]))
                 break
     return slower
+
+
+def better_base(study: Study) -> tuple[int, str] | None:
+    """Of two bases that each miss something, the one with less ripple in a run, and a comment.
+
+    None: one base learns all, or none has room for the sensor's error.
+    """
+    rivals = rival_bases(study, LEARNING_LAW)
+    if rivals is None:
+        return None
+    short, key = shortened(study), f"controller.{LEARNING_LAW}.base"
+    (scenario,) = short.scenario
+    variants = [changed(short, {key: base}) for base in rivals]
+    results = rollout(variants, [f"{scenario}/{LEARNING_LAW}"])
+    answers = [outcome(variant, result.runs[0]) for variant, result in zip(variants, results, strict=True)]
+    ripple = {base: answer.ripple for base, answer in zip(rivals, answers, strict=True) if answer.holds}
+    complete, roomy = rivals
+    learns = f"{complete} learns all orders of the cogging, {roomy} the error of the sensor"
+    if not ripple:
+        return complete, f"{learns}: with neither is the speed held in a run of this study"
+    best = min(ripple, key=ripple.__getitem__)
+    return best, f"{learns}: {best} leaves less ripple in a run of this study"
 
 
 def _gains_in(change: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -203,7 +228,7 @@ def _composed(request: Request, title: str, faster: float | None, fit: Fit) -> D
     current_rate = _drive(sheet, request, motor, drive, voltage, fit.steps)
     put_sensor(sheet, request, sensor, drive, observer=fit.observer)
     rows = _scenario(sheet, request, motor, speed, current_rate, voltage.typical)
-    _controllers(sheet, fit.feedbacks)
+    _controllers(sheet, fit.feedbacks, fit.base)
     _metrics(sheet, motor, speed[0], rows)
     return Draft(text=sheet.file_text(_head(title, request)), guesses=tuple(sheet.guesses))
 
@@ -453,7 +478,7 @@ def _trace_rate(rate: int, duration: float, fastest: float) -> float:
     return few if few >= least else min((rate for rate in rates if rate >= least), default=rates[0])
 
 
-def _controllers(sheet: Sheet, feedbacks: Feedbacks) -> None:
+def _controllers(sheet: Sheet, feedbacks: Feedbacks, base: tuple[int, str] | None) -> None:
     pi = sheet.section("[controller.pi]")
     pi.put("law", "pi")
     pi.put("label", "PI")
@@ -469,6 +494,8 @@ def _controllers(sheet: Sheet, feedbacks: Feedbacks) -> None:
             section.put("ki", ki)
         else:
             section.put_text("tuning", rules[name])
+    if base is not None:
+        learner.put("base", *base)
 
 
 def _metrics(sheet: Sheet, motor: MotorFacts, rpm: float, rows: float) -> None:

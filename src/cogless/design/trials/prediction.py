@@ -22,7 +22,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from cogless.design.trials.certificate import Gains
 from cogless.design.trials.model import Model, Real
@@ -53,6 +52,8 @@ def carried(v: Real, old: Real, new: Real, n: float, k_2: float) -> Real:
         return v
     before, after = functions(old), functions(new)
     w = n * v + k_2 * (np.cumsum(v, axis=1) - v)
+    from scipy.signal import lfilter  # its import takes longer than a run
+
     theta = _least_squares(before, w)
     change = theta[:, 1:] @ (after - before)[:, 1:].T
     # n d(p) + k_2 (d(0) + .. + d(p - 1)) = change(p)
