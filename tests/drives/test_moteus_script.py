@@ -17,6 +17,8 @@ from drives.clocked_drive import STUDY, ClockedDrive
 from drives.drive_bench import RATE, TURN
 from drives.moteus_stand_in import Moteus
 
+from cogless.study.reading import load
+
 
 class Register(enum.IntEnum):
     POSITION = 0x001
@@ -97,6 +99,8 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert "record_moteus.py. Its first lines say how to start it." in done.stdout
+    options = f"--drive moteus --drive-config {folder / 'dump.cfg'} --config {folder / 'plan' / 'logs.toml'}"
+    assert f"Next: cogless identify {options} LOG..." in done.stdout
     return folder / "plan" / "record_moteus.py"
 
 
@@ -131,6 +135,15 @@ def test_what_it_records_tells_the_motor_and_its_table(
         capsys, "table", tmp_path / "found", "--to", "moteus", "-o", tmp_path / "table.cfg"
     )
     assert (code, err) == (0, "")
+    # With what the plan asked for, the drive's own law is played, which tells how late the currents are.
+    command = ["identify", *logs, "--drive-config", dump, "--config", script.parent / "logs.toml"]
+    code, _, err = cogless(capsys, *command, "-o", tmp_path / "played")
+    assert (code, err) == (0, "")
+    played = json.loads((tmp_path / "played" / "identified.json").read_text())
+    before, after = (tables["values"]["delay"] for tables in (made, played))
+    assert abs(after["value"]) < 1.2 * after["error"] and after["error"] < 0.8 * before["error"]
+    assert 'object = "firmware_laws.py:Moteus"' in (tmp_path / "played" / "study.toml").read_text()
+    assert load(tmp_path / "played" / "study.toml") and (tmp_path / "played" / "firmware_laws.py").is_file()
     tabled = Moteus(sign=-1, ratio=0.25)
     tabled.restore((tmp_path / "table.cfg").read_text())
     slow = [(0.0, 0.5 * TURN), (3.0, 0.5 * TURN)]

@@ -99,6 +99,35 @@ def new_npz(made: dict[str, np.ndarray], path: Path, unit: str) -> Path:
     return path
 
 
+def logs_toml(path: Path) -> Path:
+    """What was asked for in each log."""
+    rules = []
+    for name, points in RUNS.items():
+        profile_text = ", ".join(f'["{t} s", "{v} rad/s"]' for t, v in points)
+        rules.append(f'[[log]]\nfile = "{name}.*"\nreference = {{ profile = [{profile_text}] }}\n')
+    path.write_text("\n".join(rules))
+    return path
+
+
+def test_its_own_law_tells_how_late_its_currents_are(
+    captures: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """P of the position over PI of the speed, played by cogless with the gains of the configuration."""
+    config, rules = tmp_path / "config.json", logs_toml(tmp_path / "logs.toml")
+    loop = {"pos_gain": 20.0, "vel_gain": 2.2e-3 * TURN, "vel_integrator_gain": 0.03 * TURN}
+    axis = {**OLD, "encoder": {"config": {"cpr": 8192, "bandwidth": 1000.0}}, "controller": {"config": loop}}
+    config.write_text(json.dumps({"axis0": axis}))
+    logs = [old_csv(made, tmp_path / f"{name}.csv") for name, made in captures.items()]
+    delays = []
+    for options in ([], ["--config", rules]):
+        command = ["identify", *logs, "--drive-config", config, *options, "-o", tmp_path / "found"]
+        code, out, err = cogless(capsys, *command)
+        assert (code, err) == (0, "")
+        assert ("could not be simulated" in out, "No simulation of" in out) == (False, not options)
+        delays.append(json.loads((tmp_path / "found" / "identified.json").read_text())["values"]["delay"])
+    assert abs(delays[1]["value"]) < 1.2 * delays[1]["error"] < delays[0]["error"], delays
+
+
 def true_current(angle: np.ndarray) -> np.ndarray:
     return PLANT.holding(angle - ENCODER_ZERO)
 

@@ -109,7 +109,7 @@ def table(
     if frame.zero_error:
         highest = max(current.orders)
         print(f"The table's zero is known to {frame.zero_error * highest:.2g} rad of order {highest}.")
-    predicted = _predict(source, frame, written, study)
+    predicted = _predict(source, frame, written, adapter.law, study)
     for line in (*predicted, *_instructions(written, output)):
         print(line)
     if output is not None:
@@ -118,13 +118,13 @@ def table(
         print(f"Table: {output}")
 
 
-def _predict(source: Path, frame: TableFrame, written: TableText, study: Path | None) -> list[str]:
+def _predict(source: Path, frame: TableFrame, written: TableText, law: str, study: Path | None) -> list[str]:
     """Lines on the ripple under the drive's own law; the study of it is written where `study` says."""
     from cogless.drives import predicted_ripple
     from cogless.results.folder import held, new_set
 
     lacking = ""
-    if not written.law:
+    if not law:
         lacking = "the table has no law of a drive's own"
     elif not (source / predicted_ripple.STUDY_NAME).is_file():
         lacking = f"expected a folder of cogless identify with {predicted_ripple.STUDY_NAME}"
@@ -135,8 +135,8 @@ def _predict(source: Path, frame: TableFrame, written: TableText, study: Path | 
     if lacking:
         if study is not None:
             raise StudyError(f"--study: {study}: {lacking}")
-        return [f"The ripple of the speed is not predicted: {lacking}."] if written.law else []
-    tables = predicted_ripple.study_tables(source, frame, written, str(predicted_ripple.LAW_FILE))
+        return [f"The ripple of the speed is not predicted: {lacking}."] if law else []
+    tables = predicted_ripple.study_tables(source, frame, written, law)
     lines = []
     for ripple in predicted_ripple.ripples(tables, source / predicted_ripple.STUDY_NAME):
         texts = {name: f"{value:.3g}" for name, value in ripple.by_controller.items()}
@@ -148,7 +148,7 @@ def _predict(source: Path, frame: TableFrame, written: TableText, study: Path | 
     if study is not None:
         names = [predicted_ripple.STUDY_NAME, predicted_ripple.LAW_FILE.name]
         with held(study, names), new_set(study) as stage:
-            predicted_ripple.write_study(stage, source, frame, written)
+            predicted_ripple.write_study(stage, tables)
         lines.append(f"Study: cogless run {study / predicted_ripple.STUDY_NAME}")
     return lines
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -95,12 +95,14 @@ def identify(
         print(f"Columns: {output / 'id.toml'}")
         if scripts:
             print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
-        print(f"Next: {shlex.join(['cogless', 'identify', '--config', str(output / 'id.toml')])} LOG...")
+        words = _identify_words(output, drive, drive_config, scripts)
+        print(f"Next: {shlex.join(['cogless', 'identify', *words])} LOG...")
         return
     if not logs:
         raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
     output = output or Path("results/identified")
     from cogless.drives.adapter import FRAME_FILE
+    from cogless.drives.predicted_ripple import LAW_FILE, place_law
     from cogless.drives.registry import prepare
     from cogless.identify import command, write
     from cogless.report import identified as report
@@ -111,7 +113,7 @@ def identify(
     else:
         of_drive = prepare(logs, drive, drive_config, config)
         identified = partial(command.identified_logs, of_drive.identification, of_drive.logs)
-        names.append(FRAME_FILE)
+        names += [FRAME_FILE, LAW_FILE.name]
         for line in of_drive.remarks:
             print(line)
     with held(output, [*names, *(["orders.png"] if plots else [])]):
@@ -121,6 +123,8 @@ def identify(
             if of_drive is not None:
                 (stage / FRAME_FILE).write_text(of_drive.frame.to_json(), "utf-8")
             write.write_all(found.estimate, stage)
+            if of_drive is not None and of_drive.identification.controller:
+                place_law(stage)
             report.write_report(found, stage / "report.html")
             if plots:
                 report.write_plot(found.estimate, stage / "orders.png")
@@ -136,6 +140,19 @@ def identify(
     if of_drive is not None and of_drive.takes_table and found.estimate.cogging:
         print(f"Table: cogless table {output} --to {of_drive.frame.drive} -o FILE")
     print(f"Next: {shlex.join(['cogless', *words])}{'' if runs else ', for what to record'}")
+
+
+def _identify_words(
+    output: Path, drive: str | None, drive_config: Path | None, scripts: Collection[str]
+) -> list[str]:
+    """The options with which the logs of a plan are identified. `scripts`: files written for the drive."""
+    from cogless.drives.registry import LOGS_NAME
+    from cogless.drives.simplefoc_sketch import MONITOR_NAME
+
+    if drive is None:
+        return ["--config", str(output / "id.toml")]
+    own = output / MONITOR_NAME if MONITOR_NAME in scripts else drive_config or "DUMP"
+    return ["--drive", drive, "--drive-config", str(own), "--config", str(output / LOGS_NAME)]
 
 
 def diagnose(

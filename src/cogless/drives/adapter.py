@@ -85,7 +85,7 @@ class TableText:
 
     `applied`: the current that the firmware makes of it at an identified angle, A over rad. `entries`,
     `scale`: for the summary. `install`, `remove`, `sign_check`: what the user does, a line each.
-    `law`: the class in `firmware_laws` that has this table, and `table_params` the table as it takes it.
+    `table_params`: the table as the class of the drive's law takes it.
     """
 
     text: str
@@ -96,7 +96,6 @@ class TableText:
     remove: str
     sign_check: str
     notes: Sequence[str] = ()
-    law: str = ""
     table_params: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -128,7 +127,8 @@ class Adapter:
 
     `read_logs`, `read_table` also take the file of `--drive-config`. `write`: the drive's own text of a
     table; None: `refusal` says why the drive takes none. `write_script`: files by name,
-    of which the first plays motions and logs them.
+    of which the first plays motions and logs them; `log_pattern`: the log of a motion, by name and number.
+    `law`: the class of its own law in `firmware_laws`.
     """
 
     name: str
@@ -141,6 +141,8 @@ class Adapter:
     read_table: Callable[[Path, Path | None], HoldingCurrent] | None = None
     write_script: Callable[[Motions, Path | None], Mapping[str, str]] | None = None
     refusal: str = ""
+    law: str = ""
+    log_pattern: str = "{name}.csv"
 
 
 def text_of(path: Path, expected: str) -> str:

@@ -300,7 +300,6 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
             "moteus adds the table in position mode only, after the limit of the torque.",
             "A calibration or an encoder compensation moves the index: make the table after them.",
         ),
-        law="Moteus",
         table_params={"scale": scale, "entries": entries, "direction": frame.direction},
     )
 
@@ -348,4 +347,5 @@ MOTEUS = Adapter(
     write=write,
     read_table=read_table,
     write_script=write_script,
+    law="Moteus",
 )

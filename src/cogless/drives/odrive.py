@@ -44,6 +44,14 @@ SIGNAL_PATHS: dict[str, tuple[str, float]] = {
     "motor.foc.Iq_setpoint": ("i_q_ref", 1.0),
 }
 BUS_PATH = "vbus_voltage"
+# Of the controller and the encoder's filter, by the argument of firmware_laws.Odrive.
+LOOP_PATHS = {
+    "pos_gain": "controller.config.pos_gain",
+    "vel_gain": "controller.config.vel_gain",
+    "vel_integrator_gain": "controller.config.vel_integrator_gain",
+    "bandwidth": "encoder.config.bandwidth",
+}
+VELOCITY_CONTROL = 2  # of control_mode
 
 
 @dataclass(frozen=True)
@@ -127,6 +135,18 @@ def tables(configuration: Configuration, bus_voltage: float) -> dict[str, dict[s
     }
 
 
+def gains(configuration: Configuration) -> dict[str, float]:
+    """What the controller does, as `firmware_laws.Odrive` takes it; empty: the file doesn't tell."""
+    prefix = f"axis{configuration.axis}."
+    values = {name: configuration.values.get(prefix + path) for name, path in LOOP_PATHS.items()}
+    numbers = {name: float(x) for name, x in values.items() if isinstance(x, int | float) and x >= 0}
+    if len(numbers) < len(LOOP_PATHS):
+        return {}
+    if configuration.values.get(prefix + "controller.config.control_mode") == VELOCITY_CONTROL:
+        numbers["pos_gain"] = 0.0
+    return numbers
+
+
 def recognise(first: Sequence[str]) -> str:
     paths = _paths(first[0].split(",") if first else [])
     signals = {SIGNAL_PATHS[rest][0] for _, rest in paths.values() if rest in SIGNAL_PATHS}
@@ -163,7 +183,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
             f"{configuration}: its anti-cogging map is on: the logged current has the map's in it."
         )
     volts = [volt for _, _, volt, _ in captures if volt > 0]
-    frame = TableFrame("odrive", zero=True)
+    frame = TableFrame("odrive", zero=True, gains=gains(settings))
     return DriveLogs(recordings, tables(settings, float(np.median(volts)) if volts else 0.0), frame, remarks)
 
 
@@ -250,5 +270,6 @@ ODRIVE = Adapter(
     read_logs=read_logs,
     read_table=read_table,
     write_script=write_script,
+    law="Odrive",
     refusal="firmware 0.5 lets its map be read and not written; 0.6 documents no way to either",
 )

@@ -36,15 +36,19 @@ class Ripple:
     by_controller: Mapping[str, float]
 
 
-def study_tables(folder: Path, frame: TableFrame, table: TableText, law_file: str) -> dict[str, Any]:
+def law_table(law: str, params: Mapping[str, Any]) -> dict[str, Any]:
+    """The controller of a study: a class of `firmware_laws`, where it is installed."""
+    return {"law": "python", "object": f"{LAW_FILE}:{law}", "params": dict(params)}
+
+
+def study_tables(folder: Path, frame: TableFrame, table: TableText, law: str) -> dict[str, Any]:
     """A study of the motor in a folder of identify, under the law of its drive at two speeds.
 
-    `law_file`: the file of the law's class, as the study names it. StudyError: the folder has no study.
+    `law`: the class of the law. StudyError: the folder has no study.
     """
     study = load(folder / STUDY_NAME)
     assert study.drive is not None
     identified, rate = study.source.tables, study.drive.rates.current_loop
-    law = {"law": "python", "object": f"{law_file}:{table.law}"}
     params = {**frame.gains, **table.table_params}
     durations = {
         speed: max(RIPPLE_TIME_LEAST, RIPPLE_TURNS * math.tau / (speed * RPM)) for speed in RIPPLE_SPEEDS
@@ -54,7 +58,7 @@ def study_tables(folder: Path, frame: TableFrame, table: TableText, law_file: st
         "motor": {key: value for key, value in identified["motor"].items() if key != "datasheet"},
         "mechanics": identified["mechanics"],
         "drive": identified["drive"],
-        "trace": {"rate": f"{rate / max(1, -(-rate // TRACE_RATE)):.9g} Hz"},
+        "trace": {"rate": f"{rate / max(1, -(-rate // TRACE_RATE))!r} Hz"},
         "scenario": {
             f"at-{speed}-rpm": {
                 "duration": f"{duration:g} s",
@@ -64,7 +68,7 @@ def study_tables(folder: Path, frame: TableFrame, table: TableText, law_file: st
             for speed, duration in durations.items()
         },
         "controller": {
-            name: {**law, "params": {**params, "share": share}, "baseline": not share}
+            name: {**law_table(law, {**params, "share": share}), "baseline": not share}
             for name, share in TABLE_SHARES.items()
         },
         "metric": [
@@ -81,11 +85,18 @@ def study_tables(folder: Path, frame: TableFrame, table: TableText, law_file: st
     }
 
 
-def write_study(stage: Path, folder: Path, frame: TableFrame, table: TableText) -> None:
-    """Write the study of the motor in a folder of identify, and the file of its law beside it."""
-    tables = study_tables(folder, frame, table, LAW_FILE.name)
+def write_study(stage: Path, tables: dict[str, Any]) -> None:
+    """Write a study of `study_tables`, and the file of its law beside it."""
     (stage / STUDY_NAME).write_text(plan.text(tables), "utf-8")
+    place_law(stage)
+
+
+def place_law(stage: Path) -> None:
+    """Put the file of the laws beside the study, if there is one, which from now on names that copy."""
     shutil.copyfile(LAW_FILE, stage / LAW_FILE.name)
+    path = stage / STUDY_NAME
+    if path.is_file():
+        path.write_text(path.read_text("utf-8").replace(f"{LAW_FILE}:", f"{LAW_FILE.name}:"), "utf-8")
 
 
 def ripples(tables: dict[str, Any], path: Path) -> list[Ripple]:

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from cogless import units
-from cogless.drives.adapter import Adapter, Motions, Recording, TableFrame
+from cogless.drives.adapter import Adapter, DriveLogs, Motions, TableFrame, ramped
 from cogless.drives.moteus import MOTEUS
 from cogless.drives.odrive import ODRIVE
 from cogless.drives.plain_table import PLAIN_TABLE
+from cogless.drives.predicted_ripple import law_table
 from cogless.drives.simplefoc import SIMPLEFOC
 from cogless.drives.vesc import VESC
 from cogless.errors import StudyError
@@ -25,10 +26,12 @@ from cogless.identify.log import Log, logs_of_columns
 from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import read
+from cogless.study.toml import toml
 
 ADAPTERS: dict[str, Adapter] = {
     adapter.name: adapter for adapter in (MOTEUS, ODRIVE, VESC, SIMPLEFOC, PLAIN_TABLE)
 }
+LOGS_NAME = "logs.toml"  # stands beside the script of a plan
 FIRST_BYTES = 1 << 14  # of a file, in which its heading is
 OWN_TABLES = ("title", "motor", "drive", "controller", "log", "angle_offset")  # --config may have these
 
@@ -107,7 +110,22 @@ def script_files(study: AnyStudy, drive: str, configuration: Path | None) -> Map
         if "load" not in scenario
     }
     limit, K_t = study.drive.current_loop.current_limit, study.motor.star().K_t
-    return adapter.write_script(Motions(speeds, limit, K_t, columns), configuration)
+    scripts = adapter.write_script(Motions(speeds, limit, K_t, columns), configuration)
+    return {**scripts, LOGS_NAME: _log_rules(speeds, adapter.log_pattern)}
+
+
+def _log_rules(speeds: Mapping[str, Sequence[tuple[float, float]]], pattern: str) -> str:
+    """What is known of the logs that a script records, as the file of --config: the reference of each."""
+    lines = ["# What the script asks for: identify plays these logs with the drive's own law."]
+    for number, (name, points) in enumerate(speeds.items()):
+        profile = [[f"{t:.6g} s", f"{speed:.6g} rad/s"] for t, speed in ramped(points)]
+        lines += [
+            "",
+            "[[log]]",
+            f"file = {toml(pattern.format(name=name, number=number))}",
+            f"reference = {toml({'profile': profile})}",
+        ]
+    return "\n".join(lines) + "\n"
 
 
 def prepare(
@@ -137,9 +155,9 @@ def prepare(
             f'--drive: "{adapter.name}": no logs of it are read: expected one of {able_drives("--drive")}'
         )
     logs = adapter.read_logs(paths, configuration)
-    identification = config.from_tables(
-        columns or configuration or paths[0], _merged(logs.tables, logs.recordings, columns, adapter)
-    )
+    merged = _merged(logs, columns, adapter)
+    laws = [adapter.name] if merged.get("controller") == _own_law(adapter, logs) else []
+    identification = config.from_tables(columns or configuration or paths[0], merged, laws)
     read_columns = [
         (recording.path, LogColumns(recording.name, dict(recording.signals), tuple(recording.signals)))
         for recording in logs.recordings
@@ -151,13 +169,12 @@ def prepare(
     )
 
 
-def _merged(
-    tables: Mapping[str, Mapping[str, Any]],
-    recordings: Sequence[Recording],
-    columns: Path | None,
-    adapter: Adapter,
-) -> dict[str, Any]:
-    """The tables of a file of columns: those of the drive, over them what the user's file says."""
+def _merged(logs: DriveLogs, columns: Path | None, adapter: Adapter) -> dict[str, Any]:
+    """The tables of a file of columns: those of the drive, over them what the user's file says.
+
+    Where that file knows the reference of a log and no controller, the drive's own law was in the loop.
+    """
+    tables, recordings = logs.tables, logs.recordings
     own = {} if columns is None else read(columns)
     other = next((key for key in own if key not in OWN_TABLES), None)
     if other is not None:
@@ -178,6 +195,8 @@ def _merged(
         *own.get("log", []),
         *({"file": escape(r.name or r.path.name), "kind": r.kind} for r in recordings if r.kind),
     ]
+    if adapter.law and logs.frame.gains and "controller" not in own and _any_reference(own):
+        merged["controller"] = _own_law(adapter, logs)
     names = {r: r.name or r.path.name for r in recordings}
     signals = dict.fromkeys(signal for r in recordings for signal in r.signals)
     merged["columns"] = {
@@ -185,3 +204,13 @@ def _merged(
         for signal in signals
     }
     return merged
+
+
+def _own_law(adapter: Adapter, logs: DriveLogs) -> dict[str, Any]:
+    """The drive's own law, as the controllers of a study."""
+    return {adapter.name: law_table(adapter.law, logs.frame.gains)}
+
+
+def _any_reference(tables: Mapping[str, Any]) -> bool:
+    rules = tables.get("log", [])
+    return isinstance(rules, list) and any(isinstance(rule, dict) and "reference" in rule for rule in rules)

@@ -219,7 +219,6 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
             "SimpleFOC adds it after current_limit. feed_forward_current is in its source at 7f9c45f; older "
             "releases lack it.",
         ),
-        law="SimpleFoc",
         table_params={"entries": entries.tolist()},
     )
 
@@ -238,4 +237,6 @@ SIMPLEFOC = Adapter(
     read_logs=read_logs,
     write=write,
     write_script=write_script,
+    law="SimpleFoc",
+    log_pattern="*#{number}",
 )

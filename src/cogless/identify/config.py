@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationError, field_validator, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, field_validator, model_validator
 
 from cogless import units
 from cogless.study.drive import Drive
@@ -116,9 +116,11 @@ class Identification(Table):
 
     @field_validator("controller")
     @classmethod
-    def _of_the_library(cls, controller: Mapping[str, Controller]) -> Mapping[str, Controller]:
+    def _of_the_library(
+        cls, controller: Mapping[str, Controller], info: ValidationInfo
+    ) -> Mapping[str, Controller]:
         for name, law in controller.items():
-            if isinstance(law, PythonLaw | LibraryLaw):
+            if isinstance(law, PythonLaw | LibraryLaw) and name not in (info.context or {}).get("laws", ()):
                 raise invalid("expected a law that cogless has: logs are replayed many times", name, "law")
         return controller
 
@@ -181,11 +183,15 @@ def load(path: Path) -> Identification:
     return from_tables(path, read(path))
 
 
-def from_tables(path: Path, tables: dict[str, Any]) -> Identification:
-    """The tables of a file of columns, validated. `path`: where they are from, which a StudyError names."""
+def from_tables(path: Path, tables: dict[str, Any], laws: Collection[str] = ()) -> Identification:
+    """The tables of a file of columns, validated. `path`: where they are from, which a StudyError names.
+
+    `laws`: controllers that may be laws in Python; the code of any other would run unsaid.
+    """
     source = with_datasheet(path, tables)
     try:
-        found = Identification.model_validate(source.tables, context={"folder": path.parent, "checks": ()})
+        context = {"folder": path.parent, "checks": (), "laws": laws}
+        found = Identification.model_validate(source.tables, context=context)
     except ValidationError as error:
         raise study_error([problem.line(path) for problem in problems(error, source.tables)]) from None
     found._path, found._tables = path, source.tables

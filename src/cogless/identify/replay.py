@@ -59,7 +59,7 @@ def played(made: Estimate, progress: Callable[[float], None], dead_time: float =
         if rate is None:
             continue
         name = described.scenario_name(log)
-        one = {**tables, "scenario": {name: tables["scenario"][name]}, "trace": {"rate": f"{rate:.9g} Hz"}}
+        one = {**tables, "scenario": {name: tables["scenario"][name]}, "trace": {"rate": f"{rate!r} Hz"}}
         one["metric"] = []
         study = checked(Source(Path(made.known.path), one))
         assert isinstance(study, Study)
