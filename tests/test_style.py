@@ -11,7 +11,7 @@ PLACES_MOST = {
     "vague_argument": 181,
     "vague_function": 146,
     "many_positional_arguments": 13,
-    "fragment_of_a_comment": 71,
+    "fragment_of_a_comment": 67,
     "alias_defined_again": 6,
     "type_test_of_a_study": 5,
     "comparison_of_a_kind_of_study": 3,

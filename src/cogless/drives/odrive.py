@@ -51,7 +51,7 @@ LOOP_PATHS = {
     "vel_integrator_gain": "controller.config.vel_integrator_gain",
     "bandwidth": "encoder.config.bandwidth",
 }
-VELOCITY_CONTROL = 2  # of control_mode
+VELOCITY_CONTROL = 2  # value of control_mode
 
 
 @dataclass(frozen=True)

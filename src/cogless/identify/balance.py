@@ -29,9 +29,9 @@ SEEN_PHASE, HELD_PHASE = (
 )  # rad that a visible wave turns in a row, and in a period of the law, at most
 ALIASED_PHASE = 2.8  # rad in a row, up to which a log has a wave of its own where its phase is not known
 WIDTH = 6e-3  # s, of a kernel before the noises are known
-CREEP_SHARE = 0.05  # of a log's median speed
+CREEP_SHARE = 0.05  # share of a log's median speed
 VISIBLE = 1 / 3  # of the sampling rate: a faster wave is not seen
-WIDTH_ROWS = 2.5  # of a kernel, at least
+WIDTH_ROWS = 2.5  # smallest width of a kernel
 Name = tuple[str | int, ...]
 Filter = Callable[..., Array]
 Pairs = Mapping[int, tuple[float, float]]

@@ -15,7 +15,7 @@ from cogless.units import TURN
 
 FALSE_ALARM = 0.01  # chance that a search finds any order where there is none
 ORDER_HIGHEST = 420
-ANGLE_BINS = 4096  # of a turn
+ANGLE_BINS = 4096  # bins per turn
 NEW_MOST, NEW_SHARE = 4, 0.25  # orders of a round, and their gain over the strongest's
 BLOCK_SHARE = 1e-3  # information on an order over the largest block's, from which on a block counts
 BLOCKS_LEAST = 4
