@@ -85,8 +85,8 @@ def test_it_is_the_second_sentence_of_the_verdict_and_below_the_headline(results
     ("causes", "words"),
     [
         ([("delay", 9.8), ("friction", 11.0)], ""),  # 4 % and less than nothing
-        ([("dead-time", 7.0), ("current-noise", 8.0)], "it would leave 7.00 rpm without dead time and 8.00 rpm without"),
-        ([("sensor-steps", 3.0), ("sensor-error", 3.0)], "3.00 rpm without the position sensor's steps and 3.00 rpm without"),
+        ([("dead-time", 7.0), ("current-noise", 8.0)], "leave 7.00 rpm without dead time and 8.00 rpm"),
+        ([("sensor-steps", 3.0), ("sensor-error", 3.0)], "without the position sensor's steps and 3.00 rpm"),
         (
             [("disturbance", 1.0), ("learning-time", 1.5)],
             "What limits “PI, high”: it would leave 1.50 rpm without what is not learned yet.",
