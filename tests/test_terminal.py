@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import io
 import re
 from collections.abc import Callable
@@ -20,10 +21,24 @@ from cogless import lines, load
 from cogless.cli import app, completion
 from cogless.cli.fitted import fitted
 from cogless.files import shipped
+from cogless.live import engine
 from cogless.run import calibrate
 
 COLUMNS, WIDE_COLUMNS = 80, 2000
 FRAME = "─│╭╮╰╯"
+TUNE = """
+[tune]
+minimise = "ripple"
+variants = 2
+budget = 4
+[tune.keys]
+controller.pi.kp = ["0.005 A/rpm", "0.06 A/rpm"]
+"""
+needs_engine = pytest.mark.skipif(not engine.is_there("single"), reason="no engine: make web")
+needs_processor = pytest.mark.skipif(
+    not all(map(importlib.util.find_spec, ("unicorn", "elftools", "ziglang"))),
+    reason="no emulator or no cross compiler",
+)
 Printed = Callable[..., str]
 
 
@@ -108,6 +123,30 @@ def test_sweep(printed: Printed, tmp_path: Path) -> None:
     (tmp_path / "varied.toml").write_text(ensembles.TEXT)
     out = printed("sweep", "varied.toml", "-n", 2, "-j", 1, "-o", "swept")
     assert out.startswith("low: Ripple keeps its limit, of 2 variants: ")
+
+
+def test_tune(printed: Printed, tmp_path: Path) -> None:
+    (tmp_path / "varied.toml").write_text(f"{ensembles.TEXT}{TUNE}")
+    out = printed("tune", "varied.toml", "-j", 1, "-o", "tuned", repeatable=False)
+    assert "tuned" in out
+
+
+def test_new(printed: Printed, monkeypatch: pytest.MonkeyPatch) -> None:
+    long_name = "a_motor_whose_name_is_long"
+    options = ("--motor", "gm5208", "--drive", "moteus", "--encoder", "as5047", "--force")
+    out = printed("new", long_name, *options)
+    assert out.startswith(f"Wrote {long_name}.toml.\n") and f"\nNext: cogless run {long_name}\n" in out
+
+
+@needs_processor
+def test_pil(printed: Printed) -> None:
+    out = printed("pil", "uomodri", "--controller", "harmonic", "--ticks", 200)
+    assert "instructions" in out
+
+
+@needs_engine
+def test_live(printed: Printed, tmp_path: Path) -> None:
+    assert "Page: study-live.html\n" in printed("live", studies.write(tmp_path), "--no-limits")
 
 
 def test_map_and_export(printed: Printed, tmp_path: Path) -> None:

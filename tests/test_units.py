@@ -172,7 +172,7 @@ def test_units_of_datasheets_mean_what_they_mean_there(
         (
             "Hz",
             units.ANGULAR_SPEED,
-            '; the unit "Hz" may be "rev/s", or that of the current, pole_pairs times as much',
+            '; the unit "Hz" may be "rev/s", or the frequency of the current, pole_pairs times as much',
             ("rev/s",),
         ),
         ("1/s", units.ANGULAR_SPEED, '; the unit "1/s" may be "rad/s" or "rev/s"', ("rad/s", "rev/s")),

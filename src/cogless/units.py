@@ -100,7 +100,7 @@ NONE = Dimension("a plain number", "")
 READINGS = {
     ("Hz", "1/s"): 'may be "Hz" or "rad/s"',
     ("1/s", "Hz"): 'may be "1/s" or 2 pi "rad/s"',
-    ("rad/s", "Hz"): 'may be "rev/s", or that of the current, pole_pairs times as much',
+    ("rad/s", "Hz"): 'may be "rev/s", or the frequency of the current, pole_pairs times as much',
     ("rad/s", "1/s"): 'may be "rad/s" or "rev/s"',
 }
 NAMED = tuple(each for each in list(vars().values()) if isinstance(each, Dimension))

@@ -207,7 +207,9 @@ def test_a_column_that_a_file_lacks_is_told_with_the_nearest_heading(tmp_path, n
     """Here the current is one that most of the fit can do without: it was left out without a word once."""
     near = {"currents" if key == "current" else key: x for key, x in COLUMNS.items()}
     said, (renamed,) = refused(tmp_path, name, near)
-    assert said == 'no column "current" (i_q, near "currents"): expected headings that it has in columns'
+    assert (
+        said == 'no column "current" (i_q, near "currents"): expected in columns a heading that the file has'
+    )
     assert cured(tmp_path, renamed, name)[0]["i_q"][[0, -1]] == pytest.approx([0.1, -0.1])
 
 
@@ -236,8 +238,8 @@ def test_a_column_is_that_of_the_files_that_have_it(tmp_path):
         load_logs(paths, known(tmp_path))
     (advice,) = caught.value.lines
     assert advice == (
-        f'{paths[1]}: no column "current" (i_q); it has "ms", "counts": expected headings that it has in '
-        'columns, or columns.i_q.files = ["a[[]1].npz"]'
+        f'{paths[1]}: no column "current" (i_q); it has "ms", "counts": expected in columns a heading that '
+        'the file has, or columns.i_q.files = ["a[[]1].npz"]'
     )
     a, b = cured(tmp_path, *advice.cures, *(path.name for path in paths))
     assert (set(a.signals), set(b.signals)) == ({"theta", "i_q"}, {"theta"})

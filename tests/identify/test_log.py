@@ -235,7 +235,7 @@ def test_jitter_is_told_from_a_twentieth_of_a_period_on(tmp_path: Path) -> None:
         ({key: x[:99] for key, x in COLUMNS.items()}, "99 rows: expected 100 or more"),
         (
             {key: x for key, x in COLUMNS.items() if key != "ms"},
-            'no column "ms" (t); it has "counts", "current": expected headings that it has in columns',
+            'no column "ms" (t); it has "counts", "current": expected in columns a heading that the file has',
         ),
         (
             {**COLUMNS, "ms": np.arange(1000) + 10.0 * (np.arange(1000) // 90)},

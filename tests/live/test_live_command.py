@@ -1,6 +1,8 @@
 """`cogless live`, `cogless run --live` and what they refuse."""
 
 import subprocess
+import sys
+import webbrowser
 from pathlib import Path
 
 import live_studies
@@ -50,6 +52,25 @@ def test_the_page_is_written_where_it_is_asked_for(capsys, tmp_path):
     code, out, _ = cogless(capsys, "live", study, "-o", tmp_path / "page.html")
     assert (code, out) == (0, f"Page: {tmp_path / 'page.html'}\n")
     assert f"cogless run {study}" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@needs
+@pytest.mark.parametrize(
+    ("terminal", "display", "option", "times"),
+    [(True, ":0", (), 1), (True, ":0", ("--no-open",), 0), (True, "", (), 0), (False, ":0", (), 0)],
+)
+def test_the_page_opens_on_a_desktop(monkeypatch, capsys, tmp_path, terminal, display, option, times):
+    """Not where the output is no terminal, nor where there is no display."""
+    addresses = []
+    monkeypatch.setattr(webbrowser, "open", addresses.append)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal)
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    page = tmp_path / "my page.html"
+    code, out, _ = cogless(capsys, "live", small(tmp_path), "--no-limits", *option, "-o", page)
+    assert (code, addresses) == (0, [page.as_uri()] * times) and page.is_file()
+    assert out == f"Page: {page}\n" + f"Address: {page.as_uri()}\n" * times
 
 
 @needs

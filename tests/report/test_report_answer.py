@@ -156,6 +156,21 @@ def test_the_guards_hold_is_marked(made):
     assert pictures(made, low(made))[1]["held"] == []
 
 
+def test_a_hold_in_which_the_ripple_rises_is_named_a_test(made):
+    """The guard takes away what is learned once, to see what the feedback alone leaves; that is no fault."""
+
+    def speed(run):
+        time = run.trace.time
+        learns = run.controller == "pi-ilc"
+        size = np.where(learns & ~((time > 4) & (time < 6)), 0.1, 1.0)
+        return 6.0 + size * np.sin(40 * time)
+
+    bits = lambda run: 2048.0 * ((run.trace.time > 4) & (run.trace.time < 6)) * (run.controller == "pi-ilc")  # noqa: E731
+    tested = with_signals(made, "low-speed", status=bits, omega_m=speed, omega_measured=speed)
+    held = pictures(tested, low(tested))[1]["held"]
+    assert [h["label"] for h in held] == ["test: PI-ILC without learning"]
+
+
 def test_the_first_and_last_trial_of_the_phase_that_began_worst(trials):
     runs = trials.runs
     found = trial_answer(trials, runs)

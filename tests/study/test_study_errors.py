@@ -76,7 +76,7 @@ def line_of(folder: Path, changes: dict[str, Any] | None, text: str = studies.BA
             'motor.R_s: "-1 ohm": expected a resistance of zero or more, such as "1 ohm"'),
         ("scenario.low.reference", "1 Hz",
             'scenario.low.reference: "1 Hz": expected an angular speed, such as "1 rpm"; the unit "Hz" may '
-            'be "rev/s", or that of the current, pole_pairs times as much'),
+            'be "rev/s", or the frequency of the current, pole_pairs times as much'),
         ("controller.pi.kp", "1 A",
             'controller.pi.kp: "1 A": expected a gain of the speed loop, such as "1 A/rpm"'),
         ("title", 5, "title: 5: expected a text"),

@@ -25,7 +25,7 @@ from cogless.cli.options import (
     to_run,
 )
 from cogless.cli.printed import print_blocks, print_results, print_uncertified
-from cogless.cli.terminal import new_bar, new_console, print_fitted, run_progress
+from cogless.cli.terminal import has_desktop, new_bar, new_console, open_page, print_fitted, run_progress
 from cogless.errors import INTERRUPTED, StudyError
 from cogless.interrupts import deferred
 from cogless.lines import print_text, say, warn
@@ -321,8 +321,11 @@ def live(
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,
     changes: SetOption = None,
+    opens: Annotated[
+        bool, typer.Option("--open/--no-open", help="Open the page in the browser, on a desktop.")
+    ] = True,
 ) -> None:
-    """Write a page that runs a study in the browser: turn a gain, and see the ripple follow.
+    """Write a page that runs a study in the browser, and open it: turn a gain, and see the ripple follow.
 
     One HTML file with the engine and the control laws inside. It needs no network and no installation.
     """
@@ -337,6 +340,8 @@ def live(
     for line in left_out(loaded):
         say(f"Left out of the page: {line}")
     print(f"Page: {path}")
+    if opens and has_desktop():
+        open_page(path)
 
 
 def _limits(study: AnyStudy, wanted: bool | None, jobs: int) -> dict[str, str]:

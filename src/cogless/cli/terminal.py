@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cogless import lines as text_lines
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
 
 # columns where the output is no terminal, so that lines in files and pipes are not wrapped
 PIPE_COLUMNS = 240
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # names of variables
 
 
 def new_console(**options: Any) -> Console:
@@ -104,3 +108,18 @@ def share_progress(what: str) -> Iterator[Callable[[float], None]]:
     with new_bar() as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda share: bar.update(task, completed=share)
+
+
+def has_desktop() -> bool:
+    """Whether someone sits at a terminal of a desktop, where a browser can open a window."""
+    windows = sys.platform in ("win32", "darwin") or any(os.environ.get(name) for name in DISPLAYS)
+    return sys.stdout.isatty() and windows
+
+
+def open_page(path: Path) -> None:
+    """Open a page in the browser and print its address."""
+    import webbrowser
+
+    address = path.resolve().as_uri()
+    print(f"Address: {address}")
+    webbrowser.open(address)

@@ -165,7 +165,7 @@ def _lacking(
     limited = {f"columns.{signal}.files": files for signal, files in having.items() if files}
     instead = "".join(f", or {key} = [{_quoted(files)}]" for key, files in limited.items())
     return Advice(
-        f"{where}: no column {listed}{others}: expected headings that it has in columns{instead}",
+        f"{where}: no column {listed}{others}: expected in columns a heading that the file has{instead}",
         *(cure for cure in (renamed, limited) if cure),
     )
 

@@ -34,6 +34,7 @@ RIPPLE_POINTS = 400  # the ripple over time has at most
 EVENT_SPAN = (-0.1, 1.5)  # s about the event of a metric
 LAST_SPAN = 1.0  # s, where no revolution is turned
 STRONG_SHARE = 0.3  # an order with this share of the strongest amplitude is seen, too
+HOLD_RISE_LEAST = 1.25  # of the ripple while the guard takes learning away, if learning helps
 TURN_PIECES = 8  # the ripple over time moves on by at most such a part of a revolution
 
 
@@ -192,6 +193,13 @@ def _ripple(
         for run, values in zip(runs, curves, strict=True)
     ]
     step = size * trace.period
+    start, compared = float(trace.time[0]) + count * step, {run.controller for run in pair.runs}
+
+    def rows_of(since: float, until: float) -> slice:
+        """The curve from the hold's beginning to its end."""
+        first, last = (max(0, math.floor((time - start) / step)) for time in (since, until))
+        return slice(first, last + 1)
+
     quantity = f"{drawn.quantity}{' ripple' if about_mean else ''}, rms"
     while_ = "revolution" if of_turn and count * size < 1.5 * of_turn else f"{count * step:.2g} s"
     return [
@@ -200,22 +208,29 @@ def _ripple(
             "x": "time (s)",
             "quantity": quantity,
             "unit": drawn.unit,
-            "start": float(trace.time[0]) + count * step,
+            "start": start,
             "step": step,
             "held": [
-                {
-                    "from": since,
-                    "to": until,
-                    "label": f"the guard holds {called(results.study, run.controller)} back",
-                }
-                for run in pair.runs
-                if results.study.controller[run.controller].learns
+                {"from": since, "to": until, "label": _hold_label(results, run, curve[rows_of(since, until)])}
+                for run, curve in zip(runs, curves, strict=True)
+                if run.controller in compared and results.study.controller[run.controller].learns
                 for since, until in spans(run, Status.GUARDED)
                 if until - since > STATE_TIME_LEAST
             ],
             "series": series,
         }
     ]
+
+
+def _hold_label(results: Results, run: Run, ripple: Array) -> str:
+    """What the guard does to a law while it holds it back; `ripple`: of that time, the first value before it.
+
+    Where the ripple rises without learning, the guard tests what the feedback alone leaves, and finds that
+    learning helps.
+    """
+    name = called(results.study, run.controller)
+    is_test = len(ripple) > 1 and ripple[-1] > HOLD_RISE_LEAST * ripple[0]
+    return f"test: {name} without learning" if is_test else f"the guard holds {name} back"
 
 
 def _rows_of_turn(trace: Trace) -> int:

@@ -16,8 +16,6 @@ from cogless.study.reading import Changes, split
 from cogless.study.remark import Remark
 from cogless.study.toml import toml
 
-OVERLAP_SUM = 1.1  # sum of shares beyond which a sentence says that they overlap
-
 
 def remark(study: StudyBase, limits: Limits) -> Remark | None:
     """The causes that limit a run, and the setting and part that helped most; None: no cause stands out."""
@@ -30,12 +28,8 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     def shown(value: float) -> str:
         return f"{number(value / scale)} {unit}".rstrip()
 
-    parts = [
-        f"{_words(cause)} {100 * cause.share:.0f} % of the square ({shown(cause.value)} without)"
-        for cause in named[:NAMED_MOST]
-    ]
-    note = "; the shares overlap" if sum(cause.share for cause in named) > OVERLAP_SUM else ""
-    text = f"What limits {called(study, limits.controller)}: {listed(parts)}{note}."
+    parts = [f"{shown(cause.value)} without {_words(cause)}" for cause in named[:NAMED_MOST]]
+    text = f"What limits {called(study, limits.controller)}: it would leave {listed(parts)}."
     cures = [cure for cure in (limits.setting, limits.part) if cure is not None]
     tried = [
         f"with {setting(study, cure.changes)} it leaves {shown(cure.value)}{_costs(cure)}" for cure in cures
@@ -59,7 +53,7 @@ def setting(study: StudyBase, changes: Changes) -> str:
 def _words(cause: Cause) -> str:
     """The cause in words; two causes that only have an effect together are named together."""
     words = " and ".join(CAUSES[name] for name in cause.names)
-    return words if len(cause.names) == 1 else f"{words}, only together,"
+    return words if len(cause.names) == 1 else f"both {words}"
 
 
 def _costs(cure: Cure) -> str:

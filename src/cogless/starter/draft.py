@@ -485,7 +485,7 @@ def _controllers(sheet: Sheet, feedbacks: Feedbacks, base: tuple[int, str] | Non
     pi.put("baseline", True)
     learner = sheet.section("[controller.harmonic]")
     learner.put("law", "harmonic")
-    learner.put("label", "PI and harmonics")
+    learner.put("label", "Harmonic")
     rules = {"pi": '{ rule = "phase-margin", phase_margin = "60 deg" }', "harmonic": '{ rule = "auto" }'}
     for name, section in (("pi", pi), ("harmonic", learner)):
         if name in feedbacks:

@@ -54,8 +54,8 @@ class Start(Table):
     frame: Literal["mechanical", "electrical"] = "mechanical"
     """The revolution that the table's angle is of."""
     sign: Literal["holding", "cogging"] | None = None
-    """Required for a table. `"holding"`: it holds the rotor against the motor's own torque. `"cogging"`: it
-    is that torque."""
+    """Required for a table. `"holding"`: the current or torque that holds the rotor against the motor's own
+    torque. `"cogging"`: the motor's own torque."""
     _over_angle: OverAngle | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")

@@ -75,7 +75,7 @@ class TrialIlc(FilteredLaw):
     law: Literal["trial-ilc"]
     """State feedback with integral action, feedforward, learning."""
     acts_on: Literal["input-and-integrator", "input"] = "input-and-integrator"
-    """Where $v$ is added. With the input only, the integrator [works against what is
+    """Where the learned $v$ is added. With `"input"` the integrator [works against what is
     learned](/studies/mandra2019.md#why-the-simplified-structure-is-slow)."""
     integral: bool = True
     """False switches the integrator off."""
