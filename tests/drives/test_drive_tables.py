@@ -95,7 +95,12 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
             ["--from", "csv", "--to", "moteus"],
             "the table's zero is not known: it is over another angle: expected",
         ),
-        (["--from", "csv", "--to", "motus"], '--to: "motus": expected one of moteus, simplefoc, csv\n'),
+        (
+            ["--from", "csv", "--to", "motus"],
+            '--to: "motus": expected one of moteus, simplefoc, csv, c, akd, ax8000\n',
+        ),
+        (["--from", "csv", "--to", "novanta"], "--to: novanta: takes no table: its table is over the"),
+        (["--from", "csv", "--to", "vesc"], "--to: vesc: takes no table: "),
         (["--from", "simplefoc", "--to", "moteus"], "--from: simplefoc: no table of it can be read"),
         (["--from", "csv", "--to", "csv", "--shift", "40"], '--shift: "40": expected a unit too'),
         (["--from", "csv", "--to", "csv", "--reverse"], "--reverse: expected --shift ANGLE beside it"),

@@ -12,7 +12,7 @@ from drives.drive_bench import TURN
 from drives.moteus_stand_in import Moteus as MoteusDrive
 
 from cogless.drives import firmware_laws
-from cogless.drives.firmware_laws import Moteus, MoteusTable, Odrive, OdriveMap, SimpleFoc, SimpleFocTable
+from cogless.drives.firmware_laws import HeaderTable, Moteus, MoteusTable, Odrive, OdriveMap, SimpleFoc
 from cogless.run.simulate import run_study
 from cogless.study.base import Source
 from cogless.study.reading import checked
@@ -61,7 +61,7 @@ def test_odrive_cuts_its_index_toward_zero() -> None:
 
 
 def test_simplefoc_looks_up_any_turn() -> None:
-    table = SimpleFocTable([0.0, 1.0, 0.0, -1.0])
+    table = HeaderTable([0.0, 1.0, 0.0, -1.0])
     places = {0.25: 1.0, 0.125: 0.5, -0.25: -1.0, -0.125: -0.5, 7.25: 1.0, -7.875: 0.5}
     for turns, current in places.items():
         assert table.current(turns * TURN) == pytest.approx(current, abs=1e-6)

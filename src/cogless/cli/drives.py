@@ -11,7 +11,7 @@ from cogless.cli.options import output_option
 from cogless.errors import StudyError
 
 if TYPE_CHECKING:
-    from cogless.drives.adapter import TableFrame, TableText
+    from cogless.drives.adapter import Adapter, TableFrame, TableText
     from cogless.drives.holding_current import HoldingCurrent
 
 FLAWED_SHARE = 0.1  # of the holding current's rms: a table that leaves more is told
@@ -81,7 +81,7 @@ def table(
     adapter = adapter_named(to, "--to")
     if adapter.write is None:
         raise StudyError(f"--to: {to}: takes no table: {adapter.refusal}")
-    current, frame = _source(source, from_, to, drive_config)
+    current, frame = _source(source, from_, adapter, drive_config)
     if shift is not None:
         current = current.turned(-1 if reverse else 1, _angle(shift))
         frame = TableFrame(to, zero=True)
@@ -164,29 +164,29 @@ def _angle(text: str) -> float:
 
 
 def _source(
-    source: Path, from_: str | None, to: str, configuration: Path | None
+    source: Path, from_: str | None, target: Adapter, configuration: Path | None
 ) -> tuple[HoldingCurrent, TableFrame]:
     """The current, and how its angle lies to the index of the drive that it is written for."""
     from cogless.drives import holding_current
     from cogless.drives.adapter import FRAME_FILE, TableFrame, frame_from
     from cogless.drives.registry import adapter_named
 
-    unknown = (
-        f"it is over another angle: expected logs of {to}, or --shift ANGLE that says how its index lies"
-    )
+    to = target.name
+    logs = "" if target.read_logs is None else f"logs of {to}, or "
+    unknown = f"it is over another angle: expected {logs}--shift ANGLE that says how its index lies"
     if from_ is not None:
         adapter = adapter_named(from_, "--from")
         if adapter.read_table is None:
             raise StudyError(f"--from: {from_}: no table of it can be read: see cogless drives")
         current = adapter.read_table(source, configuration)
-        return current, TableFrame(to, zero=to in (from_, "csv"), lacking=unknown)
+        return current, TableFrame(to, zero=to == from_ or target.own_angle, lacking=unknown)
     if not source.exists():
         raise StudyError(f"{source}: no such file or folder: expected a folder of cogless identify, or a map")
     if not source.is_dir():
-        return holding_current.from_stored_map(source), TableFrame(to, zero=to == "csv", lacking=unknown)
+        return holding_current.from_stored_map(source), TableFrame(to, zero=target.own_angle, lacking=unknown)
     current = holding_current.from_identified(source)
-    if to == "csv":
-        return current, TableFrame(to, zero=True)
+    if target.own_angle or target.read_logs is None:
+        return current, TableFrame(to, zero=target.own_angle, lacking=unknown)
     if not (source / FRAME_FILE).is_file():
         return current, TableFrame(
             to, lacking=f"no {FRAME_FILE} in it: expected cogless identify with --drive {to}"

@@ -128,7 +128,7 @@ class Adapter:
     `read_logs`, `read_table` also take the file of `--drive-config`. `write`: the drive's own text of a
     table; None: `refusal` says why the drive takes none. `write_script`: files by name,
     of which the first plays motions and logs them; `log_pattern`: the log of a motion, by name and number.
-    `law`: the class of its own law in `firmware_laws`.
+    `law`: the class of its own law in `firmware_laws`. `own_angle`: its table is over its source's angle.
     """
 
     name: str
@@ -143,6 +143,7 @@ class Adapter:
     refusal: str = ""
     law: str = ""
     log_pattern: str = "{name}.csv"
+    own_angle: bool = False
 
 
 def text_of(path: Path, expected: str) -> str:

@@ -51,7 +51,7 @@ class MoteusTable:
         return self.scale * ((1.0 - share) * low + share * high)
 
 
-class SimpleFocTable:
+class HeaderTable:
     """The table of the header that cogless writes: entry i is at i / count, straight lines between."""
 
     def __init__(self, entries: Sequence[float]) -> None:
@@ -218,7 +218,7 @@ class SimpleFoc:
         share: float = 1.0,
     ) -> None:
         self.P, self.I, self.D, self.output_ramp, self.Tf = P, I, D, output_ramp, Tf
-        self.table, self.share = SimpleFocTable(entries), share
+        self.table, self.share = HeaderTable(entries), share
         self.theta, self.speed = math.nan, 0.0
         self.integral = self.error = self.output = 0.0
 

@@ -30,6 +30,7 @@ from cogless.drives.firmware_laws import MOTEUS_ENTRIES, MoteusTable
 from cogless.drives.holding_current import HoldingCurrent, from_samples, samples
 from cogless.drives.moteus_dump import DUMP_HINT, Dump, gains, read_dump, tables
 from cogless.drives.moteus_script import write_script
+from cogless.drives.moteus_stream import STREAM_SUFFIX, read_stream
 from cogless.drives.row_times import overlay, sent_times
 from cogless.errors import StudyError
 from cogless.identify.files import Array, printable, require_bytes
@@ -111,6 +112,9 @@ def _channels(paths: Sequence[Path], dump: Dump) -> Iterator[Channels]:
         if ".jsonl" in path.name.lower():
             yield from _jsonl(path, dump)
             continue
+        if path.suffix.lower() == STREAM_SUFFIX:
+            yield _stream(path, dump)
+            continue
         headings = set(read(path, [])[0].headings)
         if {"timestamp", "q_A"} <= headings:
             names = ["timestamp", *sorted(STATS_SIGNALS)]
@@ -173,6 +177,13 @@ def _registers(path: Path, dump: Dump) -> Channels:
     if np.any(columns.get(encoder, 0.0)):  # The library writes 0 for a register that was not asked for.
         cpr = dump.number(f"motor_position.sources.{dump.source}.cpr", "counts of a turn", 16384.0)
         position = {"timestamp": columns["time"], _filtered(dump): cpr * columns[encoder]}
+    return Channels(path, path.name, stats, position, stamped=False)
+
+
+def _stream(path: Path, dump: Dump) -> Channels:
+    """A high-rate stream: all of a row is of one control cycle."""
+    stats, index = read_stream(path, dump)
+    position = {} if index is None else {"timestamp": stats["timestamp"], _filtered(dump): index}
     return Channels(path, path.name, stats, position, stamped=False)
 
 
@@ -335,6 +346,7 @@ MOTEUS = Adapter(
         Feature("tview CSV: servo_stats, and motor_position for the table's zero", Certainty.SOURCE),
         Feature("tview JSONL", Certainty.SOURCE),
         Feature("Python library's CSV; ENCODER_0_POSITION for the table's zero", Certainty.SOURCE),
+        Feature("high-rate stream (.bin), with servo.emit_debug in the dump", Certainty.SOURCE),
         Feature("compensate_cogging.py's JSON, as a table", Certainty.SOURCE),
         Feature("moteus_tool --dump-config: motor, drive, its table", Certainty.SOURCE),
     ),

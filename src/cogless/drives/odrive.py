@@ -51,7 +51,7 @@ LOOP_PATHS = {
     "vel_integrator_gain": "controller.config.vel_integrator_gain",
     "bandwidth": "encoder.config.bandwidth",
 }
-VELOCITY_CONTROL = 2  # value of control_mode
+VELOCITY_CONTROL_MODE = 2
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def gains(configuration: Configuration) -> dict[str, float]:
     numbers = {name: float(x) for name, x in values.items() if isinstance(x, int | float) and x >= 0}
     if len(numbers) < len(LOOP_PATHS):
         return {}
-    if configuration.values.get(prefix + "controller.config.control_mode") == VELOCITY_CONTROL:
+    if configuration.values.get(prefix + "controller.config.control_mode") == VELOCITY_CONTROL_MODE:
         numbers["pos_gain"] = 0.0
     return numbers
 

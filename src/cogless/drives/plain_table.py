@@ -61,4 +61,5 @@ PLAIN_TABLE = Adapter(
     writes=(Feature("angle [deg], current [A] that holds the rotor", Certainty.OWN),),
     write=write,
     read_table=read_table,
+    own_angle=True,
 )

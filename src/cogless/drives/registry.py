@@ -11,6 +11,8 @@ from typing import Any
 
 from cogless import units
 from cogless.drives.adapter import Adapter, DriveLogs, Motions, TableFrame, ramped
+from cogless.drives.c_table import C_TABLE
+from cogless.drives.industrial import AKD, AX8000, NOVANTA
 from cogless.drives.moteus import MOTEUS
 from cogless.drives.odrive import ODRIVE
 from cogless.drives.plain_table import PLAIN_TABLE
@@ -29,7 +31,8 @@ from cogless.study.reading import read
 from cogless.study.toml import toml
 
 ADAPTERS: dict[str, Adapter] = {
-    adapter.name: adapter for adapter in (MOTEUS, ODRIVE, VESC, SIMPLEFOC, PLAIN_TABLE)
+    adapter.name: adapter
+    for adapter in (MOTEUS, ODRIVE, VESC, SIMPLEFOC, PLAIN_TABLE, C_TABLE, AKD, AX8000, NOVANTA)
 }
 LOGS_NAME = "logs.toml"  # stands beside the script of a plan
 FIRST_BYTES = 1 << 14  # of a file, in which its heading is

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from cogless import units
-from cogless.c_literals import array
 from cogless.drives.adapter import (
     Adapter,
     Certainty,
@@ -26,8 +25,8 @@ from cogless.drives.adapter import (
     TableText,
     text_of,
 )
-from cogless.drives.firmware_laws import SimpleFocTable
-from cogless.drives.holding_current import HoldingCurrent, samples
+from cogless.drives.c_table import SHARE_CHECK, header
+from cogless.drives.holding_current import HoldingCurrent
 from cogless.drives.simplefoc_sketch import write_script
 from cogless.errors import StudyError
 from cogless.identify.files import Array, require_bytes
@@ -55,46 +54,15 @@ NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf"
 MONITOR_LINE = re.compile(r"\D{0,3}[-+\d.]+(\t[-+\d.]+)+\t?\D{0,3}")
 SPOILT_SHARE_MOST = 0.05  # lines of another form that a log may have
 MICROS_WRAP = 2**32  # microseconds, at which the processor's counter begins anew
-WAVE_ENTRIES = 8  # entries for a wave of the highest order
-ENTRIES_LEAST, ENTRIES_MOST = 128, 4096
 
-HEADER_TEXT = """\
+INTRODUCTION_TEXT = """\
 // Cogging feed-forward for SimpleFOC, by cogless. Angles are those of motor.shaft_angle.
 //
 // In loop(), before motor.loopFOC(), with torque control by a current:
 //     motor.feed_forward_current.q = cogging_feed_forward(motor.shaft_angle);
 // with torque control by a voltage:
 //     motor.feed_forward_voltage.q = motor.phase_resistance * cogging_feed_forward(motor.shaft_angle);
-// The angle needs the same zero after each start: an absolute sensor, or the search of an index.
-#ifndef COGGING_FEED_FORWARD_H
-#define COGGING_FEED_FORWARD_H
-
-#include <math.h>
-
-#define COGGING_ENTRIES {count}
-#define COGGING_SHARE 1.0f /* 0.3f and -0.3f check the sign; 0.0f takes the table out */
-
-/* A, peak; entry i is at i / COGGING_ENTRIES of a mechanical revolution, straight lines between. */
-static const float cogging_table[COGGING_ENTRIES] = {{
-{entries}
-}};
-
-/* The current that holds the rotor against its cogging, A, at an angle in rad, of any turn. */
-static inline float cogging_feed_forward(float shaft_angle)
-{{
-    const float place = shaft_angle * (COGGING_ENTRIES / 6.28318530718f);
-    if (!(fabsf(place) < 1.0e9f)) {{
-        return 0.0f; /* no number, or beyond all angles */
-    }}
-    const float whole = floorf(place);
-    const float share = place - whole;
-    const unsigned first = (unsigned)(int)whole % COGGING_ENTRIES; /* it is a power of two */
-    const unsigned next = (first + 1U) % COGGING_ENTRIES;
-    return COGGING_SHARE * (cogging_table[first] + share * (cogging_table[next] - cogging_table[first]));
-}}
-
-#endif
-"""
+// The angle needs the same zero after each start: an absolute sensor, or the search of an index."""
 
 
 def recognise(first: Sequence[str]) -> str:
@@ -202,24 +170,20 @@ def _read_monitor(path: Path, monitor: list[str]) -> tuple[Array, int]:
 
 def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
     """A header with the table and its interpolation."""
-    wanted_entries = WAVE_ENTRIES * max(current.orders)
-    count = int(np.clip(1 << (wanted_entries - 1).bit_length(), ENTRIES_LEAST, ENTRIES_MOST))
-    entries = np.asarray(samples(current, count, frame.direction, "linear"), dtype=np.float32)
-    table = SimpleFocTable(entries.tolist())
+    text, table = header(current, frame, INTRODUCTION_TEXT)
     return TableText(
-        HEADER_TEXT.format(count=count, entries=array(entries, "f")),
-        count,
+        text,
+        len(table.entries),
         "float, A",
         lambda angle: np.array([table.current(frame.direction * a) for a in angle.tolist()]),
         install="copy FILE into the sketch, #include it, and call it in loop() as its first lines say",
         remove="#define COGGING_SHARE 0.0f in it",
-        sign_check="COGGING_SHARE 0.3f, then -0.3f, each at a slow speed: the ripple falls with the first "
-        "and grows with the second",
+        sign_check=SHARE_CHECK,
         notes=(
             "SimpleFOC adds it after current_limit. feed_forward_current is in its source at 7f9c45f; older "
             "releases lack it.",
         ),
-        table_params={"entries": entries.tolist()},
+        table_params={"entries": table.entries},
     )
 
 

@@ -1,0 +1,117 @@
+"""Kollmorgen's AKD and Beckhoff's AX8000: cogging tables by their manuals, which leave signs and zeros open.
+
+So each comes with the test on the drive that settles what its manual does not say.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cogless.drives.adapter import Adapter, Certainty, Feature, TableFrame, TableText
+from cogless.drives.holding_current import HoldingCurrent, samples
+from cogless.errors import StudyError
+from cogless.identify.files import Array
+
+AKD_ENTRIES = 8192
+AX8000_WAVES, AX8000_ORDER_MOST = 10, 200
+AX8000_OBJECT, AX8000_FIRST, AX8000_STEP = 0x32CB, 7, 3  # sub-indices: order, phase, torque from the first on
+
+
+def write_akd(current: HoldingCurrent, frame: TableFrame) -> TableText:
+    """8,192 currents over a revolution, one a line."""
+    values = np.array([float(f"{x:.5g}") for x in samples(current, AKD_ENTRIES, frame.direction, "linear")])
+    closed = np.append(values, values[0])
+
+    def applied(angle: Array) -> Array:
+        place = np.mod(frame.direction * angle / math.tau, 1.0) * AKD_ENTRIES
+        return np.asarray(np.interp(place, np.arange(AKD_ENTRIES + 1), closed))
+
+    return TableText(
+        "".join(f"{value:.5g}\n" for value in values),
+        AKD_ENTRIES,
+        "peak A, one a line",
+        applied,
+        install="disable the drive, import FILE in WorkBench's cogging compensation, then COGCOMP.EN 1",
+        remove="COGCOMP.EN 0",
+        sign_check="import 30 % of the table, then -30 %, each at a slow speed: the ripple falls with the "
+        "first and grows with the second",
+        notes=(
+            "The manual says neither the sign, nor whether a current is peak or rms, nor the file's layout: "
+            "export the drive's own table first, and give this one its layout. If 71 % of this table leaves "
+            "less ripple than all of it, the drive's currents are rms.",
+        ),
+    )
+
+
+def write_ax8000(current: HoldingCurrent, frame: TableFrame) -> TableText:
+    """The ten largest orders, as object 0x32CB takes them."""
+    if not current.K_t:
+        raise StudyError(
+            f"{current.source}: no K_t: AX8000 takes torques: expected a folder of cogless identify"
+        )
+    waves = np.array(current.waves if frame.direction > 0 else np.conj(current.waves))
+    able = [order for order in current.orders if order <= AX8000_ORDER_MOST]
+    chosen = sorted(sorted(able, key=lambda order: -abs(waves[order]))[:AX8000_WAVES])
+    if not chosen:
+        raise StudyError(
+            f"{current.source}: no order up to {AX8000_ORDER_MOST}: expected one that AX8000 holds"
+        )
+    torques = {order: float(np.float32(current.K_t * abs(waves[order]))) for order in chosen}
+    phases = {order: float(np.float32(np.degrees(np.angle(waves[order])) % 360)) for order in chosen}
+    lines = [f"# Object 0x{AX8000_OBJECT:X}: sub-index, type, value", ":01 - 3", ":02 - 1.0"]
+    for number, order in enumerate(chosen):
+        first = AX8000_FIRST + AX8000_STEP * number
+        lines += [
+            f":{first:02d} UINT32 {order}",
+            f":{first + 1:02d} REAL32 {phases[order]:.7g}",
+            f":{first + 2:02d} REAL32 {torques[order]:.7g}",
+        ]
+
+    def applied(angle: Array) -> Array:
+        index = frame.direction * angle
+        parts = (
+            torques[order] / current.K_t * np.cos(order * index + math.radians(phases[order]))
+            for order in chosen
+        )
+        return np.asarray(sum(parts))
+
+    return TableText(
+        "\n".join(lines) + "\n",
+        len(chosen),
+        "orders with phase in degrees and torque in N m",
+        applied,
+        install=f"put the lines of FILE into the startup list of object 0x{AX8000_OBJECT:X}",
+        remove=f"0x{AX8000_OBJECT:X}:01 = 4",
+        sign_check="one order at a time, gain :02 = 0.3, phase + 0, 90, 180 and 270 deg, each at a slow "
+        "speed: the phase that leaves the least of that order is the drive's",
+        notes=(
+            "The manual says neither sine or cosine, nor the sign, nor where the angle is zero: a cosine "
+            "with the sign of the holding torque is written. Another zero moves the phase of each order by "
+            "another angle, so each order needs its own test.",
+        ),
+    )
+
+
+AKD = Adapter(
+    name="akd",
+    title="Kollmorgen AKD",
+    reads=(),
+    writes=(Feature("cogging table: 8,192 currents", Certainty.DRIVE),),
+    write=write_akd,
+)
+NOVANTA = Adapter(
+    name="novanta",
+    title="Novanta Summit",
+    reads=(),
+    writes=(),
+    refusal="its table is over the electrical angle, so it holds only multiples of the pole pairs",
+)
+AX8000 = Adapter(
+    name="ax8000",
+    title="Beckhoff AX8000",
+    reads=(),
+    writes=(Feature("cogging compensation: ten orders for object 0x32CB", Certainty.DRIVE),),
+    write=write_ax8000,
+)
