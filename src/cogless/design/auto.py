@@ -46,9 +46,9 @@ from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
 from cogless.study.base import StudyBase
 from cogless.study.laws.adrc import Adrc
-from cogless.study.laws.anti_cogging import SETTLING, AntiCogging
+from cogless.study.laws.anti_cogging import AntiCogging
 from cogless.study.laws.harmonic import ORDER_ANGLE_MOST
-from cogless.study.laws.law import Base
+from cogless.study.laws.law import SETTLING, Base
 from cogless.study.laws.periodic import PiIlc, RobustIlc
 from cogless.study.laws.pi_afc import PI_AFC_ORDERS, PiAfc
 from cogless.study.laws.space import MECHANICAL, SpaceLearning, SpacePosition, SpaceSpeed

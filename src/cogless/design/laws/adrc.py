@@ -18,7 +18,7 @@ import numpy as np
 
 from cogless.design.margins import Complex, Margins, Real, margins_of, root
 from cogless.design.speed_loop import NoMarginError, SpeedLoop
-from cogless.study.numerics import OBSERVER_BANDWIDTH_MOST
+from cogless.study.laws.adrc import OBSERVER_BANDWIDTH_MOST
 
 RATIO = 4.0  # observer's bandwidth / the loop's: 3 to 10 in use
 TRIED = 60

@@ -28,7 +28,8 @@ from cogless.design.margins import Real
 from cogless.design.speed_loop import LEAST, SpeedLoop, gains, speed_loop
 from cogless.study import Study
 from cogless.study.base import speed_text
-from cogless.study.laws.anti_cogging import SETTLING, AntiCogging, Commissioning
+from cogless.study.laws.anti_cogging import AntiCogging
+from cogless.study.laws.law import SETTLING, Commissioning
 from cogless.study.messages import dotted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
