@@ -174,7 +174,7 @@ def _degrees(S: Complex) -> Real:
 
 def _loop(results: Results, run: Run) -> LearningLoop | None:
     """The run's learning loop at its fastest judged speed; None if its learning has no such model."""
-    if loop_type(results.study.controller[run.controller]) is not None:
+    if loop_type(results.study, run.controller) is not None:
         with suppress(StudyError):
             found = judged(results.study, run.scenario, run.controller)
             return found[-1] if found else None

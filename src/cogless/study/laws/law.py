@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, get_args
 
 from pydantic import (
     Field,
@@ -33,6 +33,7 @@ from cogless.study.table import (
     LawSpeed,
     Line,
     PhaseMargin,
+    Quantity,
     RateGain,
     SpeedGain,
     SpeedIntegralGain,
@@ -159,6 +160,15 @@ class AutoTuning(Tuning):
 
     rule: Literal["auto"]
     """`auto`, see [](/laws/auto.md)."""
+
+
+def unit_within(annotations: list[Any]) -> str:
+    """The SI unit of the first quantity in a field's annotations; "" if there is none."""
+    for entry in annotations:
+        unit = entry.dimension.unit if isinstance(entry, Quantity) else unit_within(list(get_args(entry)))
+        if unit or isinstance(entry, Quantity):
+            return unit
+    return ""
 
 
 class StudyOfLaws(Protocol):
@@ -360,6 +370,11 @@ class Base(Table):
         """Whether its learning gain depends on the acceleration."""
         return False
 
+    def unit_of(self, key: str) -> str:
+        """SI unit of one of its keys; "" if it has none."""
+        field = type(self).model_fields[key]
+        return unit_within([*field.metadata, *get_args(field.annotation)])
+
     @property
     def idle_keys(self) -> frozenset[str]:
         """Keys that have no effect with the others as they are."""
@@ -506,6 +521,7 @@ class Memory(Protocol):
     @property
     def over_angle(self) -> bool:
         """Whether it is over the angle; if not, it is a delay line over time."""
+
     @property
     def by_order(self) -> bool: ...
     def revolutions(self, pole_pairs: int) -> Fraction:
