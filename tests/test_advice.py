@@ -23,7 +23,7 @@ from cogless.cli.printed import a_metric
 from cogless.design.auto import load
 from cogless.design.trials import learning_gain
 from cogless.design.trials.from_study import design_study
-from cogless.design.trials.response import MONOTONE
+from cogless.design.trials.response import FACTOR_ROUNDING
 from cogless.design.warnings import beyond_drive, warnings
 from cogless.errors import StudyError
 from cogless.report import lines, verdicts
@@ -169,7 +169,7 @@ def growth(study: AnyStudy, scenario: str, name: str) -> float:
     certificate = design_study(study, [(scenario, name)])[scenario, name].certificate
     learning = (certificate.exact or certificate.design).learning
     assert learning is not None
-    return max(0.0, learning.norm - 1 - MONOTONE)
+    return max(0.0, learning.norm - 1 - FACTOR_ROUNDING)
 
 
 def growth_with_ends(study: AnyStudy, scenario: str, name: str) -> float:
@@ -350,7 +350,7 @@ CASES: dict[str, list[Case]] = {
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 512}, gain="0.2 A*s/rad", q_half_width=10)},
              "a wave of order 24", "x", cures=2),
     ],
-    "design.relay.relay_warning": [
+    "design.laws.periodic.relay_warning": [
         Case("liu2018", {}, "its relay switches", "robust-ilc",
              "900-rpm"),
     ],
@@ -423,10 +423,10 @@ CASES: dict[str, list[Case]] = {
         Case(MY_MOTOR, {**NONE, **law(law="harmonic", kp="3 A*s/rad", ki="100 A/rad")}, "unstable", "x",
              left=0.1),
     ],
-    "design.warnings._not_learned": [
+    "design.laws.harmonic._not_learned": [
         Case(MY_MOTOR, {**NONE, "motor.cogging": COGGING}, "the cogging has order 21", "harmonic", left=0.5),
     ],
-    "design.warnings._no_room": [
+    "design.laws.harmonic._no_room": [
         Case(MY_MOTOR, {**NONE, "drive.position_sensor.eccentricity": "0.3 deg",
                         "controller.harmonic.base": 2}, "is too low to learn", "harmonic"),
     ],
