@@ -191,7 +191,7 @@ def _gains(study: Study, controller: str) -> Iterator[Candidate]:
         kp, ki = law.given_pi
         yield Candidate({f"{key}.kp": f"{2 * kp:.4g} A*s/rad", f"{key}.ki": f"{2 * ki:.4g} A/rad"})
     half_width = getattr(law, "q_half_width", 0)
-    if law.learns and half_width:
+    if law.learns and half_width and not law.learns_functions:
         yield Candidate({f"{key}.q_half_width": half_width // 2})
 
 
