@@ -24,14 +24,14 @@ from kept import kept, version
 from laws import OF_SPEED
 
 import studies
+from cogless import c_literals as literals
 from cogless import load
+from cogless.c_literals import real
 from cogless.control_library import Field
 from cogless.errors import StudyError
 from cogless.export import sources
 from cogless.export.c import export_c as room
-from cogless.export.c import literals
 from cogless.export.c.export_c import export_c, subject_of
-from cogless.export.c.literals import real
 from cogless.export.c.self_test import ANGLE_COUNTS, STRETCH_PERIODS_MOST, _plan, awkward, memory_sum
 from cogless.export.c.subject import Subject, identifier, study_hash
 from cogless.export.prepared import prepare

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from cogless.c_layout import control_layout
+from cogless.c_literals import initialiser
 from cogless.control_library import C_LAWS
 from cogless.export import sources
 from cogless.export.c.export_c import figures
-from cogless.export.c.literals import initialiser
 from cogless.export.c.subject import identifier, stem, study_hash
 from cogless.export.c.texts import FLAGS, figure_lines, matrix_array, plain_comment, verdict_comment
 from cogless.export.prepared import first_scenario

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from string import Template
 
-from cogless.export.c.literals import initialiser, real
+from cogless.c_literals import initialiser, real
 from cogless.export.c.subject import Subject
 from cogless.study.position_sensor import Counted, Encoder, Hall, IdealSensor
 

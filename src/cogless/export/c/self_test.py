@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from cogless.c_layout import Leaf
-from cogless.export.c.literals import array
+from cogless.c_literals import array
 from cogless.export.c.subject import Subject
 from cogless.export.prepared import Prepared, Reals, Recording
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from importlib.resources import files
 from string import Template
 
-from cogless.export.c.literals import array, initialiser, real
+from cogless.c_literals import array, initialiser, real
 from cogless.export.c.parts import HEADERS, corner, extras, motion, parts, sensor
 from cogless.export.c.self_test import Stretch, self_test_words
 from cogless.export.c.subject import Subject, stem, study_hash

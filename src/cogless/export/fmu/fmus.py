@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from cogless.c_literals import array
 from cogless.export import sources
 from cogless.export.c.export_c import subject_of
-from cogless.export.c.literals import array
 from cogless.export.c.subject import Subject, stem
 from cogless.export.c.texts import controller_texts
 from cogless.export.fmu.variables import (
