@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import cogless
-from cogless.design.relay import switching
+from cogless.design.laws.periodic import switching
 from cogless.study import Study
 
 HERE = Path(__file__).parent

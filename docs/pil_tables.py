@@ -9,6 +9,7 @@ processor, and all that learns has its guard.
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -21,11 +22,13 @@ from afc_tables import figure_changes
 from marked import replaced, table
 
 from cogless import load
+from cogless.control_library import C_LAWS
 from cogless.export.prepared import first_scenario
 from cogless.files import control_sources
 from cogless.pil.compare import Comparison, compare
 from cogless.pil.processor import require
 from cogless.pil.toolchain import find
+from cogless.study.reading import changes_from
 
 PAGE = Path(__file__).parent / "guide" / "microcontroller.md"
 TICKS = 100_000
@@ -55,6 +58,24 @@ CASES: list[Case] = [
     ("trials", "mandra2019", None, "ilc", {}),
     ("trials with an observer", "mandra2019", None, "observer", {}),
 ]
+RUN_FIGURE = re.compile(r"^```{run-figure} (\S+) (?:(\S+)/)?(\S+).*\n(?::set: (.*))?", re.MULTILINE)
+
+
+def cases() -> list[Case]:
+    """CASES, and behind them the run of the first figure of each law that has no case there."""
+    named = {load(study, changes).controller[name].row for _, study, _, name, changes in CASES}
+    return CASES + [(law, *first_figure(law)) for law in C_LAWS if law not in named]
+
+
+def first_figure(law: str) -> tuple[str, str | None, str, dict[str, Any]]:
+    """Study, scenario, controller and changes of the first figure on a law's page."""
+    page = (PAGE.parents[1] / "laws" / f"{law}.md").read_text(encoding="utf-8")
+    figure = RUN_FIGURE.search(page)
+    assert figure is not None, f"docs/laws/{law}.md has no run-figure"
+    study, scenario, controller, change = figure.groups()
+    return study, scenario, controller, changes_from([change] if change else [])
+
+
 OTHERS = {"foc", "modulation", "drive", "monitor", "quality", "guard", "real"}  # sources that are no law's
 LAW_ALONE = "the law alone"
 
@@ -111,9 +132,10 @@ def whole_library() -> int:
 
 def main() -> None:
     require()
+    all_cases = cases()
     with ProcessPoolExecutor() as pool:
-        found = list(pool.map(measured, CASES))
-    results = {case[0]: one for case, one in zip(CASES, found, strict=True)}
+        found = list(pool.map(measured, all_cases))
+    results = {case[0]: one for case, one in zip(all_cases, found, strict=True)}
     blocks = {
         "costs": cost_table(results),
         "scale": [scale(results)],

@@ -16,7 +16,8 @@ import numpy as np
 from marked import Blocks, Metrics, main, metrics_of, number, table
 
 import cogless
-from cogless.design.closed_loop import feedback_at, position_gains, position_margins
+from cogless.design.closed_loop import position_margins
+from cogless.design.laws.space_bounds import feedback_at, position_gains
 from cogless.design.speed_loop import speed_loop
 from cogless.design.verdict import verdict
 

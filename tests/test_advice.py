@@ -350,7 +350,7 @@ CASES: dict[str, list[Case]] = {
         Case(SMALLEST, {**SETTLING, **law(**{**LEARNS, "cells": 512}, gain="0.2 A*s/rad", q_half_width=10)},
              "a wave of order 24", "x", cures=2),
     ],
-    "design.relay.relay_warning": [
+    "design.laws.periodic.relay_warning": [
         Case("liu2018", {}, "its relay switches", "robust-ilc",
              "900-rpm"),
     ],
@@ -423,10 +423,10 @@ CASES: dict[str, list[Case]] = {
         Case(MY_MOTOR, {**NONE, **law(law="harmonic", kp="3 A*s/rad", ki="100 A/rad")}, "unstable", "x",
              left=0.1),
     ],
-    "design.warnings._not_learned": [
+    "design.laws.harmonic._not_learned": [
         Case(MY_MOTOR, {**NONE, "motor.cogging": COGGING}, "the cogging has order 21", "harmonic", left=0.5),
     ],
-    "design.warnings._no_room": [
+    "design.laws.harmonic._no_room": [
         Case(MY_MOTOR, {**NONE, "drive.position_sensor.eccentricity": "0.3 deg",
                         "controller.harmonic.base": 2}, "is too low to learn", "harmonic"),
     ],

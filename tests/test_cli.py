@@ -678,9 +678,7 @@ def test_list_tells_titles_and_first_comments(
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
     monkeypatch.setattr("cogless.__path__", [str(tmp_path)])
-    monkeypatch.setattr(
-        "cogless.catalogue._models", lambda: ({}, {"AnyController": [], "AnyTrialController": []})
-    )
+    monkeypatch.setattr("cogless.catalogue._laws", dict)
     show()
     plain = capsys.readouterr().out
     assert plain.splitlines() == [

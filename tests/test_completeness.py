@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from laws import ROWS
 
 from cogless.control_library import C_LAWS, CLaw
 from cogless.design.kinds import DESIGNS
@@ -36,13 +37,6 @@ FIGURE = re.compile(r"^```{run-figure} (\S+) (.+)\n(?::set:((?:.*\n)(?: .+\n)*))
 STEP = re.compile(r"void (cgl_\w+_step)\(cgl_\w+ \*\w+,\s+const cgl_law_input")
 
 
-# Lists that have a controller of every law: their place, and where a row has its study and its controller.
-LISTS = {
-    ("docs/pil_tables.py", "CASES"): (1, 3),
-    ("tests/export/test_export_c.py", "CONTROLLERS"): (0, 1),
-}
-
-
 @functools.cache
 def text(path: Path) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
@@ -58,22 +52,6 @@ def drawn(page: str) -> set[str]:
     return shown
 
 
-@functools.cache
-def listed(place: str, name: str) -> set[str]:
-    """The laws in one of the lists; a controller that its study hasn't is named after its law."""
-    study_at, controller_at = LISTS[place, name]
-    found = set()
-    for node in ast.walk(ast.parse(text(ROOT / place))):
-        if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) == name:
-            assert isinstance(node.value, ast.List)
-            for row in node.value.elts:
-                assert isinstance(row, ast.Tuple)
-                study, controller = (ast.literal_eval(row.elts[at]) for at in (study_at, controller_at))
-                law = load(study).controller.get(controller)
-                found.add(OF_TRIALS if isinstance(law, TrialLaw) else law.law if law else controller)
-    return found
-
-
 def missing(law: CLaw) -> list[str]:
     """What a law lacks, each as its place."""
     stem, header = law.stem, text(LIBRARY / law.header)
@@ -81,16 +59,13 @@ def missing(law: CLaw) -> list[str]:
     class_name = "".join(word.capitalize() for word in stem.split("_"))
     map_of, init = text(LIBRARY / "map.h"), f"{law.state}_init("
     reset, retune = f"void {law.state}_reset({law.state} *", f"cgl_error {law.state}_retune("
-    ranges = text(ROOT / "tests" / "study" / "test_law_ranges.py")
-    runs = text(CONTROL / "proof" / "run.py").partition("MUTANTS = ")[0]
-    stepped = law.step.removeprefix("cgl_").removesuffix("_step")
-    off, inits, stored = (
-        text(ROOT / "tests" / "control" / f"test_control_{of}.py") for of in ("off", "init", "map_store")
-    )
+    stored = text(ROOT / "tests" / "control" / "test_control_map_store.py")
+    row, page = ROWS.get(law.name), text(ROOT / "docs" / "laws" / f"{law.name}.md")
+    includes = text(LIBRARY / "laws.def").partition("#ifndef")[0]
     has = {
         f"control/src/cogless/{law.header}: {law.step}": law.step in STEP.findall(header),
         f"control/src/cogless/{stem}.c: {init}": init in text(LIBRARY / f"{stem}.c"),
-        f"control/src/cogless.h: {law.header}": f"/{law.header}" in text(LIBRARY.parent / "cogless.h"),
+        f'control/src/cogless/laws.def: #include "{law.header}"': f'"{law.header}"\n' in includes,
         f"control/src/cogless/{stem}.h: {reset}": reset in text(LIBRARY / f"{stem}.h"),
         f"control/src/cogless/{stem}.h: {retune}": retune in text(LIBRARY / f"{stem}.h"),
         f"control/src/cogless/map.h: {law.map}": law.cells is None or law.map in map_of,
@@ -98,20 +73,19 @@ def missing(law: CLaw) -> list[str]:
         is not None,
         f"control/tests/random_inputs.c: {init}": init in text(CONTROL / "tests" / "random_inputs.c"),
         f"control/proof/{stem}.c: {init}": init in text(CONTROL / "proof" / f"{stem}.c"),
-        f'control/proof/run.py: Run("{stem}")': f'Run("{stem}"' in runs,
         f"control/fuzz/law_{stem}.c: {init}": init in text(CONTROL / "fuzz" / f"law_{stem}.c"),
-        f'tests/control/test_control_init.py: "{stem}"': f'"{stem}": (' in inits,
-        f'tests/control/test_control_off.py: "{stepped}"': f'"{stepped}": ' in off or law.step in off,
+        f'tests/laws.py: a row "{law.name}"': row is not None,
+        f'tests/laws.py: its keys and a running config in the row "{law.name}"': (
+            row is not None and (law.name == OF_TRIALS or bool(row.keys and row.running))
+        ),
         f'tests/control/test_control_map_store.py: "{law.name}"': (
             law.cells is None or f'"{law.name}": ' in stored or law.map in stored
         ),
-        f"control/PROOF.md: `{stem}`": f"`{stem}`" in text(CONTROL / "PROOF.md"),
-        f"docs/index.md: laws/{law.name}": f"\nlaws/{law.name}\n" in text(ROOT / "docs" / "index.md"),
-        **{f"{place}: {name}": law.name in listed(place, name) for place, name in LISTS},
-        f"docs/laws/{law.name}.md": bool(page := text(ROOT / "docs" / "laws" / f"{law.name}.md")),
+        f"control/README.md: `{stem}`": re.search(rf"^\| .*`{stem}`", text(CONTROL / "README.md"), re.M)
+        is not None,
+        f"docs/laws/{law.name}.md": bool(page),
         f"docs/laws/{law.name}.md: its run-figure": law.name in drawn(page),
         "src/cogless/study/laws: its model": law.name in (*MODELS, OF_TRIALS),
-        "tests/study/test_law_ranges.py: its gains": f'"{law.name}": ' in ranges or law.name == OF_TRIALS,
     }
     return [what for what, there in has.items() if not there]
 

@@ -46,7 +46,6 @@ PARTS = {
     "quality": "range quality",
     "drive": "range angle foc monitor quality guard drive",
     "pi": "law range pi speed_pi",
-    "adrc": "law range adrc",
     "pi_ilc": "law angle pi memory delay_line range pi_ilc",
     "robust_ilc": "law angle memory delay_line range robust_ilc",
     "anti_cogging": "law range angle pi anti_cogging",
@@ -57,6 +56,30 @@ PARTS = {
     "trial": "law angle feedforward polynomial zero_phase trial_guard trial_observer trial trial_basis",
     "map_store": "map map_store crc32",
 }
+
+# Stems of the laws, by their rows in laws.def. A law that is in no table below has what most have.
+LAWS_DEF = (CONTROL / "src" / "cogless" / "laws.def").read_text()
+LAWS = re.findall(r"^CGL_LAW\w*\([^,]+, (\w+),", LAWS_DEF, re.MULTILINE)
+
+
+def parts_of(law: str) -> str:
+    """The sources that a law needs: its own, and those of all headers that it includes.
+
+    Not the guard's, which the drive calls around a law, nor real.c, in whose place view.h stands.
+    """
+    stems, waiting = {"guard", "real"}, [law]
+    while waiting:
+        stem = waiting.pop()
+        files = [CONTROL / "src" / "cogless" / f"{stem}{end}" for end in (".c", ".h")]
+        text = "".join(path.read_text() for path in files if path.is_file())
+        stems.add(stem)
+        waiting += set(re.findall(r'^#include "(\w+)\.h"', text, re.MULTILINE)) - stems
+    others = sorted(stems - {"guard", "real", law})
+    sources = [stem for stem in others if (CONTROL / "src" / "cogless" / f"{stem}.c").is_file()]
+    return " ".join([*sources, law])
+
+
+PARTS |= {law: parts_of(law) for law in LAWS if law not in PARTS}
 
 # Functions whose paths are kept apart further than others': those whose answer says what is valid.
 PRECISE = """
@@ -75,6 +98,9 @@ PRECISE = """
     follow learned_current learn_on repeat cgl_memory_step find_time find_angle cgl_delay_step write_bytes
     check_step check_mark take_entries smaller slow_orders sum_of_orders cgl_pi_afc_step cgl_harmonic_step
 """
+PRECISE_FUNCTIONS = PRECISE.split() + [
+    f"cgl_{law}_{part}" for law in LAWS if f"cgl_{law}_init" not in PRECISE for part in ("bad_field", "init")
+]
 
 EXTRA = {
     "map_store": ["-no-warn-invalid-bool"]
@@ -186,9 +212,14 @@ RUNS = [  # the longest first
     Run("foc", {}), Run("foc", DOUBLE), Run("dead_time", {}), Run("dead_time", DOUBLE),
     Run("sensors", {}), Run("sensors", DOUBLE),
     Run("leaves", {}), Run("leaves", DOUBLE),
-    Run("adrc", {}), Run("adrc", LIMITED), Run("adrc", DOUBLE),
     Run("pi", {}), Run("pi", LIMITED), Run("pi", DOUBLE),
 ]  # fmt: skip
+RUNS += [
+    Run(law, defines)
+    for law in LAWS
+    if law not in {run.harness for run in RUNS}
+    for defines in ({}, LIMITED, DOUBLE)
+]
 
 # What a proof that proves anything must catch: harness, file, the line that is there, and how it is broken.
 MUTANTS = [
@@ -208,7 +239,7 @@ def paths_of(files: list[str], folder: Path) -> list[str]:
     """For Eva, which wants no function that is not there, and numbers static ones of the same name."""
     text = "".join((folder / file).read_text() for file in files)
     found = ["main:60"]
-    for function in PRECISE.split():
+    for function in PRECISE_FUNCTIONS:
         definitions = re.findall(rf"^[a-zA-Z].* \*?{function}\([^;]*$", text, re.MULTILINE)
         found += [f"{function}{f'_{n - 1}' if n else ''}:60" for n in range(len(definitions))]
     return ["-eva-slevel-function", ",".join(found)]

@@ -32,6 +32,7 @@ from cogless.study.speed_study import Study
 from cogless.study.table import Quantity, Table
 from cogless.study.trial_study import TrialStudy
 
+OWN_LAWS = "cogless.study.laws.own"
 log = logging.getLogger(__name__)
 
 
@@ -264,6 +265,25 @@ def check(app: Any, env: Any) -> None:
             )
 
 
+def other_laws(app: Any, page: str, source: list[str]) -> None:
+    """Write the laws that a page does not name where it leaves room for them.
+
+    Such room is a line `laws/{others}` in a list of pages, and `{other-laws}` among the keys of controllers.
+    """
+    from cogless.study.laws import AnyController, law_name
+
+    models = {law_name(model): model for model in get_args(AnyController) if model.__module__ != OWN_LAWS}
+    text = source[0]
+    paths = "".join(f"laws/{name}\n" for name in models if f"\nlaws/{name}\n" not in text)
+    tables = "\n\n".join(
+        f"## {name}\n\n[The law](../laws/{name}.md).\n\n"
+        f'```{{study-table}} {full_name(model)}\n:at: controller.NAME, law = "{name}"\n```'
+        for name, model in models.items()
+        if full_name(model) not in text
+    )
+    source[0] = text.replace("laws/{others}\n", paths).replace("{other-laws}", tables)
+
+
 def forget(app: Any, env: Any, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
     """Pages that Sphinx has to build again each time: they depend on code, which Sphinx does not watch."""
     env.cogless_documented, env.cogless_shared = set(), {}
@@ -277,6 +297,7 @@ def setup(app: Any) -> dict[str, Any]:
     app.add_directive("metric-signals", MetricSignals)
     app.add_directive("trial-signals", TrialSignals)
     app.add_directive("learning-factor", LearningFactor)
+    app.connect("source-read", other_laws)
     app.connect("env-get-outdated", forget)
     app.connect("env-check-consistency", check)
     return {"parallel_read_safe": False, "parallel_write_safe": True}

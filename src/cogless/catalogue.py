@@ -8,21 +8,24 @@ import sys
 import tomllib
 from pathlib import Path
 
+from cogless.control_library import C_LAWS
 from cogless.files import shipped
 from cogless.lines import print_text
 
-OF_LAWS = re.compile(r"law: Literal|AnyController")
+TRIAL_LAWS, OWN_LAWS = "trial", "own"  # files of laws that don't come in the order of laws.def
 LAW = re.compile(r"law: Literal\['(.+?)'\]")
 
 
 def catalogue() -> dict[str, dict[str, str]]:
     """Entries of the catalogue: heading -> name -> description in one line."""
-    laws, unions = _models()
+    laws = _laws()
+    own, of_trials = laws.pop(OWN_LAWS, {}), laws.pop(TRIAL_LAWS, {})
+    of_speed = {name: about for file in laws.values() for name, about in file.items()}
     return {
         "Studies": {name: _title(path) for name, path in shipped("studies").items()},
         "Motors": {name: _first_comment(path) for name, path in shipped("motors").items()},
-        "Control laws": dict(laws[model] for model in unions["AnyController"]),
-        "Control laws of trials": dict(laws[model] for model in unions["AnyTrialController"]),
+        "Control laws": {**{name: of_speed[name] for name in C_LAWS if name in of_speed}, **own},
+        "Control laws of trials": {**of_trials, **own},
     }
 
 
@@ -36,24 +39,18 @@ def show() -> None:
             print_text(f"{name:<{width}}  {description}", "  ", " " * (width + 4))
 
 
-def _models() -> tuple[dict[str, tuple[str, str]], dict[str, list[str]]]:
-    """Laws: model -> name and description; and the models of each union of laws, in its order.
+def _laws() -> dict[str, dict[str, str]]:
+    """Laws by the file of their models: file -> name -> description.
 
     Read from the source: importing the models takes longer than all else that the command does.
     """
-    laws: dict[str, tuple[str, str]] = {}
-    unions: dict[str, list[str]] = {}
+    laws: dict[str, dict[str, str]] = {}
     for path in (Path(__file__).parent / "study" / "laws").glob("*.py"):
-        text = path.read_text(encoding="utf-8")
-        for node in ast.parse(text).body if OF_LAWS.search(text) else ():
-            source = ast.unparse(node)
-            law = LAW.search(source)
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            law = LAW.search(ast.unparse(node)) if isinstance(node, ast.ClassDef) else None
             if isinstance(node, ast.ClassDef) and law:
-                laws[node.name] = (law[1], _first_line(ast.get_docstring(node) or ""))
-            elif isinstance(node, ast.Assign):
-                name, *members = re.findall(r"\w+", source)
-                unions[name] = members
-    return laws, unions
+                laws.setdefault(path.stem, {})[law[1]] = _first_line(ast.get_docstring(node) or "")
+    return laws
 
 
 def _title(path: Path) -> str:

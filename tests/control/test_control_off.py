@@ -7,38 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 from control_library import ControlLibrary, control_library
+from laws import OF_SPEED, ROWS
 from test_control_init import needed
 
+from cogless.control_library import C_LAWS
+
 TS = 1e-3
-PI = {"kp": 0.1, "ki": 2.0, "limit": 5.0}
-MEMORY = {"channels": 1, "cells": 64, "turns": 1, "parts": 1, "q_half_width": 1, "forgetting": 1.0,
-          "limit": [2.0]}  # fmt: skip
-ROBUST = {
-    "b": 400.0,
-    "c": 5.0,
-    "g": 0.0,
-    "eta": 50.0,
-    "q": 0.5,
-    "beta_2": 5.0,
-    "gamma": 200.0,
-    "limit": 5.0,
-}
-POSITION = {"ratio": 1, "k_theta": 5.0, "k_omega": 0.1, "k_i": 2.0, "mu_alpha": 0.5, "omega_min": 0.1,
-            "index": 1, "limit": 5.0}  # fmt: skip
-SPEED = {"k": 0.1, "mu_alpha": 0.5, "eta_bar": 5.0, "omega_min": 0.1, "limit": 5.0, "ratio": 1}
-LAWS: dict[str, dict[str, Any]] = {
-    "speed_pi": PI,
-    "adrc": {"b": 400.0, "omega_c": 60.0, "omega_o": 240.0, "limit": 5.0},
-    "pi_ilc": {"pi": PI, "gain": 0.05, "memory": MEMORY},
-    "robust_ilc": ROBUST | {"memory": MEMORY | {"limit": [300.0]}},
-    "anti_cogging": {"pi": PI, "cells": 64, "speed": 1.0, "revolutions": 1},
-    "pi_afc": {"pi": PI, "orders": 2, "order": [1, 3], "gain": 5.0, "omega_min": 0.1, "limit": 2.0},
-    "harmonic": {"pi": PI, "b": 800.0, "base": 1, "orders": 2, "rate": 5.0, "limit": 2.0},
-    "space_position": POSITION | {"memory": MEMORY},
-    "space_speed": SPEED | {"memory": MEMORY},
-}
-WITHOUT_MEMORY = {"speed_pi", "adrc"}
-ROWS = {"harmonic": 4}  # entries of what is learned, where others follow that go on changing
+STEPS = {C_LAWS[name].step.removeprefix("cgl_").removesuffix("_step"): name for name in OF_SPEED}
+LAWS = {step: ROWS[name].running for step, name in STEPS.items()}
+WITHOUT_MEMORY = {step for step, name in STEPS.items() if C_LAWS[name].cells is None}
+INTEGRALS = [(step, integral) for step, name in STEPS.items() for integral in ROWS[name].integrals]
 
 
 def terms(state) -> dict[str, float]:
@@ -58,7 +36,9 @@ class Law:
         self.config = library.new(f"{base}_config", **LAWS[name] | changes)
         self.state = library.new(base)
         self.cell, pointer = library.array(np.zeros(200))
-        self.rows = self.cell[: ROWS.get(name, 64)]  # behind a map is a ring of the cells last passed
+        self.rows = self.cell[
+            : ROWS[STEPS[name]].own_entries
+        ]  # behind a map is a ring of the cells last passed
         self.memory = () if name in WITHOUT_MEMORY else (pointer, needed(name, LAWS[name] | changes))
         self.init = getattr(library.lib, f"{base}_init")
         assert self.init(self.state, self.config, library.loop(TS), *self.memory) == library.lib.CGL_OK
@@ -99,19 +79,7 @@ def test_off_gives_nothing_and_keeps_what_is_learned(precision, name):
 
 
 @pytest.mark.parametrize("precision", ["float", "double"])
-@pytest.mark.parametrize(
-    "name, integral",
-    [
-        ("speed_pi", "integral"),
-        ("pi_ilc", "pi.integral"),
-        ("pi_afc", "pi.integral"),
-        ("harmonic", "pi.integral"),
-        ("anti_cogging", "pi.integral"),
-        ("robust_ilc", "error_integral"),
-        ("robust_ilc", "adapted"),
-        ("space_position", "integral"),
-    ],
-)
+@pytest.mark.parametrize(("name", "integral"), INTEGRALS)
 def test_integrals_start_anew(precision, name, integral):
     law, value = Law(control_library(precision), name), attrgetter(integral)
     for _ in range(100):

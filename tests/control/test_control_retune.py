@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from control_library import HEADERS, SOURCE, ControlLibrary, control_library
+from laws import BY_STEM, OTHER_MEMORIES
 from test_control_drive import CONFIG as DRIVE
 from test_control_drive import FOC, MONITOR, QUALITY
 from test_control_init import CONFIGS, init
@@ -34,33 +35,19 @@ PARTS: dict[str, tuple[dict[str, Any], list[dict[str, Any]]]] = {
     ),
 }
 ALL = {name: both for name, both in CONFIGS.items() if name != "feedforward"} | PARTS
-MEMORY = [{"kind": 1}, {"cells": 65}, {"turns": 3}, {"parts": 1}, {"q_half_width": 2},
-          {"channels": 2, "limit": [2.0, 2.0]}]  # fmt: skip
-SPACE = [{"kind": 0}, {"channels": 1}, {"cells": 13}, {"turns": 1}, {"parts": 1}, {"q_half_width": 2}]
-IN_MEMORY = [{"memory": change} for change in MEMORY if "channels" not in change]  # a law of one channel
-IN_SPACE = [{"memory": change} for change in SPACE]
 # what init would take, but decides about sizes or about what is learned
-OTHERS: dict[str, list[dict[str, Any]]] = {
-    "pi": [],
-    "adrc": [],
-    "foc": [{"phases": 3}],
-    "memory": MEMORY,
-    "pi_ilc": IN_MEMORY,
-    "robust_ilc": IN_MEMORY,
-    "space_position": [*IN_SPACE, {"ratio": 3}, {"index": 1}],
-    "space_speed": [*IN_SPACE, {"ratio": 3}],
-    "anti_cogging": [{"cells": 63}],
-    "pi_afc": [{"orders": 2}, {"order": [6, 12, 19]}],
-    "harmonic": [{"orders": 2}, {"base": 3}],
-    "trial": [{"samples": 21}, {"states": 1}, {"q_filter": {"order": 0}}],
-    "monitor": [],
-    "quality": [],
-    "drive": [
+OTHERS: dict[str, tuple[dict[str, Any], ...]] = {
+    **{stem: row.other_sizes for stem, row in BY_STEM.items()},
+    "foc": ({"phases": 3},),
+    "memory": tuple(OTHER_MEMORIES),
+    "monitor": (),
+    "quality": (),
+    "drive": (
         {"pole_pairs": 5},
         {"divider": 9},
         {"foreign": True},
         {"foc": {"phases": 2}, "monitor": {"phases": 2}},
-    ],
+    ),
 }
 
 

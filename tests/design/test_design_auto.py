@@ -12,6 +12,7 @@ import pytest
 from cogless import load, run_study
 from cogless.design import auto
 from cogless.design.auto import CORNERS, filled, known_orders, missing
+from cogless.design.laws import space
 from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import FACTOR_MOST, LearningLoop
@@ -204,7 +205,7 @@ def test_a_map_has_ten_cells_or_more_in_a_wave(pole_pairs: int, order: int, cell
     }
     study = load_raw("uomodri", changes)
     assert isinstance(study, Study)
-    assert auto._cells(study, "mine") == cells
+    assert auto.map_cells(study, "mine") == cells
 
 
 @pytest.mark.parametrize(
@@ -222,8 +223,8 @@ def test_a_map_is_over_the_shorter_period_that_all_known_orders_have(
 ) -> None:
     study = load_raw("uomodri", {"drive.rates.integration_steps": 20, **changes})
     assert isinstance(study, Study)
-    assert auto._shared_period(study, "pi") == period
-    assert auto._cells(study, "pi", period) == cells
+    assert auto.shared_period(study, "pi") == period
+    assert auto.map_cells(study, "pi", period) == cells
 
 
 def test_an_order_that_hardly_differs_from_its_image_is_left_out() -> None:
@@ -265,8 +266,8 @@ def test_a_lead_reaches_up_to_the_first_frequency_that_grows() -> None:
     """|1 - X| is 0.5, 1, 1.2 and 0.4."""
     f = np.array([1.0, 2.0, 3.0, 4.0])
     x = np.array([0.5, 1 + 1j, 2.2, 0.6])
-    assert auto._reach(x, f) == 3.0
-    assert auto._reach(x[:2], f[:2]) == 2.0
+    assert auto.settling_reach(x, f) == 3.0
+    assert auto.settling_reach(x[:2], f[:2]) == 2.0
 
 
 def loop_of(delay: float, periods: float = 2.0) -> Any:
@@ -282,12 +283,12 @@ def test_a_lead_takes_away_its_samples_of_delay() -> None:
     f = np.array([10.0, 40.0])
     for lead in (0, 3):
         late = 2 * np.pi * f * (5e-3 - lead * 1e-3)
-        assert auto._cosine(loop_of(5e-3), f, lead) == pytest.approx(np.cos(late))
-    assert auto._cosine(loop_of(5e-3), f, 5) == pytest.approx(np.ones(2))
+        assert auto.phase_cosine(loop_of(5e-3), f, lead) == pytest.approx(np.cos(late))
+    assert auto.phase_cosine(loop_of(5e-3), f, 5) == pytest.approx(np.ones(2))
 
 
 def test_frequencies_reach_from_the_slowest_period_to_half_the_rate() -> None:
-    found = auto._grid([loop_of(0.0, 7.0), loop_of(0.0, 2.0)])
+    found = auto.frequency_grid([loop_of(0.0, 7.0), loop_of(0.0, 2.0)])
     assert (found[0], found[-1], len(found)) == (pytest.approx(2.0), pytest.approx(499.0), 1000)
 
 
@@ -319,8 +320,8 @@ def test_filters_let_every_loop_settle_the_narrowest_first() -> None:
 def test_a_filter_is_widened_while_that_leaves_less(monkeypatch: pytest.MonkeyPatch) -> None:
     study: Any = None
     left = {2: 0.5, 3: 0.4, 4: 0.4, 5: 0.1}
-    monkeypatch.setattr(auto, "_with", lambda *_: None)
-    monkeypatch.setattr(auto, "_loops", lambda *_: [])
+    monkeypatch.setattr(auto, "with_numbers", lambda *_: None)
+    monkeypatch.setattr(auto, "loops_in_corners", lambda *_: [])
     monkeypatch.setattr(auto, "_left", lambda study, name, kind, values: left[values["q_half_width"]])
     for widths, best in (((2, 3, 4, 5), (0.4, 3)), ((5,), (0.1, 5)), ((3, 2), (0.4, 3))):
         monkeypatch.setattr(auto, "_widths", lambda loops, fixed, widths=widths: iter(widths))
@@ -334,7 +335,7 @@ def test_linear_parts_of_robust_ilc_are_two_real_roots() -> None:
     """Its kp b is their sum, and their product as near to ki b as real roots come; b = K_t / J."""
     study = by_rule("robust-ilc")
     law = study.controller["mine"]
-    kp, ki = auto._phase_margin_pi(study, "mine", law)
+    kp, ki = auto.phase_margin_gains(study, "mine")
     b, c, eta = (getattr(law, key) for key in ("b", "c", "eta"))
     assert b == pytest.approx(study.K_t / study.mechanics.stiff.inertia)
     assert c + eta == pytest.approx(b * kp)
@@ -362,9 +363,9 @@ def test_a_gain_is_halved_while_half_of_it_leaves_less(
     study: Any = None
     asked: list[float] = []
     for_gain: dict[str, Any] = {
-        "_by_hand": lambda *_: {},
-        "_with": lambda *_: None,
-        "_loops": lambda *_: [],
+        "numbers_by_hand": lambda *_: {},
+        "with_numbers": lambda *_: None,
+        "loops_in_corners": lambda *_: [],
         "_widths": lambda *_: [settles[asked[-1]]] if asked[-1] in settles else [],
         "_left": lambda study, name, kind, values: left[values["mu"]],
     }
@@ -375,7 +376,7 @@ def test_a_gain_is_halved_while_half_of_it_leaves_less(
         asked.append(gain)
         return {"mu": gain}
 
-    found = auto._filtered(study, "x", LearningLoop, 8.0, keys)
+    found = auto.gain_and_filter(study, "x", LearningLoop, 8.0, keys)
     assert asked == tried
     assert found == {"mu": best[0], "q_half_width": best[1]}
 
@@ -385,15 +386,15 @@ def test_a_gain_is_halved_nine_times_with_what_is_set_by_hand_and_without(
 ) -> None:
     study: Any = SimpleNamespace(source=SimpleNamespace(path="s.toml"))
     asked: list[Any] = []
-    for name in ("_with", "_loops"):
+    for name in ("with_numbers", "loops_in_corners"):
         monkeypatch.setattr(auto, name, lambda *_: [])
     monkeypatch.setattr(auto, "_widths", lambda loops, fixed: asked.append((gains[-1], fixed)) or [])
     gains: list[float] = []
     for by_hand in ({}, {"cells": 7}):
-        monkeypatch.setattr(auto, "_by_hand", lambda *_, by_hand=by_hand: by_hand)
+        monkeypatch.setattr(auto, "numbers_by_hand", lambda *_, by_hand=by_hand: by_hand)
         asked.clear()
         with pytest.raises(StudyError) as error:
-            auto._filtered(study, "x", LearningLoop, 8.0, lambda gain: gains.append(gain) or {})
+            auto.gain_and_filter(study, "x", LearningLoop, 8.0, lambda gain: gains.append(gain) or {})
         halved = [8.0 / 2**n for n in range(10)]
         tried = [(gain, fixed) for fixed in ([by_hand] if by_hand else []) for gain in halved]
         assert asked == [*tried, *((gain, {}) for gain in halved)]
@@ -425,7 +426,7 @@ def test_learning_rests_below_half_of_the_top_speed_where_a_reference_stops(
     study: Any = SimpleNamespace(scenario=scenarios, scenarios_of=lambda name: [])
     for table in ({}, {"omega_min": "1 rad/s"}):
         study.source = SimpleNamespace(tables={"controller": {"x": table}})
-        assert auto._above(study, "x") == ({} if above is None or table else {"omega_min": above})
+        assert space._above(study, "x") == ({} if above is None or table else {"omega_min": above})
 
 
 @pytest.mark.parametrize(
@@ -435,7 +436,7 @@ def test_loops_are_at_the_slowest_and_fastest_speeds_in_every_corner_that_is_sta
     monkeypatch: pytest.MonkeyPatch, law: str, speeds: list[float]
 ) -> None:
     """The first two corners are taken even if unstable. A law with omega_min has a loop at that speed too."""
-    laws = {"pi-ilc": None, "space": SpaceSpeed.model_construct(omega_min=0.5)}
+    laws = {"pi-ilc": SimpleNamespace(rests_below=None), "space": SpaceSpeed.model_construct(omega_min=0.5)}
     laws["fast"] = SpaceSpeed.model_construct(omega_min=9.0)
     ends = ((0.0, 4.0), (2.0, 4.0))
     scenarios = {str(n): SimpleNamespace(slowest=low, top_reference=top) for n, (low, top) in enumerate(ends)}
@@ -445,12 +446,13 @@ def test_loops_are_at_the_slowest_and_fastest_speeds_in_every_corner_that_is_sta
     def kind(study: Any, name: str, speed: float, torque: float, late: float) -> Any:
         return SimpleNamespace(at=(speed, torque, late), plant=torque, feedback=None)
 
+    kind.RISES_AT_REST = True
     monkeypatch.setattr(auto, "oscillation", lambda plant, feedback: 9.0 if plant >= 1.0 else None)
     corners = [(1.0, 0.0), (1 / 1.5, 0.0)]
-    found = [loop.at for loop in auto._loops(kind, study, law)]
+    found = [loop.at for loop in auto.loops_in_corners(kind, study, law)]
     assert found == [(speed, torque, late) for speed in speeds for torque, late in corners]
     monkeypatch.setattr(auto, "oscillation", lambda plant, feedback: None)
-    stable = [loop.at for loop in auto._loops(kind, study, law)]
+    stable = [loop.at for loop in auto.loops_in_corners(kind, study, law)]
     assert stable[:4] == [
         (speeds[0], *each) for each in ((1.0, 0.0), (1 / 1.5, 0.0), (2.0, 0.0), (1.0, 1e-3))
     ]
@@ -471,8 +473,8 @@ def test_what_learning_leaves_is_the_mean_over_the_scenarios_that_turn(
         assert not settled
         return SimpleNamespace(ratio=time)
 
-    monkeypatch.setattr(auto, "_with", lambda study, *_: study)
-    monkeypatch.setattr(auto, "_scenarios", lambda *_: list(speeds))
+    monkeypatch.setattr(auto, "with_numbers", lambda study, *_: study)
+    monkeypatch.setattr(auto, "scenarios_tuned_for", lambda *_: list(speeds))
     monkeypatch.setattr(auto, "ripple", ripple)
     turn = 2 * np.pi
     assert auto._left(study, "x", kind, {}) == pytest.approx(10 * turn * (1 / 2 + 1 / 4) / 2)

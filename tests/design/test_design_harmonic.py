@@ -10,8 +10,7 @@ import pytest
 import studies
 from cogless import load
 from cogless.design.auto import filled
-from cogless.design.closed_loop import harmonic_gains
-from cogless.design.laws.harmonic import _acting, certificate, learner, rate_at
+from cogless.design.laws.harmonic import _acting, certificate, harmonic_gains, learner, rate_at
 from cogless.design.laws.harmonic_transfer import gamma, rate_bound
 from cogless.design.speed_loop import interpolated, speed_loop
 from cogless.design.summary import design, design_dict, summary

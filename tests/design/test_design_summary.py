@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from cogless.design import summary
+from cogless.design.laws.periodic import LearningRules
 from cogless.design.summary import Design
 from cogless.design.verdict import Verdict
 
@@ -32,7 +32,7 @@ def test_a_design_says_up_to_which_speed_it_learns() -> None:
     [(2e-3, 2e-3, ""), (1.4e-3, 1e-3, "1 samples; 0.0014 s asked for"), (2e-3 * (1 + 1e-10), 2e-3, "")],
 )
 def test_a_lead_is_told_in_whole_samples(lead: float, value: float, note: str) -> None:
-    study: Any = SimpleNamespace(drive=SimpleNamespace(rates=SimpleNamespace(outer_loop=1e3)))
-    law: Any = SimpleNamespace(lead=lead)
-    found = summary._lead(study, law)
+    drive, law = SimpleNamespace(rates=SimpleNamespace(outer_loop=1e3)), SimpleNamespace(lead=lead)
+    study: Any = SimpleNamespace(drive=drive, controller={"x": law})
+    found = LearningRules(study, "x").numbers_used()["lead"]
     assert (found.value, found.unit, found.note) == (pytest.approx(value), "s", note)

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from cogless.design import learning_loop
+from cogless.design.law_rules import rules_of
 from cogless.study.laws.periodic import PiIlc
 from cogless.study.laws.pi_afc import PiAfc
 from cogless.study.laws.space import SpaceSpeed
@@ -24,7 +25,7 @@ from cogless.study.laws.space import SpaceSpeed
 def test_the_fastest_speed_that_is_learned(law: Any, top: float | None) -> None:
     rates = SimpleNamespace(outer_loop=1e3)
     study: Any = SimpleNamespace(controller={"x": law}, drive=SimpleNamespace(rates=rates))
-    assert learning_loop.fastest(study, "x") == (None if top is None else pytest.approx(top))
+    assert rules_of(study, "x").fastest() == (None if top is None else pytest.approx(top))
 
 
 def test_a_period_has_at_least_four_samples_and_four_leads_and_its_filter() -> None:

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cogless.design.law_rules import Gain
 from cogless.design.laws.harmonic import Certificate, Certified, delay_of
 from cogless.design.margins import UNSTABLE, Complex, Margins, Real, finite, margins_of, root
 from cogless.design.speed_loop import CurrentLoop, IdealLoop, SoftShaft, SpeedLoop, pi_response, weakness
-from cogless.design.summary import CurrentLoopDesign, Gain
+from cogless.design.summary import CurrentLoopDesign
 from cogless.design.warnings import loop_warnings, told_apart
 from cogless.study.drive import Belief
 from cogless.study.laws.harmonic import Learner

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import studies
-from cogless.design.relay import relay_warning, switching
+from cogless.design.laws.periodic import relay_warning, switching
 from cogless.design.warnings import warnings
 from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed, load

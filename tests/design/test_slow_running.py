@@ -82,7 +82,7 @@ def test_edges_that_come_too_rarely_for_the_loop(
     }
     for name, part in of_part.items():
         monkeypatch.setattr(warnings, name, part)
-    law = SimpleNamespace(learned=False, learns=False)
+    law = SimpleNamespace(learned=False, learns=False, begins_with=None)
     scenario = dict.fromkeys(("a", "b"), SimpleNamespace(duration=1.0))
     study: Any = SimpleNamespace(
         scenarios_of=lambda name: [*scenario], scenario=scenario, controller={"x": law}

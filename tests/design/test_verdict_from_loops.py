@@ -233,7 +233,7 @@ def moved(
     speed = np.array(omega)
     way = SimpleNamespace(time=0.5 * np.arange(len(omega)), omega=speed, alpha=-speed, step=0.5)
     monkeypatch.setattr(module, "course", lambda scenario: way)
-    monkeypatch.setattr(module, "loop_type", lambda law: Tried)
+    monkeypatch.setattr(module, "loop_type", lambda study, name: Tried)
     monkeypatch.setattr(module, "_torques", lambda *_: [0.9, 1.0])
     study: Any = SimpleNamespace(controller={"x": law}, scenario={"s": None}, above=above, fine=fine)
     return _motion(study, ("s", "x"))
@@ -307,6 +307,7 @@ class Wave:
     """A loop whose factor is largest at order 4, and falls on both sides like a bell of this width."""
 
     orders: Any = None
+    alpha_m = 0.0
 
     def __init__(self, speed: float, factor: float, width: float, highest: float = 10.0, sure: bool = False):
         self.periods_per_second, self.highest, self.sure = speed, highest * speed, sure
@@ -350,7 +351,7 @@ def test_at_a_constant_speed_the_loops_may_be_sure_themselves(monkeypatch: pytes
 def test_orders_that_a_law_learns_are_judged_alone() -> None:
     slow, fast = Wave(1.0, 1.5, 8.0), Wave(2.0, 1.5, 8.0)
     slow.orders, fast.orders = np.array([2.0, 6.0, 7.0]), np.array([2.0])
-    slow.study = fast.study = SimpleNamespace(controller={"x": None})
+    slow.study = fast.study = SimpleNamespace(controller={"x": ILC})
     slow.controller = fast.controller = "x"
     found = _mean([(at(slow), 0.5), (at(fast), 0.5)])
     assert (found.lowest, found.highest) == (2.0, 4.0)

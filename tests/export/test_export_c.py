@@ -21,6 +21,7 @@ import pytest
 import trial_studies
 from commands import cogless
 from kept import kept, version
+from laws import OF_SPEED
 
 import studies
 from cogless import c_literals as literals
@@ -63,6 +64,13 @@ CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
     ("verrelli2016", "printed", {}),
     ("verrelli2016-speed", "learning", {"drive.precision": "single"}),
     ("mandra2019", "ilc", {}),
+]
+# Laws of which no controller above has the name; each other one is exported as tests/laws.py has it.
+NAMED_OTHERWISE = {"anti-cogging", "space-position", "space-speed"}
+CONTROLLERS += [
+    ("liu2018", law, {f"controller.{law}": row.keys})
+    for law, row in OF_SPEED.items()
+    if law not in NAMED_OTHERWISE | {controller for _, controller, _ in CONTROLLERS}
 ]
 MORE = """
 [controller.none]

@@ -13,7 +13,7 @@ from cogless.errors import StudyError
 from cogless.maps import learned_map, stored_map
 from cogless.maps.learned_map import entries, of_current, resampled, within
 from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, Found, MapError, StoredMap, Valid
-from cogless.study.laws.own import OwnLaw
+from cogless.study.laws.own import PythonLaw
 
 TURN = 2 * np.pi
 
@@ -197,11 +197,11 @@ def test_a_run_s_map_is_cut_to_its_limits_and_its_period_to_lowest_terms(
 @pytest.mark.parametrize(
     ("law", "period", "frame", "turn"),
     [
-        (OwnLaw.model_construct(), (1, 4), "electrical", 1.0),
-        (OwnLaw.model_construct(), (1, 2), "mechanical", 0.5),
-        (SimpleNamespace(unit=0.1, ratio=lambda poles: poles), (1, 2), "electrical", 2.0),
-        (SimpleNamespace(unit=0.1, ratio=lambda poles: poles), (1, 1), "mechanical", 1.0),
-        (SimpleNamespace(unit=0.1, ratio=lambda poles: 1), (1, 2), "mechanical", 0.5),
+        (PythonLaw.model_construct(object="law.py:Law"), (1, 4), "electrical", 1.0),
+        (PythonLaw.model_construct(object="law.py:Law"), (1, 2), "mechanical", 0.5),
+        (SimpleNamespace(code=None, unit=0.1, ratio=lambda poles: poles), (1, 2), "electrical", 2.0),
+        (SimpleNamespace(code=None, unit=0.1, ratio=lambda poles: poles), (1, 1), "mechanical", 1.0),
+        (SimpleNamespace(code=None, unit=0.1, ratio=lambda poles: 1), (1, 2), "mechanical", 0.5),
     ],
 )
 def test_a_memory_s_currents_are_over_the_angle_of_its_law(

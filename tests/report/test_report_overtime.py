@@ -118,7 +118,7 @@ def test_where_learning_begins_is_a_button(broken):
     """Once for all laws that begin there; none where they do from the start, or never."""
     runs = [run_of(10) for _ in range(6)]
     for run, start in zip(runs, (3.0, 3.0, 0.0, 9.99, 0.5, None), strict=True):
-        run.law = start if start is None else SimpleNamespace(learning_start=start)
+        run.law = start if start is None else SimpleNamespace(learns_from=start)
     assert [zoom for zoom in buttons(results_of(), *runs) if "learning" in zoom[0]] == [
         ("learning begins at 0.5 s", 0.0, 5.5), ("learning begins at 3 s", 1.0, 8.0)
     ]  # fmt: skip

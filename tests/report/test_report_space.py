@@ -11,7 +11,7 @@ from cogless import load
 from cogless.design.verdict import judged, verdict, warnings
 from cogless.errors import StudyError
 from cogless.report import render, verdicts
-from cogless.report.angle_charts import _period, growth, over_angle, sentences, worse_since
+from cogless.report.angle_charts import growth, over_angle, sentences, worse_since
 from cogless.report.comparison import compare
 from cogless.report.markup import asset
 from cogless.report.panels import errors, periods
@@ -309,7 +309,7 @@ def test_periods_over_the_angle(until):
     ],
 )
 def test_a_period_in_words(period, words):
-    assert _period(period) == words
+    assert period.description == words
 
 
 def test_one_period_over_the_angle_is_drawn_once():

@@ -226,7 +226,7 @@ def said(*turned, over_angle=True, omega=(1.0,)):
 
     `omega`: reference, relative to one that would turn once through the period.
     """
-    law = SimpleNamespace(over_angle=over_angle, cells=100)
+    law = SimpleNamespace(over_angle=over_angle, by_order=False, cells=100)
     theta = np.pi * np.concatenate([np.linspace(*ends, 101) for ends in pairwise((0.0, *turned))])
     return too_short(law, Fraction(1, 2), theta, 5.0, np.pi / 5 * np.array(omega))
 

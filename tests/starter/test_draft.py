@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from drafts import request, written
 
+from cogless.design.laws.harmonic import rival_bases
 from cogless.design.summary import summary
-from cogless.design.warnings import beyond_drive, rival_bases, warnings
+from cogless.design.warnings import beyond_drive, warnings
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.starter import Draft, Request, draft, parse_number

@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 import pytest
 import trial_studies
+from laws import OF_SPEED, ROWS
 
 import studies
 from cogless.errors import StudyError
@@ -15,32 +16,18 @@ from cogless.run.drive_config import engine_config
 from cogless.run.plan import ENGINES
 from cogless.study import changed, load
 from cogless.study.laws import AnyController
+from cogless.study.laws.law import Commissioning
 from cogless.study.laws.space import Period
 
-PI = {"law": "pi", "kp": 0.1, "ki": 1.0}
-TABLE = {"speed": "2 rpm", "revolutions": 1, "position_gain": 20.0}
-SPACE = {"mu_alpha": 1.0, "mu_beta": 0.1, "mu_h": 0.1, "cells": 1024, "period": {"of": "mechanical"}}
-LAWS: dict[str, dict[str, Any]] = {
-    "pi": PI,
-    "adrc": {"law": "adrc", "b": 4000.0, "omega_c": 100.0, "omega_o": 400.0},
-    "pi-ilc": {**PI, "law": "pi-ilc", "gain": 0.1},
-    "pi-afc": {**PI, "law": "pi-afc", "orders": [6, 24], "gain": 2.0},
-    "harmonic": {**PI, "law": "harmonic", "base": 6},
-    "robust-ilc": {"law": "robust-ilc", "b": 4000.0, "c": 300.0, "g": 10.0, "eta": 300.0, "q": 1.0,
-                   "beta_1": 0.0, "beta_2": 10.0, "gamma": 10.0},
-    "anti-cogging": {**PI, "law": "anti-cogging", "calibration": TABLE},
-    "space-position": {**SPACE, "law": "space-position", "k_theta": 5.0, "k_omega": 0.1},
-    "space-speed": {**SPACE, "law": "space-speed", "k": 0.1, "eta_bar": "1 rad/s"},
-}  # fmt: skip
 MEMORIES = {"pi-ilc": ("angle", "time"), "robust-ilc": ("angle", "time")}
 AWKWARD = (0.0, -1.0, 1e-60, 1e-42, 1e-20, 1e20, 1e39, 1e300, 1, 4, 65535, 65536, 2**33)
-ELSEWHERE = {"k_pp", "turns"}  # of space_checks.py
+ELSEWHERE = {"k_pp", "turns"}  # checked with others
 
 
 def cases(law: str) -> list[tuple[str, ...]]:
     """The keys of a law that hold a number."""
     (model,) = (m for m in get_args(AnyController) if get_args(m.model_fields["law"].annotation) == (law,))
-    inner = {"calibration": TABLE, "period": Period.model_fields}
+    inner = {"calibration": Commissioning.model_fields, "period": Period.model_fields}
     words = {"law", "label", "baseline", "tuning", "memory", "delay_method", "index", "frame", "of"}
     keys = [(key, each) for key in inner if key in model.model_fields for each in inner[key]]
     keys += [(key,) for key in model.model_fields if key not in inner]
@@ -51,14 +38,14 @@ def written(law: str, key: tuple[str, ...], value: float) -> Any:
     return f"{value} rad/s" if key[-1] in ("speed", "eta_bar", "omega_min") else value
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", OF_SPEED)
 def test_a_number_is_refused_by_its_key_or_taken_by_the_law(law: str, tmp_path: Path) -> None:
     base, engine = studies.study(tmp_path), import_module(ENGINES["single"])
     refused = 0
     for memory in MEMORIES.get(law, ("map", "delay") if law.startswith("space") else (None,)):
         for key in cases(law):
             for value in AWKWARD:
-                table = {**LAWS[law], **({"memory": memory} if memory else {})}
+                table = {**ROWS[law].keys, **({"memory": memory} if memory else {})}
                 number = written(law, key, value)
                 table[key[0]] = {**table.get(key[0], {}), key[1]: number} if len(key) == 2 else number
                 try:

@@ -16,8 +16,7 @@ from pydantic.fields import FieldInfo
 
 import cogless.study
 from cogless.ensemble.arena_file import GivenFeedback
-from cogless.study.laws.anti_cogging import Commissioning
-from cogless.study.laws.law import Base, Tuning
+from cogless.study.laws.law import Base, Commissioning, Tuning
 from cogless.study.laws.trial import SignalFilter
 from cogless.study.table import Quantity, Table
 from cogless.study.trial_study import EitherWay
@@ -28,7 +27,7 @@ GIVEN: dict[str, float | bool] = {
     "study.base.TraceSettings.file_rate": 1000.0,
     "study.base.Target.weight": 1.0,
     "study.laws.anti_cogging.AntiCogging.cells": 720,
-    "study.laws.anti_cogging.Commissioning.revolutions": 1,
+    "study.laws.law.Commissioning.revolutions": 1,
     "study.laws.law.Learning.cells": 1024,
     "study.laws.law.Learning.forgetting": 1.0,
     "study.laws.law.Tuning.phase_margin": radians(45),
@@ -86,7 +85,7 @@ BOUNDS = {
     "study.base.StudyBase.seed": "ge 0 lt 18446744073709551616",
     "study.base.Target.weight": "gt 0",
     "study.laws.anti_cogging.AntiCogging.cells": "ge 4 le 65535",
-    "study.laws.anti_cogging.Commissioning.revolutions": "ge 1 le 100",
+    "study.laws.law.Commissioning.revolutions": "ge 1 le 100",
     "study.laws.law.Learning.cells": "ge 4 le 16777216",
     "study.laws.law.Learning.forgetting": "gt 0 le 1",
     "study.laws.law.Learning.q_half_width": "ge 0",

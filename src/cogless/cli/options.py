@@ -143,10 +143,8 @@ def name_code(
     path: Path, table: str, laws: Mapping[str, Any], no_code: bool, found: Callable[[str], str]
 ) -> None:
     """Say which files' code these laws run, or refuse it. `found`: where a file that a law names is."""
-    from cogless.study.laws.own import LibraryLaw, PythonLaw
-
     for name, law in laws.items():
-        if isinstance(law, PythonLaw | LibraryLaw):
+        if law.code is not None:
             if no_code:
                 where = f'{path}: {table}.{name}.law: "{law.law}"'
                 raise StudyError(f"{where}: expected no code of the file's own, with --no-code")

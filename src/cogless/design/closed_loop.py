@@ -42,7 +42,6 @@ from cogless.design.speed_loop import (
     CurrentLoop,
     NoMarginError,
     SpeedLoop,
-    gains,
     observer_step,
     pi_response,
     speed_loop,
@@ -50,9 +49,7 @@ from cogless.design.speed_loop import (
     tuning_of,
 )
 from cogless.study import Study
-from cogless.study.laws.harmonic import Harmonic
 from cogless.study.laws.law import Tuning
-from cogless.study.laws.space import SpacePosition
 from cogless.units import TURN
 
 ALMOST = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
@@ -195,36 +192,8 @@ PLACES = 200  # tried for the zeros
 Gains = tuple[float, float, float]  # k_theta, k_omega, k_i, in the law's frame
 
 
-def feedback_at(study: Study, name: str, omega_m: float) -> Linear:
-    """A position law's feedback before it learns, with v and k_v, at mechanical speed omega_m in rad/s."""
-    law = study.controller[name]
-    assert isinstance(law, SpacePosition)
-    ratio, (k_theta, k_omega, k_i) = law.ratio(study.motor.pole_pairs), position_gains(study, name)
-    v = law.v_0 + law.v_2 * (ratio * omega_m) ** 2
-    return Linear(ratio=ratio, k=k_omega + v, k_theta=k_theta, k_i=k_i, k_v=law.k_v)
-
-
-def position_gains(study: Study, name: str) -> Gains:
-    """k_theta, k_omega and k_i of a controller of the study: as given there, or from its tuning rule."""
-    controller = study.controller[name]
-    assert isinstance(controller, SpacePosition)
-    if controller.tuning is None:
-        return controller.k_theta or 0.0, controller.k_omega or 0.0, controller.k_i
-    ratio = controller.ratio(study.motor.pole_pairs)
-    return _by_rule(study, name, ratio)
-
-
-def harmonic_gains(study: Study, name: str) -> Gains:
-    """k_theta, kp and ki of a controller with the law harmonic; k_theta is 0 where it controls the speed."""
-    law = study.controller[name]
-    assert isinstance(law, Harmonic)
-    if not law.position or law.tuning is None or law.kp is not None:
-        kp, ki = gains(study, name)
-        return law.k_theta or 0.0, kp, ki
-    return _by_rule(study, name, 1)
-
-
-def _by_rule(study: Study, name: str, ratio: int) -> Gains:
+def position_gains_by_rule(study: Study, name: str, ratio: int) -> Gains:
+    """k_theta, k_omega and k_i of a position law by its tuning rule; `ratio`: of its frame."""
     return tuned(
         study,
         name,

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from cogless import units
 from cogless.design.angle_functions import Bounds
+from cogless.design.law_rules import Gain
 from cogless.design.margins import Margins
-from cogless.design.summary import Design, Gain, current_loop_summary, summary
+from cogless.design.summary import Design, current_loop_summary, summary
 from cogless.design.warnings import beyond_drive, coarse_table, loop_remarks, notes, shaft_notes, told_apart
 from cogless.study import Study
 

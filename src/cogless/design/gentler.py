@@ -3,18 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from cogless.design.changes import text
-from cogless.design.closed_loop import harmonic_gains, position_gains
-from cogless.design.speed_loop import gains
+from cogless.design.law_rules import pi_texts, rules_of
 from cogless.study import Study
-from cogless.study.laws import AnyController
-from cogless.study.laws.harmonic import Harmonic
-from cogless.study.laws.law import Feedback
-from cogless.study.laws.periodic import PiIlc, RobustIlc
-from cogless.study.laws.pi_afc import PiAfc
-from cogless.study.laws.space import SpacePosition, SpaceSpeed
 from cogless.study.messages import dotted
 from cogless.study.position_sensor import Absolute, Encoder, Hall, Resolver
 from cogless.study.reading import Changes
@@ -61,24 +53,7 @@ def younger_speeds(study: Study) -> list[Changes]:
 
 def slower_feedback(study: Study, name: str, factor: float) -> Changes | None:
     """The change to a feedback `factor` times slower, equally damped; None: the law has no such gains."""
-    law, key = study.controller[name], dotted(("controller", name))
-    if isinstance(law, Harmonic) and law.position:
-        k_theta, kp, ki = harmonic_gains(study, name)
-        own = _pi(kp / factor, ki / factor**2) | {"k_theta": text(k_theta / factor, "1/s")}
-        return _by_hand(study, name, own)
-    if isinstance(law, Feedback):
-        kp, ki = gains(study, name)
-        return _by_hand(study, name, _pi(kp / factor, ki / factor**2))
-    if isinstance(law, SpacePosition):
-        k_theta, k_omega, k_i = position_gains(study, name)
-        if law.tuning is not None:
-            return None
-        slower = {"k_theta": text(k_theta / factor, "1/s"), "k_omega": text(k_omega / factor, "A*s/rad")}
-        slower |= {"k_i": text(k_i / factor**2, "A/rad")} if k_i else {}
-        return {f"{key}.{each}": value for each, value in slower.items()}
-    if isinstance(law, RobustIlc):
-        return {f"{key}.{of}": text(getattr(law, of) / factor, "1/s") for of in ("c", "eta")}
-    return {f"{key}.k": text(law.k / factor, "A*s/rad")} if isinstance(law, SpaceSpeed) else None
+    return rules_of(study, name).slower(factor)
 
 
 def slower_proportional(study: Study, name: str, factor: float, crossover: float) -> list[Changes]:
@@ -86,43 +61,20 @@ def slower_proportional(study: Study, name: str, factor: float, crossover: float
 
     `crossover`: of the feedback as it is, rad/s. Empty: the law is none for the speed with a PI.
     """
-    law = study.controller[name]
-    if not isinstance(law, Feedback) or (isinstance(law, Harmonic) and law.position):
+    rules = rules_of(study, name)
+    if rules.pi is None:
         return []
-    kp, ki = gains(study, name)
+    kp, ki = rules.pi
     quick = [min(ki, share * crossover / factor * kp / factor) for share in CORNER_SHARES]
-    return [_by_hand(study, name, _pi(kp / factor, each)) for each in quick]
-
-
-def _pi(kp: float, ki: float) -> dict[str, Any]:
-    return {"kp": text(kp, "A*s/rad"), "ki": text(ki, "A/rad")}
-
-
-def _by_hand(study: Study, name: str, own: dict[str, Any]) -> Changes:
-    """The change to gains by hand. It removes any rule but auto, which may stand beside such gains."""
-    key, law = dotted(("controller", name)), study.controller[name]
-    tuning = getattr(law, "tuning", None)
-    if tuning is None or tuning.is_auto:
-        return {f"{key}.{each}": value for each, value in own.items()}
-    table = study.source.tables["controller"][name]
-    return {key: {**{each: value for each, value in table.items() if each != "tuning"}, **own}}
+    return [rules.by_hand(pi_texts(kp / factor, each)) for each in quick]
 
 
 def weaker_learning(study: Study, name: str, factor: float) -> Changes | None:
     """The change that divides the learning gains by a factor; None: the law has no such gains."""
     law, key = study.controller[name], dotted(("controller", name))
-    values = {of: text(getattr(law, of) / factor, unit) for of, unit in _learning(law) if getattr(law, of)}
-    return {f"{key}.{of}": value for of, value in values.items()} or None
-
-
-def _learning(law: AnyController) -> tuple[tuple[str, str], ...]:
-    """Key and unit of each learning gain of a law."""
-    if isinstance(law, PiIlc):
-        return (("gain", "A*s/rad"),)
-    if isinstance(law, PiAfc):
-        return (("gain", "A/rad"),)
-    if isinstance(law, RobustIlc):
-        return (("beta_1", "rad/s^2"), ("beta_2", "1/s"))
-    if isinstance(law, SpacePosition | SpaceSpeed):
-        return (("mu_alpha", "A"), ("mu_beta", "A*s^2/rad^2"), ("mu_h", "A*s^4/rad^2"))
-    return ()
+    values = {
+        gain: text(getattr(law, gain) / factor, law.unit_of(gain))
+        for gain in law.LEARNING_GAINS
+        if getattr(law, gain)
+    }
+    return {f"{key}.{gain}": value for gain, value in values.items()} or None

@@ -28,6 +28,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,9 +38,7 @@ from cogless.design.law_rules import feedback_of
 from cogless.design.margins import Complex, Real
 from cogless.design.speed_loop import SpeedLoop, pi_response, speed_loop
 from cogless.study import Study
-from cogless.study.laws.law import Learning
-from cogless.study.laws.pi_afc import PiAfc
-from cogless.study.laws.space import SpaceLearning
+from cogless.study.laws.law import Memory
 from cogless.units import TURN
 
 FACTOR_MOST = 1.0 + 1e-3  # largest factor per period that counts as settling
@@ -70,9 +69,16 @@ class LearningLoop(ABC):
     scenario: str | None = None  # whose true plant is used; None: the plant that the controller assumes
     late: float = 0.0  # s, delay that the study doesn't tell
 
+    # whether the learned signal passes a Q filter, whose width may be chosen
+    FILTERED: ClassVar[bool] = True
+    # whether the law has a forgetting, which the design may choose
+    FORGETS: ClassVar[bool] = False
+    # whether the learning gain is proportional to 1 / |omega_m|
+    RISES_AT_REST: ClassVar[bool] = False
+
     @property
     @abstractmethod
-    def law(self) -> Learning | SpaceLearning | PiAfc:
+    def law(self) -> Memory:
         """The controller's law; TypeError if it isn't one that learns in this way."""
 
     @property
@@ -321,7 +327,7 @@ def plants(loop: SpeedLoop) -> tuple[Real, Complex, Complex]:
     return f, *loop.plant(TURN * f)
 
 
-def fewest_samples(law: Learning | SpaceLearning, lead: int) -> int:
+def fewest_samples(law: Memory, lead: int) -> int:
     """Fewest samples in a period with which a law learns.
 
     A sample, and the lead (samples), are at most a quarter of the period. A delay line's Q filter is within
@@ -331,15 +337,7 @@ def fewest_samples(law: Learning | SpaceLearning, lead: int) -> int:
     return within_quarter if law.over_angle else max(within_quarter, law.q_half_width + 1)
 
 
-def fastest(study: Study, name: str) -> float | None:
-    """The highest mechanical speed at which a controller learns, rad/s; None if it doesn't learn.
-
-    PI-AFC learns its lowest order up to there: two samples in a cycle.
-    """
-    law, rate = study.controller[name], study.drive.rates.outer_loop
-    if isinstance(law, PiAfc):
-        return math.pi * rate / law.orders[0]
-    if not isinstance(law, Learning | SpaceLearning) or not law.learns:
-        return None
-    lead = round(law.lead * rate) if isinstance(law, Learning) else 0
-    return TURN * float(law.revolutions(study.motor.pole_pairs)) * rate / fewest_samples(law, lead)
+def fastest_over_period(study: Study, memory: Memory, lead: int) -> float:
+    """The highest mechanical speed at which a memory over a period learns, rad/s; `lead` in samples."""
+    rate, revolutions = study.drive.rates.outer_loop, float(memory.revolutions(study.motor.pole_pairs))
+    return TURN * revolutions * rate / fewest_samples(memory, lead)

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.design.closed_loop import harmonic_gains
 from cogless.design.law_rules import feedback_of
-from cogless.design.laws.harmonic import Certificate
+from cogless.design.laws.harmonic import Certificate, harmonic_gains
 from cogless.design.laws.harmonic_transfer import gamma
 from cogless.design.learning_loop import LearningLoop
 from cogless.design.ripple import orders, responses, ripple

@@ -7,9 +7,10 @@ from collections.abc import Container, Iterator, Mapping
 from cogless import units
 from cogless.design.blocks import Block, Blocks, margin_words
 from cogless.design.design_table import notes_below, shown_gain
-from cogless.design.laws.harmonic import loses_voltage
+from cogless.design.law_rules import Gain
+from cogless.design.laws.harmonic import LEARNER, loses_voltage
 from cogless.design.settling import settling
-from cogless.design.summary import LEARNER, Design, Gain, current_loop_summary, summary
+from cogless.design.summary import Design, current_loop_summary, summary
 from cogless.design.verdict import Kind
 from cogless.design.warnings import told_apart
 from cogless.study import Study

@@ -53,7 +53,7 @@ from cogless.design.trials.model import exponential
 from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.drive import IdealCurrentLoop
-from cogless.study.laws.law import Feedback, Tuning
+from cogless.study.laws.law import Tuning
 from cogless.study.messages import dotted, shown
 from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
@@ -567,10 +567,9 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
 
 def gains(study: Study, name: str) -> tuple[float, float]:
     """kp and ki of a controller of the study: as given there, or from its tuning rule."""
-    controller = study.controller[name]
-    assert isinstance(controller, Feedback)
-    if controller.kp is not None or controller.tuning is None:
-        return controller.kp or 0.0, controller.ki or 0.0
+    given = study.controller[name].given_pi
+    if given is not None:
+        return given
     design = tuned(
         study, name, lambda study: phase_margin_pi(speed_loop(study).rigid, tuning_of(study, name))
     )
@@ -579,9 +578,9 @@ def gains(study: Study, name: str) -> tuple[float, float]:
 
 def tuning_of(study: Study, name: str) -> Tuning:
     """The tuning rule of a controller, which must have one."""
-    tuning = getattr(study.controller[name], "tuning", None)
-    assert isinstance(tuning, Tuning)
-    return tuning
+    rule = study.controller[name].rule
+    assert rule is not None
+    return rule
 
 
 @lru_cache(maxsize=32)

@@ -3,49 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from typing import Any, get_args
+from typing import Any
 
 from cogless import units
-from cogless.design.closed_loop import harmonic_gains, position_gains, position_margins
-from cogless.design.law_rules import feedback_of
-from cogless.design.laws.adrc import adrc_margins
-from cogless.design.laws.harmonic import Certificate, certificate
-from cogless.design.laws.space_bounds import Theorem, theorem
-from cogless.design.learning_loop import fastest
+from cogless.design.law_rules import Gain, rules_of
+from cogless.design.laws.harmonic import Certificate
+from cogless.design.laws.space_bounds import Theorem
 from cogless.design.margins import Margins, finite
-from cogless.design.speed_loop import current_loops, gains, speed_loop, weakness
+from cogless.design.speed_loop import current_loops, speed_loop, weakness
 from cogless.design.verdict import Verdict, verdict
 from cogless.study import Study
-from cogless.study.laws import AnyController
-from cogless.study.laws.adrc import Adrc
-from cogless.study.laws.harmonic import Harmonic
-from cogless.study.laws.law import Feedback, Learning
-from cogless.study.laws.space import SpaceLearning, SpacePosition
-from cogless.study.table import Quantity
-from cogless.units import TIME
-
-# Units of what the rule of `harmonic` computes.
-LEARNER = {
-    "step": "rad",
-    "b": "rad/s^2/A",
-    "delay": "s",
-    "base": "",
-    "bends": "",
-    "orders": "",
-    "fast": "",
-    "rate": "1/s",
-    "rate_min": "1/s",
-}
-
-
-@dataclasses.dataclass(frozen=True)
-class Gain:
-    """A number of a controller in SI units, and its unit. `note` is set if the study has another number."""
-
-    value: float
-    unit: str
-    note: str = ""
+from cogless.study.laws.law import Base
 
 
 @dataclasses.dataclass(frozen=True)
@@ -171,99 +139,38 @@ def _theorem(theorem: Theorem) -> dict[str, Any]:
 
 def design(study: Study, name: str) -> Design:
     """The design of one controller of a study."""
-    controller = study.controller[name]
-    own: dict[str, Gain] = {}
-    if isinstance(controller, Harmonic):
-        units = {"k_theta": "1/s", "kp": "A*s/rad", "ki": "A/rad"}
-        own = {k: Gain(v, u) for (k, u), v in zip(units.items(), harmonic_gains(study, name), strict=True)}
-        if not controller.position:
-            del own["k_theta"]
-    elif isinstance(controller, Feedback):
-        kp, ki = gains(study, name)
-        own = {"kp": Gain(kp, "A*s/rad"), "ki": Gain(ki, "A/rad")}
-    elif isinstance(controller, SpacePosition):
-        units = {"k_theta": "1/s", "k_omega": "A*s/rad", "k_i": "A/rad"}
-        own = {k: Gain(v, u) for (k, u), v in zip(units.items(), position_gains(study, name), strict=True)}
+    controller, rules = study.controller[name], rules_of(study, name)
+    own = rules.gains()
     numbers = own | {key: gain for key, gain in _numbers(controller).items() if key not in own}
-    if isinstance(controller, Learning):
-        numbers["lead"] = _lead(study, controller)
-    tuning = getattr(controller, "tuning", None)
-    known, proof = verdict(study, name), theorem(study, name)
+    known, proof, certified = verdict(study, name), rules.theorem(), rules.certificate()
     if proof is not None and known is not None and known.kind not in ("settles", "rests"):
         # the proof is for continuous time only
         sampled = f"but sampled: {known.short()}"
         proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
-    rule = tuning.rule if tuning else None
-    certified = certificate(study, name) if isinstance(controller, Harmonic) else None
-    if certified is not None:
-        numbers |= {key: Gain(getattr(certified.learner, key), unit) for key, unit in LEARNER.items()}
-    highest = certified.fastest if certified is not None else fastest(study, name)
-    margins = weakest_margins(study, name)
     return Design(
         law=controller.law,
-        rule=rule,
-        gains=numbers,
-        margins=margins,
+        rule=controller.rule.rule if controller.rule else None,
+        gains=numbers | rules.numbers_used(),
+        margins=rules.margins(),
         learning=known,
         theorem=proof,
-        fastest=highest,
+        fastest=certified.fastest if certified is not None else rules.fastest(),
         certificate=certified,
     )
 
 
 def weakest_margins(study: Study, name: str) -> Margins | None:
     """Margins at the slowest or the fastest reference, whichever are smaller; v of a position law differs."""
-    law = study.controller[name]
-    if isinstance(law, Adrc):
-        return adrc_margins(speed_loop(study), law.b, law.omega_c, law.omega_o)
-    scenarios = [study.scenario[key] for key in study.scenarios_of(name)]
-    speeds = {speed for s in scenarios for speed in (s.slowest, s.top_reference)} or {0.0}
-    feedbacks = dict.fromkeys(feedback_of(study, name, speed) for speed in speeds)
-    found = [position_margins(speed_loop(study), feedback) for feedback in feedbacks if feedback]
-
-    def least(m: Margins) -> float:
-        return m.phase_margin if m.stable and math.isfinite(m.phase_margin) else -1.0
-
-    return min(found, key=least, default=None)
+    return rules_of(study, name).margins()
 
 
-def _lead(study: Study, controller: Learning) -> Gain:
-    """The lead as the law uses it: rounded to whole samples of the speed loop."""
-    rate = study.drive.rates.outer_loop
-    samples = round(controller.lead * rate)
-    used = samples / rate
-    if math.isclose(used, controller.lead, rel_tol=1e-9):
-        return Gain(controller.lead, TIME.unit)
-    return Gain(used, TIME.unit, f"{samples} samples; {controller.lead:.4g} s asked for")
-
-
-def _numbers(controller: AnyController) -> dict[str, Gain]:
+def _numbers(controller: Base) -> dict[str, Gain]:
     found = {}
     fields = type(controller).model_fields
     own = type(controller).__annotations__  # the law's own fields come before inherited ones
-    idle = _idle(controller)
-    for key, field in sorted(fields.items(), key=lambda item: item[0] not in own):
+    for key in sorted(fields, key=lambda key: key not in own):
         value = getattr(controller, key)
         told = isinstance(value, int | float) and not isinstance(value, bool)
-        if told and key not in ("kp", "ki", *idle):
-            found[key] = Gain(value, _unit([*field.metadata, *get_args(field.annotation)]))
+        if told and key not in ("kp", "ki", *controller.idle_keys):
+            found[key] = Gain(value, controller.unit_of(key))
     return found
-
-
-def _idle(controller: AnyController) -> set[str]:
-    """Fields that have no effect with a law's other settings; empty unless the law learns in angle."""
-    if not isinstance(controller, SpaceLearning):
-        return set()
-    if not controller.learning:
-        return {*SpaceLearning.model_fields, "ramp"}
-    return set() if (controller.memory, controller.delay_method) == ("delay", "ode") else {"k_pp"}
-
-
-def _unit(annotations: list[Any]) -> str:
-    for entry in annotations:
-        if isinstance(entry, Quantity):
-            return entry.dimension.unit
-        inner = _unit(list(get_args(entry)))
-        if inner:
-            return inner
-    return ""

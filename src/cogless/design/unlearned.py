@@ -22,14 +22,11 @@ import numpy as np
 
 from cogless.design.angle_functions import functions_in
 from cogless.design.changes import either, helping
-from cogless.design.laws.periodic import PeriodicLoop
-from cogless.design.laws.pi_afc import OrderLoop
+from cogless.design.law_rules import rules_of
 from cogless.design.margins import Real
 from cogless.design.verdict import judgement
 from cogless.study import Study
-from cogless.study.laws.law import Learning
-from cogless.study.laws.pi_afc import PiAfc
-from cogless.study.laws.space import SpaceLearning
+from cogless.study.laws.law import Memory
 from cogless.study.messages import dotted
 from cogless.study.motion import course
 from cogless.study.reading import Changes
@@ -40,30 +37,29 @@ ALMOST = 0.995  # share of a period that counts as a whole one
 FOLLOWS = 0.5  # of the way of its reference: a rotor that turns less does not follow it
 NO_STEP = 1e-6  # relative variation; a speed that varies less is constant
 
-Memory = Learning | SpaceLearning | PiAfc
-
 
 def revolutions_learned(study: Study, name: str) -> Fraction | None:
     """Mechanical revolutions per learning period of a controller; None if it doesn't learn."""
-    law = study.controller[name]
-    if isinstance(law, Learning | PiAfc) or (isinstance(law, SpaceLearning) and law.learning):
-        return law.revolutions(study.motor.pole_pairs)
-    return None
+    memory = rules_of(study, name).memory
+    return None if memory is None else memory.revolutions(study.motor.pole_pairs)
 
 
 def foreseen(study: Study, scenario: str, name: str) -> str | None:
     """The reason why a controller will learn nothing along a scenario's reference; None if it may learn."""
-    law, experiment = study.controller[name], study.scenario[scenario]
-    revolutions = revolutions_learned(study, name)
-    if revolutions is None or not isinstance(law, Memory):
+    memory, experiment = rules_of(study, name).memory, study.scenario[scenario]
+    if memory is None:
         return None
-    begun = starts_too_late(law, experiment.duration) or never(study, scenario, name)
+    begun = starts_too_late(memory, experiment.duration) or never(study, scenario, name)
     if begun:
         return begun
     way = course(experiment)
-    learns = way.time >= law.learning_start
+    learns = way.time >= memory.learning_start
     theta = np.cumsum(way.omega[learns]) * way.step
-    return too_short(law, revolutions, theta, experiment.duration - law.learning_start, way.omega[learns])
+    time, revolutions = (
+        experiment.duration - memory.learning_start,
+        memory.revolutions(study.motor.pole_pairs),
+    )
+    return too_short(memory, revolutions, theta, time, way.omega[learns])
 
 
 def starts_too_late(law: Memory, end: float) -> str | None:
@@ -75,14 +71,7 @@ def starts_too_late(law: Memory, end: float) -> str | None:
 
 def never(study: Study, scenario: str, name: str) -> str | None:
     """The reason why a memory learns nothing even at the scenario's top speed; None if it learns."""
-    law, top = study.controller[name], study.scenario[scenario].top_speed
-    if isinstance(law, SpaceLearning):
-        fast = study.scenario[scenario].top_reference
-        return "the reference never reaches omega_min" if fast < law.omega_min else None
-    if not isinstance(law, Learning | PiAfc) or not top:
-        return None
-    kind = PeriodicLoop if isinstance(law, Learning) else OrderLoop
-    return kind(study, name, top, scenario=scenario).frozen
+    return rules_of(study, name).never(scenario)
 
 
 def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omega_ref: Real) -> str | None:
@@ -91,7 +80,7 @@ def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omeg
     All arguments are from the start of learning on: mechanical angle `theta` in rad, `time` in s, `omega_ref`
     in rad/s.
     """
-    if isinstance(law, PiAfc):
+    if law.by_order:
         return None
     period = TURN * float(revolutions)
     rise = float(np.max(theta - np.minimum.accumulate(theta), initial=0.0))
@@ -123,8 +112,8 @@ def map_warning(study: Study, name: str) -> Remark | None:
     found = _wave(study, name)
     if found is None or found[0] >= found[1]:
         return None
-    (each, enough, order), law = found, study.controller[name]
-    assert isinstance(law, SpaceLearning | Learning)
+    (each, enough, order), law = found, rules_of(study, name).memory
+    assert law is not None
     has = f"cells = {law.cells} is {each:.3g} in a wave of order {order} (mechanical)"
     width = 2 * law.q_half_width + 1
     lost = 100 * (1 - kept(each, law.q_half_width))
@@ -153,13 +142,11 @@ def _wave(study: Study, name: str) -> tuple[float, float, int] | None:
 
     None: the law has no map over the angle, or no order is known.
     """
-    law = study.controller[name]
+    law = rules_of(study, name).memory
     known = {n for key in study.scenarios_of(name) for n in functions_in(study, key).orders}
-    revolutions = revolutions_learned(study, name)
-    if not isinstance(law, SpaceLearning | Learning) or not law.over_angle:
+    if law is None or law.by_order or not law.over_angle or not known:
         return None
-    if revolutions is None or not known:
-        return None
+    revolutions = law.revolutions(study.motor.pole_pairs)
     order, enough = max(known), max(ENOUGH, FILTERS * (2 * law.q_half_width + 1))
     return law.cells / (order * float(revolutions)), enough, order
 

@@ -35,11 +35,7 @@ from cogless.design.changes import either, first, helping, helps, text, words
 from cogless.design.closed_loop import Oscillation, oscillation, position_margins
 from cogless.design.detent import LARGE, snaps, swing
 from cogless.design.gentler import HALVINGS, finer_sensor, slower_feedback, weaker_learning
-from cogless.design.law_rules import feedback_of
-from cogless.design.laws.periodic import PeriodicLoop
-from cogless.design.laws.pi_afc import OrderLoop
-from cogless.design.laws.space import SpaceLoop
-from cogless.design.laws.space_bounds import unfit
+from cogless.design.law_rules import feedback_of, rules_of
 from cogless.design.learning_loop import FACTOR_MOST, LearningLoop, Worst
 from cogless.design.margins import Real
 from cogless.design.ripple import WORSE, ripple, sampled
@@ -47,10 +43,6 @@ from cogless.design.speed_loop import LEAST, speed_loop
 from cogless.errors import StudyError
 from cogless.study import Study, changed, for_scenario
 from cogless.study.base import speed_text, spoken_unit
-from cogless.study.laws import AnyController
-from cogless.study.laws.law import Learning
-from cogless.study.laws.pi_afc import PiAfc
-from cogless.study.laws.space import SpaceLearning
 from cogless.study.mechanics import Load
 from cogless.study.messages import dotted
 from cogless.study.motion import course
@@ -73,7 +65,6 @@ TINY = 1e-30  # under a logarithm
 FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
 ROUNDING = 1e-9
 
-STOPPING = SpaceLearning | PiAfc  # laws with an omega_min, below which they don't learn
 Samples = NDArray[np.intp]
 
 Kind = Literal[
@@ -315,7 +306,7 @@ def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
     )
     mild = found.repair.change(key) if found.repair else None
     cures = helping(study, (mild,), cured)
-    if isinstance(study.controller[name], STOPPING):
+    if study.controller[name].rests_below is not None:
         low = found.passing.least if found.passing else OMEGA_MIN_MARGIN * found.omega_m
         least = (low * OMEGA_MIN_MARGIN**n for n in range(HALVINGS))
         rests: list[Changes] = [{f"{key}.omega_min": text(each, "rad/s")} for each in least if each < top]
@@ -393,9 +384,8 @@ def _stable(study: Study, name: str) -> bool:
 
 
 def _verdict(study: Study, name: str) -> Verdict | None:
-    law = study.controller[name]
     keys = study.scenarios_of(name)
-    if loop_type(law) is None or not keys:
+    if loop_type(study, name) is None or not keys:
         return None
     motions = [study.once(_motion, (key, name)) for key in keys]
     resting = sorted(each for motion in motions for each in motion.frozen)
@@ -445,13 +435,9 @@ def _verdict(study: Study, name: str) -> Verdict | None:
     return of(most, kind=kind, worst=most.worst, mean=shown, repair=_repair(found))
 
 
-def loop_type(law: AnyController) -> type[LearningLoop] | None:
-    """The class of learning loop for a law; None if the law doesn't learn."""
-    if isinstance(law, Learning):
-        return PeriodicLoop
-    if isinstance(law, PiAfc):
-        return OrderLoop
-    return SpaceLoop if isinstance(law, SpaceLearning) and law.learning else None
+def loop_type(study: Study, name: str) -> type[LearningLoop] | None:
+    """The class of learning loop for a controller's law; None if the law doesn't learn."""
+    return rules_of(study, name).loop
 
 
 def warnings(study: Study, name: str) -> list[Remark]:
@@ -465,7 +451,7 @@ def warnings(study: Study, name: str) -> list[Remark]:
         remarks.append(Remark(f"learns nothing: {why}"))
     elif not found.fine:
         remarks.append(found.remark())
-    foreign = unfit(study, name)
+    foreign = rules_of(study, name).unfit()
     if foreign:
         stays = "what doesn't repeat is learned only as far as it stays for a period"
         remarks.append(Remark(f"{foreign}: {stays}"))
@@ -519,17 +505,16 @@ def judged(study: Study, scenario: str, name: str) -> list[LearningLoop]:
 def _motion(study: Study, of: tuple[str, str]) -> _Motion:
     """The points to judge of a scenario and a controller; none if its reference is too slow to learn."""
     scenario, name = of
-    law = study.controller[name]
-    kind = loop_type(law)
-    assert kind is not None and isinstance(law, Learning | PiAfc | SpaceLearning)
+    law, kind = study.controller[name], loop_type(study, name)
+    assert kind is not None
     way = course(study.scenario[scenario])
-    learns = way.time >= law.learning_start
+    learns = way.time >= law.learns_from
     omega, alpha = np.abs(way.omega[learns]), np.abs(way.alpha[learns])
     slowest = float(np.max(omega, initial=0.0)) / SLOWEST
     weighed = np.zeros(len(alpha))
-    if isinstance(law, STOPPING):
-        slowest = law.omega_min
-    if isinstance(law, SpaceLearning) and law.mu_h:
+    if law.rests_below is not None:
+        slowest = law.rests_below
+    if law.uses_acceleration:
         weighed = alpha
     moving = (omega >= slowest) & (omega > 0)
     if not np.any(moving):
@@ -556,7 +541,7 @@ def _motion(study: Study, of: tuple[str, str]) -> _Motion:
     angles = [float(np.sum(turned[at.samples][~passed[at.samples]])) for at in left]
     shares = np.array(angles) / sum(angles)
     gone = [at for at in found if at not in left]
-    stops = isinstance(law, STOPPING)  # the gains of other laws don't depend on the speed
+    stops = law.rests_below is not None  # the gains of other laws don't depend on the speed
     passing = _passing(gone, left, longest * way.step) if gone and stops else None
     duration = len(omega) * way.step
     return _Motion(tuple(zip(left, shares.tolist(), strict=True)), passing, reasons, duration)
@@ -667,12 +652,9 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
 
 def _channels(judged: Sequence[tuple[_At, float]]) -> int:
     """Number of angle functions (alpha, beta, h) that are learned along a reference."""
-    law = judged[0][0].loop.study.controller[judged[0][0].loop.controller]
-    if not isinstance(law, SpaceLearning):
-        return 1
+    loop = judged[0][0].loop
     accelerates = any(at.loop.alpha_m for at, _ in judged)
-    gains = (law.mu_alpha, law.mu_beta, law.mu_h if accelerates else 0.0)
-    return max(1, sum(gain > 0 for gain in gains))
+    return loop.study.controller[loop.controller].functions_learned(accelerates)
 
 
 def _repair(found: list[_At]) -> Repair:
@@ -685,7 +667,7 @@ def _repair(found: list[_At]) -> Repair:
     common = set.intersection(*(loop.settling_leads() for loop in loops))
     if common:
         return Repair(lead=min(common) * loops[0].plant.period)
-    if isinstance(loops[0], OrderLoop):
+    if not loops[0].FILTERED:
         return Repair()
     parts = []
     for at in found:
@@ -697,7 +679,7 @@ def _repair(found: list[_At]) -> Repair:
     for n in range(widest + 1):
         if all(np.all(loop.q(f, n) * without <= FACTOR_MOST) for loop, f, without in parts):
             return Repair(q_half_width=n)
-    if not isinstance(loops[0], PeriodicLoop):
+    if not loops[0].FORGETS:
         return Repair()
     peak = max(float(np.max(loop.q(f) / loop.forgetting * without)) for loop, f, without in parts)
     return Repair(forgetting=math.floor(100 * FACTOR_MOST / peak) / 100)

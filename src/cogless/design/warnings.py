@@ -28,11 +28,9 @@ from cogless.design.gentler import (
     timed_edges,
     younger_speeds,
 )
-from cogless.design.law_rules import feedback_of, unstable_feedback
-from cogless.design.laws.anti_cogging import commissioning_warning
-from cogless.design.laws.harmonic import BENDS_FROM, learner, least_base, main_order, roomy_base
+from cogless.design.law_rules import feedback_of, rules_of, unstable_feedback
+from cogless.design.laws.harmonic import main_order
 from cogless.design.margins import Margins, Real
-from cogless.design.relay import relay_warning
 from cogless.design.ripple import Sampled, counting, sampled
 from cogless.design.speed_loop import SpeedLoop, gentler_loop, speed_loop
 from cogless.design.summary import CurrentLoopDesign, current_loop_summary, weakest_margins
@@ -40,7 +38,6 @@ from cogless.design.turning import late_angle, unstable_turning
 from cogless.design.unlearned import foreseen, map_warning
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
-from cogless.study.laws.harmonic import HARMONIC_ORDERS, Harmonic
 from cogless.study.messages import dotted
 from cogless.study.motion import Course, course
 from cogless.study.numerics import voltage_reach
@@ -76,7 +73,7 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
     A law that begins with a learned map does not depend on its feedback alone, and gets no warning.
     """
     law, omega = study.controller[name], held(study, scenario)
-    if (law.learned and not law.learns) or getattr(law, "start", None) is not None:
+    if (law.learned and not law.learns) or law.begins_with is not None:
         return None
     feedback = feedback_of(study, name, omega)
     found = swing(study, scenario, feedback, omega) if feedback is not None and omega else None
@@ -294,19 +291,14 @@ def notes(study: Study, name: str) -> list[Remark]:
         map_warning,
         slow_warning,
         _less_margin,
-        _not_learned,
-        _no_room,
-        relay_warning,
-        commissioning_warning,
     )
-    chosen = (_not_learned, _no_room) if _is_choice(study, name) else ()
-    found = (of(study, name) for of in all_of if of not in chosen)
+    found = (*(of(study, name) for of in all_of), *rules_of(study, name).notes())
     return [remark.about(f"controller.{name}") for remark in found if remark is not None]
 
 
 def likely_harm(study: Study, name: str) -> str | None:
     """What the design says of why a controller's learning may do harm; None if nothing."""
-    found = next(iter(_feedback_and_learning(study, name)), None) or _not_learned(study, name)
+    found = next(iter(_feedback_and_learning(study, name)), None) or rules_of(study, name).shortfall()
     return None if found is None else str(found)
 
 
@@ -355,89 +347,6 @@ def _out_of_reach(study: Study, scenario: str) -> Remark | None:
     return Remark(f"{needs}: {volts:.4g} V turn this motor at {most / RPM:.4g} rpm without load")
 
 
-def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]] | None:
-    """The orders of the cogging, and those that a controller doesn't learn; None: its law has no base."""
-    law = study.controller[name]
-    if not isinstance(law, Harmonic):
-        return None
-    cogging = sorted(
-        {
-            wave.order
-            for key in study.scenarios_of(name)
-            for wave in for_scenario(study, key).motor.star().cogging
-            if wave.torque
-        }
-    )
-    told = learner(study, name)
-    return cogging, [n for n in cogging if n % told.base or n > told.base * told.orders]
-
-
-def _not_learned(study: Study, name: str) -> Remark | None:
-    """Warning of cogging orders that a controller doesn't learn, with a base with which it learns them."""
-    found = _unlearned(study, name)
-    if found is None or not found[1]:
-        return None
-    (cogging, left), told = found, learner(study, name)
-    orders = f"order{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
-    said = f"it learns {told.order_words}, but the cogging has {orders}"
-    needed = math.gcd(*cogging)
-    if cogging[-1] > needed * HARMONIC_ORDERS:
-        return Remark(f"{said}; no base learns all of it with {HARMONIC_ORDERS} orders")
-
-    def cured(other: Study) -> bool:
-        after = _unlearned(other, name)
-        return after is not None and not after[1]
-
-    cures = helping(study, ({f"controller.{name}.base": needed},), cured)
-    return Remark(f"{said}; {either(cures)} learns all of it" if cures else said, cures)
-
-
-def _lacks_room(study: Study, name: str) -> int | None:
-    """The smallest base with room to learn a sensor's error; None: the controller's base has that room."""
-    here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
-    least = least_base(here)
-    return least if learner(study, name).base < least else None
-
-
-def _no_room(study: Study, name: str) -> Remark | None:
-    """Warning of a base without room to learn an eccentric sensor's error."""
-    if not isinstance(study.controller[name], Harmonic):
-        return None
-    least = _lacks_room(study, name)
-    if least is None:
-        return None
-    here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
-    roomy = roomy_base(here)
-    often = "twice" if least > 1 + BENDS_FROM[0] else "once"
-    base = learner(study, name).base
-    told = f"base {base} is too low to learn the sensor's error that comes {often} a turn"
-    change: Changes | None = {f"controller.{name}.base": roomy} if roomy >= least else None
-    cures = helping(study, (change,), lambda other: _lacks_room(other, name) is None)
-    if not cures:
-        return Remark(f"{told}: expected {least} or more")
-    cogging = sorted({wave.order for wave in here.motor.star().cogging if wave.torque and wave.order % roomy})
-    but = f", but not order{'s' * (len(cogging) > 1)} {', '.join(map(str, cogging))} of the cogging"
-    return Remark(f"{told}; {either(cures)} learns it{but if cogging else ''}", cures)
-
-
-def rival_bases(study: Study, name: str) -> tuple[int, int] | None:
-    """A base that learns all cogging, and one with room for the sensor's error; None if one base does both.
-
-    None too if the law has no base, or if no base has that room.
-    """
-    orders = _unlearned(study, name)
-    if orders is None or not orders[0]:
-        return None
-    worst = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
-    complete, roomy, least = math.gcd(*orders[0]), roomy_base(worst), least_base(worst)
-    return (complete, roomy) if complete < least <= roomy else None
-
-
-def _is_choice(study: Study, name: str) -> bool:
-    """Whether the study itself states one of two bases, each of which misses what the other learns."""
-    return getattr(study.controller[name], "base", None) in (rival_bases(study, name) or ())
-
-
 def coarse_table(study: Study) -> list[str]:
     """A warning of a table of the cogging with too few points for the main order of slots and poles."""
     table = getattr(study.motor, "cogging_table", None)
@@ -465,7 +374,7 @@ def shaft_notes(study: Study) -> list[str]:
 
 def _less_margin(study: Study, name: str) -> Remark | None:
     """A warning if a tuned loop has less phase margin with its soft shaft than its rule asks for."""
-    tuning = getattr(study.controller[name], "tuning", None)
+    tuning = study.controller[name].rule
     if tuning is None or speed_loop(study).shaft is None:
         return None
     found = weakest_margins(study, name)
@@ -506,7 +415,7 @@ def told_apart(loops: dict[str, CurrentLoopDesign]) -> dict[str, CurrentLoopDesi
 
 
 def _feedback_and_learning(study: Study, name: str) -> list[Remark]:
-    if learning.loop_type(study.controller[name]) is not None:
+    if learning.loop_type(study, name) is not None:
         return learning.warnings(study, name)
     unstable = unstable_feedback(study, name)
     if not unstable:

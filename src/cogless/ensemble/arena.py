@@ -15,7 +15,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from cogless.design.auto import automatic, known_orders, missing
-from cogless.design.laws.harmonic import learner
+from cogless.design.law_rules import rules_of
 from cogless.ensemble.arena_file import Arena, ArenaPlant
 from cogless.errors import StudyError
 from cogless.results import AnyResults
@@ -25,10 +25,6 @@ from cogless.run.limit_search import limits
 from cogless.run.simulate import RunError, rollout
 from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
-from cogless.study.laws.anti_cogging import AntiCogging
-from cogless.study.laws.harmonic import Harmonic
-from cogless.study.laws.law import Feedback, LearnsWhileRunning
-from cogless.study.laws.own import OwnLaw
 from cogless.study.messages import dotted
 from cogless.study.metric import EACH_PHASE, result_name
 from cogless.study.reading import find, with_tables
@@ -237,8 +233,8 @@ def run_arena(
             absent |= absent_laws
             settings |= {(plant, law): study.source.tables["controller"][law] for law in study.controller}
             for law, controller in study.controller.items():
-                if isinstance(controller, AntiCogging) and controller.calibration is not None:
-                    before[plant, law] = controller.calibration.duration
+                if controller.commissioning is not None:
+                    before[plant, law] = controller.commissioning.duration
         for name in arena.trials:
             if not only or any(fnmatchcase(name, pattern.partition("/")[0]) for pattern in only):
                 trials += _trials(arena, name, jobs)
@@ -357,12 +353,10 @@ def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]
             lost[name] = str(error).rpartition("tuning: ")[2]
             continue
         changes |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in own_keys}
-    for name, law in study.controller.items():
-        if isinstance(law, Harmonic):
-            try:
-                learner(study, name)
-            except StudyError as error:  # such as a motor that doesn't tell its slots
-                lost[name] = str(error).partition(": ")[2]
+    for name in study.controller:
+        refused = rules_of(study, name).refused()
+        if refused is not None:
+            lost[name] = refused
     if lost:
         tables = dict(study.source.tables)
         tables["controller"] = {k: v for k, v in tables["controller"].items() if k not in lost}
@@ -373,11 +367,11 @@ def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]
 def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | None:
     """A law's table for a plant; None if the plant's feedback is by hand and the law has another."""
     table, law = dict(arena.laws[name]), arena.law[name]
-    if isinstance(law, LearnsWhileRunning | OwnLaw) and law.learns:
+    if law.learns and "learning_start" in type(law).model_fields:
         table = {"learning_start": f"{plant.begin!r} s", **table}
-    if plant.feedback is None or isinstance(law, OwnLaw):
+    if plant.feedback is None or law.code is not None:
         return table
-    if not isinstance(law, Feedback) or law.holds_position or law.tuning is None or not law.tuning.is_auto:
+    if not law.has_pi or law.holds_position or not law.is_auto:
         return None
     if "phase_margin" in table["tuning"]:  # a feedback of its own
         return None

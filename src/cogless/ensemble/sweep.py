@@ -32,7 +32,6 @@ from cogless.lines import warn
 from cogless.results import AnyResults
 from cogless.run.simulate import Pair, RunError, rollout, runs_of
 from cogless.study import AnyStudy, changed
-from cogless.study.laws.own import LibraryLaw, PythonLaw
 
 Chunk = int
 CHECKSUM_BYTES = 9  # at the start of a line
@@ -189,7 +188,7 @@ def needed(study: AnyStudy) -> str:
     own = [
         f"controller.{name} not to end the process ({study.source.folder / law.code})"
         for name, law in study.controller.items()
-        if isinstance(law, PythonLaw | LibraryLaw)
+        if law.code is not None
     ]
     return f"{', '.join(own)}, or enough memory" if own else "enough memory for it"
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from cogless.errors import StudyError
 from cogless.run.plan import Plan, failures, plan
 from cogless.study import AnyStudy
-from cogless.study.laws.own import LibraryLaw, PythonLaw
 from cogless.study.table import perhaps
 
 Reals = NDArray[np.floating[Any]]
@@ -196,12 +195,8 @@ def _check(study: AnyStudy, scenario: str, controller: str) -> None:
     first_scenario(study, controller, scenario)
     law = study.controller[controller]
     where = f"{study.source.path}: controller.{controller}.law"
-    if isinstance(law, PythonLaw):
-        raise StudyError(f'{where}: "{law.law}": has no C form: expected a law of the control library')
-    if isinstance(law, LibraryLaw):
-        raise StudyError(
-            f'{where}: "{law.law}": is C of your own already: expected a law of the control library'
-        )
+    if law.NO_C_FORM:
+        raise StudyError(f'{where}: "{law.law}": {law.NO_C_FORM}: expected a law of the control library')
     if study.drive is None:
         raise StudyError(
             f"{study.source.path}: plant: a linear plant has no drive: expected a study with a drive; "

@@ -15,7 +15,6 @@ from cogless.errors import StudyError
 from cogless.identify.balance import VISIBLE, WIDTH
 from cogless.identify.described import metrics, with_steps
 from cogless.study import AnyStudy, Study
-from cogless.study.laws.law import Feedback
 from cogless.study.messages import toml
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Hall
@@ -195,7 +194,7 @@ def tables(study: AnyStudy) -> tuple[dict[str, Any], dict[str, Any]]:
 def _feedback(study: Study) -> str:
     """The first controller without learning. StudyError: there is none."""
     for name, law in study.controller.items():
-        if isinstance(law, Feedback) and not law.learned:
+        if law.has_pi and not law.learned:
             return name
     raise StudyError(f'{study.source.path}: controller: expected one without learning, such as law = "pi"')
 

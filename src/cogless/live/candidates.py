@@ -17,7 +17,7 @@ from cogless.run.simulate import Pair
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import Kind
 from cogless.study.drive import IdealCurrentLoop
-from cogless.study.laws.trial import FilteredLaw, ObserverIlc, QFilter, StateIlc, TrialIlc, TrialLaw
+from cogless.study.laws.trial import FilteredLaw, ObserverIlc, QFilter, TrialIlc
 from cogless.study.linear_plant import LinearPlant
 from cogless.study.reading import Changes, changed
 from cogless.study.table import Quantity
@@ -447,10 +447,10 @@ def pinned(study: TrialStudy) -> tuple[TrialStudy, Changes]:
 def _chosen(study: TrialStudy, run: Pair) -> Changes:
     """The values that a controller's design chose, by key; empty for a law without a design."""
     law, where = study.controller[run[1]], f"controller.{quoted(run[1])}"
-    if not isinstance(law, TrialLaw) or not getattr(law, "learning", True):
+    if not law.learns_from_trials:
         return {}
     design = design_study(study, [run])[run]
-    gain, cutoff, q = _gain(law), design.gains.cutoff, design.q_filter
+    gain, cutoff, q = law.TRIAL_GAIN, design.gains.cutoff, design.q_filter
     if isinstance(law, ObserverIlc):
         observer = design.gains.observer
         chosen = {"pole": observer.pole if observer is not None else None, "cutoff": _hertz(cutoff)}
@@ -467,11 +467,6 @@ def _chosen(study: TrialStudy, run: Pair) -> Changes:
     return pins
 
 
-def _gain(law: TrialLaw) -> str:
-    """The key of a law's learning gain; "" if it has none."""
-    return "K_ilc" if isinstance(law, StateIlc) else "K_3" if isinstance(law, TrialIlc) else ""
-
-
 def _hertz(frequency: float | None) -> str | None:
     return None if frequency is None else f"{frequency!r} Hz"
 
@@ -484,7 +479,7 @@ def _same_law(study: TrialStudy, other: TrialStudy, run: Pair) -> bool:
 def _of_trial_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
     """Keys that leave the feedback's gains as they are, or that move these alone."""
     law, where = study.controller[name], f"controller.{quoted(name)}"
-    if not isinstance(law, TrialLaw) or not getattr(law, "learning", True):
+    if not law.learns_from_trials:
         return
     if isinstance(law, ObserverIlc):
         for key, value, ends in (("cutoff", _hertz(law.cutoff), (0.3, 2.0)), ("pole", law.pole, (0.3, 2.0))):
@@ -494,7 +489,7 @@ def _of_trial_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
     if not isinstance(law, FilteredLaw):
         return
     run = next(pair for pair in held(study) if pair[1] == name)
-    gain = _gain(law)
+    gain = law.TRIAL_GAIN
     has_gain, K_3 = getattr(law, gain) is not None, design_study(study, [run])[run].K_3
     # Of an update that the design chooses as a whole, since the study says nothing of it, K_3 is only a part.
     chosen = "auto" in law.choice and law.q_filter is None and law.shift is None
@@ -502,8 +497,7 @@ def _of_trial_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
         yield from made(f"{where}.{gain}", gain, name, law, gain, K_3, (0.0, 2.0), controller=name)
     q = law.q_filter
     stays = f" ({gain} stays)" if has_gain else ""
-    learns = not isinstance(law, TrialIlc) or law.learning
-    if isinstance(q, QFilter) and (has_gain or q.acts_on == "error") and learns:
+    if isinstance(q, QFilter) and (has_gain or q.acts_on == "error"):
         own = study.source.tables["controller"][name]["q_filter"]
         key, label = f"{where}.q_filter.cutoff", "q_filter.cutoff" + stays * (q.acts_on == "signal")
         yield from made(key, label, name, q, "cutoff", own["cutoff"], (0.3, 2.0), controller=name)
@@ -519,10 +513,10 @@ def _weight(study: TrialStudy) -> Iterator[Candidate]:
     """The weight of the input, with the learning gains as they are: only its ratio to the states' counts."""
     laws = [study.controller[name] for name in dict.fromkeys(controller for _, controller in held(study))]
     designed = [
-        law for law in laws if isinstance(law, FilteredLaw) and not law.model_dump().get(_feedback(law))
+        law for law in laws if isinstance(law, FilteredLaw) and not law.model_dump().get(law.FEEDBACK)
     ]
-    learning = [law for law in designed if getattr(law, "learning", True)]
-    if not designed or any(getattr(law, _gain(law)) is None for law in learning):
+    learning = [law for law in designed if law.learns_from_trials]
+    if not designed or any(getattr(law, law.TRIAL_GAIN) is None for law in learning):
         return
     weight = study.design.input_weight
     stops = tuple(sorted({weight, *(float(f"{weight * share:.3g}") for share in WEIGHT_SHARES)}))
@@ -530,11 +524,6 @@ def _weight(study: TrialStudy) -> Iterator[Candidate]:
     for candidate in made(key, WEIGHT, OF_TRIALS, study.design, "input_weight", weight, (0.1, 10.0)):
         low, high = stops[0], stops[-1]
         yield replace(candidate, stops=stops, low=low, high=high, least=low, most=high)
-
-
-def _feedback(law: FilteredLaw) -> str:
-    """The key of a law's own feedback gains."""
-    return "K_stab" if isinstance(law, StateIlc) else "K_s"
 
 
 def _of_trial_scenario(study: TrialStudy, scenario: str) -> Iterator[Candidate]:

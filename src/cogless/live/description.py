@@ -26,10 +26,6 @@ from cogless.run.simulate import Pair
 from cogless.run.trial_config import engine_config as trial_config
 from cogless.study import AnyStudy, Study, TrialStudy
 from cogless.study.base import Kind
-from cogless.study.laws.anti_cogging import AntiCogging
-from cogless.study.laws.law import Startable
-from cogless.study.laws.own import OwnLaw
-from cogless.study.laws.trial import NormOptimalIlc
 
 NONE, BOOL, INTEGER, NATURAL, REAL, TEXT, NUMBERS, LIST, TABLE, MATRIX = range(10)
 STRUCTS = {
@@ -192,10 +188,8 @@ def left_out(study: AnyStudy) -> list[str]:
 
 
 def _why_not(study: AnyStudy, name: str) -> str:
-    if isinstance(study.controller[name], OwnLaw):
-        return "its law is code of its own, which the page doesn't run"
-    if isinstance(study.controller[name], NormOptimalIlc):
-        return "its learning matrix, of a number for each two samples, is too large for a page"
+    if study.controller[name].NOT_ON_PAGE:
+        return study.controller[name].NOT_ON_PAGE
     run = next((pair for pair in every(study) if pair[1] == name), None)
     refused = None if run is None else DESIGNS[study.kind].prepared(study, [run]).refused.get(run)
     return "" if refused is None else f"not designed: {refused.within(study.source.path)}"
@@ -216,11 +210,11 @@ def blobs(study: AnyStudy, scenario: str, controller: str, like: AnyStudy | None
 
 def _of_speed(study: Study, scenario: str, controller: str, like: Study | None) -> dict[str, Packed]:
     descriptions = {"run": _blob(study, scenario, controller)}
-    law = study.controller[controller]
-    if isinstance(law, AntiCogging) and law.calibration is not None:
+    run = study.controller[controller].commissioning
+    if run is not None:
         description = engine_config(study, scenario, controller, "learn")
         # as long as plan.py waits for it
-        longest = 3 * law.calibration.duration * study.drive.rates.current_loop
+        longest = 3 * run.duration * study.drive.rates.current_loop
         descriptions["learn"] = _packed(
             study, _with_spares(description) | {"page": {"ticks": math.ceil(longest)}}
         )
@@ -241,7 +235,7 @@ def _blob(study: Study, scenario: str, controller: str) -> Packed:
         "unit": float(np.float32(law.unit)) if study.precision == "single" else float(law.unit),
         "ratio": law.ratio(conditions.pole_pairs),
     }
-    if isinstance(law, Startable) and law.start is not None:
+    if law.begins_with is not None:
         learned = plan(study, scenario, controller).learned
         page["learned"] = np.asarray(learned, np.float64)
     return _packed(study, _with_spares(engine_config(study, scenario, controller)) | {"page": page})

@@ -37,7 +37,6 @@ from cogless.results.metrics import result_name
 from cogless.results.status import Status
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import Kind
-from cogless.study.laws.trial import TrialLaw
 from cogless.study.metric import EACH_TRIAL, SIGNALS, Metric
 from cogless.study.reading import Changes
 from cogless.study.toml import sections, toml
@@ -183,7 +182,7 @@ def data(
 
 def _learns(study: AnyStudy, name: str) -> bool:
     law = study.controller[name]
-    return getattr(law, "learning", True) if isinstance(law, TrialLaw) else law.learns
+    return law.learns or law.learns_from_trials
 
 
 def _by_order(law: str) -> bool:

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, MapError, StoredMap
 from cogless.study import AnyStudy
-from cogless.study.laws.own import OwnLaw
 from cogless.study.motion import Real as Real
 from cogless.study.motor import StarMotor
 from cogless.units import TURN
@@ -66,7 +65,7 @@ def memory_of(
         return {"learned": values[0]}
     law, poles = study.controller[controller], study.conditions(scenario).pole_pairs
     period = Fraction(stored["turns"], stored["parts"])  # revolutions
-    if isinstance(law, OwnLaw):
+    if law.code is not None:
         ratio = poles if period == Fraction(1, poles) else 1
     else:
         ratio = 1 if period == 1 else law.ratio(poles)

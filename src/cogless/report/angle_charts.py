@@ -31,7 +31,6 @@ from cogless.report.panels import errors, in_angle, learned_terms, periods
 from cogless.report.verdicts import EQUAL_DIFFERENCE, called
 from cogless.results import Results, Run
 from cogless.study import Study
-from cogless.study.laws.space import Period
 from cogless.units import TURN
 
 TURN_CELLS = 360
@@ -52,7 +51,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
     turns, law = periods(results, run), in_angle(results, run)
     if turns is None or law is None:
         return []
-    begun = turns[min(run.trace.window(0.0, law.learning_start).stop, len(turns) - 1)]
+    begun = turns[min(run.trace.window(0.0, law.learns_from).stop, len(turns) - 1)]
     chosen = _chosen(float(begun), float(turns[-1]))
     if not chosen or np.any(np.diff(turns) < 0):  # the rotor turns back: no function of the angle
         return []
@@ -60,7 +59,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
     drawn = [(e.title, e.of(run.trace), e.quantity, e.unit) for e in errors(results, [run])]
     return [
         {
-            "title": f"{title} over {_period(law.period)}: {results.study.label(run.controller)}",
+            "title": f"{title} over {law.period_words}: {results.study.label(run.controller)}",
             "x": "angle within the period (°)",
             "angle": np.linspace(0, 360, TURN_CELLS + 1).tolist(),
             "quantity": quantity,
@@ -92,11 +91,6 @@ def _within(turns: Array, x: Array, period: int) -> Array:
     """x over the period with this number, on the common grid of angles."""
     rows = slice(max(0, int(np.searchsorted(turns, period)) - 1), int(np.searchsorted(turns, period + 1)) + 1)
     return np.asarray(np.interp(period + np.linspace(0, 1, TURN_CELLS + 1), turns[rows], x[rows]))
-
-
-def _period(period: Period) -> str:
-    share = f"{period.turns}/{period.parts} of " if (period.turns, period.parts) != (1, 1) else ""
-    return f"{share}one {period.of} revolution"
 
 
 SENSITIVITY_POINTS = 400
@@ -180,7 +174,7 @@ def _degrees(S: Complex) -> Real:
 
 def _loop(results: Results, run: Run) -> LearningLoop | None:
     """The run's learning loop at its fastest judged speed; None if its learning has no such model."""
-    if loop_type(results.study.controller[run.controller]) is not None:
+    if loop_type(results.study, run.controller) is not None:
         with suppress(StudyError):
             loops = judged(results.study, run.scenario, run.controller)
             return loops[-1] if loops else None
@@ -204,7 +198,7 @@ def growth(results: Results, run: Run) -> float | None:
     trace = run.trace
     if law is None:
         return None
-    begun = trace.window(0.0, law.learning_start + float(getattr(law, "ramp", 0.0))).stop
+    begun = trace.window(0.0, law.learns_from + float(getattr(law, "ramp", 0.0))).stop
     rows = min(SEGMENT_ROWS, (len(trace) - begun) // 4)
     if rows < 64:
         return None

@@ -11,7 +11,6 @@ from cogless.results import Results
 from cogless.results.limits import Limits
 from cogless.run.limit_search import limits
 from cogless.study import AnyStudy
-from cogless.study.laws.own import OwnLaw
 
 TICKS_MOST = 5_000_000  # of a run that is made a dozen times again without being asked for
 
@@ -45,6 +44,6 @@ def with_limits(
 
 def is_quick(study: AnyStudy, scenario: str, controller: str) -> bool:
     """Whether a run is short enough to be repeated a dozen times without a request of the user."""
-    if isinstance(study.controller[controller], OwnLaw):
+    if study.controller[controller].code is not None:
         return False
     return study.timing(scenario).ticks <= TICKS_MOST

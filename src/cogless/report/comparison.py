@@ -15,8 +15,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cogless.design.kinds import DESIGNS
+from cogless.design.law_rules import rules_of
 from cogless.design.ripple import WORSE
-from cogless.design.unlearned import Memory, never, revolutions_learned, starts_too_late, too_short
+from cogless.design.unlearned import never, revolutions_learned, starts_too_late, too_short
 from cogless.report.markup import number
 from cogless.report.panels import travelled, varies
 from cogless.report.speed_tracking import STATE_TIME_LEAST, missed, rows_of, span_of, spans
@@ -45,8 +46,8 @@ def unlearned(results: Results, run: Run) -> str | None:
 def _within(results: Results, run: Run, rows: slice) -> str | None:
     """The reason by these rows, which begin with the run."""
     study, name, trace = results.study, run.controller, run.trace
-    law, revolutions = study.controller[name], revolutions_learned(study, name)
-    if revolutions is None or not isinstance(law, Memory) or not law.learned:
+    law, revolutions = rules_of(study, name).memory, revolutions_learned(study, name)
+    if revolutions is None or law is None or not study.controller[name].learned:
         return None
     if len(trace) < 2 or "status" not in trace:
         return None

@@ -12,7 +12,7 @@ from cogless.report.markup import Array
 from cogless.results import Results, Run
 from cogless.results.trace import Trace
 from cogless.study.base import spoken_unit
-from cogless.study.laws.space import SpaceLearning
+from cogless.study.laws.law import Base
 from cogless.study.metric import SIGNALS
 from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, TURN, factor
 
@@ -40,10 +40,10 @@ class Panel:
         return np.asarray(trace[self.signal] / self.scale)
 
 
-def in_angle(results: Results, run: Run) -> SpaceLearning | None:
+def in_angle(results: Results, run: Run) -> Base | None:
     """The law of a run, if it learns in angle and its learning is on; otherwise None."""
     law = results.study.controller[run.controller]
-    return law if isinstance(law, SpaceLearning) and law.learns else None
+    return law if law.learns_functions and law.learns else None
 
 
 def learned_terms(results: Results, run: Run) -> list[str]:
@@ -76,7 +76,7 @@ def errors(results: Results, runs: Sequence[Run]) -> list[Panel]:
     """
     study = results.study
     laws = [study.controller[run.controller] for run in runs]
-    if not any(isinstance(law, SpaceLearning) for law in laws) and not varies_in(runs[0].trace, "omega_ref"):
+    if not any(law.learns_functions for law in laws) and not varies_in(runs[0].trace, "omega_ref"):
         return []
     electrical = any(
         m.frame == "electrical" and m.signal in ("omega_error", "theta_error", "omega_m")
@@ -97,10 +97,10 @@ def errors(results: Results, runs: Sequence[Run]) -> list[Panel]:
 def periods(results: Results, run: Run) -> Array | None:
     """The number of learning periods travelled at each row; None without learning in angle."""
     law = in_angle(results, run)
-    if law is None or len(run.trace) < 2:
+    revolutions = None if law is None else law.revolutions(results.study.motor.pole_pairs)
+    if revolutions is None or len(run.trace) < 2:
         return None
     theta = run.trace[travelled(results, run)]
     if not np.all(np.isfinite(theta)):
         return None
-    revolutions = float(law.period.revolutions(results.study.motor.pole_pairs))
-    return np.asarray(np.abs(theta - theta[0]) / (TURN * revolutions))
+    return np.asarray(np.abs(theta - theta[0]) / (TURN * float(revolutions)))

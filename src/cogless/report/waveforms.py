@@ -154,7 +154,7 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         if fault is broken[0][0]:
             buttons[-1]["first"] = True
     laws = [in_angle(results, run) for run in runs]
-    for begun in sorted({law.learning_start for law in laws if law and 0 < law.learning_start < end}):
+    for begun in sorted({law.learns_from for law in laws if law and 0 < law.learns_from < end}):
         add(f"learning begins at {begun:g} s", begun - 2, begun + 5)
     for change in changes:
         if not any(fault.time <= change <= fault.end for fault, _, _ in broken):

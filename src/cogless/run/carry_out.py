@@ -16,7 +16,6 @@ from cogless.results.trace import Trace, TraceRoom
 from cogless.run.plan import Plan, Progress, advance, failures, feedback_plan, memory_enough, trace_of
 from cogless.study import AnyStudy, Study, TrialStudy
 from cogless.study.base import Kind
-from cogless.study.laws.own import OwnLaw
 
 
 def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
@@ -180,7 +179,7 @@ def _trial_run(study: TrialStudy, planned: Plan, state: Any, trace: Trace, lanes
     motion = learned_map.motion_identity(study.reference(scenario, study.scenario[scenario].phases[-1][1]))
     metrics = _metrics(planned, rows)
     # a user's law isn't asked: its map would belong to an angle, not to a sample
-    own = isinstance(study.controller[controller], OwnLaw)
+    own = study.controller[controller].code is not None
     learned = None if own else _learned(planned, state)
     return Run(
         scenario=scenario,

@@ -12,7 +12,6 @@ from cogless.results import Run
 from cogless.results.status import Status
 from cogless.study import Study, for_scenario
 from cogless.study.drive import Belief
-from cogless.study.laws.law import LearnsWhileRunning
 from cogless.study.metric import Metric
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall
 from cogless.study.reading import Changes
@@ -129,7 +128,7 @@ def _current_error(study: Study) -> Changes:
 
 def longer(study: Study, scenario: str, controller: str, metric: Metric) -> Changes:
     """The change to a longer run, judged at its end; empty if it isn't comparable or nothing learns."""
-    if not isinstance(study.controller[controller], LearnsWhileRunning):
+    if not study.controller[controller].learns_while_running:
         return {}
     return later(study, scenario, metric, (LONGER_FACTOR - 1) * study.scenario[scenario].duration)
 

@@ -11,8 +11,6 @@ from cogless.results import Run
 from cogless.run.causes import CURRENTS, INVERTER, LOOP, SENSOR, later, longer
 from cogless.study import Study, for_scenario
 from cogless.study.drive import CurrentLoop, EncoderTable
-from cogless.study.laws.harmonic import Harmonic
-from cogless.study.laws.law import Feedback, Learning, LearnsWhileRunning
 from cogless.study.metric import Metric
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall, Resolver
 from cogless.study.reading import Changes
@@ -120,7 +118,7 @@ def _encoder_tables(study: Study, run: Run, metric: Metric) -> Iterator[Candidat
     table, changes = EncoderTable.model_validate(keys), {"drive.encoder_table": keys}
     learned = table.settling + LEARNED_TIMES * table.time_constant
     begin, _ = metric.span(experiment.duration) or (0.0, 0.0)
-    if learned > begin and not isinstance(study.controller[run.controller], LearnsWhileRunning):
+    if learned > begin and not study.controller[run.controller].learns_while_running:
         changes |= later(study, run.scenario, metric, math.ceil(learned - begin))
     yield Candidate(changes)
 
@@ -179,7 +177,7 @@ def _calmer(study: Study) -> Iterator[Candidate]:
 def _laws(study: Study, controller: str) -> Iterator[Candidate]:
     """A candidate with the law that learns all orders, on the same feedback if that is a PI."""
     law = study.controller[controller]
-    if isinstance(law, Harmonic) or not isinstance(law, Feedback):
+    if law.learns_every_order or not law.has_pi:
         return
     table = study.source.tables["controller"][controller]
     same = {key: table[key] for key in ("kp", "ki", "tuning", "baseline") if key in table}
@@ -189,11 +187,12 @@ def _laws(study: Study, controller: str) -> Iterator[Candidate]:
 def _gains(study: Study, controller: str) -> Iterator[Candidate]:
     law = study.controller[controller]
     key = f'controller."{controller}"'
-    if isinstance(law, Feedback) and law.kp is not None and law.ki is not None:
-        faster = {f"{key}.kp": f"{2 * law.kp:.4g} A*s/rad", f"{key}.ki": f"{2 * law.ki:.4g} A/rad"}
-        yield Candidate(faster)
-    if isinstance(law, Learning) and law.q_half_width:
-        yield Candidate({f"{key}.q_half_width": law.q_half_width // 2})
+    if law.given_pi is not None:
+        kp, ki = law.given_pi
+        yield Candidate({f"{key}.kp": f"{2 * kp:.4g} A*s/rad", f"{key}.ki": f"{2 * ki:.4g} A/rad"})
+    half_width = getattr(law, "q_half_width", 0)
+    if law.learns and half_width and not law.learns_functions:
+        yield Candidate({f"{key}.q_half_width": half_width // 2})
 
 
 def _limits(study: Study) -> Iterator[Candidate]:

@@ -18,19 +18,12 @@ from typing import Any, Literal
 from cogless.c_layout import control_layout
 from cogless.control_library import C_LAWS
 from cogless.design.auto import missing
-from cogless.design.closed_loop import harmonic_gains, position_gains
-from cogless.design.laws.harmonic import learner
-from cogless.design.laws.space_bounds import learned_limits
-from cogless.design.speed_loop import gains
+from cogless.design.law_rules import rules_of
 from cogless.errors import StudyError
 from cogless.run.own_law import known_drive
 from cogless.study import AnyStudy, Study, for_scenario
 from cogless.study.drive import Drive, IdealCurrentLoop, StarBelief
-from cogless.study.laws import AnyController
-from cogless.study.laws.harmonic import Harmonic
-from cogless.study.laws.law import Feedback, LawLoop, Learning
-from cogless.study.laws.own import LibraryLaw, PythonLaw
-from cogless.study.laws.space import SpaceLearning, SpacePosition
+from cogless.study.laws.law import Base, LawLoop
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import StarMotor
 from cogless.study.numerics import no_load_speed
@@ -305,7 +298,7 @@ def control_config(
 
 def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[str, Any]:
     law = _filled(study, study_here, name)
-    if isinstance(law, PythonLaw | LibraryLaw):
+    if law.code is not None:
         return own_law_config(study, name)
     drive = study_here.drive
     loop = LawLoop(
@@ -314,7 +307,7 @@ def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[
         current_limit=drive.current_loop.current_limit,
         pole_pairs=study_here.motor.pole_pairs,
     )
-    values = law.c_config(loop, learner(study, name)) if isinstance(law, Harmonic) else law.c_config(loop)
+    values = rules_of(study, name).c_config(law, loop)
     config = control_layout(study.drive.precision).pack(C_LAWS[law.law].config, values)
     return {"config": config, "calibrate": mode == "learn", **_any_law(law)}
 
@@ -323,37 +316,16 @@ def own_law_config(study: AnyStudy, name: str) -> dict[str, Any]:
     """The engine's description of a user's law. A Python object isn't in it: it is passed to the engine
     separately."""
     law = study.controller[name]
-    if isinstance(law, PythonLaw):
-        return _any_law(law)
-    assert isinstance(law, LibraryLaw)
-    library = (study.source.folder / law.library).resolve()
-    return {
-        "library": str(library),
-        "params": law.numbers,
-        "drive": asdict(known_drive(study)),
-        **_any_law(law),
-    }
+    return {**law.own_code(study.source.folder, asdict(known_drive(study))), **_any_law(law)}
 
 
-def _any_law(law: AnyController) -> dict[str, Any]:
+def _any_law(law: Base) -> dict[str, Any]:
     return {"law": law.law, "learning_start": law.learns_from, "holds_position": law.holds_position}
 
 
-def _filled(study: Study, study_here: Study, name: str) -> AnyController:
+def _filled(study: Study, study_here: Study, name: str) -> Base:
     """A controller with the gains from its tuning rule and the default limits from the drive filled in."""
-    law, found = study.controller[name], dict[str, Any]()
     if name in missing(study):
         where = f"{study.source.path}: controller.{name}.tuning"
         raise StudyError(f"{where}: expected a study from cogless.load, which applies the rule auto")
-    if isinstance(law, Harmonic):
-        found = dict(zip(("k_theta", "kp", "ki"), harmonic_gains(study, name), strict=True))
-    elif isinstance(law, Feedback):
-        found = dict(zip(("kp", "ki"), gains(study, name), strict=True))
-    if isinstance(law, Learning) and law.limit is None:
-        found["limit"] = study.drive.current_loop.current_limit
-    if isinstance(law, SpaceLearning):
-        limits = learned_limits(study, law, study_here.scenario.values())
-        found = dict(zip(("alpha_limit", "beta_limit", "h_limit"), limits, strict=True))
-    if isinstance(law, SpacePosition):
-        found |= zip(("k_theta", "k_omega", "k_i"), position_gains(study, name), strict=True)
-    return law.model_copy(update=found)
+    return study.controller[name].model_copy(update=rules_of(study, name).fill(study_here))

@@ -21,7 +21,6 @@ from typing import Any, NoReturn
 
 from cogless.errors import StudyError
 from cogless.study import AnyStudy
-from cogless.study.laws.own import LibraryLaw, PythonLaw
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,13 +76,14 @@ NOT_A_NUMBER = "std::bad_cast"  # the engine's message about a returned value th
 def make_law(study: AnyStudy, name: str) -> Any | None:
     """Create a new object of a Python controller; None for others. StudyError: no file, class or step()."""
     controller = study.controller[name]
-    if isinstance(controller, LibraryLaw):
-        _find(study, f"controller.{name}.library", controller.library)
-    if not isinstance(controller, PythonLaw):
+    if controller.code is None:
         return None
-    file, _, class_name = controller.object.rpartition(":")
-    path = _find(study, f"controller.{name}.object", file, controller.object)
-    where = f'{study.source.path}: controller.{name}.object: "{controller.object}"'
+    if controller.python_class is None:
+        _find(study, f"controller.{name}.library", controller.code)
+        return None
+    class_name = controller.python_class.rpartition(":")[2]
+    path = _find(study, f"controller.{name}.object", controller.code, controller.python_class)
+    where = f'{study.source.path}: controller.{name}.object: "{controller.python_class}"'
     with _reporting(where, path, "expected a file that loads; it may import what is installed or beside it"):
         module = _module(path.resolve())
     maker = getattr(module, class_name, None)
@@ -151,9 +151,9 @@ def _is_beside(module: ModuleType, name: str, folder: Path) -> bool:
 def law_file(study: AnyStudy, name: str) -> Path | None:
     """The file of a Python controller; None for other controllers."""
     controller = study.controller[name]
-    if not isinstance(controller, PythonLaw):
+    if controller.python_class is None or controller.code is None:
         return None
-    return study.source.folder / controller.object.rpartition(":")[0]
+    return study.source.folder / controller.code
 
 
 def _raise_exit(status: int) -> NoReturn:

@@ -31,19 +31,16 @@ from cogless.run.own_law import describe, is_failure, law_file, make_law
 from cogless.run.trial_config import engine_config as trial_config
 from cogless.study import AnyStudy, Study, TrialStudy
 from cogless.study.base import Kind
-from cogless.study.laws.anti_cogging import AntiCogging
-from cogless.study.laws.law import Start, Startable
-from cogless.study.laws.own import OwnLaw
-from cogless.study.laws.trial import TrialLaw
+from cogless.study.laws.law import Base, Start
 
 
-def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> learned_map.Real:
+def starting_map(study: Study, controller: str, law: Base, drive: Any) -> learned_map.Real:
     """The entries of a law's map at the start of a run, (channels, cells).
 
     `drive`: the engine's, with this law. StudyError: the file is no map, or nothing that fits the law, or
     that a user's law takes.
     """
-    start = law.start
+    start = law.begins_with
     assert start is not None
     key, name = ("table", start.table) if start.map is None else ("map", start.map)
     where = f'{study.source.path}: controller.{controller}.start.{key}: "{name}": '
@@ -52,11 +49,10 @@ def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> l
             state = drive.start()
             own = drive.stored(state)
         if own is None:
-            needs = law.NEEDS if isinstance(law, OwnLaw) else "none, since the memory is over time"
-            raise MapError(f"expected {needs}")
+            raise MapError(f"expected {law.NEEDS}")
         source = _of_table(study, start) if start.map is None else _newest(study, start.map)
         entries = learned_map.entries(source, own, law.unit)
-        if isinstance(law, OwnLaw):
+        if law.code is not None:
             with _law_failures(study, controller, where):
                 drive.load_map(state, entries)  # it may refuse it: before the first run
         return entries
@@ -70,7 +66,7 @@ def _law_failures(study: Study, controller: str, where: str) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        if not isinstance(study.controller[controller], OwnLaw) or not is_failure(error):
+        if study.controller[controller].code is None or not is_failure(error):
             raise
         raise StudyError(f"{where}{describe(error, law_file(study, controller))}") from error
 
@@ -125,7 +121,7 @@ def failures(
     try:
         yield
     except BaseException as error:
-        of_user = isinstance(study.controller[controller], OwnLaw) and is_failure(error)
+        of_user = study.controller[controller].code is not None and is_failure(error)
         if isinstance(error, StudyError) or not (of_user or type(error) in REFUSALS):
             raise
         where = f"controller.{controller}: scenario {scenario}{when()}"
@@ -228,9 +224,9 @@ def _plan_speed(
     study: Study, scenario: str, controller: str, stop: Event | None, design: TrialDesign | None
 ) -> Plan:
     plan, law = _speed(study, scenario, controller, "run"), study.controller[controller]
-    if isinstance(law, Startable) and law.start is not None:
+    if law.begins_with is not None:
         return replace(plan, learned=starting_map(study, controller, law, plan.drive))
-    if not isinstance(law, AntiCogging):
+    if law.commissioning is None:
         return plan
     return replace(plan, learned=_commissioned(study, scenario, controller, stop or Event()))
 
@@ -293,7 +289,7 @@ def feedback_plan(study: TrialStudy, planned: Plan) -> Plan | None:
 def _plan_trials(
     study: TrialStudy, scenario: str, controller: str, stop: Event | None, design: TrialDesign | None
 ) -> Plan:
-    if design is None and isinstance(study.controller[controller], TrialLaw):
+    if design is None and study.controller[controller].of_trials:
         design = design_study(study, [(scenario, controller)])[scenario, controller]
     engine, law = import_module(ENGINES[study.precision]), make_law(study, controller)
     description = _described(
@@ -323,10 +319,10 @@ def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> 
 
     StudyError: the run isn't done after three times the expected duration.
     """
-    law = study.controller[controller]
-    assert isinstance(law, AntiCogging) and law.calibration is not None
+    commissioning = study.controller[controller].commissioning
+    assert commissioning is not None
     plan = _speed(study, scenario, controller, "learn")
-    drive, state, expected = plan.drive, plan.drive.start(), law.calibration.duration
+    drive, state, expected = plan.drive, plan.drive.start(), commissioning.duration
 
     def when() -> str:
         return f", commissioning run,{plan.when(state.tick)}"

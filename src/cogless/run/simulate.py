@@ -25,8 +25,6 @@ from cogless.run.carry_out import carried_out, carried_out_together
 from cogless.run.plan import ENGINES, Plan, Progress, Stopped, memory_enough, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study
-from cogless.study.laws.law import Startable
-from cogless.study.laws.own import OwnLaw
 from cogless.study.table import perhaps
 
 StudyProgress = Callable[[str, str, float], None]
@@ -251,7 +249,7 @@ def _prepare(study: AnyStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     """
     for controller, scenario in {controller: scenario for scenario, controller in reversed(runs)}.items():
         law = study.controller[controller]
-        if isinstance(law, OwnLaw) or (isinstance(law, Startable) and law.start is not None):
+        if law.code is not None or law.begins_with is not None:
             plan(study, scenario, controller)
     return DESIGNS[study.kind].prepared(study, runs)
 

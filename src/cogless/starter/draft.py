@@ -17,7 +17,8 @@ from typing import Any, cast
 from pydantic import TypeAdapter
 
 from cogless import units
-from cogless.design.warnings import rival_bases, slow_warning
+from cogless.design.laws.harmonic import rival_bases
+from cogless.design.warnings import slow_warning
 from cogless.run.simulate import rollout
 from cogless.starter.amounts import amount, exact_rate
 from cogless.starter.motor_rules import KV_TO_TORQUE

@@ -12,12 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic_core import PydanticCustomError
 
-from cogless.study import metric_checks, numerics, space_checks
+from cogless.study import metric_checks, numerics
 from cogless.study.drive import OUTER_LOOPS
-from cogless.study.laws.harmonic import Harmonic
-from cogless.study.laws.law import Learning
-from cogless.study.laws.periodic import PiIlc, RobustIlc
-from cogless.study.laws.pi_afc import PiAfc
 from cogless.study.metric_checks import FEWEST_ROWS
 from cogless.study.motor import Motor
 from cogless.study.position_sensor import Hall
@@ -120,14 +116,16 @@ def outer_loop(study: Study | TrialStudy) -> None:
         raise invalid(f"expected {study.outer_loop} in its place", "drive", "rates", other)
 
 
-def leads(study: Study) -> None:
-    """Check that a learning law's lead is at most a quarter of its memory."""
-    for name, controller in study.controller.items():
-        if isinstance(controller, Learning):
-            longest = controller.cells // 4 / study.drive.rates.outer_loop
-            if controller.lead > longest * (1 + 1e-9):
-                expected = f"expected at most {longest:.6g} s, a quarter of the memory's cells in samples"
-                raise invalid(expected, "controller", name, "lead")
+def laws(study: Study) -> None:
+    """Check each law against the study."""
+    for name, law in study.controller.items():
+        law.check(study, name)
+
+
+def speeds_of_laws(study: Study) -> None:
+    """Check each law against the speeds of all its scenarios."""
+    for name, law in study.controller.items():
+        law.check_speeds(study, name)
 
 
 def feedback_under_guard(study: Study) -> None:
@@ -135,17 +133,11 @@ def feedback_under_guard(study: Study) -> None:
     if not study.drive.guard or study.drive.rates.position_loop is not None:
         return
     for name, law in study.controller.items():
-        if isinstance(law, PiIlc | PiAfc):
-            key, learns, feedback = "kp", law.gain > 0, law.kp
-        elif isinstance(law, RobustIlc):
-            key, learns, feedback = "eta", law.q * law.beta_2 > 0, law.c + law.eta
-        else:
-            continue
-        if learns and feedback == 0:
+        if law.missing_feedback is not None:
             expected = (
                 "expected more than 0, the feedback that the guard compares with; or drive.guard = false"
             )
-            raise invalid(expected, "controller", name, key)
+            raise invalid(expected, "controller", name, law.missing_feedback)
 
 
 def slots(study: Study) -> None:
@@ -157,7 +149,7 @@ def slots(study: Study) -> None:
         or isinstance(study.drive.position_sensor, Hall)
     ):
         return
-    missing = [n for n, c in study.controller.items() if isinstance(c, Harmonic) and c.base is None]
+    missing = [name for name, law in study.controller.items() if law.needs_slots]
     if missing:
         keys = " and ".join(f"controller.{name}.base" for name in missing)
         raise invalid(
@@ -222,16 +214,13 @@ ALL: tuple[Check, ...] = (
     numerics.integration,
     numerics.dead_time,
     numerics.size,
-    numerics.commissioning,
-    numerics.observers,
     metric_checks.windows,
     metric_checks.orders,
-    leads,
+    laws,
     feedback_under_guard,
     slots,
-    space_checks.space_laws,
     faults,
     calibration,
 )
 # Checks of the whole study only; the others are also made for each scenario with its overrides.
-WHOLE: tuple[Check, ...] = (numerics.periods,)
+WHOLE: tuple[Check, ...] = (speeds_of_laws,)

@@ -12,9 +12,6 @@ from typing import TYPE_CHECKING
 
 from cogless.control_library import C_LAWS
 from cogless.signals import dimensions, exists
-from cogless.study.laws.own import OwnLaw
-from cogless.study.laws.space import SpaceLearning
-from cogless.study.laws.trial import TrialLaw
 from cogless.study.metric import (
     EACH_PHASE,
     EACH_TRIAL,
@@ -28,7 +25,6 @@ from cogless.study.table import invalid, nearest, one_of
 from cogless.units import TURN
 
 if TYPE_CHECKING:
-    from cogless.study.laws.law import Base
     from cogless.study.scenario import Scenario
     from cogless.study.speed_study import Study
     from cogless.study.trial_study import TrialStudy
@@ -46,22 +42,6 @@ NEEDED = {
 }
 
 
-def terms(law: Base) -> frozenset[str]:
-    """Names of the recorded parts of a law's output."""
-    if isinstance(law, OwnLaw):
-        return frozenset({"term_learned"} if law.learning else ())  # if it tells, which only a run shows
-    names = _terms("trial" if isinstance(law, TrialLaw) else getattr(law, "law", ""))
-    if not isinstance(law, SpaceLearning):
-        return names
-    unused = {*("term_beta", "term_h")[law.channels - 1 :], *(() if law.memory == "delay" else ("P_t",))}
-    return names - unused
-
-
-@cache
-def _terms(name: str) -> frozenset[str]:
-    return frozenset(term.signal for term in C_LAWS[name].terms) if name in C_LAWS else frozenset()
-
-
 def kinds(study: Study | TrialStudy) -> set[str]:
     """Properties that a study's drive has, out of the keys of NEEDED and "trials"."""
     motor = study.motor
@@ -71,10 +51,8 @@ def kinds(study: Study | TrialStudy) -> set[str]:
         "thermal": isinstance(motor, Motor) and motor.temperature is not None,
         "energy": study.trace.energy,
         "load_side": study.mechanics is not None and study.mechanics.load_side is not None,
-        "path": any(
-            isinstance(law, SpaceLearning) or law.holds_position for law in study.controller.values()
-        ),
-        "trial_law": any(isinstance(law, TrialLaw) for law in study.controller.values()),
+        "path": any(law.uses_path for law in study.controller.values()),
+        "trial_law": any(law.of_trials for law in study.controller.values()),
     }
     return {kind for kind, exists in has.items() if exists} | study.signal_kinds
 
@@ -89,7 +67,7 @@ def missing(study: Study | TrialStudy, signals: Iterable[str]) -> Iterator[str |
         )
         return
     has = kinds(study)
-    own = set[str]().union(*map(terms, study.controller.values()))
+    own = set[str]().union(*(law.terms for law in study.controller.values()))
     for name in signals:
         yield None if name in own else _missing(name, frozenset(has))
 

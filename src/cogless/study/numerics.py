@@ -6,11 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cogless.study.laws.adrc import Adrc
-from cogless.study.laws.anti_cogging import AntiCogging
-from cogless.study.laws.law import Learning
+from cogless.study.drive import TRACE_ROWS_MOST
 from cogless.study.table import invalid
-from cogless.units import RPM, TURN
+from cogless.units import RPM
 
 if TYPE_CHECKING:
     from cogless.study.drive import Drive
@@ -20,11 +18,8 @@ if TYPE_CHECKING:
     from cogless.study.trial_study import TrialStudy
 
 LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable
-FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
-OBSERVER_BANDWIDTH_MOST = 2.0  # rad a sample, of a law's observer: FASTEST in adrc.c
 OVERMODULATION_MOST = 1.2  # above 2 sqrt(3) / pi = 1.10, what square voltages have more than sinusoidal ones
 TOP = "at top speed"  # in the cause of a natural rate that it decides
-MOST_ROWS = 20_000_000  # of one run's trace: 4 GB with some 25 signals of 8 bytes each
 
 
 def integration(study: Study) -> None:
@@ -180,55 +175,7 @@ def check_dead_time(drive: Drive) -> None:
 def size(study: Study) -> None:
     """Check that a run's trace fits into memory."""
     for name, scenario in study.scenario.items():
-        if scenario.duration * study.trace_rate > MOST_ROWS:
-            longest = MOST_ROWS / study.trace_rate
+        if scenario.duration * study.trace_rate > TRACE_ROWS_MOST:
+            longest = TRACE_ROWS_MOST / study.trace_rate
             expected = f"expected at most {longest:.6g} s with rows at {study.trace_rate:g} Hz (trace.rate)"
             raise invalid(expected, "scenario", name, "duration")
-
-
-def commissioning(study: Study) -> None:
-    """Check that the commissioning run of an anti-cogging table isn't too long to simulate."""
-    for name, controller in study.controller.items():
-        if isinstance(controller, AntiCogging) and controller.calibration is not None:
-            longest, takes = MOST_ROWS / study.drive.rates.outer_loop, controller.calibration.duration
-            if takes > longest:
-                expected = f"expected a run of at most {longest:.6g} s, not {takes:.3g} s"
-                raise invalid(expected, "controller", name, "calibration", "speed")
-
-
-def observers(study: Study) -> None:
-    """Check that a law's observer isn't faster than the samples that it gets."""
-    fastest = OBSERVER_BANDWIDTH_MOST * study.drive.rates.outer_loop
-    for name, controller in study.controller.items():
-        if isinstance(controller, Adrc) and controller.omega_o > fastest * (1 - 1e-6):
-            expected = f"expected less than {fastest:.6g} 1/s, {OBSERVER_BANDWIDTH_MOST:g} a sample"
-            raise invalid(expected, "controller", name, "omega_o")
-
-
-def periods(study: Study) -> None:
-    """Check that each learning law can learn at the top speed of one of its scenarios, at least.
-
-    There its period must hold enough samples, fit into the memory, and be long compared with the lead.
-    """
-    rate = study.drive.rates.outer_loop
-    for name, controller in study.controller.items():
-        if not isinstance(controller, Learning):
-            continue
-        per_turn = study.motor.pole_pairs if controller.period == "electrical" else 1
-        speeds = [study.scenario[key].top_speed for key in study.scenarios_of(name)]
-        samples = [rate * TURN / (per_turn * speed) for speed in speeds if speed > 0]
-        if not samples:
-            continue
-        longest = max(samples)
-        if controller.memory == "time" and min(samples) > controller.cells:
-            expected = f"expected {math.ceil(min(samples))} or more, the samples of a period"
-            raise invalid(expected, "controller", name, "cells", value=controller.cells)
-        if longest < FEWEST_SAMPLES:
-            expected = (
-                f"expected a longer one: it has {longest:.3g} samples, at least {FEWEST_SAMPLES} are needed"
-            )
-            raise invalid(expected, "controller", name, "period", value=controller.period)
-        quarter = longest / FEWEST_SAMPLES / rate
-        if controller.lead > quarter * (1 + 1e-9):
-            expected = f"expected at most {quarter:.6g} s, a quarter of a period"
-            raise invalid(expected, "controller", name, "lead")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from pydantic_core import PydanticCustomError
 
 from cogless.study import checks, metric_checks, numerics
+from cogless.study.drive import TRACE_ROWS_MOST
 from cogless.study.laws.trial import (
     FilteredLaw,
     NormOptimalIlc,
@@ -77,8 +78,8 @@ def samples(study: TrialStudy) -> None:
             expected = f"expected {FEWEST_SAMPLES} to {TRIAL_SAMPLES_MOST} samples, not {round(count)}"
             raise invalid(expected, "scenario", name, "duration")
         rows = round(count) * scenario.trials * max(1.0, study.period * (study.trace.rate or 0.0))
-        if rows > numerics.MOST_ROWS:
-            expected = f"expected at most {numerics.MOST_ROWS * scenario.trials / rows:.0f}, {rows:.3g} rows"
+        if rows > TRACE_ROWS_MOST:
+            expected = f"expected at most {TRACE_ROWS_MOST * scenario.trials / rows:.0f}, {rows:.3g} rows"
             raise invalid(f"{expected} of the trace are too many", "scenario", name, "trials")
         for controller in study.controllers_in(name):
             matrix = isinstance(study.controller[controller], NormOptimalIlc)
@@ -198,7 +199,7 @@ def controllers(study: TrialStudy) -> None:
             if study.plant is not None:
                 expected = "expected a law of trials, since a law of your own needs a drive"
                 raise invalid(expected, "controller", name, "law")
-            if controller.start is not None:
+            if controller.begins_with is not None:
                 expected = "expected none: what is learned from trial to trial belongs to their reference"
                 raise invalid(expected, "controller", name, "start")
         elif isinstance(controller, StateIlc):

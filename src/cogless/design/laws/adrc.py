@@ -16,9 +16,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from cogless.design.law_rules import LawRules, Values
 from cogless.design.margins import Complex, Margins, Real, margins_of, root
-from cogless.design.speed_loop import NoMarginError, SpeedLoop
-from cogless.study.numerics import OBSERVER_BANDWIDTH_MOST
+from cogless.design.speed_loop import NoMarginError, SpeedLoop, speed_loop, tuned, tuning_of
+from cogless.study import Study
+from cogless.study.laws.adrc import OBSERVER_BANDWIDTH_MOST, Adrc
 
 RATIO = 4.0  # observer's bandwidth / the loop's: 3 to 10 in use
 TRIED = 60
@@ -64,3 +66,21 @@ def bandwidths(loop: SpeedLoop, b: float, phase_margin: float) -> tuple[float, f
     else:
         omega_c = root(lambda x: phase_margin - margin(x), float(tried[last]), float(tried[last + 1]))
     return omega_c, RATIO * omega_c
+
+
+class AdrcRules(LawRules[Adrc]):
+    """The rules of the law `adrc`, whose feedback is no PI: it has a response and margins of its own."""
+
+    def margins(self) -> Margins:
+        law = self.law
+        return adrc_margins(speed_loop(self.study), law.b, law.omega_c, law.omega_o)
+
+    def auto(self) -> Values:
+        """Loop and observer as fast as the phase margin allows."""
+        b = self.study.K_t / self.study.mechanics.stiff.inertia
+
+        def rule(study: Study) -> tuple[float, float]:
+            return bandwidths(speed_loop(study).rigid, b, tuning_of(study, self.name).phase_margin)
+
+        omega_c, omega_o = tuned(self.study, self.name, rule)
+        return {"b": b, "omega_c": omega_c, "omega_o": omega_o}

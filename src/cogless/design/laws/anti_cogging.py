@@ -16,22 +16,28 @@ and this is recorded, too.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
+from cogless.design.auto import known_orders, map_cells
 from cogless.design.changes import either, first, helping, text
 from cogless.design.closed_loop import Linear, open_loop, oscillation, poles, position_margins
 from cogless.design.detent import snaps, swing
 from cogless.design.gentler import slower_feedback
+from cogless.design.law_rules import FeedbackRules, Values
 from cogless.design.margins import Real
 from cogless.design.speed_loop import LEAST, SpeedLoop, gains, speed_loop
 from cogless.study import Study
 from cogless.study.base import speed_text
-from cogless.study.laws.anti_cogging import SETTLING, AntiCogging, Commissioning
+from cogless.study.laws.anti_cogging import AntiCogging
+from cogless.study.laws.law import SETTLING, Commissioning
 from cogless.study.messages import dotted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
+from cogless.units import TURN
 
 SLOWER = 4.0  # the speed loop's crossover / that of the run's position loop
 SHARE = 1e-3  # of the largest order's current: smaller ones aren't looked at
@@ -63,10 +69,10 @@ def unsettled(loop: SpeedLoop, feedback: Linear, speed: float) -> float:
 
 def commissioning_warning(study: Study, name: str) -> Remark | None:
     """Warning of a run whose loop is unstable, or that is too fast to record the cogging; None if it does."""
-    law = study.controller[name]
-    if not isinstance(law, AntiCogging) or law.calibration is None:
+    run = study.controller[name].commissioning
+    if run is None:
         return None
-    found = (_warning(study, name, law.calibration, key) for key in study.scenarios_of(name))
+    found = (_warning(study, name, run, key) for key in study.scenarios_of(name))
     return next((remark for remark in found if remark is not None), None)
 
 
@@ -85,9 +91,9 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
     slow = speed_text(study, follows / int(orders[-1]), 2) if len(orders) else ""
 
     def cured(other: Study) -> bool:
-        law = other.controller[name]
-        assert isinstance(law, AntiCogging) and law.calibration is not None
-        return _unrecorded(other, name, law.calibration, scenario) is None
+        run = other.controller[name].commissioning
+        assert run is not None
+        return _unrecorded(other, name, run, scenario) is None
 
     def stiff_enough(other: Study) -> bool:
         kp, ki = gains(other, name)
@@ -132,3 +138,29 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     if added > np.max(kept):
         why = f"records {1e3 * SETTLING * math.tau / speed:.3g} ms after it turned, not settled yet"
     return f"{why}: the table leaves {share:.2g} of the ripple"
+
+
+class AntiCoggingRules(FeedbackRules[AntiCogging]):
+    """The rules of the law `anti-cogging`."""
+
+    def notes(self) -> Iterator[Remark]:
+        remark = commissioning_warning(self.study, self.name)
+        if remark is not None:
+            yield remark
+
+    def auto(self) -> Values:
+        """The table is read ahead by the delay to the torque.
+
+        The commissioning run is so slow that its position loop follows the highest order.
+        """
+        pi = gains(self.study, self.name)
+        loop = replace(speed_loop(self.study).rigid, window=0, bandwidth=0.0, delay=0.0, low_pass=0.0)
+        w = np.array([1e-3 * math.pi / loop.period])
+        lead = max(0.0, -float(np.angle(1j * loop.plant(w)[0][0])) / float(w[0]))
+        follows = position_gain(speed_loop(self.study).rigid, pi)
+        highest = max([*known_orders(self.study, self.name), 1])
+        speed = follows / highest
+        turns = 1 + SETTLING
+        run = {"speed": speed, "revolutions": 1, "position_gain": follows}
+        cells = min(map_cells(self.study, self.name), int(TURN * turns / speed / loop.period))
+        return {"cells": cells, "lead": lead, "calibration": run}

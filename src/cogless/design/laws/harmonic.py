@@ -6,14 +6,16 @@ The measure is Gamma of harmonic_transfer.py: where an order may be turned again
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 
-from cogless.design.closed_loop import Gains, harmonic_gains, position_margins
+from cogless.design.changes import either, helping, text
+from cogless.design.closed_loop import Gains, Linear, position_gains_by_rule, position_margins
 from cogless.design.detent import LARGE, snaps, swing
-from cogless.design.law_rules import feedback_of
+from cogless.design.law_rules import FeedbackRules, Gain, Values, feedback_of, pi_texts
 from cogless.design.laws.harmonic_transfer import (
     FROM,
     SPLIT,
@@ -25,11 +27,15 @@ from cogless.design.laws.harmonic_transfer import (
     rate_bound,
 )
 from cogless.design.margins import Real
-from cogless.design.speed_loop import CurrentLoop, SpeedLoop, speed_loop
-from cogless.study import Study
+from cogless.design.speed_loop import CurrentLoop, SpeedLoop, gains, speed_loop
+from cogless.errors import StudyError
+from cogless.study import Study, for_scenario
 from cogless.study.laws.harmonic import HARMONIC_ORDERS, ORDER_ANGLE_MOST, Harmonic, Learner
+from cogless.study.laws.law import LawLoop
 from cogless.study.motor import StepMotor
 from cogless.study.position_sensor import Counted, Hall
+from cogless.study.reading import Changes
+from cogless.study.remark import Remark
 from cogless.units import RPM
 
 FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
@@ -42,14 +48,36 @@ RATE_MARGIN = 2.4  # between the rate and where all orders together oscillate
 BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
 
 
+# Units of what the rule of `harmonic` computes.
+LEARNER = {
+    "step": "rad",
+    "b": "rad/s^2/A",
+    "delay": "s",
+    "base": "",
+    "bends": "",
+    "orders": "",
+    "fast": "",
+    "rate": "1/s",
+    "rate_min": "1/s",
+}
+
+
+def harmonic_gains(study: Study, name: str) -> Gains:
+    """k_theta, kp and ki of a controller with the law harmonic; k_theta is 0 where it controls the speed."""
+    law = cast(Harmonic, study.controller[name])
+    if not law.position or law.tuning is None or law.kp is not None:
+        kp, ki = gains(study, name)
+        return law.k_theta or 0.0, kp, ki
+    return position_gains_by_rule(study, name, 1)
+
+
 def learner(study: Study, name: str) -> Learner:
     """The numbers of a controller's learning part."""
     return study.once(_learner, name)
 
 
 def _learner(study: Study, name: str) -> Learner:
-    law, loop = study.controller[name], speed_loop(study)
-    assert isinstance(law, Harmonic)
+    law, loop = cast(Harmonic, study.controller[name]), speed_loop(study)
     base, sure, highest = _orders(study, law)
     fast, orders = (max(1, min(HARMONIC_ORDERS, top // base)) for top in (sure, highest))
     step, bends = _step(study), _bends(study, base)
@@ -395,3 +423,128 @@ def _at(
         swing=swings,
         snaps=stops,
     )
+
+
+def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]]:
+    """The orders of the cogging, and those that a controller doesn't learn."""
+    cogging = sorted(
+        {
+            wave.order
+            for key in study.scenarios_of(name)
+            for wave in for_scenario(study, key).motor.star().cogging
+            if wave.torque
+        }
+    )
+    told = learner(study, name)
+    return cogging, [n for n in cogging if n % told.base or n > told.base * told.orders]
+
+
+def _not_learned(study: Study, name: str) -> Remark | None:
+    """Warning of cogging orders that a controller doesn't learn, with a base with which it learns them."""
+    (cogging, left), told = _unlearned(study, name), learner(study, name)
+    if not left:
+        return None
+    orders = f"order{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
+    said = f"it learns {told.order_words}, but the cogging has {orders}"
+    needed = math.gcd(*cogging)
+    if cogging[-1] > needed * HARMONIC_ORDERS:
+        return Remark(f"{said}; no base learns all of it with {HARMONIC_ORDERS} orders")
+
+    def cured(other: Study) -> bool:
+        return not _unlearned(other, name)[1]
+
+    cures = helping(study, ({f"controller.{name}.base": needed},), cured)
+    return Remark(f"{said}; {either(cures)} learns all of it" if cures else said, cures)
+
+
+def _lacks_room(study: Study, name: str) -> int | None:
+    """The smallest base with room to learn a sensor's error; None: the controller's base has that room."""
+    here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
+    least = least_base(here)
+    return least if learner(study, name).base < least else None
+
+
+def _no_room(study: Study, name: str) -> Remark | None:
+    """Warning of a base without room to learn an eccentric sensor's error."""
+    least = _lacks_room(study, name)
+    if least is None:
+        return None
+    here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
+    roomy = roomy_base(here)
+    often = "twice" if least > 1 + BENDS_FROM[0] else "once"
+    base = learner(study, name).base
+    told = f"base {base} is too low to learn the sensor's error that comes {often} a turn"
+    change: Changes | None = {f"controller.{name}.base": roomy} if roomy >= least else None
+    cures = helping(study, (change,), lambda other: _lacks_room(other, name) is None)
+    if not cures:
+        return Remark(f"{told}: expected {least} or more")
+    cogging = sorted({wave.order for wave in here.motor.star().cogging if wave.torque and wave.order % roomy})
+    but = f", but not order{'s' * (len(cogging) > 1)} {', '.join(map(str, cogging))} of the cogging"
+    return Remark(f"{told}; {either(cures)} learns it{but if cogging else ''}", cures)
+
+
+def rival_bases(study: Study, name: str) -> tuple[int, int] | None:
+    """A base that learns all cogging, and one with room for the sensor's error; None if one base does both.
+
+    None too if there is no cogging, or if no base has that room.
+    """
+    cogging, _ = _unlearned(study, name)
+    if not cogging:
+        return None
+    worst = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
+    complete, roomy, least = math.gcd(*cogging), roomy_base(worst), least_base(worst)
+    return (complete, roomy) if complete < least <= roomy else None
+
+
+class HarmonicRules(FeedbackRules[Harmonic]):
+    """The rules of the law `harmonic`: gains of a speed or a position loop, and a learning part by rule."""
+
+    @property
+    def pi(self) -> tuple[float, float] | None:
+        return None if self.law.position else super().pi
+
+    def fill(self, study_here: Study) -> Values:
+        return dict(zip(("k_theta", "kp", "ki"), harmonic_gains(self.study, self.name), strict=True))
+
+    def c_config(self, law: Harmonic, loop: LawLoop) -> dict[str, Any]:
+        return law.c_config(loop, learner(self.study, self.name))
+
+    def feedback(self, omega_m: float) -> Linear | None:
+        k_theta, kp, ki = harmonic_gains(self.study, self.name)
+        return Linear(ratio=1, k=kp, k_theta=k_theta, k_i=ki)
+
+    def gains(self) -> dict[str, Gain]:
+        k_theta, kp, ki = harmonic_gains(self.study, self.name)
+        of_angle = {"k_theta": Gain(k_theta, "1/s")} if self.law.position else {}
+        return {**of_angle, "kp": Gain(kp, "A*s/rad"), "ki": Gain(ki, "A/rad")}
+
+    def numbers_used(self) -> dict[str, Gain]:
+        told = learner(self.study, self.name)
+        return {key: Gain(getattr(told, key), unit) for key, unit in LEARNER.items()}
+
+    def slower(self, factor: float) -> Changes | None:
+        if not self.law.position:
+            return super().slower(factor)
+        k_theta, kp, ki = harmonic_gains(self.study, self.name)
+        own = pi_texts(kp / factor, ki / factor**2) | {"k_theta": text(k_theta / factor, "1/s")}
+        return self.by_hand(own)
+
+    def refused(self) -> str | None:
+        try:
+            learner(self.study, self.name)
+        except StudyError as error:  # such as a motor that doesn't tell its slots
+            return str(error).partition(": ")[2]
+        return None
+
+    def certificate(self) -> Certificate:
+        return certificate(self.study, self.name)
+
+    def shortfall(self) -> Remark | None:
+        return _not_learned(self.study, self.name)
+
+    def notes(self) -> Iterator[Remark]:
+        if self.law.base in (rival_bases(self.study, self.name) or ()):
+            return  # the study itself states one of two bases, each of which misses what the other learns
+        for remark in (self.shortfall(), _no_room(self.study, self.name)):
+            if remark is not None:
+                yield remark

@@ -14,16 +14,33 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cogless.design.auto import (
+    GAIN_MARGIN,
+    HALVINGS,
+    IN_PHASE,
+    known_orders,
+    loops_in_corners,
+    no_gain_error,
+    numbers_by_hand,
+    phase_cosine,
+    with_numbers,
+)
 from cogless.design.closed_loop import Oscillation, Resonator, poles
+from cogless.design.law_rules import FeedbackRules, Values
 from cogless.design.laws.periodic import LONGEST_LEAD
 from cogless.design.learning_loop import FACTOR_MOST, LearningLoop, Worst
 from cogless.design.margins import Complex, Real
+from cogless.design.speed_loop import gains, speed_loop
+from cogless.study import Study
 from cogless.study.base import speed_text
-from cogless.study.laws.pi_afc import PiAfc
+from cogless.study.laws.harmonic import ORDER_ANGLE_MOST
+from cogless.study.laws.law import Memory
+from cogless.study.laws.pi_afc import PI_AFC_ORDERS, PiAfc
 from cogless.units import TURN
 
 FIXED = 1e-6  # tolerance of the fixed pole at z = 1: the angle, which has no feedback
@@ -31,6 +48,8 @@ FIXED = 1e-6  # tolerance of the fixed pole at z = 1: the angle, which has no fe
 
 class OrderLoop(LearningLoop):
     """PI with adaptive feedforward cancellation at a constant speed."""
+
+    FILTERED: ClassVar[bool] = False
 
     @property
     def law(self) -> PiAfc:
@@ -126,3 +145,64 @@ class OrderLoop(LearningLoop):
         samples = 1 / self.plant.period / self.periods_per_second  # in a revolution
         factor = math.exp(min(samples * math.log(max(abs(largest), 1e-300)), 700.0))
         return Worst(factor, abs(float(np.angle(largest))) / (TURN * self.plant.period))
+
+
+class PiAfcRules(FeedbackRules[PiAfc]):
+    """The rules of the law `pi-afc`."""
+
+    @property
+    def memory(self) -> Memory:
+        return self.law
+
+    @property
+    def loop(self) -> type[OrderLoop]:
+        return OrderLoop
+
+    def fastest(self) -> float:
+        """Its lowest order is learned up to there: two samples in a cycle."""
+        return math.pi * self.study.drive.rates.outer_loop / self.law.orders[0]
+
+    def auto(self) -> Values:
+        return _auto(self.study, self.name)
+
+
+def _auto(study: Study, name: str) -> Values:
+    """Orders that are known and can settle in every corner, the largest first; one lead, one gain for all."""
+    found = known_orders(study, name)
+    held = [n for n in found if _settles(study, name, n)] or found[:1]
+    by_hand = numbers_by_hand(study, name)
+    orders = list(by_hand.get("orders", sorted(held[:PI_AFC_ORDERS]) or [1]))
+    T = speed_loop(study).period
+    loops = list(
+        loops_in_corners(OrderLoop, with_numbers(study, name, {"orders": tuple(orders), "gain": 1.0}), name)
+    )
+
+    def in_phase(n: int) -> float:
+        return min(float(np.min(phase_cosine(loop, loop.frequencies, n), initial=1.0)) for loop in loops)
+
+    lead = by_hand.get("lead", max(range(LONGEST_LEAD + 1), key=in_phase) * T)
+    kp, ki = gains(study, name)
+    gain = (ki or kp / T) / len(orders)
+    for _ in range(2 * HALVINGS):
+        tried = with_numbers(study, name, {"orders": tuple(orders), "gain": GAIN_MARGIN * gain, "lead": lead})
+        if all(loop.worst().factor <= FACTOR_MOST for loop in loops_in_corners(OrderLoop, tried, name)):
+            return {"orders": orders, "gain": gain, "lead": lead}
+        gain /= 2
+    raise no_gain_error(study, name)
+
+
+def _settles(study: Study, name: str, order: int) -> bool:
+    """Whether a lead exists with which the order is learned at all speeds and corners.
+
+    An order that turns by more than ORDER_ANGLE_MOST in a sample looks almost like its image: it is left out.
+    """
+    loops = list(
+        loops_in_corners(OrderLoop, with_numbers(study, name, {"orders": (order,), "gain": 1.0}), name)
+    )
+    turned = max(order * abs(loop.omega_m) * loop.plant.period for loop in loops)
+    if turned > ORDER_ANGLE_MOST:
+        return False
+    leads = range(LONGEST_LEAD + 1)
+    return any(
+        all(np.all(phase_cosine(loop, loop.frequencies, n) > IN_PHASE) for loop in loops) for n in leads
+    )

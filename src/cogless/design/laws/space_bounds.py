@@ -53,9 +53,10 @@ import math
 import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import cast
 
 from cogless.design.angle_functions import AngleFunctions, Bounds, angle_functions
-from cogless.design.closed_loop import Linear, feedback_at, position_gains
+from cogless.design.closed_loop import Gains, Linear, position_gains_by_rule
 from cogless.study import Study, for_scenario
 from cogless.study.laws.space import SpaceLearning, SpacePosition, SpaceSpeed
 from cogless.study.scenario import Scenario
@@ -121,8 +122,24 @@ class Theorem:
         return f"{words}: {'the proof holds' if self.holds else 'not covered by the proof'}{reasons}"
 
 
+def position_gains(study: Study, name: str) -> Gains:
+    """k_theta, k_omega and k_i of a position law: as the study gives them, or from its tuning rule."""
+    law = cast(SpacePosition, study.controller[name])
+    if law.tuning is None:
+        return law.k_theta or 0.0, law.k_omega or 0.0, law.k_i
+    return position_gains_by_rule(study, name, law.ratio(study.motor.pole_pairs))
+
+
+def feedback_at(study: Study, name: str, omega_m: float) -> Linear:
+    """A position law's feedback before it learns, with v and k_v, at mechanical speed omega_m in rad/s."""
+    law = cast(SpacePosition, study.controller[name])
+    ratio, (k_theta, k_omega, k_i) = law.ratio(study.motor.pole_pairs), position_gains(study, name)
+    v = law.v_0 + law.v_2 * (ratio * omega_m) ** 2
+    return Linear(ratio=ratio, k=k_omega + v, k_theta=k_theta, k_i=k_i, k_v=law.k_v)
+
+
 def theorem(study: Study, name: str) -> Theorem | None:
-    """The theorem for a controller; None if it doesn't learn, or is in no scenario."""
+    """The theorem for a controller that learns in angle; None if it doesn't learn, or is in no scenario."""
     law = study.controller[name]
     keys = study.scenarios_of(name)
     if not isinstance(law, SpacePosition | SpaceSpeed) or not law.learning or not keys:

@@ -40,7 +40,6 @@ from cogless.study.laws.trial import (
     QFilter,
     StateIlc,
     TrialIlc,
-    TrialLaw,
 )
 from cogless.study.linear_plant import LinearPlant
 from cogless.study.mechanics import Mechanics
@@ -140,7 +139,7 @@ def _designs(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     designs = Designs()
     known: list[tuple[TrialSettings, TrialGains | DesignError]] = []
     outside = {scenario: _outside(study, scenario) for scenario, _ in runs}
-    wanted = {run: settings_of(study, *run) for run in runs if isinstance(study.controller[run[1]], TrialLaw)}
+    wanted = {run: settings_of(study, *run) for run in runs if study.controller[run[1]].of_trials}
     # designs that need K_3 come first: the others can then reuse their gains without K_3
     for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not needs_K_3(item[1])):
         try:
@@ -322,7 +321,7 @@ def _gains_alone(study: TrialStudy, settings: TrialSettings) -> TrialGains:
     if settings.kind == "observer" or (chosen and needs_K_3(settings)):
         return design_gains(uncertain_plant(study), settings)
     runs = ((scenario, name) for scenario in study.scenario for name in study.controllers_in(scenario))
-    laws = (run for run in runs if isinstance(study.controller[run[1]], TrialLaw))
+    laws = (run for run in runs if study.controller[run[1]].of_trials)
     first = next(run for run in laws if _same_feedback(settings, settings_of(study, *run)))
     return replace(study.once(_feedback_gains, first), K_3=settings.K_3)
 

@@ -1,31 +1,41 @@
-"""All control laws that a speed study can use, including laws for position."""
+"""All control laws that a speed study can use: a model is one of them because its file is in this folder.
+
+A model is a class with a key `law` of one word. Laws of the control library come in the order of laws.def, a
+user's own behind them. Those of trials are not among them: a study of trials has its own union in `trial`.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING, Annotated, Union, get_args
 
 from pydantic import Field
 
-from cogless.study.laws.adrc import Adrc
-from cogless.study.laws.anti_cogging import AntiCogging
-from cogless.study.laws.harmonic import Harmonic
-from cogless.study.laws.own import LibraryLaw, PythonLaw
-from cogless.study.laws.periodic import PiIlc, RobustIlc
-from cogless.study.laws.pi import Pi
-from cogless.study.laws.pi_afc import PiAfc
-from cogless.study.laws.space import SpacePosition, SpaceSpeed
+from cogless.control_library import C_LAWS
+from cogless.study.laws.law import Base
 
-AnyController = (
-    Pi
-    | Adrc
-    | PiIlc
-    | PiAfc
-    | Harmonic
-    | RobustIlc
-    | AntiCogging
-    | SpacePosition
-    | SpaceSpeed
-    | PythonLaw
-    | LibraryLaw
-)
+
+def law_name(model: type[Base]) -> str | None:
+    """The word of a model's key `law`; None for a class that only laws are derived from."""
+    field = model.model_fields.get("law")
+    return None if field is None else str(get_args(field.annotation)[0])
+
+
+def _models() -> list[type[Base]]:
+    """The models of all laws of speed studies, in order."""
+    models: dict[str, type[Base]] = {}
+    for file in iter_modules(__path__):
+        for value in vars(import_module(f"{__name__}.{file.name}")).values():
+            name = law_name(value) if isinstance(value, type) and issubclass(value, Base) else None
+            if name is not None and not value.of_trials:
+                models[name] = value
+    order = [*C_LAWS, *models]
+    return [models[name] for name in sorted(models, key=order.index)]
+
+
+if TYPE_CHECKING:
+    AnyController = Base
+else:
+    AnyController = Union[tuple(_models())]  # noqa: UP007
 Controller = Annotated[AnyController, Field(discriminator="law")]

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar, Literal
 
 from cogless import units
-from cogless.study.laws.law import AutoTuning, Base, LawLoop
-from cogless.study.table import CurrentToAcceleration, Quantity, RateGain
+from cogless.study.laws.law import AutoTuning, Base, LawLoop, StudyOfLaws
+from cogless.study.table import CurrentToAcceleration, Quantity, RateGain, invalid
+
+OBSERVER_BANDWIDTH_MOST = 2.0  # rad a sample, of a law's observer: FASTEST in adrc.c
 
 
 class Adrc(Base):
@@ -24,6 +26,13 @@ class Adrc(Base):
     """The rule `auto` in place of the numbers."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"b": 1.0, "omega_c": 0.0, "omega_o": 1.0}
+
+    def check(self, study: StudyOfLaws, name: str) -> None:
+        """Check that the observer isn't faster than the samples that it gets."""
+        fastest = OBSERVER_BANDWIDTH_MOST * study.drive.rates.outer_loop
+        if self.omega_o > fastest * (1 - 1e-6):
+            expected = f"expected less than {fastest:.6g} 1/s, {OBSERVER_BANDWIDTH_MOST:g} a sample"
+            raise invalid(expected, "controller", name, "omega_o")
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
         return {**self.model_dump(include={"b", "omega_c", "omega_o"}), "limit": loop.current_limit}

@@ -6,28 +6,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cogless.study.laws.law import MOST_CELLS, Feedback, LawLoop, Startable
-from cogless.study.table import LawSpeed, RateGain, StartTime, Table, invalid
-from cogless.units import TURN
-
-SETTLING = 1 / 8  # revolutions in each direction before a commissioning run begins to record
-
-
-class Commissioning(Table):
-    """The slow run, forwards and backwards, that fills an anti-cogging table."""
-
-    speed: LawSpeed  # rad/s
-    """Speed of the run."""
-    revolutions: Annotated[int, Field(ge=1, le=100)] = 1
-    """Recorded revolutions in each direction."""
-    position_gain: RateGain  # 1/s
-    """Gain that holds the rotor to the angle of the run's reference."""
-
-    @property
-    def duration(self) -> float:
-        """Duration of the commissioning run, s."""
-        return 2 * (self.revolutions + SETTLING) * TURN / self.speed
-
+from cogless.study.drive import TRACE_ROWS_MOST
+from cogless.study.laws.law import MOST_CELLS, Commissioning, Feedback, LawLoop, Startable, StudyOfLaws
+from cogless.study.table import StartTime, invalid
 
 NOT_FILLED = (
     'expected calibration = { speed = "6 rpm", position_gain = "20 1/s" }, tuning = { rule = "auto" }, which '
@@ -66,6 +47,19 @@ class AntiCogging(Feedback, Startable):
     @property
     def learned(self) -> bool:
         return True
+
+    @property
+    def commissioning(self) -> Commissioning | None:
+        return self.calibration
+
+    def check(self, study: StudyOfLaws, name: str) -> None:
+        """Check that the commissioning run isn't too long to simulate."""
+        if self.calibration is None:
+            return
+        longest, takes = TRACE_ROWS_MOST / study.drive.rates.outer_loop, self.calibration.duration
+        if takes > longest:
+            expected = f"expected a run of at most {longest:.6g} s, not {takes:.3g} s"
+            raise invalid(expected, "controller", name, "calibration", "speed")
 
     def c_config(self, loop: LawLoop) -> dict[str, Any]:
         run = (self.calibration or UNUSED).model_dump()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from fractions import Fraction
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -72,9 +72,15 @@ class Harmonic(Feedback, LearnsWhileRunning):
             raise invalid("expected none, unless position is true and kp and ki are given", "k_theta")
         return self
 
+    learns_every_order: ClassVar[bool] = True
+
     @property
     def holds_position(self) -> bool:
         return self.position
+
+    @property
+    def needs_slots(self) -> bool:
+        return self.base is None
 
     @property
     def over_angle(self) -> bool:
@@ -85,7 +91,8 @@ class Harmonic(Feedback, LearnsWhileRunning):
         """Length of the learned period in mechanical revolutions."""
         return Fraction(1)
 
-    def c_config(self, loop: LawLoop, learner: Learner) -> dict[str, Any]:
+    def c_config(self, loop: LawLoop, learner: Learner | None = None) -> dict[str, Any]:
+        assert learner is not None, "the rule gives it: HarmonicRules in cogless.design.laws.harmonic"
         return {
             "pi": self.pi_config(loop),
             "k_theta": self.k_theta or 0.0,

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Annotated, Any, ClassVar, Literal, Self
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, get_args
 
 from pydantic import (
     Field,
@@ -23,12 +25,16 @@ from pydantic import (
 )
 
 from cogless import units
+from cogless.control_library import C_LAWS
 from cogless.study.csv_table import OverAngle, read
 from cogless.study.table import (
     CurrentBound,
     FileName,
+    LawSpeed,
     Line,
     PhaseMargin,
+    Quantity,
+    RateGain,
     SpeedGain,
     SpeedIntegralGain,
     StartTime,
@@ -36,6 +42,12 @@ from cogless.study.table import (
     check_sizes,
     invalid,
 )
+from cogless.units import TURN
+
+if TYPE_CHECKING:
+    from cogless.study.drive import Drive
+    from cogless.study.motor import AnyMotor
+    from cogless.study.scenario import Scenario
 
 COLUMNS = {"current": units.CURRENT, "torque": units.TORQUE}
 StartFile = Annotated[Line, FileName(), Field(min_length=1)]  # relative to the study
@@ -150,11 +162,52 @@ class AutoTuning(Tuning):
     """`auto`, see [](/laws/auto.md)."""
 
 
+def unit_within(annotations: list[Any]) -> str:
+    """The SI unit of the first quantity in a field's annotations; "" if there is none."""
+    for entry in annotations:
+        unit = entry.dimension.unit if isinstance(entry, Quantity) else unit_within(list(get_args(entry)))
+        if unit or isinstance(entry, Quantity):
+            return unit
+    return ""
+
+
+class StudyOfLaws(Protocol):
+    """What the checks of a law ask of its study, which is one of speed."""
+
+    @property
+    def motor(self) -> AnyMotor: ...
+    @property
+    def drive(self) -> Drive: ...
+    @property
+    def scenario(self) -> Mapping[str, Scenario]: ...
+    def scenarios_of(self, controller: str) -> list[str]: ...
+
+
+SETTLING = 1 / 8  # revolutions in each direction before a commissioning run begins to record
+
+
+class Commissioning(Table):
+    """The slow run, forwards and backwards, that fills an anti-cogging table."""
+
+    speed: LawSpeed  # rad/s
+    """Speed of the run."""
+    revolutions: Annotated[int, Field(ge=1, le=100)] = 1
+    """Recorded revolutions in each direction."""
+    position_gain: RateGain  # 1/s
+    """Gain that holds the rotor to the angle of the run's reference."""
+
+    @property
+    def duration(self) -> float:
+        """Duration of the commissioning run, s."""
+        return 2 * (self.revolutions + SETTLING) * TURN / self.speed
+
+
 class Base(Table):
     """A controller: the keys that every law has.
 
-    A law of the control library also has a method c_config(loop), which returns its C configuration, member
-    by name. Gains from a tuning rule and default limits are filled in before it is called.
+    What differs between laws is asked here, and each answer has a default: that of a law which learns nothing
+    and needs nothing. A law overrides what it does otherwise. What follows from a study's numbers is asked of
+    the law's rules in the design (cogless.design.law_rules).
     """
 
     label: Line | None = None
@@ -162,8 +215,27 @@ class Base(Table):
     baseline: bool = False
     """True: ratios in tables and report are relative to this controller; one at most. Default: the first."""
 
+    if TYPE_CHECKING:
+        law: str  # its name; each law declares it, as its first own key
+
     # keys that the rule auto gives (cogless.design.auto), with what stands there until it does
     AUTOMATIC: ClassVar[dict[str, Any]] = {}
+    # keys of its learning gains, the larger the faster it learns
+    LEARNING_GAINS: ClassVar[tuple[str, ...]] = ()
+    TRIAL_GAIN: ClassVar[str] = ""  # the key of the single gain by which it learns from trials
+    # what it must have to start from a map, which it lacks
+    NEEDS: ClassVar[str] = "none, since the memory is over time"
+    NO_C_FORM: ClassVar[str] = ""  # why it can't be exported as C; "": it can
+    NOT_ON_PAGE: ClassVar[str] = ""  # why a live page can't run it; "": it can
+
+    # whether it is a law of trials, whose study designs all of its numbers
+    of_trials: ClassVar[bool] = False
+    # whether it may learn during a run, from the key `learning_start` on
+    learns_while_running: ClassVar[bool] = False
+    # whether what it learns are functions of the angle, which hold at every speed
+    learns_functions: ClassVar[bool] = False
+    # whether it learns all orders of the motor by itself
+    learns_every_order: ClassVar[bool] = False
 
     @classmethod
     def spelled_out(cls, data: Any) -> Any:
@@ -171,9 +243,151 @@ class Base(Table):
         is_auto = isinstance(tuning, dict) and tuning.get("rule") == "auto"
         return {**cls.AUTOMATIC, **data} if is_auto else data
 
+    def c_config(self, loop: LawLoop) -> dict[str, Any]:
+        """Its C configuration, member by name.
+
+        Gains from a tuning rule and default limits are filled in before. Only laws of the control library
+        have one.
+        """
+        raise NotImplementedError(self.law)
+
+    def check(self, study: StudyOfLaws, name: str) -> None:
+        """Refuse what does not suit the study, in which the law is the controller `name`.
+
+        Also called for each scenario, with its overrides.
+        """
+
+    def check_speeds(self, study: StudyOfLaws, name: str) -> None:
+        """Refuse what suits none of the speeds of all scenarios."""
+
+    @property
+    def rule(self) -> Tuning | None:
+        """Its tuning rule; None if all gains are given."""
+        rule: Tuning | None = getattr(self, "tuning", None)
+        return rule
+
+    @property
+    def is_auto(self) -> bool:
+        """Whether its tuning rule is `auto`."""
+        return self.rule is not None and self.rule.is_auto
+
+    @property
+    def given_pi(self) -> tuple[float, float] | None:
+        """kp [A*s/rad] and ki [A/rad] of its PI, if its keys give them; None if it has none, or by a rule."""
+        return None
+
+    @property
+    def has_pi(self) -> bool:
+        """Whether its feedback is a PI with the keys `kp` and `ki`."""
+        return False
+
+    @property
+    def code(self) -> str | None:
+        """The user's file, relative to the study, whose code runs; None for a law of the control library."""
+        return None
+
+    @property
+    def python_class(self) -> str | None:
+        """File and class of a user's law in Python, as "file.py:Class"; None for all others."""
+        return None
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of that class."""
+        return {}
+
+    def own_code(self, folder: Path, drive: Mapping[str, Any]) -> dict[str, Any]:
+        """What the engine must be told of a user's law in `folder`. `drive`: what such a law is told."""
+        return {}
+
+    @property
+    def begins_with(self) -> Start | None:
+        """What its map holds at the start of a run; None if nothing."""
+        return None
+
+    @property
+    def commissioning(self) -> Commissioning | None:
+        """The run before the first one, which fills its table; None if there is none."""
+        return None
+
+    @property
+    def row(self) -> str:
+        """Its name in laws.def."""
+        return self.law
+
+    @property
+    def unrecorded(self) -> frozenset[str]:
+        """Parts of its output that it does not have with these keys."""
+        return frozenset()
+
+    @property
+    def terms(self) -> frozenset[str]:
+        """Names of the recorded parts of its output."""
+        if self.row not in C_LAWS:
+            return frozenset()
+        return frozenset(term.signal for term in C_LAWS[self.row].terms) - self.unrecorded
+
+    @property
+    def uses_path(self) -> bool:
+        """Whether it follows the angle of the reference, so that this and its error are recorded."""
+        return self.holds_position
+
+    @property
+    def needs_slots(self) -> bool:
+        """Whether the motor must tell its slots."""
+        return False
+
+    @property
+    def missing_feedback(self) -> str | None:
+        """The key without which it learns with no feedback, so that the guard can't compare; None: none."""
+        return None
+
+    @property
+    def by_order(self) -> bool:
+        """Whether its memory holds amplitudes of orders, and no cells over a period."""
+        return self.row in C_LAWS and C_LAWS[self.row].by_order
+
+    def revolutions(self, pole_pairs: int) -> Fraction | None:
+        """Length of the learned period in mechanical revolutions; None: nothing is learned over a period."""
+        return None
+
+    @property
+    def period_words(self) -> str:
+        """The learned period in words, for a law that learns functions of the angle."""
+        return ""
+
+    @property
+    def rests_below(self) -> float | None:
+        """Speed below which learning pauses, rad/s; None: it has no such key."""
+        return None
+
+    def functions_learned(self, accelerates: bool) -> int:
+        """How many functions of the angle it learns. `accelerates`: whether the reference does."""
+        return 1
+
+    @property
+    def uses_acceleration(self) -> bool:
+        """Whether its learning gain depends on the acceleration."""
+        return False
+
+    def unit_of(self, key: str) -> str:
+        """SI unit of one of its keys; "" if it has none."""
+        field = type(self).model_fields[key]
+        return unit_within([*field.metadata, *get_args(field.annotation)])
+
+    @property
+    def idle_keys(self) -> frozenset[str]:
+        """Keys that have no effect with the others as they are."""
+        return frozenset()
+
     @property
     def learns(self) -> bool:
         """Whether it keeps learning during a run."""
+        return False
+
+    @property
+    def learns_from_trials(self) -> bool:
+        """Whether it learns from trial to trial."""
         return False
 
     @property
@@ -227,6 +441,14 @@ class Feedback(Base):
     tuning: Tuning | None = None
     """Rule that gives `kp` and `ki`. The learning part of `harmonic` has its own rule in any case."""
 
+    @property
+    def has_pi(self) -> bool:
+        return True
+
+    @property
+    def given_pi(self) -> tuple[float, float] | None:
+        return None if self.kp is None or self.ki is None else (self.kp, self.ki)
+
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
         gains = (self.kp is not None, self.ki is not None)
@@ -245,6 +467,7 @@ class Feedback(Base):
 
 MOST_CELLS = 65_535
 LINE_SAMPLES_MOST = 1 << 24  # of a delay line
+FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
 Cells = Annotated[int, Field(ge=4, le=LINE_SAMPLES_MOST)]
 
 
@@ -264,12 +487,18 @@ class Startable(Base):
     """What the map holds at the start of a run. Default: nothing. A class of your own then has `learned_map`
     and `load_map`; a library has `cogless_plugin_learned_map` and `cogless_plugin_load_map`."""
 
+    @property
+    def begins_with(self) -> Start | None:
+        return self.start
+
 
 class LearnsWhileRunning(Startable):
     """A law that learns during the run, from a time on."""
 
     learning_start: StartTime = 0.0  # s
     """Time at which learning starts."""
+
+    learns_while_running: ClassVar[bool] = True
 
     @property
     def learns(self) -> bool:
@@ -278,6 +507,25 @@ class LearnsWhileRunning(Startable):
     @property
     def learns_from(self) -> float:
         return self.learning_start
+
+
+class Memory(Protocol):
+    """A memory over a period of the angle, as the design judges it."""
+
+    @property
+    def learning_start(self) -> float: ...
+    @property
+    def cells(self) -> int: ...
+    @property
+    def q_half_width(self) -> int: ...
+    @property
+    def over_angle(self) -> bool:
+        """Whether it is over the angle; if not, it is a delay line over time."""
+
+    @property
+    def by_order(self) -> bool: ...
+    def revolutions(self, pole_pairs: int) -> Fraction:
+        """Length of the learned period in mechanical revolutions."""
 
 
 class Learning(LearnsWhileRunning):
@@ -326,6 +574,37 @@ class Learning(LearnsWhileRunning):
     def _cells_fit(self) -> Self:
         check_cells(self.cells, self.q_half_width, self.memory == "time")
         return self
+
+    def check(self, study: StudyOfLaws, name: str) -> None:
+        """Check that the lead is at most a quarter of the memory."""
+        longest = self.cells // 4 / study.drive.rates.outer_loop
+        if self.lead > longest * (1 + 1e-9):
+            expected = f"expected at most {longest:.6g} s, a quarter of the memory's cells in samples"
+            raise invalid(expected, "controller", name, "lead")
+
+    def check_speeds(self, study: StudyOfLaws, name: str) -> None:
+        """Check that it can learn at the top speed of one of its scenarios, at least.
+
+        There its period must hold enough samples, fit into the memory, and be long compared with the lead.
+        """
+        rate, per_turn = study.drive.rates.outer_loop, self.ratio(study.motor.pole_pairs)
+        speeds = [study.scenario[key].top_speed for key in study.scenarios_of(name)]
+        samples = [rate * TURN / (per_turn * speed) for speed in speeds if speed > 0]
+        if not samples:
+            return
+        longest = max(samples)
+        if self.memory == "time" and min(samples) > self.cells:
+            expected = f"expected {math.ceil(min(samples))} or more, the samples of a period"
+            raise invalid(expected, "controller", name, "cells", value=self.cells)
+        if longest < FEWEST_SAMPLES:
+            expected = (
+                f"expected a longer one: it has {longest:.3g} samples, at least {FEWEST_SAMPLES} are needed"
+            )
+            raise invalid(expected, "controller", name, "period", value=self.period)
+        quarter = longest / FEWEST_SAMPLES / rate
+        if self.lead > quarter * (1 + 1e-9):
+            expected = f"expected at most {quarter:.6g} s, a quarter of a period"
+            raise invalid(expected, "controller", name, "lead")
 
     def memory_config(self, loop: LawLoop) -> dict[str, Any]:
         """Members of the C struct cgl_memory_config."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator
@@ -14,7 +16,7 @@ from cogless.study.table import File, FileName, Many, StartTime, invalid
 class OwnLaw(Startable):
     """The keys of every controller that a user has written himself."""
 
-    NEEDS: ClassVar[str]  # what it must have to start from a map
+    NOT_ON_PAGE: ClassVar[str] = "its law is code of its own, which the page doesn't run"
 
     learning: bool = False
     """True: the law learns, so reports count it among the learning laws."""
@@ -32,6 +34,11 @@ class OwnLaw(Startable):
         return self.learning or self.start is not None
 
     @property
+    def terms(self) -> frozenset[str]:
+        """The learned part, if it tells it, which only a run shows."""
+        return frozenset({"term_learned"} if self.learning else ())
+
+    @property
     def learns_from(self) -> float:
         return self.learning_start
 
@@ -44,6 +51,7 @@ class PythonLaw(OwnLaw):
     """A user's class with step(inputs) -> i_q_ref or (i_d_ref, i_q_ref), A."""
 
     NEEDS: ClassVar[str] = "a class with the methods learned_map() and load_map(learned)"
+    NO_C_FORM: ClassVar[str] = "has no C form"
 
     law: Literal["python"]
     """A class of your own, see [](/guide/own-controller.md)."""
@@ -59,6 +67,10 @@ class PythonLaw(OwnLaw):
         return self.object.rpartition(":")[0]
 
     @property
+    def python_class(self) -> str:
+        return self.object
+
+    @property
     def arguments(self) -> dict[str, Any]:
         """The params, texts that are a number with a unit as SI numbers."""
         return {key: _si(value) for key, value in self.params.items()}
@@ -68,6 +80,7 @@ class LibraryLaw(OwnLaw):
     """A user's shared library with the documented C interface."""
 
     NEEDS: ClassVar[str] = "a library with cogless_plugin_learned_map and cogless_plugin_load_map"
+    NO_C_FORM: ClassVar[str] = "is C of your own already"
 
     law: Literal["library"]
     """A shared library of your own, see [](/guide/own-controller.md)."""
@@ -88,6 +101,13 @@ class LibraryLaw(OwnLaw):
     def code(self) -> str:
         """The file whose code runs, relative to the study."""
         return self.library
+
+    def own_code(self, folder: Path, drive: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            "library": str((folder / self.library).resolve()),
+            "params": self.numbers,
+            "drive": dict(drive),
+        }
 
     @property
     def numbers(self) -> list[float]:

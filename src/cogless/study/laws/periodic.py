@@ -26,6 +26,11 @@ class PiIlc(Feedback, Learning):
     """Learning gain."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"gain": 0.0, **PERIODIC}
+    LEARNING_GAINS: ClassVar[tuple[str, ...]] = ("gain",)
+
+    @property
+    def missing_feedback(self) -> str | None:
+        return "kp" if self.gain > 0 and self.kp == 0 else None
 
     @property
     def learning_gain(self) -> tuple[float, float]:
@@ -68,6 +73,11 @@ class RobustIlc(Learning):
         "b": 1.0,
         **PERIODIC,
     }
+    LEARNING_GAINS: ClassVar[tuple[str, ...]] = ("beta_1", "beta_2")
+
+    @property
+    def missing_feedback(self) -> str | None:
+        return "eta" if self.q * self.beta_2 > 0 and self.c + self.eta == 0 else None
 
     @property
     def learns_by_switching(self) -> bool:

@@ -34,6 +34,15 @@ class PiAfc(Feedback, LearnsWhileRunning):
     """Largest magnitude of each coefficient and of the learned part. Default: `current_limit`."""
 
     AUTOMATIC: ClassVar[dict[str, Any]] = {"orders": [1], "gain": 0.0, "lead": 0.0}
+    LEARNING_GAINS: ClassVar[tuple[str, ...]] = ("gain",)
+
+    @property
+    def missing_feedback(self) -> str | None:
+        return "kp" if self.gain > 0 and self.kp == 0 else None
+
+    @property
+    def rests_below(self) -> float:
+        return self.omega_min
 
     @property
     def over_angle(self) -> bool:

@@ -3,13 +3,25 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from cogless import units
-from cogless.study.laws.law import AutoTuning, Cells, LawLoop, LearnsWhileRunning, Tuning, check_cells
+from cogless.control_library import real_number
+from cogless.study.laws.law import (
+    FEWEST_SAMPLES,
+    LINE_SAMPLES_MOST,
+    AutoTuning,
+    Cells,
+    LawLoop,
+    LearnsWhileRunning,
+    StudyOfLaws,
+    Tuning,
+    check_cells,
+)
 from cogless.study.table import (
     CurrentBound,
     LawSpeed,
@@ -19,10 +31,14 @@ from cogless.study.table import (
     SpeedIntegralGain,
     StartTime,
     Table,
+    check_precision,
     invalid,
 )
+from cogless.units import TURN
 
 NEVER = 1e18  # s
+ANGLE_MAX = real_number("CGL_ANGLE_MAX")  # rad
+MOST_PARTS = 65535  # largest denominator of a period in revolutions of the law's angle
 Whole = Annotated[int, Field(ge=1, le=65535)]
 
 
@@ -35,6 +51,12 @@ class Period(Table):
     """Number of revolutions."""
     parts: Whole = 1
     """Divisor: the period is turns/parts revolutions."""
+
+    @property
+    def description(self) -> str:
+        """Its length, as "1/6 of one electrical revolution"."""
+        share = f"{self.turns}/{self.parts} of " if (self.turns, self.parts) != (1, 1) else ""
+        return f"{share}one {self.of} revolution"
 
     def revolutions(self, pole_pairs: int) -> Fraction:
         """Length of the period in mechanical revolutions."""
@@ -104,10 +126,92 @@ class SpaceLearning(LearnsWhileRunning):
         """Length of the learned period in mechanical revolutions."""
         return self.period.revolutions(pole_pairs)
 
+    learns_functions: ClassVar[bool] = True
+    LEARNING_GAINS: ClassVar[tuple[str, ...]] = ("mu_alpha", "mu_beta", "mu_h")
+
     @property
     def channels(self) -> int:
         """Number of learned functions of the angle: 1 is alpha, 2 adds beta, 3 adds h."""
         return 3 if self.mu_h else 2 if self.mu_beta else 1
+
+    @property
+    def unrecorded(self) -> frozenset[str]:
+        absent = ("term_beta", "term_h")[self.channels - 1 :]
+        return frozenset((*absent, *(() if self.memory == "delay" else ("P_t",))))
+
+    @property
+    def period_words(self) -> str:
+        return self.period.description
+
+    @property
+    def uses_path(self) -> bool:
+        return True
+
+    @property
+    def rests_below(self) -> float:
+        return self.omega_min
+
+    @property
+    def uses_acceleration(self) -> bool:
+        return self.mu_h > 0
+
+    def functions_learned(self, accelerates: bool) -> int:
+        gains = (self.mu_alpha, self.mu_beta, self.mu_h if accelerates else 0.0)
+        return max(1, sum(gain > 0 for gain in gains))
+
+    @property
+    def idle_keys(self) -> frozenset[str]:
+        if not self.learning:
+            return frozenset({*SpaceLearning.model_fields, "ramp"})
+        return frozenset() if (self.memory, self.delay_method) == ("delay", "ode") else frozenset({"k_pp"})
+
+    def check(self, study: StudyOfLaws, name: str) -> None:
+        """Check that the learned period suits the motor and the speeds, and that a delay line is long enough.
+
+        A delay line also needs a reference speed that doesn't come near zero.
+        """
+        rate, pole_pairs = study.drive.rates.outer_loop, study.motor.pole_pairs
+        revolutions = self.revolutions(pole_pairs)
+        self._check_numbers(study, name)
+        _check_angles(name, revolutions, self.ratio(pole_pairs))
+        if self.by_rotor and (1 / revolutions).denominator != 1:
+            expected = "expected a period that fits into a revolution of the rotor, not"
+            raise invalid(f"{expected} {float(revolutions):.4g} of one", "controller", name, "period")
+        for key in study.scenarios_of(name) if self.learning else ():
+            scenario = study.scenario[key]
+            top, turn = scenario.top_reference, TURN * float(revolutions)
+            if top > 0 and rate * turn / top < FEWEST_SAMPLES:
+                samples = rate * turn / top
+                expected = f"expected a longer one: at the top speed of scenario {key} it has {samples:.3g} "
+                needed = f"samples, at least {FEWEST_SAMPLES} are needed"
+                raise invalid(expected + needed, "controller", name, "period")
+            if self.memory == "delay":
+                self._check_delay_line(name, key, scenario.speeds[0], rate * turn)
+
+    def _check_numbers(self, study: StudyOfLaws, name: str) -> None:
+        """Check that its numbers fit the controller's number type, and that k_pp is below the loop's rate."""
+        # `terms`: the Q filter adds up this many entries
+        check_precision(self, study.drive.precision, "controller", name, terms=2 * self.q_half_width + 2)
+        rate = study.drive.rates.outer_loop
+        if self.memory == "delay" and self.delay_method == "ode" and self.k_pp >= rate:
+            expected = f"expected less than drive.rates.speed_loop, {rate:g} Hz"
+            raise invalid(expected, "controller", name, "k_pp")
+
+    def _check_delay_line(self, name: str, scenario: str, slowest: float, reach: float) -> None:
+        if slowest < self.omega_min:
+            expected = (
+                f'expected "map": the reference of scenario {scenario} comes down to {slowest:.4g} rad/s, '
+            )
+            needed = f"and a delay line needs omega_min, {self.omega_min:g} rad/s, or more"
+            raise invalid(expected + needed, "controller", name, "memory")
+        samples = math.ceil(reach / slowest)
+        if samples > LINE_SAMPLES_MOST:
+            expected = f'expected "map": a period at the slowest speed of scenario {scenario} has {samples} '
+            needed = f"samples, and a delay line at most {LINE_SAMPLES_MOST}"
+            raise invalid(expected + needed, "controller", name, "memory")
+        if samples > self.cells:
+            expected = f"expected {samples} or more, the samples of a period at the slowest speed of scenario"
+            raise invalid(f"{expected} {scenario}", "controller", name, "cells", value=self.cells)
 
     def memory_config(self, loop: LawLoop) -> dict[str, Any]:
         """Members of the C struct cgl_memory_config."""
@@ -126,6 +230,20 @@ class SpaceLearning(LearnsWhileRunning):
             "method": f"CGL_DELAY_{self.delay_method.upper()}",
             "k_pp": self.k_pp,
         }
+
+
+def _check_angles(name: str, revolutions: Fraction, ratio: int) -> None:
+    """Check that the reference angle stays small enough.
+
+    The controller counts it up to the smallest angle that is a whole number of revolutions and of learned
+    periods.
+    """
+    longest = int(ANGLE_MAX / (TURN * ratio))
+    if revolutions.numerator > longest:
+        expected = f"expected at most {longest} revolutions, until whole periods are whole revolutions, not"
+        raise invalid(f"{expected} {revolutions.numerator}", "controller", name, "period")
+    if (ratio * revolutions).denominator > MOST_PARTS:
+        raise invalid(f"expected at most {MOST_PARTS} parts", "controller", name, "period")
 
 
 MECHANICAL = {"period": {"of": "mechanical"}, "mu_alpha": 1.0, "cells": 1024, "q_half_width": 0}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
@@ -51,9 +51,21 @@ class TrialLaw(Base):
     """False switches [the guard](/laws/trial.md#the-guard) off, which takes back what leaves more error than
     the feedback alone."""
 
+    of_trials: ClassVar[bool] = True
+
+    @property
+    def row(self) -> str:
+        return "trial"
+
+    @property
+    def learns_from_trials(self) -> bool:
+        return bool(getattr(self, "learning", True))
+
 
 class FilteredLaw(TrialLaw):
     """A law of trials that learns with a single gain, and may have a Q filter."""
+
+    FEEDBACK: ClassVar[str] = "K_s"  # the key of its own feedback gains
 
     q_filter: QFilter | Literal["auto", "none"] | None = None
     """Filter applied between trials, `"auto"` for [the design's
@@ -71,6 +83,8 @@ class FilteredLaw(TrialLaw):
 
 class TrialIlc(FilteredLaw):
     """State feedback with integral action, feedforward and trial-to-trial learning (Mandra 2019, Fig. 1)."""
+
+    TRIAL_GAIN: ClassVar[str] = "K_3"
 
     law: Literal["trial-ilc"]
     """State feedback with integral action, feedforward, learning."""
@@ -108,6 +122,9 @@ class TrialIlc(FilteredLaw):
 class StateIlc(FilteredLaw):
     """The older law (3) of Mandra 2019: it corrects the last trial's input, and has no feedforward."""
 
+    TRIAL_GAIN: ClassVar[str] = "K_ilc"
+    FEEDBACK: ClassVar[str] = "K_stab"
+
     law: Literal["state-ilc"]
     """The older law (3) of Mandra 2019."""
     K_stab: Many[float] | None = None
@@ -118,6 +135,10 @@ class StateIlc(FilteredLaw):
 
 class NormOptimalIlc(TrialLaw):
     """Learning by a whole matrix from the error over a trial, optimal for the nominal plant."""
+
+    NOT_ON_PAGE: ClassVar[str] = (
+        "its learning matrix, of a number for each two samples, is too large for a page"
+    )
 
     law: Literal["norm-optimal"]
     """Learning by a matrix."""
