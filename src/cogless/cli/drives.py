@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -67,6 +68,10 @@ def table(
             "--study", metavar="DIR", help="Also write a study of the motor under the drive's own law there."
         ),
     ] = None,
+    encoder: Annotated[
+        bool,
+        typer.Option("--encoder", help="Write the table that corrects the drive's encoder, not the cogging."),
+    ] = False,
 ) -> None:
     """Write a cogging table in a drive's own format.
 
@@ -76,9 +81,13 @@ def table(
     from cogless.drives.adapter import TableFrame
     from cogless.drives.holding_current import residue
     from cogless.drives.registry import adapter_named
-    from cogless.files import replacing
 
     adapter = adapter_named(to, "--to")
+    if encoder:
+        if from_ is not None or shift is not None or reverse or study is not None:
+            raise StudyError("--encoder: expected only SOURCE, --to and -o beside it")
+        _write_encoder_table(source, adapter, output)
+        return
     if adapter.write is None:
         raise StudyError(f"--to: {to}: takes no table: {adapter.refusal}")
     current, frame = _source(source, from_, adapter, drive_config)
@@ -110,12 +119,41 @@ def table(
         highest = max(current.orders)
         print(f"The table's zero is known to {frame.zero_error * highest:.2g} rad of order {highest}.")
     predicted = _predict(source, frame, written, adapter.law, study)
-    for line in (*predicted, *_instructions(written, output)):
+    _put(written, predicted, output)
+
+
+def _put(written: TableText, lines: Sequence[str], output: Path | None) -> None:
+    """Print lines and what the user does with the table, and write it."""
+    from cogless.files import replacing
+
+    for line in (*lines, *_instructions(written, output)):
         print(line)
     if output is not None:
         with replacing(output) as temporary:
             temporary.write_text(written.text, "utf-8")
         print(f"Table: {output}")
+
+
+def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) -> None:
+    """The correction of the encoder that a folder of identify tells."""
+    import math
+
+    from cogless.drives.adapter import FRAME_FILE, frame_from
+    from cogless.drives.encoder_table import correction_from
+    from cogless.drives.holding_current import residue
+
+    if adapter.write_encoder is None:
+        raise StudyError(f"--encoder: {adapter.name}: no table of its encoder is written: see cogless drives")
+    correction, frame = correction_from(source), frame_from(source / FRAME_FILE)
+    if frame.drive != adapter.name or not frame.zero:
+        lacking = frame.lacking or f"{FRAME_FILE}: drive: {frame.drive}: expected {adapter.name}"
+        raise StudyError(f"{source}: the table's zero is not known: {lacking}")
+    written = adapter.write_encoder(correction, frame)
+    rest = residue(correction, written.entries, written.applied)
+    before, after = (math.degrees(value) for value in (rest.before, rest.after))
+    print(f"{adapter.title}, encoder {frame.encoder}: {written.entries} entries, {written.scale}.")
+    line = f"Encoder's error without the table {before:.3g} deg rms; left by its own rounding {after:.2g}."
+    _put(written, [line], output)
 
 
 def _predict(source: Path, frame: TableFrame, written: TableText, law: str, study: Path | None) -> list[str]:

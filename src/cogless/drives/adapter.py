@@ -13,7 +13,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from cogless.drives.holding_current import HoldingCurrent
+from cogless.drives.holding_current import AngleWaves, HoldingCurrent
 from cogless.errors import StudyError
 from cogless.files import no_device, reason
 from cogless.identify.files import Array
@@ -56,6 +56,7 @@ class TableFrame:
     The index counts as `direction` times the identified angle. `zero`: both are zero at one place;
     `zero_error`: by how much they may differ, rad. `lacking`: what to do where `zero` is false. `gains`: of
     the drive's own law, as its class in `firmware_laws` takes them; empty: not known.
+    `encoder`: the number of the one that the index is of, and whether a correction table of it was on.
     """
 
     drive: str
@@ -64,6 +65,8 @@ class TableFrame:
     zero_error: float = 0.0
     lacking: str = ""
     gains: Mapping[str, float] = field(default_factory=dict)
+    encoder: int = 0
+    encoder_table_on: bool = False
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), indent=2) + "\n"
@@ -129,6 +132,7 @@ class Adapter:
     table; None: `refusal` says why the drive takes none. `write_script`: files by name,
     of which the first plays motions and logs them; `log_pattern`: the log of a motion, by name and number.
     `law`: the class of its own law in `firmware_laws`. `own_angle`: its table is over its source's angle.
+    `write_encoder`: its own text of a correction of its encoder; None: it takes none.
     """
 
     name: str
@@ -144,6 +148,7 @@ class Adapter:
     law: str = ""
     log_pattern: str = "{name}.csv"
     own_angle: bool = False
+    write_encoder: Callable[[AngleWaves, TableFrame], TableText] | None = None
 
 
 def text_of(path: Path, expected: str) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,19 +23,17 @@ ORDER_LEAST = 1e-6  # an order below this share of the largest is rounding
 Waves = NDArray[np.complex128]
 
 
-@dataclass(frozen=True, eq=False)
-class HoldingCurrent:
-    """The current over the rotor's angle is sum Re(waves[n] exp(j n angle)), A; waves[0] is zero.
+class AngleWaves:
+    """A value over the rotor's angle, sum Re(waves[n] exp(j n angle)); waves[0] is zero.
 
-    `K_t`: N*m/A, of the motor that it is for; 0: unknown. `source`: for messages.
+    `source`: for messages.
     """
 
     waves: Waves
-    K_t: float
     source: str
 
-    def current(self, angle: Array) -> Array:
-        """The current at these angles, A."""
+    def value(self, angle: Array) -> Array:
+        """The value at these angles, rad."""
         orders = np.flatnonzero(self.waves)
         return np.asarray(sum((self.waves[n] * np.exp(1j * n * angle)).real for n in orders) + 0 * angle)
 
@@ -47,14 +45,26 @@ class HoldingCurrent:
 
     @property
     def rms(self) -> float:
-        """Root mean square, A."""
+        """Root mean square, in the value's unit."""
         return float(np.sqrt(np.sum(np.abs(self.waves) ** 2) / 2))
 
-    def turned(self, direction: int, shift: float = 0.0) -> HoldingCurrent:
-        """The same where angle and current count in this direction, and the angle is larger by `shift`."""
+    def turned(self, direction: int, shift: float = 0.0) -> Self:
+        """The same where angle and value count in this direction, and the angle is larger by `shift`."""
         n = np.arange(len(self.waves))
         waves = self.waves if direction > 0 else -np.conj(self.waves)
-        return HoldingCurrent(waves * np.exp(-1j * n * shift), self.K_t, self.source)
+        return replace(self, waves=waves * np.exp(-1j * n * shift))  # type: ignore[type-var]
+
+
+@dataclass(frozen=True, eq=False)
+class HoldingCurrent(AngleWaves):
+    """The current over the rotor's angle, A, that holds the rotor against its cogging.
+
+    `K_t`: N*m/A, of the motor that it is for; 0: unknown.
+    """
+
+    waves: Waves
+    K_t: float
+    source: str
 
 
 def from_samples(
@@ -77,7 +87,7 @@ def from_samples(
     return HoldingCurrent(waves, K_t, source)
 
 
-def samples(current: HoldingCurrent, count: int, direction: int, between: Literal["linear", "step"]) -> Array:
+def samples(current: AngleWaves, count: int, direction: int, between: Literal["linear", "step"]) -> Array:
     """The entries of a table whose own interpolation makes each order of the current as large as it is.
 
     Entry i is at the index i / count, which counts as `direction` times the angle. `linear`: the firmware
@@ -97,23 +107,23 @@ def samples(current: HoldingCurrent, count: int, direction: int, between: Litera
 
 @dataclass(frozen=True)
 class Residue:
-    """What a table leaves of the holding current: rms before and after, A; the largest order that is left."""
+    """What a table leaves: rms before and after; the largest order that is left. Units are the value's."""
 
     before: float
     after: float
     order: int
-    amplitude: float  # A, of this order
+    amplitude: float  # It is that of the order, in the value's unit.
 
     @property
     def share(self) -> float:
         return self.after / self.before if self.before else 0.0
 
 
-def residue(current: HoldingCurrent, entries: int, applied: Callable[[Array], Array]) -> Residue:
+def residue(current: AngleWaves, entries: int, applied: Callable[[Array], Array]) -> Residue:
     """What is left where the firmware's own look-up acts, computed on a fine grid of angles."""
     points = FINE_POINTS * max(entries, max(current.orders, default=1))
     angle: Array = math.tau / points * (np.arange(points, dtype=np.float64) + 0.5)
-    rest = current.current(angle) - applied(angle)
+    rest = current.value(angle) - applied(angle)
     spectrum = 2 / points * np.abs(np.fft.rfft(rest))
     order = int(np.argmax(spectrum[1:])) + 1
     rms = float(np.sqrt(np.mean((rest - np.mean(rest)) ** 2)))

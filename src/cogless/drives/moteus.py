@@ -26,6 +26,7 @@ from cogless.drives.adapter import (
     TableText,
     text_of,
 )
+from cogless.drives.encoder_table import write_moteus
 from cogless.drives.firmware_laws import MOTEUS_ENTRIES, MoteusTable
 from cogless.drives.holding_current import HoldingCurrent, from_samples, samples
 from cogless.drives.moteus_dump import DUMP_HINT, Dump, gains, read_dump, tables
@@ -100,7 +101,12 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         raise StudyError(
             f"{without.path}: no angle of the table's index, which other logs have: expected it in each"
         )
-    frame = replace(max(frames, key=lambda frame: frame.zero_error), gains=gains(dump))
+    frame = replace(
+        max(frames, key=lambda frame: frame.zero_error),
+        gains=gains(dump),
+        encoder=dump.source,
+        encoder_table_on=dump.encoder_table_on,
+    )
     return DriveLogs(recordings, tables(dump, volts if volts > 0 else None), frame, remarks)
 
 
@@ -352,6 +358,7 @@ MOTEUS = Adapter(
     ),
     writes=(
         Feature("cogging table: lines for moteus_tool --restore-config", Certainty.SOURCE),
+        Feature("encoder table (table --encoder): lines for it, too", Certainty.SOURCE),
         Feature("identify --plan: a script for its Python package that records the logs", Certainty.DRIVE),
     ),
     recognise=recognise,
@@ -360,4 +367,5 @@ MOTEUS = Adapter(
     read_table=read_table,
     write_script=write_script,
     law="Moteus",
+    write_encoder=write_moteus,
 )

@@ -52,6 +52,11 @@ class Dump:
         return int(self.number("motor_position.commutation_source", "0, 1 or 2", 0.0))
 
     @property
+    def encoder_table_on(self) -> bool:
+        """Whether the angles of that encoder are corrected by a table."""
+        return self.number(f"motor_position.sources.{self.source}.compensation_scale", "a number", 0.0) != 0
+
+    @property
     def ratio(self) -> float:
         """Turns of the output for one of the rotor."""
         return self.number("motor_position.rotor_to_output_ratio", "a number above zero", 1.0)

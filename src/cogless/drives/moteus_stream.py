@@ -58,7 +58,7 @@ def read_stream(path: Path, dump: Dump) -> tuple[dict[str, Array], Array | None]
     direct = (
         encoder_sign == 1
         and dump.number(f"{prefix}.offset", "counts", 0.0) == 0
-        and dump.number(f"{prefix}.compensation_scale", "a number", 0.0) == 0
+        and not dump.encoder_table_on
     )
     index = _averaged(angle, together) % counts if direct else None
     return {name: _averaged(column, together) for name, column in columns.items()}, index

@@ -1,0 +1,70 @@
+"""moteus's table of its encoder, in scalar arithmetic as the notes on its source say."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import cogless
+from drives.drive_bench import TURN
+
+ERROR = {1: (4e-3, 0.7), 2: (1.5e-3, -1.0), 14: (4e-4, 2.0)}  # rad, rad: of the identified frame
+
+
+def folder_of(path: Path, direction: int, **changes: object) -> Path:
+    path.mkdir()
+    parts = [{"order": n, "amplitude_rad": a, "phase_rad": p} for n, (a, p) in ERROR.items()]
+    (path / "identified.json").write_text(json.dumps({"K_t_N_m_per_A": 0.03, "encoder": parts}))
+    frame = {"drive": "moteus", "direction": direction, "zero": True, "encoder": 1, **changes}
+    (path / "drive.json").write_text(json.dumps(frame))
+    return path
+
+
+def corrected(text: str, offset_value: float) -> float:
+    """The encoder's angle with its table: entry i at i / 256, linear, table / 127 * scale of a turn added."""
+    values = dict(line.split() for line in text.splitlines() if not line.startswith("#"))
+    prefix = "motor_position.sources.1."
+    table = [int(values[f"{prefix}compensation_table.{n}"]) for n in range(256)]
+    assert all(-128 <= entry <= 127 for entry in table)
+    place = offset_value / TURN % 1.0 * 256
+    low = int(place)
+    entry = table[low % 256] * (1 - place + low) + table[(low + 1) % 256] * (place - low)
+    return offset_value + TURN * entry / 127 * float(values[f"{prefix}compensation_scale"])
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_the_table_takes_the_error_away(
+    direction: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The encoder counts `direction` times the identified angle, which reads too much by the error."""
+    folder, table = folder_of(tmp_path / "found", direction), tmp_path / "encoder.cfg"
+    code, out, err = cogless(capsys, "table", folder, "--to", "moteus", "--encoder", "-o", table)
+    assert (code, err) == (0, "") and "calibrate, then make new logs" in out
+    text, rotor = table.read_text(), np.linspace(-7, 7, 600)
+    measured = rotor + sum(a * np.sin(n * rotor + p) for n, (a, p) in ERROR.items())
+    rest = np.array([direction * corrected(text, direction * angle) for angle in measured]) - rotor
+    assert np.std(rest) < 0.02 * np.std(measured - rotor)
+    third = text.replace("_scale ", "_scale -")
+    turned = np.array([direction * corrected(third, direction * angle) for angle in measured]) - rotor
+    assert np.std(turned) == pytest.approx(2 * np.std(measured - rotor), rel=0.02)
+    assert f"{math.degrees(np.std(measured - rotor)):.2g}"[:3] in out
+
+
+def test_what_it_cannot_be_made_from_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    on = folder_of(tmp_path / "on", 1, encoder_table_on=True)
+    other = folder_of(tmp_path / "other", 1, drive="odrive")
+    none = folder_of(tmp_path / "none", 1)
+    (none / "identified.json").write_text(json.dumps({"encoder": []}))
+    cases = {
+        (on, "--to", "moteus"): f"{on}: the logs were made with a table of the encoder",
+        (other, "--to", "moteus"): "drive: odrive: expected moteus",
+        (none, "--to", "moteus"): "encoder: no order: expected logs that tell the encoder's error",
+        (on, "--to", "simplefoc"): "--encoder: simplefoc: no table of its encoder is written",
+        (on, "--to", "moteus", "--shift", "1 deg"): "--encoder: expected only SOURCE, --to and -o",
+    }
+    for arguments, message in cases.items():
+        code, _, err = cogless(capsys, "table", *arguments, "--encoder")
+        assert (code, err.count("\n")) == (2, 1) and message in err, err
