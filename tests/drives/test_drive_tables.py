@@ -95,7 +95,10 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
             ["--from", "csv", "--to", "moteus"],
             "the table's zero is not known: it is over another angle: expected",
         ),
-        (["--from", "csv", "--to", "motus"], '--to: "motus": expected one of moteus, simplefoc, csv\n'),
+        (
+            ["--from", "csv", "--to", "motus"],
+            '--to: "motus": expected one of moteus, simplefoc, csv, prusa, ',
+        ),
         (["--from", "simplefoc", "--to", "moteus"], "--from: simplefoc: no table of it can be read"),
         (["--from", "csv", "--to", "csv", "--shift", "40"], '--shift: "40": expected a unit too'),
         (["--from", "csv", "--to", "csv", "--reverse"], "--reverse: expected --shift ANGLE beside it"),
