@@ -23,7 +23,7 @@ from pil_tables import PAGE as COSTS
 import cogless
 from cogless.ensemble.arena_scores import COLUMNS, RPM, Scores
 from cogless.results.limits import AND, CAUSES
-from cogless.run.causes import LONGER
+from cogless.run.causes import LONGER_FACTOR
 
 GROWN = 1.05  # times the ripple at the end of learning: more is growth; the bar's own differs by 1 %
 
@@ -129,7 +129,7 @@ def _cause(name: str) -> str:
 def _set(changes: Mapping[str, Any]) -> str:
     """Changes in the notation of `--set`; for a longer run, words on the time to learn."""
     if any(key.endswith(".duration") for key in changes):
-        return f"{LONGER} times as long to learn"
+        return f"{LONGER_FACTOR} times as long to learn"
     return f"`{', '.join(f'{key} = {text(value)}' for key, value in changes.items())}`"
 
 

@@ -23,7 +23,7 @@ from cogless.cli.printed import a_metric
 from cogless.design.auto import load
 from cogless.design.trials import learning_gain
 from cogless.design.trials.from_study import design_study
-from cogless.design.trials.response import MONOTONE
+from cogless.design.trials.response import FACTOR_ROUNDING
 from cogless.design.warnings import beyond_drive, warnings
 from cogless.errors import StudyError
 from cogless.report import lines, verdicts
@@ -169,7 +169,7 @@ def growth(study: AnyStudy, scenario: str, name: str) -> float:
     certificate = design_study(study, [(scenario, name)])[scenario, name].certificate
     learning = (certificate.exact or certificate.design).learning
     assert learning is not None
-    return max(0.0, learning.norm - 1 - MONOTONE)
+    return max(0.0, learning.norm - 1 - FACTOR_ROUNDING)
 
 
 def growth_with_ends(study: AnyStudy, scenario: str, name: str) -> float:

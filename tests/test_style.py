@@ -5,20 +5,20 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 120,
-    "number_of_one_word": 344,
-    "vague_local": 892,
-    "vague_argument": 267,
+    "constant_with_several_values": 96,
+    "number_of_one_word": 161,
+    "vague_local": 477,
+    "vague_argument": 213,
     "vague_function": 149,
-    "many_positional_arguments": 47,
-    "fragment_of_a_comment": 82,
+    "many_positional_arguments": 14,
+    "fragment_of_a_comment": 71,
     "alias_defined_again": 6,
     "type_test_of_a_study": 5,
     "comparison_of_a_kind_of_study": 3,
     "type_test_of_a_law": 156,
     "message_taken_apart": 10,
     "number_copied_from_c": 0,
-    "unit_factor_written_out": 56,
+    "unit_factor_written_out": 41,
     "file_name_used_again": 3,
     "small_file": 5,
 }

@@ -74,8 +74,8 @@ def _metavar(option: str) -> str:
     from cogless.cli import app
 
     named = getattr(typer.main.get_command(app), "commands", {}).get("".join(sys.argv[1:2]))
-    found = next((p.metavar for p in getattr(named, "params", ()) if option and option in p.opts), None)
-    return f": expected {option} {found}" if found else ""
+    metavar = next((p.metavar for p in getattr(named, "params", ()) if option and option in p.opts), None)
+    return f": expected {option} {metavar}" if metavar else ""
 
 
 def _command() -> object:

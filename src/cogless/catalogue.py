@@ -32,8 +32,8 @@ def show() -> None:
     for heading, entries in catalogue().items():
         print(f"{bold}{heading}{plain}")
         width = max((len(name) for name in entries), default=0)
-        for name, about in entries.items():
-            print_text(f"{name:<{width}}  {about}", "  ", " " * (width + 4))
+        for name, description in entries.items():
+            print_text(f"{name:<{width}}  {description}", "  ", " " * (width + 4))
 
 
 def _models() -> tuple[dict[str, tuple[str, str]], dict[str, list[str]]]:

@@ -104,7 +104,15 @@ def _laws() -> Iterator[CLaw]:
         if kind != "TERM":
             name, stem, header, step, *memory = row
             cells, length = memory or (None, None)
-            yield CLaw(name, stem, header, step, cells, length, tuple(terms.get(stem, ())))
+            yield CLaw(
+                name=name,
+                stem=stem,
+                header=header,
+                step=step,
+                cells=cells,
+                length=length,
+                terms=tuple(terms.get(stem, ())),
+            )
 
 
 C_LAWS = {law.name: law for law in _laws()}
@@ -203,28 +211,46 @@ def _members(struct: str, body: str, numbers: Mapping[str, int]) -> tuple[Field,
     fields: list[Field] = []
     place, count, body = 0, 0, body.rstrip()
     while place < len(body):
-        found = STRUCT_MEMBER.match(body, place)
-        if found is None:
+        member = STRUCT_MEMBER.match(body, place)
+        if member is None:
             raise ValueError(f"{struct}: not readable: {body[place:].strip()[:40]!r}")
-        place = found.end()
-        if found.group(1) is None:
+        place = member.end()
+        if member.group(1) is None:
             continue
-        function = FUNCTION.fullmatch(found.group(1).strip())
+        function = FUNCTION.fullmatch(member.group(1).strip())
         if function is not None:
-            comment = " ".join((found.group(2) or "").split())
-            fields.append(Field(function.group(1), "void", None, True, comment, count))
+            comment = " ".join((member.group(2) or "").split())
+            fields.append(
+                Field(
+                    name=function.group(1),
+                    type="void",
+                    length=None,
+                    pointer=True,
+                    comment=comment,
+                    declaration=count,
+                )
+            )
             count += 1
             continue
-        whole = DECLARATION.fullmatch(found.group(1).strip())
+        whole = DECLARATION.fullmatch(member.group(1).strip())
         if whole is None:
-            raise ValueError(f"{struct}: not readable: {found.group(1).strip()!r}")
-        comment = " ".join((found.group(2) or "").split())
+            raise ValueError(f"{struct}: not readable: {member.group(1).strip()!r}")
+        comment = " ".join((member.group(2) or "").split())
         for part in whole.group(2).split(","):
             one = DECLARATOR.fullmatch(part.strip())
             if one is None:
                 raise ValueError(f"{struct}: not readable: {part.strip()!r}")
             length = _length(one.group(3), numbers) if one.group(3) else None
-            fields.append(Field(one.group(2), whole.group(1), length, bool(one.group(1)), comment, count))
+            fields.append(
+                Field(
+                    name=one.group(2),
+                    type=whole.group(1),
+                    length=length,
+                    pointer=bool(one.group(1)),
+                    comment=comment,
+                    declaration=count,
+                )
+            )
             comment = ""
         count += 1
     return tuple(fields)

@@ -29,9 +29,9 @@ def shipped(room: str) -> dict[str, Path]:
 def control_sources() -> Path:
     """The installed folder that contains cogless/*.h and cogless/*.c of the control library."""
     for folder in package_folders():
-        found = folder / "sources" / "control" / "src"
-        if found.is_dir():
-            return found
+        sources = folder / "sources" / "control" / "src"
+        if sources.is_dir():
+            return sources
     raise FileNotFoundError("cogless/sources/control/src: not installed")
 
 

@@ -34,7 +34,7 @@ class Recorded:
         def holds(word: str) -> bool:
             return word == "true" or (word[4:] not in kinds if word.startswith("not ") else word in kinds)
 
-        return any(all(map(holds, each.split(" and "))) for each in self.when.split(" or "))
+        return any(all(map(holds, alternative.split(" and "))) for alternative in self.when.split(" or "))
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def dimensions(kinds: Collection[str], laws: Collection[str]) -> dict[str, Dimen
 
 @cache
 def _dimensions(kinds: frozenset[str], laws: tuple[str, ...]) -> dict[str, Dimension]:
-    found = {name: each.unit for name, each in (RECORDED | DERIVED).items() if exists(name, kinds)}
-    del found["time"]
-    found |= {term.signal: term.unit for name in laws for term in C_LAWS[name].terms}
-    return {name: units.dimension_of(unit) for name, unit in found.items()}
+    units_of = {name: signal.unit for name, signal in (RECORDED | DERIVED).items() if exists(name, kinds)}
+    del units_of["time"]
+    units_of |= {term.signal: term.unit for name in laws for term in C_LAWS[name].terms}
+    return {name: units.dimension_of(unit) for name, unit in units_of.items()}

@@ -22,7 +22,13 @@ from cogless.design.trials.gains import TrialDesign, TrialSettings, design_gains
 from cogless.design.trials.learning_filter import JUDGED_TRIALS, REMAINS_MOST, Bench, Choice, learning_filters
 from cogless.design.trials.model import Model, Real
 from cogless.design.trials.polytope import UncertainPlant, from_parameters
-from cogless.design.trials.response import PROPOSED, Loop, better_shift, butterworth, workable_cutoff
+from cogless.design.trials.response import (
+    PROPOSED_FACTOR_MOST,
+    Loop,
+    better_shift,
+    butterworth,
+    workable_cutoff,
+)
 from cogless.study import TrialStudy
 
 T, SAMPLES = 4e-3, 70
@@ -95,12 +101,12 @@ class AllChoices:
 
     def works(self, choice: Choice, Q: Real, gain: Real) -> bool:
         F = gain * (1 - choice.K_3 * self.response * np.exp(1j * self.w * choice.shift))
-        if np.abs(F).max() > PROPOSED or np.abs((1 - gain) / (1 - F)).max() > REMAINS_MOST:
+        if np.abs(F).max() > PROPOSED_FACTOR_MOST or np.abs((1 - gain) / (1 - F)).max() > REMAINS_MOST:
             return False
         S = np.eye(SAMPLES)[np.minimum(np.arange(SAMPLES) + choice.shift, SAMPLES - 1)]
         S[:, : choice.shift] = 0
         radii = [np.abs(np.linalg.eigvals(Q - choice.K_3 * Q @ S @ G)).max() for G in self.G]
-        return bool(max(radii) <= PROPOSED)
+        return bool(max(radii) <= PROPOSED_FACTOR_MOST)
 
 
 def test_the_choice_is_the_best_of_all_that_work() -> None:
@@ -116,7 +122,7 @@ def test_the_choice_is_the_best_of_all_that_work() -> None:
         for shift, K_3 in itertools.product(range(1, 13), np.geomspace(0.15, 2, 18)):
             tried = Choice(shift, float(cutoff), float(K_3))
             F = gain * (1 - K_3 * everything.response * np.exp(1j * everything.w * shift))
-            if np.abs(F).max() <= PROPOSED and (left := everything.left(tried, Q)) < best:
+            if np.abs(F).max() <= PROPOSED_FACTOR_MOST and (left := everything.left(tried, Q)) < best:
                 best, at = (left, tried) if everything.works(tried, Q, gain) else (best, at)
     assert at is not None and 1 < at.shift < 12 and 0.15 < at.K_3 < 2
     assert found.share_left(choice) <= 1.03 * best, (choice, at)
@@ -127,7 +133,7 @@ def test_what_is_said_stays(fixed: dict[str, Any]) -> None:
     free, bound = next(learning_filters(bench())), next(learning_filters(bench(**fixed)))
     assert fixed == {key: getattr(bound, key) for key in fixed}
     assert bench().share_left(bound) > bench().share_left(free)
-    assert bench(**fixed).shrinks(bound, PROPOSED)
+    assert bench(**fixed).shrinks(bound, PROPOSED_FACTOR_MOST)
 
 
 def random_axis(rng: np.random.Generator) -> tuple[UncertainPlant, TrialSettings]:

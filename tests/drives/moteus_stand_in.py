@@ -14,6 +14,7 @@ import numpy as np
 from drives.drive_bench import RATE, TURN, Plant, Tracker, play, profile
 
 CPR = 16384
+GAINS = 0.05, 2.2e-3, 0.2  # of the position's PID: N m over rad, over rad/s, over rad s, at the rotor
 DUMP = """\
 uuid.uuid.0 18
 id.id 1
@@ -29,7 +30,10 @@ motor.cogging_dq_scale {scale:.9g}
 servo.max_current_A 8
 servo.pid_dq.kp 0.85
 servo.pid_dq.ki 1508
-servo.pid_position.kp 0.3
+servo.pid_position.kp {kp:.9g}
+servo.pid_position.kd {kd:.9g}
+servo.pid_position.ki {ki:.9g}
+servo.pid_position.ilimit 10
 servopos.position_min nan
 motor_position.sources.0.cpr 16384
 motor_position.sources.0.sign 1
@@ -82,7 +86,7 @@ class Moteus:
         """Play speeds of the output's direction at the rotor, rad/s over s."""
         reference = profile(points)
         tracker = Tracker(CPR, 400)
-        kp, kd, ki = 0.05, 2.2e-3, 0.2  # N m over rad, at the rotor
+        kp, kd, ki = GAINS
         rows: list[tuple[float, float, float, float]] = []
         integral, start = 0.0, None
 
@@ -112,7 +116,10 @@ class Moteus:
     def dump(self, path: Path, **changes: str) -> Path:
         comps = "".join(f"motor.cogging_dq_comp.{n} {value}\n" for n, value in enumerate(self.comp))
         kv = 1.5 / math.sqrt(3) * 60 / TURN / self.plant.K_t
-        text = DUMP.format(kv=kv, scale=self.scale, comps=comps, sign=self.sign, ratio=self.ratio)
+        gains = {
+            name: TURN * gain / self.ratio**2 for name, gain in zip(("kp", "kd", "ki"), GAINS, strict=True)
+        }
+        text = DUMP.format(kv=kv, scale=self.scale, comps=comps, sign=self.sign, ratio=self.ratio, **gains)
         for key, value in changes.items():
             name = key.replace("__", ".")
             text = "".join(line for line in text.splitlines(True) if not line.startswith(f"{name} "))

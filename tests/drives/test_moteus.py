@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,46 @@ def test_a_table_from_logs_takes_the_ripple_away_as_the_true_one_does(
         left_by(sign, table + f"motor.cogging_dq_scale {share * scale:.4g}\n") for share in (0.3, -0.3)
     )
     assert third < 0.85 * none < none < wrong  # the check of the sign that the command prints
+
+
+def ripples_in(out: str) -> dict[int, list[float]]:
+    """What `cogless table` predicts, r/min rms by r/min: without the table, with it, 30 %, -30 %."""
+    lines = [line for line in out.splitlines() if line.startswith("Ripple at ")]
+    number = r"[\d.]+(?:e-?\d+)?"
+    pattern = (
+        rf"at (\d+) r/min .*: ({number}) .* table, ({number}) .*, ({number}) with 30 .*, ({number}) with -30"
+    )
+    matches = [re.search(pattern, line) for line in lines]
+    return {int(match[1]): [float(match[n]) for n in (2, 3, 4, 5)] for match in matches if match}
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_ripple_that_is_predicted_comes(
+    sign: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the stand-in, which the prediction knows by the logs and the dump only; the study runs, too."""
+    drive = drive_of(sign)
+    logs = [tview_csv(run, tmp_path, name) for name, run in runs(sign).items()]
+    dump = drive.dump(tmp_path / "dump.cfg", servo__pid_dq__kp="2.83", servo__pid_dq__ki="5027")  # 1 kHz
+    found, table = tmp_path / "found", tmp_path / "cogging.cfg"
+    code, _, _ = cogless(
+        capsys, "identify", *(p for pair in logs for p in pair), "--drive-config", dump, "-o", found
+    )
+    assert code == 0
+    command = ["table", found, "--to", "moteus", "-o", table, "--study", tmp_path / "try"]
+    code, out, err = cogless(capsys, *command)
+    assert (code, err) == (0, "")
+    text = table.read_text()
+    scale = float(text.splitlines()[1].split()[1])
+    tables = ("", text, *(text + f"motor.cogging_dq_scale {s * scale:.4g}\n" for s in (0.3, -0.3)))
+    played = [left_by(sign, lines) / TURN * 60 for lines in tables]
+    predicted = ripples_in(out)[30]
+    assert [predicted[n] for n in (0, 2, 3)] == pytest.approx([played[n] for n in (0, 2, 3)], rel=0.1)
+    assert predicted[1] < 0.05 * predicted[0]
+    code, out, _ = cogless(capsys, "run", tmp_path / "try" / "study.toml", "-o", tmp_path / "results")
+    assert code == 0 and "table leaves" in out
+    code, _, err = cogless(capsys, *command[:-1], found)
+    assert code == 2 and f"--study: {found}: expected another folder" in err
 
 
 def test_half_an_entry_late_leaves_more() -> None:

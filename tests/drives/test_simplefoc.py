@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -36,6 +37,12 @@ K_t = "0.0306 N*m/A"
 [drive]
 rates = { current_loop = "1 kHz", speed_loop = "1 kHz" }
 current_loop = { kind = "ideal", current_limit = "6 A" }
+[PID_velocity]
+P = 0.06
+I = 0.9
+output_ramp = 300
+[LPF_velocity]
+Tf = 3e-3
 """
 Feed = Callable[[float], float]
 
@@ -144,6 +151,11 @@ def test_a_header_from_the_monitor_takes_the_ripple_away(
     assert mine < max(1.5 * exact, 0.05 * none), (none, exact, mine)
     third, wrong = ripple(run(SLOW, lambda a: 0.3 * feed(a))), ripple(run(SLOW, lambda a: -0.3 * feed(a)))
     assert third < 0.85 * none < none < wrong
+    (line,) = (line for line in out.splitlines() if line.startswith("Ripple at 30 r/min"))
+    predicted = [float(word) for word in re.findall(r"([\d.]+) (?:r/min rms|with )", line)]
+    played = [value / TURN * 60 for value in (none, mine, third, wrong)]
+    assert [predicted[n] for n in (0, 2, 3)] == pytest.approx([played[n] for n in (0, 2, 3)], rel=0.2)
+    assert predicted[1] < 0.06 * predicted[0]
 
 
 @needs_compiler

@@ -99,9 +99,9 @@ def test_orders_need_a_whole_turn(tmp_path: Path) -> None:
 def test_an_hour_is_run_once_and_shows_the_ripple_at_its_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(room, "LONG", 6.0)
-    monkeypatch.setattr(room, "LAST", 2.0)
-    monkeypatch.setattr(room, "ROWS", 200.0)
+    monkeypatch.setattr(room, "HOUR_TIME", 6.0)
+    monkeypatch.setattr(room, "HOUR_END", 2.0)
+    monkeypatch.setattr(room, "HOUR_TRACE_RATE", 200.0)
     found = run_arena(arena(tmp_path, plant={"drone": {**PLANT, "hour": True}, "brief": PLANT}))
     assert {(run.plant, run.seed) for run in found.runs if run.case == HOUR} == {("drone", 0)}
     scores = Scores(json.loads(json.dumps(arena_scores.to_dict(found))))

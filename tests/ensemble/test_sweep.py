@@ -776,7 +776,7 @@ def test_a_cluster_that_does_not_answer(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="needs the extra cogless[dask]")
-    monkeypatch.setattr(executing, "PATIENCE", 0.3)
+    monkeypatch.setattr(executing, "CLUSTER_PATIENCE", 0.3)
     study = studies.write(tmp_path, ensembles.TEXT)
     code, said, err = cogless(capsys, "sweep", study, "-o", tmp_path / "out", "--dask", "tcp://127.0.0.1:1")
     assert (code, said) == (2, "")

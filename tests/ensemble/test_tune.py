@@ -228,7 +228,7 @@ def test_never_worse_than_where_it_began(tmp_path: Path, usual: tuning.Tuned) ->
 
 def test_over_the_nominal_plant(tmp_path: Path) -> None:
     found = tuned(tmp_path, TUNE.replace("variants = 4", 'over = "nominal"'))
-    assert found.adopted and found.sweep_after.ensemble.count == tuning.SEEDS
+    assert found.adopted and found.sweep_after.ensemble.count == tuning.NOMINAL_SEEDS
     assert list(found.sweep_after.ensemble.drawn) == ["seed"]
 
 

@@ -23,15 +23,15 @@ from commands import cogless
 from kept import kept, version
 
 import studies
+from cogless import c_literals as literals
 from cogless import load
+from cogless.c_literals import real
 from cogless.control_library import Field
 from cogless.errors import StudyError
 from cogless.export import sources
 from cogless.export.c import export_c as room
-from cogless.export.c import literals
 from cogless.export.c.export_c import export_c, subject_of
-from cogless.export.c.literals import real
-from cogless.export.c.self_test import COUNTS, MOST, _plan, awkward, memory_sum
+from cogless.export.c.self_test import ANGLE_COUNTS, STRETCH_PERIODS_MOST, _plan, awkward, memory_sum
 from cogless.export.c.subject import Subject, identifier, study_hash
 from cogless.export.prepared import prepare
 
@@ -257,8 +257,8 @@ def test_the_stretches_of_a_self_test_by_hand(tmp_path: Path) -> None:
         return layout.decode("cgl_measurement", now) | layout.decode("cgl_reference", reference)
 
     stretches = awkward(subject, replace(prepared, drive=Watched()), None)
-    step = round(0.01 / tau * COUNTS)  # half of the largest speed, in a period
-    speed = step * tau / COUNTS * 15e3
+    step = round(0.01 / tau * ANGLE_COUNTS)  # half of the largest speed, in a period
+    speed = step * tau / ANGLE_COUNTS * 15e3
     turn = ceil(15e3 * tau / speed) + 30  # periods of a revolution, and of two steps of the law
     back = 150 + 75 + 30 + 30 + 4  # hold, bridge, the speed's window, and two steps of the law
 
@@ -301,7 +301,7 @@ def test_the_stretches_of_a_self_test_by_hand(tmp_path: Path) -> None:
     assert [each.periods for each in stretches] == [periods for periods, _ in wanted]
     first = 0
     for each, (periods, changed) in zip(stretches, wanted, strict=True):
-        moves = {"theta_m": each.counts * tau / COUNTS, **changed}
+        moves = {"theta_m": each.counts * tau / ANGLE_COUNTS, **changed}
         found = inputs(first)
         for key, value in {**plain, **moves}.items():
             assert found[key] == (value if key == "i_abc" else pytest.approx(value, nan_ok=True)), (
@@ -309,10 +309,10 @@ def test_the_stretches_of_a_self_test_by_hand(tmp_path: Path) -> None:
                 key,
             )
         first += periods
-    assert first == len(met) and inputs(1)["theta_m"] == pytest.approx(step * tau / COUNTS)
+    assert first == len(met) and inputs(1)["theta_m"] == pytest.approx(step * tau / ANGLE_COUNTS)
     assert [each.step for each in stretches] == [step] * 18 + [0, step] * 4 + [step] * 3
-    jumps = [(b.counts - a.counts - a.periods * a.step) % COUNTS for a, b in pairwise(stretches)]
-    assert jumps == [0] * 12 + [COUNTS // 2] * 2 + [0] * 14  # else the angle goes on turning
+    jumps = [(b.counts - a.counts - a.periods * a.step) % ANGLE_COUNTS for a, b in pairwise(stretches)]
+    assert jumps == [0] * 12 + [ANGLE_COUNTS // 2] * 2 + [0] * 14  # else the angle goes on turning
 
 
 @pytest.mark.parametrize(
@@ -330,15 +330,15 @@ def test_a_self_test_without_bounds_and_of_times_without_end(
     }
     subject = subject_of(prepare(studies.study(tmp_path, changes), "low", "pi"))
     plan = _plan(subject)
-    assert {step for *_, step, _ in plan} == {round(turn / tau * COUNTS)}
+    assert {step for *_, step, _ in plan} == {round(turn / tau * ANGLE_COUNTS)}
     assert [about for about, *_ in plan if "bound" in about] == [
         "the speed just within its bound",
         "the speed beyond its bound",
     ][: 2 * (omega_max != "0 rad/s")]
     periods = {about: periods for about, periods, *_ in plan}
-    assert periods["a small error"] + periods["and one the other way"] == MOST + 30
-    assert periods["all is well again"] == MOST + 34
-    assert periods["the angle is missing, for as long as is bridged"] == MOST
+    assert periods["a small error"] + periods["and one the other way"] == STRETCH_PERIODS_MOST + 30
+    assert periods["all is well again"] == STRETCH_PERIODS_MOST + 34
+    assert periods["the angle is missing, for as long as is bridged"] == STRETCH_PERIODS_MOST
     assert plan[0][4].i_abc == pytest.approx((0.0, 0.9 * sqrt(3) / 2, -0.9 * sqrt(3) / 2))  # 0.3 of the limit
     monitor = {**subject.drive_config["monitor"], "phases": 2}
     of_two = _plan(replace(subject, drive_config={**subject.drive_config, "monitor": monitor}))

@@ -13,7 +13,7 @@ from cogless.errors import StudyError
 from cogless.live import description as room
 from cogless.live import keys, live_page
 from cogless.live.candidates import YOURS, Candidate
-from cogless.live.description import OFF, Number, Packed
+from cogless.live.description import NEVER_LEARNS, Number, Packed
 from cogless.live.keys import OTHER_SHAPE, Key, Landing
 from cogless.live.own_motor import POLE_PAIRS, Product
 
@@ -147,7 +147,7 @@ def test_a_run_tells_where_the_page_reads_and_how_its_law_stops_learning():
     assert made == {
         "bytes": base64.b64encode(b"abc").decode(),
         "about": {"page.ticks": [8, "q"]},
-        "off": [16, "d", OFF],
+        "off": [16, "d", NEVER_LEARNS],
         "learned": None,
     }
     learned = (Number("page.learned.0", 40, "d"), Number("controller.config.k_3", 16, "f"))

@@ -18,7 +18,7 @@ from cogless.live.description import Number, held, pack
 from cogless.live.keys import Found, Landing, _accepted, landed, packed
 from cogless.live.live_page import data
 from cogless.report import speed_tracking
-from cogless.report.speed_tracking import MOMENT
+from cogless.report.speed_tracking import STATE_TIME_LEAST
 from cogless.results.status import Status
 from cogless.study.reading import changed
 from cogless.study.toml import sections, toml
@@ -267,9 +267,9 @@ def test_a_page_has_what_its_scripts_draw_and_judge_by(small):
         "speed",
         None,
     )
-    assert (made["busy"], made["guarded"], made["moment"]) == (Status.BUSY, Status.GUARDED, MOMENT)
-    limits = {"far": speed_tracking.FAR, "lost": speed_tracking.LOST}
-    limits |= {"drift": speed_tracking.DRIFT, "one_way": speed_tracking.ONE_WAY}
+    assert (made["busy"], made["guarded"], made["moment"]) == (Status.BUSY, Status.GUARDED, STATE_TIME_LEAST)
+    limits = {"far": speed_tracking.MEAN_ERROR_MOST, "lost": speed_tracking.LOST_SPEED_RATIO}
+    limits |= {"drift": speed_tracking.REST_ERROR_MOST, "one_way": speed_tracking.ONE_WAY}
     assert made["tracking"] == limits
     named = [
         tuple(one[key] for key in ("name", "label", "colour", "baseline")) for one in made["controllers"]

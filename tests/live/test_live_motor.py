@@ -20,7 +20,7 @@ from cogless.live.description import held
 from cogless.live.keys import _changed, adjustable, packed
 from cogless.live.live_page import data
 from cogless.live.motor_classes import motor_classes
-from cogless.report.speed_tracking import MOMENT, missed
+from cogless.report.speed_tracking import STATE_TIME_LEAST, missed
 from cogless.results.status import Status
 from cogless.run.simulate import simulate
 from cogless.study import load
@@ -284,7 +284,7 @@ def test_the_page_says_when_the_guard_held_learning_back_in_the_judged_window(ow
         trace = simulate(changed(study, sets_of(shown)), "slow", "harmonic").trace
         rows = trace.window(4.0, 6.0)
         held = trace["status"][rows].astype(int) & Status.GUARDED > 0
-        wanted = float(np.sum(held)) * trace.period >= MOMENT
+        wanted = float(np.sum(held)) * trace.period >= STATE_TIME_LEAST
         text = shown.run("return document.querySelector('#verdicts').innerText")
         assert ("The guard held its learning back" in text) == wanted
 

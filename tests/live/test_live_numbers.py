@@ -10,7 +10,14 @@ from node import NO_NODE, run_node
 from cogless import load
 from cogless.live.live_page import _metric
 from cogless.report.order_charts import order_spectrum
-from cogless.report.speed_tracking import DRIFT, FAR, LOST, ONE_WAY, missed, rows_of
+from cogless.report.speed_tracking import (
+    LOST_SPEED_RATIO,
+    MEAN_ERROR_MOST,
+    ONE_WAY,
+    REST_ERROR_MOST,
+    missed,
+    rows_of,
+)
 from cogless.results.metrics import KINDS, evaluate, result_name, window_of
 from cogless.results.trace import Trace
 from cogless.study.metric import TURN_SHORTFALL_MOST, Conditions, Metric
@@ -213,7 +220,12 @@ def test_a_speed_that_was_not_held_is_said_as_in_the_report(tmp_path):
     pairs = [np.column_stack([time, *pair]) for pair in stood + held]
     names = {name: unit for name, unit in NAMES.items() if name in ("time", "omega_ref", "omega_m")}
     order = ("time", "omega_ref", "omega_m")
-    tracking = {"far": FAR, "lost": LOST, "drift": DRIFT, "one_way": ONE_WAY}
+    tracking = {
+        "far": MEAN_ERROR_MOST,
+        "lost": LOST_SPEED_RATIO,
+        "drift": REST_ERROR_MOST,
+        "one_way": ONE_WAY,
+    }
     given = {
         "names": order,
         "about": {"events": [], "tracking": tracking},

@@ -25,8 +25,8 @@ from cogless.pil.compare import (
     lines,
 )
 from cogless.pil.processor import (
-    PAGE,
-    PAINT,
+    PAGE_BYTES,
+    PAINT_BYTE,
     STACK_SIZE,
     STACK_TOP,
     Function,
@@ -111,7 +111,7 @@ def test_an_image_takes_flash_for_all_but_zeros() -> None:
 
 
 def test_pages_hold_segments_and_symbols_and_join_where_they_meet() -> None:
-    beside = replace(IMAGE, segments={0x2FFF: bytes(2), 0x5000: bytes(PAGE)})
+    beside = replace(IMAGE, segments={0x2FFF: bytes(2), 0x5000: bytes(PAGE_BYTES)})
     ram = (0x20000000, 0x20002000)
     assert _pages(IMAGE) == [(0x2000, 0x3000), (0x5000, 0x6000), ram]
     assert _pages(beside) == [(0x2000, 0x4000), (0x5000, 0x6000), ram]
@@ -156,7 +156,7 @@ def test_the_stack_is_used_down_to_where_its_paint_is_gone() -> None:
     def left(paint: int) -> Any:
         def read(address: int, size: int) -> bytes:
             assert (address, size) == (STACK_TOP - STACK_SIZE, STACK_SIZE)
-            return bytes([PAINT]) * paint + bytes([0, PAINT]) + bytes(size - paint - 2)
+            return bytes([PAINT_BYTE]) * paint + bytes([0, PAINT_BYTE]) + bytes(size - paint - 2)
 
         return SimpleNamespace(read=read)
 

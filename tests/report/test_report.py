@@ -1037,7 +1037,7 @@ def test_waveforms_lie_in_time(page):
 
 
 def test_the_last_revolutions_have_finer_points(made, monkeypatch):
-    monkeypatch.setattr(room, "MOST", 2000)
+    monkeypatch.setattr(room, "WAVEFORM_POINTS_MOST", 2000)
     low = data_of(render(made))["scenarios"][0]
     waveforms, zoom = low["waveforms"], next(z for z in low["zooms"] if z["name"] == "last two revolutions")
     (detail,) = waveforms["details"]

@@ -227,8 +227,8 @@ def test_the_status_has_names(made):
 def test_faults_have_finer_points(made, monkeypatch):
     from cogless.report import waveforms
 
-    monkeypatch.setattr(waveforms, "FEWEST", 200)
-    monkeypatch.setattr(waveforms, "POINTS", 6_000)
+    monkeypatch.setattr(waveforms, "WAVEFORM_POINTS_LEAST", 200)
+    monkeypatch.setattr(waveforms, "PAGE_POINTS", 6_000)
     monkeypatch.setattr(waveforms, "POINTS_FINE", 24_000)
     shown = scenario_of(made)
     starts = [detail["start"] for detail in shown["waveforms"]["details"]]

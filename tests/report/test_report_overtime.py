@@ -69,7 +69,7 @@ def test_the_points_of_a_view_are_in_the_middle_of_the_rows_that_they_stand_for(
     assert View((0.2, 0.599), 40).thinned(trace, of) == pytest.approx(values[20:60])
     read = []
     for block in (25, 3):  # rows that are read at once, but a bucket at least
-        monkeypatch.setattr(waveforms, "BLOCK", block)
+        monkeypatch.setattr(waveforms, "BLOCK_ROWS", block)
         pieces = []
         part = View((0.1, 0.999), 20).thinned(trace, lambda rows: pieces.append(rows) or values[rows])  # noqa: B023
         assert part.tolist() == View((0.1, 0.999), 20).thinned(trace, of).tolist()

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import synthetic
 
-from cogless.design.trials.certificate import ENDS
-from cogless.design.trials.response import MONOTONE
+from cogless.design.trials.certificate import GROWTH_ROUNDING
+from cogless.design.trials.response import FACTOR_ROUNDING
 from cogless.report.phases import Phase, settled
 from cogless.report.trial_case import case
 
@@ -256,10 +256,14 @@ def learning(**values):
 @pytest.mark.parametrize(
     ("norm", "growth", "why"),
     [
-        (1 + 2 * MONOTONE, None, "at 12.0 Hz the error may grow by the factor 1 + 2.0e-09"),
-        (1 + MONOTONE, 1 + 2 * ENDS, "from the trial's ends the error may grow by the factor 1 + 2.0e-04"),
-        (1 + MONOTONE, 1 + ENDS, "Φ has a pole outside the unit circle"),
-        (1 + MONOTONE, None, "Φ has a pole outside the unit circle"),
+        (1 + 2 * FACTOR_ROUNDING, None, "at 12.0 Hz the error may grow by the factor 1 + 2.0e-09"),
+        (
+            1 + FACTOR_ROUNDING,
+            1 + 2 * GROWTH_ROUNDING,
+            "from the trial's ends the error may grow by the factor 1 + 2.0e-04",
+        ),
+        (1 + FACTOR_ROUNDING, 1 + GROWTH_ROUNDING, "Φ has a pole outside the unit circle"),
+        (1 + FACTOR_ROUNDING, None, "Φ has a pole outside the unit circle"),
     ],
 )
 def test_a_factor_grows_if_it_is_above_one_by_more_than_rounding(norm, growth, why):

@@ -19,7 +19,7 @@ from cogless.report.panels import varies, varies_in
 from cogless.results import Run
 from cogless.results import trace as tracing
 from cogless.results.results_json import to_dict
-from cogless.results.trace import BLOCK, Trace, TraceFile, write_netcdf
+from cogless.results.trace import BLOCK_ROWS, Trace, TraceFile, write_netcdf
 from cogless.study import changed
 
 SIGNALS = [("time", "s"), ("omega_ref", "rad/s"), ("omega_m", "rad/s")]
@@ -98,7 +98,7 @@ def test_no_room_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 @pytest.fixture(scope="module")
 def long() -> Trace:
     """More rows than a block, at 1 kHz: a start-up, then noise about a turn a second."""
-    count = 2 * BLOCK + 12_345
+    count = 2 * BLOCK_ROWS + 12_345
     time, noise = 1e-3 * np.arange(count), np.random.default_rng(4).normal(size=count)
     reference = np.full(count, 2 * np.pi)
     speed = reference * (1 - np.exp(-time / 30)) + 0.1 * noise
@@ -128,7 +128,7 @@ def test_what_is_searched_in_a_long_trace(long: Trace) -> None:
     assert _first(long, 0, lambda rows: long.part("time", rows) < 0) is None
     assert not varies_in(long, "omega_ref") and varies(long["omega_m"]) == varies_in(long, "omega_m")
     step = replace(long, data=np.where(long.time[:, None] > 500, 2.0, 1.0) * np.ones(3))
-    assert varies_in(step, "omega_ref", BLOCK + 5) and not varies_in(step, "omega_ref", 510_000)
+    assert varies_in(step, "omega_ref", BLOCK_ROWS + 5) and not varies_in(step, "omega_ref", 510_000)
 
 
 def test_the_file_has_every_nth_row(tmp_path: Path, long: Trace) -> None:

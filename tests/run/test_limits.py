@@ -11,7 +11,7 @@ import studies
 from cogless.design.auto import load
 from cogless.report import limit, with_limits
 from cogless.results import Results
-from cogless.results.limits import HELPS
+from cogless.results.limits import HELPING_SHARE
 from cogless.run.limit_search import _Tries, limits
 from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed
@@ -112,7 +112,7 @@ def applied(study: Study, results: Results) -> None:
     assert [cure.changes for cure in cures] == [*told.cures]
     for cure, cured in zip(cures, told.cured(study), strict=True):
         value = simulate(cured, "turning", found.controller).metrics[found.metric]
-        assert value == cure.value and value <= HELPS * found.value
+        assert value == cure.value and value <= HELPING_SHARE * found.value
 
 
 @pytest.mark.parametrize("cause", PUT_IN)

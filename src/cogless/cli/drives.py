@@ -68,6 +68,12 @@ def table(
             "--current", metavar="CURRENT", help="Of a printer's motor, A rms: warns if the runs had another."
         ),
     ] = None,
+    study: Annotated[
+        Path | None,
+        typer.Option(
+            "--study", metavar="DIR", help="Also write a study of the motor under the drive's own law there."
+        ),
+    ] = None,
 ) -> None:
     """Write a cogging table in a drive's own format.
 
@@ -86,6 +92,7 @@ def table(
             "--drive-config": drive_config,
             "--shift": shift,
             "--reverse": reverse or None,
+            "--study": study,
         }
         other = next((name for name, value in options.items() if value is not None), None)
         if other is not None:
@@ -128,12 +135,48 @@ def table(
     if frame.zero_error:
         highest = max(holding.orders)
         print(f"The table's zero is known to {frame.zero_error * highest:.2g} rad of order {highest}.")
-    for line in _instructions(written, output):
+    predicted = _predict(source, frame, written, study)
+    for line in (*predicted, *_instructions(written, output)):
         print(line)
     if output is not None:
         with replacing(output) as temporary:
             temporary.write_text(written.text, "utf-8")
         print(f"Table: {output}")
+
+
+def _predict(source: Path, frame: TableFrame, written: TableText, study: Path | None) -> list[str]:
+    """Lines on the ripple under the drive's own law; the study of it is written where `study` says."""
+    from cogless.drives import predicted_ripple
+    from cogless.results.folder import held, new_set
+
+    lacking = ""
+    if not written.law:
+        lacking = "the table has no law of a drive's own"
+    elif not (source / predicted_ripple.STUDY_NAME).is_file():
+        lacking = f"expected a folder of cogless identify with {predicted_ripple.STUDY_NAME}"
+    elif not frame.gains:
+        lacking = "what the drive was identified with does not tell the gains of its law"
+    if study is not None and study.resolve() == source.resolve():
+        lacking = "expected another folder than that of cogless identify"
+    if lacking:
+        if study is not None:
+            raise StudyError(f"--study: {study}: {lacking}")
+        return [f"The ripple of the speed is not predicted: {lacking}."] if written.law else []
+    tables = predicted_ripple.study_tables(source, frame, written, str(predicted_ripple.LAW_FILE))
+    lines = []
+    for ripple in predicted_ripple.ripples(tables, source / predicted_ripple.STUDY_NAME):
+        texts = {name: f"{value:.3g}" for name, value in ripple.by_controller.items()}
+        lines.append(
+            f"Ripple at {ripple.speed} r/min under the drive's own law, simulated: {texts['without']} r/min "
+            f"rms without the table, {texts['table']} with it, {texts['third']} with 30 % of it, "
+            f"{texts['turned-third']} with -30 %."
+        )
+    if study is not None:
+        names = [predicted_ripple.STUDY_NAME, predicted_ripple.LAW_FILE.name]
+        with held(study, names), new_set(study) as stage:
+            predicted_ripple.write_study(stage, source, frame, written)
+        lines.append(f"Study: cogless run {study / predicted_ripple.STUDY_NAME}")
+    return lines
 
 
 def _angle(text: str) -> float:

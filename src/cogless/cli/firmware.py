@@ -25,7 +25,7 @@ from cogless.cli.terminal import new_console, share_progress
 from cogless.errors import StudyError
 from cogless.lines import print_text
 
-DIFFERENT = 1
+EXIT_DIFFERENT = 1
 
 
 def export(
@@ -124,7 +124,7 @@ def pil(
             print_text(line, others=" " * NAME_COLUMNS)
     print_warnings(loaded, [(where, controller)])
     if found.difference is not None:
-        sys.exit(DIFFERENT)
+        sys.exit(EXIT_DIFFERENT)
 
 
 def map_(

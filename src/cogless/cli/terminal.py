@@ -14,14 +14,19 @@ if TYPE_CHECKING:
 
     from cogless.run.simulate import StudyProgress
 
-WIDE = 240  # columns if the output is no terminal, so that lines in files and pipes aren't wrapped
+# columns where the output is no terminal, so that lines in files and pipes are not wrapped
+PIPE_COLUMNS = 240
 
 
 def new_console(**options: Any) -> Console:
     from rich.console import Console
 
     console = Console(**options)
-    return console if console.is_terminal else Console(width=text_lines.terminal_columns() or WIDE, **options)
+    return (
+        console
+        if console.is_terminal
+        else Console(width=text_lines.terminal_columns() or PIPE_COLUMNS, **options)
+    )
 
 
 def print_fitted(part: RenderableType) -> None:

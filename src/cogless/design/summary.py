@@ -199,7 +199,16 @@ def design(study: Study, name: str) -> Design:
         numbers |= {key: Gain(getattr(certified.learner, key), unit) for key, unit in LEARNER.items()}
     highest = certified.fastest if certified is not None else fastest(study, name)
     margins = weakest_margins(study, name)
-    return Design(controller.law, rule, numbers, margins, known, proof, highest, certified)
+    return Design(
+        law=controller.law,
+        rule=rule,
+        gains=numbers,
+        margins=margins,
+        learning=known,
+        theorem=proof,
+        fastest=highest,
+        certificate=certified,
+    )
 
 
 def weakest_margins(study: Study, name: str) -> Margins | None:

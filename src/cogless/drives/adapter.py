@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -56,7 +56,8 @@ class TableFrame:
     """How the identified angle lies to the index of the drive's own cogging table.
 
     The index counts as `direction` times the identified angle. `zero`: both are zero at one place;
-    `zero_error`: by how much they may differ, rad. `lacking`: what to do where `zero` is false.
+    `zero_error`: by how much they may differ, rad. `lacking`: what to do where `zero` is false. `gains`: of
+    the drive's own law, as its class in `firmware_laws` takes them; empty: not known.
     """
 
     drive: str
@@ -64,6 +65,7 @@ class TableFrame:
     zero: bool = False
     zero_error: float = 0.0
     lacking: str = ""
+    gains: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), indent=2) + "\n"
@@ -85,6 +87,7 @@ class TableText:
 
     `applied`: the current that the firmware makes of it at an identified angle, A over rad. `entries`,
     `scale`: for the summary. `install`, `remove`, `sign_check`: what the user does, a line each.
+    `law`: the class in `firmware_laws` that has this table, and `table_params` the table as it takes it.
     """
 
     text: str
@@ -95,6 +98,8 @@ class TableText:
     remove: str
     sign_check: str
     notes: Sequence[str] = ()
+    law: str = ""
+    table_params: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

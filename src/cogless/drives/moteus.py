@@ -10,7 +10,7 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +26,9 @@ from cogless.drives.adapter import (
     TableText,
     text_of,
 )
+from cogless.drives.firmware_laws import MOTEUS_ENTRIES, MoteusTable
 from cogless.drives.holding_current import HoldingCurrent, from_samples, samples
-from cogless.drives.moteus_dump import DUMP_HINT, TABLE_ENTRIES, Dump, read_dump, tables
+from cogless.drives.moteus_dump import DUMP_HINT, Dump, gains, read_dump, tables
 from cogless.drives.moteus_script import write_script
 from cogless.drives.row_times import overlay, sent_times
 from cogless.errors import StudyError
@@ -98,7 +99,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         raise StudyError(
             f"{without.path}: no angle of the table's index, which other logs have: expected it in each"
         )
-    frame = max(frames, key=lambda frame: frame.zero_error)
+    frame = replace(max(frames, key=lambda frame: frame.zero_error), gains=gains(dump))
     return DriveLogs(recordings, tables(dump, volts if volts > 0 else None), frame, remarks)
 
 
@@ -274,31 +275,23 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
     return Recording(log.path, log.name, signals, kind), frame, [remark]
 
 
-def look_up(entries: Array, scale: float, index: Array) -> Array:
-    """The current that the firmware adds: entry i is at i / 1024 of a turn, straight lines between, A."""
-    place = np.mod(index / math.tau, 1.0) * TABLE_ENTRIES
-    first = np.floor(place).astype(int) % TABLE_ENTRIES
-    share = place - np.floor(place)
-    between = (1 - share) * entries[first] + share * entries[(first + 1) % TABLE_ENTRIES]
-    return np.asarray(scale * between)
-
-
 def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
     """The table as lines for `moteus_tool --restore-config`. Its current has the sign of the logged q_A."""
-    values = samples(current, TABLE_ENTRIES, frame.direction, "linear")
+    values = samples(current, MOTEUS_ENTRIES, frame.direction, "linear")
     largest = float(np.max(np.abs(values)))
     scale = float(np.float32(largest / ENTRY_MOST)) or 1.0
-    entries = np.clip(np.round(values / scale), -ENTRY_MOST, ENTRY_MOST)
+    entries = [round(entry) for entry in np.clip(values / scale, -ENTRY_MOST, ENTRY_MOST)]
+    table = MoteusTable(scale, entries)
     lines = [
         "# Cogging table of moteus, by cogless. Install: moteus_tool -t 1 --restore-config THIS_FILE",
         f"motor.cogging_dq_scale {scale:.9g}",
-        *(f"motor.cogging_dq_comp.{n} {round(value)}" for n, value in enumerate(entries)),
+        *(f"motor.cogging_dq_comp.{n} {entry}" for n, entry in enumerate(entries)),
     ]
     return TableText(
         "\n".join(lines) + "\n",
-        TABLE_ENTRIES,
+        MOTEUS_ENTRIES,
         f"{scale:.4g} A a step, -127 to 127",
-        lambda angle: look_up(entries, scale, frame.direction * angle),
+        lambda angle: np.array([table.current(frame.direction * a) for a in angle.tolist()]),
         install="moteus_tool -t 1 --restore-config FILE",
         remove='in tview: "conf set motor.cogging_dq_scale 0", then "conf write"',
         sign_check=f'in tview: "conf set motor.cogging_dq_scale {0.3 * scale:.4g}", then "{-0.3 * scale:.4g}"'
@@ -307,6 +300,8 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
             "moteus adds the table in position mode only, after the limit of the torque.",
             "A calibration or an encoder compensation moves the index: make the table after them.",
         ),
+        law="Moteus",
+        table_params={"scale": scale, "entries": entries, "direction": frame.direction},
     )
 
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from cogless.drives.adapter import text_of
+from cogless.drives.firmware_laws import MOTEUS_ENTRIES
 from cogless.errors import StudyError
 from cogless.identify.files import Array, printable
 
-TABLE_ENTRIES = 1024
 DUMP_HINT = "the dump of moteus_tool -t 1 --dump-config"
 
 
@@ -64,7 +64,7 @@ class Dump:
     def table(self) -> Array:
         """The table that is stored, A; zeros if there is none."""
         scale = self.number("motor.cogging_dq_scale", "a number", 0.0)
-        keys = (f"motor.cogging_dq_comp.{n}" for n in range(TABLE_ENTRIES))
+        keys = (f"motor.cogging_dq_comp.{n}" for n in range(MOTEUS_ENTRIES))
         return np.array([scale * self.number(key, "-128 to 127", 0.0) for key in keys])
 
 
@@ -88,6 +88,17 @@ def read_dump(path: Path) -> Dump:
             "gear passes the same rotor angle at several places of the table"
         )
     return dump
+
+
+def gains(dump: Dump) -> dict[str, float]:
+    """What position mode does, as `firmware_laws.Moteus` takes it; empty: the dump doesn't tell."""
+    names = {"kp": "kp", "kd": "kd", "ki": "ki", "ilimit": "ilimit"}
+    keys = {name: f"servo.pid_position.{key}" for name, key in names.items()}
+    keys["filter_hz"] = f"motor_position.sources.{dump.source}.pll_filter_hz"
+    if keys["kp"] not in dump.values or keys["kd"] not in dump.values:
+        return {}
+    numbers = {name: dump.number(key, "a number") for name, key in keys.items() if key in dump.values}
+    return {**numbers, "ratio": dump.ratio}
 
 
 def tables(dump: Dump, bus_voltage: float | None) -> dict[str, dict[str, Any]]:

@@ -7,7 +7,6 @@ are in mA, so a small file says which columns it prints and how far apart. The t
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from cogless import units
+from cogless.c_literals import array
 from cogless.drives.adapter import (
     Adapter,
     Certainty,
@@ -26,6 +26,7 @@ from cogless.drives.adapter import (
     TableText,
     text_of,
 )
+from cogless.drives.firmware_laws import SimpleFocTable
 from cogless.drives.holding_current import HoldingCurrent, samples
 from cogless.drives.simplefoc_sketch import write_script
 from cogless.errors import StudyError
@@ -48,13 +49,14 @@ MONITOR_SIGNALS: dict[str, tuple[str, float]] = {
     "time_us": ("t", 1e-6),
     "part": ("part", 1.0),
 }
+# Of the sketch's speed loop, by the library's name: A s/rad, A/rad, A s^2/rad, A/s, s.
+LOOP_NAMES = {"PID_velocity": ("P", "I", "D", "output_ramp"), "LPF_velocity": ("Tf",)}
 NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
 MONITOR_LINE = re.compile(r"\D{0,3}[-+\d.]+(\t[-+\d.]+)+\t?\D{0,3}")
 SPOILT_SHARE_MOST = 0.05  # lines of another form that a log may have
 MICROS_WRAP = 2**32  # microseconds, at which the processor's counter begins anew
 WAVE_ENTRIES = 8  # entries for a wave of the highest order
 ENTRIES_LEAST, ENTRIES_MOST = 128, 4096
-LINE_NUMBERS = 8  # entries in a line of the header
 
 HEADER_TEXT = """\
 // Cogging feed-forward for SimpleFOC, by cogless. Angles are those of motor.shaft_angle.
@@ -128,7 +130,24 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
             remarks.append(f"{path.name}: {spoilt} lines of another form are left out.")
         recordings.append(Recording(path, "", signals))
     own = {"motor": tables.get("motor", {}), "drive": tables.get("drive", {})}
-    return DriveLogs(recordings, own, TableFrame("simplefoc", zero=True), remarks)
+    frame = TableFrame("simplefoc", zero=True, gains=_gains(configuration, tables))
+    return DriveLogs(recordings, own, frame, remarks)
+
+
+def _gains(path: Path, tables: dict[str, Any]) -> dict[str, float]:
+    """What the speed loop does, as `firmware_laws.SimpleFoc` takes it; empty: the file doesn't say."""
+    gains: dict[str, float] = {}
+    for table, names in LOOP_NAMES.items():
+        numbers = tables.get(table, {})
+        for name, value in numbers.items() if isinstance(numbers, dict) else [("", numbers)]:
+            if name not in names or isinstance(value, bool) or not isinstance(value, int | float):
+                raise StudyError(
+                    f"{path}: {table}: {name}: expected numbers {', '.join(names)} of the sketch"
+                )
+            gains[name] = float(value)
+    if gains and not {"P", "I"} <= gains.keys():
+        raise StudyError(f"{path}: PID_velocity: expected P and I of the sketch")
+    return gains
 
 
 def _monitor(path: Path, tables: dict[str, Any]) -> list[str]:
@@ -186,18 +205,12 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
     wanted_entries = WAVE_ENTRIES * max(current.orders)
     count = int(np.clip(1 << (wanted_entries - 1).bit_length(), ENTRIES_LEAST, ENTRIES_MOST))
     entries = np.asarray(samples(current, count, frame.direction, "linear"), dtype=np.float32)
-    rows = (entries[n : n + LINE_NUMBERS] for n in range(0, count, LINE_NUMBERS))
-    text = ",\n".join("    " + ", ".join(f"{_float(value)}" for value in row) for row in rows)
-
-    def applied(angle: Array) -> Array:
-        place = np.mod(frame.direction * angle / math.tau, 1.0) * count
-        return np.asarray(np.interp(place, np.arange(count + 1), np.append(entries, entries[0])))
-
+    table = SimpleFocTable(entries.tolist())
     return TableText(
-        HEADER_TEXT.format(count=count, entries=text),
+        HEADER_TEXT.format(count=count, entries=array(entries, "f")),
         count,
         "float, A",
-        applied,
+        lambda angle: np.array([table.current(frame.direction * a) for a in angle.tolist()]),
         install="copy FILE into the sketch, #include it, and call it in loop() as its first lines say",
         remove="#define COGGING_SHARE 0.0f in it",
         sign_check="COGGING_SHARE 0.3f, then -0.3f, each at a slow speed: the ripple falls with the first "
@@ -206,13 +219,9 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
             "SimpleFOC adds it after current_limit. feed_forward_current is in its source at 7f9c45f; older "
             "releases lack it.",
         ),
+        law="SimpleFoc",
+        table_params={"entries": entries.tolist()},
     )
-
-
-def _float(value: float) -> str:
-    """A number as a constant of type float in C."""
-    text = f"{value:.7g}"
-    return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
 
 
 SIMPLEFOC = Adapter(

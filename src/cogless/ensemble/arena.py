@@ -38,9 +38,9 @@ RIPPLE = "ripple_rad_s"  # its name in results
 UNTOLD = (LATE, HEAVY, LIGHT)
 INERTIA = {HEAVY: 1.5, LIGHT: 0.5}  # true inertia over the inertia that the laws assume
 DROPOUT = "50 ms"  # without an angle
-LONG, LAST = 3600.0, 60.0  # s: the hour, and the end of it that is measured
-ROWS = 20.0  # Hz, in an hour
-TURN = 1.1  # turns that orders need, with a law that is too slow
+HOUR_TIME, HOUR_END = 3600.0, 60.0  # s: the hour, and its end that is measured
+HOUR_TRACE_RATE = 20.0  # Hz, of the trace of an hour
+SLOW_TURNS = 1.1  # turns that the orders need with a law that is too slow
 
 
 def scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
@@ -59,7 +59,7 @@ def scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
         {"time": f"{step!r} s", "load": f"{load.torque + plant.load!r} N*m"},
         {"time": f"{off!r} s", "load": f"{load.torque!r} N*m"},
     ]
-    told = {
+    told_tables = {
         **taken,
         "override": override,
         "duration": f"{fault + plant.hold!r} s",
@@ -73,7 +73,7 @@ def scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
         for case, share in INERTIA.items()
     }
     untold = {LATE: late, **of_inertia}
-    return {TOLD: told} | {case: {**short, "override": override | untold[case]} for case in UNTOLD}
+    return {TOLD: told_tables} | {case: {**short, "override": override | untold[case]} for case in UNTOLD}
 
 
 def metrics(study: Study, plant: ArenaPlant) -> list[dict[str, Any]]:
@@ -90,7 +90,7 @@ def metrics(study: Study, plant: ArenaPlant) -> list[dict[str, Any]]:
     of_error = {"signal": "omega_error", "unit": "rpm"}
     only_told = {"scenarios": [TOLD]}
     slowest = study.scenario[TOLD].slowest
-    turn = max(plant.window, TURN * math.tau / slowest) if slowest else math.inf
+    turn = max(plant.window, SLOW_TURNS * math.tau / slowest) if slowest else math.inf
     orders = {
         "kind": "order",
         "order": known_orders(study, next(iter(study.controller))),
@@ -118,10 +118,10 @@ def metrics(study: Study, plant: ArenaPlant) -> list[dict[str, Any]]:
 
 def learning(study: Study, law: str) -> Study:
     """One law in the case TOLD until it has learned, without step and fault: the ripple that it leaves."""
-    told = study.source.tables["scenario"][TOLD]
-    end = told["events"][0]["time"]
-    short = {key: value for key, value in told.items() if key not in ("events", "faults")}
-    (ripple,) = (each for each in study.source.tables["metric"] if each["name"] == "ripple")
+    scenario = study.source.tables["scenario"][TOLD]
+    end = scenario["events"][0]["time"]
+    short = {key: value for key, value in scenario.items() if key not in ("events", "faults")}
+    (ripple,) = (metric for metric in study.source.tables["metric"] if metric["name"] == "ripple")
     tables = study.source.tables | {
         "scenario": {TOLD: {**short, "duration": end}},
         "controller": {law: study.source.tables["controller"][law]},
@@ -132,20 +132,22 @@ def learning(study: Study, law: str) -> Study:
 
 def hour(study: Study) -> Study:
     """An hour of the case TOLD without step and fault, and the ripple at its end."""
-    told = study.source.tables["scenario"][TOLD]
-    long = {key: value for key, value in told.items() if key not in ("events", "faults")}
+    scenario = study.source.tables["scenario"][TOLD]
+    long = {key: value for key, value in scenario.items() if key not in ("events", "faults")}
     # an odd divider: rows that don't return to the same angles, so that few of them tell an rms
-    rate = study.drive.rates.current_loop / (2 * round(study.drive.rates.current_loop / ROWS / 2) + 1)
-    ripple = {"kind": "rms", "signal": "omega_error", "last": f"{LAST!r} s", "unit": "rpm"}
+    rate = study.drive.rates.current_loop / (
+        2 * round(study.drive.rates.current_loop / HOUR_TRACE_RATE / 2) + 1
+    )
+    ripple = {"kind": "rms", "signal": "omega_error", "last": f"{HOUR_END!r} s", "unit": "rpm"}
     tables = study.source.tables | {
         "trace": {"rate": f"{rate!r} Hz"},
-        "scenario": {HOUR: {**long, "duration": f"{LONG!r} s"}},
+        "scenario": {HOUR: {**long, "duration": f"{HOUR_TIME!r} s"}},
         "metric": [{"name": "after_hour", **ripple}],
     }
     return with_tables(study, tables)
 
 
-GOLDEN = 137.508  # deg, between the first angles of two seeds
+SEED_ANGLE_STEP = 137.508  # deg, from the first angle of one seed to that of the next
 
 ArenaProgress = Callable[[str, int], None]
 
@@ -216,14 +218,19 @@ def run_arena(
             studies = [(seed, _seeded(study, seed)) for seed in arena.seeds]
             if arena.plant[plant].hour:
                 studies.append((arena.seeds[0], hour(studies[0][1])))
-            rolled = _rolled([each for _, each in studies], jobs)
+            rolled = _rolled([seeded for _, seeded in studies], jobs)
             of_plant: list[ArenaRun] = []
-            for (seed, each), results in zip(studies, rolled, strict=True):
+            for (seed, seeded), results in zip(studies, rolled, strict=True):
                 of_plant += [
                     ArenaRun(plant, run.scenario, run.controller, seed, run.metrics) for run in results.runs
                 ]
-                made = {(run.scenario, run.controller) for run in results.runs}
-                lost = {law for case in each.scenario for law in each.controller if (case, law) not in made}
+                runs_done = {(run.scenario, run.controller) for run in results.runs}
+                lost = {
+                    law
+                    for case in seeded.scenario
+                    for law in seeded.controller
+                    if (case, law) not in runs_done
+                }
                 absent_laws |= {(plant, law): "fails on the way" for law in sorted(lost)}
             limited |= _limits_of_best(plant, studies[0][1], of_plant, jobs) if find_limits else {}
             runs += of_plant
@@ -237,7 +244,16 @@ def run_arena(
                 trials += _trials(arena, name, jobs)
     except KeyboardInterrupt:
         interrupted = True
-    return ArenaResults(arena, runs, absent, settings, before, trials, limited, interrupted)
+    return ArenaResults(
+        arena=arena,
+        runs=runs,
+        absent=absent,
+        settings=settings,
+        before=before,
+        trials=trials,
+        limits=limited,
+        interrupted=interrupted,
+    )
 
 
 def _limits_of_best(plant: str, study: Study, runs: Sequence[ArenaRun], jobs: int) -> dict[str, Limits]:
@@ -252,27 +268,36 @@ def _limits_of_best(plant: str, study: Study, runs: Sequence[ArenaRun], jobs: in
     best = min(ripples, key=lambda law: sum(ripples[law]) / len(ripples[law]))
     alone = learning(study, best)
     (run_of_best,) = rollout([alone], jobs=1, keep_traces=False)[0].runs
-    found = limits(alone, run_of_best, alone.metric[0], jobs=jobs)
-    return {} if found is None else {plant: found}
+    best_limits = limits(alone, run_of_best, alone.metric[0], jobs=jobs)
+    return {} if best_limits is None else {plant: best_limits}
 
 
 def _trials(arena: Arena, name: str, jobs: int) -> list[ArenaTrialRun]:
     """All controllers of a study of trials, with each seed."""
-    told = arena.trials[name]
-    path = find(told.study, "studies", "study", arena.path.parent, f"{arena.path}: trials.{name}.study: ")
-    study = load_study(path, told.changes)
+    trials = arena.trials[name]
+    path = find(trials.study, "studies", "study", arena.path.parent, f"{arena.path}: trials.{name}.study: ")
+    study = load_study(path, trials.changes)
     if study.kind != "trials":
         raise StudyError(f"{arena.path}: trials.{name}.study: expected a study of trials")
     of_phases = {result_name(m) for m in study.metric if m.kind in EACH_PHASE}
-    found = []
+    runs = []
     studies = [changed(study, {"seed": seed}) for seed in arena.seeds]
     for seed, results in zip(arena.seeds, _rolled(studies, jobs), strict=True):
         for run in results.runs:
-            each = {n: v for n, v in run.metrics.items() if n in of_phases and isinstance(v, list)}
+            values = {n: v for n, v in run.metrics.items() if n in of_phases and isinstance(v, list)}
             law = study.controller[run.controller]
             kind = str(getattr(law, "law", ""))
-            found.append(ArenaTrialRun(name, run.controller, study.label(run.controller), kind, seed, each))
-    return found
+            runs.append(
+                ArenaTrialRun(
+                    trials=name,
+                    law=run.controller,
+                    label=study.label(run.controller),
+                    kind=kind,
+                    seed=seed,
+                    metrics=values,
+                )
+            )
+    return runs
 
 
 def chosen(arena: Arena, only: Sequence[str] | None) -> dict[str, list[str]]:
@@ -284,13 +309,13 @@ def chosen(arena: Arena, only: Sequence[str] | None) -> dict[str, list[str]]:
     for pattern in only or ():
         of_trials = any(fnmatchcase(name, pattern.partition("/")[0]) for name in arena.trials)
         if not of_trials and not any(fnmatchcase("/".join(pair), pattern) for pair in pairs):
-            known = f"plants {', '.join(arena.plant)} and laws {', '.join(arena.law)}"
-            raise StudyError(f'{arena.path}: --only: "{pattern}": expected PLANT/LAW of the {known}')
-    found: dict[str, list[str]] = {}
+            names = f"plants {', '.join(arena.plant)} and laws {', '.join(arena.law)}"
+            raise StudyError(f'{arena.path}: --only: "{pattern}": expected PLANT/LAW of the {names}')
+    laws_of: dict[str, list[str]] = {}
     for plant, law in pairs:
         if not only or any(fnmatchcase(f"{plant}/{law}", pattern) for pattern in only):
-            found.setdefault(plant, []).append(law)
-    return found
+            laws_of.setdefault(plant, []).append(law)
+    return laws_of
 
 
 def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[str, str]]:
@@ -299,8 +324,8 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
     path = find(plant.study, "studies", "study", arena.path.parent, f"{arena.path}: plant.{name}.study: ")
     base = load_study(path, plant.changes)
     if base.kind != "speed" or plant.scenario not in base.scenario:
-        known = ", ".join(base.scenario) if base.kind == "speed" else "a study of speed"
-        raise StudyError(f'{arena.path}: plant.{name}.scenario: "{plant.scenario}": expected {known}')
+        expected = ", ".join(base.scenario) if base.kind == "speed" else "a study of speed"
+        raise StudyError(f'{arena.path}: plant.{name}.scenario: "{plant.scenario}": expected {expected}')
     controllers = {law: _controller(arena, plant, law) for law in laws}
     absent = {
         law: "the feedback there is by hand, and the law has another"
@@ -310,8 +335,8 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
     present = {law: table for law, table in controllers.items() if table is not None}
     if not present:
         raise StudyError(f"{arena.path}: plant.{name}: expected a law that can run there")
-    kept = ("title", "motor", "mechanics", "drive", "assumption")
-    tables = {key: table for key, table in base.source.tables.items() if key in kept}
+    shared_tables = ("title", "motor", "mechanics", "drive", "assumption")
+    tables = {key: table for key, table in base.source.tables.items() if key in shared_tables}
     tables |= {
         "trace": {"rate": f"{base.drive.rates.speed_loop!r} Hz"},
         "scenario": scenarios(base, plant),
@@ -323,15 +348,15 @@ def prepared(arena: Arena, name: str, laws: Sequence[str]) -> tuple[Study, dict[
 
 def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]:
     """The study with the numbers of the rule auto; a law for which there are none leaves it."""
-    found: dict[str, Any] = {}
+    changes: dict[str, Any] = {}
     lost = {}
     for name in missing(study):
         try:
-            given, values = study.source.tables["controller"][name], automatic(study, name)
+            own_keys, values = study.source.tables["controller"][name], automatic(study, name)
         except StudyError as error:
             lost[name] = str(error).rpartition("tuning: ")[2]
             continue
-        found |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in given}
+        changes |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in own_keys}
     for name, law in study.controller.items():
         if isinstance(law, Harmonic):
             try:
@@ -342,7 +367,7 @@ def _tuned(study: Study, absent: dict[str, str]) -> tuple[Study, dict[str, str]]
         tables = dict(study.source.tables)
         tables["controller"] = {k: v for k, v in tables["controller"].items() if k not in lost}
         study = with_tables(study, tables)
-    return (changed(study, found) if found else study), absent | lost
+    return (changed(study, changes) if changes else study), absent | lost
 
 
 def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | None:
@@ -361,7 +386,7 @@ def _controller(arena: Arena, plant: ArenaPlant, name: str) -> dict[str, Any] | 
 
 def _seeded(study: Study, seed: int) -> Study:
     """The study with other noise, and another angle to begin at."""
-    angle = f"{GOLDEN * seed % 360!r} deg"
+    angle = f"{SEED_ANGLE_STEP * seed % 360!r} deg"
     return changed(
         study, {"seed": seed} | {f"scenario.{case}.initial_angle": angle for case in study.scenario}
     )
@@ -373,6 +398,6 @@ def _rolled(studies: Sequence[AnyStudy], jobs: int) -> list[AnyResults]:
         results = rollout(studies, jobs=jobs, keep_traces=False)
     except RunError as error:  # of a law that fails; all others are finished
         return error.all_results
-    if any(each.interrupted for each in results):
+    if any(result.interrupted for result in results):
         raise KeyboardInterrupt
     return results

@@ -114,9 +114,9 @@ class Arena(Table):
 
     def found(self, path: str) -> str:
         """A user's file, which is beside the arena's, or else where the command runs."""
-        beside = self._path.parent.resolve() / path
-        there = Path(str(beside).rpartition(":")[0] or beside).exists()
-        return str(beside if there else Path(path).resolve())
+        path_here = self._path.parent.resolve() / path
+        exists = Path(str(path_here).rpartition(":")[0] or path_here).exists()
+        return str(path_here if exists else Path(path).resolve())
 
     @property
     def bar(self) -> str:

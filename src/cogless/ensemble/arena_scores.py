@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Content = Mapping[str, Any]  # of results.json
 LEAST_TIME = 1e-3  # s; shorter ones count as this
-EVEN = 1.02  # times the best: laws that are as good
+EVEN_RATIO = 1.02  # a law is as good as the best up to this ratio
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Scores:
 
     @cached_property
     def _before(self) -> dict[tuple[str, str], float]:
-        return {(each["plant"], each["law"]): each["s"] for each in self.content["before"]}
+        return {(entry["plant"], entry["law"]): entry["s"] for entry in self.content["before"]}
 
     @property
     def plants(self) -> list[str]:
@@ -97,27 +97,27 @@ class Scores:
 
     def of_seed(self, column: str, plant: str, law: str, seed: int) -> float | None:
         """A law's value on a plant, SI. Infinite: never reached, or not finite. None: it wasn't run."""
-        known = COLUMNS[column]
-        found = []
-        for case in known.cases:
+        definition = COLUMNS[column]
+        values = []
+        for case in definition.cases:
             metrics = self._values.get((plant, case, law, seed))
-            if metrics is None or known.metric not in metrics:
+            if metrics is None or definition.metric not in metrics:
                 return None
             before = self._before.get((plant, law), 0.0) if column == "time_to_learn" else 0.0
-            found.append(before + _number(metrics[known.metric]))
-        return max(found)
+            values.append(before + _number(metrics[definition.metric]))
+        return max(values)
 
     def value(self, column: str, plant: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
         """A law's value on a plant as the mean over seeds; infinite if it is in any of them."""
         first = COLUMNS[column].cases[0]
         run = {seed for where, case, _, seed in self._values if (where, case) == (plant, first)}
-        each = [
+        of_seeds = [
             self.of_seed(column, plant, law, seed)
             for seed in (self.seeds if seeds is None else seeds)
             if seed in run
         ]
-        known = [value for value in each if value is not None]
-        return sum(known) / len(known) if len(known) == len(each) and known else None
+        numbers = [value for value in of_seeds if value is not None]
+        return sum(numbers) / len(numbers) if len(numbers) == len(of_seeds) and numbers else None
 
     def ratio(self, column: str, plant: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
         """A law's value over the bar's; None if either wasn't run.
@@ -125,8 +125,8 @@ class Scores:
         What is never reached counts as the time that there was.
         """
         of = (self.value(column, plant, name, seeds) for name in (law, self.bar))
-        found = [None if value is None else self._counted(column, plant, value) for value in of]
-        return found[0] / found[1] if found[0] is not None and found[1] else None
+        counts = [None if value is None else self._counted(column, plant, value) for value in of]
+        return counts[0] / counts[1] if counts[0] is not None and counts[1] else None
 
     def _counted(self, column: str, plant: str, value: float) -> float | None:
         never = COLUMNS[column].never
@@ -158,25 +158,25 @@ class Scores:
 
     def best(self, value: Callable[[str], float | None], among: Sequence[str] | None = None) -> list[str]:
         """The laws whose value is the least, with those that are as good; the best first."""
-        found = {law: v for law in (among or self.laws) if (v := value(law)) is not None and v < math.inf}
-        order = sorted(found, key=lambda law: found[law])
-        return [law for law in order if found[law] <= EVEN * found[order[0]]]
+        values = {law: v for law in (among or self.laws) if (v := value(law)) is not None and v < math.inf}
+        order = sorted(values, key=lambda law: values[law])
+        return [law for law in order if values[law] <= EVEN_RATIO * values[order[0]]]
 
     def winners(self, column: str, seeds: Iterable[int] | None = None) -> list[str]:
         """The laws with the best score of a column, of those that have it wherever the bar has."""
         seeds = None if seeds is None else list(seeds)
-        there = [p for p in self.plants if self.value(column, p, self.bar) is not None]
-        everywhere = [law for law in self.laws if all(self.value(column, p, law) is not None for p in there)]
+        plants = [p for p in self.plants if self.value(column, p, self.bar) is not None]
+        everywhere = [law for law in self.laws if all(self.value(column, p, law) is not None for p in plants)]
         return self.best(lambda law: self.score(column, law, seeds), everywhere)
 
     def unsteady(self) -> dict[str, dict[int, list[str]]]:
         """The columns whose winner changes with the seed: seed -> its best laws, best first."""
-        found = {}
+        changing = {}
         for column in COLUMNS:
-            each = {seed: self.winners(column, [seed]) for seed in self.seeds}
-            if len({laws[0] for laws in each.values() if laws}) > 1:
-                found[column] = each
-        return found
+            winners = {seed: self.winners(column, [seed]) for seed in self.seeds}
+            if len({laws[0] for laws in winners.values() if laws}) > 1:
+                changing[column] = winners
+        return changing
 
 
 def _number(value: float | list[float | None] | None) -> float:
@@ -208,7 +208,7 @@ def to_dict(results: ArenaResults) -> dict[str, Any]:
         ],
         "limits": [_limits(plant, of) for plant, of in results.limits.items()],
         **({"interrupted": True} if results.interrupted else {}),
-        "arena_trials": {name: told.about for name, told in arena.trials.items()},
+        "arena_trials": {name: trials.about for name, trials in arena.trials.items()},
         "trials": [
             {
                 "trials": run.trials,
@@ -279,11 +279,13 @@ def table(results: ArenaResults) -> Table:
     from rich.table import Table
 
     scores = Scores(to_dict(results))
-    found = Table(box=None, pad_edge=False, title=f"Times {scores.label(scores.bar)}, mean over plants")
-    found.add_column("law")
+    scores_table = Table(
+        box=None, pad_edge=False, title=f"Times {scores.label(scores.bar)}, mean over plants"
+    )
+    scores_table.add_column("law")
     for column in COLUMNS.values():
-        found.add_column(column.title, justify="right", no_wrap=True)
-    found.add_column("plants", justify="right")
+        scores_table.add_column(column.title, justify="right", no_wrap=True)
+    scores_table.add_column("plants", justify="right")
     best = {column: scores.winners(column) for column in COLUMNS}
     for law in scores.laws:
         cells = [
@@ -292,9 +294,9 @@ def table(results: ArenaResults) -> Table:
             else f"{score:.3g}{' *' if law in best[column] else '  '}"
             for column in COLUMNS
         ]
-        found.add_row(scores.label(law), *cells, str(scores.met(law)))
+        scores_table.add_row(scores.label(law), *cells, str(scores.met(law)))
     if scores.barless:
-        found.caption = (
+        scores_table.caption = (
             f"In no score, since {scores.label(scores.bar)} was not on it: {', '.join(scores.barless)}."
         )
-    return found
+    return scores_table

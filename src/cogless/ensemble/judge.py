@@ -18,7 +18,7 @@ from cogless.results.trace import Array
 from cogless.run.simulate import Pair
 from cogless.study.toml import toml
 
-CONFIDENCE = 1.96  # standard deviations, for 95 %
+CONFIDENCE_95 = 1.96  # standard deviations of a 95 % interval
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +72,8 @@ def _spread(sweep: Sweep, place: int, index: int) -> Spread:
     column, bad = sweep.columns[index], badness(sweep, place, index)
     sign = -1.0 if column.metric.wanted == "higher" else 1.0
     worst = int(np.argmax(bad))
-    kept = keeps(sweep, place, index)
-    share = None if kept is None else float(np.mean(kept))
+    keeping = keeps(sweep, place, index)
+    share = None if keeping is None else float(np.mean(keeping))
     return Spread(
         pair=sweep.pairs[place],
         column=column,
@@ -95,7 +95,7 @@ def quantile(values: Array, share: float) -> float:
 
 def likely(share: float, count: int) -> tuple[float, float]:
     """Wilson's 95 % interval of the share of all variants, if `count` drawn ones had `share`."""
-    z = CONFIDENCE**2 / count
+    z = CONFIDENCE_95**2 / count
     middle, half = share + z / 2, math.sqrt(z * share * (1 - share) + z**2 / 4)
     return max(0.0, (middle - half) / (1 + z)), min(1.0, (middle + half) / (1 + z))
 
@@ -105,7 +105,7 @@ def settings(sweep: Sweep, variant: int, scenario: str) -> list[str]:
     return [f"{key}={toml(value)}" for key, value in sweep.ensemble.changes(variant, scenario).items()]
 
 
-FEWEST = 200  # variants for Sobol indices: below, the estimate's own scatter reaches 0.1
+SOBOL_VARIANTS_LEAST = 200  # variants for Sobol indices: with fewer, the estimate's own scatter reaches 0.1
 FEWEST_RANKS = 10  # variants for a rank correlation
 
 
@@ -124,14 +124,14 @@ class Influence:
 def influences(sweep: Sweep, place: int, index: int) -> list[Influence]:
     """The influence of each varied key on one metric of one run."""
     values = sweep.values[:, place, index]
-    known = np.isfinite(values)
-    y = values[known]
+    finite = np.isfinite(values)
+    y = values[finite]
     keys = [key for key in sweep.ensemble.drawn if key != SEED]
     flat = len(y) < FEWEST_RANKS or np.ptp(y) == 0
     if flat or not keys:
         return [Influence(key, None, None) for key in keys]
-    x = np.column_stack([positions(sweep, key)[known] for key in keys])
-    firsts = _first_order(x, y, keys) if len(y) >= FEWEST else [None] * len(keys)
+    x = np.column_stack([positions(sweep, key)[finite] for key in keys])
+    firsts = _first_order(x, y, keys) if len(y) >= SOBOL_VARIANTS_LEAST else [None] * len(keys)
     return [
         Influence(key, _rank(column, y), first) for key, column, first in zip(keys, x.T, firsts, strict=True)
     ]
@@ -158,8 +158,8 @@ def _first_order(x: Array, y: Array, keys: Sequence[str]) -> list[float | None]:
 
     bounds = [[float(column.min()), float(column.max())] for column in x.T]
     problem = {"num_vars": len(keys), "names": list(keys), "bounds": bounds}
-    found = rbd_fast.analyze(problem, x, y, num_resamples=2, seed=0)["S1"]
+    indices = rbd_fast.analyze(problem, x, y, num_resamples=2, seed=0)["S1"]
     return [
         float(min(1.0, max(0.0, first))) if np.ptp(column) and np.isfinite(first) else None
-        for first, column in zip(found, x.T, strict=True)
+        for first, column in zip(indices, x.T, strict=True)
     ]

@@ -23,7 +23,7 @@ from cogless.study.named_files import named_files
 from cogless.study.reading import put
 
 Settings = Mapping[str, float]  # a share of each range, 0 to 1
-SPREAD = 0.2  # of the first settings around the start, in shares of the ranges
+START_SPREAD = 0.2  # spread of the first settings around the start, in shares of the ranges
 
 
 def require() -> None:
@@ -33,10 +33,10 @@ def require() -> None:
 
 
 @contextmanager
-def opened(path: Path, about: Mapping[str, Any], start: Settings, seed: int) -> Iterator[Search]:
-    """Open a search with its journal at `path`. StudyError: the journal is of another search than `about`."""
-    with sweep.opened(path, about) as kept:
-        yield Search(kept, start, seed)
+def opened(path: Path, identity: Mapping[str, Any], start: Settings, seed: int) -> Iterator[Search]:
+    """Open a search with its journal at `path`. StudyError: the journal has another `identity`."""
+    with sweep.opened(path, identity) as journal:
+        yield Search(journal, start, seed)
 
 
 class Search:
@@ -58,7 +58,7 @@ class Search:
             sampler: Any = optuna.samplers.TPESampler(seed=short)
             if len(start) > 1:
                 sampler = optuna.samplers.CmaEsSampler(
-                    x0=self.start, sigma0=SPREAD, seed=short, warn_independent_sampling=False
+                    x0=self.start, sigma0=START_SPREAD, seed=short, warn_independent_sampling=False
                 )
             self.study = optuna.create_study(sampler=sampler)
             for _, (params, value, attributes) in sorted(kept.finished.items()):

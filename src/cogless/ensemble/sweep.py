@@ -52,8 +52,8 @@ class Journal:
 
 
 @contextmanager
-def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
-    """Open the journal of the sweep `about`, and go on with it if there is one.
+def opened(path: Path, identity: Mapping[str, Any]) -> Iterator[Journal]:
+    """Open the journal of the sweep `identity`, and go on with it if there is one.
 
     StudyError: it belongs to another sweep, another process writes it, it can't be written.
     """
@@ -71,22 +71,22 @@ def opened(path: Path, about: Mapping[str, Any]) -> Iterator[Journal]:
         file.seek(0)
         content = file.read()
         lines = _whole_lines(content)
-        begun = lines or not _line(about).startswith(content)
-        finished = _read(path, lines, about) if begun else {}
+        begun = lines or not _line(identity).startswith(content)
+        finished = _read(path, lines, identity) if begun else {}
         file.truncate(sum(len(line) + 1 for line in lines))  # without a line that a kill cut off
         if not begun:
-            _append(path, file, about)
+            _append(path, file, identity)
         yield Journal(path, file, finished)
 
 
-def read(path: Path, about: Mapping[str, Any]) -> dict[Chunk, Any]:
+def read(path: Path, identity: Mapping[str, Any]) -> dict[Chunk, Any]:
     """The finished chunks of a journal that nobody writes any more."""
     try:
         no_device(path)
         content = path.read_bytes()
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a shard's file") from error
-    return _read(path, _whole_lines(content), about)
+    return _read(path, _whole_lines(content), identity)
 
 
 def _whole_lines(content: bytes) -> list[bytes]:
@@ -122,18 +122,20 @@ def _value(line: bytes) -> Any:
         return None
 
 
-def _read(path: Path, lines: list[bytes], about: Mapping[str, Any]) -> dict[Chunk, Any]:
+def _read(path: Path, lines: list[bytes], identity: Mapping[str, Any]) -> dict[Chunk, Any]:
     has = _value(lines[0]) if lines else None
     if not isinstance(has, dict):
         expected = "expected a file that this command has written"
         if lines and lines[0].startswith(b"{"):
             expected = "was written by an earlier cogless, without checksums: expected another directory"
         raise StudyError(f"{path}: not readable: {expected}")
-    different = next((key for key in about if has.get(key) != about[key]), None)
+    different = next((key for key in identity if has.get(key) != identity[key]), None)
     if different is not None:
-        wanted = f"{about[different]}, which this command has" if different != "study" else "the same study"
+        difference = (
+            f"{identity[different]}, which this command has" if different != "study" else "the same study"
+        )
         where = f"{path}: {different}: {has.get(different)}"
-        raise StudyError(f"{where}: expected {wanted}, or another directory")
+        raise StudyError(f"{where}: expected {difference}, or another directory")
     finished: dict[Chunk, Any] = {}
     for number, line in enumerate(lines[1:], 2):
         match _value(line):
@@ -151,35 +153,35 @@ class Ended(Exception):  # noqa: N818, it isn't an error
 def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[Pair]) -> list[list[Row]]:
     """Run these variants: for each, in order, one row per pair of scenario and controller."""
     study = unpacked(parcel)
-    wanted = columns(study)
-    made = [_made(study, of_variant) for of_variant in changes]
+    metrics = columns(study)
+    variants = [_made(study, of_variant) for of_variant in changes]
     errors: Sequence[Mapping[Pair, StudyError]] = []
-    valid = [variant for variant in made if not isinstance(variant, str)]
+    valid = [variant for variant in variants if not isinstance(variant, str)]
     try:
         results: Sequence[AnyResults] = rollout(
             valid, ["/".join(pair) for pair in pairs], jobs=1, keep_traces=False
         )
-        if any(found.interrupted for found in results):
+        if any(rows_of_variants.interrupted for rows_of_variants in results):
             raise Ended
     except RunError as error:
         results, errors = error.all_results, error.all_errors
     finished = zip(results, errors or [{}] * len(valid), strict=True)
-    found = []
-    for variant in made:
+    rows_of_variants = []
+    for variant in variants:
         if isinstance(variant, str):
-            found.append([_failed_row(len(wanted), variant) for _ in pairs])
+            rows_of_variants.append([_failed_row(len(metrics), variant) for _ in pairs])
             continue
         of_variant, failed = next(finished)
         runs = {(run.scenario, run.controller): run.metrics for run in of_variant.runs}
-        found.append(
+        rows_of_variants.append(
             [
-                _failed_row(len(wanted), _told(variant, failed[pair]))
+                _failed_row(len(metrics), _told(variant, failed[pair]))
                 if pair in failed
-                else [*(column.of(runs[pair]) for column in wanted), None]
+                else [*(column.of(runs[pair]) for column in metrics), None]
                 for pair in pairs
             ]
         )
-    return found
+    return rows_of_variants
 
 
 def needed(study: AnyStudy) -> str:
@@ -210,7 +212,7 @@ def _told(study: AnyStudy, error: StudyError) -> str:
 
 
 SHARD_NUMBER = re.compile("[1-9][0-9]{0,8}")
-CHUNK = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker
+TASK_VARIANTS = 16  # variants of a task: enough for the engine's lock step, little to lose with a worker
 
 SweepProgress = Callable[[int], None]
 
@@ -239,7 +241,7 @@ class Plan:
 
     @property
     def chunks(self) -> int:
-        return -(-self.ensemble.count // CHUNK)
+        return -(-self.ensemble.count // TASK_VARIANTS)
 
     def part(self, shard: Shard) -> range:
         """The chunks of a shard."""
@@ -251,8 +253,8 @@ class Plan:
 
     def changes(self, chunk: int) -> list[dict[str, Any]]:
         """What differs from the study, for each variant of a chunk."""
-        last = min(self.ensemble.count, (chunk + 1) * CHUNK)
-        return [self.ensemble.changes(variant) for variant in range(chunk * CHUNK, last)]
+        last = min(self.ensemble.count, (chunk + 1) * TASK_VARIANTS)
+        return [self.ensemble.changes(variant) for variant in range(chunk * TASK_VARIANTS, last)]
 
     def for_shards(self, shard: Shard) -> dict[str, Any]:
         """What a journal says it is; a shard also says how many variants there are, which decide its part."""
@@ -265,13 +267,13 @@ def plan(study: AnyStudy, count: int, only: Sequence[str] | None = None) -> Plan
     if not columns(study):
         raise StudyError(f"{study.source.path}: metric: missing: expected one or more to compare")
     ensemble = draw(study, count)
-    about = {
+    identity = {
         "study": pack(study).digest[:16],
         "version": versions()["cogless"],
         "runs": ["/".join(pair) for pair in pairs],
         "first": ensemble.changes(0),
     }
-    return Plan(study, ensemble, pairs, about)
+    return Plan(study, ensemble, pairs, identity)
 
 
 def run(
@@ -287,25 +289,25 @@ def run(
     those of an earlier call included. StudyError: a journal of another sweep, a worker that keeps dying.
     """
     part = shard or Shard()
-    wanted = planned.part(part)
-    with opened(folder / part.file, planned.for_shards(part)) as kept:
+    chunks = planned.part(part)
+    with opened(folder / part.file, planned.for_shards(part)) as journal:
         report = progress or (lambda variants: None)
         # a last chunk that was shorter in an earlier, smaller sweep runs again
-        left = [c for c in wanted if len(kept.finished.get(c, ())) < len(planned.changes(c))]
-        done = planned.variants(part) - sum(len(planned.changes(c)) for c in left)
+        remaining = [c for c in chunks if len(journal.finished.get(c, ())) < len(planned.changes(c))]
+        done = planned.variants(part) - sum(len(planned.changes(c)) for c in remaining)
         report(done)
 
-        def finished(chunk: int, found: Any) -> None:
+        def finished(chunk: int, finished: Any) -> None:
             nonlocal done
-            kept.add(chunk, found)
-            done += len(found)
+            journal.add(chunk, finished)
+            done += len(finished)
             report(done)
 
         parcel = pack(planned.study)
-        tasks = {chunk: (parcel, planned.changes(chunk), planned.pairs) for chunk in left}
+        tasks = {chunk: (parcel, planned.changes(chunk), planned.pairs) for chunk in remaining}
         at = workers if isinstance(workers, Workers) else given(workers)
         run_all(at, rows, tasks, finished, needed(planned.study))
-        return None if part.of > 1 else _gathered(planned, kept.finished)
+        return None if part.of > 1 else _gathered(planned, journal.finished)
 
 
 def merge(planned: Plan, folder: Path) -> Sweep:
@@ -319,12 +321,12 @@ def merge(planned: Plan, folder: Path) -> Sweep:
     finished: dict[int, Any] = {}
     for shard in (Shard(index, int(count)) for index in range(int(count))):
         path = folder / shard.file
-        found = read(path, planned.for_shards(shard))
-        wanted = planned.part(shard)
-        if not set(wanted) <= set(found):
-            has = f"{len(found)} of {len(wanted)} chunks"
+        chunks = read(path, planned.for_shards(shard))
+        expected_chunks = planned.part(shard)
+        if not set(expected_chunks) <= set(chunks):
+            has = f"{len(chunks)} of {len(expected_chunks)} chunks"
             raise StudyError(f"{path}: {has}: expected a finished shard; run it again, it goes on")
-        finished |= found
+        finished |= chunks
     return _gathered(planned, finished)
 
 

@@ -54,15 +54,15 @@ class Column:
 
 def columns(study: AnyStudy) -> list[Column]:
     """The columns of a study's metrics, in its order."""
-    found: dict[str, Column] = {}
+    by_name: dict[str, Column] = {}
     for metric in study.metric:
         for place, part in study.columns_of(metric):
             column = Column(metric, place, part)
-            found.setdefault(column.name, column)
-    return list(found.values())
+            by_name.setdefault(column.name, column)
+    return list(by_name.values())
 
 
-ROWS = 1 << 16  # rows per row group of sweep.parquet, at most
+GROUP_ROWS = 1 << 16  # largest number of rows in a row group of sweep.parquet
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +85,15 @@ def gathered(
     study: AnyStudy, ensemble: Ensemble, pairs: Sequence[Pair], rows: Iterable[Sequence[Row]]
 ) -> Sweep:
     """Put the rows of each variant, in order, into arrays."""
-    found = columns(study)
-    values = np.full((ensemble.count, len(pairs), len(found)), np.nan)
+    metrics = columns(study)
+    values = np.full((ensemble.count, len(pairs), len(metrics)), np.nan)
     errors = {}
     for variant, of_pairs in enumerate(rows):
         for place, row in enumerate(of_pairs):
             values[variant, place] = row[:-1]  # None becomes NaN
             if row[-1] is not None:
                 errors[variant, place] = row[-1]
-    return Sweep(study, ensemble, pairs, found, values, errors)
+    return Sweep(study=study, ensemble=ensemble, pairs=pairs, columns=metrics, values=values, errors=errors)
 
 
 def require(command: str) -> None:
@@ -126,15 +126,15 @@ def write(sweep: Sweep, path: Path) -> None:
             [sweep.errors.get((v, p)) for v in range(count) for p in range(of_variant)], pa.string()
         ),
     }
-    about = {
+    metadata = {
         "study": sweep.study.name,
         "title": sweep.study.title,
         "seed": sweep.study.seed,
         "cogless": versions()["cogless"],
     }
-    table = pa.table(named).replace_schema_metadata({"cogless": json.dumps(about, ensure_ascii=False)})
+    table = pa.table(named).replace_schema_metadata({"cogless": json.dumps(metadata, ensure_ascii=False)})
     with replacing(path) as temporary:
-        pq.write_table(table, temporary, row_group_size=ROWS, compression="zstd")
+        pq.write_table(table, temporary, row_group_size=GROUP_ROWS, compression="zstd")
 
 
 def _array(values: list[Any]) -> Any:

@@ -16,7 +16,7 @@ import numpy as np
 from cogless.design.kinds import DESIGNS
 from cogless.ensemble import judge
 from cogless.ensemble.search import Settings, opened
-from cogless.ensemble.sweep import CHUNK, needed, rows
+from cogless.ensemble.sweep import TASK_VARIANTS, needed, rows
 from cogless.ensemble.sweep_table import Column, Sweep, columns, gathered
 from cogless.ensemble.variants import SEED, Ensemble, Reader, draw, seeds, tried
 from cogless.ensemble.workers import Workers, pack, run_all
@@ -30,9 +30,9 @@ from cogless.study.metric import result_name
 from cogless.study.reading import split
 from cogless.study.table import perhaps
 
-DECADE = 10.0  # a range at least this wide is searched by ratios
-FRESH = 4  # variants of the check, for each that was searched over
-SEEDS = 16  # variants of the check of the nominal plant, which differ by their noise
+DECADE_RATIO = 10.0  # a range at least this wide is searched by ratios
+FRESH_VARIANTS = 4  # variants of the check, for each that was searched over
+NOMINAL_SEEDS = 16  # variants of the check of the nominal plant, which differ by their noise
 TuneProgress = Callable[[str, int, int, float], None]  # subject, tried, budget, best value
 
 
@@ -49,7 +49,7 @@ class Knob:
 
     @property
     def by_ratio(self) -> bool:
-        return self.low > 0 and self.high >= DECADE * self.low
+        return self.low > 0 and self.high >= DECADE_RATIO * self.low
 
     def text(self, share: float) -> Any:
         """The value at a share of the range, as it stands in a study's file."""
@@ -141,11 +141,11 @@ class Evaluation:
         """Run each candidate, values by key, over all variants."""
         count = self.ensemble.count
         changes = [self.ensemble.changes(v) | dict(c) for c in candidates for v in range(count)]
-        chunks = [changes[at : at + CHUNK] for at in range(0, len(changes), CHUNK)]
+        chunks = [changes[at : at + TASK_VARIANTS] for at in range(0, len(changes), TASK_VARIANTS)]
         tasks = {number: (self.parcel, chunk, self.subject.pairs) for number, chunk in enumerate(chunks)}
-        found: dict[int, Any] = {}
-        run_all(self.workers, rows, tasks, found.__setitem__, needed(self.study))
-        in_order = [row for number in range(len(chunks)) for row in found[number]]
+        rows_of_task: dict[int, Any] = {}
+        run_all(self.workers, rows, tasks, rows_of_task.__setitem__, needed(self.study))
+        in_order = [row for number in range(len(chunks)) for row in rows_of_task[number]]
         return [
             gathered(self.study, self.ensemble, self.subject.pairs, in_order[at : at + count])
             for at in range(0, len(in_order), count)
@@ -157,10 +157,10 @@ class Evaluation:
 
     def score(self, sweep: Sweep, candidate: Mapping[str, Any]) -> Score:
         index = self.columns.index(column_of(self.study, self.tune.minimise, "minimise"))
-        found = np.array([self._statistic(judge.badness(sweep, p, index)) for p, _ in self._taken(index)])
+        scores = np.array([self._statistic(judge.badness(sweep, p, index)) for p, _ in self._taken(index)])
         if self.scales is None:
-            usable = np.isfinite(found) & (found != 0)
-            self.scales = np.where(usable, np.abs(found), 1.0)
+            usable = np.isfinite(scores) & (scores != 0)
+            self.scales = np.where(usable, np.abs(scores), 1.0)
         violation = 0.0
         for hold in self.tune.hold:
             place = self.columns.index(column_of(self.study, hold.metric, "hold"))
@@ -169,7 +169,7 @@ class Evaluation:
                 edge = judge.quantile(judge.badness(sweep, pair, place), hold.share)
                 violation += max(0.0, (edge - limit) / (abs(limit) or 1.0))
         grows = growth(changed(self.study, candidate), {name for _, name in self.subject.pairs})
-        return Score(violation, float(np.mean(found / self.scales)), grows)
+        return Score(violation, float(np.mean(scores / self.scales)), grows)
 
     def _taken(self, index: int) -> list[tuple[int, Pair]]:
         """The runs in whose scenarios a metric is taken."""
@@ -218,8 +218,8 @@ def journal_name(subject: Subject) -> str:
 def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: TuneProgress) -> Tuned:
     study, subject, budget = searched.study, searched.subject, searched.tune.budget
     start = {knob.key: knob.start_share for knob in subject.knobs}
-    about = {"study": pack(study).digest[:16], "keys": list(start)}
-    with opened(path, about, start, study.seed) as search:
+    identity = {"study": pack(study).digest[:16], "keys": list(start)}
+    with opened(path, identity, start, study.seed) as search:
         searched.scores([_values(subject, start)])  # the first: the others are measured by it
         best = search.run(
             lambda many: [_penalised(s) for s in searched.scores([_values(subject, one) for one in many])],
@@ -229,7 +229,14 @@ def _tuned(searched: Evaluation, check: Evaluation, path: Path, progress: TunePr
     values = _values(subject, best)
     first = _values(subject, start)
     before, after = check.sweeps([first, values])
-    return Tuned(subject, values, check.score(before, first), check.score(after, values), before, after)
+    return Tuned(
+        subject=subject,
+        values=values,
+        before=check.score(before, first),
+        after=check.score(after, values),
+        sweep_before=before,
+        sweep_after=after,
+    )
 
 
 def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
@@ -249,14 +256,21 @@ def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
     ]
     values = [sweep.values for one in tuned for sweep in (one.sweep_before, one.sweep_after)]
     first = tuned[0].sweep_before
-    shown = changed(study, copies)
-    return Sweep(shown, first.ensemble, pairs, first.columns, np.concatenate(values, axis=1), {})
+    both_sides = changed(study, copies)
+    return Sweep(
+        study=both_sides,
+        ensemble=first.ensemble,
+        pairs=pairs,
+        columns=first.columns,
+        values=np.concatenate(values, axis=1),
+        errors={},
+    )
 
 
 def lines(tuned: Tuned) -> list[str]:
     """The outcome as lines of text: what it is worth on fresh variants, and each value before and after."""
     name, before, after = tuned.subject.name, tuned.before, tuned.after
-    found = [
+    changes = [
         f"{knob.key} = {shown(tuned.values[knob.key])}  # was {shown(knob.start_text)}"
         for knob in tuned.subject.knobs
     ]
@@ -268,7 +282,7 @@ def lines(tuned: Tuned) -> list[str]:
         )
     if not tuned.adopted:
         worth += "; no better, so the values stay as they were"
-    return [worth, *found]
+    return [worth, *changes]
 
 
 def _values(subject: Subject, settings: Settings) -> dict[str, Any]:
@@ -288,9 +302,15 @@ def growth(study: AnyStudy, controllers: Iterable[str]) -> float:
     The largest of these controllers; 0 for studies of trials.
     """
     forecast = DESIGNS[study.kind].forecast
-    found = [verdict for name in controllers if (verdict := forecast(study, name)) is not None]
-    sure = [each for each in found if each.kind in ("grows", "unstable", "feedback unstable")]
-    return max((each.worst.factor - 1 if each.worst else 1.0 for each in sure), default=0.0)
+    verdicts = [verdict for name in controllers if (verdict := forecast(study, name)) is not None]
+    sure = [
+        verdict_now
+        for verdict_now in verdicts
+        if verdict_now.kind in ("grows", "unstable", "feedback unstable")
+    ]
+    return max(
+        (verdict_now.worst.factor - 1 if verdict_now.worst else 1.0 for verdict_now in sure), default=0.0
+    )
 
 
 def _penalised(score: Score) -> float:
@@ -303,46 +323,46 @@ def _penalised(score: Score) -> float:
 
 def ensembles(study: AnyStudy) -> tuple[Ensemble, Ensemble]:
     """The variants to search over, and fresh ones to check on."""
-    wanted = _wanted(study)
-    if wanted.over == "nominal":
-        return Ensemble((), {}, 1), Ensemble((), {SEED: seeds(study, SEEDS, fresh=1)}, SEEDS)
-    return draw(study, wanted.variants), draw(study, FRESH * wanted.variants, fresh=1)
+    options = _wanted(study)
+    if options.over == "nominal":
+        return Ensemble((), {}, 1), Ensemble((), {SEED: seeds(study, NOMINAL_SEEDS, fresh=1)}, NOMINAL_SEEDS)
+    return draw(study, options.variants), draw(study, FRESH_VARIANTS * options.variants, fresh=1)
 
 
 def subjects(study: AnyStudy) -> list[Subject]:
     """What is tuned at once. StudyError: a mistake in [tune]."""
-    wanted, path = _wanted(study), study.source.path
-    column_of(study, wanted.minimise, "minimise")
-    for hold in wanted.hold:
+    options, path = _wanted(study), study.source.path
+    column_of(study, options.minimise, "minimise")
+    for hold in options.hold:
         hold_limit(study, column_of(study, hold.metric, "hold"), hold.limit)
     knobs: dict[str, list[Knob]] = {}
-    for key, limits in wanted.keys.items():
+    for key, limits in options.keys.items():
         parts = split(key)
         name = str(parts[1]) if parts[0] == "controller" and len(parts) > 2 else ""
         knobs.setdefault(name, []).append(_knob(study, key, limits))
     if "" in knobs:
         joint = [knob for of in knobs.values() for knob in of]
         named = [name for name in knobs if name] or list(study.controller)
-        return [Subject("all", joint, _pairs(study, wanted, named))]
+        return [Subject("all", joint, _pairs(study, options, named))]
     for name in knobs:
         if name not in study.controller:
             expected = f"expected one of {', '.join(study.controller)}{perhaps(name, study.controller)}"
             raise StudyError(f"{path}: tune.keys: controller.{name}: {expected}")
-    return [Subject(name, of, _pairs(study, wanted, [name])) for name, of in knobs.items()]
+    return [Subject(name, of, _pairs(study, options, [name])) for name, of in knobs.items()]
 
 
-def _pairs(study: AnyStudy, wanted: Tune, controllers: Sequence[str]) -> list[Pair]:
-    for scenario in wanted.scenarios or ():
+def _pairs(study: AnyStudy, options: Tune, controllers: Sequence[str]) -> list[Pair]:
+    for scenario in options.scenarios or ():
         if scenario not in study.scenario:
             expected = f"expected one of {', '.join(study.scenario)}{perhaps(scenario, study.scenario)}"
             raise StudyError(f"{study.source.path}: tune.scenarios: {shown(scenario)}: {expected}")
-    chosen = wanted.scenarios or tuple(study.scenario)
-    metric = column_of(study, wanted.minimise, "minimise").metric
-    found = [pair for pair in runs_of(study) if pair[1] in controllers and pair[0] in chosen]
-    if not any(metric.applies_in(s, study.scenario[s]) for s, _ in found):
+    chosen = options.scenarios or tuple(study.scenario)
+    metric = column_of(study, options.minimise, "minimise").metric
+    pairs = [pair for pair in runs_of(study) if pair[1] in controllers and pair[0] in chosen]
+    if not any(metric.applies_in(s, study.scenario[s]) for s, _ in pairs):
         expected = f"expected a metric that is taken where {', '.join(controllers)} runs"
-        raise StudyError(f"{study.source.path}: tune.minimise: {shown(wanted.minimise)}: {expected}")
-    return found
+        raise StudyError(f"{study.source.path}: tune.minimise: {shown(options.minimise)}: {expected}")
+    return pairs
 
 
 def _knob(study: AnyStudy, key: str, limits: tuple[Any, ...]) -> Knob:
@@ -354,18 +374,18 @@ def _knob(study: AnyStudy, key: str, limits: tuple[Any, ...]) -> Knob:
     start = reader.middle()
     if not low <= start <= high:
         raise reader.wrong(f"expected a range with the study's own value, {shown(reader.nominal)}")
-    return Knob(key, reader.unit, low, high, start, reader.whole)
+    return Knob(key=key, unit=reader.unit, low=low, high=high, start=start, whole=reader.whole)
 
 
 def column_of(study: AnyStudy, name: str, where: str) -> Column:
     """The column of a metric that [tune] names. StudyError: there is none, or it has several."""
-    known = {column.spoken: column for column in columns(study)}
-    known |= {column.name: column for column in columns(study)}
-    if name not in known:
+    by_name = {column.spoken: column for column in columns(study)}
+    by_name |= {column.name: column for column in columns(study)}
+    if name not in by_name:
         names = [column.spoken for column in columns(study)]
         expected = f"expected one of {', '.join(names) or 'none'}{perhaps(name, names)}"
         raise StudyError(f"{study.source.path}: tune.{where}: {shown(name)}: {expected}")
-    return known[name]
+    return by_name[name]
 
 
 def hold_limit(study: AnyStudy, column: Column, limit: Any) -> float:
@@ -374,11 +394,11 @@ def hold_limit(study: AnyStudy, column: Column, limit: Any) -> float:
 
     dimension = column.metric.dimension
     try:
-        found = Quantity(dimension, bare=not dimension.unit).read(limit)
+        si = Quantity(dimension, bare=not dimension.unit).read(limit)
     except ValueError as error:
         where = f"{study.source.path}: tune.hold: {result_name(column.metric)}"
         raise StudyError(f"{where}: {shown(limit)}: {error}") from None
-    return -found if column.metric.wanted == "higher" else found
+    return -si if column.metric.wanted == "higher" else si
 
 
 def _wanted(study: AnyStudy) -> Tune:

@@ -25,8 +25,8 @@ from cogless.study.reading import split
 from cogless.study.table import Key
 
 PERCENT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*%\s*")
-CUT = 3.0  # standard deviations at which a normal distribution ends
-DIGITS = 6  # of a value, so that the command that repeats a variant can be read
+CUT_DEVIATIONS = 3.0  # standard deviations at which a normal distribution ends
+VALUE_DIGITS = 6  # digits of a value, so few that the command that repeats a variant can be read
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Axis:
             return [self.choices[min(int(s * len(self.choices)), last)] for s in share]
         if self.whole:
             return [round(x) for x in self.spread(share)]
-        numbers = (float(f"{x:.{DIGITS}g}") for x in self.spread(share))
+        numbers = (float(f"{x:.{VALUE_DIGITS}g}") for x in self.spread(share))
         return [f"{x!r} {self.unit}" if self.unit else x for x in numbers]
 
     def si(self, value: Any) -> Any:
@@ -66,14 +66,14 @@ def axes(study: AnyStudy) -> list[Axis]:
     """The axes of a study's ensemble; StudyError names a key or a value that the study refuses."""
     if study.vary is None:
         raise StudyError(f"{study.source.path}: vary: missing: expected a table of keys that vary")
-    found = []
+    all_axes = []
     for key, distribution in study.vary.keys.items():
-        form, given = distribution.form
-        axis = _axis(Reader(study, key, ("vary", key, form), given), form)
+        form, parameters = distribution.form
+        axis = _axis(Reader(study, key, ("vary", key, form), parameters), form)
         for value in axis.choices or axis.values(np.array([0.5])):
             tried(study, "vary", {key: value})
-        found.append(axis)
-    return found
+        all_axes.append(axis)
+    return all_axes
 
 
 def tried(study: AnyStudy, table: str, changes: dict[str, Any]) -> None:
@@ -148,18 +148,18 @@ class Reader:
 
     def _nominal(self) -> Any:
         try:
-            found = look_up(self.study.source.tables, split(self.key))
+            nominal = look_up(self.study.source.tables, split(self.key))
         except StudyError as error:
             raise StudyError(f"{self.study.source.path}: {self.where[0]}: {error}") from None
         motor = getattr(self.study, "motor", None)
-        if self.key == "motor.K_t" and found is MISSING and motor is not None:
+        if self.key == "motor.K_t" and nominal is MISSING and motor is not None:
             return f"{motor.star().K_t!r} N*m/A"  # its magnet is given by another key
-        return found
+        return nominal
 
     def _unit(self) -> str:
         """The unit of the study's own text, or else the first that the distribution names."""
-        given = self.given if isinstance(self.given, tuple) else (self.given,)
-        texts = [text for text in (self.nominal, *given) if isinstance(text, str)]
+        parameters = self.given if isinstance(self.given, tuple) else (self.given,)
+        texts = [text for text in (self.nominal, *parameters) if isinstance(text, str)]
         return next((u for u in map(units.unit_of, texts) if u and u != "%"), "")
 
     def middle(self) -> float:
@@ -199,8 +199,8 @@ class Reader:
         return by
 
     def wrong(self, expected: str, value: Any = None) -> StudyError:
-        given = self.given if value is None else value
-        text = shown(list(given) if isinstance(given, tuple) else given)
+        faulty = self.given if value is None else value
+        text = shown(list(faulty) if isinstance(faulty, tuple) else faulty)
         return StudyError(f"{self.study.source.path}: {'.'.join(map(str, self.where))}: {text}: {expected}")
 
 
@@ -217,7 +217,7 @@ def _log(low: float, high: float) -> Callable[[Array], Array]:
 
 
 def _normal(mean: float, deviation: float) -> Callable[[Array], Array]:
-    edge = float(ndtr(-CUT))
+    edge = float(ndtr(-CUT_DEVIATIONS))
     return lambda share: mean + deviation * ndtri(edge + (1 - 2 * edge) * share)
 
 
@@ -230,7 +230,7 @@ def together(shares: Array, axes: Sequence[Axis], study: AnyStudy) -> Array:
 
     Each column stays evenly spread; only which values meet is changed.
     """
-    found = shares.copy()
+    correlated = shares.copy()
     assert study.vary is not None
     places = {axis.key: place for place, axis in enumerate(axes)}
     for group in study.vary.together:
@@ -241,12 +241,12 @@ def together(shares: Array, axes: Sequence[Axis], study: AnyStudy) -> Array:
         strength, direction = np.linalg.eigh(matrix)
         root = direction * np.sqrt(np.maximum(strength, 0.0)) @ direction.T
         inside = np.clip(shares[:, columns], 2.0**-40, 1 - 2.0**-40)
-        found[:, columns] = ndtr(ndtri(inside) @ root)
-    return found
+        correlated[:, columns] = ndtr(ndtri(inside) @ root)
+    return correlated
 
 
 SEED = "seed"  # a study's key: of the sensors' noise
-FRESH = 1 << 32  # between the seeds of an ensemble and those of a fresh one
+FRESH_SEED_OFFSET = 1 << 32  # distance of the seeds of an ensemble from those of a fresh one
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,17 +264,17 @@ class Ensemble:
 
     def changes(self, variant: int, scenario: str | None = None) -> dict[str, Any]:
         """What differs from the study in a variant, by dotted key; of one scenario, or of all."""
-        found = {}
+        changes = {}
         for key, values in self.drawn.items():
             places = self.places.get(key)
             if places is None:
-                found[key] = values[variant]
+                changes[key] = values[variant]
             else:
-                wanted = (
+                overrides = (
                     places.values() if scenario is None else [places[scenario]] if scenario in places else []
                 )
-                found |= dict.fromkeys(wanted, values[variant])
-        return found
+                changes |= dict.fromkeys(overrides, values[variant])
+        return changes
 
     def si(self, key: str) -> list[Any]:
         """The values of a varied key in SI; those that are no quantities unchanged."""
@@ -284,7 +284,7 @@ class Ensemble:
 
 def seeds(study: AnyStudy, count: int, fresh: int = 0) -> list[int]:
     """A seed of the sensors' noise for each variant."""
-    first = study.seed + 1 + fresh * FRESH
+    first = study.seed + 1 + fresh * FRESH_SEED_OFFSET
     return [(first + variant) % 2**64 for variant in range(count)]
 
 
@@ -295,21 +295,21 @@ def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
     """
     from scipy.stats import qmc
 
-    found = axes(study)
+    all_axes = axes(study)
     assert study.vary is not None
     drawn: dict[str, list[Any]] = {}
-    if found:
+    if all_axes:
         generator = np.random.default_rng([study.seed, fresh])
         with deferred() as requests:  # SciPy's compiled code drops the exception, and draws equal variants
-            sequence = qmc.Sobol(len(found), scramble=True, rng=generator)
+            sequence = qmc.Sobol(len(all_axes), scramble=True, rng=generator)
             shares = sequence.random_base2(max(0, count - 1).bit_length())[:count]
         if requests.count:
             raise KeyboardInterrupt
-        columns = together(shares, found, study).T
-        drawn = {axis.key: axis.values(column) for axis, column in zip(found, columns, strict=True)}
+        columns = together(shares, all_axes, study).T
+        drawn = {axis.key: axis.values(column) for axis, column in zip(all_axes, columns, strict=True)}
     if study.vary.seeds:
         drawn[SEED] = seeds(study, count, fresh)
-    return Ensemble(tuple(found), drawn, count, _places(study, drawn))
+    return Ensemble(tuple(all_axes), drawn, count, _places(study, drawn))
 
 
 def _places(study: AnyStudy, keys: Iterable[str]) -> dict[str, dict[str, str]]:

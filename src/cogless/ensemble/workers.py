@@ -32,9 +32,9 @@ from cogless.study.reading import checked
 
 T = TypeVar("T")
 MOST_LOSSES = 3  # workers that one task may cost before it is given up
-AHEAD = 2  # tasks sent for each worker: one that runs, one that waits
+TASKS_AHEAD = 2  # tasks sent for each worker: one that runs, one that waits
 END_PROCESS = os._exit  # itself, while a task runs that may not call it
-PATIENCE = 10  # s that a cluster is given to answer
+CLUSTER_PATIENCE = 10  # s that a cluster has to answer
 
 
 class Workers:
@@ -89,14 +89,14 @@ def processes(count: int) -> Iterator[Workers]:
     try:
         yield Workers(pool, lambda: count)
     except BaseException:  # such as Ctrl-C: what runs is not waited for
-        for made in pools:
-            running = list((made._processes or {}).values())
-            made.shutdown(wait=False, cancel_futures=True)
+        for executor in pools:
+            running = list((executor._processes or {}).values())
+            executor.shutdown(wait=False, cancel_futures=True)
             for process in running:
                 process.kill()
         raise
-    for made in pools:
-        made.shutdown()
+    for executor in pools:
+        executor.shutdown()
 
 
 def _led() -> None:
@@ -118,11 +118,11 @@ def dask(address: str) -> Iterator[Workers]:
     except ImportError:
         raise StudyError("--dask: expected the extra: pip install 'cogless[dask]'") from None
     try:
-        client = Client(address, timeout=PATIENCE, set_as_default=False)
+        client = Client(address, timeout=CLUSTER_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
-        said = str(error).splitlines()[0] if isinstance(error, ValueError) else "no answer"
+        reason = str(error).splitlines()[0] if isinstance(error, ValueError) else "no answer"
         expected = "expected the address of a Dask scheduler, such as tcp://127.0.0.1:8786"
-        raise StudyError(f"--dask: {address}: {said}: {expected}") from None
+        raise StudyError(f"--dask: {address}: {reason}: {expected}") from None
     with client:
         _check_versions(address, client)
 
@@ -134,14 +134,14 @@ def dask(address: str) -> Iterator[Workers]:
 def _check_versions(address: str, client: Any) -> None:
     from cogless.files import versions
 
-    here = versions()["cogless"]
-    there = client.run(_version, on_error="return")
-    if not there:
+    own_version = versions()["cogless"]
+    versions_of_workers = client.run(_version, on_error="return")
+    if not versions_of_workers:
         raise StudyError(f"--dask: {address}: has no worker: expected one or more")
-    for worker, version in there.items():
-        if version != here:
+    for worker, version in versions_of_workers.items():
+        if version != own_version:
             has = f"has cogless {version}" if isinstance(version, str) else "has no cogless"
-            raise StudyError(f"--dask: worker {worker}: {has}: expected {here}, as here")
+            raise StudyError(f"--dask: worker {worker}: {has}: expected {own_version}, as here")
 
 
 def _version() -> str:
@@ -184,7 +184,7 @@ def _use(
     running: dict[Future[T], int] = {}
     broken = False
     while running or (waiting and not broken):
-        most = AHEAD * max(1, workers.count())
+        most = TASKS_AHEAD * max(1, workers.count())
         while waiting and not broken and len(running) < (1 if losses[waiting[0]] else most):
             alone = any(losses[number] for number in running.values())
             if alone:
@@ -240,10 +240,10 @@ def pack(study: AnyStudy) -> Parcel:
     source = study.source
     files = {name: (source.folder / name).read_bytes() for name in sorted(_named(study))}
     text = json.dumps(source.tables, sort_keys=True, default=str)
-    found = hashlib.sha256(text.encode())
+    digest = hashlib.sha256(text.encode())
     for name, content in files.items():
-        found.update(f"\n{name} {len(content)}\n".encode() + content)
-    return Parcel(source, files, found.hexdigest())
+        digest.update(f"\n{name} {len(content)}\n".encode() + content)
+    return Parcel(source, files, digest.hexdigest())
 
 
 @lru_cache(maxsize=8)
@@ -280,5 +280,5 @@ def _named(study: AnyStudy) -> set[str]:
         names.add(file.path)
         if path.suffix == ".py":
             inside = os.path.dirname(file.path)
-            names |= {os.path.join(inside, beside.name) for beside in path.parent.glob("*.py")}
+            names |= {os.path.join(inside, neighbour.name) for neighbour in path.parent.glob("*.py")}
     return names

@@ -102,8 +102,10 @@ class Recorder:
 
     def measure(self, measurement: bytes, reference: bytes) -> tuple[bool, float, float]:
         self._measured = measurement, reference
-        found: tuple[bool, float, float] = self._drive.measure_controller(self._state, measurement, reference)
-        return found
+        answer: tuple[bool, float, float] = self._drive.measure_controller(
+            self._state, measurement, reference
+        )
+        return answer
 
     def law(self, theta_m: float, omega_m: float) -> float:
         return float(self._drive.law_controller(self._state, theta_m, omega_m))

@@ -31,19 +31,19 @@ def closure(needed: Iterable[str], *, code: bool = True) -> list[str]:
     `needed`: headers, such as "drive.h". `code` false: headers only.
     """
     folder = control_sources() / "cogless"
-    found: set[str] = set()
+    closed: set[str] = set()
     waiting = list(needed)
     while waiting:
         name = waiting.pop()
-        if name in found:
+        if name in closed:
             continue
-        found.add(name)
+        closed.add(name)
         text = (folder / name).read_text(encoding="utf-8")
         waiting += INCLUDE.findall(text)
-        beside = Path(name).with_suffix(".c").name
-        if code and name.endswith(".h") and (folder / beside).is_file():
-            waiting.append(beside)
-    return sorted(found)
+        source = Path(name).with_suffix(".c").name
+        if code and name.endswith(".h") and (folder / source).is_file():
+            waiting.append(source)
+    return sorted(closed)
 
 
 def store() -> list[str]:
@@ -100,12 +100,12 @@ def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) ->
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as scratch:
-            made = Path(scratch) / "new"
+            fresh = Path(scratch) / "new"
             for name, data in {**files, MANIFEST: text.encode()}.items():
-                path = made / name
+                path = fresh / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(data)
-            _swap(made, target, Path(scratch) / "old")
+            _swap(fresh, target, Path(scratch) / "old")
     except OSError as error:
         raise StudyError(f"{folder}: {reason(error)}: expected a folder that can be written") from error
 
@@ -119,14 +119,14 @@ def size(files: Mapping[str, bytes], matrix: int) -> str:
     )
 
 
-def _swap(made: Path, target: Path, old: Path) -> None:
+def _swap(fresh: Path, target: Path, old: Path) -> None:
     """Replace the target by the new folder, and move it to `old`; if that fails, it is put back."""
     if not target.exists():
-        os.rename(made, target)
+        os.rename(fresh, target)
         return
     os.rename(target, old)
     try:
-        os.rename(made, target)
+        os.rename(fresh, target)
     except BaseException:
         os.rename(old, target)
         raise

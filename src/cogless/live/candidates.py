@@ -158,8 +158,8 @@ MOTOR = (
 )
 CURRENT_LIMIT = "drive.current_loop.current_limit"
 YOURS = "Your motor"
-WIDE = 100.0  # what a field takes, as a share of the slider's ends
-PAIRS, ORDERS = 40.0, 400.0  # most pole pairs, highest order
+FIELD_WIDTH = 100.0  # a field takes this many times the slider's ends
+POLE_PAIRS_MOST, ORDER_MOST = 40.0, 400.0  # the highest order
 
 
 def candidates(study: Study, told: bool = False) -> Iterator[Candidate]:
@@ -190,7 +190,9 @@ def of_motor(study: Study) -> Iterator[Candidate]:
         owner, last, value = looked_up(study, study.source.tables, key)
         if value is None or owner is None:
             continue
-        span = {"pole_pairs": (1.0, PAIRS, ""), "order": (1.0, ORDERS, "")}.get(str(last), (0.3, 3.0))
+        span = {"pole_pairs": (1.0, POLE_PAIRS_MOST, ""), "order": (1.0, ORDER_MOST, "")}.get(
+            str(last), (0.3, 3.0)
+        )
         yield from made(key, key.partition(".")[2], YOURS, owner, last, value, span)
 
 
@@ -227,9 +229,9 @@ def _of_controller(study: Study, name: str) -> Iterator[Candidate]:
 
 
 def _of_scenario(study: Study, scenario: str, told: bool) -> Iterator[Candidate]:
-    here, where = for_scenario(study, scenario), f"scenario.{quoted(scenario)}"
-    tables = here._source.tables
-    own, experiment = tables["scenario"][scenario], here.scenario[scenario]
+    own_study, where = for_scenario(study, scenario), f"scenario.{quoted(scenario)}"
+    tables = own_study._source.tables
+    own, experiment = tables["scenario"][scenario], own_study.scenario[scenario]
     yield from made(
         f"{where}.duration",
         "duration",
@@ -267,22 +269,22 @@ def _of_scenario(study: Study, scenario: str, told: bool) -> Iterator[Candidate]
                 )
     load = own.get("load")
     if load is None or isinstance(load, str):
-        full = 0.5 * study.K_t * here.drive.current_loop.current_limit
-        given = load or tables["mechanics"].get("load", "0 N*m")
-        if isinstance(given, str):
-            reach = float(f"{full:.2g}") / (units.factor(units.unit_of(given), units.TORQUE) or 1)
+        full = 0.5 * study.K_t * own_study.drive.current_loop.current_limit
+        load_value = load or tables["mechanics"].get("load", "0 N*m")
+        if isinstance(load_value, str):
+            reach = float(f"{full:.2g}") / (units.factor(units.unit_of(load_value), units.TORQUE) or 1)
             yield from made(
                 f"{where}.load",
                 "load",
                 "Load and motion",
-                here.mechanics.load,
+                own_study.mechanics.load,
                 "torque",
-                given,
-                (-reach, reach, units.unit_of(given)),
+                load_value,
+                (-reach, reach, units.unit_of(load_value)),
                 scenario=scenario,
             )
     for group, key, low, high in PLANT:
-        owner, last, value = looked_up(here, tables, key)
+        owner, last, value = looked_up(own_study, tables, key)
         if told and (key.startswith("motor.") or key in MOTOR):
             continue
         if value is not None and owner is not None:
@@ -302,9 +304,9 @@ def _overriding(where: str, own: Mapping[str, Any], key: str) -> str:
     return f'{where}.override."{key}"'
 
 
-def looked_up(here: AnyStudy, tables: Any, key: str) -> tuple[Any, str | int, Any]:
+def looked_up(study_here: AnyStudy, tables: Any, key: str) -> tuple[Any, str | int, Any]:
     """The model that holds a key, the key's last part, and its value in the file; None if not there."""
-    owner: Any = here
+    owner: Any = study_here
     parts = [int(part) if part.isdigit() else part for part in key.split(".")]
     for n, part in enumerate(parts):
         if n < len(parts) - 1 and not (
@@ -369,8 +371,8 @@ def made(
     is_share = len(span) == 2 and not whole and not stops and label != "forgetting"
     least, most = low, high
     if is_share:
-        least = low / WIDE if low > 0 else WIDE * low
-        most = high / WIDE if high < 0 else WIDE * high
+        least = low / FIELD_WIDTH if low > 0 else FIELD_WIDTH * low
+        most = high / FIELD_WIDTH if high < 0 else FIELD_WIDTH * high
     yield Candidate(
         key=key,
         label=label,
@@ -460,8 +462,8 @@ def _chosen(study: TrialStudy, run: Pair) -> Changes:
         pins[f"{where}.shift"] = design.shift
     own = getattr(law, "q_filter", None)
     if q is not None and cutoff and not isinstance(getattr(own, "cutoff", None), float):
-        about = {"order": len(q.b) - 1, "ends": "odd" if q.odd else "even", "acts_on": design.filtered}
-        pins[f"{where}.q_filter"] = {"cutoff": _hertz(cutoff), **about}
+        shape = {"order": len(q.b) - 1, "ends": "odd" if q.odd else "even", "acts_on": design.filtered}
+        pins[f"{where}.q_filter"] = {"cutoff": _hertz(cutoff), **shape}
     return pins
 
 
@@ -493,19 +495,19 @@ def _of_trial_controller(study: TrialStudy, name: str) -> Iterator[Candidate]:
         return
     run = next(pair for pair in held(study) if pair[1] == name)
     gain = _gain(law)
-    given, K_3 = getattr(law, gain) is not None, design_study(study, [run])[run].K_3
+    has_gain, K_3 = getattr(law, gain) is not None, design_study(study, [run])[run].K_3
     # Of an update that the design chooses as a whole, since the study says nothing of it, K_3 is only a part.
     chosen = "auto" in law.choice and law.q_filter is None and law.shift is None
     if K_3 and not chosen:
         yield from made(f"{where}.{gain}", gain, name, law, gain, K_3, (0.0, 2.0), controller=name)
     q = law.q_filter
-    stays = f" ({gain} stays)" if given else ""
+    stays = f" ({gain} stays)" if has_gain else ""
     learns = not isinstance(law, TrialIlc) or law.learning
-    if isinstance(q, QFilter) and (given or q.acts_on == "error") and learns:
+    if isinstance(q, QFilter) and (has_gain or q.acts_on == "error") and learns:
         own = study.source.tables["controller"][name]["q_filter"]
         key, label = f"{where}.q_filter.cutoff", "q_filter.cutoff" + stays * (q.acts_on == "signal")
         yield from made(key, label, name, q, "cutoff", own["cutoff"], (0.3, 2.0), controller=name)
-    if given and isinstance(law, TrialIlc) and isinstance(law.shift, int):
+    if has_gain and isinstance(law, TrialIlc) and isinstance(law.shift, int):
         least = uncertain_plant(study).relative_degree
         span = (float(least), float(max(4 * law.shift, SHIFT_MOST)), "")
         yield from made(

@@ -46,10 +46,10 @@ def compiled(sources: Path, target: Path, precision: str) -> None:
         objects = [str(Path(temporary) / f"{path.name}.o") for _, path in jobs]
         commands = [[*how, "-c", str(path), "-o", at] for (how, path), at in zip(jobs, objects, strict=True)]
         list(pool.map(_zig, commands))
-        made = Path(temporary) / "engine.wasm"
-        _zig([*cpp, "-mexec-model=reactor", "-s", "-Wl,--gc-sections", *objects, "-o", str(made)])
+        linked = Path(temporary) / "engine.wasm"
+        _zig([*cpp, "-mexec-model=reactor", "-s", "-Wl,--gc-sections", *objects, "-o", str(linked)])
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(made.read_bytes())
+        target.write_bytes(linked.read_bytes())
 
 
 def _zig(arguments: list[str]) -> None:

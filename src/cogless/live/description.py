@@ -38,7 +38,7 @@ STRUCTS = {
     "drive.dead_time": "cgl_dead_time_config",
 }
 SPARE_ORDERS = 3  # cogging orders that a page can add
-POINTER = 4  # bytes, in WebAssembly
+POINTER_BYTES = 4  # bytes of a pointer in WebAssembly
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def pack(description: Mapping[str, Any], precision: str) -> Packed:
 
 @cache
 def _leaves(precision: str, name: str) -> tuple[Leaf, ...]:
-    return tuple(control_layout(precision, POINTER).leaves(name))
+    return tuple(control_layout(precision, POINTER_BYTES).leaves(name))
 
 
 class _Packer:
@@ -116,13 +116,13 @@ class _Packer:
 
     def struct(self, of: bytes, path: str) -> None:
         name = self.structs[path]
-        ours, theirs = control_layout(self.precision), control_layout(self.precision, POINTER)
+        ours, theirs = control_layout(self.precision), control_layout(self.precision, POINTER_BYTES)
         if ours.size(name) != theirs.size(name):
             of = theirs.pack(name, ours.decode(name, of))
         self._head(TEXT, len(of), path)
-        here = len(self.data)
+        begin = len(self.data)
         for leaf in _leaves(self.precision, name):
-            self.numbers.append(Number(f"{path}.{leaf.path}", here + leaf.offset, leaf.format))
+            self.numbers.append(Number(f"{path}.{leaf.path}", begin + leaf.offset, leaf.format))
         self._padded(of)
 
     def table(self, of: Mapping[str, Any], path: str) -> None:
@@ -178,7 +178,7 @@ KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]]
 )
 
 
-OFF = 1e9  # s, a learning_start that never comes
+NEVER_LEARNS = 1e9  # s, a learning_start that never comes
 
 
 def held(study: AnyStudy) -> list[Pair]:
@@ -215,14 +215,16 @@ def blobs(study: AnyStudy, scenario: str, controller: str, like: AnyStudy | None
 
 
 def _of_speed(study: Study, scenario: str, controller: str, like: Study | None) -> dict[str, Packed]:
-    made = {"run": _blob(study, scenario, controller)}
+    descriptions = {"run": _blob(study, scenario, controller)}
     law = study.controller[controller]
     if isinstance(law, AntiCogging) and law.calibration is not None:
         description = engine_config(study, scenario, controller, "learn")
         # as long as plan.py waits for it
         longest = 3 * law.calibration.duration * study.drive.rates.current_loop
-        made["learn"] = _packed(study, _with_spares(description) | {"page": {"ticks": math.ceil(longest)}})
-    return made
+        descriptions["learn"] = _packed(
+            study, _with_spares(description) | {"page": {"ticks": math.ceil(longest)}}
+        )
+    return descriptions
 
 
 def _blob(study: Study, scenario: str, controller: str) -> Packed:

@@ -27,18 +27,18 @@ def module(precision: str) -> bytes:
         if shipped.is_file():
             return shipped.read_bytes()
     sources = control_sources().parents[1]
-    kept = cached(_cache(), sources, precision)
-    if not kept.is_file():
+    cached_module = cached(_cache(), sources, precision)
+    if not cached_module.is_file():
         if importlib.util.find_spec("ziglang") is None:
             raise StudyError(NO_COMPILER)
         say("live: compiling the engine for pages, once for this version: one to three minutes")
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(kept) as temporary:
+        cached_module.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(cached_module) as temporary:
             try:
                 compiled(sources, temporary, precision)
             except CompileError as error:
                 raise StudyError(f"live: the engine does not compile: {error}") from None
-    return kept.read_bytes()
+    return cached_module.read_bytes()
 
 
 def is_there(precision: str) -> bool:
@@ -49,5 +49,5 @@ def is_there(precision: str) -> bool:
 
 
 def _cache() -> Path:
-    given = os.environ.get("XDG_CACHE_HOME")
-    return (Path(given) if given else Path.home() / ".cache") / "cogless"
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "cogless"

@@ -31,10 +31,11 @@ from cogless.study import AnyStudy
 from cogless.study.datasheet import replaced_by_any
 from cogless.study.reading import changed
 
-STOPS = 21
-TRIES = 20
-HALVINGS = 5  # of the way from an end that is refused to the study's value, or to the slider's end
-REPEATS = 9  # of a value beside different pole pairs
+STOP_COUNT = 21
+TRIED_VALUES = 20
+# an end that is refused moves so often half the way to the study's value, or to the slider's end
+END_HALVINGS = 5
+PAIRS_REPEATS = 9  # times that a value is tried, each beside different pole pairs
 JOINT_TRIES = 6  # combinations of the motor's keys on which a table over stops and pole pairs is tested
 SAME_NUMBERS = "it acts on the same numbers as another key"
 OTHER_SHAPE = "the run's description takes another shape with it"
@@ -80,7 +81,7 @@ class Found:
 def adjustable(study: AnyStudy, told: bool = False) -> Found:
     """The keys of a study that a page can change. `told`: the controller is told of the motor's, too."""
     base = packed(study, held(study))
-    found, taken, groups = (
+    adjustable_keys, taken, groups = (
         Found(base=base),
         set[tuple[Place, int]](),
         dict[tuple[str | None, str | None], list[Key]](),
@@ -89,9 +90,9 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
     together = [candidate for candidate in listed if told and candidate.key in TOGETHER]
     if told:
         _check_words(study, {candidate.key for candidate in together})
-        found.own_motor = _own_motor(study, base, together)
-        found.keys += [Key(candidate, {}) for candidate in found.own_motor.keys.values()]
-    own = found.own_motor
+        adjustable_keys.own_motor = _own_motor(study, base, together)
+        adjustable_keys.keys += [Key(candidate, {}) for candidate in adjustable_keys.own_motor.keys.values()]
+    own = adjustable_keys.own_motor
     of_motor = set() if own is None else own.numbers
 
     def collides(key: Key) -> bool:
@@ -102,32 +103,34 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
             continue
         key, why = _tried(study, base, candidate, own)
         if key is None:
-            found.left_out.append((candidate.key, why))
+            adjustable_keys.left_out.append((candidate.key, why))
         elif collides(key):
-            found.left_out.append((candidate.key, SAME_NUMBERS))
+            adjustable_keys.left_out.append((candidate.key, SAME_NUMBERS))
         elif any(key.lands.values()):
             taken |= _numbers(key)
-            found.keys.append(key)
+            adjustable_keys.keys.append(key)
             if not key.stops:
                 groups.setdefault((candidate.scenario, candidate.controller), []).append(key)
     wrong = {id(key) for group in groups.values() for key in disproved(study, base, group, samples, own)}
-    for key in [key for key in found.keys if id(key) in wrong]:
-        found.keys.remove(key)
+    for key in [key for key in adjustable_keys.keys if id(key) in wrong]:
+        adjustable_keys.keys.remove(key)
         taken -= _numbers(key)
         tabulated, why = _with_stops(study, base, key.candidate, own)
         if tabulated is None or collides(tabulated):
-            found.left_out.append((key.candidate.key, why or SAME_NUMBERS))
+            adjustable_keys.left_out.append((key.candidate.key, why or SAME_NUMBERS))
         else:
             taken |= _numbers(tabulated)
-            found.keys.append(tabulated)
+            adjustable_keys.keys.append(tabulated)
     narrow = {
         id(key)
         for group in groups.values()
         for key in disproved(study, base, [k for k in group if id(k) not in wrong], _wide, own, alone=True)
     }
-    found.keys = [_of_slider(key) if key.stops else key for key in found.keys]
-    found.keys = [_narrowed(study, base, key, own) if id(key) in narrow else key for key in found.keys]
-    return found
+    adjustable_keys.keys = [_of_slider(key) if key.stops else key for key in adjustable_keys.keys]
+    adjustable_keys.keys = [
+        _narrowed(study, base, key, own) if id(key) in narrow else key for key in adjustable_keys.keys
+    ]
+    return adjustable_keys
 
 
 def _numbers(key: Key, alone: bool = False) -> set[tuple[Place, int]]:
@@ -153,14 +156,14 @@ def _narrowed(study: AnyStudy, base: All, key: Key, own: OwnMotor | None) -> Key
         return not disproved(study, base, [key], lambda _: [value] * repeats, own, alone=True)
 
     def end(far: float, near: float) -> float:
-        for _ in range(HALVINGS):
+        for _ in range(END_HALVINGS):
             far = float(f"{far:.4g}")
             if is_right(far):
                 return far
             far = (far + near) / 2
         return near
 
-    candidate, repeats = key.candidate, 2 if own is None else REPEATS  # the first isn't tried
+    candidate, repeats = key.candidate, 2 if own is None else PAIRS_REPEATS  # the first isn't tried
     least, most = end(candidate.least, candidate.low), end(candidate.most, candidate.high)
     narrower = replace(key, candidate=replace(candidate, least=least, most=most))
     return _of_slider(key) if disproved(study, base, [narrower], _wide, own, alone=True) else narrower
@@ -205,7 +208,7 @@ def _within_study(study: AnyStudy, candidate: Candidate) -> Candidate:
 
 def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
     """The end, or if the study refuses it, a value nearer to the study's own."""
-    for _ in range(HALVINGS):
+    for _ in range(END_HALVINGS):
         try:
             changed(study, {candidate.key: candidate.text(end)})
             return end
@@ -215,9 +218,9 @@ def _accepted(study: AnyStudy, candidate: Candidate, end: float) -> float:
     return candidate.start
 
 
-def _check_words(study: AnyStudy, there: Set[str]) -> None:
+def _check_words(study: AnyStudy, present: Set[str]) -> None:
     """StudyError unless the study has all keys that set numbers together."""
-    if missing := [key for key in MOTOR if key in TOGETHER - there]:
+    if missing := [key for key in MOTOR if key in TOGETHER - present]:
         motor = study.source.tables.get("motor", {})
         others = replaced_by_any(key.removeprefix("motor.") for key in missing)
         in_place = ", ".join(key for key in motor if key in others)
@@ -228,12 +231,12 @@ def _check_words(study: AnyStudy, there: Set[str]) -> None:
 def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | None) -> tuple[Key | None, str]:
     """The key as one value shows it, or why there is none; `disproved` tries more values."""
     candidate = _with_all_runs(study, base, candidate)
-    value, made, why = _first_accepted(study, candidate)
+    value, changed_blobs, why = _first_accepted(study, candidate)
     if why:
         return None, why
-    if made and _same_shape(base, made):
+    if changed_blobs and _same_shape(base, changed_blobs):
         lands = {}
-        for place, blob in made.items():
+        for place, blob in changed_blobs.items():
             moved = _moved(base[place], [blob])
             fits = [_fitting(study, number, candidate, value, base[place], blob) for number in moved]
             lands[place] = tuple(one for one in fits if one is not None)
@@ -253,7 +256,9 @@ def _with_all_runs(study: AnyStudy, base: All, candidate: Candidate) -> Candidat
         return candidate
     others = [pair for pair in held(study) if pair not in candidate.pairs(study)]
     ends = (_accepted_values(study, [(candidate, end)], others) for end in (candidate.low, candidate.high))
-    moves = any(blob.data != base[place].data for made in ends for place, blob in (made or {}).items())
+    moves = any(
+        blob.data != base[place].data for blobs_of_end in ends for place, blob in (blobs_of_end or {}).items()
+    )
     return replace(candidate, elsewhere=True) if others and moves else candidate
 
 
@@ -283,15 +288,18 @@ def disproved(
     """
     for n in range(1, len(samples(group[0].candidate)) if group else 0):
         values = [(key.candidate, samples(key.candidate)[n]) for key in group]
-        beside, made = base, None
+        unchanged, changed_blobs = base, None
         if own is not None:
             pairs = round(own.pole_pairs.least) + 7 * n % len(own.turned)
-            beside, made = own.turned[pairs], _accepted_values(study, [*values, (own.pole_pairs, pairs)])
-        if made is None:
-            beside, made = base, _accepted_values(study, values)
-        if made is None and len(group) == 1 and not alone:
+            unchanged, changed_blobs = (
+                own.turned[pairs],
+                _accepted_values(study, [*values, (own.pole_pairs, pairs)]),
+            )
+        if changed_blobs is None:
+            unchanged, changed_blobs = base, _accepted_values(study, values)
+        if changed_blobs is None and len(group) == 1 and not alone:
             continue
-        if made is None or not _are_set(beside, made, group, values):
+        if changed_blobs is None or not _are_set(unchanged, changed_blobs, group, values):
             if len(group) == 1:
                 return list(group)
             half = len(group) // 2
@@ -300,10 +308,12 @@ def disproved(
     return []
 
 
-def _are_set(beside: All, made: All, group: Sequence[Key], values: Sequence[tuple[Candidate, float]]) -> bool:
-    """Whether these direct keys, written into the descriptions `beside`, give the descriptions `made`."""
-    for place, blob in made.items():
-        data = bytearray(beside[place].data)
+def _are_set(
+    unchanged: All, changed_blobs: All, group: Sequence[Key], values: Sequence[tuple[Candidate, float]]
+) -> bool:
+    """Whether these direct keys, written into the `unchanged` descriptions, give the changed ones."""
+    for place, blob in changed_blobs.items():
+        data = bytearray(unchanged[place].data)
         for key, (candidate, value) in zip(group, values, strict=True):
             for one in key.lands.get(place, ()):
                 one.number.write(data, landed(one, candidate.si(value)))
@@ -349,16 +359,19 @@ def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
     """The key with stops; None if the descriptions take another shape with it."""
     tables = {}
     for value in candidate.stops or _grid(candidate):
-        made = _accepted_values(study, [(candidate, value)])  # None: such as a margin that has no gains
-        if made is not None and _same_shape(base, made):
-            tables[value] = made
+        changed_blobs = _accepted_values(
+            study, [(candidate, value)]
+        )  # None: such as a margin that has no gains
+        if changed_blobs is not None and _same_shape(base, changed_blobs):
+            tables[value] = changed_blobs
     if len(tables) < 3 or candidate.start not in tables:
         return None
     lands = {}
     for place in tables[candidate.start]:
-        moved = _moved(base[place], [made[place] for made in tables.values()])
+        moved = _moved(base[place], [changed_blobs[place] for changed_blobs in tables.values()])
         lands[place] = tuple(
-            Landing(n, values=tuple(n.read(made[place].data) for made in tables.values())) for n in moved
+            Landing(n, values=tuple(n.read(changed_blobs[place].data) for changed_blobs in tables.values()))
+            for n in moved
         )
     return Key(candidate, lands, tuple(tables))
 
@@ -369,8 +382,8 @@ def _apart_from_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
     for pole_pairs in (own.pole_pairs.least, own.pole_pairs.most):
         for stop in (0, -1):
             values = [(candidate, key.stops[stop]), (own.pole_pairs, pole_pairs)]
-            made = _accepted_values(study, values, candidate.pairs(study)) or {}
-            for place, blob in made.items():
+            changed_blobs = _accepted_values(study, values, candidate.pairs(study)) or {}
+            for place, blob in changed_blobs.items():
                 data = bytearray(own.turned[round(pole_pairs)][place].data)
                 for one in key.lands[place]:
                     one.number.write(data, one.values[stop])
@@ -388,9 +401,9 @@ def _by_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> Key | None:
     counts = sorted(own.turned)
     tables: dict[tuple[float, int], All] = {}
     for stop, n in product(key.stops, counts):
-        made = _accepted_values(study, [(candidate, stop), (own.pole_pairs, n)], runs)
-        if made is not None:
-            tables[stop, n] = made
+        changed_blobs = _accepted_values(study, [(candidate, stop), (own.pole_pairs, n)], runs)
+        if changed_blobs is not None:
+            tables[stop, n] = changed_blobs
 
     def values(number: Number, place: Place, stop: float) -> tuple[float, ...]:
         nearest = (min((m for m in counts if (stop, m) in tables), key=lambda m: abs(m - n)) for n in counts)
@@ -400,8 +413,8 @@ def _by_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> Key | None:
     for place in key.lands:
         moved = {
             number
-            for (_, n), made in tables.items()
-            for number in _moved(own.turned[n][place], [made[place]])
+            for (_, n), changed_blobs in tables.items()
+            for number in _moved(own.turned[n][place], [changed_blobs[place]])
         }
         if any(one.number in moved and (one.powers or one.curve) for one in own.products[place]):
             return None
@@ -426,8 +439,8 @@ def _holds_beside(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
     return True
 
 
-def _same_shape(base: All, made: All) -> bool:
-    return all(blob.shape == base[place].shape for place, blob in made.items())
+def _same_shape(base: All, changed_blobs: All) -> bool:
+    return all(blob.shape == base[place].shape for place, blob in changed_blobs.items())
 
 
 def _moved(blob: Packed, others: Sequence[Packed]) -> list[Number]:
@@ -441,20 +454,20 @@ def _moved(blob: Packed, others: Sequence[Packed]) -> list[Number]:
 
 
 def _fitting(
-    study: AnyStudy, number: Number, candidate: Candidate, value: float, base: Packed, made: Packed
+    study: AnyStudy, number: Number, candidate: Candidate, value: float, base: Packed, changed_blob: Packed
 ) -> Landing | None:
     """How a key sets a number: in proportion to its SI value, or as a time rounded to whole periods.
 
     It is tested at the study's value and one other. None if neither form fits both.
     """
     si = candidate.si(value)
-    ratio = number.read(made.data) / si if si else 1.0
+    ratio = number.read(changed_blob.data) / si if si else 1.0
     tries = [Landing(number, scale) for scale in (1.0, ratio, float(round(ratio)))]
     if number.format not in "df" and study.drive is not None:
         rates = study.drive.rates
         law, current = rates.current_loop / rates.divider, rates.current_loop
         tries += [Landing(number, rate, True) for rate in (law, current)]
-    points = ((si, made), (candidate.si(candidate.start), base))
+    points = ((si, changed_blob), (candidate.si(candidate.start), base))
     return next((one for one in tries if all(landed(one, x) == number.read(b.data) for x, b in points)), None)
 
 
@@ -469,19 +482,19 @@ def landed(landing: Landing, si: float) -> float:
 def samples(candidate: Candidate) -> list[float]:
     """Values across the slider, as irregular as they can be: by the golden section."""
     span = candidate.high - candidate.low
-    found = [candidate.low + span * ((n * 0.6180339887498949) % 1.0) for n in range(1, TRIES + 1)]
-    return [float(round(value)) if candidate.whole else float(f"{value:.7g}") for value in found]
+    values = [candidate.low + span * ((n * 0.6180339887498949) % 1.0) for n in range(1, TRIED_VALUES + 1)]
+    return [float(round(value)) if candidate.whole else float(f"{value:.7g}") for value in values]
 
 
 def _wide(candidate: Candidate) -> list[float]:
     """Values that only the field takes."""
     ends = ((candidate.least, candidate.low), (candidate.high, candidate.most))
-    found = [low + (high - low) * share for low, high in ends for share in (0.0, 0.1, 0.37, 1.0)]
-    return [float(f"{value:.7g}") for value in found]
+    values = [low + (high - low) * share for low, high in ends for share in (0.0, 0.1, 0.37, 1.0)]
+    return [float(f"{value:.7g}") for value in values]
 
 
 def _grid(candidate: Candidate) -> list[float]:
     """The stops of a slider, rounded, with the study's value among them."""
-    values = np.linspace(candidate.low, candidate.high, STOPS)
+    values = np.linspace(candidate.low, candidate.high, STOP_COUNT)
     rounded = {float(round(v)) if candidate.whole else float(f"{v:.3g}") for v in values}
     return sorted(rounded | {candidate.start})

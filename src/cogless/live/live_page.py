@@ -17,7 +17,7 @@ from cogless.control_library import C_LAWS
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders, versions
 from cogless.live import engine, own_motor
-from cogless.live.description import OFF, Packed, held, left_out
+from cogless.live.description import NEVER_LEARNS, Packed, held, left_out
 from cogless.live.key_words import key_words
 from cogless.live.keys import Found, Key, Place, adjustable, packed
 from cogless.live.motor_classes import motor_classes
@@ -25,7 +25,13 @@ from cogless.live.sensor_choices import SensorChoice, sensor_choices
 from cogless.live.spare_orders import spare_orders
 from cogless.report.markup import asset as report_asset
 from cogless.report.phases import display_unit, groups, judged, phases
-from cogless.report.speed_tracking import DRIFT, FAR, LOST, MOMENT, ONE_WAY
+from cogless.report.speed_tracking import (
+    LOST_SPEED_RATIO,
+    MEAN_ERROR_MOST,
+    ONE_WAY,
+    REST_ERROR_MOST,
+    STATE_TIME_LEAST,
+)
 from cogless.report.trials import panels_of
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
@@ -39,7 +45,7 @@ from cogless.units import NONE, factor
 
 NO_LIMITS: Mapping[str, str] = {}
 NO_PINS: Changes = {}
-COLOURS = 8  # as in the report
+COLOUR_COUNT = 8  # as many as in the report
 FORBID = (
     "default-src 'none'; script-src {scripts} 'wasm-unsafe-eval'; style-src {styles}; worker-src blob:; "
     "base-uri 'none'; form-action 'none'"
@@ -64,9 +70,11 @@ def render(
     StudyError: no WebAssembly engine, or no run that a page can hold.
     """
     module = engine.module(study.precision)
-    found = adjustable(study, told)
+    adjustable_keys = adjustable(study, told)
     blocks = {
-        "data": json.dumps(data(study, found, command, limits, pins), separators=(",", ":"), allow_nan=False),
+        "data": json.dumps(
+            data(study, adjustable_keys, command, limits, pins), separators=(",", ":"), allow_nan=False
+        ),
         "engine": base64.b64encode(gzip.compress(module, mtime=0)).decode(),
     }
     scripts = {
@@ -86,7 +94,7 @@ def render(
         description=_description(study),
         version=escape(versions()["cogless"]),
         policy=policy,
-        left_out=_left_out(study, found),
+        left_out=_left_out(study, adjustable_keys),
         **{name: text.replace("<", "\\u003c") for name, text in blocks.items()},
         **scripts,
         **styles,
@@ -110,7 +118,7 @@ def _hashes(texts: Any) -> str:
 
 def data(
     study: AnyStudy,
-    found: Found,
+    adjustable_keys: Found,
     command: str,
     limits: Mapping[str, str] = NO_LIMITS,
     pins: Changes = NO_PINS,
@@ -118,8 +126,8 @@ def data(
     """All that the page's scripts need, as plain values."""
     pairs = held(study)
     page = PAGES[study.kind]
-    spares, cogging = page.spare_orders(study, found.base)
-    sensors = page.sensor_choices(study, found, spares)
+    spares, cogging = page.spare_orders(study, adjustable_keys.base)
+    sensors = page.sensor_choices(study, adjustable_keys, spares)
     names = [name for name in study.controller if any(name == c for _, c in pairs)]
     others = [name for name in names if name != study.baseline]
     return {
@@ -130,8 +138,13 @@ def data(
         "kind": study.kind,
         "busy": int(Status.BUSY),
         "guarded": int(Status.GUARDED),
-        "moment": MOMENT,
-        "tracking": {"far": FAR, "lost": LOST, "drift": DRIFT, "one_way": ONE_WAY},
+        "moment": STATE_TIME_LEAST,
+        "tracking": {
+            "far": MEAN_ERROR_MOST,
+            "lost": LOST_SPEED_RATIO,
+            "drift": REST_ERROR_MOST,
+            "one_way": ONE_WAY,
+        },
         "scenarios": [
             {
                 "name": scenario,
@@ -146,7 +159,7 @@ def data(
             {
                 "name": name,
                 "label": study.label(name),
-                "colour": 0 if name == study.baseline else 1 + others.index(name) % (COLOURS - 1),
+                "colour": 0 if name == study.baseline else 1 + others.index(name) % (COLOUR_COUNT - 1),
                 "learns": _learns(study, name),
                 "baseline": name == study.baseline,
                 "by_order": _by_order(study.controller[name].law),
@@ -154,11 +167,11 @@ def data(
             }
             for name in names
         ],
-        "keys": [_with_sensors(_key(study, key), key, sensors) for key in (*found.keys, *spares)],
+        "keys": [_with_sensors(_key(study, key), key, sensors) for key in (*adjustable_keys.keys, *spares)],
         "sensors": [{"words": sensor.words, "text": sensor.text} for sensor in sensors],
         "cogging": cogging,
-        "classes": motor_classes(found.keys) if found.own_motor is not None else [],
-        "motor": _motor(study, found),
+        "classes": motor_classes(adjustable_keys.keys) if adjustable_keys.own_motor is not None else [],
+        "motor": _motor(study, adjustable_keys),
         "runs": {"/".join(place): _run(blob) for place, blob in packed(study, pairs).items()}
         | {
             f"{n}|{'/'.join(place)}": _run(blob)
@@ -190,14 +203,14 @@ def _speed_scenario(study: Study, scenario: str) -> dict[str, Any]:
 
 
 def _trial_scenario(study: TrialStudy, scenario: str) -> dict[str, Any]:
-    about = judged(study, scenario)
+    metric_words = judged(study, scenario)
     return {
         "judged": {
-            "signal": about.signal,
-            "quantity": about.quantity,
-            "unit": about.unit,
-            "factor": about.scale,
-            "floor": about.floor,
+            "signal": metric_words.signal,
+            "quantity": metric_words.quantity,
+            "unit": metric_words.unit,
+            "factor": metric_words.scale,
+            "floor": metric_words.floor,
         },
         "phases": [
             {"name": phase.name, "trials": phase.chosen}
@@ -295,22 +308,24 @@ PAGES: Mapping[Kind, KindOfPage] = {
 
 def _run(blob: Packed) -> dict[str, Any]:
     """A packed description, and the places in it of what the page reads."""
-    found = {n.path: [n.offset, n.format] for n in blob.numbers}
-    about = {path: at for path, at in found.items() if path.startswith("page.") and ".learned." not in path}
+    places = {n.path: [n.offset, n.format] for n in blob.numbers}
+    page_places = {
+        path: at for path, at in places.items() if path.startswith("page.") and ".learned." not in path
+    }
     shape = next((shape.split()[1] for shape in blob.shape if shape.startswith("page.learned ")), None)
     return {
         "bytes": base64.b64encode(blob.data).decode(),
-        "about": about,
-        "off": _off(found),
-        "learned": shape and [found["page.learned.0"][0], *map(int, shape.split("x"))],
+        "about": page_places,
+        "off": _off(places),
+        "learned": shape and [places["page.learned.0"][0], *map(int, shape.split("x"))],
     }
 
 
-def _off(found: dict[str, list[Any]]) -> list[Any] | None:
+def _off(places: dict[str, list[Any]]) -> list[Any] | None:
     """The number with which a law never learns: its place, and it."""
-    for path, value in (("controller.learning_start", OFF), ("controller.config.k_3", 0.0)):
-        if path in found:
-            return [*found[path], value]
+    for path, value in (("controller.learning_start", NEVER_LEARNS), ("controller.config.k_3", 0.0)):
+        if path in places:
+            return [*places[path], value]
     return None
 
 
@@ -354,9 +369,9 @@ def _landing(key: Key, one: Any) -> list[Any]:
     return [one.number.offset, one.number.format, one.scale, one.rounded]
 
 
-def _motor(study: AnyStudy, found: Found) -> dict[str, Any] | None:
+def _motor(study: AnyStudy, adjustable_keys: Found) -> dict[str, Any] | None:
     """What a page needs to set the numbers of one's own motor."""
-    own = found.own_motor
+    own = adjustable_keys.own_motor
     if own is None:
         return None
     assert study.motor is not None
@@ -383,9 +398,9 @@ def _description(study: AnyStudy) -> str:
     return f'<section><h2>About this study</h2><p class="description">{text}</p></section>'
 
 
-def _left_out(study: AnyStudy, found: Found) -> str:
+def _left_out(study: AnyStudy, adjustable_keys: Found) -> str:
     lines = left_out(study)
-    lines += [f"{key}: {why}." for key, why in found.left_out]
+    lines += [f"{key}: {why}." for key, why in adjustable_keys.left_out]
     if not lines:
         return ""
     rows = "".join(f"<li>{escape(line)}</li>" for line in lines)

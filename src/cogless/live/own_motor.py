@@ -25,14 +25,15 @@ POLE_PAIRS = "motor.pole_pairs"
 TOGETHER = frozenset(
     (POLE_PAIRS, RESISTANCE, INDUCTANCE, "motor.kv", "mechanics.inertia", "drive.inverter.bus_voltage")
 )
-NODES = 24  # of the curve, at Chebyshev's places over log(R_s / L)
-SLOW, FAST = 1 / 30, 4.0  # widest ends of the curve: R_s / L as a share of the study's
-RETREAT = 0.8  # power of a share of R_s / L that the study refuses, for an end nearer to 1
+CURVE_NODES = 24  # nodes of the curve, at Chebyshev's places over log(R_s / L)
+SLOWEST_RATIO, FASTEST_RATIO = 1 / 30, 4.0  # widest ends of the curve: R_s / L as a share of the study's
+RETREAT_POWER = 0.8  # power of a share of R_s / L that the study refuses, for an end nearer to 1
 NO_ROOM = 1e-3  # an end this near to 1 is 1
 CLOSE = {"f": 3e-7, "d": 1e-12}  # relative; other numbers are whole
-INTEGER = 1e-5  # how near a power must be
-TRIES = 12
-HALVINGS = 8  # of the logarithms of refused shares, until _check gives up: 100 has become 1.02
+POWER_TOLERANCE = 1e-5  # distance of a power from a whole number that counts as none
+CHECKED_MOTORS = 12
+# the logarithm of a refused share is halved so often, until _check gives up: 100 has become 1.02
+END_HALVINGS = 8
 STEPS = (2.0, 0.5, 1.25, 0.8, 1.02, 0.98)  # shares of a key's value: the first accepted shows its power
 
 Place = tuple[str, str, str]
@@ -79,13 +80,13 @@ class OwnMotor:
         """Irregular values of all keys: the study's times (1/100 to 100) to the power `reach`."""
         slow, fast = self.ends
         values = {}
-        for k, (key, about) in enumerate(self.keys.items()):
+        for k, (key, candidate) in enumerate(self.keys.items()):
             share = 10 ** (reach * (4 * ((0.6180339887498949 * (n + 1) * (k + 1)) % 1.0) - 2))
-            values[key] = min(max(float(f"{about.start * share:.6g}"), about.least), about.most)
+            values[key] = min(max(float(f"{candidate.start * share:.6g}"), candidate.least), candidate.most)
         pairs = self.pole_pairs
         drawn = pairs.least + 7 * n % round(pairs.most - pairs.least + 1)
         values[POLE_PAIRS] = float(round(pairs.start + reach * (drawn - pairs.start)))
-        ratio = (slow * (fast / slow) ** ((n + 0.5) / TRIES)) ** reach
+        ratio = (slow * (fast / slow) ** ((n + 0.5) / CHECKED_MOTORS)) ** reach
         over, under = self.keys[RESISTANCE], self.keys[INDUCTANCE]
         values[INDUCTANCE] = float(f"{under.start * values[RESISTANCE] / over.start / ratio:.6g}")
         return values
@@ -106,11 +107,11 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
     for key, (share, _) in scaled.items():
         if share != STEPS[0] and key not in (RESISTANCE, INDUCTANCE):
             by_key[key] = narrow(by_key[key])
-    both = _scaled(base, changed, over, under)
+    scaled_pair = _scaled(base, changed, over, under)
 
     def of(number: Number, place: Place) -> Product | None:
-        def power(share: float, made: All) -> float:
-            return _power(number.read(made[place].data), start, share)
+        def power(share: float, blobs_now: All) -> float:
+            return _power(number.read(blobs_now[place].data), start, share)
 
         start = number.read(base[place].data)
         powers = {key: power(*one) for key, one in scaled.items()}
@@ -121,9 +122,11 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
             return Product(number, 1.0, {}, factors)
         curve: tuple[float, ...] = ()
         if not all(_is_whole(powers[key]) for key in (RESISTANCE, INDUCTANCE)):
-            powers |= {RESISTANCE: 0.0, INDUCTANCE: power(*both)}
+            powers |= {RESISTANCE: 0.0, INDUCTANCE: power(*scaled_pair)}
             exponent = round(powers[INDUCTANCE])
-            curve = tuple(number.read(made[place].data) / start / share**exponent for share, made in bent)
+            curve = tuple(
+                number.read(blobs_now[place].data) / start / share**exponent for share, blobs_now in bent
+            )
         if not all(map(_is_whole, powers.values())):
             raise _no_product(number, "")
         whole = {key: round(power) for key, power in powers.items() if round(power)}
@@ -141,7 +144,7 @@ def own_motor(base: All, changed: Changed, keys: Sequence[Candidate], narrow: Na
 def nodes(ends: tuple[float, float]) -> list[float]:
     """Chebyshev nodes over log(R_s / L), R_s / L as a share of the study's, from the upper end down."""
     low, high = map(math.log, ends)
-    angles = ((2 * j + 1) * math.pi / (2 * NODES) for j in range(NODES))
+    angles = ((2 * j + 1) * math.pi / (2 * CURVE_NODES) for j in range(CURVE_NODES))
     return [(low + high) / 2 + (high - low) / 2 * math.cos(angle) for angle in angles]
 
 
@@ -158,10 +161,10 @@ def _turned(base: All, changed: Changed, pairs: Candidate) -> tuple[Candidate, d
     start, turned = round(pairs.start), {round(pairs.start): base}
     for numbers in (range(start - 1, round(pairs.low) - 1, -1), range(start + 1, round(pairs.high) + 1)):
         for n in numbers:
-            made = _accepted(changed, [(pairs, float(n))])
-            if made is None:
+            changed_blobs = _accepted(changed, [(pairs, float(n))])
+            if changed_blobs is None:
                 break
-            turned[n] = made
+            turned[n] = changed_blobs
     low, high = float(min(turned)), float(max(turned))
     return replace(pairs, low=low, high=high, least=low, most=high), turned
 
@@ -171,17 +174,17 @@ def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list
 
     Each node has a share of the study's L and the descriptions with it.
     """
-    ends = [SLOW, FAST]
+    ends = [SLOWEST_RATIO, FASTEST_RATIO]
     while True:
         bent = []
         for at in nodes((ends[0], ends[1])):
             share = math.exp(-at)
-            made = _accepted(changed, [(under, share * under.start)])
-            if made is None:
-                end = math.exp(RETREAT * at)
+            changed_blobs = _accepted(changed, [(under, share * under.start)])
+            if changed_blobs is None:
+                end = math.exp(RETREAT_POWER * at)
                 ends[at > 0] = end if abs(end - 1) > NO_ROOM else 1.0
                 break
-            bent.append((share, made))
+            bent.append((share, changed_blobs))
         else:
             return (ends[0], ends[1]), bent
 
@@ -189,15 +192,15 @@ def _bent(changed: Changed, under: Candidate) -> tuple[tuple[float, float], list
 def _scaled(base: All, changed: Changed, *keys: Candidate) -> tuple[float, All]:
     """The first of STEPS that the study accepts for these keys together, with its descriptions; else 1."""
     for share in STEPS:
-        made = _accepted(changed, [(key, share * key.start) for key in keys])
-        if made is not None:
-            return share, made
+        changed_blobs = _accepted(changed, [(key, share * key.start) for key in keys])
+        if changed_blobs is not None:
+            return share, changed_blobs
     return 1.0, base
 
 
 def computed(one: Product, own: OwnMotor, values: Mapping[str, float]) -> float:
     """A product at these values, as a page computes it."""
-    shares = {key: values.get(key, about.start) / about.start for key, about in own.keys.items()}
+    shares = {key: values.get(key, candidate.start) / candidate.start for key, candidate in own.keys.items()}
     pairs = own.pole_pairs
     result = one.start
     for key, power in one.powers.items():
@@ -215,7 +218,7 @@ def _between(nodes: Sequence[float], curve: Sequence[float], at: float) -> float
     for j, (node, value) in enumerate(zip(nodes, curve, strict=True)):
         if at == node:
             return value
-        weight = (-1) ** j * math.sin((2 * j + 1) * math.pi / (2 * NODES)) / (at - node)
+        weight = (-1) ** j * math.sin((2 * j + 1) * math.pi / (2 * CURVE_NODES)) / (at - node)
         above, below = above + weight * value, below + weight
     return above / below
 
@@ -228,22 +231,22 @@ def _power(x: float, start: float, share: float) -> float:
 
 
 def _is_whole(x: float) -> bool:
-    return abs(x - round(x)) < INTEGER if math.isfinite(x) else False
+    return abs(x - round(x)) < POWER_TOLERANCE if math.isfinite(x) else False
 
 
 def _check(base: All, changed: Changed, own: OwnMotor) -> None:
     """StudyError: a number is not what its product says, or one moves that has none."""
-    for n in range(TRIES):
-        for halvings in range(HALVINGS):
+    for n in range(CHECKED_MOTORS):
+        for halvings in range(END_HALVINGS):
             values = own.together(n, 0.5**halvings)
-            made = _accepted(changed, [(own.keys[key], x) for key, x in values.items()])
-            if made is not None:
-                _compare(base, made, own, values)
+            changed_blobs = _accepted(changed, [(own.keys[key], x) for key, x in values.items()])
+            if changed_blobs is not None:
+                _compare(base, changed_blobs, own, values)
                 break
 
 
-def _compare(base: All, made: All, own: OwnMotor, values: Mapping[str, float]) -> None:
-    for place, blob in made.items():
+def _compare(base: All, changed_blobs: All, own: OwnMotor, values: Mapping[str, float]) -> None:
+    for place, blob in changed_blobs.items():
         products = {one.number: computed(one, own, values) for one in own.products[place]}
         for number in blob.numbers:
             x = number.read(blob.data)

@@ -138,28 +138,28 @@ def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
     else:
         alike = stored.units == units and (len(units) == 1 or stored.ratio == law["ratio"])
     if alike:
-        found = np.array([resampled(np.tile(channel, int(count)), cells) for channel in stored.values])
+        own_entries = np.array([resampled(np.tile(channel, int(count)), cells) for channel in stored.values])
     elif stored.units in AS_CURRENT:
-        found = of_current(np.tile(_current(stored), int(count)), law, unit)
+        own_entries = of_current(np.tile(_current(stored), int(count)), law, unit)
     else:
         kind = " and ".join(stored.unit(c)[0] for c in range(stored.channels))
         raise MapError(f"a map of {kind}: expected one of this law's kind, or of a current alone")
-    return within(found, law)
+    return within(own_entries, law)
 
 
 def of_current(current: Real, law: Mapping[str, Any], unit: float) -> Real:
     """The entries of a law's memory for a current, A, at evenly spaced angles of the law's period."""
-    found: Real = np.zeros_like(law["values"])
+    own_entries: Real = np.zeros_like(law["values"])
     if ORDER in law["units"]:
         orders = law["values"][2]
         most = (len(current) - 1) // 2
         if orders.max() > most:
-            known = f"{len(current)} entries, orders up to {most}"
-            raise MapError(f"{known}: expected the law's {orders.max():g}")
+            size = f"{len(current)} entries, orders up to {most}"
+            raise MapError(f"{size}: expected the law's {orders.max():g}")
         amplitudes = 2 / len(current) * np.fft.rfft(current)[orders.astype(int)]
         return np.array([amplitudes.real, -amplitudes.imag, orders])
-    found[0] = unit * resampled(current, found.shape[1])
-    return found
+    own_entries[0] = unit * resampled(current, own_entries.shape[1])
+    return own_entries
 
 
 def resampled(values: NDArray[Any], cells: int) -> Real:
@@ -170,14 +170,14 @@ def resampled(values: NDArray[Any], cells: int) -> Real:
     return np.asarray(np.fft.irfft(orders, cells) * (cells / len(values)))
 
 
-def within(found: Real, law: Mapping[str, Any]) -> Real:
+def within(entries_now: Real, law: Mapping[str, Any]) -> Real:
     """The entries, if each is a number within the law's limit; what is above by rounding is cut."""
-    for channel, limit in zip(found, law["limits"], strict=True):
+    for channel, limit in zip(entries_now, law["limits"], strict=True):
         largest = float(np.max(np.abs(channel)))
         if not largest <= limit * (1 + 1e-6):
             raise MapError(f"an entry of {largest:.4g}: expected at most the law's limit, {limit:.4g}")
         np.clip(channel, -limit, limit, out=channel)
-    return found
+    return entries_now
 
 
 def _current(stored: StoredMap) -> Real:

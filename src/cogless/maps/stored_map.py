@@ -24,7 +24,7 @@ from cogless.units import TURN
 
 MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
 FLOAT32 = 1  # the only number type
-OWN = 128  # the first code of a user's own laws
+OWN_LAW_CODE = 128  # the first code of a user's own laws
 LONGEST_WRITE = 256  # bytes
 
 LAWS = ("other", *(law.name for law in C_LAWS.values() if law.cells))  # index: code of the law
@@ -93,7 +93,7 @@ class StoredMap:
 
     @property
     def law_name(self) -> str:
-        if self.law >= OWN:
+        if self.law >= OWN_LAW_CODE:
             return f"own law {self.law}"
         return LAWS[self.law] if self.law < len(LAWS) else str(self.law)
 
@@ -154,9 +154,9 @@ def decode(data: bytes, offset: int = 0) -> StoredMap:
     cells, turns, parts, ratio, channels, units, zero, *limits, entries_crc = fields[9:]
     if version != VERSION:
         raise MapError(f"version {version} of the format: expected {VERSION}")
-    known = length == HEADER and number_type == FLOAT32 and zero == 0 and write_size in _write_sizes()
-    known = known and 1 <= channels <= 3 and 1 <= cells <= 1 << 24 and ratio > 0
-    if not (known and (turns == 0) == (parts == 0)):
+    is_valid = length == HEADER and number_type == FLOAT32 and zero == 0 and write_size in _write_sizes()
+    is_valid = is_valid and 1 <= channels <= 3 and 1 <= cells <= 1 << 24 and ratio > 0
+    if not (is_valid and (turns == 0) == (parts == 0)):
         raise MapError("a header that is none of version 1, with a CRC that is right")
     end = HEADER + 4 * channels * cells
     end += -end % write_size
@@ -242,10 +242,10 @@ def read(path: Path) -> list[Found]:
         data = Path(path).read_bytes()
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a stored map") from error
-    found = find(data)
-    if not found:
+    maps = find(data)
+    if not maps:
         raise MapError(f'{path}: no map: expected "{MAGIC.decode()}" where a slot begins')
-    return found
+    return maps
 
 
 def write(path: Path, content: bytes) -> None:
@@ -263,18 +263,18 @@ def _write_sizes() -> tuple[int, ...]:
     return tuple(1 << n for n in range(LONGEST_WRITE.bit_length()))
 
 
-HEX = 16
+HEX_BASE = 16
 
 
-def lines(found: list[Found], newest: Valid) -> list[str]:
+def lines(maps: list[Found], newest: Valid) -> list[str]:
     """Lines about every map that was found; the newest one in detail."""
     text = []
-    for place in found:
-        where = f"At byte {place.offset}: " if len(found) > 1 else ""
+    for place in maps:
+        where = f"At byte {place.offset}: " if len(maps) > 1 else ""
         if not isinstance(place.map, StoredMap):
             text.append(f"{where}{place.map}")
         elif place.offset == newest.offset:
-            text.append(f"{where}a valid map{', the newest' if len(found) > 1 else ''}")
+            text.append(f"{where}a valid map{', the newest' if len(maps) > 1 else ''}")
             text += [f"  {name:<26}{value}" for name, value in rows(place.map)]
         else:
             text.append(f"{where}a valid map, save {place.map.sequence}")
@@ -331,7 +331,7 @@ def to_csv(stored: StoredMap) -> str:
 def identity(text: str) -> int:
     """Parse a motor's identity on the command line: hexadecimal after 0x, otherwise decimal."""
     try:
-        number = int(text, HEX if text.lower().startswith("0x") else 10)
+        number = int(text, HEX_BASE if text.lower().startswith("0x") else 10)
     except ValueError:
         number = -1
     if not 0 <= number < 2**32:

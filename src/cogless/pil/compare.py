@@ -19,8 +19,8 @@ from cogless.pil.toolchain import Toolchain
 from cogless.run.plan import Progress
 from cogless.study import AnyStudy
 
-TICKS = 100_000
-PIECE = 1000  # ticks between two reports of progress
+TICKS_DEFAULT = 100_000
+REPORT_TICKS = 1000  # ticks between two reports of progress
 
 
 @dataclass(frozen=True)
@@ -89,13 +89,13 @@ def compare(
     `ticks`: default 100,000, and at most those of the scenario. StudyError: one of the two fails.
     """
     prepared = prepare(study, scenario, controller)
-    ticks = min(ticks or TICKS, prepared.ticks)
+    ticks = min(ticks or TICKS_DEFAULT, prepared.ticks)
     subject, image = build(prepared, toolchain)
-    wanted = record(prepared, ticks)
+    recording = record(prepared, ticks)
     target = Target(subject, image, prepared.memory)
-    watched = _Watched(target, subject.layout, wanted, ticks, progress)
+    watched = _Watched(target, subject.layout, recording, ticks, progress)
     run(prepared, watched, ticks)
-    difference = watched.difference or _memory_difference(target, wanted, ticks)
+    difference = watched.difference or _memory_difference(target, recording, ticks)
     return _comparison(prepared, subject, image, target, difference, toolchain)
 
 
@@ -125,12 +125,12 @@ class _Watched:
 
     def _watched(self, measurement: bytes, out: bytes) -> bytes:
         """The output, after it and the measurement were compared with the simulation's."""
-        tick, wanted = self._tick, self._wanted
+        tick, recording = self._tick, self._wanted
         self._tick += 1
-        if out != wanted.outputs[tick] or measurement != wanted.measurements[tick]:
-            self._compare("cgl_drive_output", wanted.outputs[tick], out)
-            self._compare("cgl_measurement", wanted.measurements[tick], measurement)
-        if tick % PIECE == 0:
+        if out != recording.outputs[tick] or measurement != recording.measurements[tick]:
+            self._compare("cgl_drive_output", recording.outputs[tick], out)
+            self._compare("cgl_measurement", recording.measurements[tick], measurement)
+        if tick % REPORT_TICKS == 0:
             self._progress(tick / self._ticks)
         return out
 
@@ -140,24 +140,24 @@ class _Watched:
     def end(self) -> None:
         self._target.end()
 
-    def _compare(self, struct: str, wanted: bytes, got: bytes) -> None:
+    def _compare(self, struct: str, expected: bytes, got: bytes) -> None:
         """Compare two structs number by number, since their padding may differ."""
         bits = self._layout.bits
-        if self.difference or bits(struct, wanted) == bits(struct, got):
+        if self.difference or bits(struct, expected) == bits(struct, got):
             return
-        pairs = zip(self._layout.leaves(struct), bits(struct, wanted), bits(struct, got), strict=True)
+        pairs = zip(self._layout.leaves(struct), bits(struct, expected), bits(struct, got), strict=True)
         leaf = next(leaf for leaf, a, b in pairs if a != b)
-        self.difference = Difference(self._tick - 1, leaf.path, leaf.value(wanted), leaf.value(got))
+        self.difference = Difference(self._tick - 1, leaf.path, leaf.value(expected), leaf.value(got))
 
 
-def _memory_difference(target: Target, wanted: Recording, ticks: int) -> Difference | None:
+def _memory_difference(target: Target, recording: Recording, ticks: int) -> Difference | None:
     """The first difference between the memories of the law at the end; None if they are equal."""
     got = target.memory
-    if got.tobytes() == wanted.memory.tobytes():
+    if got.tobytes() == recording.memory.tobytes():
         return None
     kind = np.uint64 if got.dtype == np.float64 else np.uint32
-    n = int(np.argmax(got.view(kind) != wanted.memory.view(kind)))
-    return Difference(ticks, f"memory[{n}]", float(wanted.memory[n]), float(got[n]))
+    n = int(np.argmax(got.view(kind) != recording.memory.view(kind)))
+    return Difference(ticks, f"memory[{n}]", float(recording.memory[n]), float(got[n]))
 
 
 def _comparison(
@@ -207,24 +207,28 @@ def _instructions(counts: Any) -> Instructions:
 NAME_COLUMNS = 18  # before the values in `lines`
 
 
-def lines(found: Comparison) -> list[str]:
+def lines(comparison: Comparison) -> list[str]:
     """Lines that `cogless pil` prints."""
     rows = [
         ("result", "every output and what was learned: bit for bit equal"),
-        ("compared", f"{found.ticks} periods of {found.study}, {found.scenario}/{found.controller}"),
-        ("instructions", _instruction_counts(found.all)),
-        ("  with the law", _instruction_counts(found.with_law)),
-        ("  without", _instruction_counts(found.without_law)),
-        ("  where, with", _sources(found.by_source_with_law)),
-        ("  where, without", _sources(found.by_source_without_law)),
-        ("  end of a trial", str(found.end_of_trial or "")),
-        ("stack", f"{found.stack} bytes"),
-        ("flash", f"{found.flash} bytes, {found.constants} of them the configured constants"),
-        ("RAM", f"{found.ram} bytes, {found.memory} of them what the law learns into"),
-        ("compiler", f"{found.compiler} {found.flags}"),
+        (
+            "compared",
+            f"{comparison.ticks} periods of {comparison.study}, "
+            f"{comparison.scenario}/{comparison.controller}",
+        ),
+        ("instructions", _instruction_counts(comparison.all)),
+        ("  with the law", _instruction_counts(comparison.with_law)),
+        ("  without", _instruction_counts(comparison.without_law)),
+        ("  where, with", _sources(comparison.by_source_with_law)),
+        ("  where, without", _sources(comparison.by_source_without_law)),
+        ("  end of a trial", str(comparison.end_of_trial or "")),
+        ("stack", f"{comparison.stack} bytes"),
+        ("flash", f"{comparison.flash} bytes, {comparison.constants} of them the configured constants"),
+        ("RAM", f"{comparison.ram} bytes, {comparison.memory} of them what the law learns into"),
+        ("compiler", f"{comparison.compiler} {comparison.flags}"),
     ]
-    if found.difference is not None:
-        rows[0] = ("result", _difference(found.difference, found.ticks))
+    if comparison.difference is not None:
+        rows[0] = ("result", _difference(comparison.difference, comparison.ticks))
     return [f"{name:<{NAME_COLUMNS}}{value}" for name, value in rows if value]
 
 
@@ -233,8 +237,8 @@ def _difference(d: Difference, ticks: int) -> str:
     return f"NOT equal: {where}: {d.field}: simulation {d.simulation!r}, processor {d.processor!r}"
 
 
-def _instruction_counts(found: Instructions | None) -> str:
-    return f"{found.least} to {found.most}, mean {found.mean:.1f}" if found else ""
+def _instruction_counts(comparison: Instructions | None) -> str:
+    return f"{comparison.least} to {comparison.most}, mean {comparison.mean:.1f}" if comparison else ""
 
 
 def _sources(by_source: dict[str, float]) -> str:

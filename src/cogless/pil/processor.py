@@ -73,10 +73,10 @@ def read(path: Path) -> Image:
     return Image(segments, symbols, tuple(sorted(functions, key=lambda f: f.address)), sections)
 
 
-PAGE = 0x1000
+PAGE_BYTES = 0x1000
 STACK_TOP, STACK_SIZE = 0x20200000, 0x10000
-RETURN = 0x00001000  # return address of a called function; no code is there
-PAINT = 0xA5
+RETURN_ADDRESS = 0x00001000  # return address of a called function; no code is there
+PAINT_BYTE = 0xA5
 
 Visits = Counter[tuple[int, int]]  # address and size of a block -> how often it was run
 
@@ -110,7 +110,7 @@ class Processor:
         for address, data in image.segments.items():
             self._uc.mem_write(address, data)
         self._uc.mem_map(STACK_TOP - STACK_SIZE, STACK_SIZE)
-        self._uc.mem_write(STACK_TOP - STACK_SIZE, bytes([PAINT]) * STACK_SIZE)
+        self._uc.mem_write(STACK_TOP - STACK_SIZE, bytes([PAINT_BYTE]) * STACK_SIZE)
         visit = self._visits.append
         # the hook is called for each block (instructions without a jump between them) that is run
         self._uc.hook_add(unicorn.UC_HOOK_BLOCK, lambda uc, address, size, data: visit((address, size)))
@@ -126,9 +126,9 @@ class Processor:
         for register, value in zip(registers, arguments, strict=False):
             self._uc.reg_write(register, value)
         self._uc.reg_write(self._arm.UC_ARM_REG_SP, STACK_TOP)
-        self._uc.reg_write(self._arm.UC_ARM_REG_LR, RETURN | 1)
+        self._uc.reg_write(self._arm.UC_ARM_REG_LR, RETURN_ADDRESS | 1)
         try:
-            self._uc.emu_start(self._image.symbols[function].address | 1, RETURN)
+            self._uc.emu_start(self._image.symbols[function].address | 1, RETURN_ADDRESS)
         except self._error as error:
             at = self._uc.reg_read(self._arm.UC_ARM_REG_PC)
             raise StudyError(f"pil: {function} at {at:#x}: {error}: expected a call that returns") from error
@@ -147,11 +147,11 @@ class Processor:
 
     def by_function(self, tally: Visits) -> dict[Function, int]:
         """Instructions in a tally, summed for each function that contains them."""
-        found: dict[Function, int] = {}
+        totals: dict[Function, int] = {}
         for visit, times in tally.items():
             function = self._owner(visit[0])
-            found[function] = found.get(function, 0) + times * self._length(visit)
-        return found
+            totals[function] = totals.get(function, 0) + times * self._length(visit)
+        return totals
 
     def read(self, address: int, size: int) -> bytes:
         return bytes(self._uc.mem_read(address, size))
@@ -163,7 +163,7 @@ class Processor:
     def stack(self) -> int:
         """Largest use of the stack so far, bytes."""
         painted = self.read(STACK_TOP - STACK_SIZE, STACK_SIZE)
-        return len(painted.lstrip(bytes([PAINT])))
+        return len(painted.lstrip(bytes([PAINT_BYTE])))
 
     def _owner(self, address: int) -> Function:
         """The function that contains an address."""
@@ -194,11 +194,13 @@ def _pages(image: Image) -> list[tuple[int, int]]:
     """Address ranges of whole pages, without overlap, that contain all segments and symbols."""
     ends = [(address, address + len(data)) for address, data in image.segments.items()]
     ends += [(s.address, s.address + s.size) for s in image.symbols.values() if s.size]
-    pages = sorted({page for start, end in ends for page in range(start // PAGE, -(-end // PAGE))})
+    pages = sorted(
+        {page for start, end in ends for page in range(start // PAGE_BYTES, -(-end // PAGE_BYTES))}
+    )
     ranges: list[tuple[int, int]] = []
     for page in pages:
-        if ranges and ranges[-1][1] == page * PAGE:
-            ranges[-1] = (ranges[-1][0], (page + 1) * PAGE)
+        if ranges and ranges[-1][1] == page * PAGE_BYTES:
+            ranges[-1] = (ranges[-1][0], (page + 1) * PAGE_BYTES)
         else:
-            ranges.append((page * PAGE, (page + 1) * PAGE))
+            ranges.append((page * PAGE_BYTES, (page + 1) * PAGE_BYTES))
     return ranges

@@ -160,16 +160,16 @@ class Target:
         )
 
     def _by_source(self, tally: Visits, ticks: int) -> dict[str, float]:
-        found = {source: count / ticks for source, count in self._instructions_of(tally).items()}
-        return dict(sorted(found.items(), key=lambda entry: -entry[1]))
+        per_tick = {source: count / ticks for source, count in self._instructions_of(tally).items()}
+        return dict(sorted(per_tick.items(), key=lambda entry: -entry[1]))
 
     def _instructions_of(self, tally: Visits) -> dict[str, int]:
         """Instructions in a tally, summed for each source file."""
-        found: dict[str, int] = {}
+        totals: dict[str, int] = {}
         for function, count in self._processor.by_function(tally).items():
             source = self._source(function)
-            found[source] = found.get(source, 0) + count
-        return found
+            totals[source] = totals.get(source, 0) + count
+        return totals
 
     @cached_property
     def _homes(self) -> dict[str, str]:

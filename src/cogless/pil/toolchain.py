@@ -53,22 +53,22 @@ class Toolchain:
         ]
         done = subprocess.run(line, capture_output=True, text=True, check=False)
         if done.returncode != 0 or not image.is_file():
-            found = [text for text in done.stderr.splitlines() if "error" in text] or ["no image"]
-            raise StudyError(f"pil: {self.name}: {found[0]}: expected code that compiles for a Cortex-M4F")
+            errors = [text for text in done.stderr.splitlines() if "error" in text] or ["no image"]
+            raise StudyError(f"pil: {self.name}: {errors[0]}: expected code that compiles for a Cortex-M4F")
 
 
-def find(wanted: str | None = None) -> Toolchain:
-    """The installed compiler, gcc first, or the `wanted` one of "gcc" and "zig"; StudyError if there is
+def find(name: str | None = None) -> Toolchain:
+    """The installed compiler, gcc first, or the one of this `name`, "gcc" or "zig"; StudyError if there is
     none."""
-    if wanted in (None, "gcc") and shutil.which(GCC):
+    if name in (None, "gcc") and shutil.which(GCC):
         version = _said(GCC, "-dumpfullversion")
         return Toolchain((GCC,), f"gcc {version}", (*FOR_GCC, *COMMON), ("-nostdlib", "-lgcc"))
-    if wanted in (None, "zig") and importlib.util.find_spec("ziglang") is not None:
+    if name in (None, "zig") and importlib.util.find_spec("ziglang") is not None:
         zig = (sys.executable, "-m", "ziglang")
         return Toolchain((*zig, "cc"), f"zig {_said(*zig, 'version')}", (*FOR_ZIG, *COMMON), ())
     debian = f"{GCC} (Debian: apt-get install gcc-arm-none-eabi)"
     pypi = "ziglang (pip install 'cogless[pil]')"
-    ways = (pypi, debian) if wanted == "zig" else (debian, pypi)
+    ways = (pypi, debian) if name == "zig" else (debian, pypi)
     raise StudyError(f"pil: no cross compiler: expected {' or '.join(ways)}")
 
 

@@ -11,7 +11,6 @@ Whether learning becomes unstable in a run: which frequency grows, since when th
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
@@ -29,13 +28,14 @@ from cogless.errors import StudyError
 from cogless.report.comparison import pretty, speed_unit
 from cogless.report.markup import Array, place, plain
 from cogless.report.panels import errors, in_angle, learned_terms, periods
-from cogless.report.verdicts import SAME, called
+from cogless.report.verdicts import EQUAL_DIFFERENCE, called
 from cogless.results import Results, Run
 from cogless.study import Study
 from cogless.study.laws.space import Period
+from cogless.units import TURN
 
-CELLS = 360
-SHOWN = 5  # periods of a chart
+TURN_CELLS = 360
+PERIODS_SHOWN = 5  # periods that a chart shows
 
 PERIODS_NOTE = (
     "Over the angle that the law counts, period by period: faint is early, full is late. What repeats from "
@@ -62,7 +62,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
         {
             "title": f"{title} over {_period(law.period)}: {results.study.label(run.controller)}",
             "x": "angle within the period (°)",
-            "angle": np.linspace(0, 360, CELLS + 1).tolist(),
+            "angle": np.linspace(0, 360, TURN_CELLS + 1).tolist(),
             "quantity": quantity,
             "unit": pretty(unit),
             "series": [
@@ -84,14 +84,14 @@ def _chosen(begun: float, end: float) -> list[int]:
     first, last = max(0, int(begun) - 1), int(end + 1e-6) - 1
     if last < first:
         return []
-    steps = np.geomspace(1, last - first + 1, SHOWN) - 1
+    steps = np.geomspace(1, last - first + 1, PERIODS_SHOWN) - 1
     return sorted({first + round(step) for step in steps})
 
 
 def _within(turns: Array, x: Array, period: int) -> Array:
     """x over the period with this number, on the common grid of angles."""
     rows = slice(max(0, int(np.searchsorted(turns, period)) - 1), int(np.searchsorted(turns, period + 1)) + 1)
-    return np.asarray(np.interp(period + np.linspace(0, 1, CELLS + 1), turns[rows], x[rows]))
+    return np.asarray(np.interp(period + np.linspace(0, 1, TURN_CELLS + 1), turns[rows], x[rows]))
 
 
 def _period(period: Period) -> str:
@@ -101,7 +101,7 @@ def _period(period: Period) -> str:
 
 SENSITIVITY_POINTS = 400
 DECADES = (0.1, 0.45)  # of the slowest revolution, and of the sample rate
-LEAST = 1e-4  # of a magnitude: smaller ones are drawn as this
+MAGNITUDE_LEAST = 1e-4  # smaller magnitudes are drawn as this
 
 SENSITIVITY_NOTE = (
     "The share of a disturbance that is left in the speed at each frequency, by the linear model of cogless "
@@ -113,7 +113,7 @@ SENSITIVITY_NOTE = (
 
 def bode(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """Charts of magnitude and phase over frequency; empty if no controller has a linear model."""
-    turn = results.study.scenario[runs[0].scenario].top_reference / (2 * math.pi)
+    turn = results.study.scenario[runs[0].scenario].top_reference / TURN
     plant = speed_loop(results.study, runs[0].scenario)
     low = DECADES[0] * (turn or 1.0)
     f = np.geomspace(low, max(10 * low, DECADES[1] / plant.period), SENSITIVITY_POINTS)
@@ -121,9 +121,9 @@ def bode(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     P_omega, P_theta = (np.interp(f, grid, response) for response in responses)
     curves: list[tuple[int, str, float, Complex]] = []
     for run in runs:
-        feedback, where = _feedback(results, run, 2 * math.pi * turn), place(results, run)
+        feedback, where = _feedback(results, run, TURN * turn), place(results, run)
         if feedback is not None:
-            off = sensitivity(plant, feedback, 2 * math.pi * f, P_omega, P_theta)
+            off = sensitivity(plant, feedback, TURN * f, P_omega, P_theta)
             loop, learns = _loop(results, run), bool(learned_terms(results, run))
             curves.append((where, "off" if learns else "", 0.55 if learns else 1.0, off))
             if loop is not None:
@@ -141,11 +141,11 @@ def bode(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
             "unit": unit,
             "frequency": plain(f),
             "series": [
-                {"controller": where, "label": label, "fade": fade, "values": plain(shown(S))}
+                {"controller": where, "label": label, "fade": fade, "values": plain(in_unit(S))}
                 for where, label, fade, S in curves
             ],
         }
-        for title, quantity, unit, shown in charts
+        for title, quantity, unit, in_unit in charts
         if curves
     ]
 
@@ -156,22 +156,22 @@ def _feedback(results: Results, run: Run, omega_m: float) -> Linear | None:
     return None
 
 
-def _left(loop: LearningLoop, f: Real, beside: float) -> Complex:
-    """What learning leaves at the learned frequencies, or so far `beside` each, as a smooth curve over f.
+def _left(loop: LearningLoop, f: Real, offset: float) -> Complex:
+    """What learning leaves at the learned frequencies, or so far `offset` each, as a smooth curve over f.
 
-    `beside` is a share of the distance to the next. NaN where nothing is learned.
+    `offset` is a share of the distance to the next. NaN where nothing is learned.
     """
     count = int(loop.highest / loop.periods_per_second)
     learned = np.arange(1, count + 1) if loop.orders is None else loop.orders
-    at = (learned + beside) * loop.periods_per_second
+    at = (learned + offset) * loop.periods_per_second
     if not len(at):
         return np.full(len(f), np.nan + 0j)
-    left = np.interp(f, at, loop.left(at))
-    return np.where((f >= at[0]) & (f <= at[-1]), left, np.nan)
+    remaining = np.interp(f, at, loop.left(at))
+    return np.where((f >= at[0]) & (f <= at[-1]), remaining, np.nan)
 
 
 def _decibels(S: Complex) -> Real:
-    return np.asarray(20 * np.log10(np.maximum(np.abs(S), LEAST)))
+    return np.asarray(20 * np.log10(np.maximum(np.abs(S), MAGNITUDE_LEAST)))
 
 
 def _degrees(S: Complex) -> Real:
@@ -182,22 +182,22 @@ def _loop(results: Results, run: Run) -> LearningLoop | None:
     """The run's learning loop at its fastest judged speed; None if its learning has no such model."""
     if loop_type(results.study.controller[run.controller]) is not None:
         with suppress(StudyError):
-            found = judged(results.study, run.scenario, run.controller)
-            return found[-1] if found else None
+            loops = judged(results.study, run.scenario, run.controller)
+            return loops[-1] if loops else None
     return None
 
 
-WINDOW = 2.0  # s, length of the windows in which errors are compared
-GREW = 5.0  # amplitude / amplitude early in learning, above which it has grown
-SHARE = 5e-3  # of i_q's RMS: a smaller spectral line is ignored
-SEGMENT = 2048  # trace rows per spectrum
+ERROR_WINDOW = 2.0  # s, length of the windows in which errors are compared
+GROWTH_RATIO = 5.0  # amplitude / amplitude early in learning, above which it has grown
+LINE_SHARE = 5e-3  # a spectral line below this share of i_q's RMS is ignored
+SEGMENT_ROWS = 2048  # trace rows per spectrum
 
 
 def growth(results: Results, run: Run) -> float | None:
     """The frequency, Hz, of the spectral line of i_q that grew since learning began; None if no line grew.
 
     The line is taken from the first window in which it shows, because limits affect it later. It has to be
-    larger, by the factor `GREW`, than all lines within an octave of it when learning began and in the
+    larger, by the factor `GROWTH_RATIO`, than all lines within an octave of it when learning began and in the
     baseline's run.
     """
     law = in_angle(results, run)
@@ -205,17 +205,17 @@ def growth(results: Results, run: Run) -> float | None:
     if law is None:
         return None
     begun = trace.window(0.0, law.learning_start + float(getattr(law, "ramp", 0.0))).stop
-    rows = min(SEGMENT, (len(trace) - begun) // 4)
+    rows = min(SEGMENT_ROWS, (len(trace) - begun) // 4)
     if rows < 64:
         return None
     before = _spectrum(trace["i_q"][begun : begun + rows])
-    floor = SHARE * float(np.sqrt(np.mean(trace["i_q"][:begun] ** 2) + np.sum(before**2) / 2))
+    floor = LINE_SHARE * float(np.sqrt(np.mean(trace["i_q"][:begun] ** 2) + np.sum(before**2) / 2))
     base = (r for r in results.runs if (r.scenario, r.controller) == (run.scenario, results.study.baseline))
     plain = [x for r in base if r is not run for x in _parts(r.trace["i_q"], begun, rows)]
     usual = _about(np.max([before, *map(_spectrum, plain)], axis=0))
     for x in _parts(trace["i_q"], begun + rows, rows):
         after = _spectrum(x)
-        grown = (after > GREW * usual) & (after > floor)
+        grown = (after > GROWTH_RATIO * usual) & (after > floor)
         if np.any(grown):
             return float(np.argmax(np.where(grown, after, 0.0)) / (rows * trace.period))
     return None
@@ -256,21 +256,21 @@ def worsened(results: Results, runs: Sequence[Run]) -> dict[str, float]:
 
 
 def worse_since(run: Run, other: Run, signal: str) -> float | None:
-    """The time, s, from which a run's error stays above another's, by more than the share `SAME`.
+    """The time, s, from which a run's error stays above another's, by more than the share `EQUAL_DIFFERENCE`.
 
     None if the error isn't above at the end, or is above from the beginning.
     """
     mine, base = _errors(run, signal), _errors(other, signal)
     count = min(len(mine), len(base))
-    worse = ~(mine[:count] <= (1 + SAME) * base[:count])  # NaN is worse
+    worse = ~(mine[:count] <= (1 + EQUAL_DIFFERENCE) * base[:count])  # NaN is worse
     if count < 3 or not worse[-1] or np.all(worse):
         return None
-    return float((1 + np.flatnonzero(~worse)[-1]) * WINDOW)
+    return float((1 + np.flatnonzero(~worse)[-1]) * ERROR_WINDOW)
 
 
 def _errors(run: Run, signal: str) -> Array:
     """Peak-to-peak values of a signal in successive windows; an incomplete last window is left out."""
-    rows = round(WINDOW / run.trace.period) if run.trace.period else 0
+    rows = round(ERROR_WINDOW / run.trace.period) if run.trace.period else 0
     x = run.trace[signal]
     whole = len(x) // rows if rows else 0
     return np.asarray(np.ptp(x[: whole * rows].reshape(whole, -1), axis=1)) if whole else np.zeros(0)
@@ -281,7 +281,7 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
 
     `worse`: the result of `worsened`.
     """
-    study, found = results.study, []
+    study, lines = results.study, []
     for run in runs:
         name, line = run.controller, growth(results, run)
         if in_angle(results, run) is None:
@@ -292,23 +292,23 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
             label = f"Worse with time: {called(study, name)}"
             than = f"{label} is no worse than {called(study, study.baseline)} until {worse[name]:.0f} s"
             cause = f"; its current {rising}" if rising else ""
-            found.append(f"{than}, then worse{cause}{_said(grows)}.")
+            lines.append(f"{than}, then worse{cause}{_said(grows)}.")
         elif rising and grows:
-            found.append(f"The current of {called(study, name)} {rising}{_said(grows)}.")
-    return found
+            lines.append(f"The current of {called(study, name)} {rising}{_said(grows)}.")
+    return lines
 
 
 def _expected(study: Study, name: str) -> str | None:
     """What cogless design says of a law that doesn't settle; "" if it settles, None if that isn't known."""
     try:
-        found = verdict(study, name)
+        forecast = verdict(study, name)
     except StudyError:
         return None
-    if found is None or found.kind == "rests":
+    if forecast is None or forecast.kind == "rests":
         return None
-    if found.kind != "settles":
-        return found.short()
-    return found.passing.words(found.unit) if found.passing else ""
+    if forecast.kind != "settles":
+        return forecast.short()
+    return forecast.passing.words(forecast.unit) if forecast.passing else ""
 
 
 def _said(grows: str | None) -> str:
@@ -354,5 +354,5 @@ def criterion(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         for run in runs
         if (grown := growth(results, run))  # on a log axis
     ]
-    about = {"title": "Factor per period", "x": "frequency (Hz)", "quantity": "factor", "unit": ""}
-    return [{**about, "frequency": plain(f), "series": series, "marks": marks}]
+    labels = {"title": "Factor per period", "x": "frequency (Hz)", "quantity": "factor", "unit": ""}
+    return [{**labels, "frequency": plain(f), "series": series, "marks": marks}]

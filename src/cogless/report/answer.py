@@ -17,7 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from cogless.report.comparison import QUANTITIES, Line, pretty, shown_in
 from cogless.report.markup import Array, pack, place, plain, thin
-from cogless.report.speed_tracking import MOMENT, spans
+from cogless.report.speed_tracking import STATE_TIME_LEAST, spans
 from cogless.report.speed_verdict import Contrast, changed_by, contrast
 from cogless.report.verdicts import Answer, called
 from cogless.results import Results, Run
@@ -211,7 +211,7 @@ def _ripple(
                 for run in pair.runs
                 if results.study.controller[run.controller].learns
                 for since, until in spans(run, Status.GUARDED)
-                if until - since > MOMENT
+                if until - since > STATE_TIME_LEAST
             ],
             "series": series,
         }

@@ -24,7 +24,7 @@ def with_limits(
     progress: Callable[[str], None] | None = None,
 ) -> Results:
     """As `cogless.report.with_limits`."""
-    found: dict[str, Limits] = {}
+    by_scenario: dict[str, Limits] = {}
     try:
         for scenario in results.scenarios:
             best = judged(results, scenario)
@@ -37,10 +37,10 @@ def with_limits(
                 progress(scenario)
             limited = limits(results.study, run, metric, order, jobs, traces)
             if limited is not None:
-                found[scenario] = limited
+                by_scenario[scenario] = limited
     except KeyboardInterrupt:
         pass
-    return replace(results, limits=found)
+    return replace(results, limits=by_scenario)
 
 
 def is_quick(study: AnyStudy, scenario: str, controller: str) -> bool:

@@ -131,8 +131,8 @@ def save(
     figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=max(1, abreast))
     with replacing(path) as temporary:
         # savefig would draw it twice: once for the layout
-        about = {"Run": run, "Series": json.dumps(_series(axes))}
-        FigureCanvasAgg(figure).print_png(temporary, metadata=about)  # type: ignore[no-untyped-call]
+        metadata = {"Run": run, "Series": json.dumps(_series(axes))}
+        FigureCanvasAgg(figure).print_png(temporary, metadata=metadata)  # type: ignore[no-untyped-call]
 
 
 def _series(axes: Any) -> list[list[float]]:

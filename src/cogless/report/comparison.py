@@ -19,16 +19,16 @@ from cogless.design.ripple import WORSE
 from cogless.design.unlearned import Memory, never, revolutions_learned, starts_too_late, too_short
 from cogless.report.markup import number
 from cogless.report.panels import travelled, varies
-from cogless.report.speed_tracking import MOMENT, missed, rows_of, span_of, spans
+from cogless.report.speed_tracking import STATE_TIME_LEAST, missed, rows_of, span_of, spans
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
-from cogless.results.trace import BLOCK
+from cogless.results.trace import BLOCK_ROWS
 from cogless.study import Study
 from cogless.study.base import StudyBase, spoken_unit
 from cogless.study.metric import Metric
 from cogless.study.remark import Remark
-from cogless.units import ANGULAR_SPEED, factor
+from cogless.units import ANGULAR_SPEED, TURN, factor
 
 
 def unlearned(results: Results, run: Run) -> str | None:
@@ -36,7 +36,7 @@ def unlearned(results: Results, run: Run) -> str | None:
 
     This is judged by the angle turned since the status first showed that learning wasn't frozen.
     """
-    stop = BLOCK
+    stop = BLOCK_ROWS
     while (why := _within(results, run, slice(0, stop))) and stop < len(run.trace):
         stop *= 4  # what is enough at the beginning stays enough
     return why
@@ -54,7 +54,7 @@ def _within(results: Results, run: Run, rows: slice) -> str | None:
     if not np.all(np.isfinite(theta) & np.isfinite(status)):
         return None
     learning = (status.astype(int) & Status.FROZEN) == 0
-    cell = 2 * np.pi * float(revolutions) / law.cells
+    cell = TURN * float(revolutions) / law.cells
     if np.sum(np.abs(np.diff(theta))[learning[1:]]) < cell:
         end = float(trace.time[-1])
         why = starts_too_late(law, end) or never(study, run.scenario, name)
@@ -207,11 +207,13 @@ def compare(results: Results, scenario: str) -> list[Line]:
             named = [(metric.name, order) for order in metric.order or (None,)]
             unit, span = speed_unit(results), span_of(results, metric, taken[0])
             torque = in_torque_mode(results.study, taken[0], rows_of(results, metric, taken[0]))
-            found = {run.controller: missed(run, rows_of(results, metric, run), unit) for run in taken}
-            found = {} if torque else found
-            not_held = {controller: pretty(text) for controller, text in found.items() if text}
-            held = {run.controller: guarded(results, run, rows_of(results, metric, run)) for run in taken}
-            back = {controller: when for controller, when in held.items() if when}
+            miss_texts = {run.controller: missed(run, rows_of(results, metric, run), unit) for run in taken}
+            miss_texts = {} if torque else miss_texts
+            not_held = {controller: pretty(text) for controller, text in miss_texts.items() if text}
+            guarded_times = {
+                run.controller: guarded(results, run, rows_of(results, metric, run)) for run in taken
+            }
+            back = {controller: when for controller, when in guarded_times.items() if when}
             own = lines_of(results.study, metric, taken, named)
             why = unjudged(metric, taken[0], rows_of(results, metric, taken[0]), torque)
             lines += [
@@ -250,10 +252,10 @@ def guarded(results: Results, run: Run, rows: slice) -> str:
     """When in these rows the guard held a run's learning back, such as "3.5 to 5.1 s"; "" if hardly ever."""
     if not results.study.controller[run.controller].learns:
         return ""
-    found = spans(run, Status.GUARDED, rows)
-    if sum(to - since for since, to in found) < MOMENT:
+    guard_spans = spans(run, Status.GUARDED, rows)
+    if sum(to - since for since, to in guard_spans) < STATE_TIME_LEAST:
         return ""
-    return f"{found[0][0]:.3g} to {found[-1][1]:.3g} s"
+    return f"{guard_spans[0][0]:.3g} to {guard_spans[-1][1]:.3g} s"
 
 
 def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
@@ -269,14 +271,14 @@ def remarks(study: StudyBase, lines: Sequence[Line]) -> list[str]:
 
 def not_judged(lines: Sequence[Line]) -> list[str]:
     """Remarks on lines that aren't judged, one for each reason."""
-    found: dict[str, list[str]] = {}
+    by_reason: dict[str, list[str]] = {}
     for line in lines:
         if line.unjudged and line.better != "none":
-            found.setdefault(line.unjudged, []).append(line.quantity)
+            by_reason.setdefault(line.unjudged, []).append(line.quantity)
     return [
         f"{quantities[0]}{f' and {len(quantities) - 1} more' if len(quantities) > 1 else ''}: "
         f"not judged, since {why}{'; what is left is in omega_error' if why == VARIES else ''}"
-        for why, quantities in found.items()
+        for why, quantities in by_reason.items()
     ]
 
 
@@ -289,15 +291,15 @@ def error_metric(study: StudyBase) -> Remark:
 
 def held_back(study: StudyBase, lines: Sequence[Line]) -> list[str]:
     """Remarks on controllers whose learning the guard held back in the window of a metric, one for each."""
-    found: dict[str, tuple[str, list[Line]]] = {}
+    by_controller: dict[str, tuple[str, list[Line]]] = {}
     for line in lines:
         for controller, when in line.guarded.items():
-            found.setdefault(controller, (when, []))[1].append(line)
+            by_controller.setdefault(controller, (when, []))[1].append(line)
     return [
         f"the guard held the learning of {study.label(c)} back, {when}, in the window of {within[0].quantity}"
         f"{f' and {len(within) - 1} more' if len(within) > 1 else ''}: "
         + (_harm(study, c, within) or "what is left there is more than it settles at")
-        for c, (when, within) in found.items()
+        for c, (when, within) in by_controller.items()
     ]
 
 
@@ -330,8 +332,8 @@ def _own_feedback(study: StudyBase, controller: str, lines: Sequence[Line]) -> s
     mine = feedback(study, controller)
     if mine is None:
         return None
-    shown = dict.fromkeys(name for line in lines for name in line.values)
-    first = sorted(shown, key=lambda name: name != study.baseline)
+    controllers = dict.fromkeys(name for line in lines for name in line.values)
+    first = sorted(controllers, key=lambda name: name != study.baseline)
     alike = (name for name in first if not study.controller[name].learned)
     return next((name for name in alike if feedback(study, name) == mine), None)
 
@@ -355,13 +357,13 @@ def lines_of(
 ) -> list[Line]:
     """A metric's lines, one for each (name, order) in `named`."""
     unit, scale = shown_in(study, metric)
-    about = metric.frame, metric.wanted, unit
+    attributes = metric.frame, metric.wanted, unit
     values = {run.controller: run.metrics[result_name(metric)] for run in runs}
     lines = []
     for place, (name, order) in enumerate(named):
         column = {c: v[place] if isinstance(v, list) else v for c, v in values.items()}
-        shown = {c: v / scale if v is not None and math.isfinite(v) else None for c, v in column.items()}
-        lines.append(Line(name, metric.kind, metric.signal, order, *about, shown))
+        in_unit = {c: v / scale if v is not None and math.isfinite(v) else None for c, v in column.items()}
+        lines.append(Line(name, metric.kind, metric.signal, order, *attributes, in_unit))
     return lines
 
 

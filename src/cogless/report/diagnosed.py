@@ -11,7 +11,7 @@ from cogless.identify.diagnosis import SHOWN, TURN, Diagnosis, answer, shown, si
 from cogless.report.identified import page_of, sentences
 from cogless.report.markup import note, table
 
-COLOURS = 6  # of the palette
+COLOUR_COUNT = 6  # colours of the palette
 
 
 def write_report(made: Diagnosis, path: Path) -> None:
@@ -33,7 +33,7 @@ def render(made: Diagnosis) -> str:
 def _bars(made: Diagnosis) -> str:
     """A bar for each log, its parts the shares of its causes."""
     names = list(dict.fromkeys(name for log in made.whole for name in made.causes(log)))
-    colour = {name: f"var(--c{n % COLOURS})" for n, name in enumerate(names)}
+    colour = {name: f"var(--c{n % COLOUR_COUNT})" for n, name in enumerate(names)}
     rows, high = "", 34
     for n, log in enumerate(made.whole):
         shares = {name: max(0.0, share) for name, share in made.causes(log).items()}
@@ -58,18 +58,20 @@ def _logs(made: Diagnosis) -> str:
 
 def _orders(made: Diagnosis) -> str:
     body = ""
-    for each in made.found:
-        if each.share < SHOWN:
+    for order in made.found:
+        if order.share < SHOWN:
             continue
         cells = [
-            f"{each.order}",
-            f"{each.speed / TURN:.3g} rev/s",
-            "" if math.isnan(each.load) else f"{each.load:.3g} A",
-            f"{each.ripple:.3g} rad/s",
-            f"{100 * each.share:.0f} %",
-            ", ".join(shown(cause) for cause in each.causes if abs(cause.share) > 0.05),
-            each.confidence,
+            f"{order.order}",
+            f"{order.speed / TURN:.3g} rev/s",
+            "" if math.isnan(order.load) else f"{order.load:.3g} A",
+            f"{order.ripple:.3g} rad/s",
+            f"{100 * order.share:.0f} %",
+            ", ".join(shown(cause) for cause in order.causes if abs(cause.share) > 0.05),
+            order.confidence,
         ]
-        body += f"<tr><th>{escape(each.log)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
+        body += (
+            f"<tr><th>{escape(order.log)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
+        )
     names = ("Log", "order", "speed", "load", "ripple, rms", "of the square", "causes", "confidence")
     return table("numbers", "Orders", "".join(f"<th>{name}</th>" for name in names), body)

@@ -17,13 +17,13 @@ from cogless.results import Results, Run
 from cogless.results.fault_response import Fault, Response, faults_in, ripple, without_faults
 from cogless.units import ANGULAR_SPEED, factor
 
-OVER = 1.05  # largest current / its limit; more than a current loop's usual overshoot
+OVERSHOOT_MOST = 1.05  # largest current / its limit; more than a current loop's usual overshoot
 # Ripple after a fault / usual ripple, above which it is worse: the usual ripple changes by a tenth per turn.
-WORSE = 1.25
-SMALL = 1e-4  # share of the speed; a smaller ripple isn't called worse
-ALIKE = 0.05  # largest relative difference of speeds at which two ripples are compared
+WORSE_RATIO = 1.25
+RIPPLE_SHARE_LEAST = 1e-4  # share of the speed; a smaller ripple is not called worse
+SPEED_SPREAD_MOST = 0.05  # largest relative difference of speeds at which two ripples are compared
 UNBROKEN = r"(?<=\d) (?=(m?s|A|of \d)\b)| (?=\(rpm)"  # spaces at which a line must not break
-SHOWN = 3  # largest number of faults in a scenario's verdict; results.json has all
+FAULTS_SHOWN = 3  # largest number of faults in a scenario's verdict; results.json has all
 
 
 def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
@@ -36,20 +36,20 @@ def account(results: Results, runs: Sequence[Run]) -> ScenarioVerdict | None:
         return None
     faults = [response.fault for response in runs[0].faults]
     words = [f"{_seconds(fault.time)}: {what(fault)}" for fault in faults]
-    told = [
+    parts = [
         Told(
             words[place] if len(faults) > 1 else "",
             [(run.controller, _sentence(results, run, run.faults[place])) for run in runs],
         )
-        for place in range(min(SHOWN, len(faults)))
+        for place in range(min(FAULTS_SHOWN, len(faults)))
     ]
-    more = len(faults) - SHOWN
+    more = len(faults) - FAULTS_SHOWN
     if more > 0:
         others = "One more fault is" if more == 1 else f"{more} more faults are"
-        told.append(Told(f"{others} in results.json.", []))
+        parts.append(Told(f"{others} in results.json.", []))
     broke = words[0] if len(faults) == 1 else f"{len(faults)} faults, the first at {words[0]}"
     tone, outcome = _outcome(results, runs)
-    return ScenarioVerdict(runs[0].scenario, tone, f"{broke}. {outcome}".rstrip(), [], told)
+    return ScenarioVerdict(runs[0].scenario, tone, f"{broke}. {outcome}".rstrip(), [], parts)
 
 
 def what(fault: Fault) -> str:
@@ -62,7 +62,7 @@ def spans(
     results: Results, runs: Sequence[Run], start: float, end: float
 ) -> list[tuple[Fault, float, float]]:
     """Each fault with start and end, s, of the time to show: a little before it to a turn or more after."""
-    found = []
+    of_faults = []
     for place, fault in enumerate(faults_in(results.study, runs[0].scenario)):
         if not start <= fault.time < end:
             continue
@@ -71,8 +71,8 @@ def spans(
         turn = before[1] - before[0] if before else 0.2
         turn = min(turn, max(1.0, 5 * length))
         since, until = fault.time - max(0.3 * length, 0.25 * turn), fault.end + max(length, turn)
-        found.append((fault, max(start, since), min(end, until)))
-    return found
+        of_faults.append((fault, max(start, since), min(end, until)))
+    return of_faults
 
 
 def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
@@ -82,7 +82,7 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
     for run in runs:
         label = results.study.label(run.controller)
         peak = max(run.faults, key=_over)
-        if _over(peak) > OVER:
+        if _over(peak) > OVERSHOOT_MOST:
             current = (
                 f"{number(peak.largest_current or 0.0)} A" if math.isfinite(_over(peak)) else "no number"
             )
@@ -92,15 +92,15 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
             lost.append(f"{label} ({how})")
             continue
         ratios = [_times_usual(results, run, response) for response in run.faults]
-        known = [ratio for ratio in ratios if ratio is not None]
-        judged += len(known)
-        if max(known, default=0.0) > WORSE:
-            worse.append(f"{label} {times(max(known))}")
+        ratios_known = [ratio for ratio in ratios if ratio is not None]
+        judged += len(ratios_known)
+        if max(ratios_known, default=0.0) > WORSE_RATIO:
+            worse.append(f"{label} {times(max(ratios_known))}")
     twin = _twin(results, runs[0])
     than = "without the fault" if twin else "before"
     sentences = [
-        f"{found}: {', '.join(whose)}."
-        for found, whose in (
+        f"{effect}: {', '.join(whose)}."
+        for effect, whose in (
             ("The current is beyond its limit", over),
             ("Afterwards the speed is not held", lost),
             (f"Afterwards there is more ripple than {than}", worse),
@@ -147,8 +147,8 @@ def _noticed(run: Run, response: Response) -> str:
 def _ripples(results: Results, run: Run, response: Response) -> str:
     unit, after = speed_unit(results), response.ripple_after
     twin = _without(results, run, response) if after is not None else None
-    known = {"before": response.ripple_before, "after": after, "without the fault": twin}
-    parts = [f"{_speed(value, unit)} {name}" for name, value in known.items() if value is not None]
+    by_name = {"before": response.ripple_before, "after": after, "without the fault": twin}
+    parts = [f"{_speed(value, unit)} {name}" for name, value in by_name.items() if value is not None]
     return f"ripple {', '.join(parts)} ({unit})" if parts else ""
 
 
@@ -183,12 +183,12 @@ def _times_usual(results: Results, run: Run, response: Response) -> float | None
     late = speed[run.trace.window(*response.after)]
     if usual is None and response.before is not None:
         early = speed[run.trace.window(*response.before)]
-        both = np.concatenate((early, late))
-        alike = not varies(early) and np.ptp(both) <= ALIKE * np.max(np.abs(both))
+        around = np.concatenate((early, late))
+        alike = not varies(early) and np.ptp(around) <= SPEED_SPREAD_MOST * np.max(np.abs(around))
         usual = response.ripple_before if alike else None
     if usual is None or not math.isfinite(after):
         return None
-    if after <= SMALL * float(np.mean(np.abs(late))):
+    if after <= RIPPLE_SHARE_LEAST * float(np.mean(np.abs(late))):
         return 1.0
     return after / usual if usual else math.inf
 

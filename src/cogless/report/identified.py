@@ -25,7 +25,7 @@ from cogless.results.trace import Trace
 
 Array = NDArray[np.float64]
 WIDE, HIGH, EDGE = 720, 200, 46  # of a picture
-POINTS = 700
+CURVE_POINTS = 700
 
 
 def write_report(found: Identified, path: Path) -> None:
@@ -36,16 +36,16 @@ def write_report(found: Identified, path: Path) -> None:
 
 def render(found: Identified) -> str:
     """The report as one HTML text that needs nothing else. All of the user's text is escaped."""
-    made = found.estimate
+    estimate = found.estimate
     sections = [
-        ("Orders", _orders(made)),
-        ("What was found", _values(made)),
-        ("What is left out, and what to record next", sentences([*made.left_out, *made.remarks])),
+        ("Orders", _orders(estimate)),
+        ("What was found", _values(estimate)),
+        ("What is left out, and what to record next", sentences([*estimate.left_out, *estimate.remarks])),
         ("Measured over simulated", _replays(found)),
-        ("What each log contributed", _logs(made)),
-        ("Sessions", _sessions(made)),
+        ("What each log contributed", _logs(estimate)),
+        ("Sessions", _sessions(estimate)),
     ]
-    return page_of("identify", made.known.title, sections)
+    return page_of("identify", estimate.known.title, sections)
 
 
 def page_of(command: str, title: str, sections: Sequence[tuple[str, str]]) -> str:
@@ -145,8 +145,8 @@ def _picture(about: str, inner: str) -> str:
 
 
 def _replays(found: Identified) -> str:
-    made = found.estimate
-    logs = [log for log in described.replayable(made) if log.name in found.traces]
+    estimate = found.estimate
+    logs = [log for log in described.replayable(estimate) if log.name in found.traces]
     text = "".join(
         _overlay(log, trace, measured, simulated)
         for log in logs
@@ -172,7 +172,7 @@ def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
     x, y = x[start : start + count], y[start : start + count]
     low, high = float(min(x.min(), y.min())), float(max(x.max(), y.max()))
     span = (high - low) or 1.0
-    every = max(1, count // POINTS)
+    every = max(1, count // CURVE_POINTS)
 
     def line(values: Array, colour: str) -> str:
         points = " ".join(
@@ -194,12 +194,12 @@ def _logs(made: Estimate) -> str:
         return ""
     body = ""
     for log in made.logs:
-        rows = [each for each in made.rows if each.log.name == log.name and len(each.y)]
+        rows = [row for row in made.rows if row.log.name == log.name and len(row.y)]
         if not rows:
             continue
-        y = np.concatenate([each.y for each in rows])
-        own = np.concatenate([each.y - made.fit.prediction(each) for each in rows])
-        others = np.concatenate([each.y - made.fit.prediction(each, log.name) for each in rows])
+        y = np.concatenate([row.y for row in rows])
+        own = np.concatenate([row.y - made.fit.prediction(row) for row in rows])
+        others = np.concatenate([row.y - made.fit.prediction(row, log.name) for row in rows])
         spread = float(np.std(y)) or 1.0
         cells = [
             log.kind or "not said",

@@ -16,7 +16,7 @@ from cogless.study.reading import Changes, split
 from cogless.study.remark import Remark
 from cogless.study.toml import toml
 
-OVERLAP = 1.1  # sum of shares beyond which it is told that they overlap
+OVERLAP_SUM = 1.1  # sum of shares beyond which a sentence says that they overlap
 
 
 def remark(study: StudyBase, limits: Limits) -> Remark | None:
@@ -34,8 +34,8 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
         f"{_words(cause)} {100 * cause.share:.0f} % of the square ({shown(cause.value)} without)"
         for cause in named[:NAMED_MOST]
     ]
-    both = "; the shares overlap" if sum(cause.share for cause in named) > OVERLAP else ""
-    text = f"What limits {called(study, limits.controller)}: {listed(parts)}{both}."
+    note = "; the shares overlap" if sum(cause.share for cause in named) > OVERLAP_SUM else ""
+    text = f"What limits {called(study, limits.controller)}: {listed(parts)}{note}."
     cures = [cure for cure in (limits.setting, limits.part) if cure is not None]
     tried = [
         f"with {setting(study, cure.changes)} it leaves {shown(cure.value)}{_costs(cure)}" for cure in cures

@@ -11,10 +11,11 @@ import numpy as np
 from cogless.report.markup import Array, place, plain
 from cogless.report.panels import learned_terms
 from cogless.results import Results, Run
+from cogless.units import TURN
 
-MOST = 1440  # points of a map
-CELLS = 360  # of a polar map
-LAST = 8  # periods, from which its spread comes
+MAP_POINTS_MOST = 1440  # points of a map
+POLAR_CELLS = 360  # cells of a polar map
+SPREAD_PERIODS = 8  # last periods, from which a map's spread comes
 MOST_ROWS = 1_000_000  # from which these periods come: all of a long trace would take gigabytes
 
 NOTE = (
@@ -38,7 +39,7 @@ def maps(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         ]
         if not learned:
             continue
-        cells = min(MOST, max(len(run.memory["current"]) for run in learned))
+        cells = min(MAP_POINTS_MOST, max(len(run.memory["current"]) for run in learned))
         longest = max(_period(run) for run in learned)
         grid = np.linspace(0, longest, cells + 1)
         series = [
@@ -78,14 +79,16 @@ def polar(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
         names = learned_terms(results, run)
         if names and frame in series:
             rows = slice(-MOST_ROWS, None)
-            turns = run.trace.part("theta_m", rows) / (2 * math.pi)
+            turns = run.trace.part("theta_m", rows) / TURN
             turns = turns * (results.study.motor.pole_pairs if frame == "electrical" else 1)
-            found = _last_turns(turns, np.sum([run.trace.part(name, rows) for name in names], axis=0))
-            if len(found) > 1:
-                values = {"values": np.mean(found, axis=0)}
-                values |= {"low": np.min(found, axis=0), "high": np.max(found, axis=0)}
-                shown = {name: plain(x) for name, x in values.items()}
-                series[frame].append({"controller": place(results, run), **shown})
+            turns_of_current = _last_turns(
+                turns, np.sum([run.trace.part(name, rows) for name in names], axis=0)
+            )
+            if len(turns_of_current) > 1:
+                values = {"values": np.mean(turns_of_current, axis=0)}
+                values |= {"low": np.min(turns_of_current, axis=0), "high": np.max(turns_of_current, axis=0)}
+                packed = {name: plain(x) for name, x in values.items()}
+                series[frame].append({"controller": place(results, run), **packed})
     return [
         {"title": f"Learned current around one {frame} revolution", "unit": "A", "series": drawn}
         for frame, drawn in series.items()
@@ -100,12 +103,12 @@ def _last_turns(turns: Array, x: Array) -> Array:
     angle so far counts.
     """
     if not np.all(np.isfinite(turns)) or not np.all(np.isfinite(x)) or not len(turns):
-        return np.zeros((0, CELLS))
+        return np.zeros((0, POLAR_CELLS))
     back = turns[-1] < turns[0]
     onward = np.maximum.accumulate(-turns if back else turns)
     first, last = math.ceil(onward[0]), math.floor(onward[-1])
-    grid = np.arange(CELLS) / CELLS
-    wanted = np.arange(max(first, last - LAST), last)
-    found = [np.interp(k + grid, onward, x) for k in wanted.tolist()]
-    rows = np.array(found).reshape(len(found), CELLS)
+    grid = np.arange(POLAR_CELLS) / POLAR_CELLS
+    last_turns = np.arange(max(first, last - SPREAD_PERIODS), last)
+    on_grid = [np.interp(k + grid, onward, x) for k in last_turns.tolist()]
+    rows = np.array(on_grid).reshape(len(on_grid), POLAR_CELLS)
     return np.roll(rows[:, ::-1], 1, axis=1) if back else rows

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from cogless.results import AnyResults, Run
 
-COLOURS = 8  # --c0 (the baseline's) to --c7 of report.css
+COLOUR_COUNT = 8  # --c0 (the baseline's) to --c7 of report.css
 
 
 def colours(results: AnyResults) -> dict[str, int]:
@@ -30,7 +30,7 @@ def colours(results: AnyResults) -> dict[str, int]:
     ran = {run.controller for run in results.runs}
     names = [name for name in results.study.controller if name in ran]
     others = [name for name in names if name != results.study.baseline]
-    return {n: 0 if n == results.study.baseline else 1 + others.index(n) % (COLOURS - 1) for n in names}
+    return {n: 0 if n == results.study.baseline else 1 + others.index(n) % (COLOUR_COUNT - 1) for n in names}
 
 
 def place(results: AnyResults, run: Run) -> int:

@@ -22,16 +22,16 @@ from numpy.typing import NDArray
 from cogless.report.comparison import pretty, speed_unit
 from cogless.report.markup import Array, number, pack, place, plain
 from cogless.report.panels import learned_terms, varies_in
-from cogless.report.speed_tracking import BLOCK, late
+from cogless.report.speed_tracking import BLOCK_ROWS, late
 from cogless.results import Results, Run
 from cogless.results.metrics import onward
 from cogless.results.trace import Trace
 from cogless.study.metric import turns_held
-from cogless.units import ANGULAR_SPEED, factor
+from cogless.units import ANGULAR_SPEED, TURN, factor
 
 SHOWN_ORDERS = 24
-NEAR = 0.05  # of the reference: with a smaller error the drive is up to speed
-BACK = 0.01  # of the rotor's travel: turning back by less is ignored
+SPEED_ERROR_MOST = 0.05  # share of the reference: with a smaller error the drive is up to speed
+REVERSAL_SHARE = 0.01  # share of the rotor's travel: turning back by less is ignored
 
 SPECTRA_NOTE = (
     "Amplitude of each order, integrated over angle in the last whole revolutions of the run. The baseline's "
@@ -44,11 +44,11 @@ def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     pole_pairs, unit = results.study.motor.pole_pairs, speed_unit(results)
     scale = factor(unit, ANGULAR_SPEED)
     highest = min(_highest(results, run) for run in runs)
-    both = [(place(results, run), *_before_and_after(results, run, highest)) for run in runs]
-    found = [(where, early, after) for where, early, after in both if after is not None]
-    if not found:
+    all_spectra = [(place(results, run), *_before_and_after(results, run, highest)) for run in runs]
+    with_end = [(where, early, after) for where, early, after in all_spectra if after is not None]
+    if not with_end:
         return []
-    peaks = np.fmax.reduce([after for _, _, after in found])  # NaN only if all are NaN
+    peaks = np.fmax.reduce([after for _, _, after in with_end])  # NaN only if all are NaN
     electrical = np.arange(1, min(12, (len(peaks) - 1) // pole_pairs) + 1)
     strongest = np.argsort(np.nan_to_num(peaks))[::-1][:SHOWN_ORDERS]
     mechanical = np.sort(strongest[peaks[strongest] > 1e-3 * np.nanmax(peaks)])
@@ -66,7 +66,7 @@ def spectra(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
             "series": [
                 {"controller": where, "values": plain(after[orders * step] / scale)}
                 | ({} if early is None else {"early": plain(early[orders * step] / scale)})
-                for where, early, after in found
+                for where, early, after in with_end
             ],
         }
         for frame, orders, step, which in frames
@@ -81,16 +81,16 @@ def _signal(run: Run) -> str:
 
 def turned_back(results: Results, runs: Sequence[Run]) -> str:
     """A note on spectra that cover only part of the travel, because the rotor turns back; "" if none does."""
-    found, when = [], ""
+    ways, when = [], ""
     for run in runs:
         theta = run.trace.part("theta_m", late(results, run))
         if len(theta) > 1 and not left_out(results, run):
             when = _when(results, run)
-            if _way(theta) - _turns(theta) > BACK * _way(theta):
-                found.append(f"{results.study.label(run.controller)} {_way_in_words(theta)}")
-    if not found:
+            if _way(theta) - _turns(theta) > REVERSAL_SHARE * _way(theta):
+                ways.append(f"{results.study.label(run.controller)} {_way_in_words(theta)}")
+    if not ways:
         return ""
-    return f"The rotor turns back {when}. Only its longest way in one direction counts: {'; '.join(found)}."
+    return f"The rotor turns back {when}. Only its longest way in one direction counts: {'; '.join(ways)}."
 
 
 def left_out(results: Results, run: Run) -> str:
@@ -116,12 +116,12 @@ def _way_in_words(theta: Array) -> str:
 
 def _way(theta: Array) -> float:
     """Revolutions turned, both directions added up."""
-    return float(np.sum(np.abs(np.diff(theta)))) / (2 * math.pi)
+    return float(np.sum(np.abs(np.diff(theta)))) / TURN
 
 
 def _turns(theta: Array) -> float:
     """Revolutions of the longest travel in one direction; 0 if an angle isn't finite."""
-    return float(np.ptp(theta)) / (2 * math.pi) if len(theta) and np.all(np.isfinite(theta)) else 0.0
+    return float(np.ptp(theta)) / TURN if len(theta) and np.all(np.isfinite(theta)) else 0.0
 
 
 def _highest(results: Results, run: Run) -> int:
@@ -149,12 +149,15 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
     begin = _first(
         trace,
         0,
-        lambda part: np.abs(trace.part("omega_error", part)) <= NEAR * np.abs(trace.part("omega_ref", part)),
+        lambda part: (
+            np.abs(trace.part("omega_error", part))
+            <= SPEED_ERROR_MOST * np.abs(trace.part("omega_ref", part))
+        ),
     )
     if begin is None:
         return None, after
     start = trace.part("theta_m", slice(begin, begin + 1))
-    end = _first(trace, begin, lambda part: np.abs(trace.part("theta_m", part) - start) >= 2 * math.pi)
+    end = _first(trace, begin, lambda part: np.abs(trace.part("theta_m", part) - start) >= TURN)
     if end is None or end >= rows.start:
         return None, after
     return spectrum(slice(begin, end + 1)), after
@@ -163,9 +166,9 @@ def _before_and_after(results: Results, run: Run, highest: int) -> tuple[Array |
 def _first(trace: Trace, begin: int, holds: Callable[[slice], NDArray[np.bool_]]) -> int | None:
     """The first row from `begin` on where something holds; None if there is none."""
     for rows in trace.blocks(slice(begin, None)):
-        found = np.flatnonzero(holds(rows))
-        if len(found):
-            return int(rows.start + found[0])
+        matches = np.flatnonzero(holds(rows))
+        if len(matches):
+            return int(rows.start + matches[0])
     return None
 
 
@@ -181,14 +184,14 @@ def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> A
         return None
     theta_m, x = onward(theta_m, x)
     travelled = np.abs(theta_m - theta_m[0])
-    turned, rows = float(travelled[-1]) / (2 * math.pi), max(1, len(x) - 1)
+    turned, rows = float(travelled[-1]) / TURN, max(1, len(x) - 1)
     if (turns := math.floor(turns_held(turned, turned / rows))) >= 1:
-        span, stride = turns * 2 * math.pi, 1
+        span, stride = turns * TURN, 1
     elif (turns := math.floor(turns_held(turned * pole_pairs, turned * pole_pairs / rows))) >= 1:
-        span, stride = turns * 2 * math.pi / pole_pairs, pole_pairs
+        span, stride = turns * TURN / pole_pairs, pole_pairs
     else:
         return None
-    cycles = round(span * stride / (2 * math.pi))
+    cycles = round(span * stride / TURN)
     per_cycle = max(2 * highest // stride + 2, len(x) // cycles)
     grid = travelled[-1] - span + np.arange(cycles * per_cycle) * (span / (cycles * per_cycle))
     bins = 2 * np.abs(np.fft.rfft(np.interp(grid, travelled, x))) / len(grid)
@@ -198,12 +201,13 @@ def order_spectrum(theta_m: Array, x: Array, highest: int, pole_pairs: int) -> A
     return amplitudes
 
 
-PIECES = 48
-FEWEST = 8  # pieces
-SWEEP = 1.5  # fastest / slowest piece, from which on the speed sweeps
-FOLLOWED = 4  # orders
-HIGHEST = 120
-SLACK = 0.05  # of a revolution, that a piece is longer: the rotor may lag behind its reference
+PIECES_MOST = 48
+PIECES_LEAST = 8  # pieces
+SWEEP_RATIO = 1.5  # fastest / slowest piece, from which on the speed sweeps
+ORDERS_FOLLOWED = 4  # orders
+ORDER_MOST = 120
+# a piece is longer by this share of a revolution, as the rotor may lag behind its reference
+PIECE_SLACK = 0.05
 
 WATERFALL_NOTE = (
     "Amplitude of each order of the mechanical revolution at each speed: the fuller the colour, the larger, "
@@ -226,13 +230,13 @@ class Tracked:
 
     @property
     def sweeps(self) -> bool:
-        return bool(np.max(self.speeds) >= SWEEP * np.min(self.speeds))
+        return bool(np.max(self.speeds) >= SWEEP_RATIO * np.min(self.speeds))
 
     @cached_property
     def followed(self) -> list[int]:
         """The orders to follow: the strongest in the median piece of any controller, in ascending order."""
-        typical = np.max([_median(found) for found in self.amplitudes.values()], axis=0)
-        strongest = np.argsort(typical)[::-1][:FOLLOWED]
+        typical = np.max([_median(amplitudes) for amplitudes in self.amplitudes.values()], axis=0)
+        strongest = np.argsort(typical)[::-1][:ORDERS_FOLLOWED]
         return sorted(int(n) + 1 for n in strongest if typical[n] > 0)
 
 
@@ -241,32 +245,32 @@ def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
     trace, poles = runs[0].trace, results.study.motor.pole_pairs
     turned = _revolutions(trace)
     whole = int(turned[-1] + 1e-6)
-    each = max(1, -(-whole // PIECES))
-    if whole // each < FEWEST:
+    piece_turns = max(1, -(-whole // PIECES_MOST))
+    if whole // piece_turns < PIECES_LEAST:
         return None
-    ends = [int(np.searchsorted(turned, k * each)) for k in range(whole // each + 1)]
+    ends = [int(np.searchsorted(turned, k * piece_turns)) for k in range(whole // piece_turns + 1)]
     del turned  # as long as the run
     pieces = [slice(a, b) for a, b in pairwise(ends)]
     scale = factor(speed_unit(results), ANGULAR_SPEED)
-    found = {}
+    by_place = {}
     for run in runs:
-        rows = [_amplitudes(run.trace, piece, each, poles) / scale for piece in pieces]
+        rows = [_amplitudes(run.trace, piece, piece_turns, poles) / scale for piece in pieces]
         if np.any(np.isfinite(rows)):
-            found[place(results, run)] = np.array(rows)
+            by_place[place(results, run)] = np.array(rows)
     times = trace.time[[min(piece.stop, len(trace) - 1) for piece in pieces]]
     speeds = np.array([np.mean(_speed(trace, piece)) for piece in pieces])
-    return Tracked(times, speeds, found) if found else None
+    return Tracked(times, speeds, by_place) if by_place else None
 
 
 def _revolutions(trace: Trace) -> Array:
     """Revolutions of the reference until each row. Of a long trace this is the only array of its length."""
     turned, before = np.empty(len(trace)), 0.0
-    for at in range(0, len(trace), BLOCK):
-        speed = _speed(trace, slice(at, at + BLOCK))
+    for at in range(0, len(trace), BLOCK_ROWS):
+        speed = _speed(trace, slice(at, at + BLOCK_ROWS))
         speed[0] += before
-        before = np.cumsum(speed, out=turned[at : at + BLOCK])[-1]
+        before = np.cumsum(speed, out=turned[at : at + BLOCK_ROWS])[-1]
     turned *= trace.period
-    turned /= 2 * math.pi
+    turned /= TURN
     return turned
 
 
@@ -277,32 +281,34 @@ def _speed(trace: Trace, rows: slice) -> Array:
 
 
 def _amplitudes(trace: Trace, piece: slice, turns: int, pole_pairs: int) -> Array:
-    """Amplitudes, rad/s, of the speed error's orders 1 to HIGHEST; NaN where the rows don't resolve them."""
-    longer = slice(piece.start, piece.stop + math.ceil(SLACK * (piece.stop - piece.start) / turns))
-    amplitudes = np.full(HIGHEST, np.nan)
+    """Amplitudes, rad/s, of the speed error's orders 1 to ORDER_MOST; NaN if rows don't resolve them."""
+    longer = slice(piece.start, piece.stop + math.ceil(PIECE_SLACK * (piece.stop - piece.start) / turns))
+    amplitudes = np.full(ORDER_MOST, np.nan)
     theta, error = trace.part("theta_m", longer), trace.part("omega_error", longer)
-    highest = min(HIGHEST, int((piece.stop - piece.start) / turns / 2.5))
-    found = order_spectrum(theta, error, highest, pole_pairs) if highest > 0 else None
-    if found is not None:
-        amplitudes[:highest] = found[1:]
+    highest = min(ORDER_MOST, int((piece.stop - piece.start) / turns / 2.5))
+    spectrum = order_spectrum(theta, error, highest, pole_pairs) if highest > 0 else None
+    if spectrum is not None:
+        amplitudes[:highest] = spectrum[1:]
     return amplitudes
 
 
 def _median(amplitudes: Array) -> Array:
     """Median over the pieces that resolve an order; 0 where none does."""
-    found = np.zeros(amplitudes.shape[1])
+    median = np.zeros(amplitudes.shape[1])
     some = np.any(np.isfinite(amplitudes), axis=0)
-    found[some] = np.nanmedian(amplitudes[:, some], axis=0)
-    return found
+    median[some] = np.nanmedian(amplitudes[:, some], axis=0)
+    return median
 
 
-def waterfall(results: Results, found: Tracked | None) -> list[dict[str, Any]]:
+def waterfall(results: Results, orders: Tracked | None) -> list[dict[str, Any]]:
     """Charts of amplitude by order and speed, one per controller; empty if the speed doesn't sweep."""
-    if found is None or not found.sweeps:
+    if orders is None or not orders.sweeps:
         return []
-    by_speed = np.argsort(found.speeds)
-    shown = max(int(np.max(np.flatnonzero(_median(x) > 0), initial=0)) + 1 for x in found.amplitudes.values())
-    top = max(float(np.nanmax(x)) for x in found.amplitudes.values())
+    by_speed = np.argsort(orders.speeds)
+    highest_shown = max(
+        int(np.max(np.flatnonzero(_median(x) > 0), initial=0)) + 1 for x in orders.amplitudes.values()
+    )
+    top = max(float(np.nanmax(x)) for x in orders.amplitudes.values())
     unit = speed_unit(results)
     return [
         {
@@ -312,32 +318,32 @@ def waterfall(results: Results, found: Tracked | None) -> list[dict[str, Any]]:
             "unit": pretty(unit),
             "controller": controller,
             "top": top,
-            "speeds": plain(found.speeds[by_speed] / factor(unit, ANGULAR_SPEED)),
-            "orders": shown,
-            "values": pack(x[by_speed, :shown].ravel()),
+            "speeds": plain(orders.speeds[by_speed] / factor(unit, ANGULAR_SPEED)),
+            "orders": highest_shown,
+            "values": pack(x[by_speed, :highest_shown].ravel()),
         }
-        for controller, x in found.amplitudes.items()
+        for controller, x in orders.amplitudes.items()
     ]
 
 
-def tracking(results: Results, runs: Sequence[Run], found: Tracked | None) -> list[dict[str, Any]]:
+def tracking(results: Results, runs: Sequence[Run], orders: Tracked | None) -> list[dict[str, Any]]:
     """A chart of each strong order over speed if that sweeps; else over time, if a law learns."""
-    if found is None or not (found.sweeps or any(learned_terms(results, run) for run in runs)):
+    if orders is None or not (orders.sweeps or any(learned_terms(results, run) for run in runs)):
         return []
     unit = pretty(speed_unit(results))
-    along = np.argsort(found.speeds) if found.sweeps else np.arange(len(found.times))
-    x = found.speeds[along] / factor(speed_unit(results), ANGULAR_SPEED) if found.sweeps else found.times
+    along = np.argsort(orders.speeds) if orders.sweeps else np.arange(len(orders.times))
+    x = orders.speeds[along] / factor(speed_unit(results), ANGULAR_SPEED) if orders.sweeps else orders.times
     return [
         {
             "title": f"Order {order} of the mechanical revolution",
-            "x": f"speed ({unit})" if found.sweeps else "time (s)",
+            "x": f"speed ({unit})" if orders.sweeps else "time (s)",
             "quantity": "amplitude",
             "unit": unit,
             "along": plain(x),
             "series": [
                 {"controller": controller, "values": plain(values[along, order - 1])}
-                for controller, values in found.amplitudes.items()
+                for controller, values in orders.amplitudes.items()
             ],
         }
-        for order in found.followed
+        for order in orders.followed
     ]

@@ -135,16 +135,16 @@ class Sections:
 
 
 UNJUDGED = "Nothing to judge by: no run has a metric that is better when lower."
-HUGE = 1e30  # far beyond any drive
+NUMBER_MOST = 1e30  # far beyond any drive
 
 
 def render(results: AnyResults, sections: Sections) -> str:
     """The page as one HTML text. All text from the study is escaped."""
     results, study = drawable(results), results.study
-    found = verdicts(results, sections)
+    all_verdicts = verdicts(results, sections)
     text = json.dumps(data(results, sections), separators=(",", ":"), allow_nan=False)
     return Template(asset("page.html")).substitute(
-        scenarios="".join(_scenario(results, sections, found, name) for name in results.scenarios)
+        scenarios="".join(_scenario(results, sections, all_verdicts, name) for name in results.scenarios)
         or note(UNJUDGED),
         title=escape(study.title),
         description=_description(study),
@@ -173,8 +173,8 @@ def render(results: AnyResults, sections: Sections) -> str:
 
 def verdicts(results: AnyResults, sections: Sections) -> list[ScenarioVerdict]:
     """The verdict on each scenario that can be judged."""
-    found = (sections.verdict(results, runs_in(results, scenario)) for scenario in results.scenarios)
-    return [verdict for verdict in found if verdict is not None]
+    of_scenarios = (sections.verdict(results, runs_in(results, scenario)) for scenario in results.scenarios)
+    return [verdict for verdict in of_scenarios if verdict is not None]
 
 
 def data(results: AnyResults, sections: Sections) -> dict[str, Any]:
@@ -183,15 +183,15 @@ def data(results: AnyResults, sections: Sections) -> dict[str, Any]:
     scenarios = []
     for scenario in results.scenarios:
         runs = runs_in(results, scenario)
-        shown = {"kind": sections.kind, "controllers": [place(results, run) for run in runs]}
-        scenarios.append(shown | sections.charts(results, runs))
+        common = {"kind": sections.kind, "controllers": [place(results, run) for run in runs]}
+        scenarios.append(common | sections.charts(results, runs))
     controllers = [{"label": results.study.label(name), "colour": colour[name]} for name in colour]
     return {"controllers": controllers, "scenarios": scenarios}
 
 
 def drawable(results: AnyResults) -> AnyResults:
     """The results with NaN in place of values that aren't finite or are too large to draw."""
-    runs = [replace(run, trace=replace(run.trace, largest=HUGE)) for run in results.runs]
+    runs = [replace(run, trace=replace(run.trace, largest=NUMBER_MOST)) for run in results.runs]
     return replace(results, runs=runs)
 
 
@@ -212,11 +212,11 @@ def _tab(results: AnyResults, sections: Sections, scenario: str) -> str:
 
 
 def _scenario(
-    results: AnyResults, sections: Sections, found: Sequence[ScenarioVerdict], scenario: str
+    results: AnyResults, sections: Sections, all_verdicts: Sequence[ScenarioVerdict], scenario: str
 ) -> str:
     """A scenario's part of the page, its answer first; in print its name and colour legend are above it."""
     study, where, runs = results.study, results.scenarios.index(scenario), runs_in(results, scenario)
-    verdict = next((one for one in found if one.scenario == scenario), None)
+    verdict = next((one for one in all_verdicts if one.scenario == scenario), None)
     ran = {run.controller for run in runs}
     return Template(asset("scenario.html")).substitute(
         parts=Template(asset(f"{sections.kind}-scenario.html")).substitute(
@@ -265,8 +265,8 @@ def _details(verdict: ScenarioVerdict | None, results: AnyResults) -> str:
     )
 
 
-def _fault_lines(told: Told, results: AnyResults) -> str:
+def _fault_lines(part: Told, results: AnyResults) -> str:
     """A fault's heading, and a line for each controller."""
-    heading = f'<p class="fault">{escape(told.heading)}</p>' if told.heading else ""
-    rows = "".join(f"{key(results, c, 'dt')}<dd>{escape(text)}</dd>" for c, text in told.sentences)
+    heading = f'<p class="fault">{escape(part.heading)}</p>' if part.heading else ""
+    rows = "".join(f"{key(results, c, 'dt')}<dd>{escape(text)}</dd>" for c, text in part.sentences)
     return heading + (f'<dl class="told">{rows}</dl>' if rows else "")

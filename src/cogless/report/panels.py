@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,7 +14,7 @@ from cogless.results.trace import Trace
 from cogless.study.base import spoken_unit
 from cogless.study.laws.space import SpaceLearning
 from cogless.study.metric import SIGNALS
-from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, factor
+from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, TURN, factor
 
 # The signals of all laws that are learned parts of the current reference.
 LEARNED = tuple(dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned))
@@ -86,12 +85,12 @@ def errors(results: Results, runs: Sequence[Run]) -> list[Panel]:
     )
     ratio = study.motor.pole_pairs if electrical else 1
     frame = ", electrical" if ratio > 1 else ""
-    found = [("Speed error", "omega_error", ANGULAR_SPEED)]
+    panels = [("Speed error", "omega_error", ANGULAR_SPEED)]
     if any(law.holds_position for law in laws):
-        found.append(("Angle error", "theta_error", ANGLE))
+        panels.append(("Angle error", "theta_error", ANGLE))
     return [
         Panel(title + frame, signal, title.lower(), spoken_unit(study, dimension), ratio)
-        for title, signal, dimension in found
+        for title, signal, dimension in panels
     ]
 
 
@@ -104,4 +103,4 @@ def periods(results: Results, run: Run) -> Array | None:
     if not np.all(np.isfinite(theta)):
         return None
     revolutions = float(law.period.revolutions(results.study.motor.pole_pairs))
-    return np.asarray(np.abs(theta - theta[0]) / (2 * math.pi * revolutions))
+    return np.asarray(np.abs(theta - theta[0]) / (TURN * revolutions))

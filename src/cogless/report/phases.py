@@ -23,9 +23,9 @@ from cogless.study.metric import SIGNALS, Metric
 from cogless.study.trial_study import Change, TrialScenario
 from cogless.units import factor
 
-ZOOM = 30  # trials
-BEFORE = 2  # trials of the phase before that a zoom shows too
-SHARE = 0.8  # of all trials: there is no zoom on a larger share
+ZOOM_TRIALS = 30  # trials
+ZOOM_TRIALS_BEFORE = 2  # trials of the phase before that a zoom shows too
+ZOOM_SHARE_MOST = 0.8  # there is no zoom on a larger share of all trials
 NAMED_MOST = 3  # changes of the same things are named one by one up to this number, and counted above it
 
 
@@ -52,8 +52,8 @@ class Phase:
     @property
     def chosen(self) -> list[int]:
         """The trials to draw: the first, second, fifth and last of the phase, as far as it has them."""
-        wanted = (self.start, self.start + 1, self.start + 4, self.stop - 1)
-        return sorted({trial for trial in wanted if trial < self.stop})
+        candidates = (self.start, self.start + 1, self.start + 4, self.stop - 1)
+        return sorted({trial for trial in candidates if trial < self.stop})
 
 
 @dataclass(frozen=True)
@@ -93,9 +93,9 @@ class Group:
         return list(dict.fromkeys((self.phases[0], self.phases[-1])))
 
 
-def groups(found: Sequence[Phase]) -> list[Group]:
+def groups(all_phases: Sequence[Phase]) -> list[Group]:
     """The phases, where more than `NAMED_MOST` in a row after changes of the same things are one group."""
-    rows = (tuple(row) for _, row in groupby(found, key=lambda phase: phase.changed))
+    rows = (tuple(row) for _, row in groupby(all_phases, key=lambda phase: phase.changed))
     return [
         Group(part)
         for row in rows
@@ -103,16 +103,16 @@ def groups(found: Sequence[Phase]) -> list[Group]:
     ]
 
 
-def after(found: Sequence[Phase], every: Sequence[Phase]) -> str:
+def after(all_phases: Sequence[Phase], every: Sequence[Phase]) -> str:
     """Some of a scenario's phases within a sentence, such as "after 22 of 30 start changes"."""
-    alike, total = Counter(p.changed for p in found), Counter(p.changed for p in every)
+    alike, total = Counter(p.changed for p in all_phases), Counter(p.changed for p in every)
     words = []
     for changed, count in alike.items():
         if count > NAMED_MOST:
             share = "all" if count == total[changed] else f"{count} of"
             words.append(f"after {share} {_changes(changed, total[changed])}")
         else:
-            words += [phase.after for phase in found if phase.changed == changed]
+            words += [phase.after for phase in all_phases if phase.changed == changed]
     return listed(words)
 
 
@@ -123,17 +123,17 @@ def phases(scenario: TrialScenario) -> list[Phase]:
     return [Phase(start, stop, what) for (start, stop), what in zip(bounds, changed, strict=True)]
 
 
-def zooms(found: Sequence[Phase]) -> list[dict[str, object]]:
+def zooms(all_phases: Sequence[Phase]) -> list[dict[str, object]]:
     """Zoom buttons above the plots over trials: all trials, and the first trials of each group of phases."""
-    count = found[-1].stop - 1
+    count = all_phases[-1].stop - 1
     buttons: list[dict[str, object]] = [{"name": "all trials", "from": 1, "to": count}]
-    changes = min(count, found[-1].start + ZOOM - 1)
-    if len(found) > 1 and changes < SHARE * count:
+    changes = min(count, all_phases[-1].start + ZOOM_TRIALS - 1)
+    if len(all_phases) > 1 and changes < ZOOM_SHARE_MOST * count:
         buttons.append({"name": "all changes", "from": 1, "to": changes})
-    for group in groups(found):
-        end = group.start + ZOOM - 1 if len(group.phases) == 1 else group.stop - 1
-        first, last = max(1, group.start - BEFORE), min(count, end)
-        if last - first < SHARE * (count - 1):
+    for group in groups(all_phases):
+        end = group.start + ZOOM_TRIALS - 1 if len(group.phases) == 1 else group.stop - 1
+        first, last = max(1, group.start - ZOOM_TRIALS_BEFORE), min(count, end)
+        if last - first < ZOOM_SHARE_MOST * (count - 1):
             buttons.append({"name": group.name, "from": first, "to": last})
     return buttons
 
@@ -147,17 +147,17 @@ def _changes(changed: Sequence[str], count: int = 1) -> str:
 
 def _changed(change: Change) -> tuple[str, ...]:
     """Names of what a change of the scenario sets."""
-    told = []
+    names = []
     if change.reference is not None:
-        told.append("reference")
+        names.append("reference")
     if change.load is not None or change.load_steps is not None:
-        told.append("load")
-    told += [key for key in change.override or {}]
+        names.append("load")
+    names += [key for key in change.override or {}]
     if any(getattr(change, key) is not None for key in ("initial_angle", "initial_speed", "initial_state")):
-        told.append("start")
+        names.append("start")
     if change.each_trial is not None:
-        told.append("spread of the trials")
-    return tuple(told) or ("nothing",)
+        names.append("spread of the trials")
+    return tuple(names) or ("nothing",)
 
 
 NAMES = {"theta_error": "error", "theta_error_measured": "measured error", "y_error": "error"}
@@ -202,9 +202,9 @@ def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
     dimension = SIGNALS.get(signal) if study.plant is None else None
     if dimension is None or not dimension.unit:
         return "", 1.0
-    told = {m.signal: m.unit for m in reversed(study.metric) if m.unit and m.kind != "trials-to-floor"}
-    alike = [told[name] for name in NAMES if name in told and signal in NAMES]
-    unit = told.get(signal) or next(iter(alike), dimension.unit)
+    units_of = {m.signal: m.unit for m in reversed(study.metric) if m.unit and m.kind != "trials-to-floor"}
+    alike = [units_of[name] for name in NAMES if name in units_of and signal in NAMES]
+    unit = units_of.get(signal) or next(iter(alike), dimension.unit)
     return pretty(unit), factor(unit, dimension)
 
 

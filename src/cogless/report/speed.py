@@ -61,12 +61,12 @@ def _parts(results: Results, runs: Runs) -> dict[str, str]:
 
 
 SPEED = Sections(
-    "speed",
-    compare,
-    verdict,
-    _charts,
-    _parts,
-    SPEED_PICTURES,
+    kind="speed",
+    lines=compare,
+    verdict=verdict,
+    charts=_charts,
+    parts=_parts,
+    pictures=SPEED_PICTURES,
     answer=answer,
     with_limits=with_limits,
     judged_line=judged_line,

@@ -16,16 +16,16 @@ from cogless.report.verdicts import listed
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
 from cogless.results.metrics import window_of
-from cogless.results.status import NOTICED, SAFE, Status
+from cogless.results.status import NOTICED, SAFE_OUTPUT, Status
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
 
-MOST = 300  # largest number of time spans of a state in a run; beyond it, short gaps are closed
-MOMENT = 0.1  # s; without faults shorter states are not worth a lane
+SPANS_MOST = 300  # largest number of time spans of a state in a run; beyond it, short gaps are closed
+STATE_TIME_LEAST = 0.1  # s; without faults shorter states are not worth a lane
 ALL = slice(None)
-BLOCK = 1 << 18  # rows that are looked at together: those of an hour would take gigabytes
+BLOCK_ROWS = 1 << 18  # rows that are looked at together: those of an hour would take gigabytes
 STATES: dict[int, str] = {
-    SAFE: "safe output",
+    SAFE_OUTPUT: "safe output",
     **{int(bit): name for bit, name in NOTICED.items()},
     Status.SATURATED: "at its limit (current or voltage)",
     Status.FROZEN: "not learning",
@@ -39,17 +39,17 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 
     Without faults, states that last less than a moment in every run have none.
     """
-    least = 0.0 if faults_in(results.study, runs[0].scenario) else MOMENT
+    least = 0.0 if faults_in(results.study, runs[0].scenario) else STATE_TIME_LEAST
     lanes = []
     for bits, name in STATES.items():
         able = [
             run for run in runs if bits != Status.FROZEN or results.study.controller[run.controller].learned
         ]
-        held = {place(results, run): found for run in able if (found := spans(run, bits))}
-        if any(sum(to - since for since, to in found) >= least for found in held.values()):
+        by_place = {place(results, run): spans_of_run for run in able if (spans_of_run := spans(run, bits))}
+        if any(sum(to - since for since, to in spans_of_run) >= least for spans_of_run in by_place.values()):
             drawn = [
-                {"controller": controller, "spans": [t for span in held[controller] for t in span]}
-                for controller in sorted(held)
+                {"controller": controller, "spans": [t for span in by_place[controller] for t in span]}
+                for controller in sorted(by_place)
             ]
             lanes.append({"name": name, "runs": drawn})
     return lanes
@@ -58,35 +58,38 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
 def active(run: Run, bits: int, rows: slice = ALL) -> NDArray[np.bool_]:
     """The rows in which a state was active; none where the status isn't recorded."""
     first, last, _ = rows.indices(len(run.trace))
-    held = np.zeros(max(last - first, 0), dtype=bool)
-    for at in range(first, last, BLOCK) if "status" in run.trace else ():
-        status = run.trace.part("status", slice(at, min(at + BLOCK, last)))
-        held[at - first :][: len(status)] = (np.where(np.isfinite(status), status, 0).astype(int) & bits) > 0
-    return held
+    is_active = np.zeros(max(last - first, 0), dtype=bool)
+    for at in range(first, last, BLOCK_ROWS) if "status" in run.trace else ():
+        status = run.trace.part("status", slice(at, min(at + BLOCK_ROWS, last)))
+        is_active[at - first :][: len(status)] = (
+            np.where(np.isfinite(status), status, 0).astype(int) & bits
+        ) > 0
+    return is_active
 
 
 def spans(run: Run, bits: int, rows: slice = ALL) -> list[tuple[float, float]]:
-    """Start and end times, s, of the spans in which a state was active; at most MOST."""
-    held, time, period = active(run, bits, rows), run.trace.time[rows], run.trace.period
-    edges = np.flatnonzero(np.diff(held, prepend=False, append=False))
+    """Start and end times, s, of the spans in which a state was active; at most SPANS_MOST."""
+    is_active, time, period = active(run, bits, rows), run.trace.time[rows], run.trace.period
+    edges = np.flatnonzero(np.diff(is_active, prepend=False, append=False))
     from_, to = time[edges[::2]], time[edges[1::2] - 1] + period
     gap = 2 * period
-    while len(from_) > MOST:
+    while len(from_) > SPANS_MOST:
         wide = from_[1:] - to[:-1] > gap
         from_, to = from_[np.concatenate(([True], wide))], to[np.concatenate((wide, [True]))]
         gap *= 2
     return [(round(float(a), 6), round(float(b), 6)) for a, b in zip(from_, to, strict=True)]
 
 
-FAR = 0.05  # of the reference's mean magnitude: beyond this the mean speed is off
-LOST = 0.5  # error rms / reference rms; above this the speed doesn't follow a reference of zero mean
-DRIFT = 0.1  # rad/s, largest error rms if the reference is zero all the time
-MOSTLY = 0.5  # of the rows
+MEAN_ERROR_MOST = 0.05  # share of the reference's mean magnitude: beyond this the mean speed is off
+# error rms / reference rms; above this the speed does not follow a reference of zero mean
+LOST_SPEED_RATIO = 0.5
+REST_ERROR_MOST = 0.1  # rad/s, largest error rms if the reference is zero all the time
+MAJORITY_SHARE = 0.5  # share of the rows
 MONITOR_EFFECTS = {
     Status.OFF: "has the output off",
     Status.ANGLE_LOST: "doesn't believe the measured speed",
 }
-MONITORED = 0.1  # of the rows: less is a fault that a speed outlives
+MONITORED_SHARE = 0.1  # share of the rows: less is a fault that a speed outlives
 AT_LIMIT = ", at the limit of current or voltage"
 ONE_WAY = 0.1  # of a reference's mean magnitude: a smaller mean counts as zero
 
@@ -134,18 +137,20 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
     reference, speed = (run.trace.part(x, rows) / scale for x in ("omega_ref", "omega_m"))
     half = slice(len(speed) // 2, None)
     with np.errstate(all="ignore"):
-        found = [_off(reference[part], speed[part], unit, DRIFT / scale) for part in (slice(None), half)]
-    if not all(found):
+        misses = [
+            _off(reference[part], speed[part], unit, REST_ERROR_MOST / scale) for part in (slice(None), half)
+        ]
+    if not all(misses):
         return None
-    limited = np.mean(active(run, Status.SATURATED, rows)[half]) > MOSTLY
-    return found[0] + (_monitored(run, rows) or (AT_LIMIT if limited else ""))
+    limited = np.mean(active(run, Status.SATURATED, rows)[half]) > MAJORITY_SHARE
+    return misses[0] + (_monitored(run, rows) or (AT_LIMIT if limited else ""))
 
 
 def _monitored(run: Run, rows: slice) -> str:
     """What the monitor did in these rows, by which checks and since when; "" if it did little."""
     for bits, effect in MONITOR_EFFECTS.items():
         acting = active(run, bits, rows)
-        if not len(acting) or np.mean(acting) < MONITORED:
+        if not len(acting) or np.mean(acting) < MONITORED_SHARE:
             continue
         checks = [
             f"{name}, status bit {bit.value}"
@@ -164,12 +169,12 @@ def _off(reference: Array, speed: Array, unit: str, drift: float) -> str:
         return ""
     if not np.all(np.isfinite(speed)):
         return "speed not finite"
-    wanted, got, size = (float(np.mean(x)) for x in (reference, speed, np.abs(reference)))
-    if abs(wanted) > ONE_WAY * size:
-        off = abs(got - wanted) > FAR * size
-        shown = got if abs(got) > 1e-3 * size else 0.0
-        return f"mean {shown:.4g} of {wanted:.4g} {unit}" if off else ""
+    mean_reference, got, size = (float(np.mean(x)) for x in (reference, speed, np.abs(reference)))
+    if abs(mean_reference) > ONE_WAY * size:
+        off = abs(got - mean_reference) > MEAN_ERROR_MOST * size
+        mean_shown = got if abs(got) > 1e-3 * size else 0.0
+        return f"mean {mean_shown:.4g} of {mean_reference:.4g} {unit}" if off else ""
     error, amplitude = float(rms(reference - speed)), float(rms(reference))
-    if error <= (LOST * amplitude or drift):
+    if error <= (LOST_SPEED_RATIO * amplitude or drift):
         return ""
     return f"error {number(error)} {unit} rms, reference {number(amplitude)} {unit} rms"

@@ -34,8 +34,8 @@ from cogless.report.faults import account
 from cogless.report.limit_sentences import remark
 from cogless.report.panels import varies_in
 from cogless.report.verdicts import (
-    CLEARLY,
-    SAME,
+    EQUAL_DIFFERENCE,
+    REPORTED_RATIO,
     Contest,
     ScenarioVerdict,
     change_words,
@@ -99,13 +99,13 @@ def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
             continue
         if not len(run.trace) or measured not in run.trace:
             return None
-        true, left = (
+        true, measured_rms = (
             _value(run, metric, line, signal, SQUARES[metric.kind], conditions)
             for signal in (metric.signal, measured)
         )
-        if not (true > 0 and math.isfinite(true + left)):
+        if not (true > 0 and math.isfinite(true + measured_rms)):
             return None
-        shares[run.controller] = 1 - (left / true) ** 2
+        shares[run.controller] = 1 - (measured_rms / true) ** 2
         value = _value(run, metric, line, measured, metric.kind, conditions)
         seen[run.controller] = value / factor(line.unit, metric.dimension)
     if not shares:
@@ -122,7 +122,7 @@ def _value(run: Run, metric: Metric, line: Line, signal: str, kind: str, conditi
     return math.nan if value is None else value
 
 
-COST = 0.01  # relative; a metric that gets worse by less isn't reported as a cost
+COST_LEAST = 0.01  # relative; a metric that gets worse by less is not reported as a cost
 METRICS_MOST = 3  # largest number of metrics in a sentence about another controller
 
 TOTALS = ("ripple-rms", "peak-to-peak")
@@ -156,8 +156,8 @@ class _Case(Contest):
 
     @cached_property
     def winners(self) -> list[str]:
-        """The best controller, and those whose values are equal to its value within `SAME`."""
-        return [c for c in self.ranked if self.against(c, self.ranked[0]) <= 1 + SAME]
+        """The best controller, and those whose values are equal to its value within `EQUAL_DIFFERENCE`."""
+        return [c for c in self.ranked if self.against(c, self.ranked[0]) <= 1 + EQUAL_DIFFERENCE]
 
     def against(self, controller: str, other: str) -> float:
         """A controller's value divided by another's; infinite if only the other's is zero."""
@@ -273,13 +273,13 @@ class _Basis:
 
 def _basis(results: Results, runs: Sequence[Run]) -> _Basis:
     scenario, baseline, trace = runs[0].scenario, results.study.baseline, runs[0].trace
-    known = [line for line in compare(results, scenario) if line.better == "lower"]
-    lines = [line for line in known if not line.unjudged]
+    all_lines = [line for line in compare(results, scenario) if line.better == "lower"]
+    lines = [line for line in all_lines if not line.unjudged]
     moves = len(trace) > 0 and varies_in(trace, "omega_ref", len(trace) // 4)  # a start-up aside
     last = trace.part("omega_ref", slice(-1, None))
     line = _latest(results, scenario, _decisive(lines, baseline, moves), lines)
     where = f"In {scenario}" if moves or not len(trace) else _speed(results, float(last[0]))
-    return _Basis(where, known, lines, line)
+    return _Basis(where, all_lines, lines, line)
 
 
 def _case(results: Results, runs: Sequence[Run], basis: _Basis) -> _Case:
@@ -320,8 +320,8 @@ def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Li
     """What is said where only metrics are left that tell nothing of a controller."""
     why = next(line.unjudged for line in lines if line.unjudged)
     wants = f"; {error_metric(results.study)}" if why == VARIES else ""
-    found = remarks(results.study, [replace(line, unjudged="") for line in lines])
-    details = [f"{remark[0].upper()}{remark[1:]}." for remark in found]
+    reasons = remarks(results.study, [replace(line, unjudged="") for line in lines])
+    details = [f"{remark[0].upper()}{remark[1:]}." for remark in reasons]
     return ScenarioVerdict(scenario, "even", f"{at}, no speed is judged: {why}{wants}.", details)
 
 
@@ -337,8 +337,8 @@ def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = 
     whose = "the sensor's own error, which no law can see (its share of the square)"
     own = f"Most of the true {case.line.quantity} is {whose}: {values}."
     if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
-        left = f"As measured there is left: {case.shown(blurred, part.seen)}."
-        return case, left if limited else f"{own} {left}"
+        remainder = f"As measured there is left: {case.shown(blurred, part.seen)}."
+        return case, remainder if limited else f"{own} {remainder}"
     lines = [part.seen if line is case.line else line for line in case.lines]
     return replace(case, line=part.seen, lines=lines), own
 
@@ -380,9 +380,9 @@ def _comparison(case: _Case) -> tuple[str, str]:
         )
     if base in winners:
         return tone, f"{case.where}, {_have(case)}."
-    about = "" if len(winners) == 1 else "about "
+    roughly = "" if len(winners) == 1 else "about "
     ratio = case.against(winners[0], base)
-    less = f"{about}{times(1 / ratio)} less than" if ratio else "against"
+    less = f"{roughly}{times(1 / ratio)} less than" if ratio else "against"
     return tone, f"{case.where}, {_have(case)}, {less} {case.label(base)} ({line.text(base)})."
 
 
@@ -442,10 +442,10 @@ def _is_part(case: _Case, line: Line) -> bool:
 
 
 def _is_slight(case: _Case, line: Line, controller: str) -> bool:
-    """Whether an order of the speed is below `SAME` of the baseline's total, which counts as equal."""
+    """Whether an order of the speed is below `EQUAL_DIFFERENCE` of the baseline's total: it is equal."""
     order, total = line.values[controller] or 0.0, case.line.values[case.baseline] or 0.0
     size = order * factor(line.unit, ANGULAR_SPEED)
-    return size < SAME * total * factor(case.line.unit, ANGULAR_SPEED)
+    return size < EQUAL_DIFFERENCE * total * factor(case.line.unit, ANGULAR_SPEED)
 
 
 def _orders(lines: Sequence[Line], controller: str) -> list[Line]:
@@ -470,8 +470,8 @@ def _strongest_order(case: _Case) -> str:
     if not orders:
         return ""
     names = dict.fromkeys([*case.winners, *case.ranked[:2], compared])
-    shown = case.shown([c for c in names if c in orders[0].values], orders[0])
-    return f"Of the strongest order, {orders[0].order:g} ({orders[0].frame}): {shown}."
+    values = case.shown([c for c in names if c in orders[0].values], orders[0])
+    return f"Of the strongest order, {orders[0].order:g} ({orders[0].frame}): {values}."
 
 
 def _without_learning(case: _Case) -> str:
@@ -506,7 +506,7 @@ def _worse(case: _Case, controller: str, other: str) -> str:
     """A sentence on other metrics in which a controller is clearly worse than another, the worst first."""
     others = [line for line in case.lines if line is not case.line and not _is_part(case, line)]
     ratios = [(line.ratio(controller, other) or 0.0, line) for line in others]
-    worst = sorted((pair for pair in ratios if pair[0] >= CLEARLY), key=lambda pair: -pair[0])
+    worst = sorted((pair for pair in ratios if pair[0] >= REPORTED_RATIO), key=lambda pair: -pair[0])
     parts = [
         f"{times(ratio)} the {line.quantity} ({line.text(controller)} against {line.text(other)})"
         for ratio, line in worst[:METRICS_MOST]
@@ -525,7 +525,7 @@ def _costs(case: _Case) -> str:
         if line is case.line or ratio is None or (_is_part(case, line) and _is_slight(case, line, best)):
             continue
         compared += 1
-        if ratio > 1 + COST:
+        if ratio > 1 + COST_LEAST:
             more = f"+{100 * (ratio - 1):.0f} %" if ratio < 2 else f"{times(ratio)} the"
             costs.append(f"{more} {line.quantity} ({line.text(best)})")
     if costs:
@@ -552,12 +552,14 @@ def _rest(case: _Case) -> str:
 
 def _failures(case: _Case) -> list[str]:
     """Sentences on controllers that missed the speed, unless the headline has them, or that never settled."""
-    told = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
+    in_headline = set(case.line.missed) if not case.ranked else {case.baseline} & set(case.line.missed)
     since = case.line.span[0] if case.line.span else 0.0
     later = misses([line for line in case.lines if line.span and line.span[1] > since])
-    found = later | {c: case.line.not_held(c) for c in case.line.missed}
+    how_missed = later | {c: case.line.not_held(c) for c in case.line.missed}
     sentences = [
-        f"{case.label(c)} did not hold the speed in {how}." for c, how in found.items() if c not in told
+        f"{case.label(c)} did not hold the speed in {how}."
+        for c, how in how_missed.items()
+        if c not in in_headline
     ]
     for line in case.lines:
         unsettled = [case.label(c) for c, v in line.values.items() if v is None and c not in line.missed]

@@ -13,7 +13,7 @@ import numpy as np
 
 from cogless import units
 from cogless.ensemble import judge
-from cogless.ensemble.judge import FEWEST, Influence, Spread, influences, positions
+from cogless.ensemble.judge import SOBOL_VARIANTS_LEAST, Influence, Spread, influences, positions
 from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
@@ -26,9 +26,9 @@ from cogless.results.trace import Trace
 from cogless.study.metric import LAST_TRIAL
 
 Repeat = Callable[[list[str], tuple[str, str]], str]  # settings and run to the command that repeats it
-POINTS = 600  # of a plot
-PLOTTED = 3  # metrics with plots, and
-KEYS = 4  # scatter plots for each, of the keys that explain most
+PLOT_POINTS = 600  # points of a plot
+METRICS_PLOTTED = 3  # metrics with plots, and
+KEYS_PLOTTED = 4  # scatter plots for each, of the keys that explain most
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +55,14 @@ def write(sweep: Sweep, path: Path, repeat: Repeat) -> list[str]:
 
 
 def _lines(results: SweepResults) -> list[str]:
-    found: list[str] = []
+    texts: list[str] = []
     for verdict in page.verdicts(results, SWEEP):
-        found.append(f"{verdict.scenario}: {verdict.headline}")
-        for told in verdict.told:
-            found.append(f"  {told.heading}")
-            found += [f"    {results.study.label(name)}: {text}" for name, text in told.sentences]
-        found += [f"  {line}" for line in verdict.details]
-    return found
+        texts.append(f"{verdict.scenario}: {verdict.headline}")
+        for part in verdict.told:
+            texts.append(f"  {part.heading}")
+            texts += [f"    {results.study.label(name)}: {text}" for name, text in part.sentences]
+        texts += [f"  {line}" for line in verdict.details]
+    return texts
 
 
 # --- the answer
@@ -70,13 +70,13 @@ def _lines(results: SweepResults) -> list[str]:
 
 def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
     sweep, scenario = results.of, runs[0].scenario
-    shown = [group for group in judge.spreads(sweep, scenario) if group[0].column.metric.wanted != "none"]
-    limited = [group for group in shown if group[0].within is not None]
-    told = [
+    groups = [group for group in judge.spreads(sweep, scenario) if group[0].column.metric.wanted != "none"]
+    limited = [group for group in groups if group[0].within is not None]
+    parts = [
         Told(_heading(group[0].column), [(s.pair[1], _sentence(s)) for s in group])
-        for group in limited or shown
+        for group in limited or groups
     ]
-    if not told:
+    if not parts:
         return None
     failed = sum(1 for _, at in sweep.errors if sweep.pairs[at][0] == scenario)
     details = [f"{failed} runs failed; sweep.parquet has their errors."] if failed else []
@@ -85,7 +85,7 @@ def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
             "No metric has a limit; with one (limit = ... in its table) the share that keeps it is told."
         )
     return ScenarioVerdict(
-        scenario, _tone(results, limited), _headline(results, runs, limited), details, told
+        scenario, _tone(results, limited), _headline(results, runs, limited), details, parts
     )
 
 
@@ -107,12 +107,12 @@ def _headline(results: SweepResults, runs: Runs, limited: Sequence[Sequence[Spre
 def _shares(results: SweepResults, limited: Sequence[Sequence[Spread]]) -> dict[str, float]:
     """The share of variants that keep all limits of a scenario, the best controller first."""
     sweep = results.of
-    found = {}
+    shares = {}
     for one in limited[0]:
         at = list(sweep.pairs).index(one.pair)
-        kept = [judge.keeps(sweep, at, list(sweep.columns).index(group[0].column)) for group in limited]
-        found[one.pair[1]] = float(np.mean(np.logical_and.reduce([k for k in kept if k is not None])))
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+        keeping = [judge.keeps(sweep, at, list(sweep.columns).index(group[0].column)) for group in limited]
+        shares[one.pair[1]] = float(np.mean(np.logical_and.reduce([k for k in keeping if k is not None])))
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
 def _tone(results: SweepResults, limited: Sequence[Sequence[Spread]]) -> str:
@@ -227,12 +227,12 @@ def _worst_table(results: SweepResults, groups: Sequence[Sequence[Spread]]) -> s
 
 
 def _influence_table(results: SweepResults, runs: Runs, column: Column) -> str:
-    found = _influences(results.of, runs, column)
-    if not found or not found[0]:
+    columns = _influences(results.of, runs, column)
+    if not columns or not columns[0]:
         return ""
     body = rows(
         (one[0].key, "".join(f"<td>{_figure(i.rank)}</td><td>{_figure(i.first)}</td>" for i in one))
-        for one in zip(*found, strict=True)
+        for one in zip(*columns, strict=True)
     )
     head = f"<th>{escape(_name(column))}</th>"
     head += "".join(f"<th>{key(results, run.controller)} rank</th><th>alone</th>" for run in runs)
@@ -245,15 +245,18 @@ def _influences(sweep: Sweep, runs: Runs, column: Column) -> list[list[Influence
 
 
 def _influence_note(sweep: Sweep) -> str:
-    said = [
+    sentences = [
         "Rank: Spearman's correlation of the key with the metric, -1 to 1. Alone: the share of the metric's "
         "variance that the key explains by itself (first-order Sobol index, RBD-FAST); what the shares lack "
         "of 1 is keys acting together, and noise."
     ]
-    few = f"{sweep.ensemble.count} variants are too few for Sobol indices: expected {FEWEST} or more."
+    count, least = sweep.ensemble.count, SOBOL_VARIANTS_LEAST
+    few = f"{count} variants are too few for Sobol indices: expected {least} or more."
     if sweep.study.vary is not None and sweep.study.vary.together:
-        said.append("Keys that vary together share what they explain.")
-    return note(" ".join(said)) + reservations([few] if sweep.ensemble.count < FEWEST else [])
+        sentences.append("Keys that vary together share what they explain.")
+    return note(" ".join(sentences)) + reservations(
+        [few] if sweep.ensemble.count < SOBOL_VARIANTS_LEAST else []
+    )
 
 
 # --- plots
@@ -263,7 +266,7 @@ def _plotted(groups: Sequence[Sequence[Spread]]) -> list[Sequence[Spread]]:
     """The metrics that have plots: those with a limit, or else the first."""
     judged = [group for group in groups if group[0].column.metric.wanted != "none"]
     limited = [group for group in judged if group[0].within is not None]
-    return (limited or judged)[:PLOTTED]
+    return (limited or judged)[:METRICS_PLOTTED]
 
 
 def _charts(results: SweepResults, runs: Runs) -> dict[str, Any]:
@@ -282,7 +285,7 @@ def _shown(sweep: Sweep, run: Run, column: Column) -> Array:
 
 
 def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str, Any]:
-    shares = np.linspace(0, 100, min(POINTS, results.of.ensemble.count))
+    shares = np.linspace(0, 100, min(PLOT_POINTS, results.of.ensemble.count))
     series = []
     for run in runs:
         values = _shown(results.of, run, column)
@@ -308,12 +311,15 @@ def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str
         for one in of_run:
             strength[one.key] = max(strength.get(one.key, 0.0), abs(one.rank or 0.0), one.first or 0.0)
     charts = []
-    for name in sorted(strength, key=lambda k: -strength[k])[:KEYS]:
+    for name in sorted(strength, key=lambda k: -strength[k])[:KEYS_PLOTTED]:
         axis = next(axis for axis in sweep.ensemble.axes if axis.key == name)
-        x = positions(sweep, name)[:POINTS] / axis.factor
+        x = positions(sweep, name)[:PLOT_POINTS] / axis.factor
         order = np.argsort(x, kind="stable")
         series = [
-            {"controller": place(results, run), "values": plain(_shown(sweep, run, column)[:POINTS][order])}
+            {
+                "controller": place(results, run),
+                "values": plain(_shown(sweep, run, column)[:PLOT_POINTS][order]),
+            }
             for run in runs
         ]
         unit = f" ({pretty(axis.unit)})" if axis.unit else ""
@@ -376,4 +382,12 @@ def _figure(value: float | None) -> str:
     return NONE if value is None else f"{value:.2f}"
 
 
-SWEEP = Sections("sweep", lambda results, scenario: [], _verdict, _charts, _parts, {}, answer=_answer)
+SWEEP = Sections(
+    kind="sweep",
+    lines=lambda results, scenario: [],
+    verdict=_verdict,
+    charts=_charts,
+    parts=_parts,
+    pictures={},
+    answer=_answer,
+)

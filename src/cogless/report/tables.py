@@ -38,9 +38,9 @@ def line_table(results: AnyResults, runs: Sequence[Run], lines: Sequence[Line]) 
     scenario, controllers = runs[0].scenario, [run.controller for run in runs]
     head = f"<th>{escape(scenario)}</th>{headings(results, controllers)}"
     body = rows((line.title, _cells(line, controllers, results.study.baseline)) for line in lines)
-    found = table("numbers", f"Numbers of {scenario}", head, body)
-    found = found or note(f"No metric is taken in {scenario}.")
-    return found + reservations(remarks(results.study, lines))
+    html = table("numbers", f"Numbers of {scenario}", head, body)
+    html = html or note(f"No metric is taken in {scenario}.")
+    return html + reservations(remarks(results.study, lines))
 
 
 def _cells(line: Line, controllers: Sequence[str], baseline: str) -> str:
@@ -57,11 +57,11 @@ def _cells(line: Line, controllers: Sequence[str], baseline: str) -> str:
 def term_tables(results: Results, runs: Sequence[Run]) -> str:
     """Tables of the RMS of each law's terms late in the run, and of their varying parts; "" without terms."""
     tables = "".join(_terms(results, run) for run in runs)
-    about = note(
+    heading = note(
         f"RMS of each term of the current reference late in {runs[0].scenario}; the varying part is about "
         "its mean, so it leaves out what only carries the load."
     )
-    return about + tables if tables else ""
+    return heading + tables if tables else ""
 
 
 def _terms(results: Results, run: Run) -> str:
@@ -78,9 +78,9 @@ def _terms(results: Results, run: Run) -> str:
         for name, total, changes in zip(names, _meters(totals), _meters(varying), strict=True)
     )
     head = '<th>term</th><th class="figure">RMS</th><th></th><th class="figure">varying part</th><th></th>'
-    about = f"Terms of {results.study.label(controller)}"
-    found = table("terms", about, head, body, attributes=f" {tint(results, controller)}")
-    return key(results, controller, "h3") + found
+    caption = f"Terms of {results.study.label(controller)}"
+    html = table("terms", caption, head, body, attributes=f" {tint(results, controller)}")
+    return key(results, controller, "h3") + html
 
 
 def _meters(figures: Sequence[float]) -> list[str]:
@@ -94,7 +94,7 @@ def _meters(figures: Sequence[float]) -> list[str]:
     ]
 
 
-STILL = 1e-9  # rad/s, of the reference: below it the drive holds its position
+REST_SPEED_MOST = 1e-9  # rad/s; below this reference the drive holds its position
 
 NOTE = (
     "Over the last part of the run, from {:.4g} to {:.4g} s. Jitter is about the mean. Torque ripple is "
@@ -115,9 +115,9 @@ def late_table(results: Results, runs: Sequence[Run]) -> str:
 def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
     study, scenario = results.study, runs[0].scenario
     # who did not hold the speed, or learned nothing, isn't the best here either
-    known = compare(results, scenario)
-    missed = {c: how for line in known for c, how in line.missed.items()}
-    idle = {c: why for line in known for c, why in line.unlearned.items()}
+    compared = compare(results, scenario)
+    missed = {c: how for line in compared for c, how in line.missed.items()}
+    idle = {c: why for line in compared for c, why in line.unlearned.items()}
     conditions = study.conditions(scenario)
     for name, signal, kind, unit in _rows(results, runs):
         scale = factor(unit, SIGNALS[signal]) if unit else 1.0
@@ -125,9 +125,20 @@ def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
         for run in runs:
             begin, end = run.trace.time[late(results, run)][[0, -1]]
             metric = Metric.model_construct(name=name, kind=kind, signal=signal, window=(begin, end))
-            found = evaluate(metric, run.trace, conditions)
-            values[run.controller] = found / scale if isinstance(found, float) and isfinite(found) else None
-        line = Line(name, kind, signal, None, "mechanical", "lower", pretty(unit), values, missed, idle)
+            value = evaluate(metric, run.trace, conditions)
+            values[run.controller] = value / scale if isinstance(value, float) and isfinite(value) else None
+        line = Line(
+            name=name,
+            kind=kind,
+            signal=signal,
+            order=None,
+            frame="mechanical",
+            better="lower",
+            unit=pretty(unit),
+            values=values,
+            missed=missed,
+            unlearned=idle,
+        )
         rows = late(results, run)
         yield replace(line, unjudged=unjudged(metric, run, rows, in_torque_mode(study, run, rows)))
 
@@ -135,7 +146,7 @@ def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
 def _rows(results: Results, runs: Sequence[Run]) -> Iterator[tuple[str, str, str, str]]:
     """Name, signal, kind and unit of each row; a signal that some run lacks has no row."""
     trace, part = runs[0].trace, late(results, runs[0])
-    still = not np.any(np.abs(trace.part("omega_ref", part)) > STILL)
+    still = not np.any(np.abs(trace.part("omega_ref", part)) > REST_SPEED_MOST)
     speed, angle = speed_unit(results), spoken_unit(results.study, ANGLE)
     rows = [
         ("speed ripple, rms", "omega_error", "ripple-rms", speed),

@@ -21,16 +21,16 @@ from cogless.report.markup import NONE, Array, number, rms
 from cogless.report.page import Outcome
 from cogless.report.phases import Judged, Phase, judged, phases, rms_of_trials, settled
 from cogless.report.trial_certificate import Model, models
-from cogless.report.verdicts import SAME, Contest, over, times
+from cogless.report.verdicts import EQUAL_DIFFERENCE, Contest, over, times
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
 from cogless.results.status import Status
 from cogless.study import TrialStudy
 
-GROWS = 1.5  # RMS / smallest RMS earlier in the phase; above this learning diverges
-FEWEST = 8  # smallest number of trials in which growth can be detected
-ROUNDING = 1e-9  # of a phase's first RMS: a smaller RMS doesn't count as growth
-QUARTERS = 4
+GROWTH_RATIO = 1.5  # RMS / smallest RMS earlier in the phase; above this learning diverges
+TRIALS_LEAST = 8  # smallest number of trials in which growth can be detected
+RMS_ROUNDING = 1e-9  # an RMS below this share of a phase's first one does not count as growth
+QUARTER_COUNT = 4
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class Case(Contest):
     def counts(self) -> dict[str, list[float]]:
         """Trials until each controller reaches the floor, in each phase; empty without such a metric."""
         floors = [result_name(metric) for metric in self.about.metrics if metric.kind == "trials-to-floor"]
-        found = {c: run.metrics.get(name) for name in floors[:1] for c, run in self.runs.items()}
-        return {c: values for c, values in found.items() if isinstance(values, list)}
+        by_controller = {c: run.metrics.get(name) for name in floors[:1] for c, run in self.runs.items()}
+        return {c: values for c, values in by_controller.items() if isinstance(values, list)}
 
     @cached_property
     def final(self) -> dict[str, list[float]]:
@@ -59,17 +59,19 @@ class Case(Contest):
     @cached_property
     def feedback(self) -> dict[str, list[float]]:
         """RMS in each phase of each learning controller's own feedback: the same without learning."""
-        found = {}
+        by_controller = {}
         for controller, run in self.runs.items():
             trace = run.feedback
             if trace is not None and self.about.signal in trace:
                 rows = trace[self.about.signal].reshape(-1, self.study.samples(self.scenario))
                 of_trials = rms(rows) / self.about.scale
                 if len(of_trials) == len(self.phases):  # one of each
-                    found[controller] = [float(x) for x in of_trials]
+                    by_controller[controller] = [float(x) for x in of_trials]
                 else:
-                    found[controller] = [settled(of_trials[p.start - 1 : p.stop - 1]) for p in self.phases]
-        return found
+                    by_controller[controller] = [
+                        settled(of_trials[p.start - 1 : p.stop - 1]) for p in self.phases
+                    ]
+        return by_controller
 
     def above_feedback(self, controller: str) -> tuple[Phase, float, float] | None:
         """The phase that ends furthest above the controller's own feedback, and both values; None if none
@@ -85,7 +87,7 @@ class Case(Contest):
             return []
         ends = zip(self.phases, self.final[controller], self.feedback[controller], strict=True)
         floor = self.about.floor or 0.0
-        return [end for end in ends if not end[1] <= floor and not end[1] <= (1 + SAME) * end[2]]
+        return [end for end in ends if not end[1] <= floor and not end[1] <= (1 + EQUAL_DIFFERENCE) * end[2]]
 
     def longest_above_feedback(self, controller: str) -> tuple[int, tuple[int, float, float]]:
         """The most trials in a row of a phase with more error than the controller's own feedback has.
@@ -100,7 +102,7 @@ class Case(Contest):
         for phase, base in zip(self.phases, self.feedback[controller], strict=True):
             row: list[tuple[int, float, float]] = []
             for trial, error in enumerate(self.of(controller, phase), start=phase.start):
-                within = error <= max(floor, (1 + SAME) * base)
+                within = error <= max(floor, (1 + EQUAL_DIFFERENCE) * base)
                 row = [] if within else [*row, (trial, float(error), base)]
                 if len(row) > longest:
                     longest, peak = len(row), max(row, key=lambda each: each[1])
@@ -131,13 +133,13 @@ class Case(Contest):
 
         The last number is NaN if it isn't finite.
         """
-        found: dict[str, tuple[Phase, float, float]] = {}
+        by_controller: dict[str, tuple[Phase, float, float]] = {}
         for controller in self.rms:
             for phase in self.phases:
                 grown = self._grown(self.of(controller, phase))
                 if grown is not None:
-                    found.setdefault(controller, (phase, *grown))
-        return found
+                    by_controller.setdefault(controller, (phase, *grown))
+        return by_controller
 
     def _grown(self, rms: Array) -> tuple[float, float] | None:
         """The lowest and the last RMS of a phase, as medians over its quarters; None if the RMS doesn't grow.
@@ -146,12 +148,12 @@ class Case(Contest):
         """
         if not np.all(np.isfinite(rms)):
             return float(rms[0]), math.nan
-        if len(rms) < FEWEST:
+        if len(rms) < TRIALS_LEAST:
             return None
-        medians = [float(np.median(part)) for part in np.array_split(rms, QUARTERS)]
+        medians = [float(np.median(part)) for part in np.array_split(rms, QUARTER_COUNT)]
         low, last = min(medians), medians[-1]
-        least = max(ROUNDING * float(rms[0]), self.about.floor or 0.0)
-        return (low, last) if last > GROWS * low and last > least else None
+        least = max(RMS_ROUNDING * float(rms[0]), self.about.floor or 0.0)
+        return (low, last) if last > GROWTH_RATIO * low and last > least else None
 
     @property
     def trials(self) -> int:
@@ -181,10 +183,12 @@ class Case(Contest):
         In A, or in the unit of a linear plant's input.
         """
         signal = "i_q_ref" if self.study.plant is None else "u"
-        known = {c: rows for c, run in self.runs.items() if (rows := self._trials(run, signal)) is not None}
+        by_controller = {
+            c: rows for c, run in self.runs.items() if (rows := self._trials(run, signal)) is not None
+        }
         ends = {
             c: [settled(rms(rows)[p.start - 1 : p.stop - 1]) for p in self.phases]
-            for c, rows in known.items()
+            for c, rows in by_controller.items()
         }
         return {c: max(values) if np.all(np.isfinite(values)) else math.inf for c, values in ends.items()}
 
@@ -226,12 +230,14 @@ class Case(Contest):
 def case(results: TrialResults, runs: Sequence[Run]) -> Case | None:
     """The values of a trial scenario to judge by; None if there are none."""
     study, scenario = results.study, runs[0].scenario
-    about, described = judged(study, scenario), study.scenario[scenario]
-    rms = {run.controller: rms_of_trials(about, run, described.trials) for run in runs}
-    known = {c: values for c, values in rms.items() if values is not None}
+    metric, described = judged(study, scenario), study.scenario[scenario]
+    rms = {run.controller: rms_of_trials(metric, run, described.trials) for run in runs}
+    rms_values = {c: values for c, values in rms.items() if values is not None}
     by_name = {run.controller: run for run in runs}
-    found = Case(study, scenario, about, phases(described), by_name, known)
-    return found if found.counts or found.rms else None
+    candidate = Case(
+        study=study, scenario=scenario, about=metric, phases=phases(described), runs=by_name, rms=rms_values
+    )
+    return candidate if candidate.counts or candidate.rms else None
 
 
 def outcome(results: TrialResults, runs: Sequence[Run]) -> Outcome | None:
@@ -264,8 +270,17 @@ def own_lines(c: Case) -> list[Line]:
         (f"trials at the {quantity} limit, of {c.trials}", "trials-at-limit", "", limited),
     )
     return [
-        Line(name, kind, None, None, "mechanical", "none", shown, _finite(values))
-        for name, kind, shown, values in named
+        Line(
+            name=name,
+            kind=kind,
+            signal=None,
+            order=None,
+            frame="mechanical",
+            better="none",
+            unit=unit_words,
+            values=_finite(values),
+        )
+        for name, kind, unit_words, values in named
         if values
     ]
 
@@ -302,4 +317,4 @@ def than(value: float, other: float) -> str:
 
 def same_size(value: float, other: float) -> bool:
     """Whether two values differ by little."""
-    return value <= (1 + SAME) * other and other <= (1 + SAME) * value
+    return value <= (1 + EQUAL_DIFFERENCE) * other and other <= (1 + EQUAL_DIFFERENCE) * value

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cogless.design.trials.certificate import ENDS, Certificate, Learning, ModelCertificate
+from cogless.design.trials.certificate import GROWTH_ROUNDING, Certificate, Learning, ModelCertificate
 from cogless.report.markup import NONE, key, number, pack, place, plain, table
 from cogless.results import Run, TrialResults
 
@@ -22,7 +22,7 @@ NOTE = (
     "it shrinks at every frequency (contracting). Largest share: of any error without learning (with an "
     "observer, of any missing input), what a trial may have at most."
 )
-ROUNDING = 1e-4  # of K_3
+GAIN_ROUNDING = 1e-4  # share of K_3
 MINUS = "−"  # noqa: RUF001
 STABLE = ("stable", "unstable")
 GROWS = ("doesn't grow", "may grow")
@@ -75,21 +75,27 @@ def curves(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]:
     charts: dict[Model, list[tuple[Run, Learning, bool]]] = {}
     for run in runs:
         for name, model in models(run.design.certificate) if run.design is not None else ():
-            both = [found for found in (model.with_filter, model.without_filter) if found is not None]
-            charts.setdefault(name, []).extend((run, found, found is not both[0]) for found in both)
-    return [_chart(results, name.title, found) for name, found in charts.items() if found]
+            curves_of_model = [
+                curve for curve in (model.with_filter, model.without_filter) if curve is not None
+            ]
+            charts.setdefault(name, []).extend(
+                (run, curve, curve is not curves_of_model[0]) for curve in curves_of_model
+            )
+    return [_chart(results, name.title, curve) for name, curve in charts.items() if curve]
 
 
-def _chart(results: TrialResults, title: str, found: Sequence[tuple[Run, Learning, bool]]) -> dict[str, Any]:
+def _chart(
+    results: TrialResults, title: str, curves_of_runs: Sequence[tuple[Run, Learning, bool]]
+) -> dict[str, Any]:
     """A chart of all curves on the union of their frequencies, without zero: the axis is logarithmic."""
-    frequency = np.unique(np.concatenate([learning.curve[0] for _, learning, _ in found]))
+    frequency = np.unique(np.concatenate([learning.curve[0] for _, learning, _ in curves_of_runs]))
     frequency = frequency[frequency > 0]
     series = [
         {"controller": place(results, run), "values": pack(np.interp(frequency, *learning.curve))}
         | ({"dash": True} if dash else {})
-        for run, learning, dash in found
+        for run, learning, dash in curves_of_runs
     ]
-    dashed = ", without Q filter dashed" if any(dash for _, _, dash in found) else ""
+    dashed = ", without Q filter dashed" if any(dash for _, _, dash in curves_of_runs) else ""
     return {
         "title": f"{title}: |F| of the worst plant{dashed}",
         "x": "frequency (Hz)",
@@ -112,11 +118,11 @@ def close_to_one(value: float) -> str:
 
 def _rows(results: TrialResults, run: Run) -> str:
     assert run.design is not None
-    found, K_3 = list(models(run.design.certificate)), run.design.K_3
-    first = f'<th rowspan="{len(found)}">{key(results, run.controller)}</th>'
+    all_models, K_3 = list(models(run.design.certificate)), run.design.K_3
+    first = f'<th rowspan="{len(all_models)}">{key(results, run.controller)}</th>'
     body: list[str] = []
-    for name, model in found:
-        deciding = len(found) > 1 and model is run.design.certificate.deciding
+    for name, model in all_models:
+        deciding = len(all_models) > 1 and model is run.design.certificate.deciding
         decides = ", decides" if deciding else ""
         limits = _limit(model.without_filter, K_3) + _limit(model.with_filter, K_3, " with Q filter")
         cells = [
@@ -126,7 +132,7 @@ def _rows(results: TrialResults, run: Run) -> str:
             _cell(model.phi_radius),
             _learning(model.without_filter),
             _learning(model.with_filter),
-            _cell(model.growth, model.growth is not None and model.growth <= 1 + ENDS, GROWS),
+            _cell(model.growth, model.growth is not None and model.growth <= 1 + GROWTH_ROUNDING, GROWS),
             _cell(model.finite.share if model.finite is not None else None),
             f"<td>{limits}</td>",
         ]
@@ -146,7 +152,7 @@ def _limit(learning: Learning | None, K_3: float, where: str = "") -> str:
     """The largest K_3 with which no error grows; "none" if it is only rounding relative to the K_3 in use."""
     if learning is None or learning.K_3_limit is None:
         return "" if where else NONE
-    limit = f"{learning.K_3_limit:.4g}" if abs(learning.K_3_limit) > ROUNDING * abs(K_3) else "none"
+    limit = f"{learning.K_3_limit:.4g}" if abs(learning.K_3_limit) > GAIN_ROUNDING * abs(K_3) else "none"
     return f'<span class="small"><br>{limit}{where}</span>' if where else limit
 
 

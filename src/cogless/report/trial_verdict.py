@@ -8,14 +8,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from cogless.design.trials.certificate import ENDS, Learning, ModelCertificate
+from cogless.design.trials.certificate import GROWTH_ROUNDING, Learning, ModelCertificate
 from cogless.design.trials.gains import TrialDesign
-from cogless.design.trials.response import MONOTONE
+from cogless.design.trials.response import FACTOR_ROUNDING
 from cogless.report.markup import number
 from cogless.report.phases import Phase, after
 from cogless.report.trial_case import Case, case, same_size, than
 from cogless.report.trial_certificate import Model, close_to_one
-from cogless.report.verdicts import CLEARLY, SAME, ScenarioVerdict, listed, over, times, worst
+from cogless.report.verdicts import (
+    EQUAL_DIFFERENCE,
+    REPORTED_RATIO,
+    ScenarioVerdict,
+    listed,
+    over,
+    times,
+    worst,
+)
 from cogless.results import Run, TrialResults
 
 FEW_TRIALS = 5  # in a row above the feedback alone: no sentence is said of so few
@@ -129,7 +137,7 @@ def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
         return "even", sentence
     if best == base:
         return "worse", f"No controller beats {c.label(base)}. {sentence}"
-    ties = c.worst(base) <= (1 + SAME) * c.worst(best)
+    ties = c.worst(base) <= (1 + EQUAL_DIFFERENCE) * c.worst(best)
     return c.tone([best, base] if ties else [best]), sentence
 
 
@@ -138,8 +146,8 @@ def _left(c: Case, ranked: Sequence[str]) -> str:
     base = c.baseline
     by_rms = sorted(_contenders(c, [name for name in ranked if name in c.final]), key=c.worst)
     best = by_rms[0]
-    each = "each phase with at most" if len(c.phases) > 1 else "with"
-    sentence = _capital(c, f"{c.label(best)} ends {each} {c.text(c.worst(best))} RMS")
+    phase_words = "each phase with at most" if len(c.phases) > 1 else "with"
+    sentence = _capital(c, f"{c.label(best)} ends {phase_words} {c.text(c.worst(best))} RMS")
     if best != base and base in c.final:
         return f"{sentence}, {_beside(c, c.worst(best), c.worst(base), base)}."
     if len(by_rms) > 1:
@@ -149,10 +157,10 @@ def _left(c: Case, ranked: Sequence[str]) -> str:
 
 def _beside(c: Case, value: float, other: float, name: str) -> str:
     """A value compared with another controller's, such as "21.0 times less than PI (8.20 mrad)"."""
-    told = f"{c.label(name)} ({c.text(other)})"
+    reference = f"{c.label(name)} ({c.text(other)})"
     if not math.isfinite(other):
-        return f"against {told}"
-    return f"{than(value, other)} {'as' if same_size(value, other) else 'than'} {told}"
+        return f"against {reference}"
+    return f"{than(value, other)} {'as' if same_size(value, other) else 'than'} {reference}"
 
 
 def _reach(c: Case, name: str, *, short: bool = False) -> str:
@@ -193,15 +201,15 @@ def _as_quick(c: Case, name: str, best: str) -> bool:
 
 def _behind(c: Case, name: str, best: str) -> str:
     """A sentence on a controller that is behind the best: its slowest phase and its worst first trial."""
-    told, where = "", None
+    slower, where = "", None
     if name in c.counts and best in c.counts and name != c.baseline:
-        told, where = _slower(c, name, best)
+        slower, where = _slower(c, name, best)
     ratio, phase, values = c.worst_first(name, best)
-    if c.learns(name) and ratio >= CLEARLY:
-        there = "there" if phase == where else phase.after
-        worse = f"first trial {there} is {times(ratio)} worse than with {c.label(best)} ({values})"
-        return f"{c.label(name)} {told}; its {worse}." if told else f"With {c.label(name)} the {worse}."
-    return f"{c.label(name)} {told}." if told else ""
+    if c.learns(name) and ratio >= REPORTED_RATIO:
+        place = "there" if phase == where else phase.after
+        worse = f"first trial {place} is {times(ratio)} worse than with {c.label(best)} ({values})"
+        return f"{c.label(name)} {slower}; its {worse}." if slower else f"With {c.label(name)} the {worse}."
+    return f"{c.label(name)} {slower}." if slower else ""
 
 
 def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
@@ -234,7 +242,7 @@ def _against_the_baseline(c: Case, best: str) -> str:
         end = "In the last phase" if len(c.phases) > 1 else "At the end"
         sentences.append(f"{end} {c.label(best)} leaves {c.text(mine)} RMS, {_beside(c, mine, other, base)}.")
     ratio, phase, values = c.worst_first(best, base)
-    if ratio >= CLEARLY:
+    if ratio >= REPORTED_RATIO:
         sentences.append(
             f"What it has learned does not fit at first: in the first trial {phase.after} its error is "
             f"{times(ratio)} that of {c.label(base)} ({values})."
@@ -286,8 +294,8 @@ def _input(c: Case, best: str) -> str:
     mine, other = c.input_rms[best], c.input_rms[base]
     if not (math.isfinite(mine) and math.isfinite(other)):
         return ""
-    beside = f"{than(mine, other)} {'as' if same_size(mine, other) else 'than'}"
-    return f"{c.label(best)} needs {number(mine)}{unit} RMS of {quantity}, {beside} {c.label(base)}."
+    comparison = f"{than(mine, other)} {'as' if same_size(mine, other) else 'than'}"
+    return f"{c.label(best)} needs {number(mine)}{unit} RMS of {quantity}, {comparison} {c.label(base)}."
 
 
 def _leaves_floor(c: Case, name: str) -> str:
@@ -297,7 +305,7 @@ def _leaves_floor(c: Case, name: str) -> str:
     lost = [
         (rms, phase.after)
         for phase, n, rms in zip(c.phases, c.counts[name], c.final[name], strict=True)
-        if rms > (1 + SAME) * c.about.floor and n <= (phase.stop - phase.start) / 2
+        if rms > (1 + EQUAL_DIFFERENCE) * c.about.floor and n <= (phase.stop - phase.start) / 2
     ]
     if not lost:
         return ""
@@ -326,10 +334,10 @@ def _at_the_limit(c: Case) -> str:
 
 def _held_back(c: Case) -> str:
     """A sentence on controllers whose learning the guard held back."""
-    held = {name: trials for name, trials in c.held_back.items() if trials}
-    if not held:
+    held_trials = {name: trials for name, trials in c.held_back.items() if trials}
+    if not held_trials:
         return ""
-    return f"The guard holds learning back, since it left more error than before: {_trials(c, held)}."
+    return f"The guard holds learning back, since it left more error than before: {_trials(c, held_trials)}."
 
 
 def _trials(c: Case, counts: Mapping[str, int]) -> str:
@@ -345,18 +353,18 @@ def _certificates(c: Case) -> list[str]:
     outside: dict[str, list[str]] = {}
     refuted: list[str] = []
     proven: dict[tuple[Model, int], list[str]] = {}
-    for name, (design, model, found) in c.certified.items():
-        learning = found.learning
-        if not found.stable:
+    for name, (design, model, judged_model) in c.certified.items():
+        learning = judged_model.learning
+        if not judged_model.stable:
             reason = (
-                f"along the trial the loop is unstable for {found.worst} "
-                f"(largest pole {close_to_one(found.radius)}; {model.words})"
+                f"along the trial the loop is unstable for {judged_model.worst} "
+                f"(largest pole {close_to_one(judged_model.radius)}; {model.words})"
             )
             uncertified.setdefault(reason, []).append(name)
         elif learning is None:
             continue
         elif not learning.monotone:
-            uncertified.setdefault(f"{_growing(found, learning)} ({model.words})", []).append(name)
+            uncertified.setdefault(f"{_growing(judged_model, learning)} ({model.words})", []).append(name)
         elif design.beyond:
             outside.setdefault(design.beyond[0], []).append(name)
         elif (why := _not_in_this_scenario(c, name, design)) is not None:
@@ -410,12 +418,12 @@ def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None
     return None
 
 
-def _growing(found: ModelCertificate, learning: Learning) -> str:
+def _growing(model: ModelCertificate, learning: Learning) -> str:
     """Why a certificate doesn't hold, in words."""
-    if learning.norm > 1 + MONOTONE:
+    if learning.norm > 1 + FACTOR_ROUNDING:
         where, factor = f"at {number(learning.frequency)} Hz the error", learning.norm
-    elif found.growth is not None and found.growth > 1 + ENDS:
-        where, factor = "from the trial's ends the error", found.growth
+    elif model.growth is not None and model.growth > 1 + GROWTH_ROUNDING:
+        where, factor = "from the trial's ends the error", model.growth
     else:
         return "Φ has a pole outside the unit circle"
     return f"{where} may grow by the factor {close_to_one(factor)} from one trial to the next"
@@ -423,11 +431,11 @@ def _growing(found: ModelCertificate, learning: Learning) -> str:
 
 def _delay(c: Case) -> str:
     """A sentence on controllers whose loop one more sample of delay would make unstable."""
-    found = {name: model for name, (_, _, model) in c.certified.items()}
-    frail = [name for name, model in found.items() if model.stable and not model.delayed_stable]
+    models = {name: model for name, (_, _, model) in c.certified.items()}
+    frail = [name for name, model in models.items() if model.stable and not model.delayed_stable]
     if not frail:
         return ""
-    whose = "no loop is" if len(frail) == len(found) > 1 else f"the loop of {c.labels(frail)} is not"
+    whose = "no loop is" if len(frail) == len(models) > 1 else f"the loop of {c.labels(frail)} is not"
     return f"With one more sample of delay at the input {whose} stable at every corner."
 
 

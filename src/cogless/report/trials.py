@@ -40,14 +40,26 @@ from cogless.study.metric import EACH_TRIAL, SIGNALS
 def over_trials(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
     """Charts on a logarithmic axis, marks of changes, and zooms. A series holds decimal logarithms."""
     study, scenario = results.study, runs[0].scenario
-    about, described = judged(study, scenario), study.scenario[scenario]
-    found = phases(described)
-    values = {run.controller: rms_of_trials(about, run, described.trials) for run in runs}
-    charts = [_chart(results, f"RMS of the {about.quantity} in each trial", "RMS", about.unit, runs, values)]
-    if about.floor is not None:
-        charts[0] |= {"floor": about.floor, "floor_name": f"floor {about.text(about.floor)}"}
+    metric_words, described = judged(study, scenario), study.scenario[scenario]
+    all_phases = phases(described)
+    values = {run.controller: rms_of_trials(metric_words, run, described.trials) for run in runs}
+    charts = [
+        _chart(
+            results,
+            f"RMS of the {metric_words.quantity} in each trial",
+            "RMS",
+            metric_words.unit,
+            runs,
+            values,
+        )
+    ]
+    if metric_words.floor is not None:
+        charts[0] |= {
+            "floor": metric_words.floor,
+            "floor_name": f"floor {metric_words.text(metric_words.floor)}",
+        }
     for metric in study.metrics_in(scenario):
-        if metric.kind in EACH_TRIAL and (metric.kind, metric.signal) != ("rms", about.signal):
+        if metric.kind in EACH_TRIAL and (metric.kind, metric.signal) != ("rms", metric_words.signal):
             unit, scale = shown_in(study, metric)
             taken = {run.controller: run.metrics.get(result_name(metric)) for run in runs}
             values = {c: np.asarray(v, dtype=float) / scale for c, v in taken.items() if v is not None}
@@ -56,8 +68,10 @@ def over_trials(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
     return {
         "charts": [chart for chart in charts if chart["series"]],
         "trials": described.trials,
-        "marks": [{"trial": group.start, "name": group.name} for group in groups(found) if group.start > 1],
-        "zooms": zooms(found),
+        "marks": [
+            {"trial": group.start, "name": group.name} for group in groups(all_phases) if group.start > 1
+        ],
+        "zooms": zooms(all_phases),
     }
 
 
@@ -78,15 +92,15 @@ def _chart(
             series.append({"controller": place(results, run), "values": pack(np.log10(x))})
         for count, what in ((np.sum(x == 0), "at zero"), (np.sum(~np.isfinite(x)), "not finite")):
             if count:
-                told = f"{count} trial{'s' if count > 1 else ''} {what}"
-                untold.append(f"{results.study.label(run.controller)}, {told}")
+                count_words = f"{count} trial{'s' if count > 1 else ''} {what}"
+                untold.append(f"{results.study.label(run.controller)}, {count_words}")
     note = f"Not on a logarithmic axis: {'; '.join(untold)}." if untold else ""
-    about = {"title": title, "x": "trial", "quantity": quantity, "unit": unit}
-    return {**about, "series": series, "note": note}
+    labels = {"title": title, "x": "trial", "quantity": quantity, "unit": unit}
+    return {**labels, "series": series, "note": note}
 
 
-POINTS = 900_000  # in all waveforms of a page, at 2.7 bytes per point
-FEWEST = 200  # of one waveform
+PAGE_POINTS = 900_000  # points of all waveforms of a page, at 2.7 bytes per point
+WAVEFORM_POINTS_LEAST = 200  # points of one waveform
 MOST_PHASES = 24
 TRIAL_POINTS = 3000  # the answer's curve over a trial has at most
 
@@ -117,9 +131,9 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
         return {"panels": [], "phases": [], "note": ""}
     together = groups(phases(study.scenario[scenario]))
     every = [phase for group in together for phase in group.drawn]
-    found = every[:MOST_PHASES]
-    chosen = [trial for phase in found for trial in phase.chosen]
-    points = max(FEWEST, POINTS // (len(DRIVE) * len(results.runs) * len(chosen)))
+    shown_phases = every[:MOST_PHASES]
+    chosen = [trial for phase in shown_phases for trial in phase.chosen]
+    points = max(WAVEFORM_POINTS_LEAST, PAGE_POINTS // (len(DRIVE) * len(results.runs) * len(chosen)))
 
     def packed(run: Run, signal: str, scale: float, trials: Sequence[int]) -> list[dict[str, Any]]:
         x = _of_trials(run, signal, count)
@@ -136,9 +150,9 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
         if not series:
             continue
         # the reference is the same for all controllers
-        plan = packed(runs[0], reference, scale, [p.start for p in found]) if reference else []
-        about = {"title": title, "quantity": quantity, "unit": unit}
-        panels.append({**about, "references": plan, "series": series})
+        plan = packed(runs[0], reference, scale, [p.start for p in shown_phases]) if reference else []
+        labels = {"title": title, "quantity": quantity, "unit": unit}
+        panels.append({**labels, "references": plan, "series": series})
     period = runs[0].trace.period
     step = thin(_of_trials(runs[0], "time", count)[0], points)[1] * period
     notes = [
@@ -150,7 +164,7 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
         "x": "time in the trial (s)",
         "start": (step - period) / 2,
         "step": step,
-        "phases": [{"name": phase.name, "trials": phase.chosen} for phase in found],
+        "phases": [{"name": phase.name, "trials": phase.chosen} for phase in shown_phases],
         "panels": panels,
         "note": " ".join(notes),
     }
@@ -312,9 +326,9 @@ def _lines(results: TrialResults, scenario: str) -> list[Line]:
     for metric in study.metrics_in(scenario):
         if metric.kind not in EACH_TRIAL:
             named = [(metric.name, None) for group in together for _ in group.phases]
-            each = iter(lines_of(study, metric, runs, named))
+            phase_lines = iter(lines_of(study, metric, runs, named))
             for group in together:
-                lines.append(_worst([next(each) for _ in group.phases], f"{metric.name}, {group.row}"))
+                lines.append(_worst([next(phase_lines) for _ in group.phases], f"{metric.name}, {group.row}"))
     return lines
 
 
@@ -322,8 +336,8 @@ def _worst(lines: Sequence[Line], name: str) -> Line:
     """One line with each controller's worst value of several lines: the largest, unless higher is better."""
     worst = min if lines[0].better == "higher" else max
     columns = {c: [line.values[c] for line in lines] for c in lines[0].values}
-    known = {c: [value for value in column if value is not None] for c, column in columns.items()}
-    values = {c: worst(known[c]) if len(known[c]) == len(lines) else None for c in columns}
+    by_controller = {c: [value for value in column if value is not None] for c, column in columns.items()}
+    values = {c: worst(by_controller[c]) if len(by_controller[c]) == len(lines) else None for c in columns}
     return replace(lines[0], name=name, values=values)
 
 
@@ -347,4 +361,13 @@ def _parts(results: TrialResults, runs: Runs) -> dict[str, str]:
     }
 
 
-TRIALS = Sections("trials", _lines, verdict, _charts, _parts, TRIAL_PICTURES, outcome, answer=answer)
+TRIALS = Sections(
+    kind="trials",
+    lines=_lines,
+    verdict=verdict,
+    charts=_charts,
+    parts=_parts,
+    pictures=TRIAL_PICTURES,
+    outcome=outcome,
+    answer=answer,
+)

@@ -10,8 +10,8 @@ from cogless.report.markup import number
 from cogless.study import AnyStudy
 from cogless.study.base import StudyBase
 
-SAME = 0.05  # relative difference below which two values count as equal
-CLEARLY = 1.5  # ratio to another's value from which on a sentence reports it
+EQUAL_DIFFERENCE = 0.05  # relative difference below which two values count as equal
+REPORTED_RATIO = 1.5  # ratio to another's value from which on a sentence reports it
 TONES = ("worse", "even", "better")  # the worst first
 
 
@@ -107,7 +107,7 @@ def times(ratio: float) -> str:
 
 def change_words(ratio: float) -> str:
     """A value's ratio to another in words, such as "46.2 times less"."""
-    if abs(ratio - 1) <= SAME:
+    if abs(ratio - 1) <= EQUAL_DIFFERENCE:
         return "as much"
     if ratio < 1:
         return f"{times(1 / ratio)} less" if ratio else "nothing left"

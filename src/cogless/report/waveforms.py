@@ -18,8 +18,9 @@ from cogless.report.markup import Array, bucket, pack, peaks, place
 from cogless.report.panels import ALL_LEARNED, Panel, errors, in_angle, learned_terms
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
-from cogless.results.trace import BLOCK, Trace
+from cogless.results.trace import BLOCK_ROWS, Trace
 from cogless.study import for_scenario
+from cogless.units import TURN
 
 
 def needed_current(results: Results, run: Run) -> Callable[[slice], Array] | None:
@@ -49,11 +50,11 @@ def needed_current(results: Results, run: Run) -> Callable[[slice], Array] | Non
     return needed
 
 
-POINTS = 560_000  # in all waveforms of a page, at 2.7 bytes per point
-MOST, FEWEST = 20_000, 1_500  # of one waveform
+PAGE_POINTS = 560_000  # points of all waveforms of a page, at 2.7 bytes per point
+WAVEFORM_POINTS_MOST, WAVEFORM_POINTS_LEAST = 20_000, 1_500  # points of one waveform
 POINTS_FINE, MOST_FINE = 200_000, 4_000  # the same for the finer points of faults and last revolutions
-READABLE = 2  # revolutions in one plot
-BUTTONS = 6  # for faults
+TURNS_READABLE = 2  # revolutions in one plot
+FAULT_BUTTONS = 6  # buttons that show a fault
 FAULTS_FINE = 2  # largest number of faults with finer points
 EVENT_POINTS = 1_200
 EVENT_SPAN = (-0.1, 1.5)  # s about an event
@@ -81,7 +82,7 @@ class View:
         size = bucket(last - first, self.points)
         if not size:
             return values(slice(first, last))
-        pieces = trace.blocks(slice(first, last), max(1, BLOCK // size) * size)
+        pieces = trace.blocks(slice(first, last), max(1, BLOCK_ROWS // size) * size)
         return np.concatenate([peaks(values(rows), size) for rows in pieces])
 
 
@@ -91,20 +92,20 @@ def waveforms(results: Results, runs: Sequence[Run]) -> dict[str, Any]:
         return {"panels": []}
     spatial = any(in_angle(results, run) for run in runs)
     needed = spatial and needed_current(results, runs[0]) is not None
-    about = "; dashed: the current that the motion needs" if needed else ""
+    legend = "; dashed: the current that the motion needs" if needed else ""
     panels = [
         Panel("Speed, reference dashed", "omega_m", "speed", speed_unit(results)),
         *errors(results, runs),
         Panel("Current reference", "i_q_ref", "i_q_ref", "A"),
         Panel("Torque of the motor, cogging included", "tau_motor", "torque", "N*m"),
-        Panel(f"Learned part of the current reference{about}", ALL_LEARNED, "current", "A"),
+        Panel(f"Learned part of the current reference{legend}", ALL_LEARNED, "current", "A"),
     ]
     if spatial:
         panels += [Panel(f"{axis} current", f"i_{axis}", f"i_{axis}", "A") for axis in "qd"]
         if any("P_t" in run.trace for run in runs):
             panels.append(Panel("Time of the last period, P_t, by the delay memory", "P_t", "P_t", "s"))
     share = len(panels) * len(results.runs)
-    whole = View(None, max(FEWEST, min(MOST, POINTS // share)))
+    whole = View(None, max(WAVEFORM_POINTS_LEAST, min(WAVEFORM_POINTS_MOST, PAGE_POINTS // share)))
     return _times(results, runs, panels, [whole, *_details(results, runs, whole.points, share)])
 
 
@@ -112,12 +113,12 @@ def _details(results: Results, runs: Sequence[Run], coarse: int, share: int) -> 
     """Views of the first faults and the last revolutions, if the run's `coarse` points are too few there."""
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
-    found = [(since, until) for _, since, until in spans(results, runs, start, end)[:FAULTS_FINE]]
-    last = _since(runs[0].trace, READABLE)
-    found += [(last, end)] if last is not None else []
-    fine = max(FEWEST, min(MOST_FINE, POINTS_FINE // share // max(1, len(found))))
+    close_ups = [(since, until) for _, since, until in spans(results, runs, start, end)[:FAULTS_FINE]]
+    last = _since(runs[0].trace, TURNS_READABLE)
+    close_ups += [(last, end)] if last is not None else []
+    fine = max(WAVEFORM_POINTS_LEAST, min(MOST_FINE, POINTS_FINE // share // max(1, len(close_ups))))
     views: list[View] = []
-    for since, until in found:
+    for since, until in close_ups:
         since = max(since, views[-1].span[1]) if views and views[-1].span else since
         if until > since and fine >= 2 * coarse * (until - since) / (end - start):
             views.append(View((since, until), fine))
@@ -131,10 +132,10 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """
     time = runs[0].trace.time
     start, end = float(time[0]), float(time[-1])
-    found: list[dict[str, Any]] = []
+    buttons: list[dict[str, Any]] = []
 
     def add(name: str, since: float, until: float) -> None:
-        found.append({"name": name, "from": max(start, since), "to": min(end, until)})
+        buttons.append({"name": name, "from": max(start, since), "to": min(end, until)})
 
     changes = [e.time for e in results.study.scenario[runs[0].scenario].events if e.time < end]
     broken = spans(results, runs, start, end)
@@ -142,23 +143,23 @@ def zooms(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     started = _started(runs, min([end, *changes]))
     if started > start:
         add("after start-up", started, end)
-    for name, count in (("last two revolutions", READABLE), ("last revolution", 1)):
+    for name, count in (("last two revolutions", TURNS_READABLE), ("last revolution", 1)):
         since = _since(runs[0].trace, count)
         if since is not None:
             add(name, since, end)
-    if not broken and not changes and found[-1]["name"] == "last revolution":
-        found[-1]["first"] = True
-    for fault, since, until in broken[:BUTTONS]:
+    if not broken and not changes and buttons[-1]["name"] == "last revolution":
+        buttons[-1]["first"] = True
+    for fault, since, until in broken[:FAULT_BUTTONS]:
         add(f"fault at {fault.time:g} s", since, until)
         if fault is broken[0][0]:
-            found[-1]["first"] = True
+            buttons[-1]["first"] = True
     laws = [in_angle(results, run) for run in runs]
     for begun in sorted({law.learning_start for law in laws if law and 0 < law.learning_start < end}):
         add(f"learning begins at {begun:g} s", begun - 2, begun + 5)
     for change in changes:
         if not any(fault.time <= change <= fault.end for fault, _, _ in broken):
             add(f"event at {change:g} s", change - 0.1, change + 1)
-    return found
+    return buttons
 
 
 def marks(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
@@ -174,10 +175,10 @@ def _since(trace: Trace, revolutions: int) -> float | None:
     row, turned = len(trace) - 1, 0.0
     for rows in reversed(list(trace.blocks())):
         speed = np.abs(np.nan_to_num(trace.part("omega_ref", rows)))[::-1]
-        left = turned + np.cumsum(speed) * trace.period / (2 * math.pi)
-        within = int(np.count_nonzero(left <= revolutions))
-        row, turned = row - within, float(left[-1])
-        if within < len(left):
+        remaining = turned + np.cumsum(speed) * trace.period / TURN
+        within = int(np.count_nonzero(remaining <= revolutions))
+        row, turned = row - within, float(remaining[-1])
+        if within < len(remaining):
             return float(trace.time[row]) if row > 0 else None
     return None
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.results.status import NOTICED, SAFE, Status
+from cogless.results.status import NOTICED, SAFE_OUTPUT, Status
 from cogless.results.trace import Trace
 from cogless.study import Study, for_scenario
 from cogless.study.scenario import Event
@@ -19,7 +19,7 @@ from cogless.units import TURN
 
 Span = tuple[float, float]  # s
 
-FEWEST = 10  # fewest rows from which a ripple is computed
+RIPPLE_ROWS_LEAST = 10  # fewest rows from which a ripple is computed
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def _knocks(study: Study, scenario: str) -> list[tuple[Event, Event]]:
 
 def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learns: bool) -> list[Response]:
     """Responses of a run, one per fault."""
-    if len(trace) < FEWEST or not faults:
+    if len(trace) < RIPPLE_ROWS_LEAST or not faults:
         return []
     ends = [*(fault.time for fault in faults[1:]), math.inf]
     since = [0.0, *(fault.end for fault in faults[:-1])]
@@ -129,7 +129,7 @@ def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool
         fault=fault,
         noticed=tuple(words for _, words in sorted(seen)),
         noticed_after=max(0.0, float(time[min(seen)[0]]) - fault.time) if seen else None,
-        safe=lasted(SAFE),
+        safe=lasted(SAFE_OUTPUT),
         not_learning=lasted(Status.FROZEN) if learns else None,
         saturated=lasted(Status.SATURATED),
         before=before,
@@ -146,12 +146,12 @@ def _last_turn(trace: Trace, room: Span) -> Span | None:
     """Span of the last whole turn of the reference within `room`; None if it turns less than that."""
     rows = _rows(trace, room)
     time = trace.time[rows]
-    if len(time) < FEWEST:
+    if len(time) < RIPPLE_ROWS_LEAST:
         return None
-    left = np.cumsum(np.abs(trace.part("omega_ref", rows)[::-1]))[::-1] * trace.period
-    if not left[0] >= TURN * (1 - 1e-9):
+    remaining = np.cumsum(np.abs(trace.part("omega_ref", rows)[::-1]))[::-1] * trace.period
+    if not remaining[0] >= TURN * (1 - 1e-9):
         return None
-    first = int(np.flatnonzero(left >= TURN * (1 - 1e-9))[-1])
+    first = int(np.flatnonzero(remaining >= TURN * (1 - 1e-9))[-1])
     return float(time[first]), float(time[-1]) + trace.period
 
 

@@ -129,15 +129,15 @@ def _alone(folder: Path) -> Iterator[None]:
 
 
 def _files(folder: Path) -> list[str]:
-    found = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    return sorted(path.as_posix() for path in found)
+    paths = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    return sorted(path.as_posix() for path in paths)
 
 
 def _listed(folder: Path) -> list[str]:
     """Files of the set in a folder, as they were written; those that somebody has changed aren't its own."""
     try:
-        found = json.loads((folder / INDEX).read_text(encoding="utf-8"))["files"]
-        listed: Mapping[str, str] = {str(PurePosixPath(name)): digest for name, digest in found.items()}
+        digests = json.loads((folder / INDEX).read_text(encoding="utf-8"))["files"]
+        listed: Mapping[str, str] = {str(PurePosixPath(name)): digest for name, digest in digests.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return []
     return [name for name in listed if _is_own(folder, name) and _hash(folder / name) == listed[name]]

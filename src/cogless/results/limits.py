@@ -25,7 +25,7 @@ LETS_THROUGH = ("learning-time", "delay", "limit", "belief")  # they act by torq
 AND = " + "
 CLEAR_SHARE = 0.1  # of a result's square: what a cause must have to be named
 NAMED_MOST = 3  # causes that are told, and against which changes are tried
-HELPS = 0.8  # of the value as it is: what a change must leave at most to be advised
+HELPING_SHARE = 0.8  # an advised change leaves at most this share of the present value
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,8 @@ class Limits:
     def part(self) -> Cure | None:
         """The best other part, if it leaves clearly less than the best setting; None if none does."""
         part, setting = self._best(False), self.setting
-        return part if part and (not setting or part.value <= HELPS * setting.value) else None
+        return part if part and (not setting or part.value <= HELPING_SHARE * setting.value) else None
 
     def _best(self, setting: bool) -> Cure | None:
-        able = (c for c in self.cures if c.setting is setting and c.value <= HELPS * self.value)
+        able = (c for c in self.cures if c.setting is setting and c.value <= HELPING_SHARE * self.value)
         return next(able, None)

@@ -215,14 +215,14 @@ def time_to_learn(m: MetricInput) -> float | None:
     """
     if m.metric.smooth is None or m.metric.band is None:
         raise m.error("expected a band, and smooth")
-    x, each = m.part(m.signal, m.rows), max(1, round(m.metric.smooth / m.trace.period))
-    pieces = x[: len(x) // each * each].reshape(-1, each)
+    x, piece_rows = m.part(m.signal, m.rows), max(1, round(m.metric.smooth / m.trace.period))
+    pieces = x[: len(x) // piece_rows * piece_rows].reshape(-1, piece_rows)
     if not len(pieces):
         raise m.error("window is shorter than smooth")
     outside = np.flatnonzero(~(np.sqrt(np.mean(pieces**2, axis=1)) <= m.metric.band))
     if len(outside) and outside[-1] == len(pieces) - 1:
         return None
-    return float(outside[-1] + 1) * each * m.trace.period if len(outside) else 0.0
+    return float(outside[-1] + 1) * piece_rows * m.trace.period if len(outside) else 0.0
 
 
 def copper_loss(m: MetricInput) -> float:
@@ -254,11 +254,11 @@ def first_rms(m: MetricInput) -> list[float]:
 
 def final_rms(m: MetricInput) -> list[float]:
     """RMS over the second half of each phase's trials, in the signal's unit."""
-    found, values = [], rms(m)
+    of_phases, values = [], rms(m)
     for phase in m.phases:
         last = values[phase][-max(1, round(SETTLED_SHARE * (phase.stop - phase.start))) :]
-        found.append(float(np.sqrt(np.mean(np.square(last)))))
-    return found
+        of_phases.append(float(np.sqrt(np.mean(np.square(last)))))
+    return of_phases
 
 
 def trials_to_floor(m: MetricInput) -> list[float]:
@@ -269,11 +269,11 @@ def trials_to_floor(m: MetricInput) -> list[float]:
     """
     if m.metric.floor is None:
         raise m.error("expected a floor")
-    found, values = [], rms(m)
+    counts, values = [], rms(m)
     for phase in m.phases:
         below = np.flatnonzero(values[phase] <= m.metric.floor)
-        found.append(float(below[0] + 1) if len(below) else math.inf)
-    return found
+        counts.append(float(below[0] + 1) if len(below) else math.inf)
+    return counts
 
 
 KINDS: dict[str, Callable[[MetricInput], Value | Array]] = {

@@ -74,17 +74,18 @@ def _limits(results: AnyResults) -> dict[str, Any]:
     """What limits each scenario's best run; shares are of the metric's square, values in its SI unit."""
     if not results.limits:
         return {}
-    found = [
+    entries = [
         {
-            "scenario": each.scenario,
-            "controller": each.controller,
-            "metric": each.metric,
-            **({} if each.order is None else {"order": each.order}),
-            "value": each.value,
+            "scenario": limited.scenario,
+            "controller": limited.controller,
+            "metric": limited.metric,
+            **({} if limited.order is None else {"order": limited.order}),
+            "value": limited.value,
             "causes": [
-                {"cause": cause.name, "without": cause.value, "share": cause.share} for cause in each.causes
+                {"cause": cause.name, "without": cause.value, "share": cause.share}
+                for cause in limited.causes
             ],
-            "untried": list(each.untried),
+            "untried": list(limited.untried),
             "tried": [
                 {
                     "against": cure.cause,
@@ -92,12 +93,12 @@ def _limits(results: AnyResults) -> dict[str, Any]:
                     "value": cure.value,
                     "costs": dict(cure.costs),
                 }
-                for cure in each.cures
+                for cure in limited.cures
             ],
         }
-        for each in results.limits.values()
+        for limited in results.limits.values()
     ]
-    return {"limits": found}
+    return {"limits": entries}
 
 
 def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
@@ -120,11 +121,11 @@ def _definitions(results: AnyResults) -> dict[str, dict[str, Any]]:
 
 def _not_designed(results: AnyResults) -> dict[str, Any]:
     """The controllers that have no run because they can't be designed, and why; absent if there is none."""
-    found = [
+    entries = [
         {"scenario": scenario, "controller": name, "why": str(why)}
         for (scenario, name), why in results.not_designed.items()
     ]
-    return {"not_designed": found} if found else {}
+    return {"not_designed": entries} if entries else {}
 
 
 def _design(design: TrialDesign) -> dict[str, Any]:
@@ -185,8 +186,8 @@ def as_json(value: Any) -> Any:
         return {key: as_json(inner) for key, inner in value.items()}
     if isinstance(value, list):
         return [as_json(inner) for inner in value]
-    known = isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))
-    return value if known else str(value)
+    is_plain = isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))
+    return value if is_plain else str(value)
 
 
 def _plain(value: Value) -> Any:

@@ -71,12 +71,12 @@ class AnyResults:
 
     def without_design(self, scenario: str | None = None) -> list[str]:
         """A line for each controller that was not designed, of one scenario or of all: its label and why."""
-        found = (
+        reasons = (
             f"{self.study.label(name)}: not designed: {why.within(self.study.source.path)}"
             for (where, name), why in self.not_designed.items()
             if scenario in (None, where)
         )
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys(reasons))
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ class Status(IntFlag):
     GUARDED = _BITS["CGL_STATUS_GUARDED"]
 
 
-SAFE = Status.FAULT | Status.OFF  # the controller holds its safe output
+SAFE_OUTPUT = Status.FAULT | Status.OFF  # the controller holds its safe output
 NOTICED = {  # what the monitor found wrong
     Status.ANGLE_LOST: "angle missing",
     Status.ANGLE_SHIFTED: "angle shifted",

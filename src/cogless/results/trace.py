@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-BLOCK = 1 << 18  # rows
-CHUNK = 1 << 16  # rows that are compressed together
+BLOCK_ROWS = 1 << 18  # rows
+CHUNK_ROWS = 1 << 16  # rows that are compressed together
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Trace:
                 return np.where(np.abs(x) < self.largest, x, np.nan)
         return np.asarray(x)
 
-    def blocks(self, rows: slice = slice(None), size: int = BLOCK) -> Iterator[slice]:
+    def blocks(self, rows: slice = slice(None), size: int = BLOCK_ROWS) -> Iterator[slice]:
         """These rows in pieces of at most `size`, to go through a long trace in little memory."""
         first, last, _ = rows.indices(len(self))
         return (slice(row, min(row + size, last)) for row in range(first, last, size))
@@ -194,12 +194,12 @@ def _write_group(group: Any, trace: Trace, rate: float) -> None:
             fill_value=False,
             compression="zlib",
             complevel=1,
-            chunksizes=(max(1, min(count, CHUNK)),),
+            chunksizes=(max(1, min(count, CHUNK_ROWS)),),
             chunk_cache=1,  # whole chunks are written; kept in memory, they would add up
         )
         variable.units = unit
         variable.set_auto_maskandscale(False)
-        for rows in trace.blocks(size=CHUNK * every):
+        for rows in trace.blocks(size=CHUNK_ROWS * every):
             stored = trace.part(name, slice(rows.start, rows.stop, every)).astype(kind)
             variable[rows.start // every : rows.start // every + len(stored)] = stored
 

@@ -29,8 +29,8 @@ from cogless.study.reading import split
 # Relative steps for numerical derivatives. There is one fit per step, each from the best point so far. An
 # encoder makes metrics uneven: large steps find the valley, small ones its lowest point.
 STEPS = (0.3, 0.1, 0.02)
-TOLERANCE = 1e-4  # relative change of the parameters that ends a fit
-ROUNDS = 20  # of each fit
+FIT_TOLERANCE = 1e-4  # relative change of the parameters that ends a fit
+EVALUATIONS_MOST = 20  # evaluations of each fit
 
 FitProgress = Callable[[int, float], None]
 
@@ -105,7 +105,7 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
             f"{study.source.path}: calibration: missing: expected a table of parameters, targets"
         )
     knobs = [_knob(study, index, parameter) for index, parameter in enumerate(study.calibration.parameters)]
-    known: dict[str, dict[str, Value]] = {}
+    metrics_of: dict[str, dict[str, Value]] = {}
     evaluations = 0
 
     best = np.array([k.start / k.scale for k in knobs])
@@ -113,8 +113,8 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
 
     def deviations(x: NDArray[np.float64]) -> NDArray[np.float64]:
         nonlocal evaluations, best, least
-        found = _residuals(_with(study, knobs, x), known, jobs)
-        weighted = np.array(_relative(study, found))
+        residuals = _residuals(_with(study, knobs, x), metrics_of, jobs)
+        weighted = np.array(_relative(study, residuals))
         deviation = float(np.sqrt(np.mean(weighted**2)))
         if deviation < least:
             best, least = x.copy(), deviation
@@ -130,7 +130,12 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
         for step in STEPS:
             steps = np.full(len(knobs), step)
             fit = least_squares(
-                deviations, best, bounds=bounds, diff_step=steps, xtol=TOLERANCE, max_nfev=ROUNDS
+                deviations,
+                best,
+                bounds=bounds,
+                diff_step=steps,
+                xtol=FIT_TOLERANCE,
+                max_nfev=EVALUATIONS_MOST,
             )
             settled = fit.status > 0
     except KeyboardInterrupt:
@@ -141,8 +146,15 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
     parameters = tuple(
         Fitted(k.key, shown(k.text(s)), shown(k.text(x))) for k, s, x in zip(knobs, start, best, strict=True)
     )
-    residuals = tuple(_residuals(fitted, known, jobs))
-    return Fit(parameters, residuals, least, settled, fitted, interrupted)
+    residuals = tuple(_residuals(fitted, metrics_of, jobs))
+    return Fit(
+        parameters=parameters,
+        residuals=residuals,
+        deviation=least,
+        settled=settled,
+        study=fitted,
+        interrupted=interrupted,
+    )
 
 
 def _deciding_tables(study: AnyStudy, scenario: str, controller: str) -> str:
@@ -194,32 +206,41 @@ def _knob(study: AnyStudy, index: int, parameter: FitParameter) -> _Knob:
     return _Knob(key, unit, start, abs(start) or width, lower, upper)
 
 
-def _residuals(study: AnyStudy, known: dict[str, dict[str, Value]], jobs: int) -> list[Residual]:
+def _residuals(study: AnyStudy, metrics_of: dict[str, dict[str, Value]], jobs: int) -> list[Residual]:
     """Targets and values of this study's metrics.
 
-    `known`: metrics of earlier runs; a run with the same tables as one of them isn't repeated.
+    `metrics_of`: metrics of earlier runs; a run with the same tables as one of them isn't repeated.
     """
     assert study.calibration is not None
     pairs = dict.fromkeys((target.scenario, target.controller) for target in study.calibration.targets)
     names = {pair: _deciding_tables(study, *pair) for pair in pairs}
-    missing = ["/".join(pair) for pair, name in names.items() if name not in known]
+    missing = ["/".join(pair) for pair, name in names.items() if name not in metrics_of]
     if missing:
         results = run_study(study, missing, jobs=jobs)
         if results.interrupted:
             raise KeyboardInterrupt
-        known |= {names[run.scenario, run.controller]: dict(run.metrics) for run in results.runs}
-    found = []
+        metrics_of |= {names[run.scenario, run.controller]: dict(run.metrics) for run in results.runs}
+    residuals = []
     for target in study.calibration.targets:
         metric = _metric(study, target.scenario, target.metric)
-        value = known[names[target.scenario, target.controller]].get(result_name(metric))
+        value = metrics_of[names[target.scenario, target.controller]].get(result_name(metric))
         got = value if isinstance(value, list) else [math.nan if value is None else value]
         places = metric.order or (range(1, len(got) + 1) if isinstance(value, list) else (None,))
-        for part, wanted, number in zip(places, target.values(metric, len(got)), got, strict=True):
+        for part, target_value, number in zip(places, target.values(metric, len(got)), got, strict=True):
             if not math.isfinite(number):
                 place = f"{target.scenario}/{target.controller}"
                 raise StudyError(f"{study.source.path}: calibration: {target.metric} of {place} has no value")
-            found.append(Residual(target.scenario, target.controller, target.metric, part, wanted, number))
-    return found
+            residuals.append(
+                Residual(
+                    scenario=target.scenario,
+                    controller=target.controller,
+                    metric=target.metric,
+                    part=part,
+                    wanted=target_value,
+                    got=number,
+                )
+            )
+    return residuals
 
 
 def _metric(study: AnyStudy, scenario: str, name: str) -> Metric:
@@ -252,8 +273,8 @@ def residual_rows(fit: Fit) -> list[tuple[str, str, str, str, str]]:
     for r in fit.residuals:
         metric = _metric(fit.study, r.scenario, r.metric)
         unit = metric.unit or metric.dimension.unit
-        wanted, got = (units.format(value, unit, metric.dimension, digits=4) for value in (r.wanted, r.got))
+        expected, got = (units.format(value, unit, metric.dimension, digits=4) for value in (r.wanted, r.got))
         share = f"{100 * (r.got / r.wanted - 1):+.1f} %" if r.wanted else ""
         name = r.metric if r.part is None else f"{r.metric} {r.part:g}"
-        rows.append((f"{r.scenario}/{r.controller}", name, wanted, got, share))
+        rows.append((f"{r.scenario}/{r.controller}", name, expected, got, share))
     return rows

@@ -89,10 +89,8 @@ def carried_out_together(
     """
     first = plans[0]
     width = first.engine.lane_kernels()[0][1]
-    beside = [plan for plan in plans if _goes_with(plan, first)][:width] or [first]
-    outcomes = {
-        id(plan): outcome for plan, outcome in zip(beside, _outcomes(beside, stop, room), strict=True)
-    }
+    batch = [plan for plan in plans if _goes_with(plan, first)][:width] or [first]
+    outcomes = {id(plan): outcome for plan, outcome in zip(batch, _outcomes(batch, stop, room), strict=True)}
     others = [plan for plan in plans if id(plan) not in outcomes]
     if others:
         rest = carried_out_together(others, stop, room)
@@ -185,12 +183,12 @@ def _trial_run(study: TrialStudy, planned: Plan, state: Any, trace: Trace, lanes
     own = isinstance(study.controller[controller], OwnLaw)
     learned = None if own else _learned(planned, state)
     return Run(
-        scenario,
-        controller,
-        trace,
-        learned_map.memory_of(study, scenario, controller, learned),
-        metrics,
-        planned.design,
+        scenario=scenario,
+        controller=controller,
+        trace=trace,
+        memory=learned_map.memory_of(study, scenario, controller, learned),
+        metrics=metrics,
+        design=planned.design,
         map=learned_map.of_run(study, learned, motion),
         feedback=_feedback_trace(study, planned),
     )

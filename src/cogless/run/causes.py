@@ -17,8 +17,8 @@ from cogless.study.metric import Metric
 from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall
 from cogless.study.reading import Changes
 
-LONGER = 4  # times the scenario's duration, to see what has not been learned yet
-LARGER = 4  # times the limits of current and voltage
+LONGER_FACTOR = 4  # factor on the scenario's duration that shows what has not been learned yet
+LARGER_FACTOR = 4  # factor on the limits of current and voltage
 TOLD = ("delay", "belief")  # causes without which a rule gives other gains
 REST_SHARE = 0.05  # of the largest speed; below it the rotor is near standstill
 FINE_LINES, FINE_BITS = 10_000_000, 31  # the most that an encoder has, and a word that shows an angle
@@ -43,22 +43,22 @@ class Suspect:
 
 def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
     """The causes in a run's scenario. `metric`: the one that judges the run."""
-    here = for_scenario(study, run.scenario)
-    steps, error = _steps(here), _error(here)
+    own_study = for_scenario(study, run.scenario)
+    steps, error = _steps(own_study), _error(own_study)
     clean = {**steps, **error}
     found = {
         "sensor-steps": (steps, {}),
         "sensor-error": (error, {}),
-        "delay": (_delay(here), clean),
-        "dead-time": (_dead_time(here), {}),
-        "switching": (_switching(here), {}),
-        "current-noise": (_current_noise(here), {}),
-        "current-error": (_current_error(here), {}),
+        "delay": (_delay(own_study), clean),
+        "dead-time": (_dead_time(own_study), {}),
+        "switching": (_switching(own_study), {}),
+        "current-noise": (_current_noise(own_study), {}),
+        "current-error": (_current_error(own_study), {}),
         "learning-time": (longer(study, run.scenario, run.controller, metric), {}),
         "disturbance": (_disturbance(study, run.scenario), {}),
-        "friction": (_friction(here, run), {}),
-        "limit": (_limit(here, run), {}),
-        "belief": ({} if here.drive.belief == Belief() else {"drive.belief": {}}, {}),
+        "friction": (_friction(own_study, run), {}),
+        "limit": (_limit(own_study, run), {}),
+        "belief": ({} if own_study.drive.belief == Belief() else {"drive.belief": {}}, {}),
     }
     return [
         Suspect(name, without, beside, name in TOLD) for name, (without, beside) in found.items() if without
@@ -131,7 +131,7 @@ def longer(study: Study, scenario: str, controller: str, metric: Metric) -> Chan
     """The change to a longer run, judged at its end; empty if it isn't comparable or nothing learns."""
     if not isinstance(study.controller[controller], LearnsWhileRunning):
         return {}
-    return later(study, scenario, metric, (LONGER - 1) * study.scenario[scenario].duration)
+    return later(study, scenario, metric, (LONGER_FACTOR - 1) * study.scenario[scenario].duration)
 
 
 def later(study: Study, scenario: str, metric: Metric, more: float) -> Changes:
@@ -198,7 +198,7 @@ def _limit(study: Study, run: Run) -> Changes:
     if not (status & Status.SATURATED).any():
         return {}
     drive = study.drive
-    found = {f"{LOOP}.current_limit": f"{LARGER * drive.current_loop.current_limit!r} A"}
+    found = {f"{LOOP}.current_limit": f"{LARGER_FACTOR * drive.current_loop.current_limit!r} A"}
     if drive.inverter is not None:
-        found[f"{INVERTER}.bus_voltage"] = f"{LARGER * drive.inverter.bus_voltage!r} V"
+        found[f"{INVERTER}.bus_voltage"] = f"{LARGER_FACTOR * drive.inverter.bus_voltage!r} V"
     return found

@@ -49,9 +49,9 @@ STUCK_TORQUE = 0.1  # of the largest torque: a load that leaves less to turn the
 OBSERVER_PEAK = (
     0.80  # of bandwidth times a step of the angle, which shows as a speed: largest (3x - x^2) e^-x
 )
-BRIDGE = 5e-3  # s
+BRIDGE_TIME = 5e-3  # s
 FORGET_TIMES = 10.0  # time constants after which an observer has forgotten a jump to a part in a thousand
-HOLD = 10e-3  # s
+HOLD_TIME = 10e-3  # s
 
 
 def sensor_ratio(drive: Drive, mechanics: Mechanics) -> float:
@@ -92,8 +92,8 @@ def monitor_config(
         "stuck_time": max(STUCK_TIME, _step_time(drive, motor, belief, mechanics, step)),
         "current_max": 0.0,
         "current_sum": 0.0,
-        "bridge": BRIDGE,
-        "hold": HOLD,
+        "bridge": BRIDGE_TIME,
+        "hold": HOLD_TIME,
         "phases": 0 if drive.ideal else motor.phases,
     }
     if drive.inverter is not None and not isinstance(loop, IdealCurrentLoop):

@@ -64,18 +64,20 @@ def limits(
     value = tries.value_of(run.metrics)
     if value is None or value <= _negligible(study, run.scenario, metric):
         return None
-    found = suspects(study, run, metric)
-    pairs = [change for each in found for change in (tries.without(each), tries.placed(each.beside))]
+    suspected = suspects(study, run, metric)
+    pairs = [
+        change for suspect in suspected for change in (tries.without(suspect), tries.placed(suspect.beside))
+    ]
     values = [tries.value_of(metrics) for metrics in tries.metrics(pairs)]
     causes = []
-    for each, without, beside in zip(found, values[::2], values[1::2], strict=True):
-        if without is not None and beside is not None:
-            share = (min(beside, value) ** 2 - without**2) / value**2
-            causes.append(Cause(each.name, without, share))
+    for suspect, without, placed in zip(suspected, values[::2], values[1::2], strict=True):
+        if without is not None and placed is not None:
+            share = (min(placed, value) ** 2 - without**2) / value**2
+            causes.append(Cause(suspect.name, without, share))
     causes.sort(key=lambda cause: -cause.share)
     if sum(max(0.0, cause.share) for cause in causes) < MOST_SHARE:
-        causes = sorted([*causes, *_pairs(tries, found, causes, value)], key=lambda cause: -cause.share)
-    untried = [each.name for each in found if all(each.name != cause.name for cause in causes)]
+        causes = sorted([*causes, *_pairs(tries, suspected, causes, value)], key=lambda cause: -cause.share)
+    untried = [suspect.name for suspect in suspected if all(suspect.name != cause.name for cause in causes)]
     limited = Limits(
         scenario=run.scenario,
         controller=run.controller,
@@ -91,28 +93,28 @@ def limits(
 def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limits) -> list[Cure]:
     """The changes that were tried against the named causes, the best first."""
     clear = dict.fromkeys(name for cause in limited.named[:NAMED_MOST] for name in cause.names)
-    options = [(cause, each) for cause in clear for each in candidates(study, run, metric, cause)]
+    options = [(cause, candidate) for cause in clear for candidate in candidates(study, run, metric, cause)]
     changes = [tries.placed(option.changes) for _, option in options]
     cures = [
-        Cure(cause, change, left, option.setting, _costs(study, run, metric, metrics))
+        Cure(cause, change, remaining, option.setting, _costs(study, run, metric, metrics))
         for (cause, option), change, metrics in zip(options, changes, tries.metrics(changes), strict=True)
-        if (left := tries.value_of(metrics)) is not None and tries.fits(change)
+        if (remaining := tries.value_of(metrics)) is not None and tries.fits(change)
     ]
     return sorted(cures, key=lambda cure: cure.value)
 
 
-def _pairs(tries: _Tries, found: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:
+def _pairs(tries: _Tries, suspected: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:
     """Pairs of the largest causes that together, but not alone, have most of the metric's square."""
-    apart = {each.name: each for each in found if not each.beside}
+    apart = {suspect.name: suspect for suspect in suspected if not suspect.beside}
     largest = [apart[cause.name] for cause in causes if cause.name in apart][:PAIRED_CAUSES]
-    both = [
+    pairs = [
         Suspect(f"{a.name}{AND}{b.name}", {**a.without, **b.without}, {}, a.told or b.told)
         for a, b in combinations(largest, 2)
     ]
-    values = [tries.value_of(metrics) for metrics in tries.metrics([tries.without(pair) for pair in both])]
+    values = [tries.value_of(metrics) for metrics in tries.metrics([tries.without(pair) for pair in pairs])]
     causes_of_two = [
         Cause(pair.name, without, 1 - (without / value) ** 2)
-        for pair, without in zip(both, values, strict=True)
+        for pair, without in zip(pairs, values, strict=True)
         if without is not None
     ]
     return [cause for cause in causes_of_two if cause.share >= MOST_SHARE]
@@ -120,15 +122,15 @@ def _pairs(tries: _Tries, found: Sequence[Suspect], causes: Sequence[Cause], val
 
 def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value]) -> dict[str, float]:
     """Metrics beside the judged one that a change made clearly worse, with the ratio to the run's value."""
-    found = {}
+    costs = {}
     for metric in study.metrics_in(run.scenario):
         name = result_name(metric)
         before, after = run.metrics.get(name), metrics.get(name)
         if metric == judged or metric.wanted != "lower" or not before or isinstance(before, list):
             continue
         if isinstance(after, float) and after / before >= CLEARLY_WORSE:
-            found[name] = after / before
-    return found
+            costs[name] = after / before
+    return costs
 
 
 def _negligible(study: Study, scenario: str, metric: Metric) -> float:
@@ -170,7 +172,9 @@ class _Tries:
         The metrics are empty if the study refuses the change, the run fails or the speed isn't held.
         """
         new = {repr(changes): changes for changes in of if repr(changes) not in self._tried}
-        studies = {key: made for key, changes in new.items() if (made := self._changed(changes)) is not None}
+        studies = {
+            key: study for key, changes in new.items() if (study := self._changed(changes)) is not None
+        }
         self._tried |= {key: {} for key in new}
         for key, run in zip(studies, self._runs([*studies.values()]), strict=True):
             if run is not None and self._held(run.metrics):
@@ -200,10 +204,11 @@ class _Tries:
         """The changes that remove a cause."""
         return self.placed({**suspect.beside, **suspect.without}, suspect.told)
 
-    def placed(self, changes: Changes, told: bool = True) -> dict[str, Any]:
+    def placed(self, changes: Changes, is_assumed: bool = True) -> dict[str, Any]:
         """The changes, repeated in the scenario's override where the override sets the same keys.
 
-        `told`: whether the controller knows of them. If not, changes of the drive are in the override alone.
+        `is_assumed`: whether the controller knows of them. If not, changes of the drive are only in the
+        override.
         """
         scenario, override = self._run.scenario, self._override
         over = {tuple(map(str, split(key))) for key in override}
@@ -211,7 +216,7 @@ class _Tries:
         for key, value in changes.items():
             path = tuple(map(str, split(key)))
             overridden = any(path[: len(other)] == other[: len(path)] for other in over)
-            if overridden or (not told and path[0] in PLANT):
+            if overridden or (not is_assumed and path[0] in PLANT):
                 whole = {name: inner for name, inner in override.items() if not name.startswith(f"{key}.")}
                 override = {**whole, key: value}
             else:
@@ -239,8 +244,14 @@ class _Tries:
         metrics = [source.tables["metric"][place] for place in places]
         metrics[0] = {**metrics[0], "scenarios": [scenario]}
         over = {key: metrics[0][key] for key in ("window", "last") if key in metrics[0]}
-        held = {"name": MEAN_ERROR, "kind": "mean", "signal": "omega_error", "scenarios": [scenario], **over}
-        tables["metric"] = [*metrics, held]
+        mean_error = {
+            "name": MEAN_ERROR,
+            "kind": "mean",
+            "signal": "omega_error",
+            "scenarios": [scenario],
+            **over,
+        }
+        tables["metric"] = [*metrics, mean_error]
         of_law = study.scenarios_of(controller)  # a rule looks at all of them
         tables["controller"] = {controller: tables["controller"][controller]}
         tables["scenario"] = {n: {**tables["scenario"][n], "controllers": [controller]} for n in of_law}

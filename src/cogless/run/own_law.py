@@ -210,9 +210,9 @@ def _unknown_field(message: str, inputs: type) -> str:
     return f"{message.replace(f'{inputs.__module__}.', '')}: expected one of {fields}"
 
 
-def _find(study: AnyStudy, key: str, file: str, shown: str | None = None) -> Path:
+def _find(study: AnyStudy, key: str, file: str, value: str | None = None) -> Path:
     """Path of a user's file, which is given relative to the study; StudyError if there is none."""
     path = study.source.folder / file
     if not path.is_file():
-        raise StudyError(f'{study.source.path}: {key}: "{shown or file}": expected a file at {path}')
+        raise StudyError(f'{study.source.path}: {key}: "{value or file}": expected a file at {path}')
     return path

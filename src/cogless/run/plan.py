@@ -43,9 +43,9 @@ def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> l
     `drive`: the engine's, with this law. StudyError: the file is no map, or nothing that fits the law, or
     that a user's law takes.
     """
-    given = law.start
-    assert given is not None
-    key, name = ("table", given.table) if given.map is None else ("map", given.map)
+    start = law.start
+    assert start is not None
+    key, name = ("table", start.table) if start.map is None else ("map", start.map)
     where = f'{study.source.path}: controller.{controller}.start.{key}: "{name}": '
     try:
         with _law_failures(study, controller, where):
@@ -54,8 +54,8 @@ def starting_map(study: Study, controller: str, law: Startable, drive: Any) -> l
         if own is None:
             needs = law.NEEDS if isinstance(law, OwnLaw) else "none, since the memory is over time"
             raise MapError(f"expected {needs}")
-        found = _of_table(study, given) if given.map is None else _newest(study, given.map)
-        entries = learned_map.entries(found, own, law.unit)
+        source = _of_table(study, start) if start.map is None else _newest(study, start.map)
+        entries = learned_map.entries(source, own, law.unit)
         if isinstance(law, OwnLaw):
             with _law_failures(study, controller, where):
                 drive.load_map(state, entries)  # it may refuse it: before the first run
@@ -79,31 +79,31 @@ def _newest(study: Study, name: str) -> StoredMap:
     path = study.source.folder / name
     if not path.is_file():
         raise MapError(f"expected a file at {path}")
-    found = stored_map.read(path)
-    newest = stored_map.newest(found)
+    maps = stored_map.read(path)
+    newest = stored_map.newest(maps)
     if newest is None:
-        raise MapError(str(found[0].map))
+        raise MapError(str(maps[0].map))
     return newest.map
 
 
-def _of_table(study: Study, given: Start) -> StoredMap:
+def _of_table(study: Study, start: Start) -> StoredMap:
     """The table as the map of a current over its revolution."""
-    table = given.over_angle
-    cells, parts = len(table.angle), study.motor.pole_pairs if given.frame == "electrical" else 1
+    table = start.over_angle
+    cells, parts = len(table.angle), study.motor.pole_pairs if start.frame == "electrical" else 1
     amplitude, phase = np.transpose(table.harmonics((cells - 1) // 2))
     spectrum = amplitude / 2 * np.exp(1j * (phase - np.pi / 2))
     spectrum[0] *= 2
     current = np.fft.irfft(spectrum, cells) * cells
     if table.name == "torque":
         current /= study.K_t
-    if given.sign == "cogging":
+    if start.sign == "cogging":
         current = -current
     return StoredMap(current.astype(np.float32), (CURRENT,), (float(np.max(np.abs(current))),), parts=parts)
 
 
 ENGINES = {"single": "cogless._simulator_f32", "double": "cogless._simulator_f64"}
 REFUSALS = (ValueError, RuntimeError, MemoryError)  # exactly these does the engine raise about a study
-PIECE = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
+PROGRESS_PERIOD = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
 
 Progress = Callable[[float], None]
 
@@ -144,7 +144,7 @@ def memory_enough(study: AnyStudy, scenario: str, controller: str) -> Iterator[N
 
 
 def advance(run: Callable[[int], None], ticks: int, progress: Progress, stop: Event) -> None:
-    """Call `run` for all the ticks, in pieces of about PIECE. In between, report progress, see `stop`."""
+    """Call `run` for all ticks, in pieces of about PROGRESS_PERIOD, with progress reports; see `stop`."""
     done, piece = 0, 1000
     while done < ticks:
         if stop.is_set():
@@ -155,7 +155,7 @@ def advance(run: Callable[[int], None], ticks: int, progress: Progress, stop: Ev
         done += step
         progress(done / ticks)
         spent = max(time.perf_counter() - begun, 1e-6)
-        piece = max(1, min(4 * piece, int(step * PIECE / spent)))
+        piece = max(1, min(4 * piece, int(step * PROGRESS_PERIOD / spent)))
 
 
 def trace_of(drive: Any, recorder: Any) -> Trace:
@@ -227,12 +227,12 @@ def plan(
 def _plan_speed(
     study: Study, scenario: str, controller: str, stop: Event | None, design: TrialDesign | None
 ) -> Plan:
-    made, law = _speed(study, scenario, controller, "run"), study.controller[controller]
+    plan, law = _speed(study, scenario, controller, "run"), study.controller[controller]
     if isinstance(law, Startable) and law.start is not None:
-        return replace(made, learned=starting_map(study, controller, law, made.drive))
+        return replace(plan, learned=starting_map(study, controller, law, plan.drive))
     if not isinstance(law, AntiCogging):
-        return made
-    return replace(made, learned=_commissioned(study, scenario, controller, stop or Event()))
+        return plan
+    return replace(plan, learned=_commissioned(study, scenario, controller, stop or Event()))
 
 
 def _described(
@@ -255,12 +255,12 @@ def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
         drive = engine.Drive(description, law)
         drive.stored(drive.start())  # what a user's law tells may be no map: found before it runs
     return Plan(
-        study,
-        scenario,
-        controller,
-        engine,
-        drive,
-        description,
+        study=study,
+        scenario=scenario,
+        controller=controller,
+        engine=engine,
+        drive=drive,
+        description=description,
         **vars(study.timing(scenario)),
     )
 
@@ -303,12 +303,12 @@ def _plan_trials(
     with failures(study, scenario, controller):
         drive = engine.LinearTrials(description) if linear else engine.Drive(description, law)
     return Plan(
-        study,
-        scenario,
-        controller,
-        engine,
-        drive,
-        description,
+        study=study,
+        scenario=scenario,
+        controller=controller,
+        engine=engine,
+        drive=drive,
+        description=description,
         **vars(study.timing(scenario)),
         design=design,
         in_step=False,
@@ -325,15 +325,15 @@ def _commissioned(study: Study, scenario: str, controller: str, stop: Event) -> 
     """
     law = study.controller[controller]
     assert isinstance(law, AntiCogging) and law.calibration is not None
-    made = _speed(study, scenario, controller, "learn")
-    drive, state, expected = made.drive, made.drive.start(), law.calibration.duration
+    plan = _speed(study, scenario, controller, "learn")
+    drive, state, expected = plan.drive, plan.drive.start(), law.calibration.duration
 
     def when() -> str:
-        return f", commissioning run,{made.when(state.tick)}"
+        return f", commissioning run,{plan.when(state.tick)}"
 
-    piece = made.divider * math.ceil(made.rate / made.divider)  # 1 s
-    while state.tick < 3 * expected * made.rate:
-        recorder = made.engine.Recorder(drive, made.divider)
+    piece = plan.divider * math.ceil(plan.rate / plan.divider)  # 1 s
+    while state.tick < 3 * expected * plan.rate:
+        recorder = plan.engine.Recorder(drive, plan.divider)
 
         def run(ticks: int, recorder: Any = recorder) -> None:
             with failures(study, scenario, controller, when):

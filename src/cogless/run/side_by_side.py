@@ -12,7 +12,7 @@ from threading import Event, Thread
 from typing import TypeVar
 
 T = TypeVar("T")
-GRACE = 1.0  # s that running tasks are given to end after Ctrl-C
+GRACE_TIME = 1.0  # s that running tasks have to end after Ctrl-C
 THREAD_NAME = "cogless-run"
 
 
@@ -55,8 +55,8 @@ def left_behind() -> bool:
 
 
 def _join(threads: Sequence[Thread]) -> None:
-    """Wait for these threads to end, for at most GRACE in total."""
-    end = time.monotonic() + GRACE
+    """Wait for these threads to end, for at most GRACE_TIME in total."""
+    end = time.monotonic() + GRACE_TIME
     for thread in threads:
         if thread.is_alive():
             thread.join(max(0.0, end - time.monotonic()))

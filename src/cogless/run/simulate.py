@@ -106,9 +106,9 @@ def run_study(
     StudyError: none can. RunError: a run failed; all others are finished.
     """
     room = TraceRoom(traces) if traces is not None else None
-    wanted = runs_of(study, only)
-    designs = _prepare(study, wanted)
-    pairs = [pair for pair in wanted if pair not in designs.refused]
+    asked_pairs = runs_of(study, only)
+    designs = _prepare(study, asked_pairs)
+    pairs = [pair for pair in asked_pairs if pair not in designs.refused]
     if not pairs:
         raise next(iter(designs.refused.values()))
     (results,) = _rollout([(study, designs, pairs)], {}, progress, jobs, True, room)
@@ -170,12 +170,12 @@ def _rollout(
         return [_run(run.study, run.designs, run.scenario, run.controller, report, stop, room)]
 
     def group(members: Sequence[_Pending]) -> list[Run | StudyError]:
-        made = alone(members[0]) if len(members) == 1 else _together(members, stop, room)
-        return made if keep_traces else [_without_trace(run) for run in made]
+        outcomes = alone(members[0]) if len(members) == 1 else _together(members, stop, room)
+        return outcomes if keep_traces else [_without_trace(run) for run in outcomes]
 
     groups = _groups(runs, jobs) if len(studies) > 1 else [[run] for run in runs]
-    made = side_by_side([partial(group, members) for members in groups], jobs, stop)
-    for members, future in zip(groups, made, strict=True):
+    outcomes = side_by_side([partial(group, members) for members in groups], jobs, stop)
+    for members, future in zip(groups, outcomes, strict=True):
         _hand_over(future, members)
     return _collected([(study, designs) for study, designs, _ in studies], all_runs, stop.is_set())
 
@@ -223,8 +223,8 @@ def _together(members: Sequence[_Pending], stop: Event, room: TraceRoom | None) 
         except StudyError as error:
             planned.append(error)
     plans = [plan for plan in planned if isinstance(plan, Plan)]
-    made = iter(carried_out_together(plans, stop, room) if plans else [])
-    return [next(made) if isinstance(plan, Plan) else plan for plan in planned]
+    outcomes = iter(carried_out_together(plans, stop, room) if plans else [])
+    return [next(outcomes) if isinstance(plan, Plan) else plan for plan in planned]
 
 
 def _hand_over(group: Future[list[Run | StudyError]], members: Sequence[_Pending]) -> None:
@@ -232,8 +232,8 @@ def _hand_over(group: Future[list[Run | StudyError]], members: Sequence[_Pending
     if not group.done():
         return
     failure = group.exception()
-    made = group.result() if failure is None else [failure] * len(members)
-    for run, outcome in zip(members, made, strict=True):
+    outcomes = group.result() if failure is None else [failure] * len(members)
+    for run, outcome in zip(members, outcomes, strict=True):
         run.outcome = outcome
 
 
@@ -285,7 +285,7 @@ def runs_of(study: AnyStudy, only: Sequence[str] | None = None) -> list[tuple[st
 
     for pattern in only:
         if not matched(pattern):
-            near = [each for each in (f"{pattern}/*", f"*/{pattern}") if matched(each)]
+            near = [option for option in (f"{pattern}/*", f"*/{pattern}") if matched(option)]
             names = list(map("/".join, runs))
             of = f', perhaps "{near[0]}"' if near else f" of {', '.join(names)}{perhaps(pattern, names)}"
             raise StudyError(f'{study.source.path}: --only: "{pattern}": expected SCENARIO/CONTROLLER{of}')
@@ -342,10 +342,10 @@ def _is_defect(outcome: Run | BaseException | None) -> bool:
 
 
 def _known(study: AnyStudy, scenario: str, controller: str) -> None:
-    for table, name, known in (
+    for table, name, options in (
         ("scenario", scenario, study.scenario),
         ("controller", controller, study.controller),
     ):
-        if name not in known:
-            expected = f"expected one of {', '.join(known)}{perhaps(name, known)}"
+        if name not in options:
+            expected = f"expected one of {', '.join(options)}{perhaps(name, options)}"
             raise StudyError(f'{study.source.path}: {table}: "{name}": {expected}')

@@ -44,7 +44,7 @@ from cogless.starter.sheet import Guess, Section, Sheet, origin, round_125
 from cogless.study import Study
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import AnyMotor
-from cogless.study.numerics import OVERMODULATED, no_load_speed, steps_needed, voltage_reach
+from cogless.study.numerics import OVERMODULATION_MOST, no_load_speed, steps_needed, voltage_reach
 from cogless.study.reading import checked, put, with_datasheet
 from cogless.study.toml import toml
 
@@ -136,7 +136,7 @@ def _steps(tables: dict[str, Any], change: Mapping[str, Any], path: Path) -> int
     (scenario,) = tables["scenario"].values()
     star = TypeAdapter(AnyMotor).validate_python(tables["motor"]).star()
     voltage = units.parse(tables["drive"]["inverter"]["bus_voltage"], units.VOLTAGE)
-    most = OVERMODULATED * no_load_speed(voltage, star, star.psi_f)
+    most = OVERMODULATION_MOST * no_load_speed(voltage, star, star.psi_f)
     return steps_needed(
         star,
         Mechanics.model_validate(tables["mechanics"]),

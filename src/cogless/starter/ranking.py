@@ -17,7 +17,7 @@ import numpy as np
 from cogless.design.law_rules import unstable_feedback
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.status import NOTICED, SAFE
+from cogless.results.status import NOTICED, SAFE_OUTPUT
 from cogless.run.simulate import RunError, rollout
 from cogless.starter.sheet import Guess
 from cogless.study import Study, changed
@@ -165,7 +165,7 @@ def _why(study: Study, run: Run, ripple: float, mean: float) -> str:
     last = study.metric[0].last or 0.0
     late = run.trace.time >= run.trace.time[-1] - last
     status = np.nan_to_num(run.trace.part("status", late)).astype(int)
-    if np.any(status & int(SAFE)):
+    if np.any(status & int(SAFE_OUTPUT)):
         causes = [words for bit, words in NOTICED.items() if np.any(status & int(bit))]
         return f"the drive switches off{f' ({causes[0]})' if causes else ''}"
     if not abs(mean - reference) <= SPEED_ERROR_MOST * reference:

@@ -58,11 +58,11 @@ class Target(Table):
 
     def values(self, metric: Metric, count: int) -> tuple[float, ...]:
         """The target values in SI; raises an error if there aren't `count` of them or one is invalid."""
-        wanted = self.value if isinstance(self.value, list) else [self.value]
-        if len(wanted) != count:
+        targets = self.value if isinstance(self.value, list) else [self.value]
+        if len(targets) != count:
             raise invalid(f"expected {count} values", "value")
         quantity = Quantity(metric.dimension, bare=not metric.dimension.unit)
-        return tuple(quantity.read(value) for value in wanted)
+        return tuple(quantity.read(value) for value in targets)
 
 
 class Calibration(Table):
@@ -349,8 +349,8 @@ class StudyBase(Table):
         key = (make, of)
         if key not in self._made:
             self._made[key] = make(self, of)
-        made: T = self._made[key]
-        return made
+        value: T = self._made[key]
+        return value
 
     @property
     def name(self) -> str:

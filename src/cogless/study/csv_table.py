@@ -27,7 +27,7 @@ from cogless.units import TURN, Dimension
 
 DECIMAL_POINT_HINT = ", and decimal points in numbers"
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
-HUGE = 1e9  # in the column's unit: beyond any drive
+VALUE_MOST = 1e9  # largest value in the column's unit: beyond any drive
 COLUMN_NAME = re.compile(r"\s*([^\W\d_]+)")  # in "error [deg]" and "error_deg"
 BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # speed [rpm]
 
@@ -43,7 +43,7 @@ def lines(path: Path) -> list[list[str]]:
 
 def finite(text: str, number: float, name: str, where: str) -> float:
     """The number, if it is finite and not absurd; else an error that quotes its cell."""
-    if not abs(number) < HUGE:
+    if not abs(number) < VALUE_MOST:
         raise invalid(f"{where}{shown(text)}: expected a finite {name}", "file")
     return number
 
@@ -104,30 +104,30 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
     places = {
         column: (names.index(column), _scale(heading, names, column, units_of[column])) for column in units_of
     }
-    found = Rising(name)
+    rising_column = Rising(name)
     for number, row in enumerate(rows, start=2):
         if not any(cell.strip() for cell in row):
             continue
         if len(row) != len(heading):
             points = DECIMAL_POINT_HINT if len(row) > len(heading) else ""
             raise invalid(f"line {number}: {shown(*row)}: expected {len(heading)} columns{points}", "file")
-        here, there = (
+        place_here, value_there = (
             _number(row[place], column, number) * factor for column, (place, factor) in places.items()
         )
-        if found.along and here <= found.along[-1]:
+        if rising_column.along and place_here <= rising_column.along[-1]:
             cell, article = shown(row[places[axis][0]]), "an" if axis[0] in "aeiou" else "a"
             raise invalid(f"line {number}: {cell}: expected {article} {axis} above the one before", "file")
-        found.along.append(here)
-        found.value.append(there)
-        found.line.append(number)
-    return found
+        rising_column.along.append(place_here)
+        rising_column.value.append(value_there)
+        rising_column.line.append(number)
+    return rising_column
 
 
 def _only(heading: list[str], names: list[str], columns: Mapping[str, Dimension]) -> str:
     """The name of the value's column."""
-    found = [name for name in names if name in columns]
-    if len(found) == 1:
-        return found[0]
+    value_names = [name for name in names if name in columns]
+    if len(value_names) == 1:
+        return value_names[0]
     examples = " or ".join(
         f'"{name} [{dimension.example or dimension.unit}]"' for name, dimension in columns.items()
     )
@@ -153,9 +153,10 @@ def _number(text: str, name: str, line: int) -> float:
     return finite(text, number, name, where)
 
 
-FEWEST = 8  # points
-GAP = 5.0  # times the median spacing: a wider one is a hole in the table
-SEAM = 3.0  # times the largest step between neighbours: a larger one from the end to the start is a mistake
+POINTS_LEAST = 8  # points
+GAP_RATIO = 5.0  # a spacing of more than this many medians is a hole in the table
+# the step from the end to the start is a mistake if it is this many times the largest other step
+SEAM_RATIO = 3.0
 
 
 @dataclass(frozen=True)
@@ -204,14 +205,16 @@ def read(path: Path, columns: Mapping[str, Dimension], key: str = "file") -> Ove
 
 
 def _read(path: Path, columns: Mapping[str, Dimension]) -> OverAngle:
-    found = rising(path, ("angle", units.ANGLE), columns)
-    return _whole(found.name, found.along, found.value, found.line)
+    column = rising(path, ("angle", units.ANGLE), columns)
+    return _whole(column.name, column.along, column.value, column.line)
 
 
 def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> OverAngle:
     """The table, if it covers a revolution without holes and its end fits its start."""
-    if len(angle) < FEWEST:
-        raise invalid(f"{len(angle)} lines of numbers: expected {FEWEST} or more over a revolution", "file")
+    if len(angle) < POINTS_LEAST:
+        raise invalid(
+            f"{len(angle)} lines of numbers: expected {POINTS_LEAST} or more over a revolution", "file"
+        )
     span, last = angle[-1] - angle[0], at[-1]
     if span > TURN * (1 + 1e-6):
         raise invalid(
@@ -219,7 +222,7 @@ def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> 
         )
     largest = max(abs(b - a) for a, b in pairwise(value[:-1]))  # the last may be the start again
     step = abs(value[-1] - value[0])
-    if step > SEAM * largest:
+    if step > SEAM_RATIO * largest:
         raise invalid(
             f"line {last}: the {name} does not close over the revolution: from the last to the first it "
             f"steps {step / largest if largest else math.inf:.3g} times as far as anywhere else",
@@ -230,10 +233,10 @@ def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> 
     gaps = [b - a for a, b in pairwise([*angle, angle[0] + TURN])]
     widest = max(range(len(gaps)), key=gaps.__getitem__)
     usual = statistics.median(gaps)
-    if gaps[widest] > GAP * usual:
+    if gaps[widest] > GAP_RATIO * usual:
         raise invalid(
             f"line {at[widest]}: the next angle comes after {math.degrees(gaps[widest]):.3g} deg: expected "
-            f"at most {math.degrees(GAP * usual):.3g} deg, {GAP:g} times the usual",
+            f"at most {math.degrees(GAP_RATIO * usual):.3g} deg, {GAP_RATIO:g} times the usual",
             "file",
         )
     return OverAngle(name, tuple(angle), tuple(value))
@@ -245,7 +248,7 @@ Points = tuple[tuple[float, float], ...]
 
 def points(path: Path) -> Points:
     """Time (s) and speed (rad/s) of each line; raises an error that names the line and quotes it."""
-    found: list[tuple[float, float]] = []
+    time_and_speed: list[tuple[float, float]] = []
     scales, expected = (
         (1.0, 1.0),
         f"expected time in s and speed in rad/s, with a comma between{DECIMAL_POINT_HINT}",
@@ -263,12 +266,12 @@ def points(path: Path) -> Points:
             raise invalid(f"{where}{shown(*row)}: {expected}", "file") from None
         for value, text, (name, _) in zip((time, speed), row, COLUMNS, strict=True):
             finite(text, value, name, where)
-        if found and time * scales[0] <= found[-1][0]:
+        if time_and_speed and time * scales[0] <= time_and_speed[-1][0]:
             raise invalid(f"{where}{shown(row[0])}: expected a time after the line before", "file")
-        found.append((time * scales[0], speed * scales[1]))
-    if not found:
+        time_and_speed.append((time * scales[0], speed * scales[1]))
+    if not time_and_speed:
         raise invalid("expected lines of time in s and speed in rad/s", "file")
-    return tuple(found)
+    return tuple(time_and_speed)
 
 
 def _scales(heading: list[str]) -> tuple[float, float]:

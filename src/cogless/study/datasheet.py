@@ -28,9 +28,9 @@ from cogless.study.table import AngularSpeed, Current, File, Many, Table, Torque
 
 MOST_ORDERS = 48  # that a table becomes unless they are named; each costs time in every step
 LEFT_OUT = 0.02  # largest share of the table's rms that may be left out then
-OFFSET = 0.1  # largest mean, as a share of the rms
-FUNDAMENTAL = 0.1  # least, as a share of the rms: with other pole pairs there is none, and no torque
-AGREE = 0.05  # relative difference at which a stated size still agrees with the table
+OFFSET_MOST = 0.1  # largest mean / rms
+FUNDAMENTAL_LEAST = 0.1  # smallest fundamental / rms: with other pole pairs there is none, and no torque
+AGREEMENT_MOST = 0.05  # relative difference at which a stated size still agrees with the table
 
 TableOrder = Annotated[int, Field(ge=1, le=10_000)]
 Wave = tuple[int, complex]  # an order n of the table and c: Re(c e^{j n angle})
@@ -64,7 +64,7 @@ class AngleFile(Table):
         ]
         mean = all_[0][1].real
         rms = math.sqrt(sum(abs(c) ** 2 for _, c in all_[1:]) / 2)
-        if abs(mean) > OFFSET * rms:
+        if abs(mean) > OFFSET_MOST * rms:
             raise invalid(
                 f"expected a mean of zero, not {mean / rms:.3g} of the rms: is friction or an offset in it?",
                 *key,
@@ -72,12 +72,12 @@ class AngleFile(Table):
             )
         waves = [(n, c) for n, c in all_[1:] if without_effect is None or n % without_effect]
         if self.orders is not None:
-            wanted = {*self.orders, *needed}
-            if max(wanted) > highest:
+            orders = {*self.orders, *needed}
+            if max(orders) > highest:
                 raise invalid(
                     f"expected orders up to {highest}, half the points of the table", *key, "orders"
                 )
-            return [(n, c) for n, c in waves if n in wanted]
+            return [(n, c) for n, c in waves if n in orders]
         power = sum(abs(c) ** 2 for _, c in waves)
         taken, rest = list[Wave](), power
         for n, c in sorted(waves, key=lambda wave: (wave[0] not in needed, -abs(wave[1]))):
@@ -97,13 +97,15 @@ class AngleFile(Table):
     def _check_size(self, unit: str, start: str = "") -> None:
         """Refuse a stated size that the table does not have. `start`: of the keys that state it."""
         low, high = min(self._table.value), max(self._table.value)
-        for key, found in ((f"{start}peak", max(-low, high)), (f"{start}peak_to_peak", high - low)):
+        for key, size in ((f"{start}peak", max(-low, high)), (f"{start}peak_to_peak", high - low)):
             stated = getattr(self, key)
-            if stated is None or math.isclose(stated, found, rel_tol=AGREE):
+            if stated is None or math.isclose(stated, size, rel_tol=AGREEMENT_MOST):
                 continue
-            twice = any(math.isclose(stated, factor * found, rel_tol=2 * AGREE) for factor in (2, 0.5))
+            twice = any(
+                math.isclose(stated, factor * size, rel_tol=2 * AGREEMENT_MOST) for factor in (2, 0.5)
+            )
             why = "; peak and peak to peak differ by 2" if twice else ""
-            raise invalid(f"expected {found:.4g} {unit} or so, as the table has{why}", key)
+            raise invalid(f"expected {size:.4g} {unit} or so, as the table has{why}", key)
 
 
 def _folder(info: ValidationInfo) -> Path:
@@ -185,14 +187,16 @@ class BackEmfTable(AngleFile):
         8, ... Multiples of 3 are alike in all phases and have no effect.
         """
         per_turn = pole_pairs if self.frame == "mechanical" else 1
-        found = self._waves((per_turn,), 3 * per_turn, ("back_emf_table",))
-        rms, fundamental = math.hypot(*(abs(c) for _, c in found)), abs(dict(found)[per_turn])
-        if fundamental <= FUNDAMENTAL * rms:
-            expected = f"expected a fundamental, order {per_turn}, of more than {FUNDAMENTAL:.0%} of the rms"
+        waves = self._waves((per_turn,), 3 * per_turn, ("back_emf_table",))
+        rms, fundamental = math.hypot(*(abs(c) for _, c in waves)), abs(dict(waves)[per_turn])
+        if fundamental <= FUNDAMENTAL_LEAST * rms:
+            expected = (
+                f"expected a fundamental, order {per_turn}, of more than {FUNDAMENTAL_LEAST:.0%} of the rms"
+            )
             raise invalid(f"{expected}: are pole_pairs and frame right?", "back_emf_table", "file")
         of_phase = {
             n // per_turn: c / (pole_pairs * self.speed) / self._difference(n // per_turn)
-            for n, c in found
+            for n, c in waves
             if n % per_turn == 0
         }
         zero = cmath.phase(of_phase[1]) - math.pi / 2  # the table's angle where theta_e is zero, negated
@@ -215,7 +219,7 @@ class BackEmfTable(AngleFile):
         return 1 - cmath.exp(-2j * math.pi * n / 3) if self.between == "line-to-line" else 1.0
 
 
-NEAR = 0.03  # relative distance from a factor that still is this factor
+FACTOR_TOLERANCE = 0.03  # relative distance from a factor that still is this factor
 
 # K_t, torque per peak line current, as a factor of each back-EMF constant; phases are sinusoidal. The speed
 # constants are the reciprocals.
@@ -280,16 +284,16 @@ def torque_constant(word: str, value: float, pole_pairs: int, flux_factor: float
     return BACK_EMF[word] * value if word in BACK_EMF else value
 
 
-def check_agreement(found: Mapping[str, float]) -> None:
-    """Refuse words for one thing that disagree. `found`: what each of them makes of the same quantity."""
-    first, *others = found
+def check_agreement(by_word: Mapping[str, float]) -> None:
+    """Refuse words for one thing that disagree. `by_word`: what each of them makes of the same quantity."""
+    first, *others = by_word
     for other in others:
-        if not math.isclose(found[other], found[first], rel_tol=AGREE):
-            why = _block_commutated(found, first, other) or _why(found[other], found[first])
-            raise invalid(f"expected {first} and {other} to agree within {AGREE:.0%}{why}", other)
+        if not math.isclose(by_word[other], by_word[first], rel_tol=AGREEMENT_MOST):
+            why = _block_commutated(by_word, first, other) or _why(by_word[other], by_word[first])
+            raise invalid(f"expected {first} and {other} to agree within {AGREEMENT_MOST:.0%}{why}", other)
 
 
-def _block_commutated(found: Mapping[str, float], first: str, other: str) -> str:
+def _block_commutated(by_word: Mapping[str, float], first: str, other: str) -> str:
     """The words that say which key to delete where K_t is that of block commutation; "" elsewhere.
 
     Block commutation has current in two phases at a time. Its torque per current is the back-EMF between two
@@ -298,7 +302,7 @@ def _block_commutated(found: Mapping[str, float], first: str, other: str) -> str
     """
     if first != "K_t" or other not in OF_TWO_LINES:
         return ""
-    if abs(found["K_t"] / found[other] * PER_BACK_EMF["line_to_line_peak"] - 1) > NEAR:
+    if abs(by_word["K_t"] / by_word[other] * PER_BACK_EMF["line_to_line_peak"] - 1) > FACTOR_TOLERANCE:
         return ""
     return (
         "; K_t = 1/kv is of block commutation, with sinusoidal currents it is sqrt(3)/2 of that: delete K_t"
@@ -307,7 +311,7 @@ def _block_commutated(found: Mapping[str, float], first: str, other: str) -> str
 
 def _why(one: float, other: float) -> str:
     times = max(one, other) / min(one, other) if one and other else math.inf
-    return mixed_up(times, NEAR) or f", not to differ by a factor of {times:.3g}"
+    return mixed_up(times, FACTOR_TOLERANCE) or f", not to differ by a factor of {times:.3g}"
 
 
 def mixed_up(times: float, near: float) -> str:

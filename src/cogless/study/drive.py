@@ -151,15 +151,15 @@ class Rates(Table):
 
     @model_validator(mode="after")
     def _divide(self) -> Self:
-        given = [name for name in OUTER_LOOPS if getattr(self, name) is not None]
-        if len(given) != 1:
+        outer_loops = [name for name in OUTER_LOOPS if getattr(self, name) is not None]
+        if len(outer_loops) != 1:
             raise invalid("expected either speed_loop or, in trials, position_loop")
-        for name in ("current_loop", *given):
+        for name in ("current_loop", *outer_loops):
             if getattr(self, name) % 1:
                 raise invalid('expected a whole number of Hz, such as "1 kHz"', name)
         if self.current_loop % self.outer_loop:
             expected = f"expected a rate that divides current_loop, {self.current_loop:g} Hz"
-            raise invalid(expected, given[0])
+            raise invalid(expected, outer_loops[0])
         return self
 
     @property
@@ -412,11 +412,11 @@ class Drive(Table):
         """Refuse delays that are longer than a drive's memory of them."""
         longest, rate = PAST_MAX / self.rates.current_loop, self.rates.current_loop
         sensor, bus = self.position_sensor, self.bus
-        found = {"position_sensor.latency": sensor.latency} if isinstance(sensor, Counted) else {}
+        delays = {"position_sensor.latency": sensor.latency} if isinstance(sensor, Counted) else {}
         if bus is not None:
             keys = ("delay_measured", "delay_command", "jitter")
-            found |= {f"bus.{key}": getattr(bus, key) for key in keys}
-        for key, delay in found.items():
+            delays |= {f"bus.{key}": getattr(bus, key) for key in keys}
+        for key, delay in delays.items():
             if delay > longest:
                 expected = f"expected at most {longest:g} s, {PAST_MAX} periods of {rate:g} Hz"
                 raise invalid(expected, *key.split("."))

@@ -31,7 +31,7 @@ OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Div: operator.truediv,
     ast.Pow: math.pow,
 }
-LONGEST = 200  # characters
+TEXT_LENGTH_MOST = 200  # characters
 
 
 class ExpressionError(ValueError):
@@ -59,7 +59,7 @@ def evaluate(text: str, values: Mapping[str, float]) -> float:
 
 def _tree(text: str) -> ast.expr:
     try:
-        if len(text) > LONGEST:
+        if len(text) > TEXT_LENGTH_MOST:
             raise ValueError
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
@@ -72,8 +72,8 @@ def _value(node: ast.expr, values: Mapping[str, float]) -> float:
             return float(number)
         case ast.Name(id=name):
             if name not in values:
-                known = ", ".join(values) or "none are given"
-                raise ExpressionError(f'expected known parameters ({known}), not "{name}"')
+                names = ", ".join(values) or "none are given"
+                raise ExpressionError(f'expected known parameters ({names}), not "{name}"')
             return values[name]
         case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=inner):
             return -_value(inner, values) if isinstance(sign, ast.USub) else _value(inner, values)
@@ -201,8 +201,8 @@ class LinearPlant(Table):
             except ExpressionError as error:
                 raise invalid(str(error), *key) from None
             if unknown:
-                known = ", ".join(self.parameter) or "none"
-                expected = f'expected known parameters ({known}), not "{min(unknown)}"'
+                all_parameters = ", ".join(self.parameter) or "none"
+                expected = f'expected known parameters ({all_parameters}), not "{min(unknown)}"'
                 raise invalid(expected, *key)
 
     @property

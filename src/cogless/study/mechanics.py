@@ -67,8 +67,8 @@ class AngleTable(Table):
 
         if not info.context or self.file is None:
             return self
-        found = read(info.context["folder"] / self.file, {"torque": units.TORQUE})
-        return self.model_copy(update={"angle": found.angle, "torque": found.value})
+        column = read(info.context["folder"] / self.file, {"torque": units.TORQUE})
+        return self.model_copy(update={"angle": column.angle, "torque": column.value})
 
 
 class TimeTable(Table):

@@ -85,15 +85,15 @@ def shown(value: Any) -> str:
 
 def problems(error: ValidationError, tables: Any) -> list[Problem]:
     """Pydantic's errors in these tables as problems, one per key, in the order of the file."""
-    found = error.errors(include_url=False, include_input=False)
+    errors = error.errors(include_url=False, include_input=False)
     # Pydantic reports every missing index of a short array; the last one tells the length that is needed.
-    lengths = {d["loc"][:-1]: int(d["loc"][-1]) + 1 for d in found if d["type"] == "missing"}
-    first = {d["loc"][:-1]: d for d in reversed(found) if d["type"] == "missing"}
-    kept = [d for d in found if d["type"] != "missing" or first[d["loc"][:-1]] is d]
+    lengths = {d["loc"][:-1]: int(d["loc"][-1]) + 1 for d in errors if d["type"] == "missing"}
+    first = {d["loc"][:-1]: d for d in reversed(errors) if d["type"] == "missing"}
+    own_errors = [d for d in errors if d["type"] != "missing" or first[d["loc"][:-1]] is d]
     by_key: dict[Key, list[Problem]] = {}
-    for details in kept:
-        told = _problem(details, tables, lengths.get(details["loc"][:-1]))
-        by_key.setdefault(told.key, []).append(told)
+    for details in own_errors:
+        problem = _problem(details, tables, lengths.get(details["loc"][:-1]))
+        by_key.setdefault(problem.key, []).append(problem)
     return [_either(by_key[key]) for key in sorted(by_key, key=lambda key: _place(key, tables))]
 
 
@@ -113,8 +113,8 @@ def _place(key: Key, tables: Any) -> list[int]:
     """Position of a key in the file at each level, for sorting; a missing key comes last in its table."""
     place: list[int] = []
     for part in key:
-        known = list(tables) if isinstance(tables, dict) else list(range(len(tables)))
-        place.append(known.index(part) if part in known else len(known))
+        keys = list(tables) if isinstance(tables, dict) else list(range(len(tables)))
+        place.append(keys.index(part) if part in keys else len(keys))
         tables = look_up(tables, (part,))
         if not isinstance(tables, dict | list):
             break
@@ -129,12 +129,12 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
         key = (*key, context["discriminator"].strip("'_()"))  # as pydantic writes it: "'law'" or "_kind()"
     value = look_up(tables, key)
     absent = "missing" if kind.startswith("union_tag") else str(context.get("value") or "")
-    told = value is not MISSING and not (kind == "study" and isinstance(value, dict))
+    is_present = value is not MISSING and not (kind == "study" and isinstance(value, dict))
     expected = _in_its_place(kind, key, value) or _expected(kind, context, details["msg"])
     name = value if isinstance(value, str) else absent
     of_words = kind in OF_WORDS or expected.startswith(ONE_OF)
     meant = perhaps(name, WORDS.findall(expected)) if of_words and name else ""
-    return Problem(key, shown(value) if told else absent, expected + meant)
+    return Problem(key, shown(value) if is_present else absent, expected + meant)
 
 
 def _in_its_place(kind: str, key: Key, value: Any) -> str | None:
@@ -167,8 +167,8 @@ def _existing(location: Key, tables: Any) -> Key:
             tables = look_up(tables, nested)
             continue
         inner, after = look_up(tables, (part,)), location[index + 1 : index + 2]
-        beside = after and not isinstance(inner, dict | list) and look_up(tables, after) is not MISSING
-        if inner is not MISSING and not beside:  # a name in a union may also be a key: law = "library"
+        is_sibling = after and not isinstance(inner, dict | list) and look_up(tables, after) is not MISSING
+        if inner is not MISSING and not is_sibling:  # a name in a union may also be a key: law = "library"
             key.append(part)
             tables = inner
     return tuple(key)

@@ -144,8 +144,8 @@ class Metric(Table):
             try:
                 units.factor(unit, dimension)
             except units.UnitError:
-                shown = dimension.example or dimension.unit
-                such = f', such as "{shown}"' if shown else ", none"
+                sample = dimension.example or dimension.unit
+                such = f', such as "{sample}"' if sample else ", none"
                 raise invalid(f"expected a unit of {dimension.name}{such}") from None
         return unit
 

@@ -50,11 +50,11 @@ def terms(law: Base) -> frozenset[str]:
     """Names of the recorded parts of a law's output."""
     if isinstance(law, OwnLaw):
         return frozenset({"term_learned"} if law.learning else ())  # if it tells, which only a run shows
-    found = _terms("trial" if isinstance(law, TrialLaw) else getattr(law, "law", ""))
+    names = _terms("trial" if isinstance(law, TrialLaw) else getattr(law, "law", ""))
     if not isinstance(law, SpaceLearning):
-        return found
+        return names
     unused = {*("term_beta", "term_h")[law.channels - 1 :], *(() if law.memory == "delay" else ("P_t",))}
-    return found - unused
+    return names - unused
 
 
 @cache
@@ -76,14 +76,17 @@ def kinds(study: Study | TrialStudy) -> set[str]:
         ),
         "trial_law": any(isinstance(law, TrialLaw) for law in study.controller.values()),
     }
-    return {kind for kind, there in has.items() if there} | study.signal_kinds
+    return {kind for kind, exists in has.items() if exists} | study.signal_kinds
 
 
 def missing(study: Study | TrialStudy, signals: Iterable[str]) -> Iterator[str | None]:
     """Error text for each signal that no run of the study has; None if a run has it."""
-    known = study.own_signals
-    if known is not None:
-        yield from (None if name in known else f"expected a signal: {', '.join(known)}" for name in signals)
+    own_signals = study.own_signals
+    if own_signals is not None:
+        yield from (
+            None if name in own_signals else f"expected a signal: {', '.join(own_signals)}"
+            for name in signals
+        )
         return
     has = kinds(study)
     own = set[str]().union(*map(terms, study.controller.values()))
@@ -92,17 +95,23 @@ def missing(study: Study | TrialStudy, signals: Iterable[str]) -> Iterator[str |
 
 
 @cache
-def _missing(signal: str, found: frozenset[str]) -> str | None:
-    possible = NEEDED.keys() | (found & {"trials"})
-    known = dimensions(possible, [name for name in C_LAWS if (name == "trial") == ("trials" in found)])
-    if signal not in known:
-        near = nearest(signal, list(known))
-        return f'expected a signal, perhaps "{near}"' if near else f"expected a signal: {', '.join(known)}"
-    if exists(signal, found):
+def _missing(signal: str, kinds_present: frozenset[str]) -> str | None:
+    possible = NEEDED.keys() | (kinds_present & {"trials"})
+    possible_signals = dimensions(
+        possible, [name for name in C_LAWS if (name == "trial") == ("trials" in kinds_present)]
+    )
+    if signal not in possible_signals:
+        near = nearest(signal, list(possible_signals))
+        return (
+            f'expected a signal, perhaps "{near}"'
+            if near
+            else f"expected a signal: {', '.join(possible_signals)}"
+        )
+    if exists(signal, kinds_present):
         return None
     if any(signal == term.signal for law in C_LAWS.values() for term in law.terms):
         return OF_A_LAW
-    lacks = (kind for kind in NEEDED if kind not in found and not exists(signal, possible - {kind}))
+    lacks = (kind for kind in NEEDED if kind not in kinds_present and not exists(signal, possible - {kind}))
     return NEEDED[next(lacks)]
 
 
@@ -114,8 +123,8 @@ def metrics(study: Study | TrialStudy) -> None:
     """Check that metrics have unique names in each scenario, and scenarios that exist."""
     for index, metric in enumerate(study.metric):
         for scenario, other in product(study.scenario, study.metric[:index]):
-            both = (m.applies_in(scenario, study.scenario[scenario]) for m in (metric, other))
-            if result_name(metric) == result_name(other) and all(both):
+            applies = (m.applies_in(scenario, study.scenario[scenario]) for m in (metric, other))
+            if result_name(metric) == result_name(other) and all(applies):
                 has = "has" if metric.name == other.name else f"has in results.json: {result_name(metric)}"
                 expected = f'expected a name that no other metric of scenario "{scenario}" {has}'
                 raise invalid(expected, "metric", index, "name")
@@ -152,8 +161,8 @@ def windows(study: Study) -> None:
 
 
 def _in_time(study: Study, index: int, metric: Metric) -> None:
-    event, known = metric.event, study.scenario.values()
-    if event is not None and metric.scenarios is None and not any(s.has_event(event) for s in known):
+    event, scenarios = metric.event, study.scenario.values()
+    if event is not None and metric.scenarios is None and not any(s.has_event(event) for s in scenarios):
         raise invalid("expected the time of an event of a scenario", "metric", index, "event")
     for name, scenario in study.scenario.items():
         if not metric.applies_in(name, scenario):
@@ -201,8 +210,8 @@ def orders(study: Study) -> None:
             fewest = whole_revolutions(metric.order)
             if turns_held(turns * span, turns / study.trace_rate) < fewest:
                 expected = f"expected {fewest} or more {metric.frame} revolutions at the top speed"
-                made = f'of scenario "{name}", not {turns * span:.3g}'
-                raise invalid(f"{expected} {made}", "metric", index, key)
+                span_words = f'of scenario "{name}", not {turns * span:.3g}'
+                raise invalid(f"{expected} {span_words}", "metric", index, key)
             if max(metric.order) * turns >= half:
                 limit = f"expected orders below {half / turns:.4g}, half the trace's {2 * half:g} Hz"
                 raise invalid(f'{limit} at the top speed of scenario "{name}"', "metric", index, "order")
@@ -213,8 +222,8 @@ def of_trials(study: TrialStudy) -> None:
     window."""
     for index, metric in enumerate(study.metric):
         if metric.kind not in EACH_TRIAL + EACH_PHASE:
-            known = ", ".join(EACH_TRIAL + EACH_PHASE)
-            raise invalid(f"expected a kind for trials: {known}", "metric", index, "kind")
+            kind_names = ", ".join(EACH_TRIAL + EACH_PHASE)
+            raise invalid(f"expected a kind for trials: {kind_names}", "metric", index, "kind")
         for key in OVER_TIME:
             if getattr(metric, key) is not None:
                 raise invalid("expected none, in trials", "metric", index, key)

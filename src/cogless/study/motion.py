@@ -14,9 +14,9 @@ from cogless.study.scenario import Scenario
 from cogless.units import TURN
 
 Real = NDArray[np.float64]
-FEWEST, MOST = 4000, 200_000  # samples
+SAMPLES_LEAST, SAMPLES_MOST = 4000, 200_000  # samples
 A_SWING, A_PIECE = 40, 10  # samples per period of the fastest sine; per shortest piece or smoothing time
-GOLDEN = (math.sqrt(5) - 1) / 2
+GOLDEN_SECTION = (math.sqrt(5) - 1) / 2
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ def course(scenario: Scenario) -> Course:
     reference, end = scenario.reference, scenario.duration
     pieces = [b - a for (a, _), (b, _) in pairwise(reference.points or reference.moves)]
     pieces += [reference.smoothing] if reference.smoothing else []
-    wanted = end * max(A_SWING * _fastest(reference), A_PIECE / min([*pieces, end]))
-    count = min(max(math.ceil(wanted), FEWEST), MOST)
+    samples = end * max(A_SWING * _fastest(reference), A_PIECE / min([*pieces, end]))
+    count = min(max(math.ceil(samples), SAMPLES_LEAST), SAMPLES_MOST)
     places = np.arange(count)
-    time = (places + places * GOLDEN % 1) * end / count
+    time = (places + places * GOLDEN_SECTION % 1) * end / count
     omega, alpha = _unfiltered(reference, scenario.initial_speed, time)
     if reference.smoothing:
         omega, alpha = _smoothed(time, omega, reference.smoothing, scenario.initial_speed)
@@ -99,12 +99,12 @@ def _smoothed(t: Real, omega: Real, tau: float, initial_speed: float) -> tuple[R
 
 
 def _lagged(t: Real, x: Real, tau: float, start: float) -> Real:
-    y, found, before = start, np.empty(len(t)), 0.0
+    y, lagged, before = start, np.empty(len(t)), 0.0
     last = float(x[0])
     for k, (now, value) in enumerate(zip(t.tolist(), x.tolist(), strict=True)):
         h = (now - before) / tau
         decay = math.exp(-h)
         mean = -math.expm1(-h) / h if h > 0 else 1.0
         y = decay * y + (1 - mean) * value + (mean - decay) * last
-        found[k], before, last = y, now, value
-    return found
+        lagged[k], before, last = y, now, value
+    return lagged

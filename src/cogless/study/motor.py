@@ -237,8 +237,8 @@ class Motor(Table):
         if self.winding == "delta" and measured is not None and measured.between == "phase":
             expected = 'expected "line-to-line", since a delta has no star point'
             raise invalid(expected, "back_emf_table", "between")
-        for found in (self._torque_constants, self._resistances, self._inductances):
-            check_agreement(found)
+        for by_word in (self._torque_constants, self._resistances, self._inductances):
+            check_agreement(by_word)
         if self.saturation is not None:
             if self.winding == "delta":
                 raise invalid("expected none, since the winding is a delta", "saturation")
@@ -255,28 +255,28 @@ class Motor(Table):
     def _torque_constants(self) -> dict[str, float]:
         """K_t of the star equivalent, N*m/A, by each word for the magnet that is given."""
         flux = self._factors[1]
-        given = {word: value for word in MAGNET if (value := getattr(self, word)) is not None}
-        found = {word: torque_constant(word, v, self.pole_pairs, flux) for word, v in given.items()}
+        magnet_words = {word: value for word in MAGNET if (value := getattr(self, word)) is not None}
+        by_word = {word: torque_constant(word, v, self.pole_pairs, flux) for word, v in magnet_words.items()}
         if self.back_emf_table is None:
-            return found
+            return by_word
         psi_f, _ = self.back_emf_table.flux(self.pole_pairs)
-        return {**found, "back_emf_table": 1.5 * self.pole_pairs * psi_f}
+        return {**by_word, "back_emf_table": 1.5 * self.pole_pairs * psi_f}
 
     @property
     def _resistances(self) -> dict[str, float]:
         """Resistance of the star equivalent, ohm, by each word that is given."""
         of_lines = self.resistance_line_to_line
-        found = {} if self.R_s is None else {"R_s": self._factors[0] * self.R_s}
-        return found if of_lines is None else {**found, "resistance_line_to_line": of_lines / 2}
+        by_word = {} if self.R_s is None else {"R_s": self._factors[0] * self.R_s}
+        return by_word if of_lines is None else {**by_word, "resistance_line_to_line": of_lines / 2}
 
     @property
     def _inductances(self) -> dict[str, float]:
         """Mean inductance of both axes of the star equivalent, H, by each word that is given."""
         of_lines, impedance = self.inductance_line_to_line, self._factors[0]
-        found = {}
+        by_word = {}
         if self.L_d is not None and self.L_q is not None:
-            found["L_d"] = impedance * (self.L_d + self.L_q) / 2
-        return found if of_lines is None else {**found, "inductance_line_to_line": of_lines / 2}
+            by_word["L_d"] = impedance * (self.L_d + self.L_q) / 2
+        return by_word if of_lines is None else {**by_word, "inductance_line_to_line": of_lines / 2}
 
     @classmethod
     def other_word(cls, key: str, value: Any) -> str | None:
@@ -338,7 +338,7 @@ class Motor(Table):
     def _measured_cogging(self, K_t: float) -> list[CoggingTorque]:
         if self.cogging_table is None:
             return []
-        return [CoggingTorque(*found) for found in self.cogging_table.harmonics(K_t, self.pole_pairs)]
+        return [CoggingTorque(*harmonic) for harmonic in self.cogging_table.harmonics(K_t, self.pole_pairs)]
 
 
 @dataclass(frozen=True, kw_only=True)

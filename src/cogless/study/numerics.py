@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 LARGEST_STEP = 0.5  # RK4 step in time constants: at 0.5 its error is 0.04 % per step, at 2.8 it is unstable
 FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
 OBSERVER_BANDWIDTH_MOST = 2.0  # rad a sample, of a law's observer: FASTEST in adrc.c
-OVERMODULATED = 1.2  # above 2 sqrt(3) / pi = 1.10, what square voltages have more than sinusoidal ones
+OVERMODULATION_MOST = 1.2  # above 2 sqrt(3) / pi = 1.10, what square voltages have more than sinusoidal ones
 TOP = "at top speed"  # in the cause of a natural rate that it decides
 MOST_ROWS = 20_000_000  # of one run's trace: 4 GB with some 25 signals of 8 bytes each
 
@@ -30,15 +30,18 @@ MOST_ROWS = 20_000_000  # of one run's trace: 4 GB with some 25 signals of 8 byt
 def integration(study: Study) -> None:
     """Check that the integration step is short compared with the fastest time constant of the plant."""
     rates, motor = study.drive.rates, study.motor.star()
-    wanted, asked = max((of.top_reference, f"{name}.reference") for name, of in study.scenario.items())
+    asked_top, asked = max((of.top_reference, f"{name}.reference") for name, of in study.scenario.items())
     begun, at = max((abs(of.initial_speed), f"{name}.initial_speed") for name, of in study.scenario.items())
     most, why = voltage_reach(study), ""
-    if wanted > most:
-        why = f"; its voltage turns the motor at {most / RPM:.4g} rpm without load, not at {wanted / RPM:.4g}"
-    reached = min(wanted, OVERMODULATED * most)
-    top, of = (begun, top_speed(begun, at)) if begun > reached else (reached, top_speed(wanted, asked))
-    found = natural_rates(motor, study.mechanics, top, electrical=not study.drive.ideal)
-    check_step(1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, found, of, why)
+    if asked_top > most:
+        reachable, reference = most / RPM, asked_top / RPM
+        why = f"; its voltage turns the motor at {reachable:.4g} rpm without load, not at {reference:.4g}"
+    reached = min(asked_top, OVERMODULATION_MOST * most)
+    top, of = (begun, top_speed(begun, at)) if begun > reached else (reached, top_speed(asked_top, asked))
+    rates_of_plant = natural_rates(motor, study.mechanics, top, electrical=not study.drive.ideal)
+    check_step(
+        1 / (rates.current_loop * rates.integration_steps), rates.integration_steps, rates_of_plant, of, why
+    )
 
 
 def top_speed(omega_m: float, key: str) -> str:
@@ -60,12 +63,12 @@ def voltage_reach(study: Study) -> float:
     return no_load_speed(inverter.bus_voltage, motor, motor.psi_f)
 
 
-def check_step(step: float, steps: int, found: Sequence[tuple[float, str]], top: str, why: str = "") -> None:
+def check_step(step: float, steps: int, rates: Sequence[tuple[float, str]], top: str, why: str = "") -> None:
     """Refuse an RK4 step (s) that is too long for these natural rates. `steps`: per current-loop period.
 
     `top`: what the top speed is, where it decides. `why`: what else is told.
     """
-    fastest, what = max(found)
+    fastest, what = max(rates)
     if fastest * step > LARGEST_STEP:
         needed = fastest * step * steps / LARGEST_STEP
         whole = f"{needed:.3g}" if needed > 1e6 else math.ceil(needed)
@@ -108,12 +111,12 @@ def natural_rates(
 
 def _of_friction(mass: Mass, top: float, key: str) -> list[tuple[float, str]]:
     """Rates of friction that depends on speed and position."""
-    found = [(top * h.order, f"{key}.friction_harmonics {TOP}") for h in mass.friction_harmonics]
+    rates = [(top * h.order, f"{key}.friction_harmonics {TOP}") for h in mass.friction_harmonics]
     if mass.stribeck_speed:
         # the steepest slope of exp(-x^2) is sqrt(2 / e)
         slope = (mass.breakaway - mass.coulomb_friction) / mass.stribeck_speed * math.sqrt(2 / math.e)
-        found.append((slope / mass.inertia, f"the speed with {key}.stribeck_speed"))
-    return found
+        rates.append((slope / mass.inertia, f"the speed with {key}.stribeck_speed"))
+    return rates
 
 
 def _of_shaft(mechanics: Mechanics, side: LoadSide) -> tuple[float, str]:

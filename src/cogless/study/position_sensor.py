@@ -14,7 +14,7 @@ from cogless.study.table import Angle, File, Frequency, Many, Table, Time, inval
 from cogless.units import ANGLE
 
 ORDER_MAX = 1000  # of a sensor's error
-FINE = 3600  # angles of a revolution at which a table of it is taken
+ERROR_TABLE_ANGLES = 3600  # angles of a revolution at which a table of its error is taken
 
 
 # datasheet words for the counts of both channels (four for each line), and for the pulses of one channel
@@ -86,8 +86,8 @@ class Counted(Mounted):
     @model_validator(mode="after")
     def _of_a_method(self) -> Self:
         for key, method in (("observer_bandwidth", "observer"), ("window", "average")):
-            given = key in self.model_fields_set and getattr(self, key) is not None
-            if given and self.speed_method != method:
+            is_set = key in self.model_fields_set and getattr(self, key) is not None
+            if is_set and self.speed_method != method:
                 raise invalid(f'expected none, unless speed_method is "{method}"', key)
         if self.observer_bandwidth is None and self.speed_method == "observer":
             raise invalid("expected a frequency", "observer_bandwidth", value="missing")
@@ -164,7 +164,7 @@ class Counted(Mounted):
             return 0j
         import numpy as np
 
-        angle = math.tau / FINE * np.arange(FINE)
+        angle = math.tau / ERROR_TABLE_ANGLES * np.arange(ERROR_TABLE_ANGLES)
         error = np.interp(angle, self._errors.angle, self._errors.value, period=math.tau)
         return complex(2j * np.mean(error * np.exp(-1j * order * angle)))
 

@@ -37,23 +37,23 @@ Check = Callable[[Any], None]
 AStudy = TypeVar("AStudy", bound=StudyBase)
 
 
-def reused(new: Any, old: Any, made: Any) -> Any:
-    """Tables as read, with what is alike in `old` replaced by the models `made` from it, at any depth."""
-    if isinstance(made, Table):
+def reused(new: Any, old: Any, validated: Any) -> Any:
+    """Tables as read, with what is alike in `old` replaced by its `validated` models, at any depth."""
+    if isinstance(validated, Table):
         if alike(new, old):
-            return made
+            return validated
         if isinstance(new, dict) and isinstance(old, dict):
             return {
-                key: reused(value, old.get(key, MISSING), getattr(made, key, None))
+                key: reused(value, old.get(key, MISSING), getattr(validated, key, None))
                 for key, value in new.items()
             }
-    elif isinstance(made, Mapping) and isinstance(new, dict) and isinstance(old, dict):
-        return {key: reused(value, old.get(key, MISSING), made.get(key)) for key, value in new.items()}
-    elif isinstance(made, tuple) and made and isinstance(made[0], Table) and alike(new, old):
-        return made
-    elif isinstance(made, tuple) and isinstance(new, list) and isinstance(old, list):
-        same = len(new) == len(old) == len(made)
-        return [reused(*parts) for parts in zip(new, old, made, strict=True)] if same else new
+    elif isinstance(validated, Mapping) and isinstance(new, dict) and isinstance(old, dict):
+        return {key: reused(value, old.get(key, MISSING), validated.get(key)) for key, value in new.items()}
+    elif isinstance(validated, tuple) and validated and isinstance(validated[0], Table) and alike(new, old):
+        return validated
+    elif isinstance(validated, tuple) and isinstance(new, list) and isinstance(old, list):
+        same = len(new) == len(old) == len(validated)
+        return [reused(*parts) for parts in zip(new, old, validated, strict=True)] if same else new
     return new
 
 
@@ -83,21 +83,21 @@ def derived(like: AStudy, tables: dict[str, Any], checks: tuple[Check, ...], fol
         raise ValueError("a table is gone")
     parts = {key: _new(tables[key], before.get(key, MISSING), getattr(like, key, None)) for key in differ}
     model = _tables_model(type(like), tuple(sorted(differ)))
-    made = model.model_validate(parts, context={"folder": folder})
-    found = {key: _whole(getattr(made, key), tables[key], getattr(like, key)) for key in differ}
-    study = like.model_copy(update=found)
+    validated = model.model_validate(parts, context={"folder": folder})
+    updates = {key: _whole(getattr(validated, key), tables[key], getattr(like, key)) for key in differ}
+    study = like.model_copy(update=updates)
     study._made = {}
     for check in checks:
         check(study)
     return study
 
 
-def _new(new: Any, old: Any, made: Any) -> Any:
+def _new(new: Any, old: Any, validated: Any) -> Any:
     """A table with its unchanged parts reused; of all scenarios or controllers only the changed ones."""
-    if isinstance(made, Mapping) and isinstance(new, dict) and isinstance(old, dict):
+    if isinstance(validated, Mapping) and isinstance(new, dict) and isinstance(old, dict):
         differ = [name for name in new if not alike(new[name], old.get(name, MISSING))]
-        return {name: reused(new[name], old.get(name, MISSING), made.get(name)) for name in differ}
-    return reused(new, old, made)
+        return {name: reused(new[name], old.get(name, MISSING), validated.get(name)) for name in differ}
+    return reused(new, old, validated)
 
 
 def _whole(validated: Any, new: Any, made: Any) -> Any:
@@ -122,11 +122,11 @@ Changes = Mapping[str, Any]
 AnyStudy = Study | TrialStudy
 Model = TypeVar("Model", bound=Table)
 Made = TypeVar("Made")
-DEEPEST = 32  # levels of tables and arrays
+DEPTH_MOST = 32  # levels of tables and arrays
 LONGEST_NAME = 1000  # characters of a path in a message
 # tomllib needs time and memory that grow with the square of the number of a key's parts.
 PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
-LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{PART}\.[ \t]*){{{DEEPEST}}}{PART}""", re.ASCII)
+LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{PART}\.[ \t]*){{{DEPTH_MOST}}}{PART}""", re.ASCII)
 AT_LINE = re.compile(r"Invalid value \(at line (\d+), ")
 INDEX = re.compile(r"\d{1,9}", re.ASCII)
 
@@ -203,10 +203,10 @@ def parse_change(text: str) -> tuple[str, Any]:
     if not text.isprintable() and any("\ud800" <= character <= "\udfff" for character in text):
         raise StudyError(f"--set: {shown(text)}: expected UTF-8")
     try:
-        found = _toml(f"value = {value}")
+        parsed = _toml(f"value = {value}")
     except ValueError:
-        found = {}
-    return key.strip(), found["value"] if len(found) == 1 else value.strip()
+        parsed = {}
+    return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
 
 
 def find(name: str | Path, room: str, what: str, beside: Path | None = None, where: str = "") -> Path:
@@ -214,9 +214,9 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
 
     `room`: folder of shipped files. `what`: kind of file. `where`: file and key that name it, for messages.
     """
-    known = shipped(room)
-    if str(name) in known:
-        return known[str(name)]
+    shipped_files = shipped(room)
+    if str(name) in shipped_files:
+        return shipped_files[str(name)]
     path = (beside or Path()) / name
     check_utf8(path, f"a {what} file")
     plain = not where and 0 < len(str(name)) <= LONGEST_NAME
@@ -228,8 +228,10 @@ def find(name: str | Path, room: str, what: str, beside: Path | None = None, whe
             return named_file
         if path.is_dir():
             raise StudyError(f"{named}is a directory: expected a {what} file")
-    expected = f"expected a file, or one of the shipped: {', '.join(known) or 'none'}"
-    raise StudyError(f"{named}no such {what}: {expected}{perhaps(path.name, [*known, *_beside_it(path)])}")
+    expected = f"expected a file, or one of the shipped: {', '.join(shipped_files) or 'none'}"
+    raise StudyError(
+        f"{named}no such {what}: {expected}{perhaps(path.name, [*shipped_files, *_beside_it(path)])}"
+    )
 
 
 def _beside_it(path: Path) -> list[str]:
@@ -255,11 +257,11 @@ def read(path: Path) -> dict[str, Any]:
 
 def _toml(text: str) -> dict[str, Any]:
     """Parse a TOML text to tables; ValueError says in one line why it can't be read."""
-    too_deep = f"expected at most {DEEPEST} levels of tables and arrays"
+    too_deep = f"expected at most {DEPTH_MOST} levels of tables and arrays"
     long = LONG_KEY.search(text)
     if long:
         line = text.count("\n", 0, long.start()) + 1
-        raise ValueError(f"expected keys of at most {DEEPEST} parts (at line {line})")
+        raise ValueError(f"expected keys of at most {DEPTH_MOST} parts (at line {line})")
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -267,7 +269,7 @@ def _toml(text: str) -> dict[str, Any]:
     except RecursionError:
         raise ValueError(too_deep) from None
     level: list[Any] = [tables]
-    for _ in range(DEEPEST + 1):
+    for _ in range(DEPTH_MOST + 1):
         level = [inner for outer in level for inner in (outer.values() if isinstance(outer, dict) else outer)]
         level = [inner for inner in level if isinstance(inner, dict | list)]
     if level:
@@ -292,15 +294,15 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
     path = split(key)
     inner: Any = tables
     for depth, part in enumerate(path[:-1]):
-        found = look_up(inner, (part,))
-        if found is MISSING and isinstance(inner, dict):
-            found = inner[str(part)] = {}
-        elif isinstance(found, str):
+        value_there = look_up(inner, (part,))
+        if value_there is MISSING and isinstance(inner, dict):
+            value_there = inner[str(part)] = {}
+        elif isinstance(value_there, str):
             # A short form such as reference = "60 rpm" is a text, which has no keys.
             raise StudyError(f"{key}: {shown(value)}: expected a table at {dotted(path[: depth + 1])}")
-        elif isinstance(inner, list) and found is MISSING:
+        elif isinstance(inner, list) and value_there is MISSING:
             raise StudyError(f"{key}: {shown(value)}: {_within(inner, path[:depth])}")
-        inner = found
+        inner = value_there
     last = path[-1]
     old = look_up(inner, (last,))
     if isinstance(inner, dict):
@@ -330,8 +332,8 @@ def split(key: str) -> Key:
             parts += [int(part) if INDEX.fullmatch(part) else part for part in piece.split(".") if part]
     if not parts:
         raise StudyError(f"{shown(key)}: expected a dotted key, such as controller.pi.kp")
-    if len(parts) > DEEPEST:
-        raise StudyError(f"{shown(key)}: expected a key of at most {DEEPEST} parts")
+    if len(parts) > DEPTH_MOST:
+        raise StudyError(f"{shown(key)}: expected a key of at most {DEPTH_MOST} parts")
     return tuple(parts)
 
 
@@ -363,11 +365,11 @@ def _own(tables: dict[str, Any], path: Key) -> None:
     """Replace tables and arrays on the way to a key by copies; the originals may be another study's."""
     inner: Any = tables
     for part in path:
-        found = look_up(inner, (part,))
-        if not isinstance(found, dict | list):
+        value_there = look_up(inner, (part,))
+        if not isinstance(value_there, dict | list):
             return
         place = str(part) if isinstance(inner, dict) else part
-        inner[place] = copy.copy(found)
+        inner[place] = copy.copy(value_there)
         inner = inner[place]
 
 
@@ -381,13 +383,18 @@ def _overridden(source: Source, changes: Changes, prefix: str = "") -> dict[str,
 def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
     """Refuse a change to an unknown controller or scenario, unless the changes define it as a whole."""
     for table, needed in (("controller", "law"), ("scenario", "duration")):
-        known = tables.get(table)
+        defined = tables.get(table)
         for key, value in changes.items():
             parts = split(key)
-            if not isinstance(known, dict) or parts[0] != table or len(parts) < 3 or str(parts[1]) in known:
+            if (
+                not isinstance(defined, dict)
+                or parts[0] != table
+                or len(parts) < 3
+                or str(parts[1]) in defined
+            ):
                 continue
             if f"{table}.{parts[1]}.{needed}" not in changes:
-                expected = f"expected a {table} of {', '.join(known)}{perhaps(str(parts[1]), known)}"
+                expected = f"expected a {table} of {', '.join(defined)}{perhaps(str(parts[1]), defined)}"
                 raise StudyError(f"{path}: {key}: {shown(value)}: {expected}")
 
 
@@ -437,50 +444,50 @@ def checked(source: Source, like: StudyBase | None = None) -> AnyStudy:
     return study
 
 
-def _of_each(scenarios: Iterable[str], made: Callable[[str], Made]) -> dict[str, Made]:
-    """Call `made` for each scenario; a single StudyError lists the mistakes of all scenarios."""
-    found: dict[str, Made] = {}
+def _of_each(scenarios: Iterable[str], make: Callable[[str], Made]) -> dict[str, Made]:
+    """Call `make` for each scenario; a single StudyError lists the mistakes of all scenarios."""
+    by_scenario: dict[str, Made] = {}
     lines: list[str] = []
     for name in scenarios:
         try:
-            found[name] = made(name)
+            by_scenario[name] = make(name)
         except StudyError as error:
             lines += str(error).splitlines()
     if lines:
         raise study_error(lines)
-    return found
+    return by_scenario
 
 
 def _hardware(study: TrialStudy, scenario: str) -> tuple[Hardware, ...]:
     """Motor, mechanics and load of a drive in each phase, checked; empty for a linear plant."""
-    found: list[Hardware] = []
+    of_phases: list[Hardware] = []
     for index, (_, conditions) in enumerate(study.scenario[scenario].phases if study.plant is None else ()):
         at = f".changes.{index - 1}" if index else ""
         prefix = f"scenario.{scenario}{at}.override: "
         source = _replaced(study.source, _overridden(study.source, conditions.override or {}, prefix))
         motor = _part(Motor, "motor", source, prefix)
         mechanics = _part(Mechanics, "mechanics", source, prefix)
-        found.append(Hardware(motor, mechanics, conditions.load or mechanics.load))
-    return tuple(found)
+        of_phases.append(Hardware(motor, mechanics, conditions.load or mechanics.load))
+    return tuple(of_phases)
 
 
 def _part(model: type[Model], key: str, source: Source, prefix: str) -> Model:
     try:
         return model.model_validate(source.tables[key], context={"folder": source.folder})
     except ValidationError as error:
-        found = [replace(p, key=(key, *p.key)) for p in problems(error, source.tables[key])]
-        raise _error(found, source, prefix) from None
+        mistakes = [replace(p, key=(key, *p.key)) for p in problems(error, source.tables[key])]
+        raise _error(mistakes, source, prefix) from None
 
 
 def _validated(model: type[AStudy], source: Source, prefix: str = "", like: AStudy | None = None) -> AStudy:
-    tables, folder, wanted = source.tables, source.folder, _checks(model, bool(prefix))
+    tables, folder, checks = source.tables, source.folder, _checks(model, bool(prefix))
     if like is not None:
         with suppress(ValueError):  # it is told below, as of a study that was read
-            study = derived(like, tables, wanted, folder)
+            study = derived(like, tables, checks, folder)
             study._source = source
             return study
     try:
-        study = model.model_validate(tables, context={"folder": folder, "checks": wanted})
+        study = model.model_validate(tables, context={"folder": folder, "checks": checks})
     except ValidationError as error:
         raise _error(problems(error, source.tables), source, prefix) from None
     study._source = source
@@ -493,8 +500,8 @@ def _checks(model: type[Table], one_scenario: bool) -> tuple[Callable[[Any], Non
     return checks.ALL if one_scenario else (*checks.ALL, *checks.WHOLE)
 
 
-def _error(found: list[Problem], source: Source, prefix: str) -> StudyError:
-    return study_error([_line(problem, source, prefix) for problem in found])
+def _error(mistakes: list[Problem], source: Source, prefix: str) -> StudyError:
+    return study_error([_line(problem, source, prefix) for problem in mistakes])
 
 
 def _line(problem: Problem, source: Source, prefix: str) -> str:

@@ -29,7 +29,7 @@ from cogless.study.table import (
 )
 from cogless.units import CURRENT, FLUX_LINKAGE, INDUCTANCE, Dimension
 
-START = 0.1  # relative difference of a table's inductance at zero current from L_d or L_q
+START_DIFFERENCE_MOST = 0.1  # relative difference of a table's inductance at zero current from L_d or L_q
 Points = tuple[tuple[float, ...], tuple[float, ...]]  # currents (A) and flux linkages (Wb)
 
 
@@ -52,8 +52,8 @@ class CurrentFile(Table):
             return self
         if any(getattr(self, name) for name in ("current", *columns)):
             raise invalid("expected none, since its values are given", "file")
-        found = rising(Path(info.context["folder"]) / self.file, ("current", CURRENT), columns)
-        return self.model_copy(update={"current": tuple(found.along), found.name: tuple(found.value)})
+        column = rising(Path(info.context["folder"]) / self.file, ("current", CURRENT), columns)
+        return self.model_copy(update={"current": tuple(column.along), column.name: tuple(column.value)})
 
     def _check(self, value: tuple[float, ...], name: str) -> None:
         """Refuse currents that do not rise or lack zero, and fluxes of another number or not zero there."""
@@ -150,10 +150,12 @@ class Saturation(Table):
             if table is None:
                 continue
             curve = _curve(*table.points())
-            found = curve["slope"][curve["current"].index(0.0)]
-            if not math.isclose(found, L, rel_tol=START):
+            start_slope = curve["slope"][curve["current"].index(0.0)]
+            if not math.isclose(start_slope, L, rel_tol=START_DIFFERENCE_MOST):
                 raise invalid(
-                    f"expected {L:.4g} H at zero current, as L_{axis}, not {found:.4g} H", "saturation", axis
+                    f"expected {L:.4g} H at zero current, as L_{axis}, not {start_slope:.4g} H",
+                    "saturation",
+                    axis,
                 )
         if self.magnet is not None:
             self._check_definite(L_d, L_q)
@@ -191,7 +193,7 @@ def _curve(current: tuple[float, ...], flux: tuple[float, ...]) -> dict[str, lis
     return {"current": list(current), "flux": list(flux), "slope": slope.tolist()}
 
 
-COPPER = 0.00393  # 1/K, at 20 degC
+COPPER_COEFFICIENT = 0.00393  # 1/K, at 20 degC
 ABSOLUTE_ZERO = -273.15  # degC
 
 
@@ -237,7 +239,7 @@ class MotorTemperature(Table):
     """Temperature of the winding at the start."""
     magnet: Temperature | None = None  # degC
     """Temperature of the magnets at the start. Default: that of the winding."""
-    resistance_coefficient: TemperatureCoefficient = COPPER
+    resistance_coefficient: TemperatureCoefficient = COPPER_COEFFICIENT
     """Relative change of the resistance. Default: copper's at 20 degC."""
     flux_coefficient: TemperatureCoefficient = 0.0  # 1/K
     """Relative change of the flux, negative: about `"-0.0011 1/K"` for neodymium magnets, `"-0.002 1/K"` for
@@ -265,8 +267,8 @@ class MotorTemperature(Table):
         """As the engine reads it."""
         start = {"winding": self.winding, "magnet": self.magnets}
         keys = ("reference", "resistance_coefficient", "flux_coefficient")
-        found = {**start, **{key: getattr(self, key) for key in keys}, "drifts": self.heating is not None}
+        config = {**start, **{key: getattr(self, key) for key in keys}, "drifts": self.heating is not None}
         if self.heating is None:
-            return found
+            return config
         bodies = ("ambient", "winding_capacity", "magnet_capacity")
-        return {**found, **{key: getattr(self.heating, key) for key in bodies}, **self.heating.paths()}
+        return {**config, **{key: getattr(self.heating, key) for key in bodies}, **self.heating.paths()}

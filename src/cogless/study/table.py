@@ -35,8 +35,8 @@ T = TypeVar("T")
 
 def _as_made(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
     """Take over the tables of another study; a file has lists, no tuples."""
-    made = isinstance(value, tuple) and bool(value) and isinstance(value[0], Table)
-    return value if made else validate(value)
+    is_made = isinstance(value, tuple) and bool(value) and isinstance(value[0], Table)
+    return value if is_made else validate(value)
 
 
 # An array of a study file. TOML has only lists, so here a list is accepted for a tuple in spite of `strict`.
@@ -88,8 +88,8 @@ class Table(BaseModel):
         try:
             validate({key: value for key, value in data.items() if key in cls.model_fields})
         except ValidationError as error:
-            found = error.errors(include_url=False)
-            wrong += [_again(d) for d in found if d["loc"] and d["loc"][0] in data]
+            errors = error.errors(include_url=False)
+            wrong += [_again(d) for d in errors if d["loc"] and d["loc"][0] in data]
         raise ValidationError.from_exception_data(cls.__name__, wrong)
 
 
@@ -105,20 +105,20 @@ def _required(table: type[Table]) -> frozenset[str]:
 
 def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetails]:
     """Errors for unknown keys, and for missing keys unless an unknown key looks like their misspelling."""
-    known = list(table.model_fields)
-    near = {key: _meant(key, known) for key in data if key not in known}
-    found = [
-        invalid(table.other_word(key, data[key]) or _suggestion(meant, known), key, value="unknown key")
+    keys = list(table.model_fields)
+    near = {key: _meant(key, keys) for key in data if key not in keys}
+    errors = [
+        invalid(table.other_word(key, data[key]) or _suggestion(meant, keys), key, value="unknown key")
         for key, meant in near.items()
     ]
     meant_by_any = {name for meant in near.values() for name in meant}
     meant_by_any |= {
-        name for key in near for name in known if f'"{name}"' in (table.other_word(key, data[key]) or "")
+        name for key in near for name in keys if f'"{name}"' in (table.other_word(key, data[key]) or "")
     }
     for key, field in table.model_fields.items():
         if field.is_required() and key not in data and key not in meant_by_any:
-            found.append(invalid(f"expected {_wanted(key, field)}", key, value="missing"))
-    return [InitErrorDetails(type=error, input=data) for error in found]
+            errors.append(invalid(f"expected {_wanted(key, field)}", key, value="missing"))
+    return [InitErrorDetails(type=error, input=data) for error in errors]
 
 
 def _wanted(key: str, field: FieldInfo) -> str:
@@ -155,7 +155,8 @@ def _again(details: ErrorDetails) -> InitErrorDetails:
     )
 
 
-SMALLEST, LARGEST = 1e-15, 1e15  # SI: single precision holds these, and products and quotients of two of them
+# SI: single precision holds these, and products and quotients of two of them
+MAGNITUDE_LEAST, MAGNITUDE_MOST = 1e-15, 1e15
 
 
 def check_sizes(table: Table, *above: str) -> None:
@@ -165,8 +166,8 @@ def check_sizes(table: Table, *above: str) -> None:
         if isinstance(value, Table):
             check_sizes(value, *above, key)
         for number in value if isinstance(value, tuple) else (value,):
-            if isinstance(number, float) and number and not SMALLEST <= abs(number) <= LARGEST:
-                size = f"{SMALLEST:g} to {LARGEST:g} in SI units"
+            if isinstance(number, float) and number and not MAGNITUDE_LEAST <= abs(number) <= MAGNITUDE_MOST:
+                size = f"{MAGNITUDE_LEAST:g} to {MAGNITUDE_MOST:g} in SI units"
                 raise invalid(f"expected a size that single precision holds, {size}", *above, key)
 
 
@@ -204,35 +205,35 @@ def dotted_keys(
     return flat
 
 
-def nearest(key: str, known: Sequence[str]) -> str | None:
+def nearest(key: str, names: Sequence[str]) -> str | None:
     """The known key that an unknown one was probably meant to be; None if none is similar."""
 
     def plain(name: str) -> str:
         return name.lower().replace("_", "")
 
-    near = difflib.get_close_matches(key, known, n=1)
-    return next(iter(near), None) or next((name for name in known if plain(name) == plain(key)), None)
+    near = difflib.get_close_matches(key, names, n=1)
+    return next(iter(near), None) or next((name for name in names if plain(name) == plain(key)), None)
 
 
-def perhaps(name: str, known: Iterable[str]) -> str:
+def perhaps(name: str, names: Iterable[str]) -> str:
     """The end of a message on an unknown name: the nearest known name, or "" if none is near."""
-    near = nearest(name, list(known))
+    near = nearest(name, list(names))
     return f', perhaps "{near}"' if near else ""
 
 
-def _meant(key: str, known: Sequence[str]) -> list[str]:
+def _meant(key: str, names: Sequence[str]) -> list[str]:
     """The known keys that an unknown one may stand for.
 
     They are those that it begins or ends (L begins L_d, friction ends coulomb_friction), or else the nearest.
     """
-    whole = [name for name in known if name.startswith(f"{key}_") or name.endswith(f"_{key}")]
-    near = nearest(key, known)
+    whole = [name for name in names if name.startswith(f"{key}_") or name.endswith(f"_{key}")]
+    near = nearest(key, names)
     return whole or ([near] if near else [])
 
 
-def _suggestion(near: Sequence[str], known: Sequence[str]) -> str:
+def _suggestion(near: Sequence[str], names: Sequence[str]) -> str:
     perhaps = " or ".join(f'"{name}"' for name in near)
-    return f"expected a known key, perhaps {perhaps}" if near else f"expected one of {', '.join(known)}"
+    return f"expected a known key, perhaps {perhaps}" if near else f"expected one of {', '.join(names)}"
 
 
 @dataclass(frozen=True)
@@ -360,5 +361,5 @@ NumberGain = Annotated[float, Field(ge=0)]
 
 def one_of(names: Iterable[str]) -> str:
     """The text of an error: "expected one of", followed by these names."""
-    known = ", ".join(f'"{name}"' for name in names)
-    return f"expected one of {known}"
+    quoted_names = ", ".join(f'"{name}"' for name in names)
+    return f"expected one of {quoted_names}"

@@ -106,32 +106,32 @@ def conditions(study: TrialStudy) -> None:
     linear = study.plant is not None
     for name, scenario in study.scenario.items():
         count = study.samples(name)
-        told: list[tuple[TrialConditions, tuple[str | int, ...]]] = [(scenario, ("scenario", name))]
-        told += [(c, ("scenario", name, "changes", i)) for i, c in enumerate(scenario.changes)]
-        for here, where in told:
+        places: list[tuple[TrialConditions, tuple[str | int, ...]]] = [(scenario, ("scenario", name))]
+        places += [(c, ("scenario", name, "changes", i)) for i, c in enumerate(scenario.changes)]
+        for phase, where in places:
             for key in ("load", "initial_angle", "initial_speed") if linear else ("initial_state",):
-                if getattr(here, key) is not None:
+                if getattr(phase, key) is not None:
                     raise invalid(f"expected none, of a {'linear plant' if linear else 'drive'}", *where, key)
-            if here.initial_state is not None and len(here.initial_state) != study.states:
+            if phase.initial_state is not None and len(phase.initial_state) != study.states:
                 raise invalid(f"expected {study.states} numbers, one a state", *where, "initial_state")
-            for form in ("normal", "uniform") if here.each_trial is not None else ():
-                _deviations(study, getattr(here.each_trial, form), (*where, "each_trial", form))
-            for index, (sample, amount) in enumerate(here.load_steps or ()):
+            for form in ("normal", "uniform") if phase.each_trial is not None else ():
+                _deviations(study, getattr(phase.each_trial, form), (*where, "each_trial", form))
+            for index, (sample, amount) in enumerate(phase.load_steps or ()):
                 if sample >= count:
                     expected = f"expected a sample of the trial, below {count}"
                     raise invalid(expected, *where, "load_steps", index)
                 if isinstance(amount, WithUnit) == linear:
                     raise invalid(f"expected {LOADS[linear]}", *where, "load_steps", index)
-            for index, (time, position) in enumerate(here.reference.points if here.reference else ()):
+            for index, (time, position) in enumerate(phase.reference.points if phase.reference else ()):
                 if time > scenario.duration:
                     expected = f"expected a time within the trial, {scenario.duration:g} s"
                     raise invalid(expected, *where, "reference", index)
                 if isinstance(position, WithUnit) == linear:
                     raise invalid(f"expected {POSITIONS[linear]}", *where, "reference", index)
-            for key, value in (here.override or {}).items():
+            for key, value in (phase.override or {}).items():
                 _override(study, key, value, (*where, "override", key))
-        for (_, here), (_, where) in zip(scenario.phases, told, strict=True):
-            _start(study, name, here, where)
+        for (_, phase), (_, where) in zip(scenario.phases, places, strict=True):
+            _start(study, name, phase, where)
 
 
 def _deviations(study: TrialStudy, deviations: Deviations, where: tuple[str | int, ...]) -> None:
@@ -147,25 +147,25 @@ def _deviations(study: TrialStudy, deviations: Deviations, where: tuple[str | in
         raise invalid(f"expected {expected}", *where, "load")
 
 
-def _start(study: TrialStudy, scenario: str, here: TrialConditions, where: tuple[str | int, ...]) -> None:
+def _start(study: TrialStudy, scenario: str, phase: TrialConditions, where: tuple[str | int, ...]) -> None:
     """Check that a phase's plant has values, and that the sensor can resolve its initial angle.
 
     The sensor doesn't count turns, so the start must be within half a turn of the reference.
     """
     if study.plant is not None:
         try:
-            study.plant.at(here.override or {})
+            study.plant.at(phase.override or {})
         except PydanticCustomError as error:
             raise invalid(error.message(), *where, "override") from None
     else:
-        begin = float(study.reference(scenario, here)[0])
+        begin = float(study.reference(scenario, phase)[0])
         begins = f"from where the reference begins, {begin:.4g} rad"
-        away = 0.0 if here.initial_angle is None else abs(here.initial_angle - begin)
+        away = 0.0 if phase.initial_angle is None else abs(phase.initial_angle - begin)
         if away >= math.pi:
             expected = f"expected less than half a turn {begins}"
             raise invalid(f"{expected}: the sensor doesn't tell turns", *where, "initial_angle")
-        if here.each_trial is not None and away + here.each_trial.most("initial_angle") >= math.pi:
-            form, _ = here.each_trial.form_of("initial_angle")
+        if phase.each_trial is not None and away + phase.each_trial.most("initial_angle") >= math.pi:
+            form, _ = phase.each_trial.form_of("initial_angle")
             expected = f"expected starts less than half a turn {begins}"
             key = (*where, "each_trial", form, "initial_angle")
             raise invalid(f"{expected}: the sensor doesn't tell turns", *key)
@@ -226,9 +226,11 @@ def integration(study: TrialStudy) -> None:
         return
     rates = study.drive.rates
     top, name = max((study.top_speed(name), name) for name in study.scenario)
-    found = numerics.natural_rates(study.motor.star(), study.mechanics, top, electrical=not study.drive.ideal)
+    rates_of_plant = numerics.natural_rates(
+        study.motor.star(), study.mechanics, top, electrical=not study.drive.ideal
+    )
     step = 1 / (rates.current_loop * rates.integration_steps)
-    numerics.check_step(step, rates.integration_steps, found, numerics.top_speed(top, name))
+    numerics.check_step(step, rates.integration_steps, rates_of_plant, numerics.top_speed(top, name))
     numerics.check_dead_time(study.drive)
 
 

@@ -221,21 +221,21 @@ class TrialScenario(TrialConditions, Experiment):
         now = TrialConditions.model_construct(
             **{key: getattr(self, key) for key in TrialConditions.model_fields}
         )
-        found = [(1, now)]
+        of_phases = [(1, now)]
         for change in self.changes:
-            told = {
+            updates = {
                 key: getattr(change, key)
                 for key in TrialConditions.model_fields
                 if getattr(change, key) is not None
             }
-            if "override" in told:
-                told["override"] = {**(now.override or {}), **told["override"]}
+            if "override" in updates:
+                updates["override"] = {**(now.override or {}), **updates["override"]}
                 reloads = any(key.startswith("mechanics.load") for key in change.override or ())
                 if reloads and change.load is None:
-                    told["load"] = None  # the override's load is the newer one
-            now = now.model_copy(update=told)
-            found.append((change.trial, now))
-        return tuple(found)
+                    updates["load"] = None  # the override's load is the newer one
+            now = now.model_copy(update=updates)
+            of_phases.append((change.trial, now))
+        return tuple(of_phases)
 
     @property
     def starts(self) -> tuple[int, ...]:
@@ -305,12 +305,12 @@ class TrialStudy(StudyBase):
         """Largest magnitude of speed in a drive's references and initial conditions, rad/s."""
         import numpy as np
 
-        found = [0.0]
+        speeds = [0.0]
         for _, conditions in self.scenario[scenario].phases:
             steps = np.abs(np.diff(self.reference(scenario, conditions))) / self.period
             spread = conditions.each_trial.most("initial_speed") if conditions.each_trial else 0.0
-            found += [abs(conditions.initial_speed or 0.0) + spread, float(np.max(steps))]
-        return max(found)
+            speeds += [abs(conditions.initial_speed or 0.0) + spread, float(np.max(steps))]
+        return max(speeds)
 
     @property
     def precision(self) -> str:
@@ -392,6 +392,6 @@ AnyTables = dict[str, Any]
 def is_trial_study(tables: AnyTables) -> bool:
     """Whether these tables describe a study of trials: they have a plant, a design, or trials."""
     scenarios = tables.get("scenario")
-    found = scenarios.values() if isinstance(scenarios, dict) else ()
-    told = "plant" in tables or "design" in tables
-    return told or any(isinstance(s, dict) and "trials" in s for s in found)
+    scenario_tables = scenarios.values() if isinstance(scenarios, dict) else ()
+    has_own_table = "plant" in tables or "design" in tables
+    return has_own_table or any(isinstance(s, dict) and "trials" in s for s in scenario_tables)

@@ -19,7 +19,7 @@ from cogless.design.trials.learning_gain import Vertex
 from cogless.design.trials.model import Discretisation, Model, Real
 from cogless.design.trials.polytope import UncertainPlant
 from cogless.design.trials.response import (
-    MONOTONE,
+    FACTOR_ROUNDING,
     Bundle,
     Complex,
     Disturbed,
@@ -38,7 +38,7 @@ from cogless.design.trials.trial_observer import ObserverGains
 from cogless.units import TURN
 
 Structure = Literal["input-and-integrator", "input"]
-ENDS = 1e-4  # growth per trial that counts as none: it is only estimated, from simulated trials
+GROWTH_ROUNDING = 1e-4  # growth per trial that counts as none: it is only estimated, from simulated trials
 GROWTH_MOST = 2.0  # growth per trial from which norms of many trials are no numbers any more
 AT_ONE = 1e-6  # tolerance of Phi's spectral radius: a double pole at z = 1 has this rounding error
 
@@ -218,14 +218,31 @@ def certify(
         if stable and update is not None:
             sweep = _Sweep(loops, names, update, plant.period)
             few = [*loops[: len(corners)], loops[-1]]
-            trial = TrialMap(few, update.K_3, update.shift, q_filter, filtered, samples, update.matrix)
+            trial = TrialMap(
+                loops=few,
+                K_3=update.K_3,
+                shift=update.shift,
+                q_filter=q_filter,
+                filtered=filtered,
+                samples=samples,
+                matrix=update.matrix,
+            )
             ends = float(growth(trial).max())
             norms = partial(finite_trial, trial) if decides and ends < GROWTH_MOST else None
             plain = sweep.learning(None, filtered, (ends or 0.0) if q_filter is None else 0.0, phi or 0.0)
             if q_filter is not None:
                 filters = sweep.learning(q_filter, filtered, ends or 0.0)
         return ModelCertificate(
-            float(radii[k]), names[k], stable, delayed, delayed < 1, phi, plain, filters, ends, norms
+            radius=float(radii[k]),
+            worst=names[k],
+            stable=stable,
+            delayed_radius=delayed,
+            delayed_stable=delayed < 1,
+            phi_radius=phi,
+            without_filter=plain,
+            with_filter=filters,
+            growth=ends,
+            norms=norms,
         )
 
     held = plant.exact_hull or plant.vertices is plant.exact_vertices
@@ -280,14 +297,14 @@ class _Sweep:
             K_3_limit = -sign * peak(limit, w, -gain_limits(sign * self._G, H(w), filtered))[0]
         order = np.argsort(np.append(w, at))
         curve = np.append(w, at)[order] * self._hertz, np.append(on_grid.max(axis=0), norm)[order]
-        shrinks_at_ends = ends <= 1 + ENDS
+        shrinks_at_ends = ends <= 1 + GROWTH_ROUNDING
         return Learning(
-            norm,
-            at * self._hertz,
-            self._names[which],
-            nominal,
-            norm <= 1 + MONOTONE and shrinks_at_ends and phi <= 1 + AT_ONE,
-            norm < 1 - MONOTONE and shrinks_at_ends and phi < 1,
-            K_3_limit,
-            curve,
+            norm=norm,
+            frequency=at * self._hertz,
+            worst=self._names[which],
+            nominal=nominal,
+            monotone=norm <= 1 + FACTOR_ROUNDING and shrinks_at_ends and phi <= 1 + AT_ONE,
+            contracting=norm < 1 - FACTOR_ROUNDING and shrinks_at_ends and phi < 1,
+            K_3_limit=K_3_limit,
+            curve=curve,
         )

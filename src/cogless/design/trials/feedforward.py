@@ -19,10 +19,10 @@ import numpy as np
 
 from cogless.design.trials.model import DesignError, Model, Real, markov, relative_degree
 
-CREEPING = 1 - 1e-6
-SWINGING = 0.99
-RINGING = 0.9
-LOUD = 1e3  # largest amplification accepted from uncancelled zeros next to z = 1
+CREEPING_POLE_LEAST = 1 - 1e-6
+SWINGING_POLE_LEAST = 0.99
+RINGING_POLE_LEAST = 0.9
+AMPLIFICATION_MOST = 1e3  # largest amplification that is accepted from uncancelled zeros next to z = 1
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ def zeros(model: Model, C: Real) -> np.ndarray[tuple[int], np.dtype[np.complex12
 def cancellable(zero: complex) -> bool:
     """Whether a zero is stable and its ringing dies out fast enough, so that it may be cancelled."""
     if zero.real < 0:
-        return abs(zero) <= RINGING
-    return abs(zero) <= (CREEPING if abs(zero.imag) < 1e-9 else SWINGING)
+        return abs(zero) <= RINGING_POLE_LEAST
+    return abs(zero) <= (CREEPING_POLE_LEAST if abs(zero.imag) < 1e-9 else SWINGING_POLE_LEAST)
 
 
 def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
@@ -102,7 +102,7 @@ def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
     if abs(at_rest) < 1e-9 * float(np.abs(uncancelled).sum()):
         raise DesignError("feedforward: expected a plant without a zero at z = 1")
     loudest = float(np.abs(uncancelled).sum()) ** 2 / at_rest**2
-    if loudest > LOUD:
+    if loudest > AMPLIFICATION_MOST:
         worst = min(kept, key=lambda zero: abs(zero - 1))
         where = worst if worst.imag else worst.real
         raise DesignError(

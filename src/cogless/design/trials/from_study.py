@@ -51,7 +51,7 @@ from cogless.study.remark import Remark
 from cogless.study.trial_study import EachTrial, TrialConditions
 from cogless.units import TURN
 
-ROUNDING = 1e-9
+SAMPLE_ROUNDING = 1e-9
 ANGLE = np.array([1.0, 0.0])  # C of a drive, whose states are angle and speed
 OTHER_CHOICES = 4  # of shift and filter, tried where the best one would end above the feedback
 Pair = tuple[str, str]  # scenario, controller
@@ -344,7 +344,7 @@ def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
             values = _uncertain(hardware.mechanics, hardware.motor)
             ranges = dict(study.design.range)
         for key, (low, high) in ranges.items():
-            if not low * (1 - ROUNDING) <= values[key] <= high * (1 + ROUNDING):
+            if not low * (1 - SAMPLE_ROUNDING) <= values[key] <= high * (1 + SAMPLE_ROUNDING):
                 where = f"scenario {scenario}, from trial {first}: {key} is {values[key]:.4g}"
                 found.append(f"{where}, outside the design's {low:.4g} to {high:.4g}")
     return tuple(found)

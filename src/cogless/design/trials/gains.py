@@ -29,7 +29,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cogless.design.trials.certificate import ENDS, Certificate, Gains, Structure, Update, certify
+from cogless.design.trials.certificate import GROWTH_ROUNDING, Certificate, Gains, Structure, Update, certify
 from cogless.design.trials.feedforward import Feedforward, dynamic, static_gain
 from cogless.design.trials.learning_filter import JUDGED_TRIALS, Bench, Choice, learning_filters
 from cogless.design.trials.learning_gain import LearningGain, learning_gain
@@ -39,8 +39,8 @@ from cogless.design.trials.prediction import Conditions, Prediction, predict, ra
 from cogless.design.trials.quantisation import Steps, steps
 from cogless.design.trials.random_errors import Amplification, amplification
 from cogless.design.trials.response import (
-    MONOTONE,
-    PROPOSED,
+    FACTOR_ROUNDING,
+    PROPOSED_FACTOR_MOST,
     Bundle,
     Filter,
     Filtered,
@@ -54,7 +54,7 @@ from cogless.design.trials.response import (
 )
 from cogless.design.trials.state_feedback import StateFeedback, guaranteed_cost
 from cogless.design.trials.trial_observer import (
-    SHIFT,
+    OBSERVER_SHIFT,
     ObserverGains,
     design_observer,
     highest_cutoff,
@@ -98,8 +98,8 @@ Kind = Literal["robust", "state", "norm-optimal", "observer"]
 
 
 NO_K_3 = ("q_filter", "shift", "K_3")  # keys of errors after which the feedback can be kept, without a K_3
-BELOW = 0.97  # of a cutoff: what is advised is rounded
-WEIGHTS = 12  # powers of ten
+CUTOFF_SHARE = 0.97  # an advised cutoff is this share of the largest one, because it is rounded
+WEIGHT_DECADES = 12  # number of powers of ten that are tried as a weight
 AUTOMATIC: Changes = {"q_filter": "auto", "shift": "auto"}  # the design chooses both, and K_3
 LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 
@@ -275,7 +275,17 @@ def design_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGains:
                 raise
             no_K_3 = error
     of_learning = (note,) if note is not None else ()
-    gains = TrialGains(K_s, integral, N, ahead, K_3, no_K_3, feedback, learned, tuple(notes))
+    gains = TrialGains(
+        K_s=K_s,
+        integral=integral,
+        N=N,
+        feedforward=ahead,
+        K_3=K_3,
+        no_K_3=no_K_3,
+        feedback=feedback,
+        learning=learned,
+        notes=tuple(notes),
+    )
     gains = replace(gains, learning_notes=of_learning)
     return gains if choice is None else replace(gains, shift=choice.shift, cutoff=choice.cutoff)
 
@@ -376,13 +386,13 @@ def _trial_map(
     samples: int,
 ) -> TrialMap:
     return TrialMap(
-        [loop.closed(model, C) for model in models],
-        update.K_3 if update is not None else 0.0,
-        parameters.shift,
-        parameters.q_filter,
-        parameters.filtered,
-        samples,
-        parameters.learning_matrix,
+        loops=[loop.closed(model, C) for model in models],
+        K_3=update.K_3 if update is not None else 0.0,
+        shift=parameters.shift,
+        q_filter=parameters.q_filter,
+        filtered=parameters.filtered,
+        samples=samples,
+        matrix=parameters.learning_matrix,
     )
 
 
@@ -397,7 +407,7 @@ def _parameters(
     _check(plant, settings)
     if gains.no_K_3 is not None and needs_K_3(settings):
         raise gains.no_K_3
-    n, shift = plant.order, SHIFT if gains.observer else _shift(plant, settings, gains)
+    n, shift = plant.order, OBSERVER_SHIFT if gains.observer else _shift(plant, settings, gains)
     integral = gains.integral and settings.integral
     through = settings.structure == "input-and-integrator" and integral and settings.learning
     law = _law(gains.K_s, n, gains.N, integral, through)
@@ -451,7 +461,19 @@ def _observer_gains(plant: UncertainPlant, settings: TrialSettings) -> TrialGain
     ahead = inverse(plant) if settings.feedforward else None
     notes = (Remark(plant.note),) if plant.note else ()
     none = np.zeros(plant.order)
-    return TrialGains(none, False, 1.0, ahead, 1.0, None, None, None, notes, observer, cutoff)
+    return TrialGains(
+        K_s=none,
+        integral=False,
+        N=1.0,
+        feedforward=ahead,
+        K_3=1.0,
+        no_K_3=None,
+        feedback=None,
+        learning=None,
+        notes=notes,
+        observer=observer,
+        cutoff=cutoff,
+    )
 
 
 def _law(K_s: Real, n: int, N: float, integral: bool, through: bool) -> Gains:
@@ -597,13 +619,16 @@ def _automatic(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> Ch
 def _filter(cutoff: float, settings: TrialSettings) -> Changes:
     """A filter on the learned signal, safely below a cutoff in Hz."""
     order = settings.filter_order
-    return {"q_filter": {"cutoff": f"{BELOW * cutoff:.3g} Hz", "order": order, "acts_on": "signal"}}
+    return {"q_filter": {"cutoff": f"{CUTOFF_SHARE * cutoff:.3g} Hz", "order": order, "acts_on": "signal"}}
 
 
 def _by_frequency(
     loops: Sequence[Loop], plant: UncertainPlant, settings: TrialSettings, shift: int
 ) -> tuple[float, Remark] | None:
-    """K_3 with the smallest max |F| over frequency, and a note; None if that is above `PROPOSED`."""
+    """K_3 with the smallest max |F| over frequency, and a note.
+
+    None if that is above `PROPOSED_FACTOR_MOST`.
+    """
     bundle = Bundle(loops, shift)
     w = bundle.grid
     G = bundle(w)
@@ -611,11 +636,11 @@ def _by_frequency(
         K_3, worst = best_gain(G)
         note = f"K_3 by frequency, for the smallest factor a trial, {worst:.4g}"
         said = f"{note}: (35) is for a shift of {plant.relative_degree}"
-        return (K_3, Remark(said)) if worst <= PROPOSED else None
+        return (K_3, Remark(said)) if worst <= PROPOSED_FACTOR_MOST else None
     assert isinstance(settings.cutoff, float)
     q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3, worst = best_gain(G, q_filter.gain(w))
-    if worst > PROPOSED:
+    if worst > PROPOSED_FACTOR_MOST:
         return None
     note = "K_3 by frequency, for the smallest factor a trial with the filter on the learned signal, "
     note += f"{worst:.4g}"
@@ -649,9 +674,9 @@ def _warnings(
     if update is None or learning is None or learning.monotone:
         return notes
     note, cures = f"{kind} model: the error can grow by a factor of ", tuple[Changes, ...]()
-    if learning.norm > 1 + MONOTONE:
+    if learning.norm > 1 + FACTOR_ROUNDING:
         note += f"{_factor(learning.norm)} a trial at {learning.frequency:.4g} Hz"
-    elif part.growth is not None and part.growth > 1 + ENDS:
+    elif part.growth is not None and part.growth > 1 + GROWTH_ROUNDING:
         note += f"{_factor(part.growth)} a trial, from the ends of the "
         note += "filter" if part.with_filter else "trial"
     else:
@@ -679,7 +704,7 @@ def _calmer(
     """A weight of the change with which no error grows from trial to trial; None if none is."""
     nominal = law.closed(plant.exact_nominal or plant.nominal, plant.C)
     shift = _shift(plant, settings)
-    for n in range(1, WEIGHTS):
+    for n in range(1, WEIGHT_DECADES):
         weight = float(f"{settings.change_weight * 10.0**n:.3g}")
         matrix = norm_optimal(nominal, settings.samples, weight)
         update = Update(shift, 0.0, weight, nominal, matrix)

@@ -7,10 +7,10 @@ response.py and the error E without learning, that is after n trials
     R_n E,   R_n = R + (1 - R) F^n,   R = (1 - Q) / (1 - F)
 
 E is the error that a step of the load at the input causes. The choice has the smallest RMS of R_n E over that
-of E after JUDGED_TRIALS trials, at the worst corner, of all with |F| <= PROPOSED and |R| <= REMAINS_MOST at
-every plant and frequency. A grid of choices is searched by frequency. The best of it are refined over a trial
-of finite length (response.py), with a load from the first sample and one from the middle on, so that its ends
-count. A choice with which the error grows at the ends is none.
+of E after JUDGED_TRIALS trials, at the worst corner. |F| must be at most PROPOSED_FACTOR_MOST and |R| at most
+REMAINS_MOST at every plant and frequency. A grid of choices is searched by frequency. The best of it are
+refined over a trial of finite length (response.py), with a load from the first sample and one from the middle
+on, so that its ends count. A choice is refused if the error grows at the ends with it.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ import numpy as np
 
 from cogless.design.trials.model import Real
 from cogless.design.trials.response import (
-    MONOTONE,
-    PROPOSED,
+    FACTOR_ROUNDING,
+    PROPOSED_FACTOR_MOST,
     SHIFTS_TRIED,
     Bundle,
     Complex,
@@ -42,7 +42,7 @@ from cogless.design.trials.response import (
 )
 
 JUDGED_TRIALS = 10  # trials after which the error that is left is compared
-SLOWEST_FACTOR = 0.999  # |F| that is accepted where no choice keeps to PROPOSED
+SLOWEST_FACTOR = 0.999  # |F| that is accepted where no choice keeps to PROPOSED_FACTOR_MOST
 REMAINS_MOST = 1.01  # |R|: what remains of a frequency's error in the end, over its size without learning
 CUTOFFS_TRIED, GAINS_TRIED = 20, 14
 GAIN_RANGE = (0.05, 2.0)  # K_3 times G at zero frequency
@@ -208,7 +208,7 @@ class Bench:
 
 def learning_filters(bench: Bench) -> Iterator[Choice]:
     """Choices with which the error shrinks at every frequency and at the trial's ends, the best first."""
-    limits = (PROPOSED, SLOWEST_FACTOR) if bench.filtered == "signal" else (1 + MONOTONE,)
+    limits = (PROPOSED_FACTOR_MOST, SLOWEST_FACTOR) if bench.filtered == "signal" else (1 + FACTOR_ROUNDING,)
     for most in limits:
         grid = _grid(bench, most)
         if grid:

@@ -24,10 +24,16 @@ from cogless.design.trials.feedforward import zeros
 from cogless.design.trials.model import DesignError, Model, Real
 from cogless.design.trials.polytope import enclose
 from cogless.design.trials.response import Bundle, Complex, Loop, best_gain, direction
-from cogless.design.trials.state_feedback import RESCALED, TOLERANCE, Check, Unknown, minimise
+from cogless.design.trials.state_feedback import (
+    EIGENVALUE_TOLERANCE,
+    RESCALINGS_MOST,
+    Check,
+    Unknown,
+    minimise,
+)
 
-MIXTURES = 100
-FEWEST, MOST = 1024, 8192  # limits of the number of frequencies in `cost`
+MIXTURE_COUNT = 100
+FREQUENCIES_LEAST, FREQUENCIES_MOST = 1024, 8192  # `cost` uses a number of frequencies between these
 
 
 @dataclass(frozen=True)
@@ -81,7 +87,7 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
         return corners, True, ""
     unit = np.eye(len(loops))
     middles = [(unit[i] + unit[j]) / 2 for i in range(len(loops)) for j in range(i)]
-    shares = [*np.random.default_rng(0).dirichlet(np.ones(len(loops)), MIXTURES), *middles]
+    shares = [*np.random.default_rng(0).dirichlet(np.ones(len(loops)), MIXTURE_COUNT), *middles]
     A, B = np.array([loop.A for loop in loops]), np.array([loop.B for loop in loops])
     rows = []
     for share in shares:
@@ -110,13 +116,13 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
         raise DesignError(_impossible(direction(G) * G, bundle.grid, nominal))
     vertices, affine, note = mapped(loops, r)
     scaling: tuple[Real, float] | None = (_scaling(nominal, r, start, worst), 1.0)
-    for _ in range(RESCALED):
+    for _ in range(RESCALINGS_MOST):
         if scaling is None:
             break
         found, scaling = _solve(vertices, *scaling, f, g, 1 / start)
         if found is not None:
             K_3, bounds, result, status = found
-            return LearningGain(K_3, bounds, result, status, affine, note)
+            return LearningGain(K_3=K_3, bounds=bounds, check=result, status=status, affine=affine, note=note)
     given = float(f"{start:.4g}")
     keeps = f"with K_3 = {given:g} no vertex and frequency keeps more than {worst:.4g} of its error"
     raise DesignError(f"K_3: missing: expected a number, since (35) has no certificate: {keeps}").advising(
@@ -145,7 +151,7 @@ def check(
         )
     smallest = float(min(np.linalg.eigvalsh((b + b.T) / 2)[0] for b in blocks))
     worst = max(cost(vertex, K_3, f, g) for vertex in vertices)
-    return Check(smallest, worst, bound, smallest >= -TOLERANCE and worst <= bound * (1 + 1e-6))
+    return Check(smallest, worst, bound, smallest >= -EIGENVALUE_TOLERANCE and worst <= bound * (1 + 1e-6))
 
 
 def cost(vertex: Vertex, K_3: float, f: Real, g: float) -> float:
@@ -159,7 +165,7 @@ def cost(vertex: Vertex, K_3: float, f: Real, g: float) -> float:
     radius = float(np.abs(np.linalg.eigvals(A)).max())
     if radius >= 1 or np.abs(np.linalg.eigvals(vertex.phi(K_3))).max() >= 1:
         return np.inf
-    points = int(np.clip(20 / (1 - radius), FEWEST, MOST))
+    points = int(np.clip(20 / (1 - radius), FREQUENCIES_LEAST, FREQUENCIES_MOST))
     z = np.exp(1j * np.linspace(0, np.pi, points + 1))
     both = np.linalg.solve(z[:, None, None] * np.eye(n) - A, np.column_stack([f, B[:, 0]]))
     seen = (-vertex.Gamma @ both)[:, 0, :]

@@ -41,13 +41,16 @@ from cogless.design.trials.model import (
 from cogless.design.trials.sensing import Sensor, sensed
 
 QHULL_DIMENSIONS = 6
-FLAT = 1e-8  # share of the largest singular value; below it the points don't span a direction
-THIN = 0.1  # such a share; below it a direction gets a box instead of being inflated
-CONSTANT = 1e-11  # spread / magnitude of an entry; below it the entry is constant
-NEGLECTED = 1e-4  # share of an entry's spread; less in a direction that the corners lack is ignored
-STRAIGHT = 1e-14  # twice a triangle's area, as a share of the spread's square; below it a corner is none
-INSIDE = 1e-7  # share of the hull's size; a point this little outside counts as inside
-SPARE = 0.1  # share of the excess added as reserve, because samples don't reach the extremes
+FLAT_SHARE = 1e-8  # share of the largest singular value; below it the points do not span a direction
+# share of the largest singular value; below it a direction gets a box instead of being inflated
+THIN_SHARE = 0.1
+CONSTANT_SPREAD = 1e-11  # spread / magnitude of an entry; below it the entry is constant
+# share of an entry's spread; less than this is ignored in a direction that the corners lack
+NEGLECTED_SHARE = 1e-4
+STRAIGHT_AREA = 1e-14  # twice a triangle's area / the spread's square; below it a corner is none
+# a point counts as inside if it is outside by less than this share of the hull's size
+INSIDE_TOLERANCE = 1e-7
+RESERVE_SHARE = 0.1  # share of the excess that is added as reserve, because samples do not reach the extremes
 
 
 @dataclass(frozen=True)
@@ -104,27 +107,27 @@ def enclose(corners: Real, samples: Real) -> Enclosure:
     base = base[list(kept)]
     factor = float(_gauge(base, inside).max(initial=0.0))
     off = float(np.abs(rest).max(initial=0.0))
-    if factor <= 1 + INSIDE and off <= INSIDE:
+    if factor <= 1 + INSIDE_TOLERANCE and off <= INSIDE_TOLERANCE:
         return Enclosure(corners[list(kept)], kept, True, 0.0)
     # Directions in which the corners hardly differ get a box: their hull would have to be inflated too far.
-    frame = _frame(corners, np.vstack([corners, samples]), THIN)
+    frame = _frame(corners, np.vstack([corners, samples]), THIN_SHARE)
     everything, rest = frame.of(np.vstack([corners, samples]))
     base = everything[list(_vertices(everything[: len(corners)]))]
     factor = max(1.0, float(_gauge(base, everything).max(initial=0.0)))
     off = float(np.abs(rest).max(initial=0.0))
     centre = base.mean(axis=0)
-    grown = centre + (1 + (factor - 1) * (1 + SPARE)) * (base - centre)
-    moves = _directions(rest) if off > NEGLECTED else np.zeros((1, corners.shape[1]))
+    grown = centre + (1 + (factor - 1) * (1 + RESERVE_SHARE)) * (base - centre)
+    moves = _directions(rest) if off > NEGLECTED_SHARE else np.zeros((1, corners.shape[1]))
     vertices = [frame.back(vertex, move) for vertex in grown for move in moves]
     return Enclosure(np.array(vertices), (), False, max(factor - 1, off))
 
 
-def _frame(corners: Real, everything: Real, flat: float = FLAT) -> _Frame:
+def _frame(corners: Real, everything: Real, flat: float = FLAT_SHARE) -> _Frame:
     origin = corners.mean(axis=0)
     spread = np.ptp(everything, axis=0) / 2
-    scale = np.where(spread > CONSTANT * np.abs(everything).max(axis=0), spread, 0.0)
+    scale = np.where(spread > CONSTANT_SPREAD * np.abs(everything).max(axis=0), spread, 0.0)
     _, values, rows = np.linalg.svd(_scaled(corners, origin, scale), full_matrices=False)
-    thick = values > max(flat * float(values.max(initial=0.0)), FLAT)
+    thick = values > max(flat * float(values.max(initial=0.0)), FLAT_SHARE)
     return _Frame(origin, scale, rows[: int(np.sum(thick))])
 
 
@@ -156,7 +159,7 @@ def _polygon(points: Real) -> _Hull:
         for index in indices:
             while len(found) > 1:
                 (a, b), (c, d) = points[found[-1]] - points[found[-2]], points[index] - points[found[-2]]
-                if a * d - b * c > STRAIGHT:
+                if a * d - b * c > STRAIGHT_AREA:
                     break
                 found.pop()
             found.append(index)
@@ -175,7 +178,7 @@ def _vertices(points: Real) -> tuple[int, ...]:
         return (0,)
     if dimensions == 1:
         return tuple(sorted({int(points[:, 0].argmin()), int(points[:, 0].argmax())}))
-    _, first = np.unique(np.round(points / INSIDE), axis=0, return_index=True)
+    _, first = np.unique(np.round(points / INSIDE_TOLERANCE), axis=0, return_index=True)
     distinct = np.sort(first)
     hull = _hull(points[distinct])
     return tuple((distinct if hull is None else np.sort(distinct[hull.vertices])).tolist())
@@ -210,15 +213,15 @@ def _directions(rest: Real) -> Real:
     """
     _, _, axes = np.linalg.svd(rest, full_matrices=False)
     along = rest @ axes.T
-    keep = np.abs(along).max(axis=0) > NEGLECTED
+    keep = np.abs(along).max(axis=0) > NEGLECTED_SHARE
     axes, along = axes[keep], along[:, keep]
     low, high = np.minimum(along.min(axis=0), 0.0), np.maximum(along.max(axis=0), 0.0)
-    low, high = low - SPARE * (high - low) / 2, high + SPARE * (high - low) / 2
+    low, high = low - RESERVE_SHARE * (high - low) / 2, high + RESERVE_SHARE * (high - low) / 2
     if len(axes) <= 2:
         corners = itertools.product(*zip(low, high, strict=True))
         return np.array([np.array(corner) @ axes for corner in corners])
     middle, root = (low + high) / 2, np.sqrt((high - low) / 2)
-    reach = float((np.abs(along - middle) / root).sum(axis=1).max()) * (1 + SPARE)
+    reach = float((np.abs(along - middle) / root).sum(axis=1).max()) * (1 + RESERVE_SHARE)
     ends = [middle + sign * reach * half for half in np.diag(root) for sign in (-1.0, 1.0)]
     return np.asarray(np.array(ends) @ axes)
 
@@ -228,7 +231,7 @@ Range = tuple[float, float]
 Physics = Callable[[Parameters], tuple[ArrayLike, ArrayLike]]
 Models = tuple[list[Model], list[Model] | None]  # discrete models; the exactly sampled ones, if known
 Draw = Callable[[Generator, int], Models]
-CERTIFIED = 60  # number of random plants that a certificate covers, and of mixtures of vertices
+CERTIFIED_PLANTS = 60  # number of random plants that a certificate covers, and of mixtures of vertices
 INSIDE_SAMPLES = 200  # number of sampled parameter sets whose models must be in the polytope
 
 
@@ -263,8 +266,8 @@ class UncertainPlant:
         The discrete ones include mixtures of vertices.
         """
         rng = np.random.default_rng(0)
-        drawn, exact = self.sample(rng, CERTIFIED)
-        return [*drawn, *_mixtures(self.vertices, rng, CERTIFIED)], exact
+        drawn, exact = self.sample(rng, CERTIFIED_PLANTS)
+        return [*drawn, *_mixtures(self.vertices, rng, CERTIFIED_PLANTS)], exact
 
     @property
     def as_held(self) -> UncertainPlant:

@@ -252,7 +252,12 @@ def _final_trials(errors: Real) -> int:
 def random_loops(models: Sequence[Model], C: Real, law: Gains | ObserverGains, trial: TrialMap) -> Loops:
     """The loops of these plants for errors that differ from trial to trial; `trial` as of `predict`."""
     position = TrialMap(
-        [law.position(m, C) for m in models], trial.K_3, trial.shift, None, "error", trial.samples
+        loops=[law.position(m, C) for m in models],
+        K_3=trial.K_3,
+        shift=trial.shift,
+        q_filter=None,
+        filtered="error",
+        samples=trial.samples,
     )
 
     def respond(reference: Real, load: Real, start: Real, probes: int) -> tuple[Real, Real]:

@@ -52,12 +52,12 @@ from cogless.design.trials.model import (
 )
 
 Filtered = Literal["error", "signal"]
-GRID = 700
+GRID_FREQUENCIES = 700
 AROUND = np.array([0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0])  # from a pole's angle, in 1 - |p|
-NARROW = 0.05  # poles further than this from the unit circle need no grid points of their own
-REFINEMENTS = 3
-CANDIDATES = 40  # largest number of local maxima that are refined
-MONOTONE = 1e-9  # an excess of a factor over one that is rounding, and harmless for a million trials
+NARROW_POLE_DISTANCE = 0.05  # a pole further from the unit circle needs no grid points of its own
+REFINEMENT_ROUNDS = 3
+MAXIMA_MOST = 40  # largest number of local maxima that are refined
+FACTOR_ROUNDING = 1e-9  # a factor above one by less is rounding, and harmless for a million trials
 
 
 @dataclass(frozen=True)
@@ -169,11 +169,11 @@ class Bundle:
 
 def grid(poles: Complex | None = None) -> Real:
     """Grid from 0 to pi rad per sample: even, but finer near zero and around poles near the unit circle."""
-    w = np.union1d(np.linspace(0.0, np.pi, GRID), np.geomspace(1e-4, 0.3, GRID // 3))
+    w = np.union1d(np.linspace(0.0, np.pi, GRID_FREQUENCIES), np.geomspace(1e-4, 0.3, GRID_FREQUENCIES // 3))
     if poles is None:
         return w
     width = 1 - np.abs(poles)
-    narrow = (width > 0) & (width < NARROW) & (poles.imag >= 0)
+    narrow = (width > 0) & (width < NARROW_POLE_DISTANCE) & (poles.imag >= 0)
     width = width[narrow][:, None]
     near = np.abs(np.angle(poles[narrow])[:, None] + width * np.append(-AROUND, AROUND))
     # rounded, so that poles that hardly differ share their points
@@ -233,15 +233,18 @@ def best_gain(G: Complex, H: Real | float = 1.0) -> tuple[float, float]:
 
 
 def gain_limits(G: Complex, H: Real | float = 1.0, filtered: Filtered = "error") -> Real:
-    """The K > 0 at which |F| reaches 1 + MONOTONE, for each model and frequency; about 0 if any K exceeds it.
+    """The K > 0 at which |F| reaches 1 + FACTOR_ROUNDING, for each model and frequency.
 
-    K solves a quadratic equation. With the filter on the signal it is |1 - K G|^2 = (1 + MONOTONE)^2 / H^2.
-    With the filter on the error it is |1 - K G H|^2 = (1 + MONOTONE)^2.
+    It is about 0 if any K exceeds that.
+
+    K solves a quadratic equation. With the filter on the signal it is
+    |1 - K G|^2 = (1 + FACTOR_ROUNDING)^2 / H^2.
+    With the filter on the error it is |1 - K G H|^2 = (1 + FACTOR_ROUNDING)^2.
     """
     gain = np.maximum(np.asarray(H), 1e-9)
     G, level = (G * H, 1.0) if filtered == "error" else (G, 1 / gain)
     real, square = G.real, np.maximum(np.abs(G) ** 2, 1e-300)
-    spare = (level * (1 + MONOTONE)) ** 2 - 1
+    spare = (level * (1 + FACTOR_ROUNDING)) ** 2 - 1
     return np.asarray((real + np.sqrt(real**2 + square * spare)) / square)
 
 
@@ -255,7 +258,7 @@ def peak(f: Callable[[Real, Sequence[int]], Real], w: Real, values: Real) -> tup
     best = (float(values[first, k]), float(w[k]), int(first))
     for model, k in _maxima(values):
         low, high = w[max(k - 1, 0)], w[min(k + 1, len(w) - 1)]
-        for _ in range(REFINEMENTS):
+        for _ in range(REFINEMENT_ROUNDS):
             near = np.linspace(low, high, 33)
             row = f(near, [int(model)])[0]
             top = int(np.argmax(row))
@@ -273,10 +276,10 @@ def _maxima(values: Real) -> NDArray[np.intp]:
     left, right = around[:, :-2], around[:, 2:]
     risen = 2 * values - np.fmin(left, right)
     found = np.argwhere(~(left > values) & ~(right > values) & (risen > values.max()))
-    return found[np.argsort(risen[tuple(found.T)])[::-1][:CANDIDATES]]
+    return found[np.argsort(risen[tuple(found.T)])[::-1][:MAXIMA_MOST]]
 
 
-TRIALS = 80
+TRIALS_TRIED = 80
 POWERS = (1, 2, 3, 5, 8)  # of M, whose norms are found
 SHARES = (1, 2, 4, 8, 24)  # trials after which the error's largest share is found
 NORM_ITERATIONS = 6  # for each norm; the estimate is from below
@@ -470,26 +473,27 @@ def _norms(there: Callable[[Real], Real], back: Callable[[Real], Real], x: Real)
 
 
 def growth(trial: TrialMap) -> Real:
-    """Factor per trial of each loop's error: its geometric mean over the last half of `TRIALS` trials.
+    """Factor per trial of each loop's error: its geometric mean over the last half of `TRIALS_TRIED` trials.
 
     The simulation starts with noise in v, without a reference.
     """
     v = np.random.default_rng(0).normal(size=(len(trial.loops), trial.samples)) * trial.acts
-    sizes = np.ones((TRIALS, len(trial.loops)))
-    for k in range(TRIALS):
+    sizes = np.ones((TRIALS_TRIED, len(trial.loops)))
+    for k in range(TRIALS_TRIED):
         e = -trial.output(v)
         e[:, : trial.shift] = 0.0
         sizes[k] = np.maximum(np.linalg.norm(e, axis=1), 1e-300)
         # the update is linear: scaled to |e| = 1, many trials neither overflow nor vanish in rounding
         v, e = v / sizes[k][:, None], e / sizes[k][:, None]
         v = (trial.recall(v) + trial.correction(e)) * trial.acts
-    return np.asarray(np.exp(np.log(sizes[TRIALS // 2 :]).mean(axis=0)))
+    return np.asarray(np.exp(np.log(sizes[TRIALS_TRIED // 2 :]).mean(axis=0)))
 
 
 SHIFTS_TRIED = 13  # from the relative degree to the longest lag
-CLEARLY = 0.95  # another shift is proposed if its factor is less than this share
-ENDS = 10  # cutoffs tried until the error shrinks at the trial's ends too, each 0.8 times the last
-PROPOSED = 0.95  # largest factor per trial with a proposed cutoff
+BETTER_SHARE = 0.95  # another shift is proposed if its factor is less than this share of the present one
+# cutoffs that are tried until the error shrinks at the trial's ends too, each 0.8 times the last
+CUTOFFS_MOST = 10
+PROPOSED_FACTOR_MOST = 0.95  # largest factor per trial with a proposed cutoff
 
 
 def butterworth(cutoff: float, order: int, period: float, odd: bool = False) -> Filter:
@@ -522,7 +526,21 @@ def better_shift(
 
     def with_ends(tried: int) -> float:
         K_3, worst = gains[tried]
-        return max(worst, float(growth(TrialMap(loops, K_3, tried, q_filter, "signal", samples)).max()))
+        return max(
+            worst,
+            float(
+                growth(
+                    TrialMap(
+                        loops=loops,
+                        K_3=K_3,
+                        shift=tried,
+                        q_filter=q_filter,
+                        filtered="signal",
+                        samples=samples,
+                    )
+                ).max()
+            ),
+        )
 
     now = with_ends(shift)
     best, factor_best = shift, now
@@ -532,13 +550,13 @@ def better_shift(
         factor_tried = with_ends(tried)
         if factor_tried < factor_best:
             best, factor_best = tried, factor_tried
-    return (now, best, factor_best) if factor_best < CLEARLY * now else None
+    return (now, best, factor_best) if factor_best < BETTER_SHARE * now else None
 
 
 def workable_cutoff(
     loops: Sequence[Loop], shift: int, order: int, period: float, samples: int, K_3: float | None = None
 ) -> float | None:
-    """The largest cutoff, Hz, with which the error's factor per trial is at most `PROPOSED`, or None.
+    """The largest cutoff, Hz, whose factor per trial is at most `PROPOSED_FACTOR_MOST`, or None.
 
     This holds for all loops and frequencies and at the trial's ends, with K_3 or, if it is None, with the
     best gain. The filter acts on the learned signal: filtering the error alone isn't enough (response.py).
@@ -552,15 +570,17 @@ def workable_cutoff(
         return best_gain(G, H) if K_3 is None else (K_3, float(factor(G, K_3, H, "signal").max()))
 
     low, high = 1e-3 / period, 0.49 / period
-    if at(low)[1] > PROPOSED:
+    if at(low)[1] > PROPOSED_FACTOR_MOST:
         return None
     for _ in range(10):
         middle = math.sqrt(low * high)
-        low, high = (middle, high) if at(middle)[1] <= PROPOSED else (low, middle)
-    for _ in range(ENDS):
+        low, high = (middle, high) if at(middle)[1] <= PROPOSED_FACTOR_MOST else (low, middle)
+    for _ in range(CUTOFFS_MOST):
         q_filter = butterworth(low, order, period)
-        trial = TrialMap(loops, at(low)[0], shift, q_filter, "signal", samples)
-        if growth(trial).max() <= PROPOSED:
+        trial = TrialMap(
+            loops=loops, K_3=at(low)[0], shift=shift, q_filter=q_filter, filtered="signal", samples=samples
+        )
+        if growth(trial).max() <= PROPOSED_FACTOR_MOST:
             return low
         low *= 0.8
     return None

@@ -34,8 +34,8 @@ from numpy.typing import NDArray
 from cogless.design.trials.model import DesignError, Model, Real, uncontrollable_mode
 from cogless.design.trials.polytope import UncertainPlant
 
-TOLERANCE = 1e-7  # an eigenvalue above minus this share of the block's largest counts as positive
-RESCALED = 4  # attempts to minimise a cost, each in coordinates from the attempt before
+EIGENVALUE_TOLERANCE = 1e-7  # an eigenvalue above minus this share of the block's largest counts as positive
+RESCALINGS_MOST = 4  # attempts to minimise a cost, each in coordinates from the attempt before
 STATUS = {  # Clarabel's, of those that come with a solution
     "Solved": "optimal",
     "AlmostSolved": "optimal_inaccurate",
@@ -136,8 +136,8 @@ def smallest_share(blocks: Sequence[Real]) -> float:
     return float(min(values[0] / max(float(np.abs(values).max()), 1e-300) for values in spectra))
 
 
-TRIES = 3  # each in coordinates in which the Y of the try before is I
-NONE = 1e-9  # a Y with an eigenvalue below this counts as singular; its upper bound is I
+DESIGN_TRIES = 3  # tries, each in coordinates in which the Y of the try before is I
+SINGULAR_Y_MOST = 1e-9  # a Y with an eigenvalue below this counts as singular; its upper bound is I
 NORM_SLACK = 1e-9  # by which |A_j + B_j K|^2 has to be below one
 
 
@@ -151,7 +151,7 @@ class Common:
 
 def stabilise(models: Sequence[Model], T: Real) -> Common | None:
     """A gain that stabilises all models, or None. T: coordinates in which the states are of similar size."""
-    for _ in range(TRIES):
+    for _ in range(DESIGN_TRIES):
         found = _solve(models, T)
         if found is None:
             return None
@@ -178,14 +178,14 @@ def _solve(models: Sequence[Model], T: Real) -> tuple[Real, Real] | None:
     if found is None:
         return None
     _, y, w = found
-    if not np.all(np.isfinite(y)) or np.linalg.eigvalsh(y)[0] < NONE:
+    if not np.all(np.isfinite(y)) or np.linalg.eigvalsh(y)[0] < SINGULAR_Y_MOST:
         return None
     K = np.linalg.solve(y, w[0]) / size @ inverse
     return K, T @ np.linalg.cholesky(y)
 
 
-PAIRS = 5  # of vertices tried for an error message
-HALVINGS = 6  # of the ranges for an error message
+VERTEX_PAIRS = 5  # pairs of vertices that are tried for an error message
+RANGE_HALVINGS = 6  # the ranges are halved so often for an error message
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,7 @@ def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integ
     if common is None:
         raise DesignError(_why(plant, models, rough, integral))
     for scaling in (T, _with_the_cost(models, common, Q, R)):
-        for _ in range(RESCALED):
+        for _ in range(RESCALINGS_MOST):
             if scaling is None:
                 break
             found, scaling = solve_scaled(models, scaling, Q, R, gamma)
@@ -279,7 +279,7 @@ def check(
     start = (inverse @ gamma) / np.sqrt(bound)
     blocks.append(np.block([[np.eye(1), start[None, :]], [start[:, None], y]]))
     smallest = smallest_share(blocks)
-    return Check(smallest, cost, bound, smallest >= -TOLERANCE and cost <= bound * (1 + 1e-5))
+    return Check(smallest, cost, bound, smallest >= -EIGENVALUE_TOLERANCE and cost <= bound * (1 + 1e-5))
 
 
 def _of_the_cost(Y: Real, closed: Real, q: Real, w: Real) -> list[list[Real]]:
@@ -378,12 +378,12 @@ def _why(plant: UncertainPlant, models: Sequence[Model], T: Real, integral: bool
 
 
 def _hopeless_pair(models: Sequence[Model], T: Real) -> tuple[int, int] | None:
-    """Two vertices that no common gain stabilises, among the `PAIRS` pairs furthest apart; else None."""
+    """Two of the `VERTEX_PAIRS` furthest vertices that no common gain stabilises; else None."""
     rows = np.array([m.entries for m in models])
     spread = np.where(np.ptp(rows, axis=0) > 0, np.ptp(rows, axis=0), 1.0)
     apart = np.linalg.norm((rows[:, None] - rows) / spread, axis=2)
     pairs = [(i, j) for i in range(len(models)) for j in range(i)]
-    for i, j in sorted(pairs, key=lambda pair: -apart[pair])[:PAIRS]:
+    for i, j in sorted(pairs, key=lambda pair: -apart[pair])[:VERTEX_PAIRS]:
         if stabilise([models[j], models[i]], T) is None:
             return j, i
     return None
@@ -395,7 +395,7 @@ def _feasible_share(plant: UncertainPlant, T: Real, integral: bool) -> float:
     It is rounded down, by about two percent at most.
     """
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(RANGE_HALVINGS):
         middle = (low + high) / 2
         models = with_integrator(plant.shrunk(middle), integral)
         low, high = (middle, high) if stabilise(models, T) is not None else (low, middle)

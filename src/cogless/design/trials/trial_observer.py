@@ -4,8 +4,8 @@ docs/theory/trial-design.md#learning-the-missing-input derives it. All gains fol
 pole p of observer and feedback, the response g, and the cut-off of the filter on the learned signal. The rule
 finds them without a weight. It uses the exactly sampled plants, at the corners and at random parameters:
 
-    p, g      the fastest p for which some g keeps the sensitivity |S| within SENSITIVITY at every plant, and
-              with which the sensor's steps make at most QUIET_SHARE of the limit at the input, RMS
+    p, g      the fastest p for which some g keeps the sensitivity |S| within SENSITIVITY_MOST at every plant,
+              and with which the sensor's steps make at most QUIET_SHARE of the limit at the input, RMS
     cut-off   the highest with which a trial leaves at most LEFT of what was missing, at each frequency
 """
 
@@ -21,17 +21,18 @@ from cogless.design.trials.model import DesignError, Model, Real
 from cogless.design.trials.polytope import UncertainPlant
 from cogless.design.trials.response import Bundle, Complex, Disturbed, Loop, butterworth, grid
 
-SHIFT = 2  # samples after which the law knows what was missing
-SENSITIVITY = 3.0
+OBSERVER_SHIFT = 2  # samples after which the law knows what was missing
+SENSITIVITY_MOST = 3.0
 LEFT = 2 / 3
 QUIET_SHARE = (
     1 / 30
 )  # of the limit of u: most RMS of the sensor's steps; three times this RMS is a tenth of the limit
 NOISE_FREQUENCIES = 200
 POLES = np.arange(0.95, 0.045, -0.01)
-RESPONSES = 25  # responses tried at each pole, from half the weakest plant's to twice the strongest's
+# responses that are tried at each pole, from half the weakest plant's to twice the strongest's
+RESPONSE_COUNT = 25
 NEAR_ONE = 0.2  # the plant counts as a double integrator if two poles are at most this far from z = 1
-MEMORY = 8  # states of the law: predicted e, s, a; e of 1, 2, 3 samples ago; u_fb of 1, 2 samples ago
+LAW_STATES = 8  # states of the law: predicted e, s, a; e of 1, 2, 3 samples ago; u_fb of 1, 2 samples ago
 
 
 @dataclass(frozen=True)
@@ -49,13 +50,13 @@ class ObserverGains:
     def position(self, model: Model, C: Real) -> Loop:
         """The closed loop from v to y."""
         A, B, _, _ = self._rows(model, C)
-        return Loop(A, B, np.append(model.output(C), np.zeros(MEMORY)))
+        return Loop(A, B, np.append(model.output(C), np.zeros(LAW_STATES)))
 
     def disturbed(self, model: Model, C: Real) -> Disturbed:
         """The closed loop from an error of the angle and the speed that the law gets; it doesn't use this."""
         A, _, u_fb, missing = self._rows_with_error(model, C)
         acts = np.column_stack([A[:, -1], np.zeros(len(A))])
-        position = np.append(model.output(C), np.zeros(MEMORY))
+        position = np.append(model.output(C), np.zeros(LAW_STATES))
         at_once = np.array([u_fb[-1], 0.0])
         return Disturbed(
             A[:, :-1],
@@ -69,7 +70,7 @@ class ObserverGains:
 
     def delayed(self, model: Model, C: Real) -> float:
         """Spectral radius of the closed loop with one more sample of delay at the input."""
-        n, size = model.order, model.order + MEMORY
+        n, size = model.order, model.order + LAW_STATES
         A, _, u_fb, _ = self._rows(model, C)
         whole = np.zeros((size + 1, size + 1))
         whole[:size, :size], whole[size, :size] = A, u_fb
@@ -89,8 +90,8 @@ class ObserverGains:
     def _rows_with_error(self, model: Model, C: Real) -> tuple[Real, Real, Real, Real]:
         """The same with a last column, of an error of the angle that the law gets."""
         n, g = model.order, self.response
-        states = np.eye(n + MEMORY, n + MEMORY + 1)
-        e = np.concatenate([-C @ model.view, np.zeros(MEMORY), [-1.0]])
+        states = np.eye(n + LAW_STATES, n + LAW_STATES + 1)
+        e = np.concatenate([-C @ model.view, np.zeros(LAW_STATES), [-1.0]])
         innovation = e - states[n]
         corrected = states[n : n + 3] + np.outer(_observer(self.pole), innovation)
         u_fb = np.append(_feedback(self.pole), 1.0) @ corrected / g
@@ -98,9 +99,9 @@ class ObserverGains:
         missing = acted[1] + (e - before[0] - before[1] + before[2]) / (2 * g)
         push = corrected[2] - g * u_fb
         predicted = [corrected[0] + corrected[1] + push / 2, corrected[1] + push, corrected[2]]
-        plant = np.hstack([model.A, np.zeros((n, MEMORY + 1))]) + model.B @ u_fb[None, :]
+        plant = np.hstack([model.A, np.zeros((n, LAW_STATES + 1))]) + model.B @ u_fb[None, :]
         A = np.vstack([plant, *predicted, e, before[0], before[1], u_fb, acted[0]])
-        return A, np.vstack([model.B, np.zeros((MEMORY, 1))]), u_fb, missing
+        return A, np.vstack([model.B, np.zeros((LAW_STATES, 1))]), u_fb, missing
 
 
 def _observer(p: float) -> Real:
@@ -138,7 +139,7 @@ def design_observer(plant: UncertainPlant, pole: float | None, limit: float | No
         raise DesignError("nominal: expected an input that raises y at every plant")
     w = grid()[1::3]  # |S| has no narrow peak within its bound
     G = Bundle([Loop(m.A, m.B, plant.C @ m.view) for m in models], 0)(w)
-    tried = np.geomspace(min(strengths) / 2, 2 * max(strengths), RESPONSES)
+    tried = np.geomspace(min(strengths) / 2, 2 * max(strengths), RESPONSE_COUNT)
     poles = [float(p) for p in POLES] if pole is None else [pole]
     loops, at_once = zip(*(_controller(p) for p in poles), strict=True)
     feedback = Bundle(loops, 0)(w) + np.array(at_once)[:, None]
@@ -152,7 +153,7 @@ def design_observer(plant: UncertainPlant, pole: float | None, limit: float | No
     held: list[ObserverGains] = []
     for p, from_error in zip(poles, feedback, strict=True):
         g, sensitivity = _best_response(from_error * G, tried)
-        if pole is not None or sensitivity <= SENSITIVITY:
+        if pole is not None or sensitivity <= SENSITIVITY_MOST:
             held.append(ObserverGains(g, p))
         elif fastest(held) is not None:
             break
@@ -189,7 +190,7 @@ def highest_cutoff(plant: UncertainPlant, gains: ObserverGains, order: int) -> f
     """The highest cut-off, Hz, with which no frequency keeps more than LEFT a trial, at no plant."""
     loops = [gains.closed(model, plant.C) for model in _exact(plant)]
     w = grid()
-    keeps = np.abs(1 - Bundle(loops, SHIFT)(w)).max(axis=0)
+    keeps = np.abs(1 - Bundle(loops, OBSERVER_SHIFT)(w)).max(axis=0)
     low, high = 1e-3 / plant.period, 0.45 / plant.period
     for _ in range(40):
         middle = 0.5 * (low + high)
@@ -210,7 +211,7 @@ def inverse(plant: UncertainPlant) -> Feedforward:
     damping = -float(np.log(np.abs(np.prod(slow))))
     second, first = np.array([0.5, -0.5, -0.5, 0.5]), np.array([0.0, 1.0, -1.0, 0.0])
     num = (second + damping * first) / _strength(model, plant.C)
-    return Feedforward(num, np.ones(1), SHIFT, "inverse", ())
+    return Feedforward(num, np.ones(1), OBSERVER_SHIFT, "inverse", ())
 
 
 def _exact(plant: UncertainPlant) -> Sequence[Model]:

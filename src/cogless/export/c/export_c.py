@@ -58,7 +58,7 @@ def _text(value: Any) -> str:
 
 
 # periods of the self-test: enough for the law to do something, few enough for a microcontroller's flash
-TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
+TEST_TICKS, LAW_STEPS, MOST_TICKS = 400, 80, 2000
 
 
 def export_c(
@@ -80,7 +80,7 @@ def export_c(
     prepared = prepare_whole(study, first_scenario(study, controller, scenario), controller)
     subject = subject_of(prepared, command)
     recording = record(prepared, self_test_ticks(subject, prepared))
-    about = {
+    manifest = {
         "study": study.name,
         "sha256": study_hash(study),
         "scenario": subject.scenario,
@@ -91,13 +91,13 @@ def export_c(
     written = contents(subject, prepared, recording)
     if subject.learning_matrix is not None:
         announce(sources.size(written, subject.learning_matrix.nbytes))
-    sources.write(target, written, about)
+    sources.write(target, written, manifest)
     return subject
 
 
 def self_test_ticks(subject: Subject, prepared: Prepared) -> int:
     """Number of current-loop periods that the self-test repeats."""
-    return min(max(TICKS, LAW_STEPS * subject.divider), MOST_TICKS, prepared.ticks)
+    return min(max(TEST_TICKS, LAW_STEPS * subject.divider), MOST_TICKS, prepared.ticks)
 
 
 def subject_of(prepared: Prepared, command: str = "") -> Subject:
@@ -107,7 +107,7 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
     assert prepared.study.drive is not None
     layout = control_layout(prepared.study.drive.precision)
     stored = prepared.drive.stored(prepared.start())
-    found, verdict = figures(prepared.study, prepared.scenario, prepared.controller)
+    numbers, verdict = figures(prepared.study, prepared.scenario, prepared.controller)
     return Subject(
         study=prepared.study,
         scenario=prepared.scenario,
@@ -123,7 +123,7 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
         memory_length=len(prepared.memory),
         map=None if stored is None else np.shape(stored["values"]),
         learning_matrix=None if matrix is None else np.asarray(matrix, prepared.memory.dtype).ravel(),
-        figures=found,
+        figures=numbers,
         verdict=verdict,
         command=command,
     )
@@ -139,9 +139,9 @@ def contents(subject: Subject, prepared: Prepared, recording: Recording) -> dict
     motion = recording.begun[0][1] if recording.begun else None
     stretches = awkward(subject, prepared, motion)
     written = texts(subject, recording, prepared.memory, stretches)
-    made = {name: text.encode() for name, text in written.items()}
+    encoded = {name: text.encode() for name, text in written.items()}
     library = control_sources() / "cogless"
     parts = [*subject.parts, *motion_parts(subject)]
     names = {*sources.closure(parts), *(sources.store() if subject.map else ())}
     copied = {f"cogless/{name}": (library / name).read_bytes() for name in names - subject.unused}
-    return made | copied | {"cogless/LICENSE": sources.licence().read_bytes()}
+    return encoded | copied | {"cogless/LICENSE": sources.licence().read_bytes()}

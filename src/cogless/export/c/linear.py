@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from cogless.c_layout import control_layout
+from cogless.c_literals import initialiser
 from cogless.control_library import C_LAWS
 from cogless.export import sources
 from cogless.export.c.export_c import figures
-from cogless.export.c.literals import initialiser
 from cogless.export.c.subject import identifier, stem, study_hash
 from cogless.export.c.texts import FLAGS, figure_lines, matrix_array, plain_comment, verdict_comment
 from cogless.export.prepared import first_scenario
@@ -46,7 +46,7 @@ def export_linear(
     trials = min(study.scenario[where].trials, max(2, min(TEST_TRIALS, TEST_SAMPLES // study.samples(where))))
     trace = recorded(planned, trials * study.samples(where))
     written = contents(study, planned, trace, trials, command)
-    about = {
+    manifest = {
         "study": study.name,
         "sha256": study_hash(study),
         "scenario": where,
@@ -56,7 +56,7 @@ def export_linear(
     }
     if planned.description["controller"]["learning_matrix"] is not None:
         announce(sources.size(written, planned.description["controller"]["learning_matrix"].nbytes))
-    sources.write(target, written, about)
+    sources.write(target, written, manifest)
 
 
 def recorded(planned: Plan, ticks: int) -> Trace:
@@ -97,7 +97,7 @@ def _words(study: TrialStudy, planned: Plan, command: str) -> dict[str, str]:
     config: dict[str, Any] = layout.decode(law.config, description["config"])
     name, matrix = identifier(controller), description["learning_matrix"]
     own = {} if matrix is None else {"learning_matrix": f"{name}_learning_matrix"}
-    shown, verdict = figures(study, scenario, controller)
+    numbers, verdict = figures(study, scenario, controller)
     entries = law.entries(config)
     assert entries is not None
     title = plain_comment(study.title)
@@ -125,7 +125,7 @@ def _words(study: TrialStudy, planned: Plan, command: str) -> dict[str, str]:
         "matrix": matrix_array(name, None if matrix is None else np.asarray(matrix), "d"),
         "verdict_comment": verdict_comment(verdict),
         "verdict_row": f"| what `cogless design` says of it | {verdict} |\n" if verdict else "",
-        "figures": figure_lines(shown),
+        "figures": figure_lines(numbers),
     }
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from string import Template
 
-from cogless.export.c.literals import initialiser, real
+from cogless.c_literals import initialiser, real
 from cogless.export.c.subject import Subject
 from cogless.study.position_sensor import Counted, Encoder, Hall, IdealSensor
 
@@ -149,19 +149,19 @@ def corner(subject: Subject) -> float | None:
 
 def motion_parts(subject: Subject) -> list[str]:
     """Headers of the control library that the example needs for the study's sensor and speed filter."""
-    found = sensor(subject)
-    parts = ["encoder.h", HEADERS[found.speed_method]] if isinstance(found, Counted) else []
-    if isinstance(found, Hall):
+    position = sensor(subject)
+    parts = ["encoder.h", HEADERS[position.speed_method]] if isinstance(position, Counted) else []
+    if isinstance(position, Hall):
         parts = ["hall.h"]
-    if isinstance(found, Counted) and subject.encoder_table_config is not None:
+    if isinstance(position, Counted) and subject.encoder_table_config is not None:
         parts.append("encoder_table.h")
     return parts + ["low_pass.h"] * (corner(subject) is not None)
 
 
 def motion(subject: Subject) -> dict[str, str]:
     """Texts that fill the example's placeholders for angle and speed; empty if the board measures both."""
-    found, frequency = sensor(subject), corner(subject)
-    if isinstance(found, IdealSensor) and frequency is None:
+    position, frequency = sensor(subject), corner(subject)
+    if isinstance(position, IdealSensor) and frequency is None:
         return EMPTY
     words = {
         "NAME": subject.name.upper(),
@@ -171,25 +171,25 @@ def motion(subject: Subject) -> dict[str, str]:
         "corner": real(math.tau * (frequency or 0.0), subject.precision),
     }
     declarations, starts, states, text, more = "", list[str](), "", FILTER_DEFINITIONS, dict[str, str]()
-    if isinstance(found, Counted):
-        timer = found.timer if isinstance(found, Encoder) else 0.0
-        method = "MT" if found.timed else found.speed_method
-        count = min(found.counts, 2**32 - 1)
+    if isinstance(position, Counted):
+        timer = position.timer if isinstance(position, Encoder) else 0.0
+        method = "MT" if position.timed else position.speed_method
+        count = min(position.counts, 2**32 - 1)
         words |= {
             "counts": str(count),
             "last": str(count - 1),
-            "range": "65536" if isinstance(found, Encoder) else str(count),
-            "absolute": "" if isinstance(found, Encoder) else ", .absolute = true",
-            "about": ABOUT if isinstance(found, Encoder) else ABOUT_WORD,
-            "window": str(found.window if method == "average" else 1),
+            "range": "65536" if isinstance(position, Encoder) else str(count),
+            "absolute": "" if isinstance(position, Encoder) else ", .absolute = true",
+            "about": ABOUT if isinstance(position, Encoder) else ABOUT_WORD,
+            "window": str(position.window if method == "average" else 1),
             "timer": real(timer, subject.precision),
-            "last_interval": ", .last_interval = true" if found.speed_method == "T" else "",
-            "bandwidth": real(found.bandwidth, subject.precision),
+            "last_interval": ", .last_interval = true" if position.speed_method == "T" else "",
+            "bandwidth": real(position.bandwidth, subject.precision),
         }
-        declarations = (COUNTER if isinstance(found, Encoder) else WORD) + TIMES * found.timed
+        declarations = (COUNTER if isinstance(position, Encoder) else WORD) + TIMES * position.timed
         starts, states, text = [ENCODER_START, STARTS[method]], STATES[method], DEFINITIONS
         table = subject.encoder_table_config
-        more = {"due": DUE if found.each_law_period else "", "correct": "", "speed": SPEED[method]}
+        more = {"due": DUE if position.each_law_period else "", "correct": "", "speed": SPEED[method]}
         words |= {"step": STEPS.get(method, ""), "turns": "encoder.turns"}
         take = TAKE if table is None else TAKE_CORRECTED
         if table is not None:
@@ -199,14 +199,16 @@ def motion(subject: Subject) -> dict[str, str]:
             more |= {"correct": CORRECT} | (TABLE_AVERAGE if method == "average" else {})
             starts, states = [*starts, TABLE_START], states + TABLE_STATE
         words["take"] = Template(take).substitute(words)
-    elif isinstance(found, Hall):
-        words |= {"edges": str(found.edges), "timer": real(found.timer, subject.precision)}
+    elif isinstance(position, Hall):
+        words |= {"edges": str(position.edges), "timer": real(position.timer, subject.precision)}
         declarations, starts, text = HALL + TIMES, [HALL_START], HALL_DEFINITIONS
     if frequency is not None:
         starts, states = [*starts, FILTER_START], states + FILTER_STATE
     more |= {"states": states, "filter": "" if frequency is None else FILTER}
     words |= {key: Template(part).substitute(words) for key, part in more.items()}
-    start = "".join(f"\n           && {Template(each).substitute(words)} == CGL_OK" for each in starts)
+    start = "".join(
+        f"\n           && {Template(start_text).substitute(words)} == CGL_OK" for start_text in starts
+    )
     return {
         "motion_includes": "".join(f'#include "cogless/{header}"\n' for header in motion_parts(subject)),
         "motion_declarations": Template(declarations).substitute(words),
@@ -325,12 +327,12 @@ def parts(subject: Subject) -> dict[str, str]:
 
 def extras(subject: Subject) -> dict[str, str]:
     """Texts that fill the templates' placeholders for these parts; empty for laws that don't need them."""
-    found = dict.fromkeys(
+    texts = dict.fromkeys(
         ("more_declarations", "more_definitions", "more_rows", "example_declarations", "example_definitions"),
         "",
     )
     if subject.law.name == "anti-cogging":
-        found = {
+        texts = {
             "more_declarations": f"{CALIBRATE};\n",
             "more_definitions": _without_comment(CALIBRATE) + CALIBRATE_BODY,
             "more_rows": CALIBRATE_ROW,
@@ -338,7 +340,7 @@ def extras(subject: Subject) -> dict[str, str]:
             "example_definitions": CALIBRATE_EXAMPLE,
         }
     elif subject.law.name == "trial":
-        found = {
+        texts = {
             "more_declarations": f"{BEGIN};\n{END};\n",
             "more_definitions": _without_comment(BEGIN) + BEGIN_BODY + _without_comment(END) + END_BODY,
             "more_rows": TRIAL_ROW,
@@ -351,7 +353,7 @@ def extras(subject: Subject) -> dict[str, str]:
         "samples": str(subject.law_config.get("samples", "")),
         "begin_resets": BEGIN_RESETS if subject.dead_time_config else "",
     }
-    return {key: Template(text).substitute(words) for key, text in found.items()}
+    return {key: Template(text).substitute(words) for key, text in texts.items()}
 
 
 def _without_comment(declaration: str) -> str:

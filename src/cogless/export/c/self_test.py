@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 
 from cogless.c_layout import Leaf
-from cogless.export.c.literals import array
+from cogless.c_literals import array
 from cogless.export.c.subject import Subject
 from cogless.export.prepared import Prepared, Reals, Recording
 
-COUNTS = 1 << 20  # steps of the angle per revolution; a float represents each of them exactly
-NEAR, BEYOND = 0.97, 1.03  # of a bound
-HUGE = 1e6  # rad/s
-LARGEST = 3e38
-MOST = 5_000  # periods of a stretch
-SIDE = math.sqrt(3) / 2  # share of phase b in a vector on the beta axis
+ANGLE_COUNTS = 1 << 20  # steps of the angle per revolution; a float represents each of them exactly
+INSIDE_BOUND, OUTSIDE_BOUND = 0.97, 1.03  # factors on a bound
+HUGE_SPEED = 1e6  # rad/s
+LARGEST_INPUT = 3e38
+STRETCH_PERIODS_MOST = 5_000  # periods of a stretch
+BETA_SHARE_OF_B = math.sqrt(3) / 2  # share of phase b in a vector on the beta axis
 FNV_START, FNV_PRIME = 2166136261, 16777619
 
 
@@ -66,10 +66,10 @@ def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[
     state = prepared.drive.start()
     if motion is not None:
         prepared.drive.begin_trial(state, motion)
-    layout, counts, found = subject.layout, 0, []
+    layout, counts, stretches = subject.layout, 0, []
     measured, asked = layout.leaves("cgl_measurement"), layout.leaves("cgl_reference")
     real: type[np.floating[Any]] = np.float64 if subject.precision == "d" else np.float32
-    for about, periods, jump, step, inputs in _plan(subject):
+    for title, periods, jump, step, inputs in _plan(subject):
         counts += jump
         now, reference = bytearray(layout.size("cgl_measurement")), bytearray(layout.size("cgl_reference"))
         values = _values(inputs)
@@ -79,14 +79,18 @@ def awkward(subject: Subject, prepared: Prepared, motion: bytes | None) -> list[
         words = layout.bits("cgl_measurement", now) + layout.bits("cgl_reference", reference)
         place = next(leaf for leaf in measured if leaf.path == "theta_m")
         total = FNV_START
-        turned = ((counts + step * np.arange(periods)) % COUNTS).astype(real)
-        for angle in real(inputs.theta_m) + turned * (real(math.tau) / real(COUNTS)):
+        turned = ((counts + step * np.arange(periods)) % ANGLE_COUNTS).astype(real)
+        for angle in real(inputs.theta_m) + turned * (real(math.tau) / real(ANGLE_COUNTS)):
             struct.pack_into(place.format, now, place.offset, angle)
             out: bytes = prepared.drive.step_controller(state, bytes(now), bytes(reference))
             total = fnv(layout.bits("cgl_drive_output", out), total)
-        found.append(Stretch(about, periods, counts % COUNTS, step, words, total))
+        stretches.append(
+            Stretch(
+                about=title, periods=periods, counts=counts % ANGLE_COUNTS, step=step, inputs=words, sum=total
+            )
+        )
         counts += periods * step
-    return found
+    return stretches
 
 
 def fnv(words: Iterable[int], total: int = FNV_START) -> int:
@@ -107,7 +111,7 @@ def _values(inputs: _Inputs) -> dict[str, Any]:
 
 def _held(value: float) -> float:
     """The value, limited to the largest that a float holds; NaN stays NaN."""
-    return math.copysign(LARGEST, value) if abs(value) > LARGEST else value
+    return math.copysign(LARGEST_INPUT, value) if abs(value) > LARGEST_INPUT else value
 
 
 def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
@@ -118,26 +122,32 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
     config, monitor = subject.drive_config, subject.drive_config["monitor"]
     limit, law, ts = config["foc"]["current_limit"], subject.divider, 1 / subject.rate
     hold, bridge, window = (_periods(monitor[key], ts) for key in ("hold", "bridge", "speed_window"))
-    back = min(hold + bridge + window, MOST) + 2 * law + 4
+    back = min(hold + bridge + window, STRETCH_PERIODS_MOST) + 2 * law + 4
     turn = min(monitor["omega_max"] * ts / 2 or 0.01, 0.05)  # rad, in a period
-    step = max(1, round(turn / math.tau * COUNTS))
-    speed = step * math.tau / COUNTS / ts
-    whole = min(math.ceil(config["quality"]["span"] / (speed * ts)), MOST) + 2 * law  # a window of quality
+    step = max(1, round(turn / math.tau * ANGLE_COUNTS))
+    speed = step * math.tau / ANGLE_COUNTS / ts
+    whole = (
+        min(math.ceil(config["quality"]["span"] / (speed * ts)), STRETCH_PERIODS_MOST) + 2 * law
+    )  # a window of quality
 
     def currents(length: float) -> tuple[float, float, float]:
         """Phase currents of a vector with this length on the beta axis."""
-        return (0.0, length, 0.0) if monitor["phases"] == 2 else (0.0, SIDE * length, -SIDE * length)
+        return (
+            (0.0, length, 0.0)
+            if monitor["phases"] == 2
+            else (0.0, BETA_SHARE_OF_B * length, -BETA_SHARE_OF_B * length)
+        )
 
     length = 0.3 * min(limit, monitor["current_max"] or limit)
     plain = _Inputs(i_abc=currents(length), omega_m=speed, omega_ref=1.01 * speed, u_dc=_bus(subject))
-    up = replace(plain, omega_ref=HUGE, omega_m=-speed)
+    up = replace(plain, omega_ref=HUGE_SPEED, omega_m=-speed)
     plan = [
         ("a small error", whole // 2, 0, step, plain),
         ("and one the other way", whole - whole // 2, 0, step, replace(plain, omega_ref=0.99 * speed)),
         ("a large one: the output saturates", 2 * law, 0, step, up),
-        ("the other way", 2 * law, 0, step, replace(up, omega_ref=-HUGE, omega_m=speed)),
+        ("the other way", 2 * law, 0, step, replace(up, omega_ref=-HUGE_SPEED, omega_m=speed)),
     ]
-    for part, what in ((NEAR, "just within"), (BEYOND, "beyond")):
+    for part, what in ((INSIDE_BOUND, "just within"), (OUTSIDE_BOUND, "beyond")):
         bounds = [
             ("the current", {"i_abc": currents(part * monitor["current_max"])}, monitor["current_max"]),
             ("their sum", {"i_abc": (part * monitor["current_sum"], 0.0, 0.0)}, monitor["current_sum"]),
@@ -151,8 +161,8 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         ("a current that is no number", 1, 0, step, replace(plain, i_abc=(math.nan, 0.0, 0.0))),
         ("a bus voltage that is no number", 1, 0, step, replace(plain, u_dc=math.nan)),
         ("all is well again", back, 0, step, plain),
-        ("the angle jumps, and the speed is not believed", 2 * law + window, COUNTS // 2, step, slower),
-        ("the angle jumps back", 2 * law + window, COUNTS // 2, step, plain),
+        ("the angle jumps, and the speed is not believed", 2 * law + window, ANGLE_COUNTS // 2, step, slower),
+        ("the angle jumps back", 2 * law + window, ANGLE_COUNTS // 2, step, plain),
         (
             "the angle is missing, for as long as is bridged",
             bridge,
@@ -168,13 +178,22 @@ def _plan(subject: Subject) -> list[tuple[str, int, int, int, _Inputs]]:
         # currents are as far from their references as the monitor allows, so the output is at its limit. A
         # law that follows an angle pushes one way only, so the reference turns both ways.
         time = _periods(monitor["stuck_time"], ts)
-        away, pushed = NEAR * (monitor["omega_max"] or HUGE), NEAR * (monitor["current_max"] or 2 * limit)
+        away, pushed = (
+            INSIDE_BOUND * (monitor["omega_max"] or HUGE_SPEED),
+            INSIDE_BOUND * (monitor["current_max"] or 2 * limit),
+        )
         for until, periods in ((10.5, time + 15 + law), (2 * time + 10.5, 2 * time + 13)):
             for way in (1.0, -1.0):
                 asked = way * monitor["stuck_angle"] / (until * ts)
                 stuck = replace(plain, i_abc=currents(pushed), omega_m=-way * away, omega_ref=asked)
                 plan += [
-                    ("the angle stands still under full current", min(periods, MOST), 0, 0, stuck),
+                    (
+                        "the angle stands still under full current",
+                        min(periods, STRETCH_PERIODS_MOST),
+                        0,
+                        0,
+                        stuck,
+                    ),
                     ("all is well again", back, 0, step, plain),
                 ]
     plan += [
@@ -192,8 +211,8 @@ def _bus(subject: Subject) -> float:
 
 
 def _periods(time: float, ts: float) -> int:
-    """A time (s) as a number of periods, as the monitor counts them; at most MOST."""
-    return min(math.ceil(time / ts * 0.999), MOST)
+    """A time (s) as a number of periods, as the monitor counts them; at most STRETCH_PERIODS_MOST."""
+    return min(math.ceil(time / ts * 0.999), STRETCH_PERIODS_MOST)
 
 
 START_MEMORY = """
@@ -236,18 +255,18 @@ def self_test_words(
     """Texts that fill the placeholders in the templates self_test.c and self_test_data.h."""
     layout = subject.layout
     measured, asked = layout.leaves("cgl_measurement"), layout.leaves("cgl_reference")
-    given = layout.leaves("cgl_drive_output")
+    leaves = layout.leaves("cgl_drive_output")
     names = [f"now.{leaf.path}" for leaf in measured] + [f"reference.{leaf.path}" for leaf in asked]
     pairs = zip(recording.measurements, recording.references, strict=True)
     inputs = [layout.bits("cgl_measurement", m) + layout.bits("cgl_reference", r) for m, r in pairs]
     taken = _Columns("in", names, inputs)
     outputs = [layout.bits("cgl_drive_output", out) for out in recording.outputs]
-    wanted = _Columns("wanted", [leaf.path for leaf in given], outputs)
+    expected = _Columns("wanted", [leaf.path for leaf in leaves], outputs)
     reads = [
         f"{name} = {_read(leaf, word)};"
         for name, leaf, word in zip(names, [*measured, *asked], taken.words, strict=True)
     ]
-    equal = [_equal(leaf, word) for leaf, word in zip(given, wanted.words, strict=True)]
+    equal = [_equal(leaf, word) for leaf, word in zip(leaves, expected.words, strict=True)]
     every = [
         f"{name} = {_read(leaf, f's->in[{n}]')};"
         for n, (name, leaf) in enumerate(zip(names, [*measured, *asked], strict=True))
@@ -258,19 +277,19 @@ def self_test_words(
         "fnv_start": str(FNV_START),
         "fnv_prime": str(FNV_PRIME),
         "folded": "(uint32_t)(next ^ (next >> 32))" if double else "next",
-        "counts": str(COUNTS),
+        "counts": str(ANGLE_COUNTS),
         "stretch_count": str(len(stretches)),
         "stretch_inputs": str(len(names)),
         "stretch_names": textwrap.fill(", ".join(names), 116, subsequent_indent=" * "),
         "stretches": "\n".join(map(_stretch, stretches)),
         "read_stretch": "\n".join(f"        {line}" for line in every),
-        "sum_outputs": "\n".join(f"        sum = add(sum, {_word(leaf)});" for leaf in given),
+        "sum_outputs": "\n".join(f"        sum = add(sum, {_word(leaf)});" for leaf in leaves),
         "input_count": str(len(taken.varying)),
-        "output_count": str(len(wanted.varying)),
+        "output_count": str(len(expected.varying)),
         "input_names": taken.header(),
-        "output_names": wanted.header(),
+        "output_names": expected.header(),
         "inputs": taken.table(),
-        "outputs": wanted.table(),
+        "outputs": expected.table(),
         "read_inputs": "\n".join(f"    {line}" for line in reads),
         "compare_outputs": "\n           && ".join(equal),
         **_memory(subject, recording, memory),

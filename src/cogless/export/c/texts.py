@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from importlib.resources import files
 from string import Template
 
-from cogless.export.c.literals import array, initialiser, real
+from cogless.c_literals import array, initialiser, real
 from cogless.export.c.parts import HEADERS, corner, extras, motion, parts, sensor
 from cogless.export.c.self_test import Stretch, self_test_words
 from cogless.export.c.subject import Subject, stem, study_hash
@@ -22,18 +22,18 @@ from cogless.study.position_sensor import Counted, Encoder, Hall
 def board(subject: Subject) -> dict[str, str]:
     """Texts that fill the templates' placeholders about the board."""
     hold = f"{1e3 * subject.drive_config['monitor']['hold']:.3g} ms"
-    wanted = "omega_ref [rad/s] is what it turns at: 0 until you set it, and the motor stands."
+    comment = "omega_ref [rad/s] is what it turns at: 0 until you set it, and the motor stands."
     if subject.law.name == "trial":
-        wanted = (
+        comment = (
             "The motion is given for a whole trial; omega_ref [rad/s], its derivative, is for the checks."
         )
     elif subject.law.name == "space-position":
-        wanted = "theta_ref [rad], omega_ref and alpha_ref, its derivatives: 0 until you set them."
+        comment = "theta_ref [rad], omega_ref and alpha_ref, its derivatives: 0 until you set them."
     words = {
         "measured": _measured(subject),
         "hold": hold,
         "maps": _maps(subject),
-        "reference_comment": wanted,
+        "reference_comment": comment,
     }
     return {**_outputs(subject), **words}
 
@@ -91,23 +91,23 @@ def _measured(subject: Subject) -> str:
 
 def _speed(subject: Subject) -> str:
     """Text on how the study's sensor measures the speed."""
-    found, simulated = sensor(subject), "by the code that was simulated"
+    position, simulated = sensor(subject), "by the code that was simulated"
     frequency = corner(subject)
     then = (
         "" if frequency is None else f", then through a low-pass of {frequency:g} Hz (`cogless/low_pass.h`)"
     )
     example = "`measure_motion` in the example calls it"
-    if isinstance(found, Hall):
+    if isinstance(position, Hall):
         return f"from Hall sensors, {simulated}: `cogless/hall.h` says what it measures{then}, {example}"
-    if isinstance(found, Counted):
+    if isinstance(position, Counted):
         kind = (
-            f"{found.lines} lines, {found.counts} counts"
-            if isinstance(found, Encoder)
-            else f"{found.counts} counts"
+            f"{position.lines} lines, {position.counts} counts"
+            if isinstance(position, Encoder)
+            else f"{position.counts} counts"
         )
-        article = "an" if found.kind in ("encoder", "absolute") else "a"
-        name = "absolute encoder" if found.kind == "absolute" else found.kind
-        header = HEADERS[found.speed_method]
+        article = "an" if position.kind in ("encoder", "absolute") else "a"
+        name = "absolute encoder" if position.kind == "absolute" else position.kind
+        header = HEADERS[position.speed_method]
         corrected = subject.encoder_table_config is not None
         own = ", of the angle without the sensor's own error (`cogless/encoder_table.h`)" * corrected
         says = f"`cogless/{header}` says what it measures{own}{then}, {example}"
@@ -225,8 +225,8 @@ def _words(subject: Subject) -> dict[str, str]:
 def verdict_comment(verdict: str) -> str:
     """What `cogless design` says of learning, as lines of the header's comment; empty without learning."""
     start, indent = " * learning         ", " *                  "
-    said = textwrap.fill(plain_comment(verdict), 118, initial_indent=start, subsequent_indent=indent)
-    return f"{said}\n" if verdict else ""
+    comment = textwrap.fill(plain_comment(verdict), 118, initial_indent=start, subsequent_indent=indent)
+    return f"{comment}\n" if verdict else ""
 
 
 def plain_comment(text: str) -> str:

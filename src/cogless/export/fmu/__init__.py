@@ -133,7 +133,7 @@ def write_fmus(study: AnyStudy, controller: str, scenario: str | None, folder: P
         compiler(language)
     with writable(folder):
         units = [drive_unit(run)] if run.has_bus else [controller_unit(run), drive_unit(run)]
-        contents = [made for unit in units for made in _fmus(unit)]
+        contents = [content for unit in units for content in _fmus(unit)]
         for name, files in contents:
             pack(folder / name, files)
     return [folder / name for name, _ in contents]
@@ -181,8 +181,8 @@ def _compiled(texts: Mapping[str, str], place: Path) -> dict[str, Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(text, encoding="utf-8")
     names = [name for name in texts if name.endswith((".c", ".cpp"))]
-    made = objects([place / "sources" / name for name in names], place / "objects")
-    return dict(zip(names, made, strict=True))
+    object_files = objects([place / "sources" / name for name in names], place / "objects")
+    return dict(zip(names, object_files, strict=True))
 
 
 def _contents(version: int, built: _Built) -> dict[str, bytes]:

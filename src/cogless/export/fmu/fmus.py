@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from cogless.c_literals import array
 from cogless.export import sources
 from cogless.export.c.export_c import subject_of
-from cogless.export.c.literals import array
 from cogless.export.c.subject import Subject, stem
 from cogless.export.c.texts import controller_texts
 from cogless.export.fmu.variables import (
@@ -226,22 +226,28 @@ def _drive_variables(run: Prepared, signals: list[tuple[str, str]]) -> list[Vari
     phases, bus_voltage = run.phases, run.bus_voltage
     variables = [TIME]
     what = "input.i_q_ref" if bus_voltage is None else "the duty inputs"
-    about = f"true: {what} act at once, in place of the study's controller"
-    variables += [Variable(EXTERNAL_CONTROL, "boolean", "parameter", about)]
+    description = f"true: {what} act at once, in place of the study's controller"
+    variables += [Variable(EXTERNAL_CONTROL, "boolean", "parameter", description)]
     if not run.trials:
-        about = "true: the reference is that of the inputs, not the scenario's"
-        variables += [Variable(EXTERNAL_REFERENCE, "boolean", "parameter", about)]
+        description = "true: the reference is that of the inputs, not the scenario's"
+        variables += [Variable(EXTERNAL_REFERENCE, "boolean", "parameter", description)]
     variables += [real("input", "tau_load_added", "N*m", "load torque besides that of the scenario")]
     if bus_voltage is None:
-        about = f"q-axis current; counts where {EXTERNAL_CONTROL} is true"
-        variables += [real("input", "input.i_q_ref", "A", about)]
+        description = f"q-axis current; counts where {EXTERNAL_CONTROL} is true"
+        variables += [real("input", "input.i_q_ref", "A", description)]
     else:
-        about = "true: all switches are off and the duties do not count; bit 1024 of a controller's status"
-        variables += [Variable("bridge_open", "boolean", "input", about), *duties("input", phases)]
+        description = (
+            "true: all switches are off and the duties do not count; bit 1024 of a controller's status"
+        )
+        variables += [Variable("bridge_open", "boolean", "input", description), *duties("input", phases)]
     if not run.trials:
-        about = f"counts where {EXTERNAL_REFERENCE} is true"
-        wanted = [("omega_ref", "rad/s"), ("theta_ref", "rad"), ("alpha_ref", "rad/s^2")]
-        variables += [real("input", f"input.{name}", unit, about) for name, unit in wanted if name in names]
+        description = f"counts where {EXTERNAL_REFERENCE} is true"
+        reference_signals = [("omega_ref", "rad/s"), ("theta_ref", "rad"), ("alpha_ref", "rad/s^2")]
+        variables += [
+            real("input", f"input.{name}", unit, description)
+            for name, unit in reference_signals
+            if name in names
+        ]
     variables += [signal(name, unit) for name, unit in signals if name != "time"]
     return [*variables, *measurements("output", phases, bus_voltage), *references("output")]
 

@@ -60,14 +60,14 @@ TIME = Variable("time", "real", "independent", "time since the start of the simu
 
 
 def real(causality: Causality, name: str, unit: str, about: str, start: float = 0.0) -> Variable:
-    return Variable(name, "real", causality, about, unit, start)
+    return Variable(name=name, kind="real", causality=causality, about=about, unit=unit, start=start)
 
 
 def signal(name: str, unit: str) -> Variable:
     """A recorded signal as an output."""
     kind: Kind = "integer" if name in INTEGERS else "real"
-    about = RECORDED[name].about if name in RECORDED else TERM
-    return Variable(name, kind, "output", about, unit)
+    description = RECORDED[name].about if name in RECORDED else TERM
+    return Variable(name, kind, "output", description, unit)
 
 
 def measurements(causality: Causality, phases: int, bus_voltage: float | None) -> list[Variable]:

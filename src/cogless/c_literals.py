@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from cogless.control_library import Field, Headers
 
-WIDTH = 120
-INDENT = 4
+LINE_WIDTH = 120
+INDENT_WIDTH = 4
 NUMBERS_A_LINE = 8
 
 
@@ -33,7 +33,7 @@ def initialiser(headers: Headers, struct: str, values: dict[str, Any], precision
 
     A pointer whose value is None is left out; else its value is used as C code.
     """
-    return "\n".join(_lines(headers, struct, values, precision, INDENT))
+    return "\n".join(_lines(headers, struct, values, precision, INDENT_WIDTH))
 
 
 def _lines(headers: Headers, struct: str, values: dict[str, Any], precision: str, indent: int) -> list[str]:
@@ -46,12 +46,12 @@ def _lines(headers: Headers, struct: str, values: dict[str, Any], precision: str
         if first.type in headers.structs:
             opening = f"{' ' * indent}.{first.name} = {{"
             lines += _commented(opening, first.comment)
-            lines += _lines(headers, first.type, values[first.name], precision, indent + INDENT)
+            lines += _lines(headers, first.type, values[first.name], precision, indent + INDENT_WIDTH)
             lines.append(f"{' ' * indent}}},")
             continue
-        given = [f for f in fields if values[f.name] is not None]
-        if given:
-            assigned = ", ".join(f".{f.name} = {_value(values[f.name], f, precision)}" for f in given)
+        set_fields = [f for f in fields if values[f.name] is not None]
+        if set_fields:
+            assigned = ", ".join(f".{f.name} = {_value(values[f.name], f, precision)}" for f in set_fields)
             lines += _commented(f"{' ' * indent}{assigned},", first.comment)
     return lines
 
@@ -75,13 +75,15 @@ def _plain(value: Any, precision: str) -> str:
 
 def _commented(code: str, comment: str) -> list[str]:
     """The code with its comment behind it, or above it if there is no room."""
-    code_lines = textwrap.wrap(code, WIDTH, subsequent_indent=" " * (_margin(code) + INDENT)) or [code]
+    code_lines = textwrap.wrap(code, LINE_WIDTH, subsequent_indent=" " * (_margin(code) + INDENT_WIDTH)) or [
+        code
+    ]
     if _margin(code):
         code_lines[0] = " " * _margin(code) + code_lines[0].lstrip()
     if not comment:
         return code_lines
     column = len(code_lines[-1]) + 1
-    if column + len(comment) + 6 > WIDTH and column > 48:
+    if column + len(comment) + 6 > LINE_WIDTH and column > 48:
         return [*comment_lines(comment, _margin(code)), *code_lines]
     behind = comment_lines(comment, column)
     return [*code_lines[:-1], f"{code_lines[-1]} {behind[0].lstrip()}", *behind[1:]]
@@ -89,7 +91,7 @@ def _commented(code: str, comment: str) -> list[str]:
 
 def comment_lines(text: str, column: int) -> list[str]:
     """A C comment that begins at the column, wrapped."""
-    words = textwrap.wrap(text, WIDTH - column - 6)
+    words = textwrap.wrap(text, LINE_WIDTH - column - 6)
     inner = [f"{' ' * (column + 3)}{line}" for line in words]
     inner[0] = f"{' ' * column}/* {words[0]}"
     inner[-1] += " */"
