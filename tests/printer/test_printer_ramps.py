@@ -26,7 +26,7 @@ from scipy.integrate import solve_ivp
 from cogless.drives.klipper import write_runs
 from cogless.printer.axis import read_axis
 from cogless.printer.moves import Move, ramp
-from cogless.printer.ramps import identify_ramps
+from cogless.printer.ramps import identify_ramps, other_causes, tooth_way
 from cogless.printer.records import Run
 
 COUNT = 2
@@ -128,6 +128,22 @@ def test_a_motor_in_the_mirror_has_the_conjugate_correction(
     d = identify_ramps(axis, [(backward[0], backward[1])]).coefficients
     assert all(abs(d[n].value - np.conj(c[n].value)) < 1e-6 for n in PROBE)
     assert all(abs(d[n].value - c[n].value) > 1e-4 for n in PROBE)
+
+
+def test_a_belt_tooth_is_told_from_the_motor(
+    records: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]], axis_file: Path
+) -> None:
+    axis = read_axis(axis_file)
+    move = ramp(axis)
+    t, values = records["forward", "plain"]
+    times, a = sampled(t, values[:, 0], np.random.default_rng(6), 3200)
+    omega = 2 * np.pi * move.speed_at(times) / 2e-3
+    tooth = 4e-6 * omega**2 * np.sin(2 * np.pi * move.position_at(times) / 2e-3)
+    for extra, size in ((0.0 * tooth, 0.0), (tooth, 4e-6)):
+        way, doubt = tooth_way(Run("a", "forward", times, a + extra, {}), 0.0, move, axis)
+        assert (way > doubt) == bool(size) and way == pytest.approx(size, abs=1.5e-6)
+        remarks = other_causes(axis, Run("a", "forward", times, a + extra, {}), 0.0, (62.0,))
+        assert "62 Hz" in remarks[0] and any("Belt tooth" in line for line in remarks) == bool(size)
 
 
 def test_a_ramp_is_the_macro_s_move(axis_file: Path) -> None:

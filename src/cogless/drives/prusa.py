@@ -38,7 +38,7 @@ PHASE_MOST = math.tau * PHASE_STEP_MOST / PHASE_STEPS  # rad; a larger shift wra
 TABLE_ORDERS = 17
 PROBE_TURNS = 3  # runs with the probe turned by a third each
 MOVE_MARGIN = 0.2  # revolutions and s that M974 adds before its samples
-SAMPLES_LEAST = 200
+RUN_SAMPLES_LEAST = 200
 PRUSA_LOG = "what the printer prints while it plays the file of --plan"
 RUN_MARK = re.compile(r"cogless-run (x|y) (forward|backward) ([0-9.]+) mm/s((?: \d+:[0-9.]+:-?[0-9.]+)*)\s*$")
 SAMPLE = re.compile(r"^(?:Recv: )?(\d+), (\S+), (\S+), (\S+)$")
@@ -132,9 +132,9 @@ def _run(
         rate = math.nan
     if not 100 < rate < 1e5:
         raise StudyError(f"{where}: sample freq: {rate_text}: expected the rate of its accelerometer, Hz")
-    if len(samples) < SAMPLES_LEAST:
+    if len(samples) < RUN_SAMPLES_LEAST:
         raise StudyError(
-            f"{where}: {len(samples)} samples: expected {SAMPLES_LEAST} or more, a longer travel"
+            f"{where}: {len(samples)} samples: expected {RUN_SAMPLES_LEAST} or more, a longer travel"
         )
     table = np.array(samples)
     for k, name in enumerate("xy"):

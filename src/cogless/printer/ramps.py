@@ -48,6 +48,9 @@ MODE_APART = 0.3  # share of a mode's frequency
 MODES_MOST = 2
 GROUPS_MOST = 5  # The errors come from so many groups of blocks.
 HUBER_LIMIT = 2.0  # standard deviations
+TOOTH_WINDOW = 6  # teeth that a window has
+TOOTH_SAMPLES = 60  # that a window has at least
+TOOTH_SPEED_LEAST = 0.05  # m/s
 WEIGHT_ROUNDS = 8
 PROBE_ROUNDS = 3  # after which the probe's share in each order has settled
 
@@ -168,6 +171,52 @@ def ringing_modes(run: Run, start: float, move: Move, wavelength: float) -> tupl
     return tuple(modes)
 
 
+def tooth_way(run: Run, start: float, move: Move, axis: Axis) -> tuple[float, float]:
+    """The carriage's way at a belt tooth's spacing, and three standard deviations of it, m.
+
+    Its spacing is no order of the motor, so that both are told apart in a window of some teeth. The windows'
+    medians are returned.
+    """
+    spacing = axis.belt_pitch * axis.path_share
+    ways, doubts = [], []
+    windows = math.floor(move.length / (TOOTH_WINDOW * spacing))
+    for window in range(windows):
+        t = run.times - start
+        path = move.position_at(t)
+        chosen = (path > window * TOOTH_WINDOW * spacing) & (path <= (window + 1) * TOOTH_WINDOW * spacing)
+        speed = float(np.mean(move.speed_at(t[chosen]))) if np.any(chosen) else 0.0
+        if np.count_nonzero(chosen) < TOOTH_SAMPLES or speed < TOOTH_SPEED_LEAST:
+            continue
+        tooth = math.tau * path[chosen] / spacing
+        turns = np.column_stack(
+            [
+                wave(math.tau * n * path[chosen] / axis.wavelength)
+                for n in FITTED_ORDERS
+                for wave in (np.sin, np.cos)
+            ]
+        )
+        fit = lines_fit(run.acceleration[chosen], tooth / math.tau, (1,), turns)
+        omega = math.tau * speed / spacing
+        ways.append(abs(complex(fit.values[0])) / omega**2)
+        doubts.append(3 * math.sqrt(2 * float(fit.variances[0])) / omega**2)
+    return (float(np.median(ways)), float(np.median(doubts))) if ways else (0.0, math.inf)
+
+
+def other_causes(axis: Axis, run: Run, start: float, modes: tuple[float, ...]) -> list[str]:
+    """What the carriage does beside the motor's orders, a sentence each."""
+    remarks = []
+    if modes:
+        names = " and ".join(f"{f:.0f}" for f in modes)
+        remarks.append(f"Ringing {run.direction} at {names} Hz at all speeds: not the motor's orders.")
+    way, doubt = tooth_way(run, start, ramp(axis), axis)
+    if way > doubt:
+        remarks.append(
+            f"Belt tooth {run.direction}: {1e6 * way:.2g} um, a stripe every "
+            f"{1e3 * axis.belt_pitch * axis.path_share:.3g} mm; no correction takes it out."
+        )
+    return remarks
+
+
 @dataclass(frozen=True, eq=False)
 class Pair:
     """The same blocks without and with the probe, and the wavelength. Coefficients are those of one order."""
@@ -265,9 +314,11 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
     """
     move, wavelength = ramp(axis), axis.wavelength
     plains, probeds = [], []
+    remarks: list[str] = []
     for run, other in runs:
         start = find_start(run, move, wavelength)
         modes = ringing_modes(run, start, move, wavelength)
+        remarks = remarks or other_causes(axis, run, start, modes)
         plain = blocks(run, start, move, wavelength, modes)
         other_start = refined_start(
             run, plain, other, find_start(other, move, wavelength), move, wavelength, modes
@@ -306,4 +357,4 @@ def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
         moved[n] / abs(probe[n]) / (math.tau * frequencies[n]) ** 2 * (math.tau / wavelength) for n in pairs
     ]
     answer = Answer(np.concatenate(list(frequencies.values())), np.concatenate(ratios))
-    return Lines(coefficients, answer)
+    return Lines(coefficients, answer, remarks)
