@@ -223,12 +223,12 @@ def test_a_plan_that_can_t_be_played_is_refused(
     code, _, err = cogless(
         capsys, "identify", "--plan", axis_file, "--drive", "prusa", "-o", tmp_path / "plan"
     )
-    assert code == 2 and err.startswith("printer.speeds: 25 mm/s: order 2 has 62 Hz there, on the resonance")
+    assert code == 2 and err.startswith(f"{axis_file}: printer.speeds: 25 mm/s: order 2 has 62 Hz")
     axis_file.write_text(FILE.replace('travel = "200 mm"', 'travel = "30 mm"'))
     code, _, err = cogless(
         capsys, "identify", "--plan", axis_file, "--drive", "prusa", "-o", tmp_path / "plan"
     )
-    assert code == 2 and err.startswith("printer.travel: 30 mm: expected 56 mm or more at 40 mm/s")
+    assert code == 2 and err.startswith(f"{axis_file}: printer.travel: 30 mm: expected 56 mm or more")
 
 
 def test_a_corexy_motor_goes_along_a_diagonal(axis_file: Path) -> None:

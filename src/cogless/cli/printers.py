@@ -35,7 +35,11 @@ def plan_runs(adapter: Adapter, file: Path, output: Path) -> None:
     from cogless.results.folder import held, new_set
 
     assert adapter.write_runs is not None
-    files = adapter.write_runs(read_axis(file))
+    axis = read_axis(file)
+    try:
+        files = adapter.write_runs(axis)
+    except StudyError as error:
+        raise StudyError(f"{file}: {error}") from None
     with held(output, files), new_set(output) as stage:
         for name, text in files.items():
             (stage / name).write_text(text, "utf-8")
