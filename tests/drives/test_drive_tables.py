@@ -97,7 +97,7 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
         ),
         (
             ["--from", "csv", "--to", "motus"],
-            '--to: "motus": expected one of moteus, simplefoc, csv, c, akd, ax8000\n',
+            '--to: "motus": expected one of moteus, simplefoc, csv, c, akd, ax8000, prusa, ',
         ),
         (["--from", "csv", "--to", "novanta"], "--to: novanta: takes no table: its table is over the"),
         (["--from", "csv", "--to", "vesc"], "--to: vesc: takes no table: "),

@@ -12,6 +12,7 @@ from cogless.cli.ensembles import sweep, tune
 from cogless.cli.firmware import export, map_, pil
 from cogless.cli.logs import diagnose, identify
 from cogless.cli.new import new
+from cogless.cli.printers import stripe
 from cogless.cli.studies import calibrate, design, list_, live, run
 
 __all__ = ["app"]
@@ -58,6 +59,7 @@ for command in (
     diagnose,
     table,
     drives,
+    stripe,
     list_,
     calibrate,
     map_,

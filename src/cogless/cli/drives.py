@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cogless.cli.options import output_option
+from cogless.cli.printers import write_correction
 from cogless.errors import StudyError
 
 if TYPE_CHECKING:
@@ -62,6 +63,12 @@ def table(
     reverse: Annotated[
         bool, typer.Option("--reverse", help="Angle and current of the new drive count the other way.")
     ] = False,
+    current: Annotated[
+        str | None,
+        typer.Option(
+            "--current", metavar="CURRENT", help="Of a printer's motor, A rms: warns if the runs had another."
+        ),
+    ] = None,
     study: Annotated[
         Path | None,
         typer.Option(
@@ -83,6 +90,26 @@ def table(
     from cogless.drives.registry import adapter_named
 
     adapter = adapter_named(to, "--to")
+    if adapter.write_correction is not None:
+        options = {
+            "--from": from_,
+            "--drive-config": drive_config,
+            "--shift": shift,
+            "--reverse": reverse or None,
+            "--study": study,
+            "--encoder": encoder or None,
+        }
+        other = next((name for name, value in options.items() if value is not None), None)
+        if other is not None:
+            raise StudyError(
+                f"{other}: expected none with --to {to}: a correction is over the electrical angle"
+            )
+        write_correction(adapter, source, current, output)
+        return
+    if current is not None:
+        raise StudyError(
+            f"--current: expected none with --to {to}: its table is a current over the rotor's angle"
+        )
     if encoder:
         if from_ is not None or shift is not None or reverse or study is not None:
             raise StudyError("--encoder: expected only SOURCE, --to and -o beside it")
@@ -90,9 +117,9 @@ def table(
         return
     if adapter.write is None:
         raise StudyError(f"--to: {to}: takes no table: {adapter.refusal}")
-    current, frame = _source(source, from_, adapter, drive_config)
+    holding, frame = _source(source, from_, adapter, drive_config)
     if shift is not None:
-        current = current.turned(-1 if reverse else 1, _angle(shift))
+        holding = holding.turned(-1 if reverse else 1, _angle(shift))
         frame = TableFrame(to, zero=True)
     elif reverse:
         raise StudyError(
@@ -100,9 +127,9 @@ def table(
         )
     if not frame.zero:
         raise StudyError(f"{source}: the table's zero is not known: {frame.lacking}")
-    written = adapter.write(current, frame)
-    rest = residue(current, written.entries, written.applied)
-    torque = f", {1e3 * current.K_t * rest.before:.3g} mN*m" if current.K_t else ""
+    written = adapter.write(holding, frame)
+    rest = residue(holding, written.entries, written.applied)
+    torque = f", {1e3 * holding.K_t * rest.before:.3g} mN*m" if holding.K_t else ""
     print(f"{adapter.title}: {written.entries} entries, {written.scale}.")
     print(f"Holding current without the table {1e3 * rest.before:.4g} mA rms{torque}.")
     print(
@@ -110,13 +137,13 @@ def table(
         f"{rest.share:.2%}; most of it order {rest.order}, {1e3 * rest.amplitude:.2g} mA."
     )
     if rest.share > FLAWED_SHARE:
-        highest = max(current.orders)
+        highest = max(holding.orders)
         print(
             f"! The orders reach {highest}: {written.entries} entries hold those below "
             f"{written.entries // 2}."
         )
     if frame.zero_error:
-        highest = max(current.orders)
+        highest = max(holding.orders)
         print(f"The table's zero is known to {frame.zero_error * highest:.2g} rad of order {highest}.")
     predicted = _predict(source, frame, written, adapter.law, study)
     _put(written, predicted, output)

@@ -13,6 +13,7 @@ import typer
 
 from cogless.cli.completion import complete_study
 from cogless.cli.options import load, output_option
+from cogless.cli.printers import identify_axis, plan_runs, printer_adapter
 from cogless.cli.terminal import new_console
 from cogless.errors import StudyError
 from cogless.lines import print_text
@@ -61,11 +62,13 @@ def identify(
 ) -> None:
     """Find a motor's inertia, friction, cogging and K_t ripple in its drive's logs.
 
+    Of a printer's axis, from an accelerometer's logs, the correction of its step motor instead.
     Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs cannot
     tell is left out, with a sentence on what to record.
     """
     from cogless.results.folder import held, new_set
 
+    printer = printer_adapter(drive)
     if plan is not None:
         if logs or config is not None:
             given = "--config" if not logs else str(logs[0])
@@ -74,6 +77,9 @@ def identify(
                 "a plan says what to record; identify the logs afterwards"
             )
         output = output or Path("results/plan")
+        if printer is not None:
+            plan_runs(printer, Path(plan), output)
+            return
         from cogless.drives.registry import script_files
         from cogless.identify import plan as planning
         from cogless.identify import rehearsal
@@ -101,6 +107,14 @@ def identify(
     if not logs:
         raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
     output = output or Path("results/identified")
+    if printer is not None:
+        if config is not None:
+            raise StudyError(
+                f"identify: --drive {drive} --config {config}: expected --drive-config FILE with [printer] "
+                "in its place"
+            )
+        identify_axis(printer, logs, drive_config, output)
+        return
     from cogless.drives.adapter import FRAME_FILE
     from cogless.drives.predicted_ripple import LAW_FILE, place_law
     from cogless.drives.registry import prepare

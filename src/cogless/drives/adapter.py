@@ -17,6 +17,8 @@ from cogless.drives.holding_current import AngleWaves, HoldingCurrent
 from cogless.errors import StudyError
 from cogless.files import no_device, reason
 from cogless.identify.files import Array
+from cogless.printer.axis import Axis
+from cogless.printer.corrections import Correction
 
 RAMP_TIME = 1.0  # s, from rest to the first speed of a motion and from the last to rest
 FRAME_FILE = "drive.json"  # stands beside the results of identify
@@ -115,6 +117,20 @@ class Motions:
     tables: Mapping[str, Mapping[str, Any]]
 
 
+@dataclass(frozen=True, eq=False)
+class CorrectionText:
+    """A step motor's correction in a firmware's own format. `holds`: what it can and can't hold, said first.
+
+    `share`: what it leaves of the correction, rms over the angle of both directions.
+    """
+
+    text: str
+    share: float
+    holds: Sequence[str]
+    install: str
+    remove: str
+
+
 def ramped(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Speeds over time with a ramp before and after, from rest and back to it."""
     (_, first), (end, last) = points[0], points[-1]
@@ -131,8 +147,9 @@ class Adapter:
     `read_logs`, `read_table` also take the file of `--drive-config`. `write`: the drive's own text of a
     table; None: `refusal` says why the drive takes none. `write_script`: files by name,
     of which the first plays motions and logs them; `log_pattern`: the log of a motion, by name and number.
-    `law`: the class of its own law in `firmware_laws`. `own_angle`: its table is over its source's angle.
-    `write_encoder`: its own text of a correction of its encoder; None: it takes none.
+    `identify_runs`, `write_runs`, `write_correction`: the same for a printer's axis, whose motor has no
+    sensor. `law`: the class of its own law in `firmware_laws`. `own_angle`: its table is over its source's
+    angle. `write_encoder`: its own text of a correction of its encoder; None: it takes none.
     """
 
     name: str
@@ -144,6 +161,9 @@ class Adapter:
     write: Callable[[HoldingCurrent, TableFrame], TableText] | None = None
     read_table: Callable[[Path, Path | None], HoldingCurrent] | None = None
     write_script: Callable[[Motions, Path | None], Mapping[str, str]] | None = None
+    identify_runs: Callable[[Sequence[Path], Axis], Correction] | None = None
+    write_runs: Callable[[Axis], Mapping[str, str]] | None = None
+    write_correction: Callable[[Correction], CorrectionText] | None = None
     refusal: str = ""
     law: str = ""
     log_pattern: str = "{name}.csv"

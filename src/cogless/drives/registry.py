@@ -13,12 +13,15 @@ from cogless import units
 from cogless.drives.adapter import Adapter, DriveLogs, Motions, TableFrame, ramped
 from cogless.drives.c_table import C_TABLE
 from cogless.drives.industrial import AKD, AX8000, NOVANTA
+from cogless.drives.klipper import KLIPPER
 from cogless.drives.moteus import MOTEUS
 from cogless.drives.odrive import ODRIVE
 from cogless.drives.plain_table import PLAIN_TABLE
 from cogless.drives.predicted_ripple import law_table
+from cogless.drives.prusa import PRUSA, PRUSA_M971
 from cogless.drives.simplefoc import SIMPLEFOC
 from cogless.drives.vesc import VESC
+from cogless.drives.wave_table import TMC2130, TMC2240, TMC5160
 from cogless.errors import StudyError
 from cogless.files import no_device
 from cogless.identify import config, plan, read_log
@@ -32,7 +35,10 @@ from cogless.study.toml import toml
 
 ADAPTERS: dict[str, Adapter] = {
     adapter.name: adapter
-    for adapter in (MOTEUS, ODRIVE, VESC, SIMPLEFOC, PLAIN_TABLE, C_TABLE, AKD, AX8000, NOVANTA)
+    for adapter in (
+        *(MOTEUS, ODRIVE, VESC, SIMPLEFOC, PLAIN_TABLE, C_TABLE, AKD, AX8000, NOVANTA),
+        *(KLIPPER, PRUSA, PRUSA_M971, TMC2130, TMC5160, TMC2240),
+    )
 }
 LOGS_NAME = "logs.toml"  # stands beside the script of a plan
 FIRST_BYTES = 1 << 14  # of a file, in which its heading is
@@ -54,12 +60,20 @@ class Prepared:
         return self.frame.zero and ADAPTERS[self.frame.drive].write is not None
 
 
-USES = {"--drive": "read_logs", "--from": "read_table", "--to": "write"}  # what an option asks of a drive
+USES = {  # what an option asks of a drive: one of these
+    "--drive": ("read_logs", "identify_runs"),
+    "--from": ("read_table",),
+    "--to": ("write", "write_correction"),
+}
+
+
+def _can(drive: Adapter, option: str) -> bool:
+    return any(getattr(drive, use) is not None for use in USES[option])
 
 
 def able_drives(option: str) -> str:
     """The drives that an option can have."""
-    return ", ".join(name for name, drive in ADAPTERS.items() if getattr(drive, USES[option]) is not None)
+    return ", ".join(name for name, drive in ADAPTERS.items() if _can(drive, option))
 
 
 def adapter_named(name: str, option: str) -> Adapter:

@@ -1,0 +1,200 @@
+"""A printer's axis: the plan of its runs, its correction and that in a firmware's words, and `stripe`."""
+
+from __future__ import annotations
+
+import cmath
+import math
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cogless.errors import StudyError
+from cogless.lines import print_text, warn
+
+if TYPE_CHECKING:
+    from cogless.drives.adapter import Adapter
+    from cogless.printer.corrections import Correction
+    from cogless.units import Dimension
+
+OTHER_CURRENT = 0.05  # share of the correction that is wrong at another current
+
+
+def printer_adapter(drive: str | None) -> Adapter | None:
+    """The firmware of a printer that `--drive` names; None: a drive with a sensor, or none."""
+    from cogless.drives.registry import ADAPTERS
+
+    adapter = ADAPTERS.get(drive or "")
+    return adapter if adapter is not None and adapter.identify_runs is not None else None
+
+
+def plan_runs(adapter: Adapter, file: Path, output: Path) -> None:
+    """Write the files that make the runs of an axis."""
+    from cogless.printer.axis import read_axis
+    from cogless.results.folder import held, new_set
+
+    assert adapter.write_runs is not None
+    axis = read_axis(file)
+    try:
+        files = adapter.write_runs(axis)
+    except StudyError as error:
+        raise StudyError(f"{file}: {error}") from None
+    with held(output, files), new_set(output) as stage:
+        for name, text in files.items():
+            (stage / name).write_text(text, "utf-8")
+    print(f"Runs: {output / next(iter(files))}. Its first lines say how to start it.")
+    words = ["cogless", "identify", "--drive", adapter.name, "--drive-config", str(file)]
+    print(f"Next: {shlex.join(words)} LOG...")
+
+
+def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output: Path) -> None:
+    """Find an axis's correction in the logs of its runs, print it and write it."""
+    from cogless.printer.axis import read_axis
+    from cogless.printer.corrections import CORRECTION_FILE
+    from cogless.results.folder import held, new_set
+
+    assert adapter.identify_runs is not None
+    if file is None:
+        raise StudyError(
+            f"--drive {adapter.name}: expected --drive-config FILE with [printer]: "
+            "motor, step_angle, pulley_teeth, current, travel, start_x, start_y"
+        )
+    with held(output, [CORRECTION_FILE]):
+        correction = adapter.identify_runs(logs, read_axis(file))
+        with new_set(output) as stage:
+            (stage / CORRECTION_FILE).write_text(correction.to_json(), "utf-8")
+    for line in correction_lines(correction):
+        print_text(line, others="  ")
+    print(f"\nCorrection: {output / CORRECTION_FILE}")
+    target = "prusa" if adapter.write_correction is not None else "tmc5160"
+    print(f"Next: {shlex.join(['cogless', 'table', str(output), '--to', target])} -o FILE")
+
+
+def correction_lines(correction: Correction) -> list[str]:
+    """The correction of both directions, a line each, then friction and remarks."""
+    lines = [
+        f"Motor {correction.motor} at {correction.current:.4g} A rms. A correction adds mag sin(n u + pha)."
+    ]
+    for direction, entries in correction.directions.items():
+        for n, entry in sorted(entries.items()):
+            size = abs(entry.value)
+            way = 1e6 * size * correction.wavelength / math.tau
+            doubt = "" if entry.error < size else ", not told from none"
+            lines.append(
+                f"{direction:<8} order {n}: {size:.4f} rad (+-{entry.error:.4f}), phase "
+                f"{cmath.phase(entry.value):+.3f} rad; {way:.2f} um at a slow speed, a stripe every "
+                f"{1e3 * correction.wavelength / n:.3g} mm{doubt}"
+            )
+    friction = correction.friction()
+    if friction is not None:
+        torque = "" if friction.torque is None else f", {1e3 * friction.torque:.3g} mN*m"
+        lines.append(
+            f"Friction, if order 4 is detent: {friction.angle:.3f} rad (+-{friction.error:.3f}){torque}."
+        )
+    return [*lines, *correction.remarks]
+
+
+def write_correction(adapter: Adapter, source: Path, current: str | None, output: Path | None) -> None:
+    """Write a correction in a firmware's own format; what it can hold is said first."""
+    from cogless import units
+    from cogless.files import replacing
+    from cogless.printer.corrections import read_correction
+
+    assert adapter.write_correction is not None
+    correction = read_correction(source)
+    try:
+        written = adapter.write_correction(correction)
+    except StudyError as error:
+        raise StudyError(f"{source}: {error}") from None
+    print(f"{adapter.title}, motor {correction.motor}.")
+    for line in written.holds:
+        print_text(line, others="  ")
+    if current is not None:
+        other = _quantity("--current", current, units.CURRENT)
+        share = correction.share_at(other)
+        if share > OTHER_CURRENT:
+            warn(
+                f"the correction is for {correction.current:.4g} A rms: at {other:.4g} A up to "
+                f"{share:.0%} of it is wrong; record the runs at that current"
+            )
+    file = str(output) if output is not None else "FILE"
+    print(f"Current: {correction.current:.4g} A rms; another needs runs of its own.")
+    print(f"Install: {written.install.replace('FILE', file)}")
+    print(f"Take out: {written.remove}")
+    if output is not None:
+        with replacing(output) as temporary:
+            temporary.write_text(written.text, "utf-8")
+        print(f"Table: {output}")
+
+
+def _quantity(option: str, text: str, dimension: Dimension) -> float:
+    """A quantity above zero of the command line, SI; a plain number has the unit that messages show."""
+    from cogless import units
+
+    unit = dimension.example or dimension.unit
+    try:
+        value = units.parse(text if units.unit_of(text) else f"{text} {unit}", dimension)
+    except units.UnitError as error:
+        raise StudyError(f'{option}: "{text}": {error}') from None
+    if not value > 0:
+        raise StudyError(
+            f'{option}: "{text}": expected {dimension.name} above zero, such as {dimension.shown(1)}'
+        )
+    return value
+
+
+def _option(name: str, metavar: str, help: str) -> Any:
+    return typer.Option(name, metavar=metavar, help=help, show_default=False)
+
+
+def stripe(
+    spacing: Annotated[str, _option("--spacing", "LENGTH", "From stripe to stripe, in mm.")],
+    speed: Annotated[str, _option("--speed", "SPEED", "Of the wall, in mm/s.")],
+    pulley: Annotated[
+        int, typer.Option("--pulley", min=4, metavar="TEETH", help="Of the motor's pulley.")
+    ] = 20,
+    step_angle: Annotated[
+        str, typer.Option("--step-angle", metavar="ANGLE", help="Of the motor, in degrees.")
+    ] = "1.8",
+    belt_pitch: Annotated[
+        str, typer.Option("--belt-pitch", metavar="LENGTH", help="Of the belt, in mm.")
+    ] = "2",
+    diagonal: Annotated[
+        bool,
+        typer.Option("--diagonal", help="A CoreXY's wall along a diagonal, which one motor alone moves."),
+    ] = False,
+) -> None:
+    """Say what makes a stripe on a print: an order of the motor, a belt tooth, the pulley, or ringing."""
+    from cogless import units
+    from cogless.printer.axis import CARRIAGE_SPEED, CARRIAGE_WAY, rotor_teeth
+    from cogless.printer.stripe import stripe_causes
+
+    angle = _quantity("--step-angle", step_angle, units.ANGLE)
+    if rotor_teeth(angle) is None:
+        raise StudyError(
+            f'--step-angle: "{step_angle}": expected 360 deg over a whole multiple of 4, such as "1.8 deg"'
+        )
+    length, velocity = (
+        _quantity("--spacing", spacing, CARRIAGE_WAY),
+        _quantity("--speed", speed, CARRIAGE_SPEED),
+    )
+    causes = stripe_causes(
+        length,
+        velocity,
+        pulley_teeth=pulley,
+        step_angle=angle,
+        belt_pitch=_quantity("--belt-pitch", belt_pitch, CARRIAGE_WAY),
+        diagonal=diagonal,
+    )
+    print(f"{1e3 * length:.3g} mm at {1e3 * velocity:.3g} mm/s: {velocity / length:.0f} Hz.")
+    for cause in causes:
+        place = "" if cause.kind == "ringing" else f" ({1e3 * cause.spacing:.3g} mm)"
+        print_text(f"{cause.line[0].upper()}{cause.line[1:]}{place}.", others="  ")
+    if not causes:
+        print("None of the motor's orders, the belt's teeth, the pulley, or ringing between 15 and 400 Hz.")
+    if len(causes) > 1:
+        print(
+            "Print it at half the speed: a spacing that stays is the motor's or the belt's, half of it is "
+            "ringing."
+        )

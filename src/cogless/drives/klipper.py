@@ -1,0 +1,179 @@
+"""Klipper: ramps of an axis, as a macro makes them and ACCELEROMETER_MEASURE records them.
+
+Read in its source (Klipper3d/klipper, klippy/extras/adxl345.py at 0512a7c): a CSV of the
+printer's clock, s, and accelerations, mm/s^2. Its clock is the planner's. Where in the log the move begins is
+not said, since the planner waits for its buffer; the move itself tells it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cogless.drives.adapter import Adapter, Certainty, Feature, text_of
+from cogless.errors import StudyError
+from cogless.printer import ramps
+from cogless.printer.axis import Axis
+from cogless.printer.corrections import Correction, Lines
+from cogless.printer.moves import ramp
+from cogless.printer.records import DIRECTIONS, Direction, Numbers, Orders, Run, check_saturation, probe
+
+HEADING = "#time,accel_x,accel_y,accel_z"
+KLIPPER_LOG = "the CSV of ACCELEROMETER_MEASURE"
+RUN_NAME = re.compile(r"cogless-(x|y)-(forward|backward)-(plain|probe)-(\d+)")
+RAMP_REPEATS = 3
+DWELL_TIME = 500  # ms of rest before and after a move
+RATE_LEAST = 800.0  # Hz
+GAP_MOST = 20.0  # periods of sampling without a sample
+
+
+def read_samples(path: Path, direction: tuple[float, float]) -> tuple[Numbers, Numbers]:
+    """Times, s, and the acceleration along a direction in x and y, m/s^2. StudyError: no such log."""
+    lines = text_of(path, KLIPPER_LOG).splitlines()
+    if not lines or lines[0].replace(" ", "") != HEADING:
+        raise StudyError(f'{path}: its first line is not "{HEADING}": expected {KLIPPER_LOG}')
+    rows = []
+    for number, line in enumerate(lines[1:], 2):
+        cells = line.split(",")
+        try:
+            row = [float(cell) for cell in cells]
+        except ValueError:
+            row = []
+        if len(row) != 4 or not np.all(np.isfinite(row)):
+            raise StudyError(f"{path}: line {number}: expected four finite numbers, as in {KLIPPER_LOG}")
+        rows.append(row)
+    if len(rows) < 2:
+        raise StudyError(f"{path}: {len(rows)} samples: expected {KLIPPER_LOG}")
+    table = np.array(rows)
+    times = table[:, 0]
+    steps = np.diff(times)
+    if np.any(steps <= 0):
+        raise StudyError(
+            f"{path}: line {int(np.argmax(steps <= 0)) + 3}: the time goes back: expected one log"
+        )
+    rate = 1 / float(np.median(steps))
+    if rate < RATE_LEAST:
+        raise StudyError(
+            f"{path}: {rate:.0f} samples a second: expected {RATE_LEAST:.0f} or more; set rate of the sensor"
+        )
+    if np.max(steps) > GAP_MOST / rate:
+        k = int(np.argmax(steps))
+        raise StudyError(
+            f"{path}: line {k + 3}: {1e3 * steps[k]:.0f} ms without a sample: expected a log without gaps"
+        )
+    for axis, values in (("accel_x", table[:, 1]), ("accel_y", table[:, 2])):
+        check_saturation(f"{path}: {axis}", 1e-3 * values)
+    return times, 1e-3 * (direction[0] * table[:, 1] + direction[1] * table[:, 2])
+
+
+def read_runs(paths: Sequence[Path], axis: Axis) -> dict[tuple[Direction, int], dict[str, Run]]:
+    """Runs without and with the probe, by direction and number. StudyError: a log that can't be used."""
+    runs: dict[tuple[Direction, int], dict[str, Run]] = {}
+    for path in paths:
+        name = RUN_NAME.search(path.name)
+        if name is None:
+            raise StudyError(
+                f"{path}: its name says no run: expected one with cogless-{axis.motor}-forward-plain-1, as "
+                "--plan makes it"
+            )
+        if name[1] != axis.motor:
+            raise StudyError(f"{path}: a run of motor {name[1]}: expected one of motor {axis.motor}")
+        times, acceleration = read_samples(path, axis.direction)
+        direction: Direction = "forward" if name[2] == "forward" else "backward"
+        correction = probe() if name[3] == "probe" else {}
+        pair = runs.setdefault((direction, int(name[4])), {})
+        pair[name[3]] = Run(path.name, direction, times, acceleration, correction)
+    return runs
+
+
+def identify_runs(paths: Sequence[Path], axis: Axis) -> Correction:
+    """The correction of ramps in both directions. StudyError: a run is missing, or a log can't be used."""
+    runs = read_runs(paths, axis)
+    lines: dict[Direction, Lines] = {}
+    chosen: dict[Direction, list[dict[str, Run]]] = {}
+    for direction in DIRECTIONS:
+        pairs = [pair for (name, _), pair in sorted(runs.items()) if name == direction]
+        if not pairs:
+            raise StudyError(
+                f"{paths[0].parent}: no run {direction}: expected runs in both directions: friction turns "
+                "what each has to be corrected by"
+            )
+        for pair in pairs:
+            lacking = next((kind for kind in ("plain", "probe") if kind not in pair), None)
+            if lacking is not None:
+                other = next(iter(pair.values())).name
+                raise StudyError(
+                    f"{paths[0].parent}: {other} has no partner: expected {lacking} in its name, too"
+                )
+        chosen[direction] = pairs
+    for direction, pairs in chosen.items():
+        lines[direction] = ramps.identify_ramps(axis, [(pair["plain"], pair["probe"]) for pair in pairs])
+    return Correction.from_lines(axis, lines)
+
+
+def correction_words(correction: Orders) -> str:
+    """Orders as SET_PHASE_CORRECTION takes them: ORDER:MAGNITUDE:PHASE, rad, with commas between."""
+    return ",".join(f"{n}:{abs(c):.6f}:{np.angle(c):.6f}" for n, c in sorted(correction.items())) or "0:0:0"
+
+
+def write_runs(axis: Axis) -> Mapping[str, str]:
+    """A macro that makes the logs of an axis."""
+    move = ramp(axis)
+    start = (1e3 * axis.start_x, 1e3 * axis.start_y)
+    end = tuple(s + 1e3 * move.length * d for s, d in zip(start, axis.direction, strict=True))
+    stepper, feed = f"stepper_{axis.motor}", 6e4 * move.speed
+    limits = "printer.configfile.settings.printer"
+    body = [
+        f"SET_VELOCITY_LIMIT VELOCITY={1e3 * move.speed:.3f} ACCEL={1e3 * move.acceleration:.3f} "
+        "MINIMUM_CRUISE_RATIO=0",
+        "SET_INPUT_SHAPER SHAPER_FREQ_X=0 SHAPER_FREQ_Y=0",
+        "G90",
+    ]
+    for number in range(1, RAMP_REPEATS + 1):
+        for direction in DIRECTIONS:
+            first, last = (start, end) if direction == "forward" else (end, start)
+            for kind, correction in (("plain", {}), ("probe", probe())):
+                words = correction_words(correction)
+                body += [
+                    f"SET_PHASE_CORRECTION STEPPER={stepper} FORWARD={words} BACKWARD={words}",
+                    f"G1 X{first[0]:.4f} Y{first[1]:.4f} F{feed:.1f}",
+                    "M400",
+                    f"G4 P{DWELL_TIME}",
+                    "ACCELEROMETER_MEASURE",
+                    f"G4 P{DWELL_TIME}",
+                    f"G1 X{last[0]:.4f} Y{last[1]:.4f} F{feed:.1f}",
+                    f"G4 P{DWELL_TIME}",
+                    f"ACCELEROMETER_MEASURE NAME=cogless-{axis.motor}-{direction}-{kind}-{number}",
+                ]
+    body += [
+        f"SET_PHASE_CORRECTION STEPPER={stepper} FORWARD=0:0:0 BACKWARD=0:0:0",
+        f"SET_VELOCITY_LIMIT VELOCITY={{{limits}.max_velocity}} ACCEL={{{limits}.max_accel}}",
+        "M400",
+        'RESPOND MSG="cogless: done; RESTART puts input shaper and limits back"',
+    ]
+    top = [
+        "# Home the printer, then run COGLESS_RAMPS. The logs are /tmp/*cogless-*.csv.",
+        "# SET_PHASE_CORRECTION is a command of a module that adds a correction to the step times; Klipper",
+        "# itself has none. FORWARD and BACKWARD are ORDER:MAGNITUDE:PHASE, rad, with commas between.",
+        f"[gcode_macro COGLESS_RAMPS_{axis.motor.upper()}]",
+        "gcode:",
+    ]
+    return {"cogless_ramps.cfg": "\n".join([*top, *(f"    {line}" for line in body)]) + "\n"}
+
+
+KLIPPER = Adapter(
+    name="klipper",
+    title="Klipper",
+    reads=(
+        Feature(
+            "ramps of an axis by ACCELEROMETER_MEASURE (CSV): correction of its step motor", Certainty.SOURCE
+        ),
+    ),
+    writes=(),
+    identify_runs=identify_runs,
+    write_runs=write_runs,
+    refusal="it has no correction of its own; --to tmc5160 and others write its driver's wave table",
+)

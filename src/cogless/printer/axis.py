@@ -1,0 +1,115 @@
+"""An axis of a printer, as its file says: motor, pulley, belt, and the moves that its bed has room for.
+
+Lengths and speeds are the carriage's. The electrical angle u of the command grows by one turn a wavelength;
+the motor's tooth count N is the number of electrical turns a revolution.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from cogless import units
+from cogless.study.messages import problems, study_error
+from cogless.study.reading import read
+from cogless.study.table import CurrentLimit, Frequency, Many, Quantity, Span, Table, invalid
+from cogless.units import Dimension
+
+CARRIAGE_WAY = Dimension("a length", "m", "mm")
+CARRIAGE_SPEED = Dimension("a speed", "m/s", "mm/s")
+Length = Annotated[float, Quantity(CARRIAGE_WAY, ">")]
+StartPlace = Annotated[float, Quantity(CARRIAGE_WAY, ">=")]
+Speed = Annotated[float, Quantity(CARRIAGE_SPEED, ">")]
+HoldingTorque = Annotated[float, Quantity(units.TORQUE, ">")]
+
+STEPS_A_PERIOD = 4  # full steps of an electrical turn
+TEETH_TOLERANCE = 1e-6  # share of a tooth by which a step angle may miss a whole count
+DIAGONAL = math.sqrt(0.5)
+
+
+def rotor_teeth(step_angle: float) -> int | None:
+    """Electrical turns a revolution of a motor with this step angle, rad; None: it has no whole number."""
+    count = math.tau / (STEPS_A_PERIOD * step_angle)
+    whole = round(count)
+    return whole if whole >= 1 and abs(count - whole) <= TEETH_TOLERANCE * count else None
+
+
+class Axis(Table):
+    """A motor of a printer and what it moves. Torque and current of the datasheet give friction in N m."""
+
+    motor: Literal["x", "y"]
+    kinematics: Literal["cartesian", "corexy"] = "cartesian"
+    step_angle: Span  # rad
+    pulley_teeth: Annotated[int, Field(ge=4)]
+    belt_pitch: Length = 2e-3  # m
+    current: CurrentLimit  # A rms, as the firmware has it
+    travel: Length  # m of free straight way, along which the motor alone moves the carriage
+    start_x: StartPlace  # m, where a forward move begins
+    start_y: StartPlace  # m
+    ramp_speed: Speed = 0.2  # m/s at the middle of a ramp
+    speeds: Many[Speed] = (0.04,)  # m/s of the runs at a constant speed
+    resonances: Many[Frequency] = ()  # Hz
+    holding_torque: HoldingTorque | None = None  # N m, both coils at the rated current
+    rated_current: CurrentLimit | None = None  # A
+
+    @model_validator(mode="after")
+    def _whole_teeth(self) -> Axis:
+        if rotor_teeth(self.step_angle) is None:
+            raise invalid('expected 360 deg over a whole multiple of 4, such as "1.8 deg"', "step_angle")
+        if (self.holding_torque is None) != (self.rated_current is None):
+            raise invalid("expected it together with rated_current", "holding_torque", value="alone")
+        return self
+
+    @property
+    def rotor_teeth(self) -> int:
+        return round(math.tau / (STEPS_A_PERIOD * self.step_angle))
+
+    @property
+    def path_share(self) -> float:
+        """Way of the carriage over that of the belt: in CoreXY one motor alone moves along a diagonal."""
+        return DIAGONAL if self.kinematics == "corexy" else 1.0
+
+    @property
+    def wavelength(self) -> float:
+        """The carriage's way in an electrical turn, m."""
+        return self.pulley_teeth * self.belt_pitch / self.rotor_teeth * self.path_share
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """Unit vector of the carriage's way in x and y when the motor turns forward."""
+        if self.kinematics == "corexy":
+            return DIAGONAL, DIAGONAL if self.motor == "x" else -DIAGONAL
+        return (1.0, 0.0) if self.motor == "x" else (0.0, 1.0)
+
+    @property
+    def pulley_radius(self) -> float:
+        return self.pulley_teeth * self.belt_pitch / math.tau
+
+    @property
+    def torque_at_current(self) -> float | None:
+        """T_h: the torque at a quarter period from rest, at the current of the firmware, N m.
+
+        A datasheet's holding torque is that of both coils at the rated DC current, sqrt(2) times the torque
+        of one; a peak of sqrt(2) times the rms current makes the ratio that of the currents.
+        """
+        if self.holding_torque is None or self.rated_current is None:
+            return None
+        return self.holding_torque * self.current / self.rated_current
+
+
+class PrinterFile(Table):
+    """A file that describes an axis of a printer."""
+
+    printer: Axis
+
+
+def read_axis(path: Path) -> Axis:
+    """The axis of a file. StudyError: names file, key, value and what was expected."""
+    tables = read(path)
+    try:
+        return PrinterFile.model_validate(tables).printer
+    except ValidationError as error:
+        raise study_error([problem.line(path) for problem in problems(error, tables)]) from None

@@ -1,0 +1,360 @@
+"""Corrections from ramps of speed: one with the driver as it is, one with a probe added to its correction.
+
+In a block of a ramp, the carriage answers the command's error by a coefficient G of its own. So order n has
+A0 = G psi without the probe and A1 = G (psi + p) with it: the pairs of all blocks lie on one complex line,
+whatever belt and sensor do. Its slope is found by total least squares, and gives psi = p A0 / (A1 - A0).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cogless.errors import StudyError
+from cogless.printer.axis import Axis
+from cogless.printer.corrections import Answer, Coefficient, Lines, spread
+from cogless.printer.moves import Move, ramp
+from cogless.printer.records import (
+    FITTED_ORDERS,
+    ComplexNumbers,
+    Numbers,
+    Run,
+    coupling,
+    lines_fit,
+    shifted_orders,
+)
+
+BLOCK_SPEED = 8e-3  # m/s that a block's speed changes by
+BLOCK_TURNS = 2.0  # electrical turns that a block has at least
+BLOCK_SAMPLES = 24  # that a block has at least
+SPEED_LEAST = 0.012  # m/s, below which a carriage hardly shakes
+NYQUIST_SHARE = 0.84  # of half the sampling rate: above it a line is folded or filtered
+LOUD_SHARE = 0.1  # of a coefficient: what the model misses where it is loud
+SEARCH_EVERY = 3  # blocks, of which the search for the move fits one
+START_GRID = 8e-3  # s, of the search for the move in the log
+LAG_MOST = 16e-3  # s, by which that may miss from log to log
+LAG_COARSE = 1e-4  # s
+LAG_FINE = 2e-5  # s
+MOVE_SHARE_LEAST = 0.25  # of a log's energy that the motor's orders have, or it is another move
+MODE_WIDTH = 3.0  # Hz
+MODE_LEAST = 15.0  # Hz
+MODE_HEIGHT = 6.0  # over the median of the rest's power
+MODE_APART = 0.3  # share of a mode's frequency
+MODES_MOST = 2
+GROUPS_MOST = 5  # The errors come from so many groups of blocks.
+HUBER_LIMIT = 2.0  # standard deviations
+TOOTH_WINDOW = 6  # teeth that a window has
+TOOTH_SAMPLES = 60  # that a window has at least
+TOOTH_SPEED_LEAST = 0.05  # m/s
+WEIGHT_ROUNDS = 8
+PROBE_ROUNDS = 3  # after which the probe's share in each order has settled
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Coefficients of a ramp's blocks: rows of blocks, columns of FITTED_ORDERS. Speeds are in m/s.
+
+    `variance`: of a coefficient's parts. `share`: of the log's energy that the orders have.
+    """
+
+    speeds: Numbers
+    coefficients: ComplexNumbers
+    variance: Numbers
+    share: float
+
+
+def block_edges(move: Move, wavelength: float) -> list[tuple[float, float]]:
+    """Times since the start of the move between which a block lies, s; up first, then down."""
+    edges, t = [], SPEED_LEAST / move.acceleration
+    while t < move.ramp_time:
+        speed = move.acceleration * t
+        needed = BLOCK_TURNS * wavelength
+        turns_time = (math.sqrt(speed**2 + 2 * move.acceleration * needed) - speed) / move.acceleration
+        end = t + max(BLOCK_SPEED / move.acceleration, turns_time)
+        if end > move.ramp_time:
+            break
+        edges.append((t, end))
+        t = end
+    return [*edges, *((move.duration - end, move.duration - t) for t, end in reversed(edges))]
+
+
+def blocks(
+    run: Run, start: float, move: Move, wavelength: float, modes: tuple[float, ...] = (), every: int = 1
+) -> Blocks:
+    """Fit the orders in each block, where the move begins at this time of the log; or in one of `every`."""
+    speeds, rows, variances = [], [], []
+    energy = rest = 0.0
+    for begin, end in block_edges(move, wavelength)[::every]:
+        first, last = np.searchsorted(run.times, [start + begin, start + end])
+        if last - first < BLOCK_SAMPLES:
+            continue
+        t = run.times[first:last] - start
+        speed = float(np.mean(move.speed_at(t)))
+        top = NYQUIST_SHARE * run.rate / 2
+        orders = tuple(n for n in FITTED_ORDERS if n * speed / wavelength < top)
+        turns = run.sign * move.position_at(t) / wavelength
+        ringing = [wave(math.tau * f * t) for f in modes for wave in (np.sin, np.cos)]
+        fit = lines_fit(run.acceleration[first:last], turns, orders, np.array(ringing).reshape(-1, len(t)).T)
+        row, variance = np.full(len(FITTED_ORDERS), np.nan, complex), np.full(len(FITTED_ORDERS), np.inf)
+        row[: len(orders)], variance[: len(orders)] = fit.values, fit.variances
+        noise = float(np.mean(fit.rest**2))
+        count = last - first
+        rows.append(row)
+        speeds.append(speed)
+        variances.append(variance)
+        energy += count * (0.5 * float(np.sum(np.abs(fit.values) ** 2)) + noise)
+        rest += count * noise
+    return Blocks(
+        np.array(speeds),
+        np.array(rows).reshape(-1, len(FITTED_ORDERS)),
+        np.array(variances).reshape(-1, len(FITTED_ORDERS)),
+        1 - rest / energy if energy else 0.0,
+    )
+
+
+def find_start(run: Run, move: Move, wavelength: float) -> float:
+    """The time of the log at which the move begins: where the orders take most of its energy.
+
+    StudyError: the log is shorter than the move, or has not the move's orders.
+    """
+    first, last = float(run.times[0]), float(run.times[-1]) - move.duration
+    if last < first:
+        raise StudyError(
+            f"{run.name}: {run.times[-1] - first:.3g} s long: expected the whole move of "
+            f"{move.duration:.3g} s, as --plan writes it"
+        )
+
+    def best(starts: NDArray[Any], every: int = 1) -> tuple[float, float]:
+        shares = [blocks(run, float(s), move, wavelength, every=every).share for s in starts]
+        k = int(np.argmax(shares))
+        return float(starts[k]), shares[k]
+
+    start, _ = best(np.arange(first, last + START_GRID, START_GRID), SEARCH_EVERY)
+    for step, count in ((START_GRID, 6), (START_GRID / 4, 4), (START_GRID / 16, 4)):
+        start, share = best(start + step * np.arange(-count, count + 1))
+    if share < MOVE_SHARE_LEAST:
+        raise StudyError(
+            f"{run.name}: the motor's orders have {share:.0%} of its energy: expected the move that --plan "
+            "writes for this axis; see motor, step_angle, pulley_teeth and travel"
+        )
+    return start
+
+
+def ringing_modes(run: Run, start: float, move: Move, wavelength: float) -> tuple[float, ...]:
+    """Frequencies at which the carriage rings on beside the orders, Hz; at most two."""
+    rest = np.zeros(len(run.times))
+    for begin, end in block_edges(move, wavelength):
+        first, last = np.searchsorted(run.times, [start + begin, start + end])
+        if last - first < BLOCK_SAMPLES:
+            continue
+        turns = run.sign * move.position_at(run.times[first:last] - start) / wavelength
+        rest[first:last] = lines_fit(
+            run.acceleration[first:last], turns, FITTED_ORDERS, np.empty((last - first, 0))
+        ).rest
+    power = np.abs(np.fft.rfft(rest)) ** 2
+    frequencies = np.arange(len(power)) * run.rate / len(rest)
+    width = max(1, round(MODE_WIDTH / frequencies[1]))
+    smooth = np.convolve(power, np.ones(width) / width, "same")
+    modes: list[float] = []
+    allowed = (frequencies > MODE_LEAST) & (frequencies < NYQUIST_SHARE * run.rate / 2)
+    while len(modes) < MODES_MOST and np.any(allowed):
+        k = int(np.argmax(np.where(allowed, smooth, 0.0)))
+        if smooth[k] < MODE_HEIGHT * np.median(smooth[allowed]):
+            break
+        modes.append(float(frequencies[k]))
+        allowed &= np.abs(frequencies / frequencies[k] - 1) > MODE_APART
+    return tuple(modes)
+
+
+def tooth_way(run: Run, start: float, move: Move, axis: Axis) -> tuple[float, float]:
+    """The carriage's way at a belt tooth's spacing, and three standard deviations of it, m.
+
+    Its spacing is no order of the motor, so that both are told apart in a window of some teeth. The windows'
+    medians are returned.
+    """
+    spacing = axis.belt_pitch * axis.path_share
+    ways, doubts = [], []
+    windows = math.floor(move.length / (TOOTH_WINDOW * spacing))
+    for window in range(windows):
+        t = run.times - start
+        path = move.position_at(t)
+        chosen = (path > window * TOOTH_WINDOW * spacing) & (path <= (window + 1) * TOOTH_WINDOW * spacing)
+        speed = float(np.mean(move.speed_at(t[chosen]))) if np.any(chosen) else 0.0
+        if np.count_nonzero(chosen) < TOOTH_SAMPLES or speed < TOOTH_SPEED_LEAST:
+            continue
+        tooth = math.tau * path[chosen] / spacing
+        turns = np.column_stack(
+            [
+                wave(math.tau * n * path[chosen] / axis.wavelength)
+                for n in FITTED_ORDERS
+                for wave in (np.sin, np.cos)
+            ]
+        )
+        fit = lines_fit(run.acceleration[chosen], tooth / math.tau, (1,), turns)
+        omega = math.tau * speed / spacing
+        ways.append(abs(complex(fit.values[0])) / omega**2)
+        doubts.append(3 * math.sqrt(2 * float(fit.variances[0])) / omega**2)
+    return (float(np.median(ways)), float(np.median(doubts))) if ways else (0.0, math.inf)
+
+
+def other_causes(axis: Axis, run: Run, start: float, modes: tuple[float, ...]) -> list[str]:
+    """What the carriage does beside the motor's orders, a sentence each."""
+    remarks = []
+    if modes:
+        names = " and ".join(f"{f:.0f}" for f in modes)
+        remarks.append(f"Ringing {run.direction} at {names} Hz at all speeds: not the motor's orders.")
+    way, doubt = tooth_way(run, start, ramp(axis), axis)
+    if way > doubt:
+        remarks.append(
+            f"Belt tooth {run.direction}: {1e6 * way:.2g} um, a stripe every "
+            f"{1e3 * axis.belt_pitch * axis.path_share:.3g} mm; no correction takes it out."
+        )
+    return remarks
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """The same blocks without and with the probe, and the wavelength. Coefficients are those of one order."""
+
+    plain: ComplexNumbers
+    probed: ComplexNumbers
+    variance: Numbers  # of the real or the imaginary part of either one
+    speeds: Numbers  # m/s
+
+    @property
+    def weights(self) -> Numbers:
+        loud = 0.5 * LOUD_SHARE**2 * (np.abs(self.plain) ** 2 + np.abs(self.probed) ** 2)
+        return np.asarray(1 / (2 * self.variance + loud))
+
+
+def _direction(pair: Pair, weights: Numbers) -> tuple[complex, complex]:
+    """Unit vector (psi, psi + p) times a phase: the principal axis of the pairs of blocks."""
+    a, b = pair.plain, pair.probed
+    cross = np.sum(weights * a * np.conj(b))
+    scatter = np.array(
+        [[np.sum(weights * np.abs(a) ** 2), cross], [np.conj(cross), np.sum(weights * np.abs(b) ** 2)]]
+    )
+    _, vectors = np.linalg.eigh(scatter)
+    return complex(vectors[0, -1]), complex(vectors[1, -1])
+
+
+def _misfit(pair: Pair, weights: Numbers) -> Numbers:
+    """Squares of what the blocks are off the line, in their standard deviations."""
+    v0, v1 = _direction(pair, weights)
+    return np.asarray(pair.weights * np.abs(pair.plain * v1 - pair.probed * v0) ** 2)
+
+
+def _robust_weights(pair: Pair) -> Numbers:
+    weights = pair.weights
+    for _ in range(WEIGHT_ROUNDS):
+        squares = _misfit(pair, weights)
+        scale = max(float(np.median(squares)) / math.log(2), 1e-300)  # The median of an exponential law.
+        weights = pair.weights * np.minimum(1.0, HUBER_LIMIT / np.sqrt(np.maximum(squares / scale, 1e-12)))
+    return weights
+
+
+def psi_of(pair: Pair, probe: complex) -> tuple[complex, float]:
+    """psi of an order and its error, by leaving groups of blocks out in turn, each at
+    speeds of its own: what the model misses varies with the speed, and not from run to run.
+    """
+    weights = _robust_weights(pair)
+
+    def solve(chosen: Numbers) -> complex:
+        v0, v1 = _direction(pair, weights * chosen)
+        return probe * v0 / (v1 - v0)
+
+    count = len(pair.plain)
+    places = np.argsort(np.argsort(pair.speeds, kind="stable"))
+    groups = places * min(GROUPS_MOST, count) // count
+    values = np.array([solve((groups != g).astype(float)) for g in range(np.max(groups) + 1)])
+    return solve(np.ones(count)), spread(values)
+
+
+def refined_start(
+    run: Run,
+    plain: Blocks,
+    other: Run,
+    start: float,
+    move: Move,
+    wavelength: float,
+    modes: tuple[float, ...],
+) -> float:
+    """The start in the other log at which the pairs of blocks lie best on a line, in all probed orders."""
+    for most, step in ((LAG_MOST, LAG_COARSE), (LAG_MOST / 8, LAG_COARSE), (2 * LAG_COARSE, LAG_FINE)):
+        probed = blocks(other, start, move, wavelength, modes)
+        shifts = np.arange(-most, most + step / 2, step)
+        total = np.zeros(len(shifts))
+        for k, n in enumerate(FITTED_ORDERS):
+            if n not in other.correction:
+                continue
+            turn = run.sign * math.tau * n * plain.speeds / wavelength
+            sound = np.isfinite(plain.coefficients[:, k]) & np.isfinite(probed.coefficients[:, k])
+            for j, shift in enumerate(shifts):
+                shifted = probed.coefficients[:, k] * np.exp(1j * turn * shift)
+                pair = Pair(
+                    plain.coefficients[sound, k],
+                    shifted[sound],
+                    0.5 * (plain.variance + probed.variance)[sound, k],
+                    plain.speeds[sound],
+                )
+                total[j] += float(np.sum(_misfit(pair, pair.weights)))
+        start += float(shifts[np.argmin(total)])
+    return start
+
+
+def identify_ramps(axis: Axis, runs: Sequence[tuple[Run, Run]]) -> Lines:
+    """The lines of a direction, from pairs of ramps without and with the probe.
+
+    StudyError: a log without the move.
+    """
+    move, wavelength = ramp(axis), axis.wavelength
+    plains, probeds = [], []
+    remarks: list[str] = []
+    for run, other in runs:
+        start = find_start(run, move, wavelength)
+        modes = ringing_modes(run, start, move, wavelength)
+        remarks = remarks or other_causes(axis, run, start, modes)
+        plain = blocks(run, start, move, wavelength, modes)
+        other_start = refined_start(
+            run, plain, other, find_start(other, move, wavelength), move, wavelength, modes
+        )
+        plains.append(plain)
+        probeds.append(blocks(other, other_start, move, wavelength, modes))
+    first, second = runs[0]
+    speeds = np.concatenate([p.speeds for p in plains])
+    pairs: dict[int, Pair] = {}
+    frequencies, moved = {}, {}
+    for k, n in enumerate(FITTED_ORDERS):
+        if n not in second.correction:
+            continue
+        a = np.concatenate([p.coefficients[:, k] for p in plains])
+        b = np.concatenate([p.coefficients[:, k] for p in probeds])
+        variance = np.concatenate(
+            [0.5 * (p.variance + q.variance)[:, k] for p, q in zip(plains, probeds, strict=True)]
+        )
+        sound = np.isfinite(a) & np.isfinite(b)
+        pairs[n] = Pair(a[sound], b[sound], variance[sound], speeds[sound])
+        frequencies[n], moved[n] = (n * speeds / wavelength)[sound], np.abs(b - a)[sound]
+    psi: dict[int, complex] = {}
+    coefficients: dict[int, Coefficient] = {}
+    for _ in range(PROBE_ROUNDS):
+        before, after = (shifted_orders(psi, run.correction) for run in (first, second))
+        probe = {n: after[n] - before.get(n, 0j) for n in pairs}
+        for n, pair in pairs.items():
+            rest, error = psi_of(pair, probe[n])
+            psi[n] = rest - before.get(n, 0j)
+            coefficients[n] = Coefficient(-psi[n], error)
+    products = coupling(psi, second.correction)
+    coefficients = {
+        n: replace(entry, error=math.hypot(entry.error, products[n])) for n, entry in coefficients.items()
+    }
+    ratios = [
+        moved[n] / abs(probe[n]) / (math.tau * frequencies[n]) ** 2 * (math.tau / wavelength) for n in pairs
+    ]
+    answer = Answer(np.concatenate(list(frequencies.values())), np.concatenate(ratios))
+    return Lines(coefficients, answer, remarks)
