@@ -62,8 +62,7 @@ def stripe_causes(
         Cause(
             "tooth",
             belt_pitch * share / k,
-            f"belt tooth{'' if k == 1 else f', its harmonic {k}'}: no table of the motor helps; "
-            "tension, pulley and idlers do",
+            f"belt tooth{'' if k == 1 else f', its harmonic {k}'}: no table of the motor helps",
         )
         for k in TOOTH_HARMONICS
     ]
@@ -75,8 +74,7 @@ def stripe_causes(
             Cause(
                 "ringing",
                 spacing,
-                f"ringing at {frequency:.0f} Hz after corners, if the spacing doubles at twice the speed; "
-                "input shaping helps",
+                f"ringing at {frequency:.0f} Hz after corners, if the spacing doubles at twice the speed",
             )
         )
     return near
