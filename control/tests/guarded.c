@@ -44,7 +44,7 @@ static void begin(void)
     CHECK(cgl_guard_init(&guard, TS) == CGL_OK);
     (void)run(4.0, 1.0, 0.0, false);
     CHECK(guard.phase == CGL_GUARD_IDLE && guard.learn && within(guard.share - CGL_R(1.0), CGL_R(0.0)));
-    CHECK(within(guard.baseline[0].slow - CGL_R(0.5), CGL_R(0.03)) && within(guard.omega[0] - OMEGA, CGL_R(0.01)));
+    CHECK(within(guard.baseline[0].slow - CGL_R(0.5), CGL_R(0.03)) && within(guard.baseline_speed[0] - OMEGA, CGL_R(0.01)));
     (void)run(2.0, 1.0, -0.5, true);
     CHECK(guard.phase == CGL_GUARD_LEARN);
 }
@@ -78,7 +78,7 @@ static void what_does_not(void)
     CHECK(run(20.0, 1.0, 0.2, true) < 4.0 && guard.phase == CGL_GUARD_HOLD);
     CHECK(run(20.0, 1.0, -0.5, true) <= 1.5 && guard.phase == CGL_GUARD_LEARN);
     CHECK(run(20.0, 3.0, 0.0, true) < 4.0 && run(20.0, 3.0, 0.0, true) < 5.0 && guard.phase == CGL_GUARD_PROBE);
-    CHECK(run(20.0, 3.0, 0.0, true) < 5.0 && guard.phase == CGL_GUARD_LEARN && guard.gentle == 1U && guard.doubts > 0U);
+    CHECK(run(20.0, 3.0, 0.0, true) < 5.0 && guard.phase == CGL_GUARD_LEARN && guard.gentle == 1U && guard.extra_strikes > 0U);
     CHECK(run(40.0, 3.0, 0.0, true) >= 40.0);
 }
 
@@ -90,7 +90,7 @@ static void what_always_hurts(void)
         (void)run(20.0, 1.0, 0.6, true);
     }
     CHECK(guard.phase == CGL_GUARD_MUTE && guard.gentle == CGL_GUARD_STEPS && !guard.learn);
-    const unsigned wait = 50U << guard.backoff;
+    const unsigned wait = 50U << guard.retry_doublings;
     (void)run(3.0, 1.0, 0.6, true);
     omega = CGL_R(0.5) * OMEGA;
     (void)run(20.0, 1.0, 0.0, true);
@@ -132,10 +132,10 @@ static void lengths(void)
         CHECK(cgl_guard_init(&guard, TS) == CGL_OK);
         const cgl_guard_input in = {CGL_R(0.0), (cgl_real)speed[k], (cgl_real)speed[k], true, false, true, true};
         cgl_guard_step(&guard, &in);
-        const double quarter = 0.5 * (double)CGL_PI / speed[k] / (double)TS, length = (double)guard.length;
+        const double quarter = 0.5 * (double)CGL_PI / speed[k] / (double)TS, length = (double)guard.quarter_length;
         const double beyond = length - quarter * (double)(long)(length / quarter + 0.5);
-        CHECK(guard.length >= 62U && guard.length <= 1251U);
-        CHECK(guard.length == 1251U || (beyond < 0.51 && beyond > -0.51));
+        CHECK(guard.quarter_length >= 62U && guard.quarter_length <= 1251U);
+        CHECK(guard.quarter_length == 1251U || (beyond < 0.51 && beyond > -0.51));
     }
 }
 
@@ -166,23 +166,41 @@ static cgl_real learned_on(cgl_real learned, cgl_real gain, cgl_real depth, bool
 /* All that the guard keeps. */
 static void hear_state(void)
 {
-    const cgl_real state[] = {guard.target,     guard.slope,  guard.centre,   guard.drift, guard.reference, guard.tolerance,
-                              guard.squares,    guard.turned, guard.fast,     guard.last,  guard.suspect.slow, guard.suspect.fast,
-                              guard.most,       guard.first,  guard.quietest, guard.best,  guard.way,       guard.here};
+    const cgl_real state[] = {guard.target_share,
+                              guard.share_step,
+                              guard.error_centre,
+                              guard.centre_drift,
+                              guard.window_reference,
+                              guard.reference_tolerance,
+                              guard.quarter_squares,
+                              guard.quarter_way,
+                              guard.window_fast,
+                              guard.last_variance,
+                              guard.suspected_ripple.slow,
+                              guard.suspected_ripple.fast,
+                              guard.squares_limit,
+                              guard.first_quarter_variance,
+                              guard.start_variance,
+                              guard.least_variance,
+                              guard.phase_way,
+                              guard.lesson_speed};
     hear_all(state, sizeof state / sizeof state[0]);
-    hear_all(guard.omega, CGL_GUARD_SPEEDS);
-    hear_all(guard.from, CGL_GUARD_STEPS);
+    hear_all(guard.baseline_speed, CGL_GUARD_SPEEDS);
+    hear_all(guard.step_speed, CGL_GUARD_STEPS);
     for (uint32_t n = 0U; n < CGL_GUARD_SPEEDS; ++n) {
         hear(guard.baseline[n].slow);
         hear(guard.baseline[n].fast);
     }
-    const uint32_t count[] = {guard.count, guard.count_before, guard.taught, guard.length, guard.short_of, guard.limited,
-                              guard.settling, guard.time, guard.wait, guard.good};
+    const uint32_t count[] = {guard.quarter_count,    guard.window_count,      guard.lesson_samples,  guard.quarter_length,
+                              guard.shortfall_samples, guard.limited_samples,  guard.settling_samples, guard.phase_samples,
+                              guard.wait_count,       guard.good_windows};
     for (uint32_t n = 0U; n < sizeof count / sizeof count[0]; ++n) {
         hear_bits(count[n]);
     }
-    hear_bits(guard.quarter | (uint32_t)guard.strikes << 8 | (uint32_t)guard.alarms << 16 | (uint32_t)guard.doubts << 24);
-    hear_bits(guard.windows | (uint32_t)guard.lessons << 8 | (uint32_t)guard.backoff << 16 | (uint32_t)guard.next << 24);
+    hear_bits(guard.quarter_index | (uint32_t)guard.strike_count << 8 | (uint32_t)guard.recovery_score << 16
+              | (uint32_t)guard.extra_strikes << 24);
+    hear_bits(guard.phase_windows | (uint32_t)guard.lesson_windows << 8 | (uint32_t)guard.retry_doublings << 16
+              | (uint32_t)guard.next_baseline << 24);
 }
 
 /* A guard that is reset decides as a new one, of a ripple that grows from the first sample on. */
@@ -192,7 +210,7 @@ static void check_reset(cgl_real speed)
     CHECK(cgl_guard_init(&fresh, TS) == CGL_OK);
     cgl_guard_reset(&guard);
     for (uint32_t n = 0U; n < CGL_GUARD_SPEEDS; ++n) {
-        CHECK(within(guard.omega[n] - fresh.omega[n], CGL_R(0.0)));
+        CHECK(within(guard.baseline_speed[n] - fresh.baseline_speed[n], CGL_R(0.0)));
     }
     for (int n = 0; n < 8000; ++n) {
         cgl_real sine, cosine;

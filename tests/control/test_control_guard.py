@@ -417,9 +417,9 @@ def test_at_the_last_step_nothing_is_learned_and_it_is_tried_again_much_later(pr
     assert guard.state.share < 1 and not guard.state.learn
     lib = control_library(precision).lib
     assert guard.run(4, bad, until=lambda s: s.phase == lib.CGL_GUARD_MUTE) < 3  # once all is cleared
-    assert guard.state.backoff == 5 and guard.state.wait == 50 << 5  # windows
-    assert guard.run(20, bad, until=lambda s: s.share == 1) == 20 and guard.state.wait == (50 << 5) - 20
-    guard.state.wait = 2
+    assert guard.state.retry_doublings == 5 and guard.state.wait_count == 50 << 5  # windows
+    assert guard.run(20, bad, until=lambda s: s.share == 1) == 20 and guard.state.wait_count == (50 << 5) - 20
+    guard.state.wait_count = 2
     assert 1 < guard.run(20, bad, until=lambda s: s.forget) <= 2  # cleared, and tried a step less gently
     assert guard.run(20, 1.0, until=lambda s: s.phase == lib.CGL_GUARD_LEARN) < 3
     assert guard.state.gentle == STEPS - 1 and not guard.state.learn

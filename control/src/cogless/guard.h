@@ -1,24 +1,29 @@
-/* A guard that acts: learning stops and fades out where it leaves more speed ripple than the same feedback without it.
+/* A guard that acts: where learning leaves more speed ripple than the same feedback alone, it stops and fades out.
  *
- * It judges by windows: four quarters, each of whole quarter turns of the reference and at least a sixteenth of a second. What
- * a window says is the variance v of the speed error, averaged over two samples, so that the counts of an encoder telescope. To
- * it comes what a mean of two samples hides: the mean square of half their difference, as far as it is above 1.18 times the
- * same without learning. The bar at a speed is b, the variance without learning: that of a calm window before learning begins,
- * else of a probe. Where the rotor runs up, learning waits for such a window, but for no more than 3 s and a turn. Where it is
- * with its reference from the first sample on, learning begins at once, and goes on for three turns and two seconds; then as
- * long as there is less ripple than in the first window, or than in its first quarter if it fell by half since. After sixteen
- * turns and four seconds a fifth of that window's is proof enough; anything else is probed, also what fell: that may have been
- * the drive's own start. A burst is 72 times the squares of a quarter: it need not end.
+ * A window is four quarters. Each quarter is whole quarter turns of the reference, and at least a sixteenth of a second. The
+ * ripple of a window has two parts. The slow part is the variance of the speed error averaged over two samples, so that the
+ * counts of an encoder cancel. The fast part is the mean square of half the difference of two samples, which that average hides.
+ * A window is judged by its slow part, and by as much of its fast part as exceeds 1.18 times that without learning.
  *
- *   LEARN   too much, beyond 1.18 b for three windows (beyond 4 b counts twice), or a burst -> HOLD
- *   HOLD    learning stands still, what is learned acts. Below the bar -> LEARN; not, and not falling, or a burst -> PROBE
- *   PROBE   nothing learned acts: measures b. It was too much, and learned here -> CLEAR and gentler;
- *           learned elsewhere -> MUTE; it was not -> LEARN with more patience
- *   CLEAR   what is learned is forgotten, cell by cell, for one turn -> LEARN
- *   MUTE    nothing learned acts, for some windows or until the speed is another
+ * The baseline b of a speed is the ripple without learning. It is that of a calm window before learning begins, or that of a
+ * probe. A drive that runs up waits for a calm window, but no longer than 3 s and a turn. A drive that is at its reference in
+ * the first sample learns at once, without a baseline. Its first window of learning, or a first quarter that was twice as large,
+ * stands in for it. After three turns and two seconds learning goes on only while there is less ripple than that. After sixteen
+ * turns and four seconds a fifth of it is proof, and anything else leads to a probe. A fall that began in the first quarter
+ * leads to one too, since it may have been the drive's own start. A burst needs no whole window: a quarter with 72 times its
+ * squares ends at once.
  *
- * Gentler steps hold from a speed on, and are taken back after a while without trouble, later each time. At the last of them
- * nothing is learned. Not seen: ripple that the sampled speed does not show, and speeds whose reference never rests. */
+ *   IDLE    nothing has been learned yet: measures b -> LEARN
+ *   LEARN   a window is a strike beyond 1.18 b, and two beyond 4 b; three strikes or a burst -> HOLD
+ *   HOLD    learning stands still, and what is learned acts. Below the bar -> LEARN; above it and not falling, or a burst -> PROBE
+ *   PROBE   nothing learned acts: measures b. The ripple was too much, and was learned at this speed -> CLEAR, then gentler;
+ *           it was learned at another speed -> MUTE; it was not too much -> LEARN, with more strikes from then on
+ *   CLEAR   what is learned is cleared cell by cell, for one turn -> LEARN
+ *   MUTE    nothing learned acts for some windows, or until the speed is another -> CLEAR, or LEARN at the other speed
+ *
+ * A gentler step holds from a speed upwards. It is taken back after a while without trouble, and later each time. At the last
+ * step nothing is learned. The guard does not see ripple that the sampled speed does not show, nor speeds whose reference never
+ * rests. */
 #ifndef COGLESS_GUARD_H
 #define COGLESS_GUARD_H
 
@@ -40,8 +45,8 @@ typedef struct {
     cgl_real error;     /* of the speed [rad/s] */
     cgl_real omega_m;   /* measured mechanical speed [rad/s] */
     cgl_real omega_ref; /* and its reference [rad/s] */
-    bool plausible;     /* false: this sample counts for nothing */
-    bool saturated;     /* nor does it where the current loop has fallen short for long, as on a weak bus */
+    bool plausible;     /* false: the guard ignores this sample */
+    bool saturated;     /* the current loop falls short of its reference, as on a weak bus; if that lasts, samples are ignored */
     bool learn;         /* the caller wants learning */
     bool learned;       /* the law did learn in its last step */
 } cgl_guard_input;
@@ -54,54 +59,65 @@ typedef struct {
 
 typedef struct {
     cgl_real share;  /* of what is learned that acts, 0 to 1 */
-    uint32_t gentle; /* 0: learn as configured; k >= 1: cgl_guard_gentle(k) */
+    uint32_t gentle; /* 0: learn as configured; k >= 1: cgl_gentle_steps[k] */
     bool learn;      /* learning is allowed */
-    bool forget;     /* clear what is learned */
+    bool forget;     /* what is learned is to be cleared */
 
-    cgl_real ts;                           /* period of the calls [s] */
-    cgl_real quarter_turn;                 /* sum of speeds in a quarter of a turn [rad/s] */
-    cgl_real target;                       /* of the share */
-    cgl_real slope;                        /* of the share, a step */
-    cgl_real last_error;                   /* [rad/s] */
-    cgl_real centre;                       /* mean of the last window, or of what came since if it moved far [rad/s] */
-    cgl_real drift;                        /* of the centre in this window [rad/s] */
-    cgl_real reference, tolerance;         /* at the start of this window, and what it may differ by [rad/s] */
-    cgl_real sum, squares, turned;         /* in this quarter; the last where what is learned is cleared */
-    cgl_real sum_before, squares_before;   /* in the quarters before */
-    cgl_real fast;                         /* squares of half the differences, in this window */
-    cgl_real last;                         /* v of the last window, of the first of a probe [rad^2/s^2] */
-    cgl_guard_ripple suspect;              /* when a probe began */
-    cgl_real most;                         /* what `squares` may come to in this quarter */
-    cgl_real first;                        /* variance of a window's first quarter [rad^2/s^2] */
-    cgl_real quietest;                     /* and of its quietest; then of that which learning is compared with */
-    cgl_real best;                         /* v since the baseline was supposed, or since a first quarter that fell [rad^2/s^2] */
-    cgl_real way;                          /* turned in this phase, as a sum of speeds [rad/s] */
-    cgl_real here;                         /* speed at which the lessons were learned [rad/s] */
-    cgl_real omega[CGL_GUARD_SPEEDS];      /* speeds with a baseline; 0: none [rad/s] */
-    cgl_guard_ripple baseline[CGL_GUARD_SPEEDS]; /* and these, b the slow part */
-    cgl_real from[CGL_GUARD_STEPS];        /* speed from which on gentler step k + 1 holds [rad/s] */
-    uint32_t count, count_before;          /* samples in this quarter and those before */
-    uint32_t taught;                       /* samples that taught something, in this window */
-    uint32_t length, shortest, longest;    /* samples in this quarter, and in any */
-    uint32_t short_of;                     /* samples in a row in which the current loop fell short */
-    uint32_t limited;                      /* and all of them since the last window */
-    uint32_t settling;                     /* samples until a window begins */
-    uint32_t settle;                       /* so long [samples] */
-    uint32_t time;                         /* samples in this phase */
-    uint32_t wait;                         /* windows left in MUTE; before learning begins, samples since a calm window */
-    uint16_t good;                         /* windows since the last step */
-    uint8_t phase;                         /* cgl_guard_phase */
-    uint8_t quarter;                       /* of the window */
-    uint8_t strikes, alarms, doubts;
-    uint8_t windows;                       /* in this phase */
-    uint8_t lessons;                       /* windows in which it learned here */
-    uint8_t backoff;
-    uint8_t next;                          /* place of the baseline that is forgotten next */
-    bool moved, last_moved;                /* the reference did, in this window and the last */
-    bool compared;                         /* `quietest` is of the window in which learning began */
-    bool supposed;                         /* the baseline: of a rotor that did not turn with it, or of learning that helped */
-    bool elsewhere;                        /* something was learned at another speed */
-    bool stalled;                          /* in the last window the rotor did not turn with its reference */
+    cgl_real ts;                     /* period of the calls [s] */
+    cgl_real quarter_turn;           /* sum of the speeds of all samples in a quarter of a turn [rad/s] */
+    cgl_real target_share;           /* the share fades to it */
+    cgl_real share_step;             /* by so much in a sample */
+    cgl_real last_error;             /* of the sample before [rad/s] */
+    cgl_real error_centre;           /* from which deviations are: mean of the last window, or of what followed a jump [rad/s] */
+    cgl_real centre_drift;           /* of the centre in this window [rad/s] */
+    cgl_real window_reference;       /* reference of the speed in the window's first sample [rad/s] */
+    cgl_real reference_tolerance;    /* within which it has not moved; negative before that sample [rad/s] */
+    cgl_real quarter_sum;            /* of the deviations in this quarter [rad/s] */
+    cgl_real quarter_squares;        /* of their squares [rad^2/s^2] */
+    cgl_real quarter_way;            /* sum of measured speeds in this quarter, while what is learned is cleared [rad/s] */
+    cgl_real window_sum;             /* of the deviations in the quarters before [rad/s] */
+    cgl_real window_squares;         /* of their squares [rad^2/s^2] */
+    cgl_real window_fast;            /* sum of squares of half the differences in this window [rad^2/s^2] */
+    cgl_real last_variance;          /* of the last window in HOLD or PROBE [rad^2/s^2] */
+    cgl_guard_ripple suspected_ripple; /* of the window that led to a probe */
+    cgl_real squares_limit;          /* a quarter with more squares is a burst [rad^2/s^2] */
+    cgl_real first_quarter_variance; /* of this window [rad^2/s^2] */
+    cgl_real start_variance;         /* that learning without a baseline is compared with; until it begins, that of the window's
+                                        quietest quarter [rad^2/s^2] */
+    cgl_real least_variance;         /* since the baseline was measured or learning began; 0: it has no meaning [rad^2/s^2] */
+    cgl_real phase_way;              /* turned in this phase, as a sum of speeds [rad/s] */
+    cgl_real lesson_speed;           /* at which lessons are counted [rad/s] */
+    cgl_real baseline_speed[CGL_GUARD_SPEEDS];   /* speeds with a baseline; 0: none [rad/s] */
+    cgl_guard_ripple baseline[CGL_GUARD_SPEEDS]; /* and the ripple without learning at each */
+    cgl_real step_speed[CGL_GUARD_STEPS];        /* speed from which on gentler step k + 1 holds [rad/s] */
+    uint32_t quarter_count;          /* samples in this quarter */
+    uint32_t window_count;           /* samples in the quarters before */
+    uint32_t lesson_samples;         /* samples in this window in which the law learned */
+    uint32_t quarter_length;         /* samples in this quarter at its end */
+    uint32_t shortest_quarter;       /* samples in the shortest of all quarters */
+    uint32_t longest_quarter;        /* and in the longest */
+    uint32_t shortfall_samples;      /* in a row in which the current loop fell short of its reference */
+    uint32_t limited_samples;        /* all such samples since the last window */
+    uint32_t settling_samples;       /* left until a window begins */
+    uint32_t settling_length;        /* as many in all after a change of the share */
+    uint32_t phase_samples;          /* in this phase */
+    uint32_t wait_count;             /* in MUTE, windows left; in IDLE, samples since a calm window */
+    uint16_t good_windows;           /* since the last change of the step */
+    uint8_t phase;                   /* cgl_guard_phase */
+    uint8_t quarter_index;           /* of this quarter in the window, 0 to 3 */
+    uint8_t strike_count;            /* of bad windows in a row, some of which count twice */
+    uint8_t recovery_score;          /* rises where the ripple ends as soon as learning stands still, and falls in good windows */
+    uint8_t extra_strikes;           /* needed since probes found no harm */
+    uint8_t phase_windows;           /* in this phase; in LEARN, windows in a row that gain little */
+    uint8_t lesson_windows;          /* in which it learned at this speed */
+    uint8_t retry_doublings;         /* of the time until a gentler step is taken back */
+    uint8_t next_baseline;           /* place of the baseline that is replaced next */
+    bool reference_moved;            /* in this window */
+    bool reference_moved_before;     /* in the window before */
+    bool start_is_measured;          /* start_variance is of the window in which learning began */
+    bool baseline_is_supposed;       /* it is of a rotor that did not turn with its reference, or of the begin of learning */
+    bool learned_elsewhere;          /* something was learned at another speed */
+    bool stalled;                    /* in the last window the rotor did not turn with its reference */
 } cgl_guard;
 
 /* How gently a law learns at step k. */
