@@ -58,7 +58,7 @@ CASES: list[Case] = [
     ("trials", "mandra2019", None, "ilc", {}),
     ("trials with an observer", "mandra2019", None, "observer", {}),
 ]
-RUN_FIGURE = re.compile(r"^```{run-figure} (\S+) (?:(\S+)/)?(\S+).*\n(?::set: (.*))?", re.MULTILINE)
+RUN_FIGURE = re.compile(r"^```{run-figure} (\S+) (.+)\n(?::set: (.*))?", re.MULTILINE)
 
 
 def cases() -> list[Case]:
@@ -68,12 +68,16 @@ def cases() -> list[Case]:
 
 
 def first_figure(law: str) -> tuple[str, str | None, str, dict[str, Any]]:
-    """Study, scenario, controller and changes of the first figure on a law's page."""
+    """Study, scenario, controller and changes of the law's run in the first figure on its page."""
     page = (PAGE.parents[1] / "laws" / f"{law}.md").read_text(encoding="utf-8")
     figure = RUN_FIGURE.search(page)
     assert figure is not None, f"docs/laws/{law}.md has no run-figure"
-    study, scenario, controller, change = figure.groups()
-    return study, scenario, controller, changes_from([change] if change else [])
+    study, runs, change = figure.groups()
+    changes = changes_from([change] if change else [])
+    laws = {name: controller.row for name, controller in load(study, changes).controller.items()}
+    parted = (run.rpartition("/") for run in runs.split())
+    scenario, _, name = next(parts for parts in parted if laws[parts[2]] == law)
+    return study, scenario or None, name, changes
 
 
 OTHERS = {"foc", "modulation", "drive", "monitor", "quality", "guard", "real"}  # sources that are no law's

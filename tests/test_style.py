@@ -20,7 +20,7 @@ PLACES_MOST = {
     "number_copied_from_c": 0,
     "unit_factor_written_out": 41,
     "file_name_used_again": 3,
-    "small_file": 5,
+    "small_file": 3,
 }
 NAMES = [rule.__name__ for rule in style.RULES]
 LONG = "\n" * (style.SMALL_FILE_LINES + 1)

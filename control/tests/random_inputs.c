@@ -7,21 +7,12 @@
 
 #include "check.h"
 #include "cogless/angle.h"
-#include "cogless/adrc.h"
-#include "cogless/anti_cogging.h"
 #include "cogless/drive.h"
 #include "cogless/foc.h"
+#include "cogless/laws.def" /* the header of each law */
 #include "cogless/modulation.h"
-#include "cogless/harmonic.h"
-#include "cogless/pi_afc.h"
-#include "cogless/pi_ilc.h"
 #include "cogless/polynomial.h"
 #include "cogless/range.h"
-#include "cogless/robust_ilc.h"
-#include "cogless/space_position.h"
-#include "cogless/space_speed.h"
-#include "cogless/speed_pi.h"
-#include "cogless/trial.h"
 #include "cogless/trial_basis.h"
 
 #define CELLS_MAX 200U

@@ -68,7 +68,7 @@ CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
 # Laws of which no controller above has the name; each other one is exported as tests/laws.py has it.
 NAMED_OTHERWISE = {"anti-cogging", "space-position", "space-speed"}
 CONTROLLERS += [
-    ("liu2018", law, {f"controller.{law}": row.keys})
+    ("uomodri", law, {f"controller.{law}": row.keys})
     for law, row in OF_SPEED.items()
     if law not in NAMED_OTHERWISE | {controller for _, controller, _ in CONTROLLERS}
 ]
