@@ -164,7 +164,10 @@ class StudyTable(Parsed):
             lines += ["", f"It also has the keys of {links}."]
         if "shared" in self.options:
             shared[model] = self.options["shared"]
-        return self.parse(lines)
+        parts = self.parse(lines)
+        for table in (table for part in parts for table in part.findall(nodes.table)):
+            table["classes"].append("keys")  # on a phone each row is a block: docs.css
+        return parts
 
 
 class Command(Parsed):

@@ -198,6 +198,14 @@ def test_typed_values_give_the_numbers_of_set_and_a_button_goes_back(page, study
     same(values(page, "pi-ilc"), computed(study, "low", "pi-ilc"))
 
 
+def test_a_small_value_is_seen_with_all_its_digits(page):
+    """Written out, such as 0.00000264, it is longer than its field."""
+    key = "scenario.low.load"
+    type_into(page, key, 4.12e-5)
+    fields = f"[...document.querySelectorAll('#keys label')].find((l) => l.title === {json.dumps(key)})"
+    assert page.run(f"return {fields}.parentElement.querySelector('input[type=number]').value") == "4.12e-5"
+
+
 def note_of(shown, key):
     return shown.run(
         f"const l = [...document.querySelectorAll('#keys label')].find((l) => l.title === {json.dumps(key)});"

@@ -124,7 +124,7 @@ def test_the_run_that_was_probably_meant(pattern: str, near: str) -> None:
         ({"kind": "encoder", "ppr": 2048}, '"lines", the pulses of one channel: lines = 2048', 8192),
         (
             {"kind": "encoder", "cpr": 2501},
-            '"lines", a quarter of counts or as many as cycles: lines = 2501',
+            '"lines": a quarter of the counts, or the number of cycles: lines = 2501',
             10004,
         ),
         ({"kind": "absolute", "cpr": 16384}, '"positions" in place of bits: positions = 16384', 16384),

@@ -208,7 +208,8 @@ class Encoder(Counted):
         if word in PULSES:
             return f'expected "lines", the pulses of one channel{_equals("lines", value)}'
         if isinstance(value, int) and value % 4:
-            return f'expected "lines", a quarter of counts or as many as cycles{_equals("lines", value)}'
+            either = "a quarter of the counts, or the number of cycles"
+            return f'expected "lines": {either}{_equals("lines", value)}'
         quarter = _equals("lines", value // 4) if isinstance(value, int) else f": lines = {word} / 4"
         return f'expected "lines", a quarter of the counts{quarter}'
 

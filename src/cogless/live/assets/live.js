@@ -209,7 +209,7 @@
   function refreshKeys(source) {
     for (const [key, { row, field, range, note }] of inputs) {
       const x = value(key);
-      field.value = x;
+      field.value = x !== 0 && Math.abs(x) < 1e-4 ? x.toExponential() : x; // written out, its last digits would not be seen
       if (range !== source) range.value = key.stops.length ? key.stops.indexOf(x) : x;
       range.setAttribute("aria-valuetext", `${x} ${key.unit}`);
       field.disabled = range.disabled = !isFree(key);
