@@ -70,12 +70,16 @@ class Tally:
 
 @dataclass
 class Score:
-    """Of all motors. `main`: those whose largest order was told. `false`: those with false orders."""
+    """Of all motors. `main`: those whose largest order was told. `false`, `small`: those with false orders.
+
+    `false` has the orders above MAIN_SHARE, `small` has the motors with false orders of any size.
+    """
 
     tallies: dict[str, Tally] = field(default_factory=lambda: defaultdict(Tally))
     motors: int = 0
     main: int = 0
     false: list[str] = field(default_factory=list)
+    small: list[str] = field(default_factory=list)
     seconds: float = 0.0
 
     def lines(self) -> list[str]:
@@ -90,7 +94,8 @@ class Score:
             f"{'all':14} {count:4} {len(off):5} {goal:6} {int(np.sum(share <= 1)):6}  {'':9} "
             f"{np.median(share) if len(share) else math.nan:6.2f}",
             f"main order {self.main} of {self.motors}; false orders in {len(self.false)} motors "
-            f"({'; '.join(self.false)}); {self.seconds / max(1, self.motors):.1f} s a motor",
+            f"({'; '.join(self.false)}), of any size in {len(self.small)}; "
+            f"{self.seconds / max(1, self.motors):.1f} s a motor",
         ]
 
 
@@ -143,13 +148,14 @@ def compared(motor: plant.Motor, made: Estimate | None, score: Score) -> list[st
     for true in motor.encoder:
         add_wave("encoder", "encoder phase", orders.get("encoder", {}).get(true[0]), 1.0, true)
     least = MAIN_SHARE * (largest or motor.coulomb)
-    false = [
-        wave.order
-        for wave in by_kind.get("cogging", ())
-        if wave.order not in {*own, motor.poles} and wave.size.value * torque > least
-    ]
+    others = [w for w in by_kind.get("cogging", ()) if w.order not in {*own, motor.poles}]
+    false = [wave.order for wave in others if wave.size.value * torque > least]
     if false:
         score.false.append(f"{motor.kind} {false}")
+    small = [f"{w.order} ({w.size.value * torque / motor.coulomb:.1%} of the friction)" for w in others]
+    if small:
+        score.small.append(motor.kind)
+        said.append(f"false cogging {', '.join(small)}")
     score.motors += 1
     return said
 

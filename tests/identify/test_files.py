@@ -178,13 +178,50 @@ def test_a_row_that_is_not_as_the_heading_is_read_by_itself(tmp_path, monkeypatc
     monkeypatch.setattr(csv_log, "BLOCK_CHARACTERS", 12)
     rows = ["t;y;x", "0;0;1", "1;0;2", "2;0;3;", "", '"3";0;4', "4;0;5"]
     assert csv_of(tmp_path, "\n".join(rows)) == {"t": [0, 1, 2, 3, 4], "x": [1, 2, 3, 4, 5]}
-    assert csv_of(tmp_path, "\n".join([*rows, "5;0;6", "6;0"])) == "x: row 7: missing: expected a number"
+    assert csv_of(tmp_path, "\n".join([*rows, "5;0", "6;0;0"])) == "x: row 6: missing: expected a number"
     assert csv_of(tmp_path, "\n".join([*rows, "5;0;a"])) == 'x: row 6: "a": expected a number'
     assert csv_of(tmp_path, "\n".join([*rows, "5;0;6;7"])) == (
         "row 6: 4 cells: expected 3, as in the heading, and decimal points"
     )
     assert csv_of(tmp_path, "t\tx\n1\t2\n") == {"t": [1.0], "x": [2.0]}
     assert csv_of(tmp_path, " x , y\n1,2\n", "x") == {"x": [1.0]}
+
+
+STRANGERS = {
+    "a decimal comma": "t;x;u\n0,0;1,5;a\n0,1;2,5;b\n",
+    "a preamble": "% a scope\n# 7\nt,x\n0.0,1.5\n0.1,2.5\n",
+    "units": "t,x\ns,A\n0.0,1.5\n0.1,2.5\n",
+    "units and decimal commas": "t\tx\ns\tA\n0,0\t1,5\n0,1\t2,5\n",
+    "half a line": "t,x\n0.0,1.5\n0.1,2.5\n0.2",
+    "separators at the end": "t,x,\n0.0,1.5,\n0.1,2.5,\n",
+    "plain": "t,x\n0.0,1.5\n0.1,2.5\n",
+}
+GUESSES = {
+    "a decimal comma": ["commas are taken for decimal points."],
+    "units": ['"s,A" is a row of units; those of the file of columns hold.'],
+    "units and decimal commas": [
+        '"s A" is a row of units; those of the file of columns hold.',
+        "commas are taken for decimal points.",
+    ],
+    "half a line": ["the last line ends before its end, and is left out."],
+}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+@pytest.mark.parametrize("kind", STRANGERS)
+@pytest.mark.parametrize("name", ["a.csv", "a.txt", "a.tsv"])
+def test_a_file_of_a_stranger_has_the_same_numbers(tmp_path, name, kind, encoding):
+    """What is guessed is said. A heading with a micro sign is nothing in UTF-8 where the file is Latin-1."""
+    separator = "\t" if "\t" in STRANGERS[kind] else ";" if ";" in STRANGERS[kind] else ","
+    text = STRANGERS[kind].replace(f"{separator}x", f"{separator}x \u00b5", 1)
+    path = tmp_path / name
+    path.write_bytes(text.encode(encoding))
+    (log,) = read(path, ["t", "x \u00b5"])
+    assert {key: values.tolist() for key, values in log.columns.items()} == {
+        "t": [0.0, 0.1],
+        "x \u00b5": [1.5, 2.5],
+    }
+    assert list(log.remarks) == [f"{name}: {guess}" for guess in GUESSES.get(kind, [])]
 
 
 def refused(folder, name, columns):

@@ -27,12 +27,12 @@ def rows_with(name: str, friction: float, wave: complex, session: str | None = N
     return Rows(own, names, columns, y, 0 * columns, theta, theta, theta)
 
 
-def told(*rows: Rows, c: float = 0.5) -> tuple[list[str], list[str]]:
+def told(*rows: Rows, c: float = 0.5, delay_error: float = 0.0) -> tuple[list[str], list[str]]:
     """What is said of these logs, and what is left out. `c`: friction of all together."""
     left: list[str] = []
     waves = {("cogging", n, part): size for n, size in ((12, 0.1), (6, 0.3)) for part in "cs"}
     fit = fit_of({("c",): c, **waves, ("cogging", 6, "s"): 0.0})
-    return findings.between_logs(rows, fit, Model(cogging=(12, 6)), left), left
+    return findings.between_logs(rows, fit, Model(cogging=(12, 6)), left, delay_error), left
 
 
 def test_friction_that_differs_by_a_fifth_is_told() -> None:
@@ -51,6 +51,16 @@ def test_friction_that_differs_by_a_fifth_is_told() -> None:
         assert told(one, rows_with("ccc", 0.7, 0.3, **log)) == ([], [])
     named = rows_with("a", 0.45, 0.3, "cold"), rows_with("ccc", 0.7, 0.3, "warm")
     assert told(*named) == ([], []) and told(named[0], rows_with("ccc", 0.7, 0.3)) != ([], [])
+
+
+def test_a_wave_that_an_unknown_delay_turns_is_no_slip_of_the_index() -> None:
+    """The rotor turns on within the delay's error, in each log by its own speed (here 19 rad/s)."""
+    apart = rows_with("bb", 0.5, 0.3 * complex(math.cos(0.5), math.sin(0.5)))
+    first = rows_with("a", 0.5, 0.4)
+    speed = float(np.median(first.omega))
+    assert told(apart, first)[1] != []
+    assert told(apart, first, delay_error=0.2 / (6 * speed))[1] == []
+    assert told(apart, first, delay_error=0.05 / (6 * speed))[1] != []
 
 
 @pytest.mark.parametrize(("turn", "turned"), [(0.36, True), (0.34, False), (-0.36, True)])

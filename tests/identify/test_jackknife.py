@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -90,6 +91,16 @@ def test_the_chance_of_a_wave_is_small_only_where_there_is_one() -> None:
         chances.append(fit([without]).chance("cogging", 6))
     assert 0.02 < np.mean(np.array(chances) < 0.05) < 0.09
     assert fit([made]).chance("cogging", 6) < 1e-8
+
+
+def test_a_wave_is_as_clear_as_its_size_over_its_error() -> None:
+    """Its error is along the wave: that of its cosine part where it is all cosine."""
+    fitted = fit([rows("a", np.random.default_rng(3), 0.1)])
+    size = math.hypot(*fitted.values[2:])
+    error = math.hypot(*(fitted.values[2:] * fitted.intervals[2:])) / size
+    assert fitted.clearness("cogging", 6) == pytest.approx(size / error)
+    cosine = replace(fitted, values=np.array([1.0, 1.0, 0.5, 0.0]), intervals=np.array([1.0, 1.0, 0.1, 9.0]))
+    assert cosine.clearness("cogging", 6) == pytest.approx(5.0)
 
 
 def test_a_prediction_without_a_log_is_from_the_others() -> None:

@@ -511,3 +511,28 @@ def test_columns_alike_inflate_each_others_variance() -> None:
 def test_rows_of_a_plan_show_its_fastest_wave(loop: float, wave: float, rate: float) -> None:
     """A third of the rate shows; nine tenths of that is planned with."""
     assert plan._rate(loop, wave) == pytest.approx(rate)
+
+
+@pytest.mark.parametrize(
+    ("unit", "period", "times"),
+    [
+        ("us", 2**16, 30),  # a 16-bit timer
+        ("us", 2**32, 1),  # micros() of a microcontroller
+        ("s", 2**32 * 1e-6, 1),  # the same, as seconds
+        ("ms", 86_400_000, 1),  # of the day
+    ],
+)
+def test_a_clock_that_begins_anew_is_laid_end_to_end(unit: str, period: float, times: int) -> None:
+    """Where another time is missing, as after a restart, the log has two clocks."""
+    factor = {"us": 1e-6, "ms": 1e-3, "s": 1.0}[unit]
+    known: Any = SimpleNamespace(factor=lambda signal: factor)
+    remarks: list[str] = []
+    start = period - 0.3 / factor if times == 1 else 0.0
+    t = factor * ((T / factor + start) % period)
+    whole = logging._one_clock("a.csv", t, known, remarks)
+    assert whole - whole[0] == pytest.approx(T, abs=1e-6)
+    assert remarks == [
+        f"a.csv: the clock begins anew {times} times, after {period * factor:.7g} s; it is laid end to end."
+    ]
+    restarted = np.concatenate([T[:1000], T[:500]])
+    assert logging._one_clock("a.csv", restarted, known, remarks) is restarted and len(remarks) == 1

@@ -10,7 +10,7 @@ from pathlib import Path
 from cogless.errors import StudyError
 from cogless.identify import config, write
 from cogless.identify.config import Identification
-from cogless.identify.estimate import Progress, estimate
+from cogless.identify.estimate import CLEAR_ERRORS, Progress, estimate
 from cogless.identify.log import Log, load_logs
 from cogless.identify.replay import refined
 from cogless.identify.result import Estimate, Wave
@@ -74,16 +74,17 @@ def _kinds(made: Estimate) -> tuple[tuple[str, tuple[Wave, ...], float, str], ..
 def standing_out(made: Estimate) -> Estimate:
     """The estimate without the orders that do not stand out of the errors that are told.
 
-    What found them was the fit's own error: delay and kernels of other widths add to it. A sentence
-    names those that may be larger than one that stays. An error of the encoder stays where the file of
-    columns tells another.
+    What found them was the fit's own error: delay and kernels of other widths add to it. Cogging may have
+    any order, so it must stand out at the chance of a search of all of them. A sentence names those that may
+    be larger than one that stays. An error of the encoder stays where the file of columns tells another.
     """
     kept, said = [], []
     for kind, waves, factor, unit in _kinds(made):
+        clear = CLEAR_ERRORS["cogging"] if waves is made.cogging else 1.0
         stays = tuple(
             wave
             for wave in waves
-            if wave.size.value > wave.size.error
+            if wave.size.value > clear * wave.size.error
             or (waves is made.encoder and made.known.tells_error(wave.order))
         )
         kept.append(stays)

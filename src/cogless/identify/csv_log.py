@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from cogless.identify.files import Array, LogColumns, printable, readable, requi
 BLOCK_CHARACTERS = 1 << 22  # that are converted together; no line is longer
 DELIMITERS = (",", ";", "\t")
 LONGEST_PREAMBLE = 50  # lines
+COMMENT_MARKS = ("#", "%")  # at the beginning of a line before the heading
+SNIFFED_BYTES = 1 << 16  # of a file, by which its encoding is known
 EMPTY_LINES_MOST = 10_000  # one after the other
 
 
@@ -46,9 +49,23 @@ def _blocks(path: Path) -> Iterator[list[str]]:
 
 
 def _opened(path: Path) -> IO[str]:
-    opening: Callable[..., IO[str]] = gzip.open if path.name.lower().endswith(".gz") else open
+    opening: Callable[..., IO[Any]] = gzip.open if path.name.lower().endswith(".gz") else open
     with readable(path, "CSV"):
-        return opening(path, "rt", encoding="utf-8-sig")
+        with opening(path, "rb") as file:
+            encoding = _encoding(file.read(SNIFFED_BYTES))
+        return opening(path, "rt", encoding=encoding)
+
+
+def _encoding(first: bytes) -> str:
+    """UTF-16 by its mark, or UTF-8; text that is neither is Latin-1, where a micro sign is one byte."""
+    if first.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(first)
+    except UnicodeDecodeError:
+        if not any(byte < ord(" ") and byte not in b"\t\n\r" for byte in first):
+            return "latin-1"
+    return "utf-8-sig"
 
 
 def _next_text(path: Path, file: IO[str]) -> str:
@@ -61,7 +78,9 @@ def _next_text(path: Path, file: IO[str]) -> str:
 
 def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> LogColumns:
     block = next(blocks, [])
-    at = next((k for k, line in enumerate(block) if line.strip() and not line.startswith("#")), None)
+    at = next(
+        (k for k, line in enumerate(block) if line.strip() and not line.startswith(COMMENT_MARKS)), None
+    )
     if at is None:
         raise StudyError(f"{path}: empty: expected a heading and rows of numbers")
     first, block = block[at], block[at + 1 :]
@@ -74,9 +93,19 @@ def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> Lo
     twice = next((name for name in places if heading.count(name) > 1), None)
     if twice is not None:
         raise StudyError(f"{path}: {twice}: {heading.count(twice)} columns have this heading: expected one")
-    pieces: list[Array] = []
-    rows = 0
-    for lines in chain([block], blocks):
+    pieces: list[Array] = [np.empty((0, len(places)))]
+    rows, remarks = 0, list[str]()
+    block = block or next(blocks, [])
+    if _are_units(block, delimiter, list(places.values())):
+        units = printable(block[0].strip().replace("\t", " ")[:60])
+        remarks.append(f'{path.name}: "{units}" is a row of units; those of the file of columns hold.')
+        block = block[1:]
+    commas = _decimal_commas(block, delimiter, list(places.values()))
+    if commas:
+        remarks.append(f"{path.name}: commas are taken for decimal points.")
+    for lines in _without_half_a_line(path, chain([block], blocks), delimiter, len(heading), remarks):
+        if commas:
+            lines = [line.replace(",", ".") for line in lines]
         numbers = _converted(lines, delimiter, len(heading), list(places.values()))
         if numbers is None:
             numbers = _checked(path, lines, delimiter, heading, places, rows)
@@ -86,7 +115,49 @@ def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> Lo
         require_numbers(path, rows * len(places))
         pieces.append(numbers)
     columns = {name: np.concatenate([numbers[:, k] for numbers in pieces]) for k, name in enumerate(places)}
-    return LogColumns("", columns, tuple(heading))
+    return LogColumns("", columns, tuple(heading), tuple(remarks))
+
+
+def _cells(block: list[str], delimiter: str, places: list[int]) -> list[list[str]]:
+    """The cells at these places of the first two rows."""
+    rows = [[cell.strip() for cell in row] for row in csv.reader(block[:2], delimiter=delimiter)]
+    return [[row[place] for place in places] for row in rows if len(row) > max(places)]
+
+
+def _are_units(block: list[str], delimiter: str, places: list[int]) -> bool:
+    """Whether the first row has no number, and the second has only such: they may have decimal commas."""
+    rows = _cells(block, delimiter, places)
+    if len(rows) < 2 or any(map(_number_of_a_language, rows[0])):
+        return False
+    return any(rows[0]) and all(map(_number_of_a_language, rows[1]))
+
+
+def _decimal_commas(block: list[str], delimiter: str, places: list[int]) -> bool:
+    """Whether numbers of the first row have commas, none a point, and no comma separates cells."""
+    rows = _cells(block, delimiter, places)
+    if delimiter == "," or not rows or any("." in cell for cell in rows[0]):
+        return False
+    return any("," in cell for cell in rows[0]) and all(map(_number_of_a_language, rows[0]))
+
+
+def _number_of_a_language(text: str) -> bool:
+    return _number(text.replace(",", ".", 1))
+
+
+def _without_half_a_line(
+    path: Path, blocks: Iterable[list[str]], delimiter: str, cells: int, remarks: list[str]
+) -> Iterator[list[str]]:
+    """The lines, without a last one that has fewer cells: the recorder was switched off in it."""
+    before: list[str] = []
+    for lines in blocks:
+        if before:
+            yield before
+        before = lines
+    if before and before[-1].strip() and before[-1].count(delimiter) < cells - 1:
+        remarks.append(f"{path.name}: the last line ends before its end, and is left out.")
+        before = before[:-1]
+    if before:
+        yield before
 
 
 def _preamble(path: Path, first: str, lines: list[str], headings: list[str]) -> None:

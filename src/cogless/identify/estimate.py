@@ -43,6 +43,10 @@ NARROWER = 0.4  # of the kernel, with which faster orders are sought
 PASSED_PHASE = 2.0  # rad that the fastest order turns in a width: a seventh of it passes
 OTHER_WIDTH = 1.4  # of the kernel: how far the values move is a part of their errors
 FEW_CHANCE = FALSE_ALARM / 4  # of a wave that is among a few candidates
+CLEAR_ERRORS = {  # errors at 95 % of a wave of two normal parts that is larger by these chances
+    "cogging": float(np.sqrt(-2 * np.log(ORDER_CHANCE))) / 1.96,
+    "ripple": float(np.sqrt(-2 * np.log(FEW_CHANCE))) / 1.96,
+}
 SEEN_SHARE = 0.1  # of a log's rows that show an order, at least
 FRICTION_ORDERS = (1, 2)
 STRIBECK_SPEEDS = (0.3, 5.0, 7)  # of the slowest log's: first, last and how many
@@ -159,6 +163,11 @@ class Logs:
         sharp = self.narrowed(state.model, lambda log: 1 / max(order * findings.speed(log), 1e-9))
         return self.equations(sharp).rows
 
+    def delay_error(self, delay: Value | None) -> float:
+        """Time by which currents may be logged earlier or later than the delay says, s."""
+        rows = UNSURE_ROWS * max((log.dt for log in self.moving), default=0.0) + self.period / 2
+        return rows if delay is None else min(rows, delay.error)
+
     def passing(self, model: Model, widths: Mapping[str, float]) -> Model:
         """The model with these kernels, or those through which its fastest order still passes."""
         fastest = max(model.cogging, default=1) * self._slowest
@@ -256,7 +265,8 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
     state = _told_apart(drive, state, left)
     progress("errors", 0.0)
     remarks += voltage.check(known, used)
-    remarks += findings.between_logs(drive.comparable(state), state.fit, state.model, left)
+    comparable, late = drive.comparable(state), drive.delay_error(delay)
+    remarks += findings.between_logs(comparable, state.fit, state.model, left, late)
     empty = Estimate(
         known, tuple(used), {}, (), (), (), {}, tuple(remarks), (), offsets=findings.offsets_of(logs)
     )
@@ -419,9 +429,9 @@ def _standing_out(drive: Logs, state: State) -> State:
     while True:
         waves = [("ripple", n) for n in model.ripple]
         waves += [("cogging", n) for n in model.cogging if n not in (*model.ripple, drive.poles)]
-        chances = {wave: fit.chance(*wave) for wave in waves}
-        kind, order = max(waves, key=chances.__getitem__, default=("", 0))
-        if not waves or chances[kind, order] < FEW_CHANCE:
+        clear = {wave: fit.clearness(*wave) / CLEAR_ERRORS[wave[0]] for wave in waves}
+        kind, order = min(waves, key=clear.__getitem__, default=("", 0))
+        if not waves or clear[kind, order] > 1:
             return state if model == state.model else drive.settled(model, state.instrument)
         model, equations = _left(model, kind, (kind, order)), equations.without(kind, order)
         fit = equations.fit(state.instrument)
@@ -559,9 +569,8 @@ def with_errors(
     model, others = state.model, list[dict[Name, float]]()
     ends: list[Equations] = []
     if "j" in model.columns:
-        by = UNSURE_ROWS * max(log.dt for log in drive.moving) + drive.period / 2
-        by = by if delay is None else min(by, delay.error)
-        ends = [drive.equations(replace(model, delay=model.delay + sign * by)) for sign in (-1, 1)]
+        late = drive.delay_error(delay)
+        ends = [drive.equations(replace(model, delay=model.delay + sign * late)) for sign in (-1, 1)]
         state = _steadiest(state, ends)
     instrument, biases = state.instrument, bias_of(state)
     fit = state.equations.fit(instrument, exact=True)

@@ -25,11 +25,15 @@ MESSAGE_MOST = 160  # characters of a library's message
 
 @dataclass(frozen=True, eq=False)
 class LogColumns:
-    """The wanted columns that a log has, by heading; all headings that it has; its run's name, or ""."""
+    """The wanted columns that a log has, by heading; all headings that it has; its run's name, or "".
+
+    `remarks`: what was guessed of the file, a sentence each.
+    """
 
     name: str
     columns: Mapping[str, NDArray[Any]]
     headings: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
 
 @contextmanager

@@ -234,8 +234,13 @@ def feedback(log: Log) -> tuple[int, float, float] | None:
     return lag, -correlation, float(np.polyfit(omega[: len(omega) - lag], current[lag:], 1)[0])
 
 
-def between_logs(rows: Sequence[Rows], found: Fit, model: Model, left: list[str]) -> list[str]:
-    """Sentences on differences between logs: friction, and the place of the strongest order."""
+def between_logs(
+    rows: Sequence[Rows], found: Fit, model: Model, left: list[str], delay_error: float = 0.0
+) -> list[str]:
+    """Sentences on differences between logs: friction, and the place of the strongest order.
+
+    `delay_error`: of the currents, s, by which the rotor has turned on in each log.
+    """
     said: list[str] = []
     by_log: dict[str, list[Rows]] = {}
     for each in rows:
@@ -261,7 +266,7 @@ def between_logs(rows: Sequence[Rows], found: Fit, model: Model, left: list[str]
                     )
                 )
     if model.cogging:
-        said += _turned(by_log, found, model, left)
+        said += _turned(by_log, found, model, left, delay_error)
     return said
 
 
@@ -270,14 +275,17 @@ def strongest_order(found: Fit, model: Model) -> int:
     return max(model.cogging, key=lambda n: np.hypot(found["cogging", n, "c"], found["cogging", n, "s"]))
 
 
-def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[str]) -> list[str]:
+def _turned(
+    by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[str], delay_error: float
+) -> list[str]:
     strongest = strongest_order(found, model)
     names = (("cogging", strongest, "c"), ("cogging", strongest, "s"))
     waves = {name: _own(own, found, names) for name, own in by_log.items()}
     clear = {name: w for name, (w, error) in waves.items() if 0 < error < TURNED * abs(w)}
     if len(clear) < 2:
         return []
-    open_by = {name: waves[name][1] / abs(wave) for name, wave in clear.items()}  # rad
+    late = {name: delay_error * strongest * _median_speed(own) for name, own in by_log.items()}
+    open_by = {name: waves[name][1] / abs(wave) + late[name] for name, wave in clear.items()}  # rad
     first = min(open_by, key=open_by.__getitem__)
     for name, wave in clear.items():
         turn, size = float(np.angle(wave / clear[first])), abs(wave / clear[first])
@@ -300,6 +308,10 @@ def _turned(by_log: dict[str, list[Rows]], found: Fit, model: Model, left: list[
                 )
             ]
     return []
+
+
+def _median_speed(rows: Sequence[Rows]) -> float:
+    return float(np.median(np.abs(np.concatenate([part.omega for part in rows]))))
 
 
 def _own(rows: Sequence[Rows], found: Fit, names: Sequence[tuple[str | int, ...]]) -> tuple[complex, float]:

@@ -90,6 +90,12 @@ class Fit:
         """Error of a coefficient at 95 %."""
         return float(self.intervals[self.names.index(name)])
 
+    def clearness(self, kind: str, order: int) -> float:
+        """Size of a wave over its error at 95 %."""
+        place = [self.names.index((kind, order, part)) for part in "cs"]
+        wave = self.values[place]
+        return float(wave @ wave / max(float(np.linalg.norm(wave * self.intervals[place])), 1e-300))
+
     def chance(self, kind: str, order: int) -> float:
         """Chance of a wave as large as this where there is none, by Hotelling's test."""
         place = [self.names.index((kind, order, part)) for part in "cs"]

@@ -36,6 +36,8 @@ MISTAKEN: tuple[tuple[float, str, Cure], ...] = (
     (1e6, 'the time looks like microseconds: unit = "us"', {"columns.t.unit": "us"}),
     (-1.0, "one of them counts backwards: sign = -1", {"columns.omega.sign": -1}),
 )
+DAY_SECONDS, COUNTER_SECONDS = 86_400.0, 2**32 * 1e-6  # s, a day and 32 bits of microseconds
+CLOCK_ROWS_MOST = 20  # rows that may be missing where a clock begins anew
 PARTS_MOST = 1000  # logs in a file
 HEADINGS_COMPARED = 1000  # with one that a file lacks
 HEADINGS_SHOWN = 12  # of a file that has none like it
@@ -94,7 +96,9 @@ def logs_of_columns(columns: Sequence[tuple[Path, LogColumns]], identification: 
     _require_columns(columns, identification)
     while columns:
         path, log = columns.pop(0)
-        logs += [_log(path, part, own, identification) for part, own in _parts(path, log, identification)]
+        own_logs = [_log(path, part, own, identification) for part, own in _parts(path, log, identification)]
+        own_logs[0].remarks.extend(log.remarks)
+        logs += own_logs
     names = [log.name for log in logs]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -241,8 +245,33 @@ def _hold(where: str, name: str, rule: LogRule, found: Columns, known: Identific
     return Log(name, rule, 0.0, found, (slice(0, len(found["theta"])),))
 
 
+def _one_clock(name: str, t: Array, identification: Identification, remarks: list[str]) -> Array:
+    """The time without the starts anew of a counter of 16 or 32 bits, or of a day.
+
+    At each of them a step of the period's length must be missing, within some rows; else the time stays.
+    """
+    steps = np.diff(t)
+    back = np.flatnonzero(steps < 0)
+    if not len(back):
+        return t
+    forward = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+    tick = identification.factor("t")
+    for period in (2**16 * tick, 2**32 * tick, COUNTER_SECONDS, DAY_SECONDS):
+        missing = steps[back] + period
+        if np.all((missing > 0) & (missing < CLOCK_ROWS_MOST * forward)):
+            remarks.append(
+                f"{name}: the clock begins anew {len(back)} times, after {period:.7g} s; it is laid end "
+                "to end."
+            )
+            turns = np.zeros(len(t))
+            turns[back + 1] = period
+            return np.asarray(t + np.cumsum(turns))
+    return t
+
+
 def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identification) -> Log:
-    t, remarks = found.pop("t"), []
+    remarks: list[str] = []
+    t = _one_clock(name, found.pop("t"), known, remarks)
     back = np.flatnonzero(np.diff(t) < 0)
     if len(back):
         at = back[0] + 2

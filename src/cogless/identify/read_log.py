@@ -22,6 +22,8 @@ NUMBER_BELOW = 1e30  # in any unit: nanoseconds since the world began are 4e26; 
 
 READERS: dict[str, Callable[[Path, list[str]], list[LogColumns]]] = {
     ".csv": read_csv,
+    ".txt": read_csv,
+    ".tsv": read_csv,
     ".npz": read_npz,
     ".parquet": read_parquet,
     ".mat": read_mat,
