@@ -321,9 +321,7 @@ def live(
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,
     changes: SetOption = None,
-    opens: Annotated[
-        bool, typer.Option("--open/--no-open", help="Open the page in the browser, on a desktop.")
-    ] = True,
+    closed: Annotated[bool, typer.Option("--no-open", help="Do not open the page in the browser.")] = False,
 ) -> None:
     """Write a page that runs a study in the browser, and open it: turn a gain, and see the ripple follow.
 
@@ -340,7 +338,7 @@ def live(
     for line in left_out(loaded):
         say(f"Left out of the page: {line}")
     print(f"Page: {path}")
-    if opens and has_desktop():
+    if not closed and has_desktop():
         open_page(path)
 
 
