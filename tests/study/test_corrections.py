@@ -80,9 +80,9 @@ def test_a_file_beside_it_may_be_meant_too(tmp_path: Path) -> None:
         ),
         (
             {"controller.pi.law": "harmonik"},
-            'controller.pi.law: "harmonik": expected one of "pi", "adrc", "pi-ilc", "pi-afc", "harmonic", '
-            '"robust-ilc", "anti-cogging", "space-position", "space-speed", "python", "library", perhaps '
-            '"harmonic"',
+            'controller.pi.law: "harmonik": expected one of "pi", "adrc", "pi-ilc", "robust-ilc", '
+            '"anti-cogging", "space-position", "space-speed", "pi-afc", "harmonic", "python", "library", '
+            'perhaps "harmonic"',
         ),
     ],
 )
