@@ -97,6 +97,7 @@ POOR_LOGS = (
     ("slow", "fast"),
     ("fast", "brakes"),
     ("odd", "drives"),
+    ("fast", "odd"),
 )
 
 

@@ -301,7 +301,7 @@ def test_a_log_is_played_by_its_own_law_with_rows_that_divide_the_loop_s(monkeyp
     found = replay.played(made, progress.append)
     assert list(found) == ["a", "b.csv"] and found["a"].names == ("time",)
     assert progress == [0.0, 1 / 3, 2 / 3]
-    rate = {"rate": "10000 Hz"}
+    rate = {"rate": "10000.0 Hz"}
     assert studies == [
         ({**tables, "scenario": {name: scenarios[name]}, "trace": rate, "metric": []}, [f"*/{law}"], 1)
         for name, law in (("a", "first"), ("b", "mine"))
