@@ -98,6 +98,7 @@ POOR_LOGS = (
     ("fast", "brakes"),
     ("odd", "drives"),
     ("fast", "odd"),
+    ("fast", "both", "drives"),
 )
 
 
