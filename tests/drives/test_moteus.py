@@ -247,7 +247,11 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
         ): f"{place}: no logs of the channel servo_stats at its time: expected the",
         (other,): f"{other}: no drive's log by its first lines: expected --config FILE",
         (other, "--drive", "moteus", "--drive-config", dump): f'{other}: no column "time"; it has a, b',
-        (stats, "--drive", "motus"): '--drive: "motus": expected one of moteus, odrive, vesc, simplefoc, klipper, prusa\n',
+        (
+            stats,
+            "--drive",
+            "motus",
+        ): '--drive: "motus": expected one of moteus, odrive, vesc, simplefoc, klipper, prusa\n',
         (stats, "--drive-config", other): f"{other}: motor.poles: missing: expected the dump",
     }
     for arguments, message in cases.items():
