@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from cogless.c_layout import Layout, control_layout
 from cogless.control_library import Field, Headers, control_headers, parse
 from cogless.results.status import Status
-from cogless.study import drive, linear_plant, space_checks
-from cogless.study.laws import harmonic, pi_afc
+from cogless.study import drive, linear_plant
+from cogless.study.laws import harmonic, pi_afc, space
 
 CONFIGS = sorted(name for name in control_headers().structs if name.endswith("_config"))
 PLAIN = {"bool": st.booleans(), "uint32_t": st.integers(0, 2**32 - 1)}
@@ -222,7 +222,7 @@ def test_what_a_pointer_points_to_is_not_in_the_bytes() -> None:
         ("PI_AFC_ORDER_MAX", pi_afc.PI_AFC_ORDER_MAX),
         ("ENCODER_TABLE_ORDERS", drive.ENCODER_TABLE_ORDERS),
         ("TRIAL_STATES", linear_plant.TRIAL_STATES),
-        ("ANGLE_MAX", space_checks.ANGLE_MAX),
+        ("ANGLE_MAX", space.ANGLE_MAX),
     ],
 )
 def test_what_a_study_may_ask_for_is_what_the_library_can_hold(macro: str, number: float) -> None:

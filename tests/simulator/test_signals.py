@@ -18,7 +18,7 @@ from cogless.run.simulate import simulate
 from cogless.signals import DERIVED, RECORDED, exists
 from cogless.study import AnyStudy, Study
 from cogless.study.metric import SIGNALS
-from cogless.study.metric_checks import kinds, missing, terms
+from cogless.study.metric_checks import kinds, missing
 from cogless.units import ANGULAR_SPEED, UnitError, dimension_of
 
 DRIVES: list[tuple[str, dict[str, Any]]] = [
@@ -43,7 +43,7 @@ def test_a_drive_records_what_the_table_says(name: str, changes: dict[str, Any])
     for controller, law in study.controller.items():
         scenario = next(key for key in study.scenario if controller in study.controllers_in(key))
         signals = engine.Drive(engine_config(study, scenario, controller)).signals
-        own = [(term.signal, term.unit) for term in C_LAWS[law.law].terms if term.signal in terms(law)]
+        own = [(term.signal, term.unit) for term in C_LAWS[law.law].terms if term.signal in law.terms]
         found = kinds(study) - (set() if law.law.startswith("space") else {"path"})
         table = [(name, each.unit) for name, each in RECORDED.items() if each.exists(found)]
         place = [name for name, _ in table].index("status") + 1

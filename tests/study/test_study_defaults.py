@@ -24,6 +24,8 @@ from cogless.study.trial_study import EitherWay
 GIVEN: dict[str, float | bool] = {
     "identify.config.Column.scale": 1.0,
     "identify.config.Column.sign": 1,
+    "printer.axis.Axis.belt_pitch": 0.002,
+    "printer.axis.Axis.ramp_speed": 0.2,
     "study.base.TraceSettings.file_rate": 1000.0,
     "study.base.Target.weight": 1.0,
     "study.laws.anti_cogging.AntiCogging.cells": 720,
@@ -81,6 +83,7 @@ GIVEN: dict[str, float | bool] = {
 
 BOUNDS = {
     "identify.config.Column.scale": "gt 0",
+    "printer.axis.Axis.pulley_teeth": "ge 4",
     "ensemble.arena_file.Arena.seeds": "ge 0 lt 4294967296",
     "study.base.StudyBase.seed": "ge 0 lt 18446744073709551616",
     "study.base.Target.weight": "gt 0",
@@ -151,6 +154,7 @@ def shipped() -> dict[str, type[Table]]:
         import_module(module.name)
     import_module("cogless.ensemble.arena_file")
     import_module("cogless.identify.config")
+    import_module("cogless.printer.axis")
     return {
         f"{each.__module__}.{each.__name__}".removeprefix("cogless."): each
         for each in models(Table)
