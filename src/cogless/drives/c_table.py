@@ -55,27 +55,35 @@ OWN_INTRODUCTION = """\
 //     i_q_ref += cogging_feed_forward(theta_m);"""
 
 
-def header(current: HoldingCurrent, frame: TableFrame, introduction: str) -> tuple[str, HeaderTable]:
-    """The header's text, and its table as it looks it up. `introduction`: its first lines, comments."""
+def header(
+    current: HoldingCurrent, frame: TableFrame, *, introduction: str, install: str, note: str
+) -> TableText:
+    """The header, and what its user does with it. `introduction`: its first lines, comments."""
     entries_wanted = WAVE_ENTRIES * max(current.orders)
     count = int(np.clip(1 << (entries_wanted - 1).bit_length(), ENTRIES_LEAST, ENTRIES_MOST))
     entries = np.asarray(samples(current, count, frame.direction, "linear"), dtype=np.float32)
-    text = HEADER_TEXT.format(introduction=introduction, count=count, entries=array(entries, "f"))
-    return text, HeaderTable(entries.tolist())
+    table = HeaderTable(entries.tolist())
+    return TableText(
+        HEADER_TEXT.format(introduction=introduction, count=count, entries=array(entries, "f")),
+        count,
+        "float, A",
+        lambda angle: np.array([table.current(frame.direction * a) for a in angle.tolist()]),
+        install=install,
+        remove="#define COGGING_SHARE 0.0f in it",
+        sign_check=SHARE_CHECK,
+        notes=(note,),
+        table_params={"entries": table.entries},
+    )
 
 
 def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
     """A header for firmware of one's own."""
-    text, table = header(current, frame, OWN_INTRODUCTION)
-    return TableText(
-        text,
-        len(table.entries),
-        "float, A",
-        lambda angle: np.array([table.current(frame.direction * a) for a in angle.tolist()]),
+    return header(
+        current,
+        frame,
+        introduction=OWN_INTRODUCTION,
         install="#include FILE, and add cogging_feed_forward(theta_m) to i_q_ref",
-        remove="#define COGGING_SHARE 0.0f in it",
-        sign_check=SHARE_CHECK,
-        notes=("For a learning law with a table, use cogless export --to c.",),
+        note="For a learning law with a table, use cogless export --to c.",
     )
 
 

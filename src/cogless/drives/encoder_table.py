@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from cogless.drives.adapter import TableFrame, TableText
-from cogless.drives.holding_current import AngleWaves, Waves, samples
+from cogless.drives.holding_current import AngleWaves, Waves, cancelling_waves, samples
 from cogless.errors import StudyError
-from cogless.files import reason
 from cogless.identify.files import Array
 
 MOTEUS_POINTS, MOTEUS_STEPS = 256, 127
@@ -28,18 +26,12 @@ class AngleCorrection(AngleWaves):
 
 def correction_from(folder: Path) -> AngleCorrection:
     """The correction of the identified encoder's error. StudyError: the folder has none."""
-    path = folder / "identified.json"
-    try:
-        parts = json.loads(path.read_text("utf-8"))["encoder"]
-        waves = np.zeros(max((part["order"] for part in parts), default=0) + 1, complex)
-        for part in parts:  # The sensor reads the angle plus A sin(n angle + phase), so that is taken off.
-            waves[part["order"]] = 1j * part["amplitude_rad"] * np.exp(1j * part["phase_rad"])
-    except OSError as error:
-        raise StudyError(f"{path}: {reason(error)}: expected a folder that cogless identify wrote") from error
-    except (KeyError, TypeError, ValueError):
-        raise StudyError(f"{path}: expected what cogless identify writes") from None
-    if not parts:
-        raise StudyError(f"{path}: encoder: no order: expected logs that tell the encoder's error")
+    waves, _ = cancelling_waves(
+        folder,
+        "encoder",
+        amplitude="amplitude_rad",
+        expected="expected logs that tell the encoder's error",
+    )
     return AngleCorrection(waves, str(folder))
 
 

@@ -132,22 +132,38 @@ def residue(current: AngleWaves, entries: int, applied: Callable[[Array], Array]
 
 def from_identified(folder: Path) -> HoldingCurrent:
     """The current that cancels the identified cogging. StudyError: the folder has none."""
+    waves, K_t = cancelling_waves(
+        folder,
+        "cogging",
+        amplitude="amplitude_N_m",
+        divisor="K_t_N_m_per_A",
+        expected="expected logs that tell the cogging; see its left_out",
+    )
+    return HoldingCurrent(waves, K_t, str(folder))
+
+
+def cancelling_waves(
+    folder: Path, key: str, *, amplitude: str, expected: str, divisor: str | None = None
+) -> tuple[Waves, float]:
+    """Waves that cancel the A sin(n angle + phase) in a list of identified.json, and their divisor.
+
+    `amplitude`: the name of A there. `divisor`: the name of a number by which A is divided; None: 1.
+    StudyError: the folder has no such list; with an empty one, `expected` ends the message.
+    """
     path = folder / "identified.json"
     try:
         contents = json.loads(path.read_text("utf-8"))
-        K_t, cogging = float(contents["K_t_N_m_per_A"]), contents["cogging"]
-        waves = np.zeros(max((wave["order"] for wave in cogging), default=0) + 1, complex)
-        for (
-            wave
-        ) in cogging:  # The torque is A sin(n theta + phase); what holds against it is -A / K_t of that.
-            waves[wave["order"]] = 1j * wave["amplitude_N_m"] / K_t * np.exp(1j * wave["phase_rad"])
+        number, parts = 1.0 if divisor is None else float(contents[divisor]), contents[key]
+        waves = np.zeros(max((part["order"] for part in parts), default=0) + 1, complex)
+        for part in parts:
+            waves[part["order"]] = 1j * part[amplitude] / number * np.exp(1j * part["phase_rad"])
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected a folder that cogless identify wrote") from error
     except (KeyError, TypeError, ValueError):
         raise StudyError(f"{path}: expected what cogless identify writes") from None
-    if not cogging:
-        raise StudyError(f"{path}: cogging: no order: expected logs that tell the cogging; see its left_out")
-    return HoldingCurrent(waves, K_t, str(folder))
+    if not parts:
+        raise StudyError(f"{path}: {key}: no order: {expected}")
+    return waves, number
 
 
 def from_stored_map(path: Path) -> HoldingCurrent:

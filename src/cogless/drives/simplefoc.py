@@ -25,7 +25,7 @@ from cogless.drives.adapter import (
     TableText,
     text_of,
 )
-from cogless.drives.c_table import SHARE_CHECK, header
+from cogless.drives.c_table import header
 from cogless.drives.holding_current import HoldingCurrent
 from cogless.drives.simplefoc_sketch import write_script
 from cogless.errors import StudyError
@@ -170,20 +170,13 @@ def _read_monitor(path: Path, monitor: list[str]) -> tuple[Array, int]:
 
 def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
     """A header with the table and its interpolation."""
-    text, table = header(current, frame, INTRODUCTION_TEXT)
-    return TableText(
-        text,
-        len(table.entries),
-        "float, A",
-        lambda angle: np.array([table.current(frame.direction * a) for a in angle.tolist()]),
+    return header(
+        current,
+        frame,
+        introduction=INTRODUCTION_TEXT,
         install="copy FILE into the sketch, #include it, and call it in loop() as its first lines say",
-        remove="#define COGGING_SHARE 0.0f in it",
-        sign_check=SHARE_CHECK,
-        notes=(
-            "SimpleFOC adds it after current_limit. feed_forward_current is in its source at 7f9c45f; older "
-            "releases lack it.",
-        ),
-        table_params={"entries": table.entries},
+        note="SimpleFOC adds it after current_limit. feed_forward_current is in its source at 7f9c45f; older "
+        "releases lack it.",
     )
 
 
