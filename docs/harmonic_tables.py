@@ -1,4 +1,4 @@
-"""Table of what the law `harmonic` reaches with a wrong model, for docs/laws/harmonic.md: studies with the law added.
+"""Table of what the law `harmonic` reaches with a wrong model, for docs/laws/harmonic.md.
 
 python docs/harmonic_tables.py            print the table
 python docs/harmonic_tables.py --write    put it into the page
