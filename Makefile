@@ -29,15 +29,16 @@ $(VENV)/dependencies: $(VENV)/tools
 	touch $@
 
 # without optimising across files, for which a change of one C file costs half a minute; make dist has it
-$(VENV)/wheel: $(VENV)/tools $(SOURCES)
+$(VENV)/wheel $(VENV)/wheel-single: $(VENV)/tools $(SOURCES)
 	rm -rf $@
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir $@ \
-	  --config-settings=cmake.define.COGLESS_IPO=OFF .
+	  --config-settings=cmake.define.COGLESS_IPO=OFF \
+	  --config-settings=cmake.define.COGLESS_DOUBLE_ENGINE=$(if $(filter %-single,$@),OFF,ON) .
 
-$(VENV)/installed: $(VENV)/tools $(SOURCES)
+$(VENV)/installed $(VENV)/installed-single: $(VENV)/tools $(SOURCES)
 	@echo "Installing cogless: the first time it compiles for a minute"
-	@$(MAKE) --no-print-directory -j2 $(VENV)/dependencies $(VENV)/wheel
-	$(PIP) --no-deps --force-reinstall $(VENV)/wheel/*.whl
+	@$(MAKE) --no-print-directory -j2 $(VENV)/dependencies $(subst installed,wheel,$@)
+	$(PIP) --no-deps --force-reinstall $(subst installed,wheel,$@)/*.whl
 	@# byte code for later starts, as an environment may forbid them to write it: each would take a second longer
 	$(BIN)/python -m compileall -q $(VENV)/lib/python*/site-packages/cogless
 	$(BIN)/cogless design uomodri > /dev/null
@@ -50,7 +51,8 @@ $(VENV)/extra-%: $(VENV)/tools | $(VENV)/installed
 
 build: $(VENV)/installed ## cogless in .venv
 
-demo: $(VENV)/installed ## the main job: a motor that cogs, under five controllers
+# its laws compute in single precision: the engine in double, half of the compiling, is left to `make build`
+demo: $(or $(wildcard $(VENV)/installed),$(VENV)/installed-single) ## the main job: a motor that cogs, under five controllers
 	$(BIN)/cogless run uomodri -o results/uomodri
 
 test: $(VENV)/installed $(VENV)/extra-test ## the whole test suite

@@ -423,6 +423,20 @@ def test_a_missing_law_is_noticed_before_any_run(
     assert not isinstance(error.value, RunError)
 
 
+def test_an_engine_that_was_not_compiled_is_told_before_any_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`make demo` leaves out double precision, and what needs it says how to get it."""
+    monkeypatch.setitem(sys.modules, "cogless._simulator_f64", None)
+    monkeypatch.setattr(room, "advance", lambda *_: pytest.fail("ran"))
+    with pytest.raises(StudyError) as error:
+        run_study(studies.study(tmp_path, {"drive.precision": "double"}), ["low/pi"])
+    assert line(error, tmp_path) == (
+        "study.toml: its control laws compute in double precision, and cogless was built without that engine;"
+        " `make build` adds it"
+    )
+
+
 def test_a_law_of_ones_own_learns_where_it_says_so(tmp_path: Path) -> None:
     """Reports count it to those that learn, and the run tells how learning goes."""
     (tmp_path / "laws.py").write_text(LAWS, encoding="utf-8")

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from cogless import load
 from cogless.control_library import C_LAWS
 from cogless.files import control_sources
 from cogless.run.drive_config import engine_config
-from cogless.run.plan import ENGINES
+from cogless.run.plan import compiled
 from cogless.run.simulate import simulate
 from cogless.signals import DERIVED, RECORDED, exists
 from cogless.study import AnyStudy, Study
@@ -39,7 +38,7 @@ def had(study: AnyStudy) -> set[str]:
 def test_a_drive_records_what_the_table_says(name: str, changes: dict[str, Any]) -> None:
     study = load(name, changes)
     assert isinstance(study, Study)
-    engine, recorded = import_module(ENGINES[study.drive.precision]), set()
+    engine, recorded = compiled(study), set()
     for controller, law in study.controller.items():
         scenario = next(key for key in study.scenario if controller in study.controllers_in(key))
         signals = engine.Drive(engine_config(study, scenario, controller)).signals

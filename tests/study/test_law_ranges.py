@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
 from typing import Any, get_args
 
@@ -13,7 +12,7 @@ from laws import OF_SPEED, ROWS
 import studies
 from cogless.errors import StudyError
 from cogless.run.drive_config import engine_config
-from cogless.run.plan import ENGINES
+from cogless.run.plan import compiled
 from cogless.study import changed, load
 from cogless.study.laws import AnyController
 from cogless.study.laws.law import Commissioning
@@ -40,8 +39,8 @@ def written(law: str, key: tuple[str, ...], value: float) -> Any:
 
 @pytest.mark.parametrize("law", OF_SPEED)
 def test_a_number_is_refused_by_its_key_or_taken_by_the_law(law: str, tmp_path: Path) -> None:
-    base, engine = studies.study(tmp_path), import_module(ENGINES["single"])
-    refused = 0
+    base = studies.study(tmp_path)
+    engine, refused = compiled(base), 0
     for memory in MEMORIES.get(law, ("map", "delay") if law.startswith("space") else (None,)):
         for key in cases(law):
             for value in AWKWARD:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from cogless.design.trials.from_study import design_study
 from cogless.errors import StudyError
 from cogless.run.drive_config import engine_config
 from cogless.run.own_law import make_law
-from cogless.run.plan import ENGINES
+from cogless.run.plan import compiled
 from cogless.run.simulate import simulate
 from cogless.run.trial_config import engine_config as trial_engine_config
 from cogless.study import TrialStudy
@@ -45,7 +44,7 @@ def test_no_shipped_study_triggers_anything(name: str) -> None:
     runs = [(s, controller) for s in study.scenario for controller in study.controllers_in(s)]
     if study.drive is None:
         return
-    engine, rate = import_module(ENGINES[study.drive.precision]), study.drive.rates.current_loop
+    engine, rate = compiled(study), study.drive.rates.current_loop
     designs = design_study(study, runs) if isinstance(study, TrialStudy) else {}
     for scenario, controller in runs:
         if isinstance(study, TrialStudy):

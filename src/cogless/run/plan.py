@@ -97,11 +97,24 @@ def _of_table(study: Study, start: Start) -> StoredMap:
     return StoredMap(current.astype(np.float32), (CURRENT,), (float(np.max(np.abs(current))),), parts=parts)
 
 
-ENGINES = {"single": "cogless._simulator_f32", "double": "cogless._simulator_f64"}
 REFUSALS = (ValueError, RuntimeError, MemoryError)  # exactly these does the engine raise about a study
 PROGRESS_PERIOD = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
 
 Progress = Callable[[float], None]
+
+
+def compiled(study: AnyStudy) -> Any:
+    """Return the simulator, compiled around control laws of this study's precision.
+
+    Raises StudyError if cogless was built without it: `make demo` builds that in single precision alone.
+    """
+    if study.precision == "single":
+        return import_module("cogless._simulator_f32")
+    try:
+        return import_module("cogless._simulator_f64")
+    except ModuleNotFoundError as error:
+        cause = "its control laws compute in double precision, and cogless was built without that engine"
+        raise StudyError(f"{study.source.path}: {cause}; `make build` adds it") from error
 
 
 class Stopped(Exception):  # noqa: N818, it isn't an error
@@ -243,7 +256,7 @@ def _described(
 
 
 def _speed(study: Study, scenario: str, controller: str, mode: Mode) -> Plan:
-    engine, law = import_module(ENGINES[study.precision]), make_law(study, controller)
+    engine, law = compiled(study), make_law(study, controller)
     description = _described(
         study, scenario, controller, lambda: engine_config(study, scenario, controller, mode)
     )
@@ -291,7 +304,7 @@ def _plan_trials(
 ) -> Plan:
     if design is None and study.controller[controller].of_trials:
         design = design_study(study, [(scenario, controller)])[scenario, controller]
-    engine, law = import_module(ENGINES[study.precision]), make_law(study, controller)
+    engine, law = compiled(study), make_law(study, controller)
     description = _described(
         study, scenario, controller, lambda: trial_config(study, scenario, controller, design)
     )

@@ -22,7 +22,7 @@ from cogless.results import AnyResults, Results, Run
 from cogless.results.runs import RESULTS
 from cogless.results.trace import TraceRoom
 from cogless.run.carry_out import carried_out, carried_out_together
-from cogless.run.plan import ENGINES, Plan, Progress, Stopped, memory_enough, plan
+from cogless.run.plan import Plan, Progress, Stopped, memory_enough, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study
 from cogless.study.table import perhaps
@@ -198,7 +198,7 @@ def _groups(runs: Sequence[_Pending], jobs: int) -> list[list[_Pending]]:
 
     Those of one scenario and controller are neighbours: they are the likeliest to be alike.
     """
-    (_, lanes), *_ = import_module(ENGINES["single"]).lane_kernels()
+    (_, lanes), *_ = import_module("cogless._simulator_f32").lane_kernels()
     most = max(1, min(lanes, -(-len(runs) // jobs)))
     pairs: dict[tuple[str, str], list[_Pending]] = {}
     for run in runs:

@@ -239,4 +239,4 @@ def _pass(b: Real, a: Real, state: Real, x: Real) -> Real:
 
 def _filtered(b: Real, a: Real, state: Real, x: Real) -> Real:
     arrays = (np.ascontiguousarray(array) for array in (b, a, state, x))
-    return np.asarray(import_module("cogless._simulator_f64").filtered(*arrays))
+    return np.asarray(import_module("cogless._simulator_f32").filtered(*arrays))
