@@ -1,7 +1,7 @@
-"""Tables of what the law `harmonic` reaches, for docs/laws/harmonic.md: shipped studies with the law added.
+"""Table of what the law `harmonic` reaches with a wrong model, for docs/laws/harmonic.md.
 
-python docs/harmonic_tables.py            print the tables
-python docs/harmonic_tables.py --write    put them into the page
+python docs/harmonic_tables.py            print the table
+python docs/harmonic_tables.py --write    put it into the page
 """
 
 from __future__ import annotations
@@ -21,34 +21,8 @@ LAWS: dict[str, Any] = {
     "controller.harmonic": {"law": "harmonic", "tuning": {"rule": "auto"}},
     "controller.same": {"law": "pi", "tuning": {"rule": "phase-margin", "phase_margin": "45 deg"}},
 }
-MAP_LAW = {"uomodri": "pi-ilc", "liu2018": "pi-ilc-lead", "uomodri-varying": "angle"}
-COMPENSATED = {"drive.dead_time_compensation.band": "35 mA"}
-MT = {"drive.position_sensor.speed_method": "MT", "drive.position_sensor.timer": "90 MHz"}
 WINDOW, BELOW, LAST = 0.25, 1.0, 4.0  # s, r/min, s
-Case = tuple[str, str, str, dict[str, Any]]
-
-
-def at(scenario: str, speed: str) -> dict[str, Any]:
-    """Changes that set a scenario's constant speed."""
-    return {f"scenario.{scenario}.reference": speed, f"scenario.{scenario}.initial_speed": speed}
-
-
-# name, study, scenario, changes
-SPEEDS: list[Case] = [
-    ("uomodri, 15 r/min", "uomodri", "slow", {}),
-    ("uomodri, 60 r/min", "uomodri", "1-rev-s", {}),
-    ("uomodri, 240 r/min", "uomodri", "fast", {}),
-    ("dead time compensated, 15 r/min", "uomodri", "slow", COMPENSATED),
-    ("dead time compensated, 60 r/min", "uomodri", "1-rev-s", COMPENSATED),
-    ("dead time compensated, 240 r/min", "uomodri", "fast", COMPENSATED),
-    ("uomodri-varying", "uomodri-varying", "varying", {}),
-    ("uomodri-varying, compensated", "uomodri-varying", "varying", COMPENSATED),
-    ("Liu, 60 r/min", "liu2018", "60-rpm", {}),
-    ("Liu, 60 r/min, 78 % load", "liu2018", "60-rpm-78-load", {}),
-    ("Liu, 900 r/min", "liu2018", "900-rpm", {}),
-    ("Liu, MT, 61.3 r/min", "liu2018", "60-rpm", MT | at("60-rpm", "61.3 rpm")),
-    ("Liu, MT, 911 r/min", "liu2018", "900-rpm", MT | at("900-rpm", "911 rpm")),
-]
+Case = tuple[str, str, str, dict[str, Any]]  # name, study, scenario, changes
 
 
 def untold(scenario: str, **changes: Any) -> dict[str, Any]:
@@ -98,17 +72,6 @@ def measured(case: Case, name: str) -> tuple[float, float | None]:
     return left, (WINDOW * (int(below[0]) + 1) if len(below) else None)
 
 
-def speeds() -> list[str]:
-    rows = []
-    for case in SPEEDS:
-        found = [measured(case, name) for name in ("same", MAP_LAW[case[1]], "harmonic")]
-        row = [number(left, 2) for left, _ in found] + [number(time, 3) for _, time in found[1:]]
-        rows.append([case[0], *row])
-        print(*rows[-1], file=sys.stderr, flush=True)
-    head = ["rms, r/min", "same PI", "map law", "harmonic", "map law, s to 1 r/min", "harmonic, s to 1 r/min"]
-    return table(head, rows)
-
-
 def wrong() -> list[str]:
     rows = []
     for case in WRONG:
@@ -119,7 +82,7 @@ def wrong() -> list[str]:
 
 
 def main() -> None:
-    blocks = {"speeds": speeds(), "wrong": wrong()}
+    blocks = {"wrong": wrong()}
     if "--write" in sys.argv:
         PAGE.write_text(replaced(PAGE.read_text(encoding="utf-8"), blocks), encoding="utf-8")
     for name, lines in blocks.items():
