@@ -157,7 +157,10 @@ def test_a_header_from_the_monitor_takes_the_ripple_away(
     # The errors of order 12, which makes most of it, are 4 %. At this ripple the rotor almost stops, so that
     # friction makes it 17 % larger forward, where the drive's angle grows, than backward.
     assert [predicted[n] for n in (0, 2, 3)] == pytest.approx(
-        [ripple(run(FORWARD, lambda a, share=share: share * feed(a))) / TURN * 60 for share in (0, 0.3, -0.3)],
+        [
+            ripple(run(FORWARD, lambda a, share=share: share * feed(a))) / TURN * 60
+            for share in (0, 0.3, -0.3)
+        ],
         rel=0.04,
     )
     assert predicted[1] < 0.06 * predicted[0]

@@ -207,8 +207,8 @@ def _predict(source: Path, frame: TableFrame, written: TableText, law: str, stud
         texts = {name: f"{value:.3g}" for name, value in ripple.by_controller.items()}
         lines.append(
             f"Ripple at {ripple.speed} r/min forward, under the drive's own law, simulated: "
-            f"{texts['without']} r/min rms without the table, {texts['table']} with it, {texts['third']} with 30 % of it, "
-            f"{texts['turned-third']} with -30 %."
+            f"{texts['without']} r/min rms without the table, {texts['table']} with it, "
+            f"{texts['third']} with 30 % of it, {texts['turned-third']} with -30 %."
         )
     if study is not None:
         names = [predicted_ripple.STUDY_NAME, predicted_ripple.LAW_FILE.name]
