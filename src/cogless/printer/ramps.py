@@ -10,10 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.errors import StudyError
 from cogless.printer.axis import Axis
@@ -117,6 +115,27 @@ def blocks(run: Run, start: float, move: Move, wavelength: float, modes: tuple[f
     )
 
 
+def matched_energy(run: Run, start: float, move: Move, wavelength: float) -> float:
+    """About what `blocks` gives as `energy`, from each order's correlation alone: orders of whole turns are
+    orthogonal. It takes a tenth of the time.
+    """
+    edges = [start + t for t in (0.0, *(t for edge in block_edges(move, wavelength) for t in edge))]
+    first, *bounds = np.searchsorted(run.times, edges)
+    counts = np.diff([first, *bounds])
+    sound = counts >= BLOCK_SAMPLES
+    samples = slice(int(first), int(bounds[-1]))
+    turns = run.sign * move.position_at(run.times[samples] - start) / wavelength
+    wave = np.exp(-1j * math.tau * turns)
+    product = (run.acceleration[samples] - np.mean(run.acceleration)).astype(complex)
+    energy = 0.0
+    for n in range(1, max(FITTED_ORDERS) + 1):
+        product = product * wave
+        if n in FITTED_ORDERS:
+            sums = np.add.reduceat(np.append(product, 0.0), [0, *(np.array(bounds[:-1]) - first)])
+            energy += float(np.sum(2 * np.abs(sums[sound]) ** 2 / counts[sound]))
+    return energy
+
+
 def find_start(run: Run, move: Move, wavelength: float) -> float:
     """The time of the log at which the move begins: where the orders take most of its energy.
 
@@ -132,14 +151,13 @@ def find_start(run: Run, move: Move, wavelength: float) -> float:
             f"{move.duration:.3g} s, as --plan writes it"
         )
 
-    def best(starts: NDArray[Any]) -> tuple[float, float]:
+    starts = np.arange(first, last + START_GRID, START_GRID)
+    start = float(starts[np.argmax([matched_energy(run, float(s), move, wavelength) for s in starts])])
+    for step, count in ((START_GRID, 6), (START_GRID / 4, 4), (START_GRID / 16, 4)):
+        starts = start + step * np.arange(-count, count + 1)
         fits = [blocks(run, float(s), move, wavelength) for s in starts]
         k = int(np.argmax([fit.energy for fit in fits]))
-        return float(starts[k]), fits[k].share
-
-    start, _ = best(np.arange(first, last + START_GRID, START_GRID))
-    for step, count in ((START_GRID, 6), (START_GRID / 4, 4), (START_GRID / 16, 4)):
-        start, share = best(start + step * np.arange(-count, count + 1))
+        start, share = float(starts[k]), fits[k].share
     if share < MOVE_SHARE_LEAST:
         raise StudyError(
             f"{run.name}: the motor's orders have {share:.0%} of its energy: expected the move that --plan "
