@@ -196,6 +196,8 @@ def test_the_header_reads_any_angle(tmp_path: Path, capsys: pytest.CaptureFixtur
         (('row_period = "2 ms"', 'row_period = "2"'), 'row_period: "2": expected a unit too'),
         (('monitor = ["target", ', "monitor = ["), "numbers in a line: expected 3, as monitor says"),
         (("pole_pairs = 7", ""), "motor.pole_pairs"),
+        (("row_period", "sensor_direction = 2\nrow_period"), "sensor_direction: 2: expected sensor_direc"),
+        (("row_period", "sensor_direction = 1\nrow_period"), 'sensor_offset: "None"'),
     ],
 )
 def test_what_the_monitor_does_not_tell_is_asked_for(
@@ -231,3 +233,16 @@ def test_a_column_of_microseconds_is_the_time(
     (recording,) = read_logs([log], config).recordings
     assert np.diff(recording.signals["t"]) == pytest.approx(2e-3)
     assert recording.signals["i_q"][0] == pytest.approx(0.5e-3)
+
+
+def test_the_sensors_own_angle_is_that_of_the_file(logs: Path, tmp_path: Path) -> None:
+    """motor.shaft_angle is sensor_direction * sensor - sensor_offset."""
+    from cogless.drives.simplefoc import read_logs
+
+    config = tmp_path / "monitor.toml"
+    config.write_text(f'sensor_direction = {DIRECTION}\nsensor_offset = "{OFFSET} rad"\n{MONITOR_TOML}')
+    frame = read_logs([logs / "slow.txt"], config).frame
+    angle, sensor = DIRECTION * 2.0 - OFFSET, 2.0
+    assert frame.encoder_direction * angle + frame.encoder_shift == pytest.approx(sensor)
+    config.write_text(MONITOR_TOML)
+    assert not read_logs([logs / "slow.txt"], config).frame.encoder_direction

@@ -59,6 +59,8 @@ class TableFrame:
     `zero_error`: by how much they may differ, rad. `lacking`: what to do where `zero` is false. `gains`: of
     the drive's own law, as its class in `firmware_laws` takes them; empty: not known.
     `encoder`: the number of the one that the index is of, and whether a correction table of it was on.
+    The encoder's own angle counts as `encoder_direction` times the identified one and is larger by
+    `encoder_shift`, rad; 0: `encoder_lacking` says what tells it. `pole_pairs`: 0 where no table needs them.
     """
 
     drive: str
@@ -69,6 +71,10 @@ class TableFrame:
     gains: Mapping[str, float] = field(default_factory=dict)
     encoder: int = 0
     encoder_table_on: bool = False
+    encoder_direction: int = 0
+    encoder_shift: float = 0.0
+    encoder_lacking: str = ""
+    pole_pairs: int = 0
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), indent=2) + "\n"
