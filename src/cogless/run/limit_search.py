@@ -42,7 +42,7 @@ SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less leaves nothin
 MOST_SHARE = 0.5  # of the square
 PAIRED_CAUSES = 4  # the largest ones, which are taken away in pairs
 CLEARLY_WORSE = 1.5  # ratio to a metric's value before
-PLANT = ("motor", "drive", "mechanics")  # tables that a scenario may override
+PLANT_TABLES = ("motor", "drive", "mechanics")  # tables that a scenario may override
 OF_WHOLE_STUDIES = ("calibration", "vary", "tune")
 STEP_SHARE_LEAST = 0.01  # of the position sensor's step, likewise
 
@@ -221,7 +221,7 @@ class _Tries:
         for key, value in changes.items():
             path = tuple(map(str, split(key)))
             overridden = any(path[: len(other)] == other[: len(path)] for other in over)
-            if overridden or (not is_assumed and path[0] in PLANT):
+            if overridden or (not is_assumed and path[0] in PLANT_TABLES):
                 whole = {name: inner for name, inner in override.items() if not name.startswith(f"{key}.")}
                 override = {**whole, key: value}
             else:
