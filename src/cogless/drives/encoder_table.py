@@ -166,7 +166,5 @@ def write_vesc(correction: AngleWaves, frame: TableFrame) -> TableText:
         install="run FILE in VESC Tool's LispBM page; a shutdown or reboot by VESC Tool stores it",
         remove="(enc-corr-en 0) there",
         sign_check="(phase-all) prints the encoder's error: it is smaller with the table",
-        notes=(
-            "It corrects the phase of the current only: position and speed keep the encoder's error.",
-        ),
+        notes=("It corrects the phase of the current only: position and speed keep the encoder's error.",),
     )
