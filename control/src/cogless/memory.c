@@ -356,7 +356,8 @@ static inline uint32_t follow(cgl_memory *memory, uint32_t place)
 
 /* ---- what is learned there ---- */
 
-/* Ends the sum of the mean over a period of this many entries, and sets the part of the mean that the next period removes. */
+/* Called at the end of a period of this many entries. It sets each channel's drain, the part of the mean that the next period removes
+ * from the memory, and clears the sum of the mean. */
 CGL_SELDOM static void take_mean(cgl_memory *memory, cgl_real entries)
 {
     const cgl_real share = (cgl_real)memory->config.cells / entries;

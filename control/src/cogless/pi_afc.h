@@ -54,9 +54,10 @@ cgl_error cgl_pi_afc_retune(cgl_pi_afc *law, const cgl_pi_afc_config *config);
 
 void cgl_pi_afc_reset(cgl_pi_afc *law);
 
-/* Learning freezes, and what was learned acts on, while in->learn is false, the gain is 0, |omega_ref| is below omega_min, the output was at
- * its limit, an input is not finite, or an angle is beyond CGL_ANGLE_MAX. An order that passes in less than two samples
- * neither acts nor is learned. While in->off learning is frozen too, and the output and the PI's integral are 0. */
+/* Learning freezes while in->learn is false, in torque mode, while the gain is 0, |omega_ref| is below omega_min, the output was at its
+ * limit, an input is not finite, or an angle is beyond CGL_ANGLE_MAX. The learned current is still added then, but not while theta_m is
+ * no valid angle. An order that passes in less than two samples is neither learned nor added. While in->off learning is frozen, too, and
+ * the output and the PI's integral are 0. */
 void cgl_pi_afc_step(cgl_pi_afc *law, const cgl_law_input *in, cgl_law_output *out);
 
 #ifdef __cplusplus

@@ -119,7 +119,8 @@ CGL_SELDOM void cgl_space_position_reset(cgl_space_position *law)
     start_anew(law);
 }
 
-/* Sets the output in torque mode. If the integral has a share, it becomes the present current, from which it will start. */
+/* Sets the output in torque mode. The integral is preset so that its part of the output equals this current, for a start without a jump
+ * when torque mode ends. It is cleared where it has no part in the output. */
 CGL_SELDOM static void hold(cgl_space_position *law, const cgl_law_input *in, cgl_real share_i, cgl_law_output *out)
 {
     cgl_space_position_terms *const terms = &law->terms;

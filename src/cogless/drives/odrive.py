@@ -1,7 +1,8 @@
-"""ODrive: captures of firmware 0.5 and 0.6 whose headings are paths of its API, its configuration, its map.
+"""ODrive: reads captures of firmware 0.5 and 0.6, the configuration, and the cogging map of 0.5.
 
-Firmware 0.5 was read in its source (odriverobotics/ODrive, f9b5419). That of 0.6 is closed: its paths are by
-its API's pages. Angles are turns of the encoder; currents are peak amperes; the map is a torque.
+Headings of a capture are paths of the API. The source of 0.5 was read (odriverobotics/ODrive, f9b5419). That
+of 0.6 is closed, so its paths come from the API's documentation. Angles are turns of the encoder; currents
+are peak amperes; the map is a torque.
 """
 
 from __future__ import annotations

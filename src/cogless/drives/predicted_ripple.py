@@ -37,7 +37,7 @@ class Ripple:
 
 
 def law_table(law: str, params: Mapping[str, Any]) -> dict[str, Any]:
-    """The controller of a study: a class of `firmware_laws`, where it is installed."""
+    """The table of a controller that runs a class of `firmware_laws`, found by the path of its file."""
     return {"law": "python", "object": f"{LAW_FILE}:{law}", "params": dict(params)}
 
 

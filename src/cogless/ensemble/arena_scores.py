@@ -1,10 +1,10 @@
-"""Scores of an arena from its results.json: each law against the bar, column by column, and who wins.
+"""Scores of an arena from its results.json: each law against the reference law, column by column.
 
-A law's score in a column is the geometric mean over plants of its value divided by the bar's. Each value is
-the mean over seeds. A plant that a law stays away from does not count in its score; `met` tells on how many
-plants it was.
+The reference law is called the bar. A law's score in a column is the geometric mean over plants of its value
+divided by the bar's. Each value is the mean over seeds. A plant on which a law was not run does not count in
+its score; `met` is the number of plants on which it ran.
 
-The files and the table of an arena's results.
+This module also writes results.json and builds the table for the terminal.
 """
 
 from __future__ import annotations

@@ -330,7 +330,10 @@ def ensembles(study: AnyStudy) -> tuple[Ensemble, Ensemble]:
 
 
 def subjects(study: AnyStudy) -> list[Subject]:
-    """What is tuned at once. StudyError: a mistake in [tune]."""
+    """The groups of keys that are tuned together: one for each controller.
+
+    It is one of all keys if any key is not a controller's. StudyError: a mistake in [tune].
+    """
     options, path = _wanted(study), study.source.path
     column_of(study, options.minimise, "minimise")
     for hold in options.hold:

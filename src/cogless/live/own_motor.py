@@ -34,7 +34,14 @@ POWER_TOLERANCE = 1e-5  # distance of a power from a whole number that counts as
 CHECKED_MOTORS = 12
 # the logarithm of a refused share is halved so often, until _check gives up: 100 has become 1.02
 END_HALVINGS = 8
-STEPS = (2.0, 0.5, 1.25, 0.8, 1.02, 0.98)  # shares of a key's value: the first accepted shows its power
+STEPS = (
+    2.0,
+    0.5,
+    1.25,
+    0.8,
+    1.02,
+    0.98,
+)  # factors on a key's value; the first accepted is used
 
 Place = tuple[str, str, str]
 All = Mapping[Place, Packed]
@@ -224,7 +231,10 @@ def _between(nodes: Sequence[float], curve: Sequence[float], at: float) -> float
 
 
 def _power(x: float, start: float, share: float) -> float:
-    """The power of `share` by which x differs from `start`; 0 if the study accepted no share but 1."""
+    """The p in x = start * share**p, where `share` is the factor on the key.
+
+    0: x did not change, or the study refused all STEPS, so `share` is 1. NaN: x has another sign.
+    """
     if x == start or share == 1:
         return 0.0
     return math.log(x / start) / math.log(share) if x and start and x / start > 0 else math.nan

@@ -96,7 +96,10 @@ def _tables(study: Study) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _moved(key: Key, base: Mapping[Place, Packed], other: Mapping[Place, Packed]) -> Key | None:
-    """The key with its numbers at their places in other descriptions; None if one lacks a number."""
+    """The key with each number that it sets looked up by its path in `other`.
+
+    None: a number is missing there or has another format, or the key sets none.
+    """
     lands = {}
     for place, landings in key.lands.items():
         numbers = {number.path: number for number in other[place].numbers}

@@ -90,10 +90,10 @@ class Axis(Table):
 
     @property
     def torque_at_current(self) -> float | None:
-        """T_h: the torque at a quarter period from rest, at the current of the firmware, N m.
+        """T_h: the largest torque against a deflection, at the firmware's rms current, N m.
 
         A datasheet's holding torque is that of both coils at the rated DC current, sqrt(2) times the torque
-        of one; a peak of sqrt(2) times the rms current makes the ratio that of the currents.
+        of one coil. The firmware's peak current is sqrt(2) times its rms. The two factors cancel.
         """
         if self.holding_torque is None or self.rated_current is None:
             return None

@@ -234,7 +234,10 @@ class Tracked:
 
     @cached_property
     def followed(self) -> list[int]:
-        """The orders to follow: the strongest in the median piece of any controller, in ascending order."""
+        """The orders to follow, ascending.
+
+        They are ranked by the median amplitude over the pieces, for the controller in which that is largest.
+        """
         typical = np.max([_median(amplitudes) for amplitudes in self.amplitudes.values()], axis=0)
         strongest = np.argsort(typical)[::-1][:ORDERS_FOLLOWED]
         return sorted(int(n) + 1 for n in strongest if typical[n] > 0)

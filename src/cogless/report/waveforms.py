@@ -1,6 +1,6 @@
 """Plots over time: the waveforms of a scenario, their zooms, the response to each event.
 
-The current i_q that a motion needs, which a learning law has to find.
+It also computes the i_q that would produce exactly the reference's motion. A learning law has to find it.
 """
 
 from __future__ import annotations

@@ -24,9 +24,9 @@ PROBE_SAMPLES = 10_000  # of the rows together: the mean square is right within 
 TERMS_MOST = 200  # trials whose terms are added
 TERM_LEAST = 1e-4  # share of the sum; smaller terms end it
 
-# One trial of each plant without feedforward and learned signal: its error, and what is learned from, both
-# (rows, samples). From a reference (samples, rows), a load (samples, rows), a start (n,), and how many rows a
-# plant has.
+# Simulates one trial of each plant, without feedforward and learned signal. Arguments: reference and load
+# (samples, rows), initial state (n,), rows of each plant. Returns the error and the signal that the law
+# learns from, both (rows, samples).
 Respond = Callable[[Real, Real, Real, int], tuple[Real, Real]]
 
 
