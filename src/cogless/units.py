@@ -122,10 +122,10 @@ def dimension_of(unit: str) -> Dimension:
 
 def parse(text: str, dimension: Dimension) -> float:
     """The SI value of a text such as "60 rpm"; UnitError unless it is a finite number with a fitting unit."""
-    found = NUMBER_AND_UNIT.fullmatch(text)
-    if not found:
+    match = NUMBER_AND_UNIT.fullmatch(text)
+    if not match:
         raise UnitError(f"expected a number and a unit, such as {dimension.shown(1)}")
-    number, unit = found.groups()
+    number, unit = match.groups()
     if COMMA.match(unit):
         raise UnitError(f"expected a decimal point in place of the comma, such as {dimension.shown('1.5')}")
     if not unit:
@@ -138,8 +138,8 @@ def parse(text: str, dimension: Dimension) -> float:
 
 def unit_of(text: str) -> str:
     """The unit of a text such as "60 rpm"; empty if it has none or the text is no quantity."""
-    found = NUMBER_AND_UNIT.fullmatch(text)
-    return found.group(2) if found else ""
+    match = NUMBER_AND_UNIT.fullmatch(text)
+    return match.group(2) if match else ""
 
 
 def is_known(unit: str) -> bool:
@@ -154,10 +154,10 @@ def convert(value_si: float, unit: str, dimension: Dimension) -> float:
 
 def number_in(text: str, unit: str) -> float:
     """The number of a text such as "0.1 N*m", converted to `unit`; UnitError if that is impossible."""
-    found = NUMBER_AND_UNIT.fullmatch(text)
-    if not found:
+    match = NUMBER_AND_UNIT.fullmatch(text)
+    if not match:
         raise _unlike(unit)
-    return float(found.group(1)) * _ratio(found.group(2), unit)
+    return float(match.group(1)) * _ratio(match.group(2), unit)
 
 
 @cache
@@ -171,10 +171,10 @@ def _ratio(unit: str, other: str) -> float:
 
 def in_si(text: str) -> float:
     """The SI value of a text with a unit of any dimension; UnitError: unknown unit."""
-    found = NUMBER_AND_UNIT.fullmatch(text)
-    if not found:
+    match = NUMBER_AND_UNIT.fullmatch(text)
+    if not match:
         raise UnitError("expected a number and a unit")
-    return float(found.group(1)) * si_factor(found.group(2))
+    return float(match.group(1)) * si_factor(match.group(2))
 
 
 def _unlike(unit: str) -> UnitError:
@@ -258,8 +258,8 @@ def _with_words(unit: str, words: Iterable[str]) -> str:
 
 def _spellings(word: str) -> list[str]:
     """The word, then known units that differ from it in capitals; those with the same first letter first."""
-    known = [prefix + symbol for prefix in PREFIXES for symbol in SYMBOLS]
-    alike = [name for name in known if name.lower() == word.lower() and name != word]
+    spellings = [prefix + symbol for prefix in PREFIXES for symbol in SYMBOLS]
+    alike = [name for name in spellings if name.lower() == word.lower() and name != word]
     return [word, *sorted(alike, key=lambda name: name[0] != word[0])]
 
 

@@ -22,7 +22,7 @@ from cogless.design.trials.trial_blocks import trial_blocks, why_not
 from cogless.design.trials.trial_summary import summary
 from cogless.design.verdict import Verdict
 from cogless.study import Study, TrialStudy
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 
 FADES, RISES, SWINGS = Worst(0.9, 50.0), Worst(1.2, 50.0), Oscillation(88.0, 1.0)
 YES = r"yes, in about \d+ s at 15 rpm and [\d.]+ s at 240 rpm, by a model without the inverter's dead time"

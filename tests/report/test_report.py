@@ -13,6 +13,7 @@ import pytest
 import synthetic
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from cogless.control_library import Status
 from cogless.report import (
     Line,
     angle_charts,
@@ -35,7 +36,6 @@ from cogless.report.speed_tracking import late, missed, span_of
 from cogless.report.speed_verdict import MEASURED_SIGNALS
 from cogless.report.verdicts import listed, over, times, worst
 from cogless.results import Results, Run
-from cogless.results.status import Status
 from cogless.results.trace import Trace
 from cogless.run.carry_out import measure
 from cogless.run.simulate import simulate

@@ -365,7 +365,7 @@ def test_a_factor_is_told_by_its_distance_from_one_where_that_is_small(value, te
 
 @pytest.mark.parametrize(
     ("limit", "text"),
-    [(0.9e-4, "none"), (1.1e-4, "0.00022"), (-1.1e-4, "-0.00022"), (None, trial_certificate.NONE)],
+    [(0.9e-4, "none"), (1.1e-4, "0.00022"), (-1.1e-4, "-0.00022"), (None, trial_certificate.DASH)],
 )
 def test_a_limit_of_a_gain_is_none_if_it_is_rounding(limit, text):
     """A ten-thousandth of the gain in use, here 2."""

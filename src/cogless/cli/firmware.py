@@ -116,14 +116,14 @@ def pil(
     require()
     where = first_scenario(loaded, controller, scenario)
     with share_progress(f"{where}/{controller}") as progress:
-        found = compare(loaded, controller, where, ticks, tools, progress)
+        comparison = compare(loaded, controller, where, ticks, tools, progress)
     if as_json:
-        print(json.dumps(dataclasses.asdict(found), indent=2, ensure_ascii=False))
+        print(json.dumps(dataclasses.asdict(comparison), indent=2, ensure_ascii=False))
     else:
-        for line in lines(found):
+        for line in lines(comparison):
             print_text(line, others=" " * NAME_COLUMNS)
     print_warnings(loaded, [(where, controller)])
-    if found.difference is not None:
+    if comparison.difference is not None:
         sys.exit(EXIT_DIFFERENT)
 
 
@@ -158,17 +158,17 @@ def map_(
 
     if motor is not None and output is None:
         raise StudyError("--motor: expected --output too")
-    found = stored_map.read(file)
-    newest = stored_map.newest(found)
+    places = stored_map.read(file)
+    newest = stored_map.newest(places)
     if newest is None:
-        raise StudyError(f"{file}: " + "; ".join(f"at byte {place.offset}: {place.map}" for place in found))
+        raise StudyError(f"{file}: " + "; ".join(f"at byte {place.offset}: {place.map}" for place in places))
     stored, to_screen = newest.map, str(csv) == "-"
     if csv is not None and not to_screen:
         stored_map.write(csv, to_csv(stored).encode())
     if output is not None:
-        wanted = stored.motor if motor is None else identity(motor)
-        stored_map.write(output, bytes(dataclasses.replace(stored, motor=wanted)))
+        motor_identity = stored.motor if motor is None else identity(motor)
+        stored_map.write(output, bytes(dataclasses.replace(stored, motor=motor_identity)))
     if to_screen:
         print(to_csv(stored), end="")
     else:
-        print_text("\n".join(lines(found, newest)))
+        print_text("\n".join(lines(places, newest)))

@@ -73,7 +73,7 @@ def run(
         _run_arena(arena, output or Path("results") / arena.name, only, jobs, bool(limits))
         return
     loaded = to_run(study, changes, no_code)
-    wanted = len(runs_of(loaded, only))
+    run_count = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
     if with_page:
         from cogless.live import check, render
@@ -86,7 +86,7 @@ def run(
     defect: RunDefect | None = None
     place = folder.absolute()  # a law may change the directory
     with held(place, _names(loaded, pairs, plots, not no_traces, with_page)):
-        with run_progress(wanted) as progress, no_exit():
+        with run_progress(run_count) as progress, no_exit():
             try:
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=place)
             except RunError as error:
@@ -111,7 +111,7 @@ def run(
     if results.interrupted or requests.count:
         runs = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
         where = f" ({runs}), written to {folder}" if runs else ", nothing written"
-        say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
+        say(f"Interrupted: kept {len(results.runs)} of {run_count} runs{where}.")
         sys.exit(EXIT_INTERRUPTED)
 
 
@@ -154,8 +154,8 @@ def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: s
     study, run = results.study, results_json.run_id(results)
     with new_set(folder) as stage:
         if traces:
-            about = {"title": study.title, "seed": study.seed, "run": run}
-            write_netcdf(stage / "traces.nc", results.runs, about, study.file_rate)
+            attributes = {"title": study.title, "seed": study.seed, "run": run}
+            write_netcdf(stage / "traces.nc", results.runs, attributes, study.file_rate)
         report.write(results, stage / "report.html")
         if page is not None:
             (stage / "live.html").write_text(page, encoding="utf-8")
@@ -304,8 +304,8 @@ def sentences(results: AnyResults) -> dict[str, str]:
     """Sentences on what limits the best run, by scenario; none where no cause is known or stands out."""
     from cogless import report
 
-    found = {scenario: report.limit(results, scenario) for scenario in results.scenarios}
-    return {scenario: str(remark) for scenario, remark in found.items() if remark is not None}
+    remarks = {scenario: report.limit(results, scenario) for scenario in results.scenarios}
+    return {scenario: str(remark) for scenario, remark in remarks.items() if remark is not None}
 
 
 def live(

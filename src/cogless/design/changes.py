@@ -22,12 +22,12 @@ def helping(
     study: AStudy, tried: Iterable[Changes | None], cured: Callable[[AStudy], bool]
 ) -> tuple[Changes, ...]:
     """The changes that the study accepts and that cure it, out of those tried."""
-    return tuple(each for each in tried if each is not None and helps(study, each, cured))
+    return tuple(change for change in tried if change is not None and helps(study, change, cured))
 
 
 def first(study: AStudy, tried: Iterable[Changes], cured: Callable[[AStudy], bool]) -> tuple[Changes, ...]:
     """The first change that cures the study, as a tuple of one or none; the mildest must come first."""
-    return tuple(islice((each for each in tried if helps(study, each, cured)), 1))
+    return tuple(islice((change for change in tried if helps(study, change, cured)), 1))
 
 
 def helps(study: AStudy, change: Changes, cured: Callable[[AStudy], bool]) -> bool:
@@ -48,12 +48,12 @@ def words(change: Changes, within: str = "") -> str:
 
 def either(changes: Iterable[Changes], within: str = "") -> str:
     """The words of several changes, each of which is enough; "" without changes."""
-    return ", or ".join(words(each, within) for each in changes)
+    return ", or ".join(words(change, within) for change in changes)
 
 
 def _words(key: str, value: Any) -> str:
     gains = (
-        [f"{each} = {toml(value[each])}" for each in GAINS if each in value]
+        [f"{gain} = {toml(value[gain])}" for gain in GAINS if gain in value]
         if isinstance(value, dict)
         else []
     )

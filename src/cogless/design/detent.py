@@ -84,8 +84,10 @@ def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) ->
     speeds = abs(omega_m) * np.geomspace(
         1, SPEED_RANGE, 1 + round(math.log(SPEED_RANGE) / math.log(SPEED_STEP))
     )
-    stops = [found is not None and found.stops for found in _swings(study, scenario, feedback, speeds)]
-    last = max((k for k, each in enumerate(stops) if each), default=-1)
+    stops = [
+        swinging is not None and swinging.stops for swinging in _swings(study, scenario, feedback, speeds)
+    ]
+    last = max((k for k, stopped in enumerate(stops) if stopped), default=-1)
     return float(speeds[last + 1]) if last + 1 < len(speeds) else None
 
 

@@ -66,7 +66,7 @@ def slower_proportional(study: Study, name: str, factor: float, crossover: float
         return []
     kp, ki = rules.pi
     quick = [min(ki, share * crossover / factor * kp / factor) for share in CORNER_SHARES]
-    return [rules.by_hand(pi_texts(kp / factor, each)) for each in quick]
+    return [rules.by_hand(pi_texts(kp / factor, integral)) for integral in quick]
 
 
 def weaker_learning(study: Study, name: str, factor: float) -> Changes | None:

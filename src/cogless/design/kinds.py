@@ -14,7 +14,7 @@ from cogless.design import design_table, law_rules, speed_blocks, summary, verdi
 from cogless.design.blocks import Blocks
 from cogless.study import Study, TrialStudy
 from cogless.study.base import Kind
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 
 if TYPE_CHECKING:
     from rich.console import Group

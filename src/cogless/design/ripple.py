@@ -48,7 +48,7 @@ class Sampled:
 
     count: float  # rad
     window: float  # s
-    timed: bool  # from edge to edge
+    timed: bool  # the speed is the time between edges
     intervals: int = 0  # between edges of Hall sensors, over which the speed is the mean; 0: no such sensors
 
     @property
@@ -90,7 +90,7 @@ def sampled(study: Study, scenario: str) -> Sampled | None:
 class Ripple:
     """RMS of the speed about its mean, rad/s, after learning for a given time."""
 
-    without: float  # of the feedback alone
+    without: float  # the ripple that the feedback alone leaves
     learned: float
 
     @property
@@ -109,10 +109,10 @@ def ripple(loop: LearningLoop, duration: float, settled: bool = True) -> Ripple:
     f = np.asarray(n * abs(loop.omega_m) / math.tau)
     periods = max(1.0, duration * loop.periods_per_second)
     feedbacks = (loop.feedback_before, loop.feedback)  # a law may hand its integral over to learning
-    alone, left = (np.abs(responses(loop.plant, feedback, f)[0]) * d for feedback in feedbacks)
+    alone, learned = (np.abs(responses(loop.plant, feedback, f)[0]) * d for feedback in feedbacks)
     if len(f):
-        left = left * (loop.residual(f) if settled else loop.yet(f, periods))
-    before, after = float(np.sum(alone**2)) / 2, float(np.sum(left**2)) / 2
+        learned = learned * (loop.residual(f) if settled else loop.yet(f, periods))
+    before, after = float(np.sum(alone**2)) / 2, float(np.sum(learned**2)) / 2
     source = _sensor(loop)
     if source is not None and not source.timed:
         noise = _noise(loop, source, periods)
@@ -132,9 +132,9 @@ def orders(study: Study, scenario: str, omega_m: float) -> tuple[NDArray[np.intp
     wave = np.pad(wave, (0, max(0, 1 + max(of_sensors) - len(wave))))
     for order, amplitude in of_sensors.items():
         wave[order] = math.hypot(wave[order], amplitude)
-    found = np.flatnonzero(wave > 1e-9 * (1 + wave[0]))
-    found = found[found > 0]
-    return found, wave[found]
+    indices = np.flatnonzero(wave > 1e-9 * (1 + wave[0]))
+    indices = indices[indices > 0]
+    return indices, wave[indices]
 
 
 def sensor_waves(study: Study, current: float) -> dict[int, float]:

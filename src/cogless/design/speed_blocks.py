@@ -87,7 +87,9 @@ def _certified(study: Study, name: str, design: Design) -> str:
 def _times(study: Study, name: str, design: Design) -> str:
     """In which time it settles, at the slowest and the fastest speed that is held; "" if that is unknown."""
     times_held = settling(study, name, design.certificate)
-    times = [f"{_about(each.time)} at {speed_text(study, each.omega_m)}" for each in times_held]
+    times = [
+        f"{_about(held_speed.time)} at {speed_text(study, held_speed.omega_m)}" for held_speed in times_held
+    ]
     if not times:
         return ""
     slower = ", by a model without the inverter's dead time" if loses_voltage(study) else ""

@@ -29,8 +29,7 @@ from cogless.design.trials.model import exponential
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
 from cogless.study.position_sensor import Counted
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 SPEED_RESERVE = 1.2  # speed up to which a loop that is advised is stable / the scenario's top speed

@@ -30,7 +30,7 @@ class Column:
     """A column of metrics. `part`: order, phase from 1, or LAST_TRIAL, of a metric that is a list."""
 
     metric: Metric
-    place: int | None = None  # in the metric's list
+    place: int | None = None  # index of the value if the metric has a list
     part: str = ""
 
     @property

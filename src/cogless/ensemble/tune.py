@@ -110,7 +110,7 @@ class Tuned:
     """The outcome for one subject, judged on fresh variants."""
 
     subject: Subject
-    values: Mapping[str, Any]  # what was found, by key
+    values: Mapping[str, Any]  # the best values by dotted key
     before: Score
     after: Score
     sweep_before: Sweep

@@ -63,7 +63,7 @@ def defined_in() -> dict[str, str]:
 
 
 MANIFEST = "export.json"
-COMPILED = (".o", ".obj", ".d", ".exe", "")  # what compilers leave beside sources
+COMPILED = (".o", ".obj", ".d", ".exe", "")  # endings of files that compilers write beside sources
 
 
 def check(folder: Path) -> None:

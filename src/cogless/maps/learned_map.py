@@ -69,7 +69,7 @@ def memory_of(
         ratio = poles if period == Fraction(1, poles) else 1
     else:
         ratio = 1 if period == 1 else law.ratio(poles)
-    unit = float(np.float32(law.unit)) if study.precision == "single" else law.unit  # as the law has it
+    unit = float(np.float32(law.unit)) if study.precision == "single" else law.unit
     cells = values.shape[1]
     angle = TURN * float(ratio * period) / cells * np.arange(cells)
     names = ("current", "beta", "h")[: len(values)]

@@ -26,10 +26,11 @@ from cogless.design.speed_loop import speed_loop
 from cogless.design.verdict import judged, loop_type, verdict
 from cogless.errors import StudyError
 from cogless.report.comparison import pretty, speed_unit
-from cogless.report.markup import Array, place, plain
+from cogless.report.markup import place, plain
 from cogless.report.panels import errors, in_angle, learned_terms, periods
 from cogless.report.verdicts import EQUAL_DIFFERENCE, called
 from cogless.results import Results, Run
+from cogless.results.trace import Array
 from cogless.study import Study
 from cogless.units import TURN
 

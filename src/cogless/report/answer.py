@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from cogless.control_library import Status
 from cogless.report.comparison import QUANTITIES, Line, pretty, shown_in
-from cogless.report.markup import Array, pack, place, plain, thin
+from cogless.report.markup import pack, place, plain, thin
 from cogless.report.speed_tracking import STATE_TIME_LEAST, spans
 from cogless.report.speed_verdict import Contrast, changed_by, contrast
 from cogless.report.verdicts import Answer, called
 from cogless.results import Results, Run
-from cogless.results.status import Status
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 from cogless.study.base import spoken_unit
 from cogless.study.metric import SIGNAL_DIMENSIONS, Metric
 from cogless.units import factor

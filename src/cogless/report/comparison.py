@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cogless.control_library import Status
 from cogless.design.kinds import DESIGNS
 from cogless.design.law_rules import rules_of
 from cogless.design.ripple import HARMFUL_RATIO
@@ -23,12 +24,11 @@ from cogless.report.panels import travelled, varies
 from cogless.report.speed_tracking import STATE_TIME_LEAST, missed, rows_of, span_of, spans
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import result_name
-from cogless.results.status import Status
 from cogless.results.trace import BLOCK_ROWS
 from cogless.study import Study
 from cogless.study.base import StudyBase, spoken_unit
 from cogless.study.metric import Metric
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 from cogless.units import ANGULAR_SPEED, TURN, factor
 
 
@@ -358,13 +358,22 @@ def lines_of(
 ) -> list[Line]:
     """A metric's lines, one for each (name, order) in `named`."""
     unit, scale = shown_in(study, metric)
-    attributes = metric.frame, metric.wanted, unit
     values = {run.controller: run.metrics[result_name(metric)] for run in runs}
     lines = []
     for place, (name, order) in enumerate(named):
         column = {c: v[place] if isinstance(v, list) else v for c, v in values.items()}
         in_unit = {c: v / scale if v is not None and math.isfinite(v) else None for c, v in column.items()}
-        lines.append(Line(name, metric.kind, metric.signal, order, *attributes, in_unit))
+        line = Line(
+            name=name,
+            kind=metric.kind,
+            signal=metric.signal,
+            order=order,
+            frame=metric.frame,
+            better=metric.wanted,
+            unit=unit,
+            values=in_unit,
+        )
+        lines.append(line)
     return lines
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from functools import partial
@@ -10,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.files import replacing, versions
 from cogless.identify import described
@@ -21,9 +21,8 @@ from cogless.identify.sessions import SESSION_KEYS, sessions
 from cogless.identify.write import shown
 from cogless.report.charts import STYLE, Plot, save
 from cogless.report.markup import asset, note, table
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 
-Array = NDArray[np.float64]
 PICTURE_WIDTH, PICTURE_HEIGHT, PICTURE_EDGE = 720, 200, 46  # px
 PICTURE_POINTS = 700
 
@@ -109,7 +108,7 @@ def _kinds(made: Estimate) -> list[tuple[str, tuple[Wave, ...], float, str]]:
     kinds = (
         ("Cogging", made.cogging, 1e3 * made.K_t, "mN m"),
         ("Ripple of K_t", made.ripple, 100.0, "%"),
-        ("Encoder's error", made.encoder, 180 / np.pi, "deg"),
+        ("Encoder's error", made.encoder, math.degrees(1), "deg"),
     )
     return [kind for kind in kinds if kind[1]]
 

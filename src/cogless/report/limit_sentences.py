@@ -12,8 +12,7 @@ from cogless.results.limits import CAUSES, NAMED_MOST, Cause, Cure, Limits
 from cogless.results.metrics import result_name
 from cogless.study.base import StudyBase
 from cogless.study.messages import dotted, look_up
-from cogless.study.reading import Changes, split
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark, split
 from cogless.study.toml import toml
 
 

@@ -18,9 +18,9 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.results import AnyResults, Run
+from cogless.results.trace import Array
 
 COLOUR_COUNT = 8  # --c0 (the baseline's) to --c7 of report.css
 
@@ -91,9 +91,6 @@ def table(kind: str, about: str, head: str, *bodies: str, attributes: str = "") 
         f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(about)}">'
         f'<table class="{kind}"{attributes}><thead><tr>{head}</tr></thead>{groups}</table></div>'
     )
-
-
-Array = NDArray[np.float64]
 
 
 def thin(x: Array, points: int) -> tuple[Array, float]:

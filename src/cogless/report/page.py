@@ -87,7 +87,7 @@ def _text(value: Any) -> str:
     return str(value)
 
 
-Runs = Sequence[Run]  # of one scenario
+Runs = Sequence[Run]  # all are of one scenario
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Outcome:
     `rows`: a controller and its cells, one for each of `columns`.
     """
 
-    note: str  # what the columns mean
+    note: str  # explains the columns
     columns: Sequence[str]
     rows: Sequence[tuple[str, Sequence[str]]]
 

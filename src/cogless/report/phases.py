@@ -14,10 +14,11 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from cogless.report.comparison import pretty
-from cogless.report.markup import Array, number, rms
+from cogless.report.markup import number, rms
 from cogless.report.verdicts import listed
 from cogless.results import Run
 from cogless.results.metrics import SETTLED_SHARE, result_name
+from cogless.results.trace import Array
 from cogless.study import TrialStudy
 from cogless.study.metric import SIGNAL_DIMENSIONS, Metric
 from cogless.study.trial_study import Change, TrialScenario

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.report.markup import Array, number, place, rms
+from cogless.control_library import NOTICED, SAFE_OUTPUT, Status
+from cogless.report.markup import number, place, rms
 from cogless.report.verdicts import listed
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
 from cogless.results.metrics import window_of
-from cogless.results.status import NOTICED, SAFE_OUTPUT, Status
+from cogless.results.trace import Array
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
 

@@ -48,7 +48,7 @@ from cogless.results import Results, Run
 from cogless.results.metrics import evaluate
 from cogless.study import Study
 from cogless.study.metric import Conditions, Metric
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 from cogless.units import ANGULAR_SPEED, convert, factor
 
 MEASURED = " as measured"  # the end of a line's name

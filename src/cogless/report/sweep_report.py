@@ -18,11 +18,11 @@ from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
 from cogless.report.comparison import pretty
-from cogless.report.markup import DASH, Array, key, note, number, place, plain, reservations, rows, table
+from cogless.report.markup import DASH, key, note, number, place, plain, reservations, rows, table
 from cogless.report.page import Runs, Sections
 from cogless.report.verdicts import Answer, ScenarioVerdict, Told, listed
 from cogless.results import AnyResults, Run
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 from cogless.study.metric import LAST_TRIAL
 
 Repeat = Callable[[list[str], tuple[str, str]], str]  # settings and run to the command that repeats it

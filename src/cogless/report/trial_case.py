@@ -14,17 +14,18 @@ from functools import cached_property
 
 import numpy as np
 
+from cogless.control_library import Status
 from cogless.design.trials.certificate import ModelCertificate
 from cogless.design.trials.gains import TrialDesign
 from cogless.report.comparison import Line
-from cogless.report.markup import DASH, Array, number, rms
+from cogless.report.markup import DASH, number, rms
 from cogless.report.page import Outcome
 from cogless.report.phases import Judged, Phase, judged, phases, rms_of_trials, settled
 from cogless.report.trial_certificate import Model, models
 from cogless.report.verdicts import EQUAL_DIFFERENCE, Contest, over, times
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
-from cogless.results.status import Status
+from cogless.results.trace import Array
 from cogless.study import TrialStudy
 
 ERROR_GROWTH_RATIO = 1.5  # RMS / smallest RMS earlier in the phase; above this learning diverges

@@ -24,7 +24,7 @@ from cogless.design.trials.trial_summary import labelled_notes, matrix_flash, ma
 from cogless.report import trial_certificate
 from cogless.report.charts import TRIAL_PICTURES
 from cogless.report.comparison import Line, lines_of, runs_in, shown_in
-from cogless.report.markup import DASH, Array, headings, note, number, pack, place, rows, table, thin
+from cogless.report.markup import DASH, headings, note, number, pack, place, rows, table, thin
 from cogless.report.page import Runs, Sections
 from cogless.report.phases import (
     ERROR_NAMES,
@@ -42,6 +42,7 @@ from cogless.report.trial_verdict import best_of, verdict
 from cogless.report.verdicts import Answer, change_words, over
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
+from cogless.results.trace import Array
 from cogless.study import TrialStudy
 from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS
 

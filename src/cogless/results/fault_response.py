@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.results.status import NOTICED, SAFE_OUTPUT, Status
+from cogless.control_library import NOTICED, SAFE_OUTPUT, Status
 from cogless.results.trace import Trace
 from cogless.study import Study, for_scenario
 from cogless.study.scenario import Event
@@ -49,13 +49,13 @@ class Response:
     noticed: tuple[str, ...]
     noticed_after: float | None
     safe: float
-    not_learning: float | None  # of a law that learns
+    not_learning: float | None  # None if the law does not learn
     saturated: float
     before: Span | None
     after: Span | None
     ripple_before: float | None
     ripple_after: float | None
-    largest_error: float  # of the speed, rad/s
+    largest_error: float  # rad/s
     largest_current: float | None  # A, length of the current vector
     current_limit: float  # A
 

@@ -204,7 +204,7 @@ def _settle(folder: Path) -> None:
     new, old, link = folder / NEW, folder / OLD, folder / SET
     own = [new, old, *folder.glob(f"{TRIAL}*")]
     for path in own:
-        if path.is_symlink() or path.is_file():  # of no run's making
+        if path.is_symlink() or path.is_file():  # no run writes other things
             path.unlink()
     if link.is_symlink():
         stands, other = (new, old) if os.readlink(link) == NEW else (old, new)

@@ -38,7 +38,7 @@ from cogless.units import ANGLE, ANGULAR_SPEED
 MEAN_SHARE_MOST = 0.05  # of the top reference: a larger mean of the speed error isn't a speed that is held
 MEAN_ERROR = "limits_mean_error"
 SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less leaves nothing to gain
-MOST_SHARE = 0.5  # of the square
+MOST_SHARE = 0.5  # a cause with this share of the square is most of it
 PAIRED_CAUSES = 4  # the largest ones, which are taken away in pairs
 CLEARLY_WORSE = 1.5  # ratio to a metric's value before
 PLANT_TABLES = ("motor", "drive", "mechanics")  # tables that a scenario may override

@@ -22,7 +22,7 @@ from cogless.results import AnyResults, Results, Run
 from cogless.results.runs import RESULTS
 from cogless.results.trace import TraceRoom
 from cogless.run.carry_out import carried_out, carried_out_together
-from cogless.run.plan import Plan, Progress, Stopped, memory_enough, plan
+from cogless.run.plan import Plan, RunProgress, Stopped, memory_enough, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study
 from cogless.study.table import perhaps
@@ -62,7 +62,7 @@ class RunDefect(Exception):  # noqa: N818, it says whose error it is
         self.results = results
 
 
-def simulate(study: AnyStudy, scenario: str, controller: str, progress: Progress | None = None) -> Run:
+def simulate(study: AnyStudy, scenario: str, controller: str, progress: RunProgress | None = None) -> Run:
     """Run one controller in one scenario and compute its metrics.
 
     `progress` is called with the finished share, 0 to 1, about ten times a second. An anti-cogging table is
@@ -299,7 +299,7 @@ def _run(
     designs: Designs,
     scenario: str,
     controller: str,
-    progress: Progress,
+    progress: RunProgress,
     stop: Event,
     room: TraceRoom | None = None,
 ) -> Run:

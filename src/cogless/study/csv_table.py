@@ -28,7 +28,7 @@ from cogless.units import TURN, Dimension
 DECIMAL_POINT_HINT = ", and decimal points in numbers"
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
 VALUE_MOST = 1e9  # largest value in the column's unit: beyond any drive
-COLUMN_NAME = re.compile(r"\s*([^\W\d_]+)")  # in "error [deg]" and "error_deg"
+COLUMN_NAME = re.compile(r"\s*([^\W\d_]+)")  # finds "error" in "error [deg]" and "error_deg"
 BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # speed [rpm]
 
 
@@ -78,10 +78,10 @@ def shown(*cells: str) -> str:
 class Rising:
     """A value along another that rises from line to line, both SI."""
 
-    name: str  # of the value's column
+    name: str  # heading of the value's column
     along: list[float] = field(default_factory=list)
     value: list[float] = field(default_factory=list)
-    line: list[int] = field(default_factory=list)  # of the file, from 1
+    line: list[int] = field(default_factory=list)  # the file's first is 1
 
 
 def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimension]) -> Rising:
@@ -163,7 +163,7 @@ SEAM_RATIO = 3.0
 class OverAngle:
     """A value over one revolution, at rising angles less than a revolution apart."""
 
-    name: str  # of the value's column
+    name: str  # heading of the value's column
     angle: tuple[float, ...]  # rad
     value: tuple[float, ...]  # SI
 

@@ -1,6 +1,7 @@
 """Find and read a study, by file or shipped name, with its datasheet, changes and scenario overrides.
 
-Validate a variant of a study by what changed in it; the rest is taken over.
+A variant of a study is validated by what changed in it; the rest is taken over. A `Remark` is a sentence on a
+study that carries each change which it advises: the tests apply each and run the study again.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ import os
 import re
 import tomllib
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
 from itertools import compress
 from pathlib import Path
@@ -522,3 +523,22 @@ def is_arena(tables: dict[str, Any]) -> bool:
     """Whether a file's tables describe an arena rather than a study."""
     plants = tables.get("plant")
     return "law" in tables and isinstance(plants, dict) and "motor" not in tables
+
+
+@dataclass(frozen=True)
+class Remark:
+    """One line on a study. It begins with the key that it is about."""
+
+    text: str
+    cures: tuple[Changes, ...] = ()  # values by dotted key; each of these changes helps without the others
+
+    def __str__(self) -> str:
+        return self.text
+
+    def about(self, key: str) -> Remark:
+        """The same remark with a key in front."""
+        return replace(self, text=f"{key}: {self.text}")
+
+    def cured(self, study: AStudy) -> Iterator[AStudy]:
+        """The study with one advised change at a time. StudyError: the study refuses the change."""
+        return (changed(study, cure) for cure in self.cures)

@@ -38,8 +38,8 @@ TRANSFER_POINTS = 2000  # frequencies at which that is judged
 def _shares(d: float, z: Complex) -> Complex:
     """V: the law's model of what a delay of d samples makes of its current."""
     if d > 1.5:
-        kept = d / (1 + d)
-        return np.asarray((1 - kept) / (1 - kept / z))
+        pole = d / (1 + d)
+        return np.asarray((1 - pole) / (1 - pole / z))
     m = int(d)
     return np.asarray(z ** -float(m) * (1 - (d - m) + (d - m) / z))
 
@@ -58,14 +58,14 @@ def gamma(loop: SpeedLoop, told: Learner, pi: Gains, w: Real, late: int = 0) -> 
 
 def plants(loop: SpeedLoop) -> list[SpeedLoop]:
     """The plants that an order must converge with: as told, and with what may be wrong."""
-    found = [dataclasses.replace(loop, b=factor * loop.b) for factor in BELIEF_FACTORS]
+    loops = [dataclasses.replace(loop, b=factor * loop.b) for factor in BELIEF_FACTORS]
     if loop.shaft is not None:
         J, J_load = loop.shaft.inertia, loop.shaft.load_inertia
         for factor in BELIEF_FACTORS:
             shaft = dataclasses.replace(loop.shaft, inertia=factor * J)
             b = loop.b * (J + J_load) / (factor * J + J_load)
-            found.append(dataclasses.replace(loop, shaft=shaft, b=b))
-    return found
+            loops.append(dataclasses.replace(loop, shaft=shaft, b=b))
+    return loops
 
 
 def at_speed(loop: SpeedLoop, sector: float, edges: int, omega: float) -> SpeedLoop:
@@ -91,9 +91,9 @@ def held_bands(
             bad |= turned(gamma(plant, told, pi, om / T))
     else:
         for n in told.base * np.arange(1, told.orders + 1):
-            here = (om >= n * speeds[0] * T / 1.05) & (om <= n * speeds[1] * T * 1.05)
+            reached = (om >= n * speeds[0] * T / 1.05) & (om <= n * speeds[1] * T * 1.05)
             for plant in plants(loop):
-                for k in np.flatnonzero(here):
+                for k in np.flatnonzero(reached):
                     w = om[k : k + 1] / T
                     seen = at_speed(plant, sector, edges, float(w[0]) / float(n))
                     bad[k] |= bool(turned(gamma(seen, told, pi, w))[0])
@@ -108,11 +108,11 @@ def turned(found: Complex) -> np.ndarray:
 def _bands(om: Real, bad: np.ndarray) -> list[tuple[float, float]]:
     """Where it is bad, from the last good point before to the first one after."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(int)))
-    found = []
+    bands = []
     for first, after in zip(edges[::2], edges[1::2], strict=True):
         low = float(om[first - 1]) if first else 0.0
-        found.append((low, float(om[after]) if after < len(om) else math.pi))
-    return found
+        bands.append((low, float(om[after]) if after < len(om) else math.pi))
+    return bands
 
 
 def _few(bands: list[tuple[float, float]]) -> tuple[float, ...]:
@@ -125,10 +125,10 @@ def _few(bands: list[tuple[float, float]]) -> tuple[float, ...]:
 
 def is_held(told: Learner, om: Real) -> np.ndarray:
     """Whether orders of these frequencies, rad a sample, are held."""
-    found = np.zeros(np.shape(om), dtype=bool)
+    in_band = np.zeros(np.shape(om), dtype=bool)
     for low, high in zip(told.held[::2], told.held[1::2], strict=True):
-        found |= (om >= low) & (om <= high)
-    return found
+        in_band |= (om >= low) & (om <= high)
+    return in_band
 
 
 def rate_bound(
@@ -140,8 +140,8 @@ def rate_bound(
     which this first is -1. `plant`: Gamma at frequencies in rad a sample, `near`: frequencies in rad/s that
     it should be seen at; without it, all is as the law assumes.
     """
-    beside = np.add.outer(w * T, np.geomspace(1e-4, 0.5, 60) * w[0] * T)
-    om = np.union1d(np.linspace(ORDER_ANGLE_LEAST, math.pi, 6000), np.ravel(beside)) * (1 + 1e-9)
+    neighbours = np.add.outer(w * T, np.geomspace(1e-4, 0.5, 60) * w[0] * T)
+    om = np.union1d(np.linspace(ORDER_ANGLE_LEAST, math.pi, 6000), np.ravel(neighbours)) * (1 + 1e-9)
     if near is not None:
         om = np.union1d(om, near * T)
     om = om[(om < math.pi) & (om > 0)]

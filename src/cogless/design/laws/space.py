@@ -131,8 +131,10 @@ class SpaceSpeedRules(SpaceRules[SpaceSpeed]):
         """k is the PI's kp; learning pauses while the error alone asks for all the current that there is."""
         study, name = self.study, self.name
         k = phase_margin_gains(study, name)[0]
-        given = {"k": k, "eta_bar": study.drive.current_loop.current_limit / k} | numbers_by_hand(study, name)
-        return given | _in_angle(with_numbers(study, name, given), name)
+        values = {"k": k, "eta_bar": study.drive.current_loop.current_limit / k} | numbers_by_hand(
+            study, name
+        )
+        return values | _in_angle(with_numbers(study, name, values), name)
 
 
 class SpacePositionRules(SpaceRules[SpacePosition]):
@@ -157,13 +159,13 @@ class SpacePositionRules(SpaceRules[SpacePosition]):
         slower = {"k_theta": text(k_theta / factor, "1/s"), "k_omega": text(k_omega / factor, "A*s/rad")}
         slower |= {"k_i": text(k_i / factor**2, "A/rad")} if k_i else {}
         key = dotted(("controller", self.name))
-        return {f"{key}.{each}": value for each, value in slower.items()}
+        return {f"{key}.{gain}": value for gain, value in slower.items()}
 
     def auto(self) -> Values:
         """The integral stays beside what is learned: a load may change at any angle."""
         study, name = self.study, self.name
-        given = {"frame": "mechanical", "hand_over": False} | numbers_by_hand(study, name)
-        return given | _in_angle(with_numbers(study, name, given), name)
+        values = {"frame": "mechanical", "hand_over": False} | numbers_by_hand(study, name)
+        return values | _in_angle(with_numbers(study, name, values), name)
 
 
 def _in_angle(study: Study, name: str) -> Values:
@@ -178,8 +180,8 @@ def _in_angle(study: Study, name: str) -> Values:
     unit = list(loops_in_corners(SpaceLoop, with_numbers(study, name, map_ | {"mu_alpha": 1.0}), name))
     f = frequency_grid(unit)
     gain = 1 / max(float(np.max(np.abs(loop.x(f)))) for loop in unit)
-    found = gain_and_filter(study, name, SpaceLoop, gain, lambda gain: map_ | {"mu_alpha": gain})
-    return found | map_ | {"period": {"of": "mechanical"}}
+    values = gain_and_filter(study, name, SpaceLoop, gain, lambda gain: map_ | {"mu_alpha": gain})
+    return values | map_ | {"period": {"of": "mechanical"}}
 
 
 def _above(study: Study, name: str) -> Values:

@@ -153,7 +153,7 @@ class Certificate:
 
     design: ModelCertificate
     exact: ModelCertificate | None
-    discretisation: Discretisation | None  # of the design's models
+    discretisation: Discretisation | None  # the error of the design's sampled models
     samples: int  # random plants
 
     @property
@@ -181,8 +181,8 @@ class Update:
         """The G of F = 1 - K G: the plants' G, or with norm-optimal learning its operator times G."""
         if self.ratio is None or self.nominal is None:
             return G
-        known = Bundle([self.nominal], self.shift)(w)[0]
-        return np.asarray(np.conj(known) / (np.abs(known) ** 2 + self.ratio) * G)
+        model = Bundle([self.nominal], self.shift)(w)[0]
+        return np.asarray(np.conj(model) / (np.abs(model) ** 2 + self.ratio) * G)
 
     @property
     def gain(self) -> float:
@@ -245,8 +245,8 @@ def certify(
             norms=norms,
         )
 
-    held = plant.exact_hull or plant.vertices is plant.exact_vertices
-    same = plant.discretisation == "exact" and held
+    zero_order_hold = plant.exact_hull or plant.vertices is plant.exact_vertices
+    same = plant.discretisation == "exact" and zero_order_hold
     design = of(plant.vertices, plant.labels, random, plant.nominal, plant.exact_nominal is None or same)
     exact = None
     if plant.exact_vertices is not None and plant.exact_nominal is not None and random_exact is not None:

@@ -103,12 +103,12 @@ def enclose(corners: Real, samples: Real) -> Enclosure:
     frame = _frame(corners, np.vstack([corners, samples]))
     base, _ = frame.of(corners)
     inside, rest = frame.of(samples)
-    kept = _vertices(base)
-    base = base[list(kept)]
+    indices = _vertices(base)
+    base = base[list(indices)]
     factor = float(_gauge(base, inside).max(initial=0.0))
     off = float(np.abs(rest).max(initial=0.0))
     if factor <= 1 + INSIDE_TOLERANCE and off <= INSIDE_TOLERANCE:
-        return Enclosure(corners[list(kept)], kept, True, 0.0)
+        return Enclosure(corners[list(indices)], indices, True, 0.0)
     # Directions in which the corners hardly differ get a box: their hull would have to be inflated too far.
     frame = _frame(corners, np.vstack([corners, samples]), THIN_SHARE)
     everything, rest = frame.of(np.vstack([corners, samples]))
@@ -155,15 +155,18 @@ def _polygon(points: Real) -> _Hull:
     order = np.lexsort((points[:, 1], points[:, 0])).tolist()
 
     def chain(indices: list[int]) -> list[int]:
-        found: list[int] = []
+        corners: list[int] = []
         for index in indices:
-            while len(found) > 1:
-                (a, b), (c, d) = points[found[-1]] - points[found[-2]], points[index] - points[found[-2]]
+            while len(corners) > 1:
+                (a, b), (c, d) = (
+                    points[corners[-1]] - points[corners[-2]],
+                    points[index] - points[corners[-2]],
+                )
                 if a * d - b * c > STRAIGHT_AREA:
                     break
-                found.pop()
-            found.append(index)
-        return found[:-1]
+                corners.pop()
+            corners.append(index)
+        return corners[:-1]
 
     ring = np.array(chain(order) + chain(order[::-1]))
     edges = np.roll(points[ring], -1, axis=0) - points[ring]
@@ -390,12 +393,12 @@ def from_vertices(
     if not models:
         raise DesignError("vertex: expected at least one")
     _check_period(period)
-    given = [Model.of(*pair, key=f"vertex {k + 1}") for k, pair in enumerate(models)]
-    sizes = {m.order for m in given}
+    vertices = [Model.of(*pair, key=f"vertex {k + 1}") for k, pair in enumerate(models)]
+    sizes = {m.order for m in vertices}
     if len(sizes) > 1:
         raise DesignError(f"vertex: expected all of one order, not {min(sizes)} and {max(sizes)}")
-    kept = minimal(np.array([m.entries for m in given]))
-    corners = [given[k] for k in kept]
+    indices = minimal(np.array([m.entries for m in vertices]))
+    corners = [vertices[k] for k in indices]
     mean = np.mean([m.entries for m in corners], axis=0)
     how = discretisation if continuous else None
 
@@ -407,9 +410,9 @@ def from_vertices(
         period,
         how,
         draw,
-        labels=[f"vertex {k + 1}" for k in kept],
+        labels=[f"vertex {k + 1}" for k in indices],
         corners=_discrete(corners, period, how),
-        nominal=_discrete([Model.from_entries(mean, given[0].order)], period, how),
+        nominal=_discrete([Model.from_entries(mean, vertices[0].order)], period, how),
         # only for exact sampling: mixtures of discrete or Euler models are always in the corners' hull
         images=draw(np.random.default_rng(0), INSIDE_SAMPLES)[0] if how == "exact" else [],
         image="a mixture of the vertices",
@@ -500,11 +503,11 @@ def _relative_degree(nominal: Model, C: Real, tested: Sequence[tuple[str, Model]
     sign = math.copysign(1.0, markov(nominal.A, nominal.B, C, degree)[-1])
     for label, vertex in tested:
         effects = markov(vertex.A, vertex.B, C, vertex.order)
-        found = first_effect(effects)
-        if found != degree:
+        tested_degree = first_effect(effects)
+        if tested_degree != degree:
             raise DesignError(
                 f"vertex: expected the same relative degree at all vertices; {degree} at the nominal plant, "
-                f"{found or 'none'} at {label}"
+                f"{tested_degree or 'none'} at {label}"
             )
         if math.copysign(1.0, effects[degree - 1]) != sign:
             raise DesignError(

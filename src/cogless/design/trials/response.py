@@ -275,10 +275,10 @@ def _maxima(values: Real) -> NDArray[np.intp]:
     These are the maxima that exceed all values if raised by their height above their lower neighbour.
     """
     around = np.pad(values, ((0, 0), (1, 1)), constant_values=np.nan)
-    left, right = around[:, :-2], around[:, 2:]
-    risen = 2 * values - np.fmin(left, right)
-    found = np.argwhere(~(left > values) & ~(right > values) & (risen > values.max()))
-    return found[np.argsort(risen[tuple(found.T)])[::-1][:MAXIMA_MOST]]
+    before, right = around[:, :-2], around[:, 2:]
+    risen = 2 * values - np.fmin(before, right)
+    maxima = np.argwhere(~(before > values) & ~(right > values) & (risen > values.max()))
+    return maxima[np.argsort(risen[tuple(maxima.T)])[::-1][:MAXIMA_MOST]]
 
 
 TRIALS_TRIED = 80

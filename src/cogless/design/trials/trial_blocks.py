@@ -46,8 +46,8 @@ def _settles(design: TrialDesign) -> str:
     counts = prediction.trials_to_floor
     trials = ", ".join(f"more than {PHASE_TRIALS}" if count is None else f"{count}" for count in counts)
     phases = f" in its {len(counts)} phases" if len(counts) > 1 else ""
-    left = f"at most {100 * prediction.share:.3g} % of the error without learning is left"
-    return f"{answer}; at its floor after {trials} trials{phases}, where {left}"
+    floor = f"at most {100 * prediction.share:.3g} % of the error without learning is left"
+    return f"{answer}; at its floor after {trials} trials{phases}, where {floor}"
 
 
 def why_not(design: TrialDesign) -> str | None:

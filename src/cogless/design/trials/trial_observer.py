@@ -146,24 +146,24 @@ def design_observer(plant: UncertainPlant, pole: float | None, limit: float | No
     feedback = Bundle(loops, 0)(w) + np.array(at_once)[:, None]
 
     def fastest(held: Sequence[ObserverGains]) -> ObserverGains | None:
-        stable = (g for g in reversed(held) if max(g.radius(model, plant.C) for model in models) < 1)
+        stable = (g for g in reversed(candidates) if max(g.radius(model, plant.C) for model in models) < 1)
         return next(stable, None)
 
     # From pole to pole a loop turns unstable only through an unbounded |S|. So of those that keep the bound
     # the fastest is looked at first, and seldom another.
-    held: list[ObserverGains] = []
+    candidates: list[ObserverGains] = []
     for p, from_error in zip(poles, feedback, strict=True):
         g, sensitivity = _best_response(from_error * G, tried)
         if pole is not None or sensitivity <= SENSITIVITY_MOST:
-            held.append(ObserverGains(g, p))
-        elif fastest(held) is not None:
+            candidates.append(ObserverGains(g, p))
+        elif fastest(candidates) is not None:
             break
         else:
-            held = []
-    best = fastest(held)
+            candidates = []
+    best = fastest(candidates)
     if best is not None and pole is None and limit is not None and plant.sensor.step:
-        quiet = [gains for gains in held if input_by_steps(plant, gains) <= QUIET_SHARE * limit]
-        best = fastest(quiet) or fastest(held[:1]) or best
+        quiet = [gains for gains in candidates if input_by_steps(plant, gains) <= QUIET_SHARE * limit]
+        best = fastest(quiet) or fastest(candidates[:1]) or best
     if best is None:
         expected = "expected ranges that the observer's feedback holds as a whole"
         raise DesignError(f"range: {expected}" + ("" if pole is None else f" with pole = {pole:g}"))
@@ -195,8 +195,8 @@ def highest_cutoff(plant: UncertainPlant, gains: ObserverGains, order: int) -> f
     low, high = 1e-3 / plant.period, 0.45 / plant.period
     for _ in range(40):
         middle = 0.5 * (low + high)
-        kept = keeps * butterworth(middle, order, plant.period).gain(w)
-        low, high = (middle, high) if np.max(kept) <= REMAINING_SHARE_MOST else (low, middle)
+        shares = keeps * butterworth(middle, order, plant.period).gain(w)
+        low, high = (middle, high) if np.max(shares) <= REMAINING_SHARE_MOST else (low, middle)
     return low
 
 

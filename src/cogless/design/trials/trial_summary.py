@@ -134,12 +134,12 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
 
 def words(design: TrialDesign) -> str:
     """The certificate's verdict on learning from trial to trial, in one line."""
-    said = []
-    for model, found in _rows(design.certificate):
+    phrases = []
+    for model, certificate in _rows(design.certificate):
         none = "no K_3" if design.no_K_3 else "no learning"
-        does = verdict_words(found.learning) if found.learning else none
-        said.append(f"{model} model: {does if found.stable else 'unstable along the trial'}")
-    return f"from trial to trial, {'; '.join(said)}"
+        does = verdict_words(certificate.learning) if certificate.learning else none
+        phrases.append(f"{model} model: {does if certificate.stable else 'unstable along the trial'}")
+    return f"from trial to trial, {'; '.join(phrases)}"
 
 
 def warnings(design: TrialDesign) -> list[str]:
@@ -333,9 +333,8 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
         Text(f"Note: {note}") for note in (*labelled_notes(study, found.designs), *_large(study, found))
     ]
     legend = Text(LEGEND, style="dim")
-    return Group(
-        Text(plant_words(found.plant)), Text(), gains, Text(), proof, Text(), share, Text(), legend, *lines
-    )
+    tables = (part for table in (gains, proof, share) for part in (table, Text()))
+    return Group(Text(plant_words(found.plant)), Text(), *tables, legend, *lines)
 
 
 def gain_cells(design: TrialDesign) -> tuple[str, ...]:
@@ -394,18 +393,21 @@ def _most_input(design: TrialDesign) -> str:
 
 def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
     rows = list(_rows(certificate))
-    for model, found in rows:
-        plain, filtered = found.without_filter, found.with_filter
+    for model, model_certificate in rows:
+        plain, filtered = model_certificate.without_filter, model_certificate.with_filter
         limit = plain.K_3_limit if plain else None
         yield (
-            f"{model}, decides" if len(rows) > 1 and found is certificate.deciding else model,
-            f"{found.radius:.4f}" + ("" if found.stable else " unstable"),
-            f"{found.delayed_radius:.3f}" + ("" if found.delayed_stable else " unstable"),
+            f"{model}, decides" if len(rows) > 1 and model_certificate is certificate.deciding else model,
+            f"{model_certificate.radius:.4f}" + ("" if model_certificate.stable else " unstable"),
+            f"{model_certificate.delayed_radius:.3f}"
+            + ("" if model_certificate.delayed_stable else " unstable"),
             verdict_words(plain),
             verdict_words(filtered),
-            "-" if found.growth is None else f"{found.growth:.6g}",
-            "-" if found.finite is None else f"{found.finite.norm:.4g}, {found.finite.power:.4g}",
-            "-" if found.finite is None else f"{found.finite.share:.4g}",
+            "-" if model_certificate.growth is None else f"{model_certificate.growth:.6g}",
+            "-"
+            if model_certificate.finite is None
+            else f"{model_certificate.finite.norm:.4g}, {model_certificate.finite.power:.4g}",
+            "-" if model_certificate.finite is None else f"{model_certificate.finite.share:.4g}",
             "-" if limit is None else f"{limit:.4f}" if abs(limit) > NO_GAIN else "none",
         )
 

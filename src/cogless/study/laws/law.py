@@ -466,7 +466,7 @@ class Feedback(Base):
 
 
 MOST_CELLS = 65_535
-LINE_SAMPLES_MOST = 1 << 24  # of a delay line
+LINE_SAMPLES_MOST = 1 << 24  # a delay line is not longer
 FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
 Cells = Annotated[int, Field(ge=4, le=LINE_SAMPLES_MOST)]
 

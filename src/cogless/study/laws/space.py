@@ -286,8 +286,8 @@ class SpacePosition(SpaceLearning):
 
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
-        given = (self.k_theta is not None, self.k_omega is not None)
-        if given not in ((True, True), (False, False)) or all(given) == (self.tuning is not None):
+        has_gains = (self.k_theta is not None, self.k_omega is not None)
+        if has_gains not in ((True, True), (False, False)) or all(has_gains) == (self.tuning is not None):
             rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
             raise invalid(f"expected either k_theta and k_omega or tuning, such as {rule}")
         return self
