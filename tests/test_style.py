@@ -7,9 +7,9 @@ import style
 PLACES_MOST = {
     "constant_with_several_values": 34,
     "number_of_one_word": 74,
-    "vague_local": 443,
+    "vague_local": 174,
     "vague_argument": 181,
-    "vague_function": 146,
+    "vague_function": 63,
     "many_positional_arguments": 9,
     "fragment_of_a_comment": 15,
     "alias_defined_again": 3,

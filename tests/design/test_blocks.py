@@ -16,7 +16,7 @@ from cogless.design.blocks import margin_words
 from cogless.design.closed_loop import Oscillation
 from cogless.design.learning_loop import Worst
 from cogless.design.margins import UNSTABLE, Margins
-from cogless.design.speed_blocks import _about, _settles, speed_blocks
+from cogless.design.speed_blocks import _rounded_time, _settles, speed_blocks
 from cogless.design.summary import design
 from cogless.design.trials.trial_blocks import trial_blocks, why_not
 from cogless.design.trials.trial_summary import summary
@@ -129,7 +129,7 @@ def test_only_what_learns_is_asked_whether_it_settles(uomodri: Study) -> None:
     [(0.234, "0.23 s"), (0.34, "0.3 s"), (1.23, "1.2 s"), (2.4, "2.4 s"), (2.96, "3 s"), (84.0, "80 s")],
 )
 def test_a_time_is_told_as_well_as_it_is_known(time: float, words: str) -> None:
-    assert _about(time) == words
+    assert _rounded_time(time) == words
 
 
 def test_margins_in_words() -> None:

@@ -334,15 +334,15 @@ def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(harmonic, "gamma", gamma)
     told, orders, none = replace(TOLD, held=(8.9e-3, 9.1e-3)), np.array([2.0, 4.0, 6.0, 8.0]), None
-    found = harmonic._at(none, "x", LOOP, told, none, orders, 1.5)
+    found = harmonic._certified_at(none, "x", LOOP, told, none, orders, 1.5)
     assert found == Certified(
         omega_m=1.5, acting=8, gamma=0.3, late=6, held=(6,), rate=5.0, most=7.0, slow=(), swing=0.1
     )
     late["one"][3] = 0.1
-    further = harmonic._at(none, "x", LOOP, told, none, orders, 1.5)
+    further = harmonic._certified_at(none, "x", LOOP, told, none, orders, 1.5)
     assert (further.late, further.most) == (8, None)
     late["other"][0] = -0.1
-    assert harmonic._at(none, "x", LOOP, told, none, orders, 1.5).late == 0
+    assert harmonic._certified_at(none, "x", LOOP, told, none, orders, 1.5).late == 0
 
 
 @pytest.mark.parametrize(

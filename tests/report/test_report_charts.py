@@ -273,24 +273,28 @@ def test_periods_are_chosen_ever_more_sparsely(begun, end, chosen):
 
 def test_a_period_is_on_an_even_grid():
     turns = np.linspace(0.0, 4.0, 4001)
-    assert angle_charts._within(turns, turns**2, 2) == pytest.approx(
+    assert angle_charts._on_angle_grid(turns, turns**2, 2) == pytest.approx(
         (2 + np.arange(361) / 360) ** 2, abs=1e-4
     )
-    assert angle_charts._within(turns, turns, 0) == pytest.approx(np.arange(361) / 360, abs=1e-9)
+    assert angle_charts._on_angle_grid(turns, turns, 0) == pytest.approx(np.arange(361) / 360, abs=1e-9)
 
 
 def test_what_learning_leaves_is_drawn_between_what_is_learned():
     """A loop leaves at each frequency that frequency itself here; its lines are 10 Hz apart, up to 45 Hz."""
     f = np.array([9.0, 10.0, 15.0, 40.0, 41.0])
     loop = SimpleNamespace(periods_per_second=10.0, highest=45.0, orders=None, left=lambda at: at + 0j)
-    assert angle_charts._left(loop, f, 0.0) == pytest.approx([np.nan, 10, 15, 40, np.nan], nan_ok=True)
-    assert angle_charts._left(loop, f, 0.5) == pytest.approx([np.nan, np.nan, 15, 40, 41], nan_ok=True)
+    assert angle_charts._remaining_share(loop, f, 0.0) == pytest.approx(
+        [np.nan, 10, 15, 40, np.nan], nan_ok=True
+    )
+    assert angle_charts._remaining_share(loop, f, 0.5) == pytest.approx(
+        [np.nan, np.nan, 15, 40, 41], nan_ok=True
+    )
     loop.orders = np.array([1.5, 2.0])
-    assert angle_charts._left(loop, f, 0.0) == pytest.approx(
+    assert angle_charts._remaining_share(loop, f, 0.0) == pytest.approx(
         [np.nan, np.nan, 15, np.nan, np.nan], nan_ok=True
     )
     loop.orders = np.zeros(0)
-    assert np.all(np.isnan(angle_charts._left(loop, f, 0.0)))
+    assert np.all(np.isnan(angle_charts._remaining_share(loop, f, 0.0)))
 
 
 @pytest.mark.parametrize(

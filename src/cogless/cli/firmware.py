@@ -107,7 +107,7 @@ def pil(
     """
     from cogless.export.prepared import first_scenario
     from cogless.pil import toolchain
-    from cogless.pil.compare import NAME_COLUMNS, compare, lines
+    from cogless.pil.compare import NAME_COLUMNS, compare, comparison_lines
     from cogless.pil.processor import require
 
     if compiler not in (None, "gcc", "zig"):
@@ -120,7 +120,7 @@ def pil(
     if as_json:
         print(json.dumps(dataclasses.asdict(comparison), indent=2, ensure_ascii=False))
     else:
-        for line in lines(comparison):
+        for line in comparison_lines(comparison):
             print_text(line, others=" " * NAME_COLUMNS)
     print_warnings(loaded, [(where, controller)])
     if comparison.difference is not None:
@@ -154,7 +154,7 @@ def map_(
     The newest map is the one that firmware would load. Exit 2 if none is valid.
     """
     from cogless.maps import stored_map
-    from cogless.maps.stored_map import identity, lines, to_csv
+    from cogless.maps.stored_map import identity, map_lines, to_csv
 
     if motor is not None and output is None:
         raise StudyError("--motor: expected --output too")
@@ -171,4 +171,4 @@ def map_(
     if to_screen:
         print(to_csv(stored), end="")
     else:
-        print_text("\n".join(lines(places, newest)))
+        print_text("\n".join(map_lines(places, newest)))

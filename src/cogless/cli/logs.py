@@ -66,7 +66,7 @@ def identify(
     Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs cannot
     tell is left out, with a sentence on what to record.
     """
-    from cogless.results.folder import held, new_set
+    from cogless.results.folder import locked_folder, new_set
 
     printer = printer_adapter(drive)
     if plan is not None:
@@ -86,7 +86,7 @@ def identify(
 
         study = load(plan, None)
         scripts = script_files(study, drive, drive_config) if drive is not None else {}
-        with held(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
+        with locked_folder(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
             planning.write(study, stage)
             for name, text in scripts.items():
                 (stage / name).write_text(text, "utf-8")
@@ -130,7 +130,7 @@ def identify(
         names += [FRAME_FILE, LAW_FILE.name]
         for line in of_drive.remarks:
             print(line)
-    with held(output, [*names, *(["orders.png"] if plots else [])]):
+    with locked_folder(output, [*names, *(["orders.png"] if plots else [])]):
         with new_console(stderr=True).status("Identifying") as status:
             result = identified(lambda what, share: status.update(f"Identifying: {what}{percent(share)}"))
         with new_set(output) as stage:
@@ -198,9 +198,9 @@ def diagnose(
     _print_remarks((), result.said)
     if output is not None:
         from cogless.report import diagnosed as report
-        from cogless.results.folder import held, new_set
+        from cogless.results.folder import locked_folder, new_set
 
-        with held(output), new_set(output) as stage:
+        with locked_folder(output), new_set(output) as stage:
             (stage / "diagnosis.json").write_text(
                 json.dumps(diagnosis.to_dict(result), indent=2, ensure_ascii=False) + "\n", "utf-8"
             )

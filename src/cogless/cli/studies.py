@@ -63,7 +63,7 @@ def run(
     Ctrl-C and SIGTERM keep the runs that are finished.
     """
     from cogless.design.kinds import DESIGNS
-    from cogless.results.folder import held
+    from cogless.results.folder import locked_folder
     from cogless.run.own_law import no_exit
     from cogless.run.simulate import RunDefect, RunError, run_study, runs_of
 
@@ -85,7 +85,7 @@ def run(
     failures: list[StudyError] = []
     defect: RunDefect | None = None
     place = folder.absolute()  # a law may change the directory
-    with held(place, _names(loaded, pairs, plots, not no_traces, with_page)):
+    with locked_folder(place, _names(loaded, pairs, plots, not no_traces, with_page)):
         with run_progress(run_count) as progress, no_exit():
             try:
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=place)
@@ -182,12 +182,12 @@ def _arena(study: str, changes: list[str] | None) -> Arena | None:
 def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, find_limits: bool) -> None:
     from cogless.ensemble import arena_scores
     from cogless.ensemble.arena import chosen, run_arena
-    from cogless.results.folder import held, new_set
+    from cogless.results.folder import locked_folder, new_set
     from cogless.run.own_law import no_exit
 
     plants = len(chosen(arena, only))
     place = folder.absolute()  # a law may change the directory
-    with held(place, ["results.json"]):
+    with locked_folder(place, ["results.json"]):
         with new_bar() as bar, no_exit():
             task = bar.add_task("", total=plants)
             results = run_arena(

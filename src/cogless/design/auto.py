@@ -136,14 +136,14 @@ def _filter(
     best = None
     for width in _widths(list(loops_in_corners(kind, with_numbers(study, name, values), name)), fixed):
         tried = values | {"q_half_width": width}
-        share = _left(study, name, kind, tried)
+        share = _ripple_share(study, name, kind, tried)
         if best is not None and share >= best[0]:
             break
         best = (share, tried)
     return best
 
 
-def _left(study: Study, name: str, kind: type[LearningLoop], values: Values) -> float:
+def _ripple_share(study: Study, name: str, kind: type[LearningLoop], values: Values) -> float:
     """Predicted ripple after LEARNING_TURNS turns / the feedback's ripple, as the mean over scenarios."""
     tried, ratios = with_numbers(study, name, values), []
     for key in scenarios_tuned_for(study, name):

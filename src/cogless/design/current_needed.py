@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
-from cogless.design.changes import either, helping, text
+from cogless.design.changes import either, helping, unit_text
 from cogless.design.closed_loop import Linear
 from cogless.study import Study, for_scenario
 from cogless.study.motion import course
@@ -85,6 +85,6 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
         other_limit = for_scenario(other, scenario).drive.current_loop.current_limit
         return needed(other, scenario).most <= other_limit
 
-    more: Changes = {"drive.current_loop.current_limit": text(CURRENT_RESERVE * needs.most, "A")}
+    more: Changes = {"drive.current_loop.current_limit": unit_text(CURRENT_RESERVE * needs.most, "A")}
     cures = helping(study, (more,), cured)
     return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)

@@ -90,7 +90,7 @@ def _trial_figures(study: TrialStudy, scenario: str, controller: str) -> tuple[d
     from cogless.design.trials import trial_summary
 
     design = _trial_designs(study, [(scenario, controller)])[scenario, controller]
-    return trial_summary.design_dict(design), trial_summary.words(design)
+    return trial_summary.design_dict(design), trial_summary.verdict_line(design)
 
 
 def _trial_warnings(study: TrialStudy, scenario: str, name: str) -> list[Remark]:

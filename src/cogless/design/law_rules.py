@@ -16,7 +16,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, Generic, TypeVar, cast
 
-from cogless.design.changes import text
+from cogless.design.changes import unit_text
 from cogless.design.closed_loop import Linear, oscillation, position_margins
 from cogless.design.margins import Margins
 from cogless.design.speed_loop import gains, speed_loop
@@ -187,7 +187,7 @@ class FeedbackRules(LawRules[F], Generic[F]):
 
 def pi_texts(kp: float, ki: float) -> dict[str, str]:
     """The keys of a PI's gains, A*s/rad and A/rad, in the study's notation."""
-    return {"kp": text(kp, "A*s/rad"), "ki": text(ki, "A/rad")}
+    return {"kp": unit_text(kp, "A*s/rad"), "ki": unit_text(ki, "A/rad")}
 
 
 def rules_of(study: Study, name: str) -> LawRules[Any]:

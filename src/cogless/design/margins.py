@@ -75,8 +75,8 @@ def _crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tupl
     if not len(crossings):
         return math.nan, complex(math.nan)
     k = crossings[np.argmin(np.abs(np.angle(-L[crossings])))]
-    at = root(lambda w: abs(_at(response, w)) - 1, w[k], w[k + 1])
-    return at, _at(response, at)
+    at = root(lambda w: abs(_value_at(response, w)) - 1, w[k], w[k + 1])
+    return at, _value_at(response, at)
 
 
 def _phase_crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tuple[float, complex]:
@@ -93,11 +93,11 @@ def _phase_crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -
     k = crossings[inside][np.argmin(real[inside])]
     if k == len(L) - 1:
         return float(w[-1]), complex(L[-1])
-    at = root(lambda w: _at(response, w).imag, w[k], w[k + 1])
-    return at, _at(response, at)
+    at = root(lambda w: _value_at(response, w).imag, w[k], w[k + 1])
+    return at, _value_at(response, at)
 
 
-def _at(response: Callable[[Real], Complex], w: float) -> complex:
+def _value_at(response: Callable[[Real], Complex], w: float) -> complex:
     return complex(response(np.array([w]))[0])
 
 

@@ -47,14 +47,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cogless.design.changes import either, first, helps, text
+from cogless.design.changes import either, first, helps, unit_text
 from cogless.design.margins import FREQUENCY_POINTS, UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.trials.model import exponential
 from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.drive import IdealCurrentLoop
 from cogless.study.laws.law import Tuning
-from cogless.study.messages import dotted, shown
+from cogless.study.messages import dotted, toml_text
 from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
 from cogless.units import TURN, unit_of
@@ -157,7 +157,7 @@ def tuned(study: Study, name: str, rule: Callable[[Study], Tuned]) -> Tuned:
 
 def _too_weak(study: Study, what: str) -> StudyError:
     table, key = study.source.tables["drive"]["current_loop"], "drive.current_loop"
-    wrong = " and ".join(f"{key}.{gain}: {shown(table[gain])}" for gain in _present(study))
+    wrong = " and ".join(f"{key}.{gain}: {toml_text(table[gain])}" for gain in _present(study))
     expected = f"expected {math.degrees(PHASE_MARGIN_LEAST):.0f} deg of phase margin or more {what}"
     cures = gentler_loop(study)
     way = f"; {either(cures, key)} would do" if cures else ""
@@ -169,7 +169,7 @@ def gentler_loop(study: Study) -> tuple[Changes, ...]:
 
     It divides the gains, or puts a bandwidth in their place.
     """
-    bandwidth = text(RATE_SHARE * study.drive.rates.current_loop, "Hz")
+    bandwidth = unit_text(RATE_SHARE * study.drive.rates.current_loop, "Hz")
     others = [f"drive.current_loop.{key}" for key in _present(study) if key != "bandwidth"]
     slower = [*slower_loop(study), {"drive.current_loop.bandwidth": bandwidth, **dict.fromkeys(others)}]
     return first(study, slower, lambda other: not _weak(other))
@@ -224,9 +224,9 @@ def _faster(study: Study) -> Iterator[list[Changes]]:
         ]
     if isinstance(sensor, Counted) and sensor.observer_bandwidth:
         key, value = "drive.position_sensor.observer_bandwidth", sensor.observer_bandwidth
-        yield [{key: text(value * up, "Hz")} for up in FASTER_FACTORS]
+        yield [{key: unit_text(value * up, "Hz")} for up in FASTER_FACTORS]
     if drive.speed_filter:
-        yield [{"drive.speed_filter": text(drive.speed_filter * up, "Hz")} for up in FASTER_FACTORS]
+        yield [{"drive.speed_filter": unit_text(drive.speed_filter * up, "Hz")} for up in FASTER_FACTORS]
     if isinstance(sensor, Counted) and sensor.speed_method == "average":
         key, window = "drive.position_sensor.window", sensor.window
         yield [{key: max(1, int(window / up))} for up in FASTER_FACTORS if window > 1]

@@ -115,7 +115,7 @@ def map_warning(study: Study, name: str) -> Remark | None:
     assert law is not None
     has = f"cells = {law.cells} is {cells:.3g} in a wave of order {order} (mechanical)"
     width = 2 * law.q_half_width + 1
-    lost = 100 * (1 - kept(cells, law.q_half_width))
+    lost = 100 * (1 - share_kept(cells, law.q_half_width))
     if cells < WAVE_CELLS_LEAST:
         does = "which such a map can't hold"
     elif law.q_half_width == 0:
@@ -156,7 +156,7 @@ def _settles(study: Study, name: str) -> bool:
     return verdict is not None and verdict.kind == "settles"
 
 
-def kept(cells: float, half_width: int) -> float:
+def share_kept(cells: float, half_width: int) -> float:
     """The share of a wave that a map with a Q filter keeps in a period; the wave is `cells` cells long."""
     width = 2 * half_width + 1
     filtered = np.sinc(width / cells) / np.sinc(1 / cells)

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from cogless import units
 from cogless.design.angle_functions import angle_functions
-from cogless.design.changes import either, first, helping, helps, text, words
+from cogless.design.changes import change_words, either, first, helping, helps, unit_text
 from cogless.design.closed_loop import Oscillation, oscillation, position_margins
 from cogless.design.detent import STALLING_RATIO, snaps, swing
 from cogless.design.gentler import TRIED_HALVINGS, finer_sensor, slower_feedback, weaker_learning
@@ -314,13 +314,13 @@ def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
         low = found.passing.least if found.passing else OMEGA_MIN_MARGIN * found.omega_m
         least = (low * OMEGA_MIN_MARGIN**n for n in range(TRIED_HALVINGS))
         rests: list[Changes] = [
-            {f"{key}.omega_min": text(omega_min, "rad/s")} for omega_min in least if omega_min < top
+            {f"{key}.omega_min": unit_text(omega_min, "rad/s")} for omega_min in least if omega_min < top
         ]
         cures += first(study, rests, cured)
     if cures:
         return Remark(f"{either(cures, key)} repairs it", cures)
     best = _weaker(study, name)
-    return None if best is None else Remark(f"{words(best, key)} repairs it", (best,))
+    return None if best is None else Remark(f"{change_words(best, key)} repairs it", (best,))
 
 
 def _weaker(study: Study, name: str) -> Changes | None:
@@ -383,7 +383,7 @@ def steadier(study: Study, name: str) -> Remark | None:
     for n in range(1, 2 * TRIED_HALVINGS):
         slower = slower_feedback(study, name, 2.0 ** (n / 2))
         if slower is not None and helps(study, slower, lambda other: _stable(other, name)):
-            return Remark(f"{words(slower, dotted(('controller', name)))} steadies it", (slower,))
+            return Remark(f"{change_words(slower, dotted(('controller', name)))} steadies it", (slower,))
     return None
 
 
@@ -418,7 +418,7 @@ def _verdict(study: Study, name: str) -> Verdict | None:
         unit=spoken_unit(study, ANGULAR_SPEED),
     )
 
-    def of(at: _At, **more: Any) -> Verdict:
+    def verdict_at(at: _At, **more: Any) -> Verdict:
         scenario = at.loop.scenario if len(plants) > 1 else None
         return replace(base, omega_m=at.loop.omega_m, scenario=scenario, **more)
 
@@ -432,7 +432,7 @@ def _verdict(study: Study, name: str) -> Verdict | None:
         grow = [(at, unstable) for at in points if (unstable := growing(at)) is not None]
         if grow:
             at, fastest = max(grow, key=lambda pair: pair[1].rate)
-            return of(at, kind=kind, unstable=fastest)
+            return verdict_at(at, kind=kind, unstable=fastest)
     snapping = next((why for motion in motions if (why := motion.snapping) is not None), None)
     if snapping is not None:
         return replace(base, kind="not judged", doubts=(Remark(snapping),), passing=None)
@@ -440,14 +440,14 @@ def _verdict(study: Study, name: str) -> Verdict | None:
     if most.worst.factor <= FACTOR_MOST:
         loud, ratio = max(((m, m.ratio) for m in motions if m.judged), key=lambda pair: pair[1])
         most = loud.loudest if ratio > HARMFUL_RATIO else most
-        return of(most, worst=most.worst, ratio=ratio)
+        return verdict_at(most, worst=most.worst, ratio=ratio)
     learning = [motion for motion in motions if motion.judged]
     means = [_mean(motion.judged) for motion in learning]
     mean = max(means, key=lambda m: m.factor)
     sure_of = [mean.sure and not motion.frozen for mean, motion in zip(means, learning, strict=True)]
     kind = "grows" if any(sure_of) and not base.doubts else "may grow"
     range_mean = mean if kind == "grows" and mean.highest > mean.lowest else None
-    return of(most, kind=kind, worst=most.worst, mean=range_mean, repair=_repair(points))
+    return verdict_at(most, kind=kind, worst=most.worst, mean=range_mean, repair=_repair(points))
 
 
 def loop_type(study: Study, name: str) -> type[LearningLoop] | None:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cogless.design import verdict as learning
-from cogless.design.changes import either, first, helping, text
+from cogless.design.changes import either, first, helping, unit_text
 from cogless.design.closed_loop import Linear, position_margins
 from cogless.design.current_needed import starts_after, too_much_current
 from cogless.design.detent import snaps, swing, turns_from
@@ -75,7 +75,7 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
 
     A law that begins with a learned map does not depend on its feedback alone, and gets no warning.
     """
-    law, omega = study.controller[name], held(study, scenario)
+    law, omega = study.controller[name], slowest_held_speed(study, scenario)
     if (law.learned and not law.learns) or law.begins_with is not None:
         return None
     feedback = feedback_of(study, name, omega)
@@ -89,7 +89,7 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
     if begins is None:
         return Remark(sentence)
     turns = f"{sentence}; from {speed_text(study, SPEED_RESERVE * begins, 2)} on it turns"
-    cure: Changes = {dotted(("scenario", scenario, "reference")): text(SPEED_RESERVE * begins, "rad/s")}
+    cure: Changes = {dotted(("scenario", scenario, "reference")): unit_text(SPEED_RESERVE * begins, "rad/s")}
     return Remark(turns, (cure,) if study.scenario[scenario].reference.kind == "constant" else ())
 
 
@@ -166,7 +166,7 @@ class _Edges:
 
 def _edges(study: Study, name: str, scenario: str) -> _Edges | None:
     """The edges that a controller gets; None without edges, at rest, or if no loop is stable."""
-    omega, loop = held(study, scenario), speed_loop(study, scenario)
+    omega, loop = slowest_held_speed(study, scenario), speed_loop(study, scenario)
     source, feedback = sampled(study, scenario), feedback_of(study, name, omega)
     if not omega or source is None or feedback is None:
         return None
@@ -240,7 +240,7 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
     The warning advises to time the edges if each controller of the scenario then leaves less ripple. Timed
     edges leave more where they come so late that their delay takes the loop's phase margin.
     """
-    omega, source = held(study, scenario), sampled(study, scenario)
+    omega, source = slowest_held_speed(study, scenario), sampled(study, scenario)
     sensor = for_scenario(study, scenario).drive.position_sensor
     if not (omega and source and isinstance(sensor, Counted)) or sensor.speed_method not in ("M", "average"):
         return None
@@ -262,7 +262,7 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
     return Remark(f"{reads}; {either(cures)} times the edges" if cures else reads, cures)
 
 
-def held(study: Study, scenario: str) -> float:
+def slowest_held_speed(study: Study, scenario: str) -> float:
     """The slowest speed at which a scenario's reference spends some time, rad/s; 0 if it stands still.
 
     Within a count of where the reference stops or turns back, the sensor sees no motion: that counts as rest.

@@ -57,7 +57,7 @@ class ArenaPlant(Table):
         return dotted_keys(changes, lambda key, value: isinstance(value, dict))
 
     @model_validator(mode="after")
-    def _within(self) -> Self:
+    def _check_window(self) -> Self:
         if self.window > self.learn:
             raise invalid("expected a time within learn", "window")
         return self

@@ -100,7 +100,7 @@ class Search:
         return list(self.study.get_trials(deepcopy=False, states=(self._states.COMPLETE,)))
 
 
-def text(study: AnyStudy, changes: Mapping[str, Any], folder: Path, about: str) -> str:
+def study_file_text(study: AnyStudy, changes: Mapping[str, Any], folder: Path, about: str) -> str:
     """The file of a study with changes, by dotted key. `about`: a comment for its top.
 
     Files that it names beside itself are named from `folder`, where it is to stand.

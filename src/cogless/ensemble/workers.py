@@ -58,7 +58,7 @@ class Workers:
             broken.shutdown(wait=False)
 
 
-def given(executor: Executor) -> Workers:
+def executor_workers(executor: Executor) -> Workers:
     """The workers of a caller's executor, which stays open."""
     most = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
     return Workers(lambda: executor, lambda: most)

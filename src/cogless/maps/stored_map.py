@@ -270,7 +270,7 @@ def _write_sizes() -> tuple[int, ...]:
 HEX_BASE = 16
 
 
-def lines(maps: list[Found], newest: Valid) -> list[str]:
+def map_lines(maps: list[Found], newest: Valid) -> list[str]:
     """Lines about every map that was found; the newest one in detail."""
     text = []
     for place in maps:
@@ -279,13 +279,13 @@ def lines(maps: list[Found], newest: Valid) -> list[str]:
             text.append(f"{where}{place.map}")
         elif place.offset == newest.offset:
             text.append(f"{where}a valid map{', the newest' if len(maps) > 1 else ''}")
-            text += [f"  {name:<26}{value}" for name, value in rows(place.map)]
+            text += [f"  {name:<26}{value}" for name, value in map_rows(place.map)]
         else:
             text.append(f"{where}a valid map, save {place.map.sequence}")
     return text
 
 
-def rows(stored: StoredMap) -> list[tuple[str, str]]:
+def map_rows(stored: StoredMap) -> list[tuple[str, str]]:
     """Name and value of the map's header fields, then a row for each channel."""
     facts = [
         ("learned by", stored.law_name),

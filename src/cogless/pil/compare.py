@@ -207,7 +207,7 @@ def _instructions(counts: Any) -> Instructions:
 NAME_COLUMNS = 18  # before the values in `lines`
 
 
-def lines(comparison: Comparison) -> list[str]:
+def comparison_lines(comparison: Comparison) -> list[str]:
     """Lines that `cogless pil` prints."""
     rows = [
         ("result", "every output and what was learned: bit for bit equal"),

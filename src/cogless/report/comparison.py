@@ -38,12 +38,12 @@ def unlearned(results: Results, run: Run) -> str | None:
     This is judged by the angle turned since the status first showed that learning wasn't frozen.
     """
     stop = BLOCK_ROWS
-    while (why := _within(results, run, slice(0, stop))) and stop < len(run.trace):
+    while (why := _reason_in_rows(results, run, slice(0, stop))) and stop < len(run.trace):
         stop *= 4  # what is enough at the beginning stays enough
     return why
 
 
-def _within(results: Results, run: Run, rows: slice) -> str | None:
+def _reason_in_rows(results: Results, run: Run, rows: slice) -> str | None:
     """The reason by these rows, which begin with the run."""
     study, name, trace = results.study, run.controller, run.trace
     law, revolutions = rules_of(study, name).memory, revolutions_learned(study, name)

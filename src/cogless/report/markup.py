@@ -74,7 +74,7 @@ def headings(results: AnyResults, controllers: Iterable[str]) -> str:
     return "".join(f"<th>{escape(results.study.label(c))}{marks.get(c, '')}</th>" for c in controllers)
 
 
-def rows(lines: Iterable[tuple[str, str]]) -> str:
+def table_rows(lines: Iterable[tuple[str, str]]) -> str:
     """HTML rows of a table from pairs: a heading as text, and the row's cells as HTML."""
     return "".join(f"<tr><th>{escape(heading)}</th>{cells}</tr>" for heading, cells in lines)
 

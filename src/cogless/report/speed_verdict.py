@@ -40,7 +40,7 @@ from cogless.report.verdicts import (
     ScenarioVerdict,
     change_words,
     listed,
-    over,
+    ratio,
     times,
     worst,
 )
@@ -161,7 +161,7 @@ class _Case(Contest):
 
     def against(self, controller: str, other: str) -> float:
         """A controller's value divided by another's; infinite if only the other's is zero."""
-        return over(self.line.values[controller] or 0.0, self.line.values[other] or 0.0)
+        return ratio(self.line.values[controller] or 0.0, self.line.values[other] or 0.0)
 
     def learns(self, controller: str) -> bool:
         return super().learns(controller) and controller not in self.line.unlearned
@@ -226,7 +226,7 @@ def changed_by(pair: Contrast) -> str:
     values = [pair.line.values[name] for name in (before, after)]
     if before in pair.line.missed or any(value is None for value in values):
         return ""
-    return change_words(over(abs(values[1] or 0.0), abs(values[0] or 0.0)))
+    return change_words(ratio(abs(values[1] or 0.0), abs(values[0] or 0.0)))
 
 
 def _seen_case(results: Results, runs: Sequence[Run]) -> _Case | None:

@@ -18,7 +18,7 @@ from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
 from cogless.report.comparison import pretty
-from cogless.report.markup import DASH, key, note, number, place, plain, reservations, rows, table
+from cogless.report.markup import DASH, key, note, number, place, plain, reservations, table, table_rows
 from cogless.report.page import Runs, Sections
 from cogless.report.verdicts import Answer, ScenarioVerdict, Told, listed
 from cogless.results import AnyResults, Run
@@ -51,10 +51,10 @@ def write(sweep: Sweep, path: Path, repeat: Repeat) -> list[str]:
     results = SweepResults(sweep.study, runs, sweep=sweep, repeat=repeat)
     with replacing(path) as temporary:
         temporary.write_text(page.render(results, SWEEP), encoding="utf-8")
-    return _lines(results)
+    return _verdict_lines(results)
 
 
-def _lines(results: SweepResults) -> list[str]:
+def _verdict_lines(results: SweepResults) -> list[str]:
     texts: list[str] = []
     for verdict in page.verdicts(results, SWEEP):
         texts.append(f"{verdict.scenario}: {verdict.headline}")
@@ -133,7 +133,7 @@ def _heading(column: Column) -> str:
     bound = (
         ""
         if limit is None
-        else f", {'at least' if column.metric.wanted == 'higher' else 'at most'} {_text(column, limit)}"
+        else f", {'at least' if column.metric.wanted == 'higher' else 'at most'} {_value_text(column, limit)}"
     )
     return f"{_name(column)}{bound}"
 
@@ -144,8 +144,10 @@ def _sentence(spread: Spread) -> str:
         low, high = spread.interval
         parts.append(f"{_percent(spread.within)} keep it (95 % sure: {_percent(low)} to {_percent(high)})")
     column = spread.column
-    parts.append(f"half at {_text(column, spread.median)} or better, 95 % at {_text(column, spread.edge)}")
-    parts.append(f"worst {_text(column, spread.worst_value)} (variant {spread.worst})")
+    parts.append(
+        f"half at {_value_text(column, spread.median)} or better, 95 % at {_value_text(column, spread.edge)}"
+    )
+    parts.append(f"worst {_value_text(column, spread.worst_value)} (variant {spread.worst})")
     return "; ".join(parts)
 
 
@@ -170,7 +172,7 @@ def _answer(results: SweepResults, runs: Runs) -> Answer | None:
     ranked = sorted(groups[0], key=lambda s: -s.median if higher else s.median)
     best_other = [s for s in ranked if s.pair[1] != base][:1]
     pair = [*(s for s in ranked if s.pair[1] == base), *best_other]
-    figures = [(s.pair[1], "", _text(column, s.median)) for s in pair]
+    figures = [(s.pair[1], "", _value_text(column, s.median)) for s in pair]
     return Answer(
         figures, "", f"{_name(column)}: half of {sweep.ensemble.count} variants are at this or better"
     )
@@ -195,9 +197,9 @@ def _spread_table(results: SweepResults, runs: Runs, groups: Sequence[Sequence[S
     for group in groups:
         column = group[0].column
         lines = [
-            ("median", [_text(column, s.median) for s in group]),
-            ("95 % of variants", [_text(column, s.edge) for s in group]),
-            ("worst", [_text(column, s.worst_value) for s in group]),
+            ("median", [_value_text(column, s.median) for s in group]),
+            ("95 % of variants", [_value_text(column, s.edge) for s in group]),
+            ("worst", [_value_text(column, s.worst_value) for s in group]),
         ]
         if column.metric.limit is not None:
             lines.insert(0, ("share that keeps the limit", [_percent(s.within or 0.0) for s in group]))
@@ -206,7 +208,8 @@ def _spread_table(results: SweepResults, runs: Runs, groups: Sequence[Sequence[S
         cells = "".join("<td></td>" for _ in group)
         heading = f"<tr><th><strong>{escape(_heading(column))}</strong></th>{cells}</tr>"
         bodies.append(
-            heading + rows((name, "".join(f"<td>{escape(v)}</td>" for v in values)) for name, values in lines)
+            heading
+            + table_rows((name, "".join(f"<td>{escape(v)}</td>" for v in values)) for name, values in lines)
         )
     head = "<th></th>" + "".join(f"<th>{key(results, run.controller)}</th>" for run in runs)
     return table("numbers", f"Spread in {runs[0].scenario}", head, *bodies)
@@ -219,7 +222,7 @@ def _worst_table(results: SweepResults, groups: Sequence[Sequence[Spread]]) -> s
             command = results.repeat(judge.settings(results.of, s.worst, s.pair[0]), s.pair)
             body += (
                 f"<tr><th>{escape(_name(s.column))}</th><td>{key(results, s.pair[1])}</td>"
-                f"<td>{escape(_text(s.column, s.worst_value))}</td>"
+                f"<td>{escape(_value_text(s.column, s.worst_value))}</td>"
                 f"<td><code>{escape(command)}</code></td></tr>"
             )
     head = "<th>Metric</th><th>Controller</th><th>Worst</th><th>Command that repeats it</th>"
@@ -230,7 +233,7 @@ def _influence_table(results: SweepResults, runs: Runs, column: Column) -> str:
     columns = _influences(results.of, runs, column)
     if not columns or not columns[0]:
         return ""
-    body = rows(
+    body = table_rows(
         (one[0].key, "".join(f"<td>{_figure(i.rank)}</td><td>{_figure(i.first)}</td>" for i in one))
         for one in zip(*columns, strict=True)
     )
@@ -278,7 +281,7 @@ def _charts(results: SweepResults, runs: Runs) -> dict[str, Any]:
     }
 
 
-def _shown(sweep: Sweep, run: Run, column: Column) -> Array:
+def _values_in_unit(sweep: Sweep, run: Run, column: Column) -> Array:
     """A metric of each variant, in the unit that the study shows it in."""
     index, at = list(sweep.columns).index(column), list(sweep.pairs).index((run.scenario, run.controller))
     return np.asarray(sweep.values[:, at, index] / _factor(column))
@@ -288,7 +291,7 @@ def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str
     shares = np.linspace(0, 100, min(PLOT_POINTS, results.of.ensemble.count))
     series = []
     for run in runs:
-        values = _shown(results.of, run, column)
+        values = _values_in_unit(results.of, run, column)
         values = np.sort(values)[
             :: -1 if column.metric.wanted == "higher" else 1
         ]  # NaN is sorted last, or first
@@ -296,7 +299,7 @@ def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str
         at = np.rint(shares / 100 * (len(values) - 1)).astype(int)
         series.append({"controller": place(results, run), "values": plain(values[at])})
     return {
-        **_about(column),
+        **_column_data(column),
         "title": f"{_name(column)}: share of variants",
         "x": "share of variants that are no worse (%)",
         "xs": plain(shares),
@@ -318,14 +321,14 @@ def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str
         series = [
             {
                 "controller": place(results, run),
-                "values": plain(_shown(sweep, run, column)[:PLOT_POINTS][order]),
+                "values": plain(_values_in_unit(sweep, run, column)[:PLOT_POINTS][order]),
             }
             for run in runs
         ]
         unit = f" ({pretty(axis.unit)})" if axis.unit else ""
         charts.append(
             {
-                **_about(column),
+                **_column_data(column),
                 "title": f"{_name(column)} over {name}",
                 "x": f"{name}{unit}",
                 "xs": plain(x[order]),
@@ -335,7 +338,7 @@ def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str
     return charts
 
 
-def _about(column: Column) -> dict[str, Any]:
+def _column_data(column: Column) -> dict[str, Any]:
     limit = column.metric.limit
     return {
         "quantity": _name(column),
@@ -365,7 +368,7 @@ def _factor(column: Column) -> float:
     return units.factor(_unit(column), column.metric.dimension) if _unit(column) else 1.0
 
 
-def _text(column: Column, value: float) -> str:
+def _value_text(column: Column, value: float) -> str:
     if not math.isfinite(value):
         return "never"
     return f"{number(value / _factor(column))} {pretty(_unit(column))}".rstrip()

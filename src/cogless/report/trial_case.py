@@ -22,7 +22,7 @@ from cogless.report.markup import DASH, number, rms
 from cogless.report.page import Outcome
 from cogless.report.phases import Judged, Phase, judged, phases, rms_of_trials, settled
 from cogless.report.trial_certificate import Model, models
-from cogless.report.verdicts import EQUAL_DIFFERENCE, Contest, over, times
+from cogless.report.verdicts import EQUAL_DIFFERENCE, Contest, ratio, times
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
 from cogless.results.trace import Array
@@ -77,7 +77,7 @@ class Case(Contest):
     def above_feedback(self, controller: str) -> tuple[Phase, float, float] | None:
         """The phase that ends furthest above the controller's own feedback, and both values; None if none
         does."""
-        return max(self.all_above_feedback(controller), key=lambda end: over(*end[1:]), default=None)
+        return max(self.all_above_feedback(controller), key=lambda end: ratio(*end[1:]), default=None)
 
     def all_above_feedback(self, controller: str) -> list[tuple[Phase, float, float]]:
         """The phases that end above the controller's own feedback, and both values.
@@ -313,7 +313,7 @@ def than(value: float, other: float) -> str:
         return DASH
     if same_size(value, other):
         return "as much"
-    return f"{times(over(value, other))} more" if value > other else f"{times(over(other, value))} less"
+    return f"{times(ratio(value, other))} more" if value > other else f"{times(ratio(other, value))} less"
 
 
 def same_size(value: float, other: float) -> bool:

@@ -30,7 +30,7 @@ DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager
-def held(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
+def locked_folder(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
     """Make the folder if it's missing, and keep other runs out of it. `names`: of the set's files to come.
 
     What a killed run has left is cleaned first. StudyError: it can't be written, no file of such a name can

@@ -177,7 +177,7 @@ class _Tries:
         }
         self._tried |= {key: {} for key in new}
         for key, run in zip(studies, self._runs([*studies.values()]), strict=True):
-            if run is not None and self._held(run.metrics):
+            if run is not None and self._holds_speed(run.metrics):
                 self._tried[key] = run.metrics
         return [self._tried[repr(changes)] for changes in of]
 
@@ -273,7 +273,7 @@ class _Tries:
         except StudyError:
             return None
 
-    def _held(self, metrics: Mapping[str, Value]) -> bool:
+    def _holds_speed(self, metrics: Mapping[str, Value]) -> bool:
         experiment = self._study.scenario[self._run.scenario]
         begin, end = self._metric.span(experiment.duration) or (0.0, experiment.duration)
         if experiment.torque_mode is not None and experiment.torque_mode.acts_within(begin, end):

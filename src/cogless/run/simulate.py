@@ -68,7 +68,7 @@ def simulate(study: AnyStudy, scenario: str, controller: str, progress: RunProgr
     `progress` is called with the finished share, 0 to 1, about ten times a second. An anti-cogging table is
     learned first, in a separate commissioning run. StudyError: an unknown name, a controller that fails.
     """
-    _known(study, scenario, controller)
+    _check_names(study, scenario, controller)
     designs = _prepare(study, [(scenario, controller)])
     return _run(study, designs, scenario, controller, progress or (lambda share: None), Event())
 
@@ -339,7 +339,7 @@ def _is_defect(outcome: Run | BaseException | None) -> bool:
     return isinstance(outcome, BaseException) and not isinstance(outcome, StudyError | Stopped)
 
 
-def _known(study: AnyStudy, scenario: str, controller: str) -> None:
+def _check_names(study: AnyStudy, scenario: str, controller: str) -> None:
     for table, name, options in (
         ("scenario", scenario, study.scenario),
         ("controller", controller, study.controller),

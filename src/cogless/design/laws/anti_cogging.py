@@ -23,7 +23,7 @@ import numpy as np
 
 from cogless.design.angle_functions import functions_in
 from cogless.design.auto import known_orders, map_cells
-from cogless.design.changes import either, first, helping, text
+from cogless.design.changes import either, first, helping, unit_text
 from cogless.design.closed_loop import Linear, open_loop, oscillation, poles, position_margins
 from cogless.design.detent import snaps, swing
 from cogless.design.gentler import slower_feedback
@@ -49,7 +49,7 @@ def position_gain(loop: SpeedLoop, pi: tuple[float, float]) -> float:
     return position_margins(loop, Linear(ratio=1, k=pi[0], k_i=pi[1])).crossover / CROSSOVER_RATIO
 
 
-def left(loop: SpeedLoop, feedback: Linear, w: Real) -> Real:
+def share_left(loop: SpeedLoop, feedback: Linear, w: Real) -> Real:
     """Shares that the table leaves of orders which the run meets at w in rad/s."""
     L = open_loop(loop, feedback, w)
     return np.asarray(np.abs(1 - (L / (1 + L)).real))
@@ -99,7 +99,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
         margins = position_margins(speed_loop(other, scenario), Linear(ratio=1, k=kp, k_i=ki))
         return margins.stable and margins.phase_margin >= PHASE_MARGIN_LEAST and cured(other)
 
-    gain: Changes = {f"{key}.position_gain": text(follows, "1/s")}
+    gain: Changes = {f"{key}.position_gain": unit_text(follows, "1/s")}
     speed: Changes | None = {f"{key}.speed": slow} if slow else None
     gain_and_speed = {**gain, **speed} if speed is not None else None
     cures = helping(study, (gain, speed), cured) or helping(study, (gain_and_speed,), cured)
@@ -127,7 +127,7 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     if not len(orders):
         return None
     needed = wave[orders - 1]
-    remaining = needed * left(loop, feedback, np.asarray(speed * orders, dtype=float))
+    remaining = needed * share_left(loop, feedback, np.asarray(speed * orders, dtype=float))
     added = unsettled(loop, feedback, speed)
     share = math.hypot(*remaining, added) / math.hypot(*needed)
     if share <= WORTHWHILE_SHARE:

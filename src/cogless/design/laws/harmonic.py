@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from cogless.design.changes import either, helping, text
+from cogless.design.changes import either, helping, unit_text
 from cogless.design.closed_loop import Gains, Linear, position_gains_by_rule, position_margins
 from cogless.design.detent import STALLING_RATIO, snaps, swing
 from cogless.design.law_rules import FeedbackRules, Gain, Values, feedback_of, pi_texts
@@ -282,7 +282,9 @@ def certificate(study: Study, name: str) -> Certificate:
     speeds = _speeds(study, name, own_learner.base * own_learner.orders * loop.period)
     judged = ((omega, _judged(own_learner, omega, loop.period)) for omega in speeds)
     at_speeds = tuple(
-        _at(study, name, loop, own_learner, pi, acting, omega) for omega, acting in judged if len(acting)
+        _certified_at(study, name, loop, own_learner, pi, acting, omega)
+        for omega, acting in judged
+        if len(acting)
     )
     straight = (
         SLOW_ORDER_ANGLE / (main_order(study, own_learner.base) * loop.period) if own_learner.bends else None
@@ -404,7 +406,7 @@ def main_order(study: Study, base: int) -> int:
     return math.lcm(slots, poles) if slots else base
 
 
-def _at(
+def _certified_at(
     study: Study, name: str, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float
 ) -> Certified:
     w, sector = orders * omega, _halls(study)
@@ -539,7 +541,7 @@ class HarmonicRules(FeedbackRules[Harmonic]):
         if not self.law.position:
             return super().slower(factor)
         k_theta, kp, ki = harmonic_gains(self.study, self.name)
-        own = pi_texts(kp / factor, ki / factor**2) | {"k_theta": text(k_theta / factor, "1/s")}
+        own = pi_texts(kp / factor, ki / factor**2) | {"k_theta": unit_text(k_theta / factor, "1/s")}
         return self.by_hand(own)
 
     def refused(self) -> str | None:

@@ -37,7 +37,7 @@ from cogless.design.auto import (
     shared_period,
     with_numbers,
 )
-from cogless.design.changes import text
+from cogless.design.changes import unit_text
 from cogless.design.closed_loop import Linear, oscillation
 from cogless.design.law_rules import FeedbackRules, Gain, LawRules, Values, feedback_of
 from cogless.design.learning_loop import (
@@ -246,7 +246,7 @@ class RobustIlcRules(LearningRules[RobustIlc]):
 
     def slower(self, factor: float) -> Changes:
         key = dotted(("controller", self.name))
-        return {f"{key}.{rate}": text(getattr(self.law, rate) / factor, "1/s") for rate in ("c", "eta")}
+        return {f"{key}.{rate}": unit_text(getattr(self.law, rate) / factor, "1/s") for rate in ("c", "eta")}
 
     def auto(self) -> Values:
         return _robust_ilc(self.study, self.name)

@@ -29,7 +29,7 @@ from cogless.design.auto import (
     scenarios_tuned_for,
     with_numbers,
 )
-from cogless.design.changes import text
+from cogless.design.changes import unit_text
 from cogless.design.closed_loop import Linear
 from cogless.design.law_rules import Gain, LawRules, Values
 from cogless.design.laws.space_bounds import (
@@ -125,7 +125,7 @@ class SpaceSpeedRules(SpaceRules[SpaceSpeed]):
     """The rules of the law `space-speed`."""
 
     def slower(self, factor: float) -> Changes:
-        return {f"{dotted(('controller', self.name))}.k": text(self.law.k / factor, "A*s/rad")}
+        return {f"{dotted(('controller', self.name))}.k": unit_text(self.law.k / factor, "A*s/rad")}
 
     def auto(self) -> Values:
         """k is the PI's kp; learning pauses while the error alone asks for all the current that there is."""
@@ -156,8 +156,11 @@ class SpacePositionRules(SpaceRules[SpacePosition]):
         k_theta, k_omega, k_i = position_gains(self.study, self.name)
         if self.law.tuning is not None:
             return None
-        slower = {"k_theta": text(k_theta / factor, "1/s"), "k_omega": text(k_omega / factor, "A*s/rad")}
-        slower |= {"k_i": text(k_i / factor**2, "A/rad")} if k_i else {}
+        slower = {
+            "k_theta": unit_text(k_theta / factor, "1/s"),
+            "k_omega": unit_text(k_omega / factor, "A*s/rad"),
+        }
+        slower |= {"k_i": unit_text(k_i / factor**2, "A/rad")} if k_i else {}
         key = dotted(("controller", self.name))
         return {f"{key}.{gain}": value for gain, value in slower.items()}
 

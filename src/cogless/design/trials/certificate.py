@@ -201,7 +201,7 @@ def certify(
     """The certificate of a plant with these gains; without learning if `update` is None."""
     random, random_exact = plant.random
 
-    def of(
+    def certificate_of(
         corners: Sequence[Model], labels: Sequence[str], drawn: list[Model], nominal: Model, decides: bool
     ) -> ModelCertificate:
         loops = [gains.closed(m, plant.C) for m in [*corners, *drawn, nominal]]
@@ -247,12 +247,14 @@ def certify(
 
     zero_order_hold = plant.exact_hull or plant.vertices is plant.exact_vertices
     same = plant.discretisation == "exact" and zero_order_hold
-    design = of(plant.vertices, plant.labels, random, plant.nominal, plant.exact_nominal is None or same)
+    design = certificate_of(
+        plant.vertices, plant.labels, random, plant.nominal, plant.exact_nominal is None or same
+    )
     exact = None
     if plant.exact_vertices is not None and plant.exact_nominal is not None and random_exact is not None:
         corners = plant.exact_vertices
         names = plant.labels if plant.exact_hull else [f"corner {k + 1}" for k in range(len(corners))]
-        exact = design if same else of(corners, names, random_exact, plant.exact_nominal, True)
+        exact = design if same else certificate_of(corners, names, random_exact, plant.exact_nominal, True)
     return Certificate(design, exact, plant.discretisation, len(random))
 
 

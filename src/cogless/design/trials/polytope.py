@@ -354,17 +354,17 @@ def from_parameters(
         try:
             return Model.of(*model(parameters))
         except ZeroDivisionError:
-            raise DesignError(f"range: expected finite numbers at {_at(parameters)}") from None
+            raise DesignError(f"range: expected finite numbers at {_parameter_words(parameters)}") from None
         except DesignError as error:
-            raise DesignError(f"{error} at {_at(parameters)}") from None
+            raise DesignError(f"{error} at {_parameter_words(parameters)}") from None
 
-    def within(shares: Real) -> list[Model]:
+    def models_within(shares: Real) -> list[Model]:
         low, high = np.array(list(ranges.values()), dtype=float).reshape(-1, 2).T
         rows = (low + shares * (high - low)).tolist()
         return [physical(dict(zip(ranges, row, strict=True))) for row in rows]
 
     def draw(rng: Generator, count: int) -> Models:
-        return _discrete(within(rng.random((count, len(ranges)))), period, discretisation)
+        return _discrete(models_within(rng.random((count, len(ranges)))), period, discretisation)
 
     ends = (sorted({float(low), float(high)}) for low, high in ranges.values())
     corners = [dict(zip(ranges, corner, strict=True)) for corner in itertools.product(*ends)]
@@ -373,10 +373,10 @@ def from_parameters(
         period,
         discretisation,
         draw,
-        labels=[_at(corner) for corner in corners],
+        labels=[_parameter_words(corner) for corner in corners],
         corners=_discrete([physical(corner) for corner in corners], period, discretisation),
         nominal=_discrete([physical(nominal)], period, discretisation),
-        images=_designed(within(_inside(len(ranges))), period, discretisation) if ranges else [],
+        images=_designed(models_within(_inside(len(ranges))), period, discretisation) if ranges else [],
         image="a plant within the ranges",
         set_="the ranges map to a set that",
     )
@@ -532,5 +532,5 @@ def _check_period(period: float) -> None:
         raise DesignError(f"period: {period:g}: expected a time above zero")
 
 
-def _at(parameters: Parameters) -> str:
+def _parameter_words(parameters: Parameters) -> str:
     return ", ".join(f"{name} = {value:.6g}" for name, value in parameters.items()) or "the only plant"

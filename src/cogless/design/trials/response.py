@@ -567,20 +567,25 @@ def workable_cutoff(
     w = bundle.grid
     G = bundle(w)
 
-    def at(cutoff: float) -> tuple[float, float]:
+    def gain_and_factor(cutoff: float) -> tuple[float, float]:
         H = butterworth(cutoff, order, period).gain(w)
         return best_gain(G, H) if K_3 is None else (K_3, float(factor(G, K_3, H, "signal").max()))
 
     low, high = 1e-3 / period, 0.49 / period
-    if at(low)[1] > PROPOSED_FACTOR_MOST:
+    if gain_and_factor(low)[1] > PROPOSED_FACTOR_MOST:
         return None
     for _ in range(10):
         middle = math.sqrt(low * high)
-        low, high = (middle, high) if at(middle)[1] <= PROPOSED_FACTOR_MOST else (low, middle)
+        low, high = (middle, high) if gain_and_factor(middle)[1] <= PROPOSED_FACTOR_MOST else (low, middle)
     for _ in range(CUTOFFS_MOST):
         q_filter = butterworth(low, order, period)
         trial = TrialMap(
-            loops=loops, K_3=at(low)[0], shift=shift, q_filter=q_filter, filtered="signal", samples=samples
+            loops=loops,
+            K_3=gain_and_factor(low)[0],
+            shift=shift,
+            q_filter=q_filter,
+            filtered="signal",
+            samples=samples,
         )
         if growth(trial).max() <= PROPOSED_FACTOR_MOST:
             return low

@@ -45,12 +45,12 @@ class ObserverGains:
 
     def closed(self, model: Model, C: Real) -> Loop:
         """The closed loop from v to -r(p - 2), so that v + r changes v by the factor 1 - z^2 G."""
-        A, B, _, missing = self._rows(model, C)
+        A, B, _, missing = self._loop_rows(model, C)
         return Loop(A, B, -missing)
 
     def position(self, model: Model, C: Real) -> Loop:
         """The closed loop from v to y."""
-        A, B, _, _ = self._rows(model, C)
+        A, B, _, _ = self._loop_rows(model, C)
         return Loop(A, B, np.append(model.output(C), np.zeros(LAW_STATES)))
 
     def disturbed(self, model: Model, C: Real) -> Disturbed:
@@ -72,7 +72,7 @@ class ObserverGains:
     def delayed(self, model: Model, C: Real) -> float:
         """Spectral radius of the closed loop with one more sample of delay at the input."""
         n, size = model.order, model.order + LAW_STATES
-        A, _, u_fb, _ = self._rows(model, C)
+        A, _, u_fb, _ = self._loop_rows(model, C)
         whole = np.zeros((size + 1, size + 1))
         whole[:size, :size], whole[size, :size] = A, u_fb
         whole[:n, :size] -= model.B @ u_fb[None, :]
@@ -83,7 +83,7 @@ class ObserverGains:
         """Spectral radius of the closed loop."""
         return self.closed(model, C).radius
 
-    def _rows(self, model: Model, C: Real) -> tuple[Real, Real, Real, Real]:
+    def _loop_rows(self, model: Model, C: Real) -> tuple[Real, Real, Real, Real]:
         """The loop's A and B, and as rows over its states u_fb and r(p - 2)."""
         A, B, u_fb, missing = self._rows_with_error(model, C)
         return A[:, :-1], B, u_fb[:-1], missing[:-1]

@@ -132,10 +132,10 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
     }
 
 
-def words(design: TrialDesign) -> str:
+def verdict_line(design: TrialDesign) -> str:
     """The certificate's verdict on learning from trial to trial, in one line."""
     phrases = []
-    for model, certificate in _rows(design.certificate):
+    for model, certificate in _certificate_rows(design.certificate):
         none = "no K_3" if design.no_K_3 else "no learning"
         does = verdict_words(certificate.learning) if certificate.learning else none
         phrases.append(f"{model} model: {does if certificate.stable else 'unstable along the trial'}")
@@ -149,7 +149,7 @@ def warnings(design: TrialDesign) -> list[str]:
     """
     part = design.certificate.deciding
     fine = part.stable and (part.learning is None or part.learning.monotone)
-    return [] if fine and design.no_K_3 is None else [words(design)]
+    return [] if fine and design.no_K_3 is None else [verdict_line(design)]
 
 
 def labelled_notes(study: TrialStudy, designs: Mapping[str, TrialDesign]) -> list[str]:
@@ -192,7 +192,7 @@ def megabytes(size: int) -> str:
     return f"{size / 1e6:.3g} MB"
 
 
-def _rows(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
+def _certificate_rows(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
     """Yields the kinds of models that a certificate covers: the design's, and exact ones if they differ."""
     of_design = {"euler": "Euler", "exact": "exact", None: "discrete"}[certificate.discretisation]
     yield of_design, certificate.design
@@ -392,7 +392,7 @@ def _most_input(design: TrialDesign) -> str:
 
 
 def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
-    rows = list(_rows(certificate))
+    rows = list(_certificate_rows(certificate))
     for model, model_certificate in rows:
         plain, filtered = model_certificate.without_filter, model_certificate.with_filter
         limit = plain.K_3_limit if plain else None

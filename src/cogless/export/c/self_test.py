@@ -102,14 +102,15 @@ def fnv(words: Iterable[int], total: int = FNV_START) -> int:
 
 def _values(inputs: _Inputs) -> dict[str, Any]:
     """Values of the inputs, by their paths in the C structs."""
-    values = {f"i_abc[{n}]": _held(current) for n, current in enumerate(inputs.i_abc)}
+    values = {f"i_abc[{n}]": _limited_input(current) for n, current in enumerate(inputs.i_abc)}
     values |= {
-        name: _held(getattr(inputs, name)) for name in ("theta_m", "omega_m", "u_dc", "omega_ref", "i_q_ref")
+        name: _limited_input(getattr(inputs, name))
+        for name in ("theta_m", "omega_m", "u_dc", "omega_ref", "i_q_ref")
     }
     return {**values, "learn": inputs.learn, "torque": inputs.torque}
 
 
-def _held(value: float) -> float:
+def _limited_input(value: float) -> float:
     """The value, limited to the largest that a float holds; NaN stays NaN."""
     return math.copysign(LARGEST_INPUT, value) if abs(value) > LARGEST_INPUT else value
 

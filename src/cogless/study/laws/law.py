@@ -126,7 +126,7 @@ class Tuning(Table):
         return margin
 
     @model_validator(mode="after")
-    def _given(self) -> Self:
+    def _check_tuning(self) -> Self:
         if not self.is_auto and "phase_margin" not in self.model_fields_set:
             raise invalid('expected one, such as "60 deg"', "phase_margin", value="missing")
         return self
