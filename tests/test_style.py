@@ -5,13 +5,13 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 34,
+    "constant_with_several_values": 25,
     "number_of_one_word": 74,
-    "vague_local": 174,
-    "vague_argument": 181,
+    "vague_local": 173,
+    "vague_argument": 114,
     "vague_function": 63,
     "many_positional_arguments": 9,
-    "fragment_of_a_comment": 15,
+    "fragment_of_a_comment": 13,
     "alias_defined_again": 3,
     "type_test_of_a_study": 5,
     "comparison_of_a_kind_of_study": 3,

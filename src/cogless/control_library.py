@@ -72,9 +72,9 @@ class CLaw:
         Whole numbers get C's suffix U. None if `length` is None.
         """
 
-        def value(found: re.Match[str]) -> str:
+        def value(match: re.Match[str]) -> str:
             member: Any = config
-            for part in found[1].split("."):
+            for part in match[1].split("."):
                 member = member[part]
             return f"{member}U" if isinstance(member, int) else str(member)
 

@@ -103,7 +103,7 @@ READINGS = {
     ("rad/s", "Hz"): 'may be "rev/s", or the frequency of the current, pole_pairs times as much',
     ("rad/s", "1/s"): 'may be "rad/s" or "rev/s"',
 }
-NAMED_DIMENSIONS = tuple(each for each in list(vars().values()) if isinstance(each, Dimension))
+NAMED_DIMENSIONS = tuple(value for value in list(vars().values()) if isinstance(value, Dimension))
 
 
 @cache

@@ -282,14 +282,14 @@ def calibrate(
         )
 
 
-def with_limits(results: AnyResults, wanted: bool | None, jobs: int, folder: Path | None) -> AnyResults:
+def with_limits(results: AnyResults, asked: bool | None, jobs: int, folder: Path | None) -> AnyResults:
     """The results, with what limits each scenario's best run added.
 
-    `wanted`: the option --limits or --no-limits, None without either. `folder`: room for long traces.
+    `asked`: the option --limits or --no-limits, None without either. `folder`: room for long traces.
     """
     from cogless import report
 
-    if wanted is False or results.interrupted or not report.has_limits(results.study):
+    if asked is False or results.interrupted or not report.has_limits(results.study):
         return results
     with new_bar() as bar:
         task = bar.add_task("", total=None)
@@ -297,7 +297,7 @@ def with_limits(results: AnyResults, wanted: bool | None, jobs: int, folder: Pat
         def tell(scenario: str) -> None:
             bar.update(task, description=f"{scenario}: what limits it")
 
-        return report.with_limits(results, wanted is True, jobs, folder, tell)
+        return report.with_limits(results, asked is True, jobs, folder, tell)
 
 
 def sentences(results: AnyResults) -> dict[str, str]:
@@ -342,15 +342,15 @@ def live(
         open_page(path)
 
 
-def _limits(study: AnyStudy, wanted: bool | None, jobs: int) -> dict[str, str]:
+def _limits(study: AnyStudy, asked: bool | None, jobs: int) -> dict[str, str]:
     """Sentences on what limits the best run, by scenario. They take runs of the whole study."""
     from cogless.live.description import held
     from cogless.report import has_limits, is_quick
     from cogless.run.simulate import RunError, run_study
 
-    if wanted is False or not has_limits(study):
+    if asked is False or not has_limits(study):
         return {}
-    pairs = [pair for pair in held(study) if wanted or is_quick(study, *pair)]
+    pairs = [pair for pair in held(study) if asked or is_quick(study, *pair)]
     if not pairs:
         return {}
     try:
@@ -358,7 +358,7 @@ def _limits(study: AnyStudy, wanted: bool | None, jobs: int) -> dict[str, str]:
             results = run_study(study, ["/".join(pair) for pair in pairs], progress, jobs)
     except RunError:  # the page shows that run's failure
         return {}
-    return sentences(with_limits(results, wanted, jobs, None))
+    return sentences(with_limits(results, asked, jobs, None))
 
 
 def list_() -> None:

@@ -112,17 +112,17 @@ def _margins(margins: Margins) -> dict[str, Any]:
     }
 
 
-def _learning(found: Verdict) -> dict[str, Any]:
-    worst, repair = found.worst, found.repair
+def _learning(verdict: Verdict) -> dict[str, Any]:
+    worst, repair = verdict.worst, verdict.repair
     return {
-        "verdict": found.words(),
+        "verdict": verdict.words(),
         "factor_per_period": worst and worst.factor,
         "frequency_Hz": worst and worst.frequency,
         "settling_lead_s": repair and repair.lead,
         "settling_q_half_width": repair and repair.q_half_width,
         "settling_forgetting": repair and repair.forgetting,
-        "frozen": list(found.frozen),
-        "loop_unstable": found.unstable is not None,  # with the gain that learning adds within a sample
+        "frozen": list(verdict.frozen),
+        "loop_unstable": verdict.unstable is not None,  # with the gain that learning adds within a sample
     }
 
 

@@ -294,7 +294,7 @@ def _with_remedy(study: Study, name: str) -> Verdict | None:
     return replace(verdict, remedy=_remedy(study, name, verdict)) if unsettled or verdict.passing else verdict
 
 
-def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
+def _remedy(study: Study, name: str, verdict: Verdict) -> Remark | None:
     """The mildest change with which learning settles; None if no change that is tried does it.
 
     First comes the verdict's repair, or omega_min for a law that has one. If neither helps, the learning gain
@@ -308,10 +308,10 @@ def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
         dotted(("controller", name)),
         max(study.scenario[k].top_reference for k in study.scenarios_of(name)),
     )
-    mild = found.repair.change(key) if found.repair else None
+    mild = verdict.repair.change(key) if verdict.repair else None
     cures = helping(study, (mild,), cured)
     if study.controller[name].rests_below is not None:
-        low = found.passing.least if found.passing else OMEGA_MIN_MARGIN * found.omega_m
+        low = verdict.passing.least if verdict.passing else OMEGA_MIN_MARGIN * verdict.omega_m
         least = (low * OMEGA_MIN_MARGIN**n for n in range(TRIED_HALVINGS))
         rests: list[Changes] = [
             {f"{key}.omega_min": unit_text(omega_min, "rad/s")} for omega_min in least if omega_min < top
@@ -602,7 +602,7 @@ def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tup
 
 
 def _passed(
-    found: list[_At], resting: NDArray[np.bool_], turned: Real, loop: LearningLoop
+    points: list[_At], resting: NDArray[np.bool_], turned: Real, loop: LearningLoop
 ) -> tuple[NDArray[np.bool_], int]:
     """Samples at bad speeds in passages next to a stop or reversal, each less than a period long.
 
@@ -610,7 +610,7 @@ def _passed(
     """
     period = loop.omega_m / loop.periods_per_second  # rad
     bad = np.zeros(len(turned), dtype=bool)
-    for at in found:
+    for at in points:
         bad[at.samples] = not at.fine
     passed, longest = np.zeros(len(turned), dtype=bool), 0
     changes = np.flatnonzero(np.diff(np.concatenate(([False], bad | resting, [False])).astype(int)))
@@ -622,9 +622,11 @@ def _passed(
     return passed, longest
 
 
-def _passing(gone: list[_At], left: list[_At], time: float) -> Passing:
+def _passing(gone: list[_At], remaining: list[_At], time: float) -> Passing:
     highest = max(at.loop.omega_m for at in gone)
-    above = min((at.loop.omega_m for at in left if at.loop.omega_m > highest), default=highest * SPEED_STEP)
+    above = min(
+        (at.loop.omega_m for at in remaining if at.loop.omega_m > highest), default=highest * SPEED_STEP
+    )
     digit = 10.0 ** (math.floor(math.log10(above)) - 1)
     below = math.ceil(above / digit - 1e-9) * digit
     unstable = [at.oscillation for at in gone if at.oscillation is not None]
@@ -674,20 +676,20 @@ def _channels(judged: Sequence[tuple[_At, float]]) -> int:
     return loop.study.controller[loop.controller].functions_learned(accelerates)
 
 
-def _repair(found: list[_At]) -> Repair:
+def _repair(points: list[_At]) -> Repair:
     """The mildest change that brings the factor below one at every point found.
 
     It is the shortest lead, if a lead is enough; else the narrowest Q filter; else forgetting. A law that
     learns in angle has only the filter, one of chosen orders only the lead. It is empty if nothing is enough.
     """
-    loops = [at.loop for at in found]
+    loops = [at.loop for at in points]
     common = set.intersection(*(loop.settling_leads() for loop in loops))
     if common:
         return Repair(lead=min(common) * loops[0].plant.period)
     if not loops[0].FILTERED:
         return Repair()
     parts = []
-    for at in found:
+    for at in points:
         f = at.loop.frequencies
         without = np.max([loop.unfiltered(f) for loop in at.loops], axis=0)
         high = without > FACTOR_MOST  # no filter's gain exceeds one

@@ -106,8 +106,8 @@ class Reader:
     `where`: the key that has them, for messages.
     """
 
-    def __init__(self, study: AnyStudy, key: str, where: Key, given: Any) -> None:
-        self.study, self.key, self.where, self.given = study, key, where, given
+    def __init__(self, study: AnyStudy, key: str, where: Key, spread: Any) -> None:
+        self.study, self.key, self.where, self.given = study, key, where, spread
         self.nominal = self._nominal()
         self.unit = self._unit()
 

@@ -226,12 +226,12 @@ def _find(data: bytes) -> Iterator[Found]:
             offset = data.find(MAGIC_BYTES, offset + len(bytes(stored)))
 
 
-def newest(found: list[Found]) -> Valid | None:
+def newest(places: list[Found]) -> Valid | None:
     """The valid map that was saved last, by its number, which wraps around at 2^32; None if there is none.
 
     It is the one that firmware loads, if it fits the law.
     """
-    valid = [Valid(place.offset, place.map) for place in found if isinstance(place.map, StoredMap)]
+    valid = [Valid(place.offset, place.map) for place in places if isinstance(place.map, StoredMap)]
     best = valid[0] if valid else None
     for other in valid[1:]:
         if best is not None and 0 < (other.map.sequence - best.map.sequence) % 2**32 < 2**31:

@@ -103,9 +103,9 @@ class _Watched:
     """A target whose outputs are compared with those of the simulation, tick by tick."""
 
     def __init__(
-        self, target: Target, layout: Layout, wanted: Recording, ticks: int, progress: RunProgress
+        self, target: Target, layout: Layout, expected: Recording, ticks: int, progress: RunProgress
     ) -> None:
-        self._target, self._layout, self._wanted = target, layout, wanted
+        self._target, self._layout, self._wanted = target, layout, expected
         self._ticks, self._progress, self._tick = ticks, progress, 0
         self._measurement = b""
         self.difference: Difference | None = None

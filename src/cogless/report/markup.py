@@ -79,16 +79,16 @@ def table_rows(lines: Iterable[tuple[str, str]]) -> str:
     return "".join(f"<tr><th>{escape(heading)}</th>{cells}</tr>" for heading, cells in lines)
 
 
-def table(kind: str, about: str, head: str, *bodies: str, attributes: str = "") -> str:
+def table(kind: str, caption: str, head: str, *bodies: str, attributes: str = "") -> str:
     """A table that scrolls sideways, by keyboard too, if it is wider than the page; "" without rows.
 
-    `kind`: its CSS class; `about`: its name for screen readers; `bodies`: groups of rows.
+    `kind`: its CSS class; `caption`: its name for screen readers; `bodies`: groups of rows.
     """
     if not any(bodies):
         return ""
     groups = "".join(f"<tbody>{body}</tbody>" for body in bodies)
     return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(about)}">'
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">'
         f'<table class="{kind}"{attributes}><thead><tr>{head}</tr></thead>{groups}</table></div>'
     )
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cogless.report.comparison import pretty, speed_unit
 from cogless.report.markup import number, pack, place, plain
 from cogless.report.panels import learned_terms, varies_in
-from cogless.report.speed_tracking import BLOCK_ROWS, late
+from cogless.report.speed_tracking import TRACKING_ROWS, late
 from cogless.results import Results, Run
 from cogless.results.metrics import onward
 from cogless.results.trace import Array, Trace
@@ -265,10 +265,10 @@ def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
 def _revolutions(trace: Trace) -> Array:
     """Revolutions of the reference until each row. Of a long trace this is the only array of its length."""
     turned, before = np.empty(len(trace)), 0.0
-    for at in range(0, len(trace), BLOCK_ROWS):
-        speed = _speed(trace, slice(at, at + BLOCK_ROWS))
+    for at in range(0, len(trace), TRACKING_ROWS):
+        speed = _speed(trace, slice(at, at + TRACKING_ROWS))
         speed[0] += before
-        before = np.cumsum(speed, out=turned[at : at + BLOCK_ROWS])[-1]
+        before = np.cumsum(speed, out=turned[at : at + TRACKING_ROWS])[-1]
     turned *= trace.period
     turned /= TURN
     return turned

@@ -106,7 +106,7 @@ class Case(Contest):
                 within = error <= max(floor, (1 + EQUAL_DIFFERENCE) * base)
                 row = [] if within else [*row, (trial, float(error), base)]
                 if len(row) > longest:
-                    longest, peak = len(row), max(row, key=lambda each: each[1])
+                    longest, peak = len(row), max(row, key=lambda pair: pair[1])
         return longest, peak
 
     def of(self, controller: str, phase: Phase) -> Array:
@@ -214,7 +214,7 @@ class Case(Contest):
             for phase in self.phases[1:]
             if self.first(other, phase) > 0 and math.isfinite(self.first(controller, phase))
         ]
-        ratio, phase = max(ratios, key=lambda found: found[0], default=(0.0, self.phases[0]))
+        ratio, phase = max(ratios, key=lambda pair: pair[0], default=(0.0, self.phases[0]))
         mine, base = (self.text(self.first(name, phase)) for name in (controller, other))
         return ratio, phase, f"{mine} against {base}"
 

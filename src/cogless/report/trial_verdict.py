@@ -227,7 +227,7 @@ def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
         return f"never reaches the floor {after(never, c.phases)}{alone}", never[0]
     if not behind:
         return "", None
-    _, phase, n, m = max(behind, key=lambda found: found[0])
+    _, phase, n, m = max(behind, key=lambda entry: entry[0])
     return f"takes {n:.0f} {phase.after}, against {m:.0f}", phase
 
 
@@ -311,7 +311,7 @@ def _leaves_floor(c: Case, name: str) -> str:
     ]
     if not lost:
         return ""
-    rms, after = max(lost, key=lambda found: found[0])
+    rms, after = max(lost, key=lambda entry: entry[0])
     later = f"{c.text(rms)} RMS in the second half of the trials {after}"
     return f"{c.label(name)} does not stay at the floor: {later}."
 

@@ -46,7 +46,7 @@ def _files(of: Any, value: Any, key: Key, model: type[StudyBase]) -> Iterator[Na
                 yield from _files(inner, item, (*key, place), model)
     elif isinstance(value, dict):
         choices = value.get("list")
-        if isinstance(choices, list):  # as in [vary]
+        if isinstance(choices, list):  # a spread of the table vary
             for place, item in enumerate(choices):
                 yield from _files(of, item, (*key, "list", place), model)
         for name, item in value.items():

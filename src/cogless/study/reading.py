@@ -101,10 +101,10 @@ def _new(new: Any, old: Any, validated: Any) -> Any:
     return reused(new, old, validated)
 
 
-def _whole(validated: Any, new: Any, made: Any) -> Any:
+def _whole(validated: Any, new: Any, validated_whole: Any) -> Any:
     """The counterpart of `_new`: all scenarios or controllers, in the order of the file."""
-    if isinstance(made, Mapping) and isinstance(new, dict):
-        return {name: validated[name] if name in validated else made[name] for name in new}
+    if isinstance(validated_whole, Mapping) and isinstance(new, dict):
+        return {name: validated[name] if name in validated else validated_whole[name] for name in new}
     return validated
 
 
@@ -210,15 +210,15 @@ def parse_change(text: str) -> tuple[str, Any]:
     return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
 
 
-def find(name: str | Path, room: str, what: str, beside: Path | None = None, where: str = "") -> Path:
-    """Find a file by shipped name, or by path relative to the folder `beside`.
+def find(name: str | Path, room: str, what: str, folder: Path | None = None, where: str = "") -> Path:
+    """Find a file by shipped name, or by path relative to the folder `folder`.
 
     `room`: folder of shipped files. `what`: kind of file. `where`: file and key that name it, for messages.
     """
     shipped_files = shipped(room)
     if str(name) in shipped_files:
         return shipped_files[str(name)]
-    path = (beside or Path()) / name
+    path = (folder or Path()) / name
     check_utf8(path, f"a {what} file")
     plain = not where and 0 < len(str(name)) <= LONGEST_NAME
     named = f"{where}{name if plain else toml_text(str(name))}: "

@@ -40,7 +40,7 @@ from cogless.units import RPM
 ORDER_MULTIPLES = 6  # highest learned order, in lowest common multiples of slots and poles
 DELAY_ANGLE = 1.3  # rad/sample at which the delay is taken: half of what an order may have
 RATE_SUM_MOST = 1 / 16  # sum of the rates of all acting orders, 1/sample; harmonic.c has it as TOGETHER
-RATE_MOST, RATE_LEAST = 20.0, 0.5  # 1/s
+LEARNER_RATE_MOST, LEARNER_RATE_LEAST = 20.0, 0.5  # 1/s
 # rad; a larger sensor error needs a base that can learn it. SURE of harmonic.c is its square.
 SENSOR_ERROR_MOST = 5e-4
 # A rate this many times that of a load which turns with the rotor leaves a tenth of its changes.
@@ -90,8 +90,8 @@ def _learner(study: Study, name: str) -> Learner:
         bends=bends,
         orders=orders,
         fast=fast,
-        rate=RATE_MOST,
-        rate_min=RATE_LEAST,
+        rate=LEARNER_RATE_MOST,
+        rate_min=LEARNER_RATE_LEAST,
     )
     pi = harmonic_gains(study, name)
     speeds = _speeds(study, name, learner.base * learner.orders * loop.period)
@@ -270,10 +270,10 @@ class Certificate:
         return "; ".join([self.learner.order_words, *phrases, *ends])
 
 
-def _held_words(held: tuple[int, ...]) -> str:
-    if not held:
+def _held_words(orders: tuple[int, ...]) -> str:
+    if not orders:
         return ""
-    return f", {len(held)} held, {held[0]} to {held[-1]}" if len(held) > 1 else f", {held[0]} held"
+    return f", {len(orders)} held, {orders[0]} to {orders[-1]}" if len(orders) > 1 else f", {orders[0]} held"
 
 
 def certificate(study: Study, name: str) -> Certificate:
@@ -294,27 +294,27 @@ def certificate(study: Study, name: str) -> Certificate:
     )
 
 
-def _acting(told: Learner, omega: float, T: float) -> Real:
+def _acting(own_learner: Learner, omega: float, T: float) -> Real:
     """The orders that act at a speed: all slow ones, and the fast ones that the motor is known to have.
 
     `T`: the law's period, s.
     """
-    count = np.arange(1, told.orders + 1)
-    turned = told.base * count * abs(omega) * T
-    acts = (turned <= SLOW_ORDER_ANGLE) | ((count <= told.fast) & (turned <= ORDER_ANGLE_MOST))
-    return np.asarray(told.base * count[acts], dtype=float)
+    count = np.arange(1, own_learner.orders + 1)
+    turned = own_learner.base * count * abs(omega) * T
+    acts = (turned <= SLOW_ORDER_ANGLE) | ((count <= own_learner.fast) & (turned <= ORDER_ANGLE_MOST))
+    return np.asarray(own_learner.base * count[acts], dtype=float)
 
 
-def _judged(told: Learner, omega: float, T: float) -> Real:
+def _judged(own_learner: Learner, omega: float, T: float) -> Real:
     """The acting orders that are fast enough to be judged."""
-    acting = _acting(told, omega, T)
+    acting = _acting(own_learner, omega, T)
     return np.asarray(acting[acting * abs(omega) * T > ORDER_ANGLE_LEAST])
 
 
-def _too_slow(told: Learner, omega: float, T: float) -> tuple[int, ...]:
+def _too_slow(own_learner: Learner, omega: float, T: float) -> tuple[int, ...]:
     """The lowest and the highest of the orders that are too slow to be judged; empty if none is."""
-    count = min(told.orders, int(ORDER_ANGLE_LEAST / (told.base * omega * T)))
-    return (told.base, told.base * count) if count else ()
+    count = min(own_learner.orders, int(ORDER_ANGLE_LEAST / (own_learner.base * omega * T)))
+    return (own_learner.base, own_learner.base * count) if count else ()
 
 
 def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
@@ -335,20 +335,20 @@ def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
     return largest, None
 
 
-def rate_at(told: Learner, omega: float, T: float) -> float:
+def rate_at(own_learner: Learner, omega: float, T: float) -> float:
     """The rate, 1/s, at which learning begins at the speed omega, rad/s, without the limit per turn."""
-    return min(told.rate, RATE_SUM_MOST / (max(1, len(_acting(told, omega, T))) * T))
+    return min(own_learner.rate, RATE_SUM_MOST / (max(1, len(_acting(own_learner, omega, T))) * T))
 
 
-def _rate_bound(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, omega: float) -> float:
+def _rate_bound(study: Study, loop: SpeedLoop, own_learner: Learner, pi: Gains, omega: float) -> float:
     """The rate below which all orders that are learned at a speed settle together, 1/s."""
-    T, w = loop.period, _judged(told, omega, loop.period) * omega
-    w = w[~is_held(told, w * T)]
+    T, w = loop.period, _judged(own_learner, omega, loop.period) * omega
+    w = w[~is_held(own_learner, w * T)]
     if not len(w):
         return math.inf
     if loop.shaft is None:
-        return rate_bound(T, told, w)
-    return rate_bound(T, told, w, lambda om: gamma(loop, told, pi, om / T), loop.near)
+        return rate_bound(T, own_learner, w)
+    return rate_bound(T, own_learner, w, lambda om: gamma(loop, own_learner, pi, om / T), loop.near)
 
 
 def _poles_and_slots(study: Study) -> tuple[int, int | None]:
@@ -389,15 +389,15 @@ def _load_orders(study: Study) -> list[float]:
     return [wave.order for load in loads for wave in load.harmonics if wave.torque]
 
 
-def _least_rate(study: Study, told: Learner, fastest: float, T: float) -> float:
+def _least_rate(study: Study, own_learner: Learner, fastest: float, T: float) -> float:
     """The rate to which learning slows down, 1/s.
 
     Ripple that depends on the current changes with a load that turns with the rotor. It is followed where it
     is slow enough for that. A load's order that is learned itself needs no following.
     """
-    first = rate_at(told, fastest, T)
-    turning = [LOAD_RATE_RATIO * order * fastest for order in _load_orders(study) if order < told.base]
-    return max([RATE_LEAST, *(rate for rate in turning if rate <= first)])
+    first = rate_at(own_learner, fastest, T)
+    turning = [LOAD_RATE_RATIO * order * fastest for order in _load_orders(study) if order < own_learner.base]
+    return max([LEARNER_RATE_LEAST, *(rate for rate in turning if rate <= first)])
 
 
 def main_order(study: Study, base: int) -> int:
@@ -407,18 +407,20 @@ def main_order(study: Study, base: int) -> int:
 
 
 def _certified_at(
-    study: Study, name: str, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float
+    study: Study, name: str, loop: SpeedLoop, own_learner: Learner, pi: Gains, orders: Real, omega: float
 ) -> Certified:
     w, sector = orders * omega, _halls(study)
-    is_held_at = is_held(told, w * loop.period)
+    is_held_at = is_held(own_learner, w * loop.period)
 
     def real(late: int) -> Real:
-        sectors = [gamma(at_speed(plant, *sector, omega), told, pi, w, late).real for plant in plants(loop)]
+        sectors = [
+            gamma(at_speed(plant, *sector, omega), own_learner, pi, w, late).real for plant in plants(loop)
+        ]
         return np.asarray(np.where(is_held_at, np.inf, np.min(sectors, axis=0)))
 
     bad = np.flatnonzero(real(1) <= 0)
     good = len(orders) if not len(bad) else int(bad[0])
-    late, bound = int(orders[good - 1]) if good else 0, _rate_bound(study, loop, told, pi, omega)
+    late, bound = int(orders[good - 1]) if good else 0, _rate_bound(study, loop, own_learner, pi, omega)
     swings, stops = _swing(study, name, omega)
     return Certified(
         omega_m=omega,
@@ -426,9 +428,9 @@ def _certified_at(
         gamma=float(np.min(real(0))),
         late=late,
         held=tuple(int(n) for n in orders[is_held_at]),
-        rate=rate_at(told, omega, loop.period),
+        rate=rate_at(own_learner, omega, loop.period),
         most=bound if math.isfinite(bound) else None,
-        slow=_too_slow(told, omega, loop.period),
+        slow=_too_slow(own_learner, omega, loop.period),
         swing=swings,
         snaps=stops,
     )

@@ -44,16 +44,16 @@ def _shares(d: float, z: Complex) -> Complex:
     return np.asarray(z ** -float(m) * (1 - (d - m) + (d - m) / z))
 
 
-def gamma(loop: SpeedLoop, told: Learner, pi: Gains, w: Real, late: int = 0) -> Complex:
+def gamma(loop: SpeedLoop, learner: Learner, pi: Gains, w: Real, late: int = 0) -> Complex:
     """Gamma at the frequencies w, rad/s, with a plant that is `late` samples later than `loop` says."""
     T = loop.period
     z = np.exp(1j * w * T)
     P_omega, P_theta = (np.asarray(P) * z**-late for P in loop.plant(w))
     k_theta, kp, ki = pi
     fed_back = pi_response(w, T, kp, ki) * (P_omega + k_theta * P_theta)
-    model = told.b * T**2 * (z + 1) / (2 * (z - 1) ** 2)
-    seen = (P_theta + model * _shares(told.delay / T, z) * fed_back) / (1 + fed_back)
-    return np.asarray(seen / (model * np.exp(-1j * w * told.delay)))
+    model = learner.b * T**2 * (z + 1) / (2 * (z - 1) ** 2)
+    seen = (P_theta + model * _shares(learner.delay / T, z) * fed_back) / (1 + fed_back)
+    return np.asarray(seen / (model * np.exp(-1j * w * learner.delay)))
 
 
 def plants(loop: SpeedLoop) -> list[SpeedLoop]:
@@ -74,7 +74,7 @@ def at_speed(loop: SpeedLoop, sector: float, edges: int, omega: float) -> SpeedL
 
 
 def held_bands(
-    loop: SpeedLoop, told: Learner, pi: Gains, sector: float, edges: int, speeds: tuple[float, float]
+    loop: SpeedLoop, learner: Learner, pi: Gains, sector: float, edges: int, speeds: tuple[float, float]
 ) -> tuple[float, ...]:
     """Bands of frequency, from and to in rad a sample, in which an order may not converge.
 
@@ -88,21 +88,21 @@ def held_bands(
     bad = np.zeros(len(om), dtype=bool)
     if not sector:
         for plant in plants(loop):
-            bad |= turned(gamma(plant, told, pi, om / T))
+            bad |= turned(gamma(plant, learner, pi, om / T))
     else:
-        for n in told.base * np.arange(1, told.orders + 1):
+        for n in learner.base * np.arange(1, learner.orders + 1):
             reached = (om >= n * speeds[0] * T / 1.05) & (om <= n * speeds[1] * T * 1.05)
             for plant in plants(loop):
                 for k in np.flatnonzero(reached):
                     w = om[k : k + 1] / T
                     seen = at_speed(plant, sector, edges, float(w[0]) / float(n))
-                    bad[k] |= bool(turned(gamma(seen, told, pi, w))[0])
+                    bad[k] |= bool(turned(gamma(seen, learner, pi, w))[0])
     return _few(_bands(om, bad))
 
 
-def turned(found: Complex) -> np.ndarray:
+def turned(transfer: Complex) -> np.ndarray:
     """Whether Gamma is turned so far, or is so small, that its order is held."""
-    return np.asarray(found.real <= PHASE_COSINE_LEAST * np.abs(found))
+    return np.asarray(transfer.real <= PHASE_COSINE_LEAST * np.abs(transfer))
 
 
 def _bands(om: Real, bad: np.ndarray) -> list[tuple[float, float]]:
@@ -123,16 +123,20 @@ def _few(bands: list[tuple[float, float]]) -> tuple[float, ...]:
     return tuple(edge for band in bands for edge in band)
 
 
-def is_held(told: Learner, om: Real) -> np.ndarray:
+def is_held(learner: Learner, om: Real) -> np.ndarray:
     """Whether orders of these frequencies, rad a sample, are held."""
     in_band = np.zeros(np.shape(om), dtype=bool)
-    for low, high in zip(told.held[::2], told.held[1::2], strict=True):
+    for low, high in zip(learner.held[::2], learner.held[1::2], strict=True):
         in_band |= (om >= low) & (om <= high)
     return in_band
 
 
 def rate_bound(
-    T: float, told: Learner, w: Real, plant: Callable[[Real], Complex] | None = None, near: Real | None = None
+    T: float,
+    learner: Learner,
+    w: Real,
+    plant: Callable[[Real], Complex] | None = None,
+    near: Real | None = None,
 ) -> float:
     """The rate below which all orders, at frequencies w in rad/s, settle together, 1/s. `T`: period, s.
 
@@ -145,9 +149,9 @@ def rate_bound(
     if near is not None:
         om = np.union1d(om, near * T)
     om = om[(om < math.pi) & (om > 0)]
-    R = all_orders(told, w * T, om, T)
+    R = all_orders(learner, w * T, om, T)
     if plant is not None:
-        d = told.delay / T
+        d = learner.delay / T
         R = R * plant(om) * np.exp(-1j * om * d) / _shares(d, np.exp(1j * om))
     crossing = (R.real[:-1] < 0) & (R.real[1:] < 0) & (R.imag[:-1] * R.imag[1:] < 0)
     part = R.imag[:-1] / (R.imag[:-1] - R.imag[1:] + 1e-300)
@@ -155,9 +159,9 @@ def rate_bound(
     return float(-1 / np.min(at)) if len(at) else math.inf
 
 
-def all_orders(told: Learner, orders: Real, om: Real, T: float) -> Complex:
+def all_orders(learner: Learner, orders: Real, om: Real, T: float) -> Complex:
     """R, the loop of all orders over the rate, at om rad a sample; resonators at `orders`, rad a sample."""
-    d, z = told.delay / T, np.exp(1j * om)
+    d, z = learner.delay / T, np.exp(1j * om)
     sum_of = np.zeros(len(om), dtype=complex)
     for one in orders:
         Z = np.exp(1j * one)

@@ -249,10 +249,10 @@ def learned_limits(study: Study, law: SpaceLearning, scenarios: Iterable[Scenari
     return tuple(limits[n] if n < law.channels else 0.0 for n in range(3))
 
 
-def worst(found: list[Bounds | None]) -> Bounds | None:
-    """Bounds that hold for all in `found`; None if one of them is None."""
-    all_ = [dataclasses.asdict(one) for one in found if one is not None]
-    if len(all_) < len(found):
+def worst(several: list[Bounds | None]) -> Bounds | None:
+    """Bounds that hold for all in `several`; None if one of them is None."""
+    all_ = [dataclasses.asdict(one) for one in several if one is not None]
+    if len(all_) < len(several):
         return None
     return Bounds(**{key: (min if key == "h_m" else max)(b[key] for b in all_) for key in all_[0]})
 

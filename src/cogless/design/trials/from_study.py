@@ -164,16 +164,16 @@ def _designed(
     name: str,
     plant: UncertainPlant,
     settings: TrialSettings,
-    known: list[tuple[TrialSettings, TrialGains | DesignError]],
+    designed: list[tuple[TrialSettings, TrialGains | DesignError]],
 ) -> TrialDesign:
-    """The design of one controller. `known`: settings whose gains are found already, or why they aren't."""
-    gains = next((g for other, g in known if same_gains(settings, other)), None)
+    """The design of one controller. `designed`: settings with their gains, or with why there are none."""
+    gains = next((g for other, g in designed if same_gains(settings, other)), None)
     if gains is None:
         try:
             gains = design_gains(plant, settings)
         except DesignError as error:
             gains = error
-        known.append((settings, gains))
+        designed.append((settings, gains))
     if isinstance(gains, DesignError):
         raise gains
     missing = gains.no_K_3 if needs_K_3(settings) else None

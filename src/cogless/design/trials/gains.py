@@ -374,8 +374,8 @@ def random_amplification(plant: UncertainPlant, settings: TrialSettings, gains: 
     return amplification(labels, random_loops(models, plant.C, loop, trial))
 
 
-def _corners(held: UncertainPlant) -> tuple[list[Model], tuple[str, ...]]:
-    return [*held.vertices, held.nominal], (*held.labels, "the nominal plant")
+def _corners(plant: UncertainPlant) -> tuple[list[Model], tuple[str, ...]]:
+    return [*plant.vertices, plant.nominal], (*plant.labels, "the nominal plant")
 
 
 def _trial_map(

@@ -446,14 +446,14 @@ def finite_trial(trial: TrialMap) -> FiniteTrial:
     return FiniteTrial(powers[0], max(powers), max(shares), shares[-1])
 
 
-def _norms(there: Callable[[Real], Real], back: Callable[[Real], Real], x: Real) -> tuple[float, Real]:
+def _norms(forward: Callable[[Real], Real], back: Callable[[Real], Real], x: Real) -> tuple[float, Real]:
     """The largest norm of several maps and the vectors that show it, by Lanczos' iteration from x."""
     basis: list[Real] = []
     diagonal, off_diagonal = np.zeros((NORM_ITERATIONS, len(x))), np.zeros((NORM_ITERATIONS, len(x)))
     x = x / np.linalg.norm(x, axis=1)[:, None]
     for n in range(NORM_ITERATIONS):
         basis.append(x)
-        y = back(there(x))
+        y = back(forward(x))
         diagonal[n] = np.einsum("rs,rs->r", x, y)
         for _ in range(2):  # once more, against rounding
             for other in basis:

@@ -194,7 +194,7 @@ class StateFeedback:
 
     K_s: Real  # (n,) or, with integral action, (n + 1,)
     check: Check  # its bound is beta: on the cost from x(0) = gamma of any plant in the polytope
-    status: str  # what the solver reports
+    status: str  # the solver reports it
 
 
 def augmented(model: Model, C: Real) -> Model:

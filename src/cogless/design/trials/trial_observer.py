@@ -145,7 +145,7 @@ def design_observer(plant: UncertainPlant, pole: float | None, limit: float | No
     loops, at_once = zip(*(_controller(p) for p in poles), strict=True)
     feedback = Bundle(loops, 0)(w) + np.array(at_once)[:, None]
 
-    def fastest(held: Sequence[ObserverGains]) -> ObserverGains | None:
+    def fastest(tries: Sequence[ObserverGains]) -> ObserverGains | None:
         stable = (g for g in reversed(candidates) if max(g.radius(model, plant.C) for model in models) < 1)
         return next(stable, None)
 

@@ -66,9 +66,9 @@ def summary(study: TrialStudy) -> TrialSummary:
     return TrialSummary(uncertain_plant(study), in_order, without)
 
 
-def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
+def to_dict(study: TrialStudy, summary: TrialSummary) -> dict[str, Any]:
     """The summary as plain types in SI units, for JSON. Models are discrete; frequency keys end in _Hz."""
-    plant = found.plant
+    plant = summary.plant
     return {
         "study": study.title,
         "plant": {
@@ -85,8 +85,8 @@ def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
             "note": plant.note,
         },
         "controllers": {
-            **{name: design_dict(design) for name, design in found.designs.items()},
-            **{name: {"not_designed": why} for name, why in found.without.items()},
+            **{name: design_dict(design) for name, design in summary.designs.items()},
+            **{name: {"not_designed": why} for name, why in summary.without.items()},
         },
     }
 
@@ -167,9 +167,9 @@ def labelled_notes(study: TrialStudy, designs: Mapping[str, TrialDesign]) -> lis
     ]
 
 
-def _large(study: TrialStudy, found: TrialSummary) -> Iterator[str]:
+def _large(study: TrialStudy, summary: TrialSummary) -> Iterator[str]:
     """A sentence on each learning matrix: a microcontroller has to store all its numbers."""
-    for name, design in found.designs.items():
+    for name, design in summary.designs.items():
         size, flash = matrix_size(design), matrix_flash(study, design)
         if size and flash:
             yield f"{study.label(name)}: its learning matrix has {size} numbers: {megabytes(flash)} of flash."
@@ -300,7 +300,7 @@ def plant_words(plant: UncertainPlant) -> str:
     )
 
 
-def table(study: TrialStudy, found: TrialSummary) -> Group:
+def table(study: TrialStudy, summary: TrialSummary) -> Group:
     """The plant in one line, a table of gains, a table of certificates, and notes."""
     from rich.console import Group
     from rich.table import Table
@@ -318,23 +318,23 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     headings = ("share left", "trials to the floor", "floor", "largest input", "load noise", "sensor noise")
     for heading in ("controller", *headings, "learning"):
         share.add_column(heading)
-    for name, design in found.designs.items():
+    for name, design in summary.designs.items():
         gains.add_row(study.label(name), *gain_cells(design))
         for row in _proof(design.certificate):
             proof.add_row(study.label(name), *row)
-    for name, design in found.designs.items():
+    for name, design in summary.designs.items():
         if design.prediction is not None and design.learns:
             word = "certified" if design.certified else "not certified"
             share.add_row(study.label(name), *_in_scenario(design, design.prediction), word)
-    for name in found.without:
+    for name in summary.without:
         gains.add_row(study.label(name), "not designed")
-    lines = [Text(f"{study.label(name)}: not designed: {why}.") for name, why in found.without.items()]
+    lines = [Text(f"{study.label(name)}: not designed: {why}.") for name, why in summary.without.items()]
     lines += [
-        Text(f"Note: {note}") for note in (*labelled_notes(study, found.designs), *_large(study, found))
+        Text(f"Note: {note}") for note in (*labelled_notes(study, summary.designs), *_large(study, summary))
     ]
     legend = Text(LEGEND, style="dim")
     tables = (part for table in (gains, proof, share) for part in (table, Text()))
-    return Group(Text(plant_words(found.plant)), Text(), *tables, legend, *lines)
+    return Group(Text(plant_words(summary.plant)), Text(), *tables, legend, *lines)
 
 
 def gain_cells(design: TrialDesign) -> tuple[str, ...]:

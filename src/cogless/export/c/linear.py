@@ -17,7 +17,7 @@ from cogless.control_library import C_LAWS
 from cogless.export import sources
 from cogless.export.c.export_c import figures
 from cogless.export.c.subject import identifier, stem, study_hash
-from cogless.export.c.texts import FLAGS, figure_lines, matrix_array, plain_comment, verdict_comment
+from cogless.export.c.texts import C_FLAGS, figure_lines, matrix_array, plain_comment, verdict_comment
 from cogless.export.prepared import first_scenario
 from cogless.files import control_sources, versions
 from cogless.results.trace import Trace
@@ -117,7 +117,7 @@ def _template_words(study: TrialStudy, planned: Plan, command: str) -> dict[str,
         "version": versions()["cogless"],
         "command": command,
         "law": str(getattr(study.controller[controller], "law", law.name)),
-        "flags": f"{FLAGS} -DCOGLESS_DOUBLE",
+        "flags": f"{C_FLAGS} -DCOGLESS_DOUBLE",
         "period": f"{study.period:g}",
         "samples": str(study.samples(scenario)),
         "states": str(study.states),

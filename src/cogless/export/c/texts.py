@@ -135,7 +135,7 @@ def _maps(subject: Subject) -> str:
     )
 
 
-FLAGS = "-std=c99 -O2 -ffp-contract=off"
+C_FLAGS = "-std=c99 -O2 -ffp-contract=off"
 LEARNING = "frozen while `reference.learn` is false, and whenever the controller finds a reason"
 
 
@@ -193,7 +193,7 @@ def _template_words(subject: Subject) -> dict[str, str]:
         "precision": "double: define COGLESS_DOUBLE for every file" if double else "single",
         "macro_checks": "\n".join([_precision_check(double), *map(_left_out_check, s.left_out)]),
         "defines": "".join(f", `-D{name}`" for name in s.defines),
-        "flags": " ".join([FLAGS, *(f"-D{name}" for name in s.defines)]),
+        "flags": " ".join([C_FLAGS, *(f"-D{name}" for name in s.defines)]),
         "rate": rate,
         "law_rate": f"{s.rate / s.divider:g}",
         "period": real(1 / s.rate, s.precision),

@@ -116,12 +116,12 @@ class Tuning(Table):
 
     @field_validator("phase_margin", mode="wrap")
     @classmethod
-    def _range(cls, given: Any, read: ValidatorFunctionWrapHandler) -> float:
-        margin: float = read(given)
+    def _range(cls, value: Any, read: ValidatorFunctionWrapHandler) -> float:
+        margin: float = read(value)
         low, high = 0.3, 1.45
         if not low < margin < high:
-            bare = "" if isinstance(given, str) else "; a plain number is in rad"
-            near = f', perhaps "{given:g} deg"' if bare and low < math.radians(given) < high else ""
+            bare = "" if isinstance(value, str) else "; a plain number is in rad"
+            near = f', perhaps "{value:g} deg"' if bare and low < math.radians(value) < high else ""
             raise invalid(f'expected a phase margin from "20 deg" to "80 deg"{bare}{near}')
         return margin
 
