@@ -23,6 +23,7 @@ DIRECTION, OFFSET, SENSOR_ZERO = (
     0.3,
     2.2,
 )  # sensor_direction, sensor_offset; the sensor where the rotor is 0
+FORWARD = [(t, DIRECTION * speed) for t, speed in SLOW]  # as the drive's angle counts
 LOOP_STEPS = 5  # of the plant for one of loop(): 1 kHz
 NAMES = ["target", "Iq", "velocity", "angle"]
 MONITOR_TOML = """
@@ -151,10 +152,14 @@ def test_a_header_from_the_monitor_takes_the_ripple_away(
     assert mine < max(1.5 * exact, 0.05 * none), (none, exact, mine)
     third, wrong = ripple(run(SLOW, lambda a: 0.3 * feed(a))), ripple(run(SLOW, lambda a: -0.3 * feed(a)))
     assert third < 0.85 * none < none < wrong
-    (line,) = (line for line in out.splitlines() if line.startswith("Ripple at 30 r/min"))
+    (line,) = (line for line in out.splitlines() if line.startswith("Ripple at 30 r/min forward"))
     predicted = [float(word) for word in re.findall(r"([\d.]+) (?:r/min rms|with )", line)]
-    played = [value / TURN * 60 for value in (none, mine, third, wrong)]
-    assert [predicted[n] for n in (0, 2, 3)] == pytest.approx([played[n] for n in (0, 2, 3)], rel=0.2)
+    # The errors of order 12, which makes most of it, are 4 %. At this ripple the rotor almost stops, so that
+    # friction makes it 17 % larger forward, where the drive's angle grows, than backward.
+    assert [predicted[n] for n in (0, 2, 3)] == pytest.approx(
+        [ripple(run(FORWARD, lambda a, share=share: share * feed(a))) / TURN * 60 for share in (0, 0.3, -0.3)],
+        rel=0.04,
+    )
     assert predicted[1] < 0.06 * predicted[0]
 
 

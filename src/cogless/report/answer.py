@@ -248,7 +248,10 @@ def _rows_of_turn(trace: Trace) -> int:
 
 
 def _moving_rms(trace: Trace, drawn: DrawnSignal, size: int, count: int, about_mean: bool) -> Array:
-    """The RMS over each `count` successive pieces of `size` rows; about the mean, or of the signal itself."""
+    """A signal's moving RMS, over windows of `count` successive pieces with `size` rows each.
+
+    `about_mean`: the window's mean is subtracted first.
+    """
     used = len(trace) // size * size
     origin = float(drawn.part(trace, slice(-1, None))[0]) if about_mean else 0.0
     origin = origin if math.isfinite(origin) else 0.0

@@ -328,7 +328,8 @@ def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Li
 def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = None) -> tuple[_Case, str]:
     """The case, judged by measured values if the sensor's own error dominates, and a sentence about this.
 
-    `limited`: the remark on what limits the best run. It has the sensor's share already, by a further run.
+    `limited`: the remark on what limits the best run. A further run measured the sensor's share for it, so
+    the sentence doesn't repeat that share.
     """
     blurred = [c for c in case.held if part is not None and part.dominates(c)]
     if part is None or not blurred:

@@ -48,7 +48,7 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
 
     StudyError: one can't be written, so that no result is computed that can't be saved.
     """
-    with deferred() as requests:  # nothing of it stays
+    with deferred() as requests:  # Ctrl-C waits until the empty files are removed
         _try_names(folder, names)
     if requests.count:
         raise KeyboardInterrupt

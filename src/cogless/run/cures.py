@@ -16,7 +16,7 @@ from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall, Reso
 from cogless.study.reading import Changes
 
 OCTAVES = (4, 8, 16, 32)  # an observer's bandwidth is the law's rate over one of these
-FAST_OCTAVES = (1, 2, 4)  # the same where it shall be quick
+FAST_OCTAVES = (1, 2, 4)  # the same, against a cause that a faster observer lessens
 TRIED_FACTORS = (2, 4)
 MORE_BITS = (2, 6)
 HALL_EDGES = (6, 3, 1)  # intervals that the speed is taken over
