@@ -52,7 +52,7 @@ class Dimension:
     also: tuple[str, ...] = ()
     angular: float = 0.0
 
-    def shown(self, number: object) -> str:
+    def sample(self, number: object) -> str:
         """A sample text for error messages: the number with the unit `example`."""
         return f'"{number} {self.example or self.unit}"'
 
@@ -124,15 +124,15 @@ def parse(text: str, dimension: Dimension) -> float:
     """The SI value of a text such as "60 rpm"; UnitError unless it is a finite number with a fitting unit."""
     match = NUMBER_AND_UNIT.fullmatch(text)
     if not match:
-        raise UnitError(f"expected a number and a unit, such as {dimension.shown(1)}")
+        raise UnitError(f"expected a number and a unit, such as {dimension.sample(1)}")
     number, unit = match.groups()
     if COMMA.match(unit):
-        raise UnitError(f"expected a decimal point in place of the comma, such as {dimension.shown('1.5')}")
+        raise UnitError(f"expected a decimal point in place of the comma, such as {dimension.sample('1.5')}")
     if not unit:
-        raise UnitError(f"expected a unit too, such as {dimension.shown(number if len(number) < 20 else 1)}")
+        raise UnitError(f"expected a unit too, such as {dimension.sample(number if len(number) < 20 else 1)}")
     value = float(number) * factor(unit, dimension)
     if not math.isfinite(value):
-        raise UnitError(f"expected a finite number with a unit, such as {dimension.shown(1)}")
+        raise UnitError(f"expected a finite number with a unit, such as {dimension.sample(1)}")
     return value
 
 
@@ -200,7 +200,7 @@ def si_factor(unit: str) -> float:
 @cache
 def factor(unit: str, dimension: Dimension) -> float:
     """Factor from `unit` to the SI unit of the dimension; UnitError: other dimension or unknown unit."""
-    expected = f"expected {dimension.name}, such as {dimension.shown(1)}"
+    expected = f"expected {dimension.name}, such as {dimension.sample(1)}"
     written = _unit(unit)
     if written is not None and (reading := _reading(unit, written, dimension)):
         raise UnitError(f'{expected}; the unit "{unit}" {reading}')

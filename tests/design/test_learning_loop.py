@@ -234,7 +234,7 @@ def test_no_ripple_is_as_much_as_before() -> None:
 def test_counts_come_by_speed_and_window() -> None:
     sensor = Sampled(count=0.01, window=1e-3, timed=False)
     assert sensor.counts(-20.0) == pytest.approx(2.0)
-    assert sensor.told(-20.0) == "2 counts come in a speed sample"
+    assert sensor.counts_clause(-20.0) == "2 counts come in a speed sample"
 
 
 TURN, ENCODER = 2 * np.pi, {"kind": "encoder", "lines": 2500}

@@ -103,7 +103,9 @@ def test_a_limit_is_turned_so_that_less_is_better(tmp_path: Path) -> None:
     found = study(tmp_path)
     dimension = found.metric[0].dimension
     for wanted, sign in (("lower", 1), ("higher", -1)):
-        metric = SimpleNamespace(wanted=wanted, dimension=dimension, name="ripple", kind="ripple-rms")
+        metric = SimpleNamespace(
+            better_direction=wanted, dimension=dimension, name="ripple", kind="ripple-rms"
+        )
         limit = tuning.hold_limit(found, Column(metric), "30 rpm")
         assert limit == pytest.approx(sign * np.pi)
 

@@ -139,7 +139,7 @@ def _quantity(option: str, text: str, dimension: Dimension) -> float:
         raise StudyError(f'{option}: "{text}": {error}') from None
     if not value > 0:
         raise StudyError(
-            f'{option}: "{text}": expected {dimension.name} above zero, such as {dimension.shown(1)}'
+            f'{option}: "{text}": expected {dimension.name} above zero, such as {dimension.sample(1)}'
         )
     return value
 

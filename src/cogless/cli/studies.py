@@ -69,7 +69,7 @@ def run(
 
     arena = _arena(study, changes)
     if arena is not None:
-        name_code(arena.path, "law", arena.law, no_code, arena.found)
+        name_code(arena.path, "law", arena.law, no_code, arena.user_file)
         _run_arena(arena, output or Path("results") / arena.name, only, jobs, bool(limits))
         return
     loaded = to_run(study, changes, no_code)

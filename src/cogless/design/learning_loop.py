@@ -167,7 +167,7 @@ class LearningLoop(ABC):
 
     def recalled(self, f: ArrayLike, constant: bool) -> Real:
         """The share of the learned signal that is recalled after a period, at frequencies f in Hz."""
-        return self.q(f) * self.lines(f, constant)
+        return self.q(f) * self.interpolation_gain(f, constant)
 
     def factor(self, f: ArrayLike) -> Real:
         """The factor per period on the learned signal, at frequencies f in Hz."""
@@ -186,7 +186,7 @@ class LearningLoop(ABC):
         weight = np.where(np.abs(image) <= rate / 2, sinc**2, 0.0)
         return np.asarray(np.abs((weight * self.kept(image, lead)).sum(axis=0) / weight.sum(axis=0)))
 
-    def lines(self, f: ArrayLike, constant: bool) -> Real:
+    def interpolation_gain(self, f: ArrayLike, constant: bool) -> Real:
         """Gain of the linear interpolation between samples; the images of a coarse map aren't included.
 
         It is a mean over positions between two samples. A delay line at a constant speed reads at one
@@ -245,7 +245,7 @@ class LearningLoop(ABC):
         """Complex factor between the learned signal and what the memory recalls of it a period later."""
         f = np.asarray(f, dtype=float)
         turn = np.exp(-2j * np.pi * f / self.periods_per_second)
-        return np.asarray(self.q(f) * self.lines(f, True) * turn)
+        return np.asarray(self.q(f) * self.interpolation_gain(f, True) * turn)
 
     @property
     def highest(self) -> float:

@@ -65,7 +65,7 @@ class Sampled:
         """Counts per speed sample at the mechanical speed omega_m in rad/s."""
         return abs(omega_m) * self.window / self.count
 
-    def told(self, omega_m: float) -> str:
+    def counts_clause(self, omega_m: float) -> str:
         """The counts per speed sample at the mechanical speed omega_m in rad/s, as a clause."""
         return f"{self.counts(omega_m):.2g} counts come in a speed sample"
 
@@ -191,7 +191,7 @@ def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, 
     w, ratio, T = math.tau * f, loop.feedback.ratio, loop.plant.period
     C = ratio * loop.feedback.response(w, T)
     passed, S = responses(loop.plant, loop.feedback, f)
-    V, q = ratio * loop.gain(w) * S, loop.q(f) * loop.lines(f, True)
+    V, q = ratio * loop.gain(w) * S, loop.q(f) * loop.interpolation_gain(f, True)
     rho = np.minimum(q * np.abs(loop.kept(f)), 1 - 1e-9) ** 2
     times = (1 - rho**periods) / (1 - rho)
     if loop.lead:

@@ -497,7 +497,7 @@ def _few_counts(loop: LearningLoop, several: bool) -> Remark | None:
     if source is None or counts >= SAMPLE_COUNTS_LEAST * (1 - COUNT_ROUNDING):
         return None
     inside = f" in scenario {loop.scenario}" if several else ""
-    few = f"at {speed_text(loop.study, loop.omega_m)}{inside} {source.told(loop.omega_m)}"
+    few = f"at {speed_text(loop.study, loop.omega_m)}{inside} {source.counts_clause(loop.omega_m)}"
     scenario = loop.scenario
 
     def cured(other: Study) -> bool:

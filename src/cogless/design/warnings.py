@@ -246,7 +246,7 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
         return None
     if source.counts(omega) >= SPEED_COUNTS_LEAST:
         return None
-    comes = f"at {speed_text(study, omega)} {source.told(omega)}"
+    comes = f"at {speed_text(study, omega)} {source.counts_clause(omega)}"
     reads = f"{comes}: most read 0, others {speed_text(study, source.count / source.window)}"
     edges_of = {name: _edges(study, name, scenario) for name in study.controllers_in(scenario)}
     before = {name: edges for name, edges in edges_of.items() if edges is not None}
@@ -288,7 +288,7 @@ def warnings(study: Study, scenario: str, name: str) -> list[Remark]:
     """Warnings about a controller and its current loop, one line each, which begins with the study's key."""
     return [
         *loop_remarks(study),
-        *(remark.about(f"controller.{name}") for remark in _feedback_and_learning(study, name)),
+        *(remark.with_key(f"controller.{name}") for remark in _feedback_and_learning(study, name)),
         *notes(study, name),
     ]
 
@@ -301,7 +301,7 @@ def notes(study: Study, name: str) -> list[Remark]:
         _less_margin,
     )
     remarks = (*(of(study, name) for of in all_of), *rules_of(study, name).notes())
-    return [remark.about(f"controller.{name}") for remark in remarks if remark is not None]
+    return [remark.with_key(f"controller.{name}") for remark in remarks if remark is not None]
 
 
 def likely_harm(study: Study, name: str) -> str | None:
@@ -341,7 +341,7 @@ def beyond_drive(study: Study, scenarios: Iterable[str]) -> list[Remark]:
     """
     all_of = (_out_of_reach, unstable_turning, late_angle, too_much_current, reads_zero)
     remarks = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
-    return [remark.about(f"scenario.{name}") for name, remark in remarks if remark is not None]
+    return [remark.with_key(f"scenario.{name}") for name, remark in remarks if remark is not None]
 
 
 def _out_of_reach(study: Study, scenario: str) -> Remark | None:

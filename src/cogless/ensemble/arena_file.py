@@ -108,11 +108,11 @@ class Arena(Table):
     def laws(self) -> dict[str, dict[str, Any]]:
         """The laws as in the file, with what they name by path found from anywhere."""
         return {
-            name: {key: self.found(value) if key in USERS else value for key, value in table.items()}
+            name: {key: self.user_file(value) if key in USERS else value for key, value in table.items()}
             for name, table in self._laws.items()
         }
 
-    def found(self, path: str) -> str:
+    def user_file(self, path: str) -> str:
         """A user's file, which is beside the arena's, or else where the command runs."""
         path_here = self._path.parent.resolve() / path
         exists = Path(str(path_here).rpartition(":")[0] or path_here).exists()

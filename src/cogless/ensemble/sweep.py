@@ -178,7 +178,7 @@ def variant_rows(
             [
                 _failed_row(len(metrics), _error_text(variant, failed[pair]))
                 if pair in failed
-                else [*(column.of(runs[pair]) for column in metrics), None]
+                else [*(column.number_in(runs[pair]) for column in metrics), None]
                 for pair in pairs
             ]
         )

@@ -43,7 +43,7 @@ class Column:
         """Name as the study has it, with the part after a dot."""
         return self.metric.name + (f".{self.part}" if self.part else "")
 
-    def of(self, metrics: Mapping[str, Value]) -> float | None:
+    def number_in(self, metrics: Mapping[str, Value]) -> float | None:
         """The number of a run; None: never, not to be had, or not taken in its scenario."""
         value = metrics.get(result_name(self.metric))
         if isinstance(value, list):

@@ -398,7 +398,7 @@ def hold_limit(study: AnyStudy, column: Column, limit: Any) -> float:
     except ValueError as error:
         where = f"{study.source.path}: tune.hold: {result_name(column.metric)}"
         raise StudyError(f"{where}: {toml_text(limit)}: {error}") from None
-    return -si if column.metric.wanted == "higher" else si
+    return -si if column.metric.better_direction == "higher" else si
 
 
 def _tune_table(study: AnyStudy) -> Tune:

@@ -257,7 +257,7 @@ def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
         "band": metric.band,
         "smooth": metric.smooth,
         "floor": metric.floor,
-        "better": metric.wanted,
+        "better": metric.better_direction,
     }
 
 

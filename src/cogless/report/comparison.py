@@ -369,7 +369,7 @@ def lines_of(
             signal=metric.signal,
             order=order,
             frame=metric.frame,
-            better=metric.wanted,
+            better=metric.better_direction,
             unit=unit,
             values=in_unit,
         )

@@ -39,7 +39,7 @@ class SweepResults(AnyResults):
     repeat: Repeat = lambda settings, pair: ""
 
     @property
-    def of(self) -> Sweep:
+    def finished_sweep(self) -> Sweep:
         assert self.sweep is not None
         return self.sweep
 
@@ -69,8 +69,10 @@ def _verdict_lines(results: SweepResults) -> list[str]:
 
 
 def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
-    sweep, scenario = results.of, runs[0].scenario
-    groups = [group for group in judge.spreads(sweep, scenario) if group[0].column.metric.wanted != "none"]
+    sweep, scenario = results.finished_sweep, runs[0].scenario
+    groups = [
+        group for group in judge.spreads(sweep, scenario) if group[0].column.metric.better_direction != "none"
+    ]
     limited = [group for group in groups if group[0].within is not None]
     parts = [
         Told(_heading(group[0].column), [(s.pair[1], _sentence(s)) for s in group])
@@ -90,7 +92,7 @@ def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
 
 
 def _headline(results: SweepResults, runs: Runs, limited: Sequence[Sequence[Spread]]) -> str:
-    sweep = results.of
+    sweep = results.finished_sweep
     count = sweep.ensemble.count
     if not limited:
         return f"How {count} variants spread, by controller."
@@ -106,7 +108,7 @@ def _headline(results: SweepResults, runs: Runs, limited: Sequence[Sequence[Spre
 
 def _shares(results: SweepResults, limited: Sequence[Sequence[Spread]]) -> dict[str, float]:
     """The share of variants that keep all limits of a scenario, the best controller first."""
-    sweep = results.of
+    sweep = results.finished_sweep
     shares = {}
     for one in limited[0]:
         at = list(sweep.pairs).index(one.pair)
@@ -129,12 +131,10 @@ def _tone(results: SweepResults, limited: Sequence[Sequence[Spread]]) -> str:
 
 
 def _heading(column: Column) -> str:
-    limit = column.metric.limit
-    bound = (
-        ""
-        if limit is None
-        else f", {'at least' if column.metric.wanted == 'higher' else 'at most'} {_value_text(column, limit)}"
-    )
+    limit, bound = column.metric.limit, ""
+    if limit is not None:
+        side = "at least" if column.metric.better_direction == "higher" else "at most"
+        bound = f", {side} {_value_text(column, limit)}"
     return f"{_name(column)}{bound}"
 
 
@@ -153,9 +153,11 @@ def _sentence(spread: Spread) -> str:
 
 def _answer(results: SweepResults, runs: Runs) -> Answer | None:
     """The share of variants that keep all limits, or else half of the variants' values: baseline, best."""
-    sweep, base = results.of, results.study.baseline
+    sweep, base = results.finished_sweep, results.study.baseline
     groups = [
-        group for group in judge.spreads(sweep, runs[0].scenario) if group[0].column.metric.wanted != "none"
+        group
+        for group in judge.spreads(sweep, runs[0].scenario)
+        if group[0].column.metric.better_direction != "none"
     ]
     limited = [group for group in groups if group[0].within is not None]
     if limited:
@@ -168,7 +170,7 @@ def _answer(results: SweepResults, runs: Runs) -> Answer | None:
         return Answer([(name, "", _percent(values[name])) for name in dict.fromkeys(names)], "", quantity)
     if not groups:
         return None
-    column, higher = groups[0][0].column, groups[0][0].column.metric.wanted == "higher"
+    column, higher = groups[0][0].column, groups[0][0].column.metric.better_direction == "higher"
     ranked = sorted(groups[0], key=lambda s: -s.median if higher else s.median)
     best_other = [s for s in ranked if s.pair[1] != base][:1]
     pair = [*(s for s in ranked if s.pair[1] == base), *best_other]
@@ -183,12 +185,12 @@ def _answer(results: SweepResults, runs: Runs) -> Answer | None:
 
 def _parts(results: SweepResults, runs: Runs) -> dict[str, str]:
     scenario = runs[0].scenario
-    groups = judge.spreads(results.of, scenario)
+    groups = judge.spreads(results.finished_sweep, scenario)
     return {
         "tables": _spread_table(results, runs, groups),
         "worst": _worst_table(results, groups),
         "influence": "".join(_influence_table(results, runs, group[0].column) for group in _plotted(groups)),
-        "influence_note": _influence_note(results.of),
+        "influence_note": _influence_note(results.finished_sweep),
     }
 
 
@@ -219,7 +221,7 @@ def _worst_table(results: SweepResults, groups: Sequence[Sequence[Spread]]) -> s
     body = ""
     for group in _plotted(groups):
         for s in group:
-            command = results.repeat(judge.settings(results.of, s.worst, s.pair[0]), s.pair)
+            command = results.repeat(judge.settings(results.finished_sweep, s.worst, s.pair[0]), s.pair)
             body += (
                 f"<tr><th>{escape(_name(s.column))}</th><td>{key(results, s.pair[1])}</td>"
                 f"<td>{escape(_value_text(s.column, s.worst_value))}</td>"
@@ -230,7 +232,7 @@ def _worst_table(results: SweepResults, groups: Sequence[Sequence[Spread]]) -> s
 
 
 def _influence_table(results: SweepResults, runs: Runs, column: Column) -> str:
-    columns = _influences(results.of, runs, column)
+    columns = _influences(results.finished_sweep, runs, column)
     if not columns or not columns[0]:
         return ""
     body = table_rows(
@@ -267,13 +269,13 @@ def _influence_note(sweep: Sweep) -> str:
 
 def _plotted(groups: Sequence[Sequence[Spread]]) -> list[Sequence[Spread]]:
     """The metrics that have plots: those with a limit, or else the first."""
-    judged = [group for group in groups if group[0].column.metric.wanted != "none"]
+    judged = [group for group in groups if group[0].column.metric.better_direction != "none"]
     limited = [group for group in judged if group[0].within is not None]
     return (limited or judged)[:METRICS_PLOTTED]
 
 
 def _charts(results: SweepResults, runs: Runs) -> dict[str, Any]:
-    sweep = results.of
+    sweep = results.finished_sweep
     columns = [group[0].column for group in _plotted(judge.spreads(sweep, runs[0].scenario))]
     return {
         "spreads": [_spread_chart(results, runs, c) for c in columns],
@@ -288,12 +290,12 @@ def _values_in_unit(sweep: Sweep, run: Run, column: Column) -> Array:
 
 
 def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str, Any]:
-    shares = np.linspace(0, 100, min(PLOT_POINTS, results.of.ensemble.count))
+    shares = np.linspace(0, 100, min(PLOT_POINTS, results.finished_sweep.ensemble.count))
     series = []
     for run in runs:
-        values = _values_in_unit(results.of, run, column)
+        values = _values_in_unit(results.finished_sweep, run, column)
         values = np.sort(values)[
-            :: -1 if column.metric.wanted == "higher" else 1
+            :: -1 if column.metric.better_direction == "higher" else 1
         ]  # NaN is sorted last, or first
         values = np.concatenate((values[~np.isnan(values)], values[np.isnan(values)]))
         at = np.rint(shares / 100 * (len(values) - 1)).astype(int)
@@ -308,7 +310,7 @@ def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str
 
 
 def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str, Any]]:
-    sweep = results.of
+    sweep = results.finished_sweep
     strength: dict[str, float] = {}
     for of_run in _influences(sweep, runs, column):
         for one in of_run:

@@ -30,14 +30,14 @@ SENSOR, INVERTER, LOOP, CURRENTS = (
 class Suspect:
     """A cause in a study.
 
-    `without`: changes that remove the cause. `beside`: changes of both runs that are compared, with the cause
-    and without it. `told`: whether the controller knows that the cause is gone.
+    `without`: changes that remove the cause. `companions`: changes of both runs that are compared, with the
+    cause and without it. `controller_knows`: whether the controller knows that the cause is gone.
     """
 
     name: str
     without: Changes
-    beside: Changes
-    told: bool
+    companions: Changes
+    controller_knows: bool
 
 
 def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:

@@ -66,7 +66,9 @@ def limits(
         return None
     suspected = suspects(study, run, metric)
     pairs = [
-        change for suspect in suspected for change in (tries.without(suspect), tries.placed(suspect.beside))
+        change
+        for suspect in suspected
+        for change in (tries.without(suspect), tries.placed(suspect.companions))
     ]
     values = [tries.value_of(metrics) for metrics in tries.metrics(pairs)]
     causes = []
@@ -105,10 +107,12 @@ def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limit
 
 def _pairs(tries: _Tries, suspected: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:
     """Pairs of the largest causes that together, but not alone, have most of the metric's square."""
-    apart = {suspect.name: suspect for suspect in suspected if not suspect.beside}
+    apart = {suspect.name: suspect for suspect in suspected if not suspect.companions}
     largest = [apart[cause.name] for cause in causes if cause.name in apart][:PAIRED_CAUSES]
     pairs = [
-        Suspect(f"{a.name}{AND}{b.name}", {**a.without, **b.without}, {}, a.told or b.told)
+        Suspect(
+            f"{a.name}{AND}{b.name}", {**a.without, **b.without}, {}, a.controller_knows or b.controller_knows
+        )
         for a, b in combinations(largest, 2)
     ]
     values = [tries.value_of(metrics) for metrics in tries.metrics([tries.without(pair) for pair in pairs])]
@@ -126,7 +130,7 @@ def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value])
     for metric in study.metrics_in(run.scenario):
         name = result_name(metric)
         before, after = run.metrics.get(name), metrics.get(name)
-        if metric == judged or metric.wanted != "lower" or not before or isinstance(before, list):
+        if metric == judged or metric.better_direction != "lower" or not before or isinstance(before, list):
             continue
         if isinstance(after, float) and after / before >= CLEARLY_WORSE:
             costs[name] = after / before
@@ -202,7 +206,7 @@ class _Tries:
 
     def without(self, suspect: Suspect) -> dict[str, Any]:
         """The changes that remove a cause."""
-        return self.placed({**suspect.beside, **suspect.without}, suspect.told)
+        return self.placed({**suspect.companions, **suspect.without}, suspect.controller_knows)
 
     def placed(self, changes: Changes, is_assumed: bool = True) -> dict[str, Any]:
         """The changes, repeated in the scenario's override where the override sets the same keys.

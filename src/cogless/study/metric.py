@@ -198,7 +198,7 @@ class Metric(Table):
         return self.event or 0.0, end if after is None else after - before_event
 
     @property
-    def wanted(self) -> str:
+    def better_direction(self) -> str:
         """The direction that is better: as `better` says, but a band is by default better left late."""
         later = self.kind == "exceeds" and "better" not in self.model_fields_set
         return "higher" if later else self.better

@@ -537,7 +537,7 @@ class Remark:
     def __str__(self) -> str:
         return self.text
 
-    def about(self, key: str) -> Remark:
+    def with_key(self, key: str) -> Remark:
         """The same remark with a key in front."""
         return replace(self, text=f"{key}: {self.text}")
 

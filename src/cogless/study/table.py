@@ -253,7 +253,7 @@ class Quantity:
         sort = {"": "", ">": " above zero", ">=": " of zero or more"}[self.sign]
         if not self.dimension.unit:
             return f"expected {self.dimension.name}{sort}"
-        return f"expected {self.dimension.name}{sort}, such as {self.dimension.shown(1)}"
+        return f"expected {self.dimension.name}{sort}, such as {self.dimension.sample(1)}"
 
     def read(self, value: Any) -> float:
         """The SI value; raises an error that says what was expected."""
@@ -266,7 +266,7 @@ class Quantity:
             raise invalid(self.expectation)
         elif not self.bare:
             raise invalid(
-                f"expected a text with a unit, such as {self.dimension.shown(_sample_number(value))}"
+                f"expected a text with a unit, such as {self.dimension.sample(_sample_number(value))}"
             )
         else:
             number = float(value)

@@ -211,7 +211,7 @@ def certify(
         stable = bool(radii[k] < 1)
         phi = None
         if update is not None and update.ratio is None and update.shift == plant.relative_degree:
-            phis = [Vertex.of(loop, update.shift).phi(update.K_3) for loop in loops[: len(corners)]]
+            phis = [Vertex.of_loop(loop, update.shift).phi(update.K_3) for loop in loops[: len(corners)]]
             phi = max(float(np.abs(np.linalg.eigvals(p)).max()) for p in phis)
         names = [*labels, *["a random plant"] * len(drawn), "the nominal plant"]
         plain = filters = ends = norms = None

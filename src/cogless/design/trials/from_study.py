@@ -240,11 +240,11 @@ def _simulated(study: TrialStudy, scenario: str, index: int, conditions: TrialCo
     if study.plant is not None:
         A, B = study.plant.at(conditions.override or {})
         if study.plant.model == "discrete":
-            return Model.of(A, B)
+            return Model.from_arrays(A, B)
     else:
         hardware = study.hardware(scenario)[index]
         A, B = _axis(_uncertain(hardware.mechanics, hardware.motor))
-    plant = sampled(Model.of(A, B), study.period, "exact")
+    plant = sampled(Model.from_arrays(A, B), study.period, "exact")
     return plant if study.drive is None else sensed(plant, ANGLE_OUTPUT, study.period, sensor_of(study))
 
 

@@ -46,7 +46,7 @@ class Vertex:
     Upsilon: float
 
     @classmethod
-    def of(cls, loop: Loop, r: int) -> Vertex:
+    def of_loop(cls, loop: Loop, r: int) -> Vertex:
         """The matrices (22) of a closed loop with relative degree r."""
         power = np.linalg.matrix_power(loop.A, r - 1)
         ahead = loop.C[None, :] @ power
@@ -82,7 +82,7 @@ class LearningGain:
 
 def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
     """Vertices of a polytope that contains the set (23), whether these are the mapped corners, and a note."""
-    corners = [Vertex.of(loop, r) for loop in loops]
+    corners = [Vertex.of_loop(loop, r) for loop in loops]
     if r == 1 or len(loops) == 1:
         return corners, True, ""
     unit = np.eye(len(loops))
@@ -92,7 +92,7 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
     rows = []
     for share in shares:
         mixture = Loop(np.tensordot(share, A, 1), np.tensordot(share, B, 1), loops[0].C)
-        rows.append(Vertex.of(mixture, r).entries)
+        rows.append(Vertex.of_loop(mixture, r).entries)
     hull = enclose(np.array([corner.entries for corner in corners]), np.array(rows))
     if hull.exact:
         return [corners[k] for k in hull.kept], True, ""
@@ -209,7 +209,7 @@ def _scaling(nominal: Loop, r: int, K: float, worst: float) -> Real:
     """
     import scipy.linalg
 
-    vertex = Vertex.of(nominal, r)
+    vertex = Vertex.of_loop(nominal, r)
     A, B, Gamma, D = vertex.A, vertex.B * K, -vertex.Gamma, 1 - vertex.Upsilon * K
     reached = scipy.linalg.solve_discrete_lyapunov(A, B @ B.T)
     unit = np.sqrt(np.maximum(np.diag(reached), 1e-24 * max(float(np.trace(reached)), 1e-300)))

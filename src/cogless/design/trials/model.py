@@ -78,7 +78,7 @@ class Model:
         return np.hstack([self.A, self.B]).ravel()
 
     @classmethod
-    def of(cls, A: ArrayLike, B: ArrayLike, key: str = "vertex") -> Model:
+    def from_arrays(cls, A: ArrayLike, B: ArrayLike, key: str = "vertex") -> Model:
         """A model from arrays; DesignError if a shape is wrong or a number isn't finite."""
         try:
             a, b = np.asarray(A, dtype=float), np.asarray(B, dtype=float)

@@ -61,7 +61,7 @@ class _Frame:
     scale: Real
     basis: Real  # (d, m), orthonormal rows
 
-    def of(self, points: Real) -> tuple[Real, Real]:
+    def coordinates(self, points: Real) -> tuple[Real, Real]:
         """Coordinates c of points, and `rest`, their scaled offsets from the affine hull."""
         scaled = _scaled(points, self.origin, self.scale)
         inside = scaled @ self.basis.T
@@ -94,15 +94,15 @@ class Enclosure:
 def minimal(points: Real) -> tuple[int, ...]:
     """Indices of the rows that are vertices of the points' convex hull, ascending, each vertex once."""
     frame = _frame(points, points)
-    inside, _ = frame.of(points)
+    inside, _ = frame.coordinates(points)
     return _vertices(inside)
 
 
 def enclose(corners: Real, samples: Real) -> Enclosure:
     """A polytope that contains corners and samples: the hull of the corners, if that is enough."""
     frame = _frame(corners, np.vstack([corners, samples]))
-    base, _ = frame.of(corners)
-    inside, rest = frame.of(samples)
+    base, _ = frame.coordinates(corners)
+    inside, rest = frame.coordinates(samples)
     indices = _vertices(base)
     base = base[list(indices)]
     factor = float(_gauge(base, inside).max(initial=0.0))
@@ -111,7 +111,7 @@ def enclose(corners: Real, samples: Real) -> Enclosure:
         return Enclosure(corners[list(indices)], indices, True, 0.0)
     # Directions in which the corners hardly differ get a box: their hull would have to be inflated too far.
     frame = _frame(corners, np.vstack([corners, samples]), THIN_SHARE)
-    everything, rest = frame.of(np.vstack([corners, samples]))
+    everything, rest = frame.coordinates(np.vstack([corners, samples]))
     base = everything[list(_vertices(everything[: len(corners)]))]
     factor = max(1.0, float(_gauge(base, everything).max(initial=0.0)))
     off = float(np.abs(rest).max(initial=0.0))
@@ -352,7 +352,7 @@ def from_parameters(
 
     def physical(parameters: Parameters) -> Model:
         try:
-            return Model.of(*model(parameters))
+            return Model.from_arrays(*model(parameters))
         except ZeroDivisionError:
             raise DesignError(f"range: expected finite numbers at {_parameter_words(parameters)}") from None
         except DesignError as error:
@@ -393,7 +393,7 @@ def from_vertices(
     if not models:
         raise DesignError("vertex: expected at least one")
     _check_period(period)
-    vertices = [Model.of(*pair, key=f"vertex {k + 1}") for k, pair in enumerate(models)]
+    vertices = [Model.from_arrays(*pair, key=f"vertex {k + 1}") for k, pair in enumerate(models)]
     sizes = {m.order for m in vertices}
     if len(sizes) > 1:
         raise DesignError(f"vertex: expected all of one order, not {min(sizes)} and {max(sizes)}")

@@ -62,7 +62,7 @@ def summary(study: TrialStudy) -> TrialSummary:
     }
     if not designs and designs.without:
         raise next(iter(designs.without.values()))
-    without = {name: why.within(study.source.path) for (_, name), why in designs.without.items()}
+    without = {name: why.text_without(study.source.path) for (_, name), why in designs.without.items()}
     return TrialSummary(uncertain_plant(study), in_order, without)
 
 
