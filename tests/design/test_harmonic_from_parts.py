@@ -413,7 +413,7 @@ def test_a_certificate_is_of_the_speeds_at_which_orders_act(monkeypatch: pytest.
         "harmonic_gains": lambda study, name: "pi",
         "speed_loop": lambda study: LOOP,
         "_speeds": lambda study, name, sampled: speeds if sampled == 6e-3 else [],
-        "_at": lambda study, name, loop, told, pi, acting, omega: (omega, acting.tolist()),
+        "_certified_at": lambda study, name, loop, told, pi, acting, omega: (omega, acting.tolist()),
         "main_order": lambda study, base: 50,
     }
     for name, part in of_part.items():
