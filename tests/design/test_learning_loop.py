@@ -287,7 +287,10 @@ def noisy(lead: int) -> Any:
     """A loop whose responses are the same at all frequencies; while it learns it has half of its feedback."""
     before, after = (SimpleNamespace(ratio=2, response=lambda w, T, c=c: c) for c in (0.6, 0.3))
     flat = {"gain": lambda w: np.full(len(w), 0.5), "kept": lambda f: np.full(len(f), 0.8 - 0.6j)}
-    flat |= {"q": lambda f: np.full(len(f), 0.9), "interpolation_gain": lambda f, constant: 0.8 if constant else 0.0}
+    flat |= {
+        "q": lambda f: np.full(len(f), 0.9),
+        "interpolation_gain": lambda f, constant: 0.8 if constant else 0.0,
+    }
     plant = SimpleNamespace(period=1e-3)
     return SimpleNamespace(plant=plant, feedback_before=before, feedback=after, lead=lead, **flat)
 
