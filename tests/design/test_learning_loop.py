@@ -150,12 +150,12 @@ def test_a_loop_settles_if_it_neither_oscillates_nor_grows() -> None:
 def test_straight_lines_between_samples_smooth() -> None:
     """A delay line at a steady 166.7 samples reads a third before a sample, else anywhere: exp(pi/4 - 1)."""
     f, fine = 250.0, loop(cells=300)
-    assert loop().lines(f, True) == pytest.approx(np.sinc(f * T) ** 4)
-    assert fine.lines(f, True) == pytest.approx(np.sinc(f * T) ** 2 * np.sinc(f / 1800) ** 2)
+    assert loop().interpolation_gain(f, True) == pytest.approx(np.sinc(f * T) ** 4)
+    assert fine.interpolation_gain(f, True) == pytest.approx(np.sinc(f * T) ** 2 * np.sinc(f / 1800) ** 2)
     line = loop(over_angle=False)
-    assert line.lines(f, True) == pytest.approx(abs(1 / 3 + 2 / 3 * np.exp(-2j * np.pi * f * T)))
-    assert line.lines(f, False) == pytest.approx(np.exp(np.pi / 4 - 1), rel=1e-3)
-    assert line.recalled(f, True) == pytest.approx(line.lines(f, True))
+    assert line.interpolation_gain(f, True) == pytest.approx(abs(1 / 3 + 2 / 3 * np.exp(-2j * np.pi * f * T)))
+    assert line.interpolation_gain(f, False) == pytest.approx(np.exp(np.pi / 4 - 1), rel=1e-3)
+    assert line.recalled(f, True) == pytest.approx(line.interpolation_gain(f, True))
 
 
 @pytest.mark.parametrize("lead", [0, 2])

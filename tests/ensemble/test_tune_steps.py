@@ -176,6 +176,6 @@ def test_a_column_is_a_number_of_a_run() -> None:
         (1, [1.0, None], None),
         (2, [1.0, 2.0], None),
     ):
-        assert Column(metric, place).of({name: value}) == found
-    assert Column(metric).of({}) is None
+        assert Column(metric, place).number_in({name: value}) == found
+    assert Column(metric).number_in({}) is None
     assert (Column(metric, 0, "2").spoken, Column(metric).spoken) == ("error.2", "error")
