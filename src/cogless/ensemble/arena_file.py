@@ -38,7 +38,7 @@ class ArenaPlant(Table):
     study: str  # a shipped one, or a path relative to the arena's file
     scenario: str
     about: Line = ""
-    changes: dict[str, Any] = Field(default={})  # of the study, by dotted key; the laws are told
+    changes: dict[str, Any] = Field(default={})  # values by dotted key, which the laws know, too
     reference: Any = None  # instead of the scenario's
     feedback: GivenFeedback | None = None  # instead of each law's own; laws without a PI stay away
     begin: Duration  # s, from the start until learning begins

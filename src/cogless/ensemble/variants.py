@@ -289,7 +289,7 @@ def seeds(study: AnyStudy, count: int, fresh: int = 0) -> list[int]:
 
 
 def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
-    """Draw `count` variants; the first of a longer ensemble are the same. StudyError: a mistake in [vary].
+    """Draw `count` variants, the first ones of any longer ensemble. StudyError: a mistake in [vary].
 
     `fresh`: a number above zero draws others than any ensemble with another number.
     """

@@ -33,7 +33,7 @@ from cogless.study.reading import checked
 T = TypeVar("T")
 MOST_LOSSES = 3  # workers that one task may cost before it is given up
 TASKS_AHEAD = 2  # tasks sent for each worker: one that runs, one that waits
-END_PROCESS = os._exit  # itself, while a task runs that may not call it
+END_PROCESS = os._exit  # a worker ends itself by this name, since tasks may not call os._exit
 CLUSTER_PATIENCE = 10  # s that a cluster has to answer
 
 

@@ -68,7 +68,7 @@ def _reason_in_rows(results: Results, run: Run, rows: slice) -> str | None:
 
 SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
-RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"  # unjudged
+RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"
 TORQUE_NOTE = "an outer loop's current acts there, and no speed is held"
 EVENT_KINDS = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
 COUNT_KINDS = ("trials-to-floor", "trials-at-limit")

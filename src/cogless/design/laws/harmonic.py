@@ -362,9 +362,9 @@ def _poles_and_slots(study: Study) -> tuple[int, int | None]:
 
 
 def _step(study: Study) -> float:
-    """Step of the sensor's angle, rad, or 0.
+    """Step of the sensor's angle, rad, if the law learns with a speed timed between edges; else 0.
 
-    A speed that is timed from edge to edge, and not filtered, tells where the rotor is between two steps.
+    Only an unfiltered speed of this kind tells where the rotor is between two steps.
     """
     sensor, filtered = study.drive.position_sensor, study.drive.speed_filter
     return sensor.step if isinstance(sensor, Counted) and sensor.timed and not filtered else 0.0
