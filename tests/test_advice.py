@@ -30,7 +30,7 @@ from cogless.report import lines, verdicts
 from cogless.report.comparison import error_metric
 from cogless.run.simulate import run_study, simulate
 from cogless.study import AnyStudy, TrialStudy, changed
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("design", "run", "report", "cli")

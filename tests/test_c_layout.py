@@ -13,8 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cogless.c_layout import Layout, control_layout
-from cogless.control_library import Field, Headers, control_headers, parse
-from cogless.results.status import Status
+from cogless.control_library import Field, Headers, Status, control_headers, parse
 from cogless.study import drive, linear_plant
 from cogless.study.laws import harmonic, pi_afc, space
 

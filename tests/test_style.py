@@ -5,22 +5,22 @@ import style
 
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
-    "constant_with_several_values": 34,
+    "constant_with_several_values": 25,
     "number_of_one_word": 74,
-    "vague_local": 444,
-    "vague_argument": 181,
-    "vague_function": 146,
-    "many_positional_arguments": 13,
-    "fragment_of_a_comment": 60,
-    "alias_defined_again": 6,
+    "vague_local": 171,
+    "vague_argument": 114,
+    "vague_function": 49,
+    "many_positional_arguments": 9,
+    "fragment_of_a_comment": 13,
+    "alias_defined_again": 3,
     "type_test_of_a_study": 5,
     "comparison_of_a_kind_of_study": 3,
     "type_test_of_a_law": 32,
     "message_taken_apart": 10,
     "number_copied_from_c": 0,
-    "unit_factor_written_out": 41,
+    "unit_factor_written_out": 39,
     "file_name_used_again": 3,
-    "small_file": 3,
+    "small_file": 1,
 }
 NAMES = [rule.__name__ for rule in style.RULES]
 LONG = "\n" * (style.SMALL_FILE_LINES + 1)

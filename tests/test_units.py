@@ -192,7 +192,7 @@ def test_a_unit_with_two_readings_or_other_capitals_is_refused_with_what_is_take
 ) -> None:
     with pytest.raises(UnitError) as error:
         parse(f"3 {unit}", dimension)
-    assert str(error.value) == f"expected {dimension.name}, such as {dimension.shown(1)}{expected}"
+    assert str(error.value) == f"expected {dimension.name}, such as {dimension.sample(1)}{expected}"
     for cure in cures:
         assert f'"{cure}"' in str(error.value) and parse(f"3 {cure}", dimension) > 0
 

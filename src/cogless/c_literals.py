@@ -33,10 +33,12 @@ def initialiser(headers: Headers, struct: str, values: dict[str, Any], precision
 
     A pointer whose value is None is left out; else its value is used as C code.
     """
-    return "\n".join(_lines(headers, struct, values, precision, INDENT_WIDTH))
+    return "\n".join(_member_lines(headers, struct, values, precision, INDENT_WIDTH))
 
 
-def _lines(headers: Headers, struct: str, values: dict[str, Any], precision: str, indent: int) -> list[str]:
+def _member_lines(
+    headers: Headers, struct: str, values: dict[str, Any], precision: str, indent: int
+) -> list[str]:
     lines: list[str] = []
     by_declaration: dict[int, list[Field]] = {}
     for field in headers.structs[struct]:
@@ -46,7 +48,7 @@ def _lines(headers: Headers, struct: str, values: dict[str, Any], precision: str
         if first.type in headers.structs:
             opening = f"{' ' * indent}.{first.name} = {{"
             lines += _commented(opening, first.comment)
-            lines += _lines(headers, first.type, values[first.name], precision, indent + INDENT_WIDTH)
+            lines += _member_lines(headers, first.type, values[first.name], precision, indent + INDENT_WIDTH)
             lines.append(f"{' ' * indent}}},")
             continue
         set_fields = [f for f in fields if values[f.name] is not None]

@@ -20,7 +20,7 @@ def catalogue() -> dict[str, dict[str, str]]:
     """Entries of the catalogue: heading -> name -> description in one line."""
     laws = _laws()
     own, of_trials = laws.pop(OWN_LAWS, {}), laws.pop(TRIAL_LAWS, {})
-    of_speed = {name: about for file in laws.values() for name, about in file.items()}
+    of_speed = {name: description for file in laws.values() for name, description in file.items()}
     return {
         "Studies": {name: _title(path) for name, path in shipped("studies").items()},
         "Motors": {name: _first_comment(path) for name, path in shipped("motors").items()},

@@ -1,4 +1,4 @@
-"""The control library as its laws.def and C headers declare it: its laws, structs, enums and numbers.
+"""The control library as its laws.def and C headers declare it: laws, structs, enums, numbers, status bits.
 
 The headers are the only place where the fields are declared.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import IntFlag
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -71,9 +72,9 @@ class CLaw:
         Whole numbers get C's suffix U. None if `length` is None.
         """
 
-        def value(found: re.Match[str]) -> str:
+        def value(match: re.Match[str]) -> str:
             member: Any = config
-            for part in found[1].split("."):
+            for part in match[1].split("."):
                 member = member[part]
             return f"{member}U" if isinstance(member, int) else str(member)
 
@@ -269,3 +270,33 @@ def _constants(body: str) -> dict[str, int]:
             following = max(constants.values(), default=-1) + 1
             constants[name.strip()] = int(value) if value else following
     return constants
+
+
+_BITS = status_bits()
+
+
+class Status(IntFlag):
+    """Status bits that a controller returns with each step."""
+
+    SATURATED = _BITS["CGL_STATUS_SATURATED"]
+    FAULT = _BITS["CGL_STATUS_FAULT"]
+    FROZEN = _BITS["CGL_STATUS_FROZEN"]
+    BUSY = _BITS["CGL_STATUS_BUSY"]
+    ANGLE_LOST = _BITS["CGL_STATUS_ANGLE_LOST"]
+    ANGLE_SHIFTED = _BITS["CGL_STATUS_ANGLE_SHIFTED"]
+    ANGLE_STUCK = _BITS["CGL_STATUS_ANGLE_STUCK"]
+    CURRENT = _BITS["CGL_STATUS_CURRENT"]
+    BUS = _BITS["CGL_STATUS_BUS"]
+    OUTLIER = _BITS["CGL_STATUS_OUTLIER"]
+    OFF = _BITS["CGL_STATUS_OFF"]
+    GUARDED = _BITS["CGL_STATUS_GUARDED"]
+
+
+SAFE_OUTPUT = Status.FAULT | Status.OFF  # the controller holds its safe output
+NOTICED = {  # the monitor sets these
+    Status.ANGLE_LOST: "angle missing",
+    Status.ANGLE_SHIFTED: "angle shifted",
+    Status.ANGLE_STUCK: "angle stuck",
+    Status.CURRENT: "current not plausible",
+    Status.BUS: "bus voltage not plausible",
+}

@@ -22,6 +22,6 @@ class StudyError(Exception):
         self.cures = cures
         return self
 
-    def within(self, file: object) -> str:
+    def text_without(self, file: object) -> str:
         """The text without the name of this file, for where that is known."""
         return str(self).removeprefix(f"{file}: ")

@@ -79,7 +79,7 @@ DERIVED = {
     "theta_error": Derived("rad", ("theta_ref", "theta_m"), operator.sub),  # reference minus true angle
     "theta_error_measured": Derived("rad", ("theta_ref", "theta_measured"), operator.sub),
     "theta_sensor_error": Derived("rad", ("theta_measured", "theta_m"), operator.sub),
-    "y_error": Derived("", ("y_ref", "y"), operator.sub),  # of a linear plant
+    "y_error": Derived("", ("y_ref", "y"), operator.sub),  # linear plants have this one
 }
 
 

@@ -52,7 +52,7 @@ class Dimension:
     also: tuple[str, ...] = ()
     angular: float = 0.0
 
-    def shown(self, number: object) -> str:
+    def sample(self, number: object) -> str:
         """A sample text for error messages: the number with the unit `example`."""
         return f'"{number} {self.example or self.unit}"'
 
@@ -103,7 +103,7 @@ READINGS = {
     ("rad/s", "Hz"): 'may be "rev/s", or the frequency of the current, pole_pairs times as much',
     ("rad/s", "1/s"): 'may be "rad/s" or "rev/s"',
 }
-NAMED_DIMENSIONS = tuple(each for each in list(vars().values()) if isinstance(each, Dimension))
+NAMED_DIMENSIONS = tuple(value for value in list(vars().values()) if isinstance(value, Dimension))
 
 
 @cache
@@ -122,24 +122,24 @@ def dimension_of(unit: str) -> Dimension:
 
 def parse(text: str, dimension: Dimension) -> float:
     """The SI value of a text such as "60 rpm"; UnitError unless it is a finite number with a fitting unit."""
-    found = NUMBER_AND_UNIT.fullmatch(text)
-    if not found:
-        raise UnitError(f"expected a number and a unit, such as {dimension.shown(1)}")
-    number, unit = found.groups()
+    match = NUMBER_AND_UNIT.fullmatch(text)
+    if not match:
+        raise UnitError(f"expected a number and a unit, such as {dimension.sample(1)}")
+    number, unit = match.groups()
     if COMMA.match(unit):
-        raise UnitError(f"expected a decimal point in place of the comma, such as {dimension.shown('1.5')}")
+        raise UnitError(f"expected a decimal point in place of the comma, such as {dimension.sample('1.5')}")
     if not unit:
-        raise UnitError(f"expected a unit too, such as {dimension.shown(number if len(number) < 20 else 1)}")
+        raise UnitError(f"expected a unit too, such as {dimension.sample(number if len(number) < 20 else 1)}")
     value = float(number) * factor(unit, dimension)
     if not math.isfinite(value):
-        raise UnitError(f"expected a finite number with a unit, such as {dimension.shown(1)}")
+        raise UnitError(f"expected a finite number with a unit, such as {dimension.sample(1)}")
     return value
 
 
 def unit_of(text: str) -> str:
     """The unit of a text such as "60 rpm"; empty if it has none or the text is no quantity."""
-    found = NUMBER_AND_UNIT.fullmatch(text)
-    return found.group(2) if found else ""
+    match = NUMBER_AND_UNIT.fullmatch(text)
+    return match.group(2) if match else ""
 
 
 def is_known(unit: str) -> bool:
@@ -154,10 +154,10 @@ def convert(value_si: float, unit: str, dimension: Dimension) -> float:
 
 def number_in(text: str, unit: str) -> float:
     """The number of a text such as "0.1 N*m", converted to `unit`; UnitError if that is impossible."""
-    found = NUMBER_AND_UNIT.fullmatch(text)
-    if not found:
+    match = NUMBER_AND_UNIT.fullmatch(text)
+    if not match:
         raise _unlike(unit)
-    return float(found.group(1)) * _ratio(found.group(2), unit)
+    return float(match.group(1)) * _ratio(match.group(2), unit)
 
 
 @cache
@@ -171,10 +171,10 @@ def _ratio(unit: str, other: str) -> float:
 
 def in_si(text: str) -> float:
     """The SI value of a text with a unit of any dimension; UnitError: unknown unit."""
-    found = NUMBER_AND_UNIT.fullmatch(text)
-    if not found:
+    match = NUMBER_AND_UNIT.fullmatch(text)
+    if not match:
         raise UnitError("expected a number and a unit")
-    return float(found.group(1)) * si_factor(found.group(2))
+    return float(match.group(1)) * si_factor(match.group(2))
 
 
 def _unlike(unit: str) -> UnitError:
@@ -200,7 +200,7 @@ def si_factor(unit: str) -> float:
 @cache
 def factor(unit: str, dimension: Dimension) -> float:
     """Factor from `unit` to the SI unit of the dimension; UnitError: other dimension or unknown unit."""
-    expected = f"expected {dimension.name}, such as {dimension.shown(1)}"
+    expected = f"expected {dimension.name}, such as {dimension.sample(1)}"
     written = _unit(unit)
     if written is not None and (reading := _reading(unit, written, dimension)):
         raise UnitError(f'{expected}; the unit "{unit}" {reading}')
@@ -258,8 +258,8 @@ def _with_words(unit: str, words: Iterable[str]) -> str:
 
 def _spellings(word: str) -> list[str]:
     """The word, then known units that differ from it in capitals; those with the same first letter first."""
-    known = [prefix + symbol for prefix in PREFIXES for symbol in SYMBOLS]
-    alike = [name for name in known if name.lower() == word.lower() and name != word]
+    spellings = [prefix + symbol for prefix in PREFIXES for symbol in SYMBOLS]
+    alike = [name for name in spellings if name.lower() == word.lower() and name != word]
     return [word, *sorted(alike, key=lambda name: name[0] != word[0])]
 
 

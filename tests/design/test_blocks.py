@@ -16,13 +16,13 @@ from cogless.design.blocks import margin_words
 from cogless.design.closed_loop import Oscillation
 from cogless.design.learning_loop import Worst
 from cogless.design.margins import UNSTABLE, Margins
-from cogless.design.speed_blocks import _about, _settles, speed_blocks
+from cogless.design.speed_blocks import _rounded_time, _settles, speed_blocks
 from cogless.design.summary import design
 from cogless.design.trials.trial_blocks import trial_blocks, why_not
 from cogless.design.trials.trial_summary import summary
 from cogless.design.verdict import Verdict
 from cogless.study import Study, TrialStudy
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 
 FADES, RISES, SWINGS = Worst(0.9, 50.0), Worst(1.2, 50.0), Oscillation(88.0, 1.0)
 YES = r"yes, in about \d+ s at 15 rpm and [\d.]+ s at 240 rpm, by a model without the inverter's dead time"
@@ -129,7 +129,7 @@ def test_only_what_learns_is_asked_whether_it_settles(uomodri: Study) -> None:
     [(0.234, "0.23 s"), (0.34, "0.3 s"), (1.23, "1.2 s"), (2.4, "2.4 s"), (2.96, "3 s"), (84.0, "80 s")],
 )
 def test_a_time_is_told_as_well_as_it_is_known(time: float, words: str) -> None:
-    assert _about(time) == words
+    assert _rounded_time(time) == words
 
 
 def test_margins_in_words() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 import studies
 from cogless.design.closed_loop import Linear
-from cogless.design.laws.anti_cogging import commissioning_warning, left, position_gain, unsettled
+from cogless.design.laws.anti_cogging import commissioning_warning, position_gain, share_left, unsettled
 from cogless.design.speed_loop import speed_loop
 from cogless.design.warnings import notes
 from cogless.errors import StudyError
@@ -61,7 +61,7 @@ def test_a_table_leaves_in_simulation_what_is_predicted(tmp_path: Path, speed: f
     study = table(tmp_path, speed)
     loop, feedback = speed_loop(study, "low"), Linear(ratio=1, k=PI["kp"], k_theta=K_THETA, k_i=PI["ki"])
     cogging = 4e-3 / (1.5 * 4 * 20e-3)  # A
-    (share,) = left(loop, feedback, np.array([24 * speed]))
+    (share,) = share_left(loop, feedback, np.array([24 * speed]))
     predicted = math.hypot(share, unsettled(loop, feedback, speed) / cogging)
     assert ripple(study, "t") / alone(tmp_path) == pytest.approx(predicted, rel=within)
 

@@ -322,7 +322,7 @@ def test_a_filter_is_widened_while_that_leaves_less(monkeypatch: pytest.MonkeyPa
     left = {2: 0.5, 3: 0.4, 4: 0.4, 5: 0.1}
     monkeypatch.setattr(auto, "with_numbers", lambda *_: None)
     monkeypatch.setattr(auto, "loops_in_corners", lambda *_: [])
-    monkeypatch.setattr(auto, "_left", lambda study, name, kind, values: left[values["q_half_width"]])
+    monkeypatch.setattr(auto, "_ripple_share", lambda study, name, kind, values: left[values["q_half_width"]])
     for widths, best in (((2, 3, 4, 5), (0.4, 3)), ((5,), (0.1, 5)), ((3, 2), (0.4, 3))):
         monkeypatch.setattr(auto, "_widths", lambda loops, fixed, widths=widths: iter(widths))
         found = auto._filter(study, "x", LearningLoop, {"mu": 1.0}, {})
@@ -367,7 +367,7 @@ def test_a_gain_is_halved_while_half_of_it_leaves_less(
         "with_numbers": lambda *_: None,
         "loops_in_corners": lambda *_: [],
         "_widths": lambda *_: [settles[asked[-1]]] if asked[-1] in settles else [],
-        "_left": lambda study, name, kind, values: left[values["mu"]],
+        "_ripple_share": lambda study, name, kind, values: left[values["mu"]],
     }
     for name, of in for_gain.items():
         monkeypatch.setattr(auto, name, of)
@@ -477,7 +477,7 @@ def test_what_learning_leaves_is_the_mean_over_the_scenarios_that_turn(
     monkeypatch.setattr(auto, "scenarios_tuned_for", lambda *_: list(speeds))
     monkeypatch.setattr(auto, "ripple", ripple)
     turn = 2 * np.pi
-    assert auto._left(study, "x", kind, {}) == pytest.approx(10 * turn * (1 / 2 + 1 / 4) / 2)
+    assert auto._ripple_share(study, "x", kind, {}) == pytest.approx(10 * turn * (1 / 2 + 1 / 4) / 2)
 
 
 @pytest.mark.parametrize("law", ["space-position", "space-speed"])

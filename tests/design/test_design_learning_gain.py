@@ -108,7 +108,7 @@ def test_cost_of_simulated_trials_is_below_the_bound(paper: LearningGain) -> Non
     plant = mandra()
     trials, samples = 40, 300
     for loop in loops_of(plant, K_S, plant.random[0][::8]):
-        free, trial = simulated(Vertex.of(loop, 2), paper.K_3, samples)
+        free, trial = simulated(Vertex.of_loop(loop, 2), paper.K_3, samples)
         e, cost = np.full(samples, G), 0.0
         for _ in range(trials):
             e = free + trial @ e
@@ -120,7 +120,7 @@ def test_cost_of_simulated_trials_is_below_the_bound(paper: LearningGain) -> Non
 def test_phi_is_schur_over_the_polytope(paper: LearningGain) -> None:
     plant = mandra()
     radii = [
-        np.abs(np.linalg.eigvals(Vertex.of(loop, 2).phi(paper.K_3))).max()
+        np.abs(np.linalg.eigvals(Vertex.of_loop(loop, 2).phi(paper.K_3))).max()
         for loop in loops_of(plant, K_S, plant.random[0])
     ]
     assert max(radii) < 1
@@ -129,7 +129,7 @@ def test_phi_is_schur_over_the_polytope(paper: LearningGain) -> None:
 def test_cost_is_that_of_simulated_trials(paper: LearningGain) -> None:
     samples, trials, costs = 500, 300, []
     for loop in loops_of(mandra(), K_S)[:-1]:
-        vertex = Vertex.of(loop, 2)
+        vertex = Vertex.of_loop(loop, 2)
         (free, trial), totals = simulated(vertex, paper.K_3, samples), []
         for g in (G, -G):
             e, total = free + trial[:, 0] * g, 0.0
@@ -145,7 +145,7 @@ def test_cost_is_that_of_simulated_trials(paper: LearningGain) -> None:
 
 def one_state() -> Vertex:
     """F = -(1 - z/2) / (z - 1/2) / 2 with K = 3/4: 1/2 at all frequencies."""
-    return Vertex.of(Loop(np.array([[0.5]]), np.ones((1, 1)), np.ones(1)), 1)
+    return Vertex.of_loop(Loop(np.array([[0.5]]), np.ones((1, 1)), np.ones(1)), 1)
 
 
 def test_check_refuses_what_does_not_hold() -> None:
@@ -237,7 +237,7 @@ def test_a_set_that_bends_gets_a_bounding_polytope() -> None:
     rows = np.array([v.entries for v in vertices])
     for share in np.linspace(0, 1, 21):
         A = (1 - share) * loops[0].A + share * loops[1].A
-        entries = Vertex.of(Loop(A, loops[0].B, loops[0].C), 2).entries
+        entries = Vertex.of_loop(Loop(A, loops[0].B, loops[0].C), 2).entries
         # a mixture: weights that aren't negative, of sum one
         assert nnls(np.vstack([rows.T, np.ones(len(rows))]), np.append(entries, 1.0))[1] < 1e-9
     middle = Loop((loops[0].A + loops[1].A) / 2, loops[0].B, loops[0].C)

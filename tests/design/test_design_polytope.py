@@ -192,7 +192,9 @@ def test_continuous_vertices() -> None:
     exact = from_vertices(corners, [1, 0], 1e-3, continuous=True, discretisation="exact")
     assert (euler.relative_degree, exact.relative_degree) == (2, 1)
     assert euler.exact_vertices is not None
-    np.testing.assert_allclose(euler.exact_vertices[0].A, sampled(Model.of(*corners[0]), 1e-3, "exact").A)
+    np.testing.assert_allclose(
+        euler.exact_vertices[0].A, sampled(Model.from_arrays(*corners[0]), 1e-3, "exact").A
+    )
     assert not exact.exact_hull
 
 

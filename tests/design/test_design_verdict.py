@@ -18,7 +18,7 @@ from cogless.design.summary import to_dict, weakest_margins
 from cogless.design.verdict import Mean, Passing, Repair, Verdict, verdict, warnings
 from cogless.results import Run
 from cogless.study import Study
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 
 SCENARIO = "two-minutes"
 SETTLED, SHOWS = 1e-3, 2e-2  # A, of the current's second differences: a smooth one's, an oscillation's

@@ -12,7 +12,7 @@ import pytest
 
 from cogless.design.laws import harmonic, harmonic_transfer
 from cogless.design.laws.harmonic import (
-    RATE_LEAST,
+    LEARNER_RATE_LEAST,
     Certificate,
     Certified,
     _acting,
@@ -252,13 +252,13 @@ def turning(orders: list[tuple[float, float]], **drive: Any) -> Any:
 @pytest.mark.parametrize(
     ("orders", "rate_min"),
     [
-        ([], RATE_LEAST),
+        ([], LEARNER_RATE_LEAST),
         ([(1, 0.1), (2, 0.0)], 3.0),  # ten times as fast as it turns; what has no torque doesn't count
         ([(1, 0.1), (2, 0.1)], 6.0),
         ([(1, 0.1), (3, 0.1)], 9.0),
         ([(1, 0.1), (4, 0.1)], 3.0),  # learned itself
         ([(1, 0.1), (3.5, 0.1)], 3.0),  # too fast to be followed
-        ([(0.1, 0.1)], RATE_LEAST),
+        ([(0.1, 0.1)], LEARNER_RATE_LEAST),
     ],
 )
 def test_learning_slows_down_to_what_a_turning_load_allows(
@@ -267,7 +267,7 @@ def test_learning_slows_down_to_what_a_turning_load_allows(
     told, T = replace(TOLD, base=4, rate=9.0), 1e-3
     assert _least_rate(turning(orders), told, 0.3, T) == pytest.approx(rate_min)
     shared = _least_rate(turning(orders), told, 0.3, 1 / (16 * 3 * 5.9))  # 5.9 1/s for each of three orders
-    assert shared == (RATE_LEAST if rate_min == RATE_LEAST else pytest.approx(3.0))
+    assert shared == (LEARNER_RATE_LEAST if rate_min == LEARNER_RATE_LEAST else pytest.approx(3.0))
     own = [SimpleNamespace(order=order, torque=torque) for order, torque in orders]
     assert _least_rate(turning([], own=own), told, 0.3, T) == pytest.approx(rate_min)
 
@@ -334,15 +334,15 @@ def test_a_speed_is_certified_by_its_worst_plant(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(harmonic, "gamma", gamma)
     told, orders, none = replace(TOLD, held=(8.9e-3, 9.1e-3)), np.array([2.0, 4.0, 6.0, 8.0]), None
-    found = harmonic._at(none, "x", LOOP, told, none, orders, 1.5)
+    found = harmonic._certified_at(none, "x", LOOP, told, none, orders, 1.5)
     assert found == Certified(
         omega_m=1.5, acting=8, gamma=0.3, late=6, held=(6,), rate=5.0, most=7.0, slow=(), swing=0.1
     )
     late["one"][3] = 0.1
-    further = harmonic._at(none, "x", LOOP, told, none, orders, 1.5)
+    further = harmonic._certified_at(none, "x", LOOP, told, none, orders, 1.5)
     assert (further.late, further.most) == (8, None)
     late["other"][0] = -0.1
-    assert harmonic._at(none, "x", LOOP, told, none, orders, 1.5).late == 0
+    assert harmonic._certified_at(none, "x", LOOP, told, none, orders, 1.5).late == 0
 
 
 @pytest.mark.parametrize(
@@ -396,7 +396,7 @@ def test_the_rule_s_numbers_of_a_law(
     assert asked == {"fastest": (3.0, 1e-3), "bands": ("pi", 0.3, 4, (1.0, 3.0))}
     monkeypatch.setattr(harmonic, "_speeds", lambda *_: [])
     still = harmonic._learner(study, "x")
-    assert (still.rate, still.rate_min, still.held) == (20.0, RATE_LEAST, ())
+    assert (still.rate, still.rate_min, still.held) == (20.0, LEARNER_RATE_LEAST, ())
     monkeypatch.setattr(harmonic, "_orders", lambda *_: (1, 200, 900))
     many = harmonic._learner(study, "x")
     assert (many.orders, many.fast, many.rate) == (128, 128, 20.0)
@@ -413,7 +413,7 @@ def test_a_certificate_is_of_the_speeds_at_which_orders_act(monkeypatch: pytest.
         "harmonic_gains": lambda study, name: "pi",
         "speed_loop": lambda study: LOOP,
         "_speeds": lambda study, name, sampled: speeds if sampled == 6e-3 else [],
-        "_at": lambda study, name, loop, told, pi, acting, omega: (omega, acting.tolist()),
+        "_certified_at": lambda study, name, loop, told, pi, acting, omega: (omega, acting.tolist()),
         "main_order": lambda study, base: 50,
     }
     for name, part in of_part.items():

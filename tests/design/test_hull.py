@@ -41,7 +41,7 @@ def test_a_frame_leads_there_and_back() -> None:
     points = np.column_stack([flat, np.full(10, 5.0)])
     frame = _frame(points, points)
     assert frame.basis.shape == (2, 4) and frame.scale[3] == 0.0
-    inside, rest = frame.of(points)
+    inside, rest = frame.coordinates(points)
     assert rest == pytest.approx(np.zeros((10, 4)), abs=1e-12)
     assert frame.back(inside, rest) / [1, 1e-6, 1e6, 1] == pytest.approx(points / [1, 1e-6, 1e6, 1])
     assert frame.basis @ frame.basis.T == pytest.approx(np.eye(2))

@@ -150,12 +150,12 @@ def test_a_loop_settles_if_it_neither_oscillates_nor_grows() -> None:
 def test_straight_lines_between_samples_smooth() -> None:
     """A delay line at a steady 166.7 samples reads a third before a sample, else anywhere: exp(pi/4 - 1)."""
     f, fine = 250.0, loop(cells=300)
-    assert loop().lines(f, True) == pytest.approx(np.sinc(f * T) ** 4)
-    assert fine.lines(f, True) == pytest.approx(np.sinc(f * T) ** 2 * np.sinc(f / 1800) ** 2)
+    assert loop().interpolation_gain(f, True) == pytest.approx(np.sinc(f * T) ** 4)
+    assert fine.interpolation_gain(f, True) == pytest.approx(np.sinc(f * T) ** 2 * np.sinc(f / 1800) ** 2)
     line = loop(over_angle=False)
-    assert line.lines(f, True) == pytest.approx(abs(1 / 3 + 2 / 3 * np.exp(-2j * np.pi * f * T)))
-    assert line.lines(f, False) == pytest.approx(np.exp(np.pi / 4 - 1), rel=1e-3)
-    assert line.recalled(f, True) == pytest.approx(line.lines(f, True))
+    assert line.interpolation_gain(f, True) == pytest.approx(abs(1 / 3 + 2 / 3 * np.exp(-2j * np.pi * f * T)))
+    assert line.interpolation_gain(f, False) == pytest.approx(np.exp(np.pi / 4 - 1), rel=1e-3)
+    assert line.recalled(f, True) == pytest.approx(line.interpolation_gain(f, True))
 
 
 @pytest.mark.parametrize("lead", [0, 2])
@@ -234,7 +234,7 @@ def test_no_ripple_is_as_much_as_before() -> None:
 def test_counts_come_by_speed_and_window() -> None:
     sensor = Sampled(count=0.01, window=1e-3, timed=False)
     assert sensor.counts(-20.0) == pytest.approx(2.0)
-    assert sensor.told(-20.0) == "2 counts come in a speed sample"
+    assert sensor.counts_clause(-20.0) == "2 counts come in a speed sample"
 
 
 TURN, ENCODER = 2 * np.pi, {"kind": "encoder", "lines": 2500}
@@ -287,7 +287,10 @@ def noisy(lead: int) -> Any:
     """A loop whose responses are the same at all frequencies; while it learns it has half of its feedback."""
     before, after = (SimpleNamespace(ratio=2, response=lambda w, T, c=c: c) for c in (0.6, 0.3))
     flat = {"gain": lambda w: np.full(len(w), 0.5), "kept": lambda f: np.full(len(f), 0.8 - 0.6j)}
-    flat |= {"q": lambda f: np.full(len(f), 0.9), "lines": lambda f, constant: 0.8 if constant else 0.0}
+    flat |= {
+        "q": lambda f: np.full(len(f), 0.9),
+        "interpolation_gain": lambda f, constant: 0.8 if constant else 0.0,
+    }
     plant = SimpleNamespace(period=1e-3)
     return SimpleNamespace(plant=plant, feedback_before=before, feedback=after, lead=lead, **flat)
 

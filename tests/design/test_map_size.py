@@ -12,7 +12,7 @@ import studies
 from cogless import load
 from cogless.cli import printed
 from cogless.design.design_table import design_table
-from cogless.design.unlearned import kept, map_warning
+from cogless.design.unlearned import map_warning, share_kept
 
 LAW = {"law": "space-position", "k_theta": 5, "k_omega": 0.1, "mu_alpha": 0.1, "q_half_width": 0,
        "period": {"of": "mechanical"}}  # fmt: skip
@@ -46,7 +46,7 @@ def test_a_filter_as_wide_as_the_wave_keeps_nothing_of_it(tmp_path: Path) -> Non
         "the Q filter over 11 lose 100 % in each period: cells = 3300, or q_half_width = 1 would do"
     )
     weights = np.cos(2 * np.pi * np.arange(-2, 3) / 20)
-    assert kept(20, 2) == pytest.approx(np.mean(weights) * np.sinc(1 / 20) ** 2)
+    assert share_kept(20, 2) == pytest.approx(np.mean(weights) * np.sinc(1 / 20) ** 2)
 
 
 def test_a_shorter_period_needs_fewer(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def test_edges_that_come_too_rarely_for_the_loop(
         return ({"drive.position_sensor.lines": 7},) if helps else ()
 
     of_part: dict[str, Any] = {
-        "held": lambda study, scenario: omega,
+        "slowest_held_speed": lambda study, scenario: omega,
         "speed_loop": lambda study, scenario: SimpleNamespace(period=1e-3),
         "sampled": lambda study, scenario: Sampled(COUNT, 1e-3, timed),
         "feedback_of": lambda study, name, speed: "feedback",
@@ -105,7 +105,7 @@ def test_a_counted_speed_of_less_than_half_a_count_reads_zero(
 ) -> None:
     sensor = Encoder.model_construct(kind="encoder", speed_method=method)
     here = SimpleNamespace(drive=SimpleNamespace(position_sensor=sensor))
-    monkeypatch.setattr(warnings, "held", lambda *_: counts * 20.0)
+    monkeypatch.setattr(warnings, "slowest_held_speed", lambda *_: counts * 20.0)
     monkeypatch.setattr(warnings, "sampled", lambda *_: Sampled(COUNT, 1e-3, False))
     monkeypatch.setattr(warnings, "for_scenario", lambda *_: here)
     monkeypatch.setattr(warnings, "_edges", lambda *_: None)
@@ -123,7 +123,10 @@ def test_the_slowest_speed_is_held_for_a_twentieth_of_the_motion(monkeypatch: py
     ways = [np.array([0.0, *-np.arange(1.0, 102.0)]), np.zeros(5)]
     monkeypatch.setattr(warnings, "sampled", lambda *_: None)
     monkeypatch.setattr(warnings, "course", lambda scenario: SimpleNamespace(omega=ways.pop(0), step=0.1))
-    assert [warnings.held(study, "s"), warnings.held(study, "s")] == [pytest.approx(6.0), 0.0]
+    assert [warnings.slowest_held_speed(study, "s"), warnings.slowest_held_speed(study, "s")] == [
+        pytest.approx(6.0),
+        0.0,
+    ]
 
 
 @pytest.mark.parametrize(
@@ -142,4 +145,4 @@ def test_within_a_count_of_a_rest_there_is_no_motion_to_see(
     sampling = SimpleNamespace(omega=np.array(omega, float), step=COUNT / 2)
     monkeypatch.setattr(warnings, "sampled", lambda *_: Sampled(COUNT, 1e-3, False))
     monkeypatch.setattr(warnings, "course", lambda scenario: sampling)
-    assert warnings.held(study, "s") == pytest.approx(slowest)
+    assert warnings.slowest_held_speed(study, "s") == pytest.approx(slowest)

@@ -223,7 +223,7 @@ def test_a_task_whose_dask_worker_died_is_sent_again() -> None:
     sent: list[int] = []
     found: dict[int, int] = {}
     tasks = {number: (number,) for number in (1, 2)}
-    executing.run_all(executing.given(Here()), dies_twice, tasks, found.__setitem__)
+    executing.run_all(executing.executor_workers(Here()), dies_twice, tasks, found.__setitem__)
     assert found == {1: 7, 2: 14} and sent.count(1) == 3
 
 
@@ -235,7 +235,7 @@ def test_a_task_that_fails_of_itself_is_not_sent_again() -> None:
         raise ValueError("mine")
 
     with pytest.raises(ValueError, match=r"^mine$"):
-        executing.run_all(executing.given(Here()), fails, {0: ()}, lambda number, result: None)
+        executing.run_all(executing.executor_workers(Here()), fails, {0: ()}, lambda number, result: None)
     assert sent == [1]
 
 
@@ -248,7 +248,7 @@ def test_a_cluster_that_is_gone_is_told() -> None:
             return future
 
     with pytest.raises(StudyError, match=r"^the cluster is gone: the same command goes on from here$"):
-        executing.run_all(executing.given(Gone()), int, {0: ()}, lambda number, result: None)
+        executing.run_all(executing.executor_workers(Gone()), int, {0: ()}, lambda number, result: None)
 
 
 HERE = versions()["cogless"]

@@ -24,7 +24,7 @@ from cogless.ensemble import search as searching
 from cogless.ensemble import tune as tuning
 from cogless.ensemble.sweep_table import Sweep
 from cogless.ensemble.variants import draw
-from cogless.ensemble.workers import given
+from cogless.ensemble.workers import executor_workers
 from cogless.errors import StudyError
 from cogless.run.simulate import run_study
 from cogless.study import changed, load
@@ -47,7 +47,7 @@ def study(folder: Path, tune: str = TUNE, changes: dict[str, Any] | None = None)
 
 
 def tuned(folder: Path, tune: str = TUNE, executor: Executor | None = None, **changes: Any) -> tuning.Tuned:
-    (found,) = tuning.tune(study(folder, tune, changes), folder, given(executor or Here()))
+    (found,) = tuning.tune(study(folder, tune, changes), folder, executor_workers(executor or Here()))
     return found
 
 
@@ -321,7 +321,7 @@ def test_files_that_a_tuned_study_names_are_named_from_where_it_stands(tmp_path:
     changes = {"controller.pi.kp": "0.02 A/rpm", "scenario.low.reference.file": str(home / "speed.csv")}
     for by, reference in (({}, "../home/speed.csv"), (changes, str(home / "speed.csv"))):
         tuned = out / "tuned.toml"
-        tuned.write_text(searching.text(study, by, out, "By: a test"))
+        tuned.write_text(searching.study_file_text(study, by, out, "By: a test"))
         tables = load(tuned).source.tables
         assert tables["scenario"]["low"]["reference"] == {"file": reference}
         assert tables["title"] == "notes" and tables["description"] == "../home/notes"
@@ -353,7 +353,7 @@ def scores(folder: Path, lines: str, *ripples: list[float]) -> list[tuning.Score
     """Scores of a PI with these ripples, rad/s, in four variants; its 24th order is 0.3 rad/s in each."""
     found = study(folder, TUNE.replace("variants = 4", lines))
     (subject,), ensemble = tuning.subjects(found), draw(found, 4)
-    evaluation = tuning.Evaluation(found, subject, ensemble, given(Here()))
+    evaluation = tuning.Evaluation(found, subject, ensemble, executor_workers(Here()))
     values = np.full((len(ripples), 4, 1, 3), 0.3)
     values[:, :, 0, 0] = ripples
     sweeps = [Sweep(found, ensemble, subject.pairs, evaluation.columns, each, {}) for each in values]
@@ -401,7 +401,7 @@ def test_keys_of_whole_numbers_are_tuned(tmp_path: Path, limits: str, low: int, 
         changed(study(tmp_path), {knob.key: value})
     (value,) = found.values.values()
     assert type(value) is int and not found.sweep_after.errors
-    assert f"cells = {value}  # was 64" in tuning.lines(found)[1]
+    assert f"cells = {value}  # was 64" in tuning.outcome_lines(found)[1]
 
 
 def test_a_range_without_two_whole_numbers_is_refused(tmp_path: Path) -> None:
@@ -427,7 +427,7 @@ def test_the_outcome_is_told_with_what_it_was(usual: tuning.Tuned) -> None:
     def told(before: tuning.Score, after: tuning.Score) -> list[str]:
         values = {knob.key: "0.02 A/rpm"}
         sweeps = usual.sweep_before, usual.sweep_after
-        return tuning.lines(tuning.Tuned(subject, values, before, after, *sweeps))
+        return tuning.outcome_lines(tuning.Tuned(subject, values, before, after, *sweeps))
 
     first = 'controller.pi.kp = "0.02 A/rpm"  # was "0.015 A/rpm"'
     worth = "of what it was, over 16 fresh variants"

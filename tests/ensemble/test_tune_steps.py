@@ -103,7 +103,9 @@ def test_a_limit_is_turned_so_that_less_is_better(tmp_path: Path) -> None:
     found = study(tmp_path)
     dimension = found.metric[0].dimension
     for wanted, sign in (("lower", 1), ("higher", -1)):
-        metric = SimpleNamespace(wanted=wanted, dimension=dimension, name="ripple", kind="ripple-rms")
+        metric = SimpleNamespace(
+            better_direction=wanted, dimension=dimension, name="ripple", kind="ripple-rms"
+        )
         limit = tuning.hold_limit(found, Column(metric), "30 rpm")
         assert limit == pytest.approx(sign * np.pi)
 
@@ -174,6 +176,6 @@ def test_a_column_is_a_number_of_a_run() -> None:
         (1, [1.0, None], None),
         (2, [1.0, 2.0], None),
     ):
-        assert Column(metric, place).of({name: value}) == found
-    assert Column(metric).of({}) is None
+        assert Column(metric, place).number_in({name: value}) == found
+    assert Column(metric).number_in({}) is None
     assert (Column(metric, 0, "2").spoken, Column(metric).spoken) == ("error.2", "error")

@@ -17,7 +17,7 @@ import pytest
 
 from cogless.ensemble import sweep as sweeping
 from cogless.ensemble import workers as executing
-from cogless.ensemble.workers import Workers, given, pack, run_all
+from cogless.ensemble.workers import Workers, executor_workers, pack, run_all
 from cogless.errors import StudyError
 from cogless.run import simulate
 from cogless.run.carry_out import carried_out_together
@@ -92,11 +92,11 @@ def test_an_executor_is_made_when_it_is_needed_and_anew_when_it_is_broken(
 
 def test_a_caller_s_executor_has_as_many_workers_as_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
     with ThreadPoolExecutor(3) as threads:
-        assert (given(threads).count(), given(threads).executor) == (3, threads)
+        assert (executor_workers(threads).count(), executor_workers(threads).executor) == (3, threads)
     silent = Waits(monkeypatch)
-    assert given(silent).count() == os.cpu_count()
+    assert executor_workers(silent).count() == os.cpu_count()
     monkeypatch.setattr(os, "cpu_count", lambda: None)
-    assert given(silent).count() == 1
+    assert executor_workers(silent).count() == 1
 
 
 def test_a_worker_leaves_ctrl_c_to_the_process_that_started_it_and_ends_with_it() -> None:
@@ -192,7 +192,7 @@ def test_a_worker_that_is_interrupted_ends(tmp_path: Path, monkeypatch: pytest.M
     parcel = pack(ensembles.study(tmp_path))
     monkeypatch.setattr(sweeping, "rollout", lambda *of, **how: [SimpleNamespace(interrupted=True)])
     with pytest.raises(sweeping.Ended):
-        sweeping.rows(parcel, [{}], [("low", "pi")])
+        sweeping.variant_rows(parcel, [{}], [("low", "pi")])
 
 
 def test_a_variant_without_a_design_leaves_the_others_theirs(
@@ -213,7 +213,9 @@ def test_a_variant_without_a_design_leaves_the_others_theirs(
     monkeypatch.setattr(simulate, "_prepare", refuses)
     monkeypatch.setattr(simulate, "carried_out_together", together)
     pairs = [("low", "pi"), ("low", "pi-ilc")]
-    one, none, other = sweeping.rows(pack(ensembles.study(tmp_path)), [{"seed": n} for n in (6, 7, 8)], pairs)
+    one, none, other = sweeping.variant_rows(
+        pack(ensembles.study(tmp_path)), [{"seed": n} for n in (6, 7, 8)], pairs
+    )
     assert none[0] == [None, None, None, "study.toml: low/pi: no design"]
     rows = [*one, none[1], *other]
     assert all(row[-1] is None and row[0] > 0 for row in rows)

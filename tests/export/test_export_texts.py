@@ -21,7 +21,7 @@ from cogless.export.c.texts import (
     _left_out_check,
     _precision_check,
     _reset_comment,
-    _words,
+    _template_words,
     board,
     figure_lines,
     matrix_array,
@@ -216,7 +216,7 @@ def test_parts_that_a_controller_does_not_use_are_left_out(
 
 
 def test_a_law_that_learns_nothing_has_no_memory(subject: Subject) -> None:
-    words = _words(subject)
+    words = _template_words(subject)
     told = {
         "law_rate": "1000", "learning": "none", "reset_comment": "As after init.", "memory_text": "none",
         "memory_member": "", "memory_define": "", "matrix": "", "verdict_row": "", "verdict_comment": "",

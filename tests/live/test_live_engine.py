@@ -9,13 +9,13 @@ import pytest
 from node import NO_ENGINE, NO_NODE, missing_engines, module_file, run_node
 
 import studies
+from cogless.control_library import Status
 from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.live import engine
 from cogless.live.description import blobs, held, pack
 from cogless.live.live_page import asset
-from cogless.results.status import Status
 from cogless.run.plan import plan
 from cogless.run.simulate import simulate
 from cogless.study import Study

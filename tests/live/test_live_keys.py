@@ -11,6 +11,7 @@ import pytest
 from node import NO_NODE, run_node
 
 import studies
+from cogless.control_library import Status
 from cogless.design.auto import load
 from cogless.errors import StudyError
 from cogless.live.candidates import OF_REFERENCE, PLANT, candidates, quoted, shortest
@@ -19,7 +20,6 @@ from cogless.live.keys import Found, Landing, _accepted, landed, packed
 from cogless.live.live_page import data
 from cogless.report import speed_tracking
 from cogless.report.speed_tracking import STATE_TIME_LEAST
-from cogless.results.status import Status
 from cogless.study.reading import changed
 from cogless.study.toml import sections, toml
 

@@ -13,6 +13,7 @@ from browser import MISSING
 from node import NO_ENGINE, NO_NODE, run_node
 from test_live_page import sets_of, settle
 
+from cogless.control_library import Status
 from cogless.errors import StudyError
 from cogless.live import own_motor, write
 from cogless.live.candidates import MOTOR, of_motor
@@ -21,7 +22,6 @@ from cogless.live.keys import _changed, adjustable, packed
 from cogless.live.live_page import data
 from cogless.live.motor_classes import motor_classes
 from cogless.report.speed_tracking import STATE_TIME_LEAST, missed
-from cogless.results.status import Status
 from cogless.run.simulate import simulate
 from cogless.study import load
 from cogless.study.reading import changed

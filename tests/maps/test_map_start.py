@@ -11,7 +11,7 @@ import pytest
 
 from cogless.errors import StudyError
 from cogless.maps import learned_map, stored_map
-from cogless.maps.learned_map import entries, of_current, resampled, within
+from cogless.maps.learned_map import entries, entries_within, of_current, resampled
 from cogless.maps.stored_map import (
     COSINE_CODE,
     CURRENT_CODE,
@@ -104,20 +104,20 @@ def test_orders_have_the_amplitudes_of_the_current() -> None:
 
 
 def test_entries_beyond_the_limit_are_refused_and_rounding_is_cut() -> None:
-    assert within(np.array([[3.0 + 1e-6, -3.0 - 1e-6]]), law(2)).tolist() == [[3.0, -3.0]]
+    assert entries_within(np.array([[3.0 + 1e-6, -3.0 - 1e-6]]), law(2)).tolist() == [[3.0, -3.0]]
     with pytest.raises(MapError, match=r"^an entry of 3.1: expected at most the law's limit, 3$"):
-        within(np.array([[0.0, -3.1]]), law(2))
+        entries_within(np.array([[0.0, -3.1]]), law(2))
     with pytest.raises(MapError, match=r"^an entry of 3: expected"):
-        within(np.array([[0.0, 3.0 * (1 + 1.5e-6)]]), law(2))
+        entries_within(np.array([[0.0, 3.0 * (1 + 1.5e-6)]]), law(2))
     with pytest.raises(MapError, match="an entry of nan"):
-        within(np.array([[np.nan, 0.0]]), law(2))
+        entries_within(np.array([[np.nan, 0.0]]), law(2))
 
 
 def test_maps_as_lines() -> None:
     """The newest with all its fields; of several each with its place."""
     one = stored([[0.3, -0.4, 0.0, 0.0]], parts=4, motor=0x1F2E3D4C, sequence=5, law=1, motion=0xAB, ratio=7)
     two = replace(one, turns=2, parts=1, sequence=4, motion=0, ratio=1)
-    rows = dict(stored_map.rows(one))
+    rows = dict(stored_map.map_rows(one))
     assert list(rows) == [
         "learned by",
         "motor",
@@ -132,19 +132,19 @@ def test_maps_as_lines() -> None:
     assert rows["period"] == "1/4 of a mechanical revolution, 90 deg" and rows["cells"] == "4"
     assert rows["rad of the units"] == "of 7 theta_m"
     assert rows["current"] == "rms 0.25, peak 0.4, limit 3 A"
-    plain = dict(stored_map.rows(two))
+    plain = dict(stored_map.map_rows(two))
     assert "motion" not in plain and "rad of the units" not in plain
     assert plain["period"] == "2 of a mechanical revolution, 720 deg"
-    trial = dict(stored_map.rows(replace(one, turns=0, parts=0)))
+    trial = dict(stored_map.map_rows(replace(one, turns=0, parts=0)))
     assert trial["period"] == "a trial" and trial["samples"] == "4"
     of_orders = stored([[0.1, 0.2], [0.0, 0.0], [6, 12]], (COSINE_CODE, SINE_CODE, ORDER_CODE))
-    shown = dict(stored_map.rows(of_orders))
+    shown = dict(stored_map.map_rows(of_orders))
     assert (
         shown["orders"] == "2" and shown["period"] == "a mechanical revolution" and "6, 12" in shown.values()
     )
-    alone = stored_map.lines([Found(0, one)], Valid(0, one))
+    alone = stored_map.map_lines([Found(0, one)], Valid(0, one))
     assert alone[0] == "a valid map" and alone[1] == f"  {'learned by':<26}{rows['learned by']}"
-    several = stored_map.lines([Found(0, "no mark"), Found(64, two), Found(128, one)], Valid(128, one))
+    several = stored_map.map_lines([Found(0, "no mark"), Found(64, two), Found(128, one)], Valid(128, one))
     assert several[:3] == [
         "At byte 0: no mark",
         "At byte 64: a valid map, save 4",

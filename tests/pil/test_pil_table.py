@@ -22,7 +22,7 @@ from cogless.pil.compare import (
     _instructions,
     _memory_difference,
     _Watched,
-    lines,
+    comparison_lines,
 )
 from cogless.pil.processor import (
     PAGE_BYTES,
@@ -64,7 +64,7 @@ FOUND = Comparison(
 
 def test_a_comparison_s_lines() -> None:
     """What does not exist has no line; a file below half an instruction a period is not named."""
-    assert lines(FOUND) == [
+    assert comparison_lines(FOUND) == [
         "result            every output and what was learned: bit for bit equal",
         "compared          100 periods of liu2018, 60-rpm/pi",
         "instructions      300 to 900, mean 412.2",
@@ -77,13 +77,15 @@ def test_a_comparison_s_lines() -> None:
         "RAM               1500 bytes, 1028 of them what the law learns into",
         "compiler          gcc 12 -O2",
     ]
-    without = {line[:18].strip() for line in lines(replace(FOUND, without_law=None, end_of_trial=None))}
+    without = {
+        line[:18].strip() for line in comparison_lines(replace(FOUND, without_law=None, end_of_trial=None))
+    }
     assert not without & {"without", "end of a trial"} and "with the law" in without
 
 
 @pytest.mark.parametrize(("tick", "where"), [(99, "period 99"), (100, "at the end")])
 def test_a_difference_s_line(tick: int, where: str) -> None:
-    told = lines(replace(FOUND, difference=Difference(tick, "i_d", 0.5, -1.0)))[0]
+    told = comparison_lines(replace(FOUND, difference=Difference(tick, "i_d", 0.5, -1.0)))[0]
     assert told == f"result            NOT equal: {where}: i_d: simulation 0.5, processor -1.0"
 
 

@@ -14,7 +14,7 @@ from cogless.report import limit, verdicts, with_limits
 from cogless.results import Results
 from cogless.run.simulate import run_study, simulate
 from cogless.study import AnyStudy, Study, changed
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 
 
 def problem(folder: Path, text: str, changes: Mapping[str, Any] | None = None) -> Study:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import studies
+from cogless.control_library import Status
 from cogless.design.auto import load
 from cogless.design.current_needed import starts_after
 from cogless.design.law_rules import feedback_of
@@ -24,11 +25,10 @@ from cogless.identify import diagnosis, plan
 from cogless.report import limit, verdicts, with_limits
 from cogless.results import Results, Run
 from cogless.results.limits import Limits
-from cogless.results.status import Status
 from cogless.run.limit_search import limits
 from cogless.run.simulate import run_study, simulate
 from cogless.study import Study, changed
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 
 RULE = 'tuning = { rule = "phase-margin", phase_margin = "60 deg" }'
 RIPPLE = """

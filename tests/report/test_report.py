@@ -13,6 +13,7 @@ import pytest
 import synthetic
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from cogless.control_library import Status
 from cogless.report import (
     Line,
     angle_charts,
@@ -33,9 +34,8 @@ from cogless.report.order_charts import order_spectrum, turned_back
 from cogless.report.page import assumptions, settings
 from cogless.report.speed_tracking import late, missed, span_of
 from cogless.report.speed_verdict import MEASURED_SIGNALS
-from cogless.report.verdicts import listed, over, times, worst
+from cogless.report.verdicts import listed, ratio, times, worst
 from cogless.results import Results, Run
-from cogless.results.status import Status
 from cogless.results.trace import Trace
 from cogless.run.carry_out import measure
 from cogless.run.simulate import simulate
@@ -270,7 +270,7 @@ def test_a_unit_is_printed_in_its_signs(unit, shown):
 
 def test_words_of_a_sentence():
     assert [listed(parts) for parts in (["a"], ["a", "b"], ["a", "b", "c"])] == ["a", "a and b", "a, b and c"]
-    assert [over(1.0, 2.0), over(0.0, 0.0), over(1.0, 0.0), over(0.0, 2.0)] == [0.5, 1.0, math.inf, 0.0]
+    assert [ratio(1.0, 2.0), ratio(0.0, 0.0), ratio(1.0, 0.0), ratio(0.0, 2.0)] == [0.5, 1.0, math.inf, 0.0]
     found = [times(ratio) for ratio in (1.6, 99.94, 100.4, 1234.5, math.inf)]
     assert found == ["1.60 times", "99.9 times", "100 times", "1234 times", "infinitely"]
     assert worst("better", "even") == "even" and worst("even", "worse", "better") == "worse"

@@ -273,24 +273,28 @@ def test_periods_are_chosen_ever_more_sparsely(begun, end, chosen):
 
 def test_a_period_is_on_an_even_grid():
     turns = np.linspace(0.0, 4.0, 4001)
-    assert angle_charts._within(turns, turns**2, 2) == pytest.approx(
+    assert angle_charts._on_angle_grid(turns, turns**2, 2) == pytest.approx(
         (2 + np.arange(361) / 360) ** 2, abs=1e-4
     )
-    assert angle_charts._within(turns, turns, 0) == pytest.approx(np.arange(361) / 360, abs=1e-9)
+    assert angle_charts._on_angle_grid(turns, turns, 0) == pytest.approx(np.arange(361) / 360, abs=1e-9)
 
 
 def test_what_learning_leaves_is_drawn_between_what_is_learned():
     """A loop leaves at each frequency that frequency itself here; its lines are 10 Hz apart, up to 45 Hz."""
     f = np.array([9.0, 10.0, 15.0, 40.0, 41.0])
     loop = SimpleNamespace(periods_per_second=10.0, highest=45.0, orders=None, left=lambda at: at + 0j)
-    assert angle_charts._left(loop, f, 0.0) == pytest.approx([np.nan, 10, 15, 40, np.nan], nan_ok=True)
-    assert angle_charts._left(loop, f, 0.5) == pytest.approx([np.nan, np.nan, 15, 40, 41], nan_ok=True)
+    assert angle_charts._remaining_share(loop, f, 0.0) == pytest.approx(
+        [np.nan, 10, 15, 40, np.nan], nan_ok=True
+    )
+    assert angle_charts._remaining_share(loop, f, 0.5) == pytest.approx(
+        [np.nan, np.nan, 15, 40, 41], nan_ok=True
+    )
     loop.orders = np.array([1.5, 2.0])
-    assert angle_charts._left(loop, f, 0.0) == pytest.approx(
+    assert angle_charts._remaining_share(loop, f, 0.0) == pytest.approx(
         [np.nan, np.nan, 15, np.nan, np.nan], nan_ok=True
     )
     loop.orders = np.zeros(0)
-    assert np.all(np.isnan(angle_charts._left(loop, f, 0.0)))
+    assert np.all(np.isnan(angle_charts._remaining_share(loop, f, 0.0)))
 
 
 @pytest.mark.parametrize(
@@ -365,7 +369,7 @@ def test_a_factor_is_told_by_its_distance_from_one_where_that_is_small(value, te
 
 @pytest.mark.parametrize(
     ("limit", "text"),
-    [(0.9e-4, "none"), (1.1e-4, "0.00022"), (-1.1e-4, "-0.00022"), (None, trial_certificate.NONE)],
+    [(0.9e-4, "none"), (1.1e-4, "0.00022"), (-1.1e-4, "-0.00022"), (None, trial_certificate.DASH)],
 )
 def test_a_limit_of_a_gain_is_none_if_it_is_rounding(limit, text):
     """A ten-thousandth of the gain in use, here 2."""

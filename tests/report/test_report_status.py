@@ -8,13 +8,13 @@ import pytest
 import synthetic
 from test_report_orders import RATE, with_signals
 
+from cogless.control_library import Status
 from cogless.design.kinds import DESIGNS
 from cogless.report import comparison
 from cogless.report.comparison import compare, held_back, remarks, runs_in
 from cogless.report.speed_tracking import active, spans, strip
 from cogless.report.speed_verdict import verdict
 from cogless.report.tables import _meters
-from cogless.results.status import Status
 from cogless.study import changed
 
 WHERE = "low-speed"

@@ -113,9 +113,9 @@ controller.pi-ilc.cells = { list = [32, 128] }"""
 def test_a_list_without_the_number_has_none(tmp_path: Path) -> None:
     (first, second) = (c for c in columns(ensembles.study(tmp_path)) if c.metric.kind == "order")
     assert (first.name, second.spoken) == ("speed_rad_s.24", "speed.48")
-    assert first.of({"speed_rad_s": [0.5]}) == 0.5
-    assert second.of({"speed_rad_s": [0.5]}) is None and second.of({}) is None
-    assert first.of({"speed_rad_s": [math.inf, 1.0]}) is None
+    assert first.number_in({"speed_rad_s": [0.5]}) == 0.5
+    assert second.number_in({"speed_rad_s": [0.5]}) is None and second.number_in({}) is None
+    assert first.number_in({"speed_rad_s": [math.inf, 1.0]}) is None
 
 
 def test_values_as_toml() -> None:

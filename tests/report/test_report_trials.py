@@ -16,7 +16,7 @@ from cogless.design.trials.certificate import Certificate, Learning, ModelCertif
 from cogless.design.trials.from_study import design_study
 from cogless.design.trials.response import FiniteTrial
 from cogless.design.trials.state_feedback import Check
-from cogless.design.trials.trial_summary import _proof, warnings, words
+from cogless.design.trials.trial_summary import _proof, verdict_line, warnings
 from cogless.report import lines, page, render, trials, verdicts, write, write_plots
 from cogless.report.markup import unpack
 from cogless.report.phases import Phase, phases, zooms
@@ -642,7 +642,7 @@ def test_a_certificate_in_lines(made):
     def told(design, exact):
         run = with_certificates(made, design, exact).runs[1]
         assert run.controller == "ilc"
-        return words(run.design), warnings(run.design), list(_proof(run.design.certificate))
+        return verdict_line(run.design), warnings(run.design), list(_proof(run.design.certificate))
 
     line, warned, rows = told(good, grows)
     assert line == (

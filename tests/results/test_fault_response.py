@@ -11,10 +11,10 @@ import pytest
 
 import cogless
 import studies
+from cogless.control_library import Status
 from cogless.results import Results
 from cogless.results.fault_response import Fault, faults_in, responses, ripple, without_faults
 from cogless.results.results_json import to_dict
-from cogless.results.status import Status
 from cogless.results.trace import Trace
 from cogless.run.simulate import simulate
 

@@ -19,14 +19,14 @@ import studies
 from cogless import StudyError
 from cogless.files import replacing
 from cogless.results import folder as folders
-from cogless.results.folder import hashes, held, new_set
+from cogless.results.folder import hashes, locked_folder, new_set
 
 OURS = [folders.NEW, folders.OLD, folders.SET, folders.LINK_NAME]
 
 
 def write(folder: Path, text: str, names: tuple[str, ...] = ("a", "maps/low/b.bin")) -> None:
     """Write a set whose files all have this text."""
-    with held(folder), new_set(folder) as stage:
+    with locked_folder(folder), new_set(folder) as stage:
         for name in names:
             (stage / name).parent.mkdir(parents=True, exist_ok=True)
             (stage / name).write_text(text)
@@ -128,7 +128,7 @@ def test_no_link_in_a_folder_from_elsewhere_leads_out_of_it(
             assert found == {"a": "new", "maps/low/b.bin": "new", "results.json": "new"}
             assert not any(path.is_symlink() for path in folder.rglob("*"))
         else:
-            with pytest.raises(StudyError) as error, held(folder, ["maps/low/b.bin"]):
+            with pytest.raises(StudyError) as error, locked_folder(folder, ["maps/low/b.bin"]):
                 pytest.fail("not refused before the work")
             expected = "expected a directory of its own, or another directory for the results"
             assert str(error.value) == f"{folder / refused}: a link: {expected}"
@@ -194,7 +194,7 @@ def test_what_is_in_the_place_of_a_file_is_told_before_the_runs(
     what = "a directory: expected a file" if directory else "a file: expected a directory of its own"
     assert (code, said, err) == (2, "", f"{out / place}: {what}, or another directory for the results\n")
     assert sorted(out.rglob("*")) == before
-    with held(tmp_path / "another", [name]):  # as it advises
+    with locked_folder(tmp_path / "another", [name]):  # as it advises
         pass
 
 
@@ -287,7 +287,7 @@ def test_killed_at_any_step_of_the_switch_a_reader_finds_one_set(tmp_path: Path)
         found = content(folder)
         assert found in (OLD, NEW), number
         outcomes.append(found == NEW)
-        with held(folder):
+        with locked_folder(folder):
             assert content(folder) == found
         assert not [name for name in OURS if (folder / name).exists() or (folder / name).is_symlink()]
         if len(made) < number:
@@ -307,7 +307,7 @@ def test_no_room_for_the_links_leaves_the_old_set(tmp_path: Path) -> None:
             except StudyError as error:
                 seen += 1
                 assert "no space left on device: expected" in str(error) and "\n" not in str(error)
-        with held(folder):
+        with locked_folder(folder):
             assert content(folder) in (OLD, NEW)
         if len(made) < number:
             break
@@ -331,9 +331,9 @@ def test_without_links_the_files_are_replaced_one_by_one(
 @pytest.mark.skipif(os.name != "posix", reason="locks")
 def test_a_second_run_into_the_folder_is_refused(tmp_path: Path) -> None:
     for _ in range(2):  # the folder is free again when the first run is done
-        with held(tmp_path):
+        with locked_folder(tmp_path):
             files = os.listdir("/dev/fd")
-            with pytest.raises(StudyError) as error, held(tmp_path):
+            with pytest.raises(StudyError) as error, locked_folder(tmp_path):
                 pass
             assert os.listdir("/dev/fd") == files  # the refused one leaves none open
     expected = "another run is writing there: expected another directory"

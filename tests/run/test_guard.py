@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import cogless
+from cogless.control_library import Status
 from cogless.design.speed_loop import gains
-from cogless.results.status import Status
 from cogless.run.simulate import simulate
 
 DRIVE = Path(__file__).parents[2] / "benchmarks" / "criterion.toml"

@@ -9,9 +9,9 @@ import pytest
 
 import studies
 from cogless import load, run_study
+from cogless.control_library import Status
 from cogless.report.map_charts import maps
 from cogless.results import Results, Run
-from cogless.results.status import Status
 
 SPEED = 2 * np.pi  # rad/s
 JUMP = {"kind": "angle-jump", "angle": "30 deg", "time": "3 s", "duration": "0.5 s"}

@@ -8,8 +8,8 @@ import pytest
 from engine import unpacked
 
 import studies
+from cogless.control_library import Status
 from cogless.design.auto import load
-from cogless.results.status import Status
 from cogless.run.drive_config import engine_config
 from cogless.run.simulate import simulate
 from cogless.study import Study

@@ -8,10 +8,10 @@ import pytest
 
 import cogless
 import studies
+from cogless.control_library import Status
 from cogless.errors import StudyError
 from cogless.report import verdicts
 from cogless.report.comparison import compare
-from cogless.results.status import Status
 from cogless.run.simulate import run_study, simulate
 from cogless.study import changed
 

@@ -12,9 +12,9 @@ import pytest
 import trial_studies
 
 import cogless
+from cogless.control_library import Status
 from cogless.errors import StudyError
 from cogless.export.prepared import prepare
-from cogless.results.status import Status
 from cogless.run.calibrate import calibrate, residual_rows
 from cogless.run.simulate import simulate
 from cogless.study import TrialStudy

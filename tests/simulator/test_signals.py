@@ -118,6 +118,6 @@ def test_a_row_with_another_unit_is_a_signal_for_every_command(
 
 def test_a_row_s_unit_is_one_that_studies_know() -> None:
     assert dimension_of("rad/s") is ANGULAR_SPEED and dimension_of("W").name == "a power"
-    assert dimension_of("rad/s^3").shown(1) == '"1 rad/s^3"'
+    assert dimension_of("rad/s^3").sample(1) == '"1 rad/s^3"'
     with pytest.raises(UnitError, match='expected a known unit, not "furlong"'):
         dimension_of("furlong")

@@ -9,7 +9,7 @@ import pytest
 from pydantic_core import PydanticCustomError
 
 from cogless import units
-from cogless.study.csv_table import finite, read, shown
+from cogless.study.csv_table import finite, quoted_cells, read
 
 ERROR = {"error": units.ANGLE}
 WAVES = {1: (0.3, 0.4), 3: (0.1, -2.0), 17: (0.02, 1.5)}  # order: amplitude, phase
@@ -147,7 +147,7 @@ def test_a_number_of_a_table_is_below_a_thousand_million(huge: float) -> None:
 
 
 def test_a_cell_is_quoted_in_forty_characters() -> None:
-    assert shown(40 * "x") == f'"{40 * "x"}"' and shown(41 * "x") == f'"{37 * "x"}..."'
+    assert quoted_cells(40 * "x") == f'"{40 * "x"}"' and quoted_cells(41 * "x") == f'"{37 * "x"}..."'
 
 
 def test_a_file_that_is_missing_or_none_is_told(tmp_path: Path) -> None:

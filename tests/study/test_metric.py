@@ -32,10 +32,10 @@ def test_a_name_among_results_ends_with_its_unit_once() -> None:
 
 def test_a_band_is_better_left_late_unless_said_otherwise() -> None:
     left = {"kind": "exceeds", "band": "2 rpm", "event": "0.1 s"}
-    assert metric().wanted == "lower"
-    assert metric(better="higher").wanted == "higher"
-    assert metric(**left).wanted == "higher"
-    assert metric(**left, better="lower").wanted == "lower"
+    assert metric().better_direction == "lower"
+    assert metric(better="higher").better_direction == "higher"
+    assert metric(**left).better_direction == "higher"
+    assert metric(**left, better="lower").better_direction == "lower"
 
 
 def test_numbers_of_a_metric_are_si_and_its_unit_is_what_is_shown() -> None:

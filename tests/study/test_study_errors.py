@@ -12,7 +12,7 @@ import studies
 from cogless.errors import StudyError
 from cogless.study import changed, load
 from cogless.study.laws import AnyController
-from cogless.study.messages import look_up, shown
+from cogless.study.messages import look_up, toml_text
 from cogless.study.motor import Motor
 from cogless.study.reading import parse_change
 from cogless.study.table import Table, check_precision
@@ -848,9 +848,11 @@ def test_a_long_path_is_named_in_short(length: int, named: str) -> None:
 
 
 def test_a_value_is_shown_in_sixty_characters() -> None:
-    assert shown(58 * "x") == f'"{58 * "x"}"' and shown(59 * "x") == f'"{56 * "x"}...'
-    assert shown({"a.b": [1, 0.5, True, float("inf")], "c": {}}) == '{ "a.b" = [1, 0.5, true, inf], c = {} }'
-    assert shown("\x7f\u2028°") == '"\\u007f\\u2028°"' and shown("°") == '"°"'
+    assert toml_text(58 * "x") == f'"{58 * "x"}"' and toml_text(59 * "x") == f'"{56 * "x"}...'
+    assert (
+        toml_text({"a.b": [1, 0.5, True, float("inf")], "c": {}}) == '{ "a.b" = [1, 0.5, true, inf], c = {} }'
+    )
+    assert toml_text("\x7f\u2028°") == '"\\u007f\\u2028°"' and toml_text("°") == '"°"'
 
 
 def test_a_file_that_cannot_be_read_or_is_no_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -186,7 +186,7 @@ def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) ->
 def _predict(source: Path, frame: TableFrame, written: TableText, law: str, study: Path | None) -> list[str]:
     """Lines on the ripple under the drive's own law; the study of it is written where `study` says."""
     from cogless.drives import predicted_ripple
-    from cogless.results.folder import held, new_set
+    from cogless.results.folder import locked_folder, new_set
 
     lacking = ""
     if not law:
@@ -212,7 +212,7 @@ def _predict(source: Path, frame: TableFrame, written: TableText, law: str, stud
         )
     if study is not None:
         names = [predicted_ripple.STUDY_NAME, predicted_ripple.LAW_FILE.name]
-        with held(study, names), new_set(study) as stage:
+        with locked_folder(study, names), new_set(study) as stage:
             predicted_ripple.write_study(stage, tables)
         lines.append(f"Study: cogless run {study / predicted_ripple.STUDY_NAME}")
     return lines

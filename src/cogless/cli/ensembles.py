@@ -59,7 +59,7 @@ def sweep(
     from cogless.ensemble import sweep_table
     from cogless.files import writable
     from cogless.report import sweep_report as report
-    from cogless.results.folder import check_names, held, new_set
+    from cogless.results.folder import check_names, locked_folder, new_set
 
     sweep_table.require("sweep")
     part = _shard(shard)
@@ -69,18 +69,18 @@ def sweep(
     with writable(folder):
         check_names(folder, ["sweep.parquet", "report.html", part.file])
         if merge:
-            found: sweep_table.Sweep | None = sweeping.merge(planned, folder)
+            finished: sweep_table.Sweep | None = sweeping.merge(planned, folder)
         else:
-            wanted = planned.variants(part)
-            with _workers(jobs, dask) as workers, variant_progress(wanted) as progress:
-                found = sweeping.run(planned, folder, workers, part, progress)
-        if found is None:
+            variant_count = planned.variants(part)
+            with _workers(jobs, dask) as workers, variant_progress(variant_count) as progress:
+                finished = sweeping.run(planned, folder, workers, part, progress)
+        if finished is None:
             print(f"Shard: {folder / part.file}")
             return
-        with held(folder), new_set(folder) as stage:
-            sweep_table.write(found, stage / "sweep.parquet")
-            told = report.write(found, stage / "report.html", partial(_repeat, study, changes))
-    for line in told:
+        with locked_folder(folder), new_set(folder) as stage:
+            sweep_table.write(finished, stage / "sweep.parquet")
+            remarks = report.write(finished, stage / "report.html", partial(_repeat, study, changes))
+    for line in remarks:
         print_text(line)
     print(f"Table: {folder / 'sweep.parquet'}")
     print(f"Report: {folder / 'report.html'}")
@@ -103,7 +103,7 @@ def tune(
     from cogless.ensemble import tune as tuning
     from cogless.files import writable
     from cogless.report import sweep_report as report
-    from cogless.results.folder import check_names, held, new_set
+    from cogless.results.folder import check_names, locked_folder, new_set
     from cogless.study.reading import changes_from
 
     sweep_table.require("tune")
@@ -117,14 +117,16 @@ def tune(
         with _workers(jobs, dask) as workers, tune_progress() as progress:
             tuned = tuning.tune(loaded, folder, workers, progress)
         chosen = {key: value for one in tuned for key, value in one.chosen.items()}
-        about = command_line("tune", study, changes, [])
-        text = search.text(loaded, {**changes_from(changes or ()), **chosen}, folder, f"By: {about}")
-        both = tuning.side_by_side(loaded, tuned)
-        with held(folder), new_set(folder) as stage:
+        command = command_line("tune", study, changes, [])
+        text = search.study_file_text(
+            loaded, {**changes_from(changes or ()), **chosen}, folder, f"By: {command}"
+        )
+        comparison = tuning.side_by_side(loaded, tuned)
+        with locked_folder(folder), new_set(folder) as stage:
             (stage / path.name).write_text(text, encoding="utf-8")
-            sweep_table.write(both, stage / "sweep.parquet")
-            told = report.write(both, stage / "report.html", lambda settings, pair: "")
-    for line in [line for one in tuned for line in tuning.lines(one)] + told:
+            sweep_table.write(comparison, stage / "sweep.parquet")
+            remarks = report.write(comparison, stage / "report.html", lambda settings, pair: "")
+    for line in [line for one in tuned for line in tuning.outcome_lines(one)] + remarks:
         print_text(line)
     print(f"Study: {path}")
     print(f"Report: {folder / 'report.html'}")

@@ -107,7 +107,7 @@ def pil(
     """
     from cogless.export.prepared import first_scenario
     from cogless.pil import toolchain
-    from cogless.pil.compare import NAME_COLUMNS, compare, lines
+    from cogless.pil.compare import NAME_COLUMNS, compare, comparison_lines
     from cogless.pil.processor import require
 
     if compiler not in (None, "gcc", "zig"):
@@ -116,14 +116,14 @@ def pil(
     require()
     where = first_scenario(loaded, controller, scenario)
     with share_progress(f"{where}/{controller}") as progress:
-        found = compare(loaded, controller, where, ticks, tools, progress)
+        comparison = compare(loaded, controller, where, ticks, tools, progress)
     if as_json:
-        print(json.dumps(dataclasses.asdict(found), indent=2, ensure_ascii=False))
+        print(json.dumps(dataclasses.asdict(comparison), indent=2, ensure_ascii=False))
     else:
-        for line in lines(found):
+        for line in comparison_lines(comparison):
             print_text(line, others=" " * NAME_COLUMNS)
     print_warnings(loaded, [(where, controller)])
-    if found.difference is not None:
+    if comparison.difference is not None:
         sys.exit(EXIT_DIFFERENT)
 
 
@@ -154,21 +154,21 @@ def map_(
     The newest map is the one that firmware would load. Exit 2 if none is valid.
     """
     from cogless.maps import stored_map
-    from cogless.maps.stored_map import identity, lines, to_csv
+    from cogless.maps.stored_map import identity, map_lines, to_csv
 
     if motor is not None and output is None:
         raise StudyError("--motor: expected --output too")
-    found = stored_map.read(file)
-    newest = stored_map.newest(found)
+    places = stored_map.read(file)
+    newest = stored_map.newest(places)
     if newest is None:
-        raise StudyError(f"{file}: " + "; ".join(f"at byte {place.offset}: {place.map}" for place in found))
+        raise StudyError(f"{file}: " + "; ".join(f"at byte {place.offset}: {place.map}" for place in places))
     stored, to_screen = newest.map, str(csv) == "-"
     if csv is not None and not to_screen:
         stored_map.write(csv, to_csv(stored).encode())
     if output is not None:
-        wanted = stored.motor if motor is None else identity(motor)
-        stored_map.write(output, bytes(dataclasses.replace(stored, motor=wanted)))
+        motor_identity = stored.motor if motor is None else identity(motor)
+        stored_map.write(output, bytes(dataclasses.replace(stored, motor=motor_identity)))
     if to_screen:
         print(to_csv(stored), end="")
     else:
-        print_text("\n".join(lines(found, newest)))
+        print_text("\n".join(map_lines(places, newest)))

@@ -66,14 +66,14 @@ def identify(
     Writes motor.toml, study.toml ready to run, an anti-cogging table, and report.html. What the logs cannot
     tell is left out, with a sentence on what to record.
     """
-    from cogless.results.folder import held, new_set
+    from cogless.results.folder import locked_folder, new_set
 
     printer = printer_adapter(drive)
     if plan is not None:
         if logs or config is not None:
-            given = "--config" if not logs else str(logs[0])
+            first_log = "--config" if not logs else str(logs[0])
             raise StudyError(
-                f"identify: --plan {plan}: expected no logs and no --config beside it, got {given}: "
+                f"identify: --plan {plan}: expected no logs and no --config beside it, got {first_log}: "
                 "a plan says what to record; identify the logs afterwards"
             )
         output = output or Path("results/plan")
@@ -86,7 +86,7 @@ def identify(
 
         study = load(plan, None)
         scripts = script_files(study, drive, drive_config) if drive is not None else {}
-        with held(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
+        with locked_folder(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
             planning.write(study, stage)
             for name, text in scripts.items():
                 (stage / name).write_text(text, "utf-8")
@@ -130,28 +130,28 @@ def identify(
         names += [FRAME_FILE, LAW_FILE.name]
         for line in of_drive.remarks:
             print(line)
-    with held(output, [*names, *(["orders.png"] if plots else [])]):
+    with locked_folder(output, [*names, *(["orders.png"] if plots else [])]):
         with new_console(stderr=True).status("Identifying") as status:
-            found = identified(lambda what, share: status.update(f"Identifying: {what}{percent(share)}"))
+            result = identified(lambda what, share: status.update(f"Identifying: {what}{percent(share)}"))
         with new_set(output) as stage:
             if of_drive is not None:
                 (stage / FRAME_FILE).write_text(of_drive.frame.to_json(), "utf-8")
-            write.write_all(found.estimate, stage)
+            write.write_all(result.estimate, stage)
             if of_drive is not None and of_drive.identification.controller:
                 place_law(stage)
-            report.write_report(found, stage / "report.html")
+            report.write_report(result, stage / "report.html")
             if plots:
-                report.write_plot(found.estimate, stage / "orders.png")
-    for line in command.lines(found.estimate):
+                report.write_plot(result.estimate, stage / "orders.png")
+    for line in command.lines(result.estimate):
         print_text(line, others="  ")
-    _print_remarks(found.estimate.left_out, found.estimate.remarks)
+    _print_remarks(result.estimate.left_out, result.estimate.remarks)
     print()
-    runs = "j" in found.estimate.values
+    runs = "j" in result.estimate.values
     if runs:
         print(f"Study: {output / 'study.toml'}")
     print(f"Report: {output / 'report.html'}")
     words = ["run", str(output / "study.toml")] if runs else ["identify", "--plan", "STUDY"]
-    if of_drive is not None and of_drive.takes_table and found.estimate.cogging:
+    if of_drive is not None and of_drive.takes_table and result.estimate.cogging:
         print(f"Table: cogless table {output} --to {of_drive.frame.drive} -o FILE")
     print(f"Next: {shlex.join(['cogless', *words])}{'' if runs else ', for what to record'}")
 
@@ -190,21 +190,21 @@ def diagnose(
     from cogless.identify import diagnosis
 
     with new_console(stderr=True).status("Diagnosing") as status:
-        made = diagnosis.diagnosed(
+        result = diagnosis.diagnosed(
             logs, config, lambda what, share: status.update(f"Diagnosing: {what}{percent(share)}")
         )
-    for line in diagnosis.lines(made):
+    for line in diagnosis.lines(result):
         print_text(line, others="  ")
-    _print_remarks((), made.said)
+    _print_remarks((), result.said)
     if output is not None:
         from cogless.report import diagnosed as report
-        from cogless.results.folder import held, new_set
+        from cogless.results.folder import locked_folder, new_set
 
-        with held(output), new_set(output) as stage:
+        with locked_folder(output), new_set(output) as stage:
             (stage / "diagnosis.json").write_text(
-                json.dumps(diagnosis.to_dict(made), indent=2, ensure_ascii=False) + "\n", "utf-8"
+                json.dumps(diagnosis.to_dict(result), indent=2, ensure_ascii=False) + "\n", "utf-8"
             )
-            report.write_report(made, stage / "report.html")
+            report.write_report(result, stage / "report.html")
         print(f"Report: {output / 'report.html'}")
 
 

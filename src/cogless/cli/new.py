@@ -154,7 +154,7 @@ def _ask(flag: str, question: _Question, expected: str) -> Any:
         try:
             return question.take(answer)
         except StudyError as error:
-            print("\n".join(_wrapped(error.within(f"--{flag}"))))
+            print("\n".join(_wrapped(error.text_without(f"--{flag}"))))
 
 
 def _request(chosen: Mapping[str, str | None], texts: Mapping[str, str]) -> Request:

@@ -140,12 +140,12 @@ def to_run(study: str, changes: list[str] | None, no_code: bool) -> AnyStudy:
 
 
 def name_code(
-    path: Path, table: str, laws: Mapping[str, Any], no_code: bool, found: Callable[[str], str]
+    path: Path, table: str, laws: Mapping[str, Any], no_code: bool, path_of: Callable[[str], str]
 ) -> None:
-    """Say which files' code these laws run, or refuse it. `found`: where a file that a law names is."""
+    """Say which files' code these laws run, or refuse it. `path_of`: where a file that a law names is."""
     for name, law in laws.items():
         if law.code is not None:
             if no_code:
                 where = f'{path}: {table}.{name}.law: "{law.law}"'
                 raise StudyError(f"{where}: expected no code of the file's own, with --no-code")
-            print_text(f"Code: {table}.{name} runs {found(law.code)}.")
+            print_text(f"Code: {table}.{name} runs {path_of(law.code)}.")

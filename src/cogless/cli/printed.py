@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from cogless.report import Line, Outcome
     from cogless.results import AnyResults
     from cogless.study import AnyStudy
-    from cogless.study.remark import Remark
+    from cogless.study.reading import Remark
 
 BLOCK_INDENT = "  "
 LABEL_COLUMNS = 30  # a table of metrics has at least so many for its labels, if these are that long
@@ -140,7 +140,7 @@ def print_blocks(blocks: Blocks) -> None:
 
 def a_metric(study: AnyStudy) -> Remark:
     """The advice to add a metric, for a study without one. The metric suits any study of its kind."""
-    from cogless.study.remark import Remark
+    from cogless.study.reading import Remark
 
     metric = study.example_metric
     example = "".join(f'\n{key} = "{word}"' for key, word in metric.items())
@@ -154,8 +154,8 @@ def print_warnings(study: AnyStudy, runs: Iterable[tuple[str, str]]) -> None:
 
     warnings = DESIGNS[study.kind].warnings
     of_each = {name: scenario for scenario, name in runs}
-    found = (remark for name, at in of_each.items() for remark in warnings(study, at, name))
-    for line in dict.fromkeys(map(str, found)):
+    remarks = (remark for name, at in of_each.items() for remark in warnings(study, at, name))
+    for line in dict.fromkeys(map(str, remarks)):
         warn(line)
 
 

@@ -32,7 +32,7 @@ def printer_adapter(drive: str | None) -> Adapter | None:
 def plan_runs(adapter: Adapter, file: Path, output: Path) -> None:
     """Write the files that make the runs of an axis."""
     from cogless.printer.axis import read_axis
-    from cogless.results.folder import held, new_set
+    from cogless.results.folder import locked_folder, new_set
 
     assert adapter.write_runs is not None
     axis = read_axis(file)
@@ -40,7 +40,7 @@ def plan_runs(adapter: Adapter, file: Path, output: Path) -> None:
         files = adapter.write_runs(axis)
     except StudyError as error:
         raise StudyError(f"{file}: {error}") from None
-    with held(output, files), new_set(output) as stage:
+    with locked_folder(output, files), new_set(output) as stage:
         for name, text in files.items():
             (stage / name).write_text(text, "utf-8")
     print(f"Runs: {output / next(iter(files))}. Its first lines say how to start it.")
@@ -52,7 +52,7 @@ def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output:
     """Find an axis's correction in the logs of its runs, print it and write it."""
     from cogless.printer.axis import read_axis
     from cogless.printer.corrections import CORRECTION_FILE
-    from cogless.results.folder import held, new_set
+    from cogless.results.folder import locked_folder, new_set
 
     assert adapter.identify_runs is not None
     if file is None:
@@ -60,7 +60,7 @@ def identify_axis(adapter: Adapter, logs: list[Path], file: Path | None, output:
             f"--drive {adapter.name}: expected --drive-config FILE with [printer]: "
             "motor, step_angle, pulley_teeth, current, travel, start_x, start_y"
         )
-    with held(output, [CORRECTION_FILE]):
+    with locked_folder(output, [CORRECTION_FILE]):
         correction = adapter.identify_runs(logs, read_axis(file))
         with new_set(output) as stage:
             (stage / CORRECTION_FILE).write_text(correction.to_json(), "utf-8")
@@ -139,7 +139,7 @@ def _quantity(option: str, text: str, dimension: Dimension) -> float:
         raise StudyError(f'{option}: "{text}": {error}') from None
     if not value > 0:
         raise StudyError(
-            f'{option}: "{text}": expected {dimension.name} above zero, such as {dimension.shown(1)}'
+            f'{option}: "{text}": expected {dimension.name} above zero, such as {dimension.sample(1)}'
         )
     return value
 

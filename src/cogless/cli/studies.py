@@ -63,17 +63,17 @@ def run(
     Ctrl-C and SIGTERM keep the runs that are finished.
     """
     from cogless.design.kinds import DESIGNS
-    from cogless.results.folder import held
+    from cogless.results.folder import locked_folder
     from cogless.run.own_law import no_exit
     from cogless.run.simulate import RunDefect, RunError, run_study, runs_of
 
     arena = _arena(study, changes)
     if arena is not None:
-        name_code(arena.path, "law", arena.law, no_code, arena.found)
+        name_code(arena.path, "law", arena.law, no_code, arena.user_file)
         _run_arena(arena, output or Path("results") / arena.name, only, jobs, bool(limits))
         return
     loaded = to_run(study, changes, no_code)
-    wanted = len(runs_of(loaded, only))
+    run_count = len(runs_of(loaded, only))
     folder = output or Path("results") / loaded.name
     if with_page:
         from cogless.live import check, render
@@ -85,8 +85,8 @@ def run(
     failures: list[StudyError] = []
     defect: RunDefect | None = None
     place = folder.absolute()  # a law may change the directory
-    with held(place, _names(loaded, pairs, plots, not no_traces, with_page)):
-        with run_progress(wanted) as progress, no_exit():
+    with locked_folder(place, _names(loaded, pairs, plots, not no_traces, with_page)):
+        with run_progress(run_count) as progress, no_exit():
             try:
                 results: AnyResults = run_study(loaded, only, progress, jobs, traces=place)
             except RunError as error:
@@ -111,7 +111,7 @@ def run(
     if results.interrupted or requests.count:
         runs = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
         where = f" ({runs}), written to {folder}" if runs else ", nothing written"
-        say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
+        say(f"Interrupted: kept {len(results.runs)} of {run_count} runs{where}.")
         sys.exit(EXIT_INTERRUPTED)
 
 
@@ -154,8 +154,8 @@ def _write(results: AnyResults, folder: Path, plots: bool, traces: bool, page: s
     study, run = results.study, results_json.run_id(results)
     with new_set(folder) as stage:
         if traces:
-            about = {"title": study.title, "seed": study.seed, "run": run}
-            write_netcdf(stage / "traces.nc", results.runs, about, study.file_rate)
+            attributes = {"title": study.title, "seed": study.seed, "run": run}
+            write_netcdf(stage / "traces.nc", results.runs, attributes, study.file_rate)
         report.write(results, stage / "report.html")
         if page is not None:
             (stage / "live.html").write_text(page, encoding="utf-8")
@@ -182,12 +182,12 @@ def _arena(study: str, changes: list[str] | None) -> Arena | None:
 def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, find_limits: bool) -> None:
     from cogless.ensemble import arena_scores
     from cogless.ensemble.arena import chosen, run_arena
-    from cogless.results.folder import held, new_set
+    from cogless.results.folder import locked_folder, new_set
     from cogless.run.own_law import no_exit
 
     plants = len(chosen(arena, only))
     place = folder.absolute()  # a law may change the directory
-    with held(place, ["results.json"]):
+    with locked_folder(place, ["results.json"]):
         with new_bar() as bar, no_exit():
             task = bar.add_task("", total=plants)
             results = run_arena(
@@ -282,14 +282,14 @@ def calibrate(
         )
 
 
-def with_limits(results: AnyResults, wanted: bool | None, jobs: int, folder: Path | None) -> AnyResults:
+def with_limits(results: AnyResults, asked: bool | None, jobs: int, folder: Path | None) -> AnyResults:
     """The results, with what limits each scenario's best run added.
 
-    `wanted`: the option --limits or --no-limits, None without either. `folder`: room for long traces.
+    `asked`: the option --limits or --no-limits, None without either. `folder`: room for long traces.
     """
     from cogless import report
 
-    if wanted is False or results.interrupted or not report.has_limits(results.study):
+    if asked is False or results.interrupted or not report.has_limits(results.study):
         return results
     with new_bar() as bar:
         task = bar.add_task("", total=None)
@@ -297,15 +297,15 @@ def with_limits(results: AnyResults, wanted: bool | None, jobs: int, folder: Pat
         def tell(scenario: str) -> None:
             bar.update(task, description=f"{scenario}: what limits it")
 
-        return report.with_limits(results, wanted is True, jobs, folder, tell)
+        return report.with_limits(results, asked is True, jobs, folder, tell)
 
 
 def sentences(results: AnyResults) -> dict[str, str]:
     """Sentences on what limits the best run, by scenario; none where no cause is known or stands out."""
     from cogless import report
 
-    found = {scenario: report.limit(results, scenario) for scenario in results.scenarios}
-    return {scenario: str(remark) for scenario, remark in found.items() if remark is not None}
+    remarks = {scenario: report.limit(results, scenario) for scenario in results.scenarios}
+    return {scenario: str(remark) for scenario, remark in remarks.items() if remark is not None}
 
 
 def live(
@@ -342,15 +342,15 @@ def live(
         open_page(path)
 
 
-def _limits(study: AnyStudy, wanted: bool | None, jobs: int) -> dict[str, str]:
+def _limits(study: AnyStudy, asked: bool | None, jobs: int) -> dict[str, str]:
     """Sentences on what limits the best run, by scenario. They take runs of the whole study."""
     from cogless.live.description import held
     from cogless.report import has_limits, is_quick
     from cogless.run.simulate import RunError, run_study
 
-    if wanted is False or not has_limits(study):
+    if asked is False or not has_limits(study):
         return {}
-    pairs = [pair for pair in held(study) if wanted or is_quick(study, *pair)]
+    pairs = [pair for pair in held(study) if asked or is_quick(study, *pair)]
     if not pairs:
         return {}
     try:
@@ -358,7 +358,7 @@ def _limits(study: AnyStudy, wanted: bool | None, jobs: int) -> dict[str, str]:
             results = run_study(study, ["/".join(pair) for pair in pairs], progress, jobs)
     except RunError:  # the page shows that run's failure
         return {}
-    return sentences(with_limits(results, wanted, jobs, None))
+    return sentences(with_limits(results, asked, jobs, None))
 
 
 def list_() -> None:

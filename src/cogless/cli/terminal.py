@@ -89,8 +89,8 @@ def tune_progress() -> Iterator[Callable[[str, int, int, float], None]]:
     """Show what is tuned, how far it is, and the best value so far on stderr if it is a terminal."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-    about = TextColumn("{task.description}")
-    with new_bar(about, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as bar:
+    description = TextColumn("{task.description}")
+    with new_bar(description, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as bar:
         tasks: dict[str, Any] = {}
 
         def report(name: str, tried: int, budget: int, best: float) -> None:

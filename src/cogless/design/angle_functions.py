@@ -211,8 +211,8 @@ def _series(
     sums: dict[int, complex] = {}
     for n, c, phase in cosines:
         sums[n] = sums.get(n, 0j) + c * complex(math.cos(phase), math.sin(phase))
-    kept = {n: c for n, c in sums.items() if c}
-    return Series(constant, tuple(kept), tuple(kept.values()), table)
+    nonzero = {n: c for n, c in sums.items() if c}
+    return Series(constant, tuple(nonzero), tuple(nonzero.values()), table)
 
 
 def _product(f: Rises, g: Rises) -> Rises:

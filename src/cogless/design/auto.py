@@ -63,12 +63,12 @@ def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
 
 def filled(study: AStudy) -> AStudy:
     """The study with the numbers that the rule auto gives; keys that it gives itself stay."""
-    found: Values = {}
+    changes: Values = {}
     for name in missing(study):
         # only laws of speed have a tuning rule
-        values, given = automatic(cast(Study, study), name), study.source.tables["controller"][name]
-        found |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in given}
-    return changed(study, found) if found else study
+        values, own_keys = automatic(cast(Study, study), name), study.source.tables["controller"][name]
+        changes |= {dotted(("controller", name, key)): v for key, v in values.items() if key not in own_keys}
+    return changed(study, changes) if changes else study
 
 
 def unfilled(study: Study, name: str) -> Study:
@@ -113,15 +113,15 @@ def gain_and_filter(
     """
     by_hand = numbers_by_hand(study, name)
     for fixed in [by_hand, {}] if by_hand else [{}]:
-        found: list[tuple[float, Values]] = []
+        tries: list[tuple[float, Values]] = []
         for n in range(GAIN_HALVINGS):
             best = _filter(study, name, kind, keys(gain / 2**n) | fixed, fixed)
             if best is not None:
-                found.append(best)
-            if len(found) > 1 and found[-1][0] >= found[-2][0]:
+                tries.append(best)
+            if len(tries) > 1 and tries[-1][0] >= tries[-2][0]:
                 break
-        if found:
-            return min(found, key=lambda pair: pair[0])[1]
+        if tries:
+            return min(tries, key=lambda pair: pair[0])[1]
     raise no_gain_error(study, name)
 
 
@@ -136,14 +136,14 @@ def _filter(
     best = None
     for width in _widths(list(loops_in_corners(kind, with_numbers(study, name, values), name)), fixed):
         tried = values | {"q_half_width": width}
-        left = _left(study, name, kind, tried)
-        if best is not None and left >= best[0]:
+        share = _ripple_share(study, name, kind, tried)
+        if best is not None and share >= best[0]:
             break
-        best = (left, tried)
+        best = (share, tried)
     return best
 
 
-def _left(study: Study, name: str, kind: type[LearningLoop], values: Values) -> float:
+def _ripple_share(study: Study, name: str, kind: type[LearningLoop], values: Values) -> float:
     """Predicted ripple after LEARNING_TURNS turns / the feedback's ripple, as the mean over scenarios."""
     tried, ratios = with_numbers(study, name, values), []
     for key in scenarios_tuned_for(study, name):
@@ -211,8 +211,8 @@ def with_numbers(study: Study, name: str, values: Values) -> Study:
 
 def numbers_by_hand(study: Study, name: str) -> Values:
     """The numbers that the rule would give, but the study has itself, SI."""
-    law, given = study.controller[name], study.source.tables["controller"][name]
-    return {key: getattr(law, key) for key in law.AUTOMATIC if key in given}
+    law, own_keys = study.controller[name], study.source.tables["controller"][name]
+    return {key: getattr(law, key) for key in law.AUTOMATIC if key in own_keys}
 
 
 def frequency_grid(loops: Iterable[LearningLoop]) -> Real:
@@ -245,9 +245,9 @@ def known_orders(study: Study, name: str) -> list[int]:
         for n, wave in enumerate(functions_in(study, key).waves(study.scenario[key].top_reference)):
             current[n] = max(current.get(n, 0.0), float(wave))
     largest = max((wave for n, wave in current.items() if n), default=0.0)
-    found = [n for n, wave in current.items() if n and wave > 1e-3 * largest and largest > 0]
+    orders = [n for n, wave in current.items() if n and wave > 1e-3 * largest and largest > 0]
     usual = [n * study.motor.pole_pairs for n in (1, 2, 6)]
-    return list(dict.fromkeys([*sorted(found, key=lambda n: -current[n]), *usual]))
+    return list(dict.fromkeys([*sorted(orders, key=lambda n: -current[n]), *usual]))
 
 
 def shared_period(study: Study, name: str) -> str:
@@ -265,8 +265,8 @@ def map_cells(study: Study, name: str, period: str = "mechanical") -> int:
     if "cells" in by_hand:
         return int(by_hand["cells"])
     periods = study.motor.pole_pairs if period == "electrical" else 1  # a revolution
-    wanted = math.ceil(WAVE_CELLS * max([*known_orders(study, name), 1]) / periods)
-    return min(AUTO_CELLS_MOST, max(AUTO_CELLS_LEAST, 1 << (wanted - 1).bit_length()))
+    cells = math.ceil(WAVE_CELLS * max([*known_orders(study, name), 1]) / periods)
+    return min(AUTO_CELLS_MOST, max(AUTO_CELLS_LEAST, 1 << (cells - 1).bit_length()))
 
 
 def phase_margin_gains(study: Study, name: str) -> tuple[float, float]:

@@ -22,12 +22,12 @@ def helping(
     study: AStudy, tried: Iterable[Changes | None], cured: Callable[[AStudy], bool]
 ) -> tuple[Changes, ...]:
     """The changes that the study accepts and that cure it, out of those tried."""
-    return tuple(each for each in tried if each is not None and helps(study, each, cured))
+    return tuple(change for change in tried if change is not None and helps(study, change, cured))
 
 
 def first(study: AStudy, tried: Iterable[Changes], cured: Callable[[AStudy], bool]) -> tuple[Changes, ...]:
     """The first change that cures the study, as a tuple of one or none; the mildest must come first."""
-    return tuple(islice((each for each in tried if helps(study, each, cured)), 1))
+    return tuple(islice((change for change in tried if helps(study, change, cured)), 1))
 
 
 def helps(study: AStudy, change: Changes, cured: Callable[[AStudy], bool]) -> bool:
@@ -38,22 +38,22 @@ def helps(study: AStudy, change: Changes, cured: Callable[[AStudy], bool]) -> bo
         return False
 
 
-def words(change: Changes, within: str = "") -> str:
+def change_words(change: Changes, within: str = "") -> str:
     """A change in the study's notation, such as `controller.pi.kp = "0.02 A*s/rad"`.
 
     Keys of the table `within` are written relative to it.
     """
-    return " and ".join(_words(key.removeprefix(f"{within}."), value) for key, value in change.items())
+    return " and ".join(_value_words(key.removeprefix(f"{within}."), value) for key, value in change.items())
 
 
 def either(changes: Iterable[Changes], within: str = "") -> str:
     """The words of several changes, each of which is enough; "" without changes."""
-    return ", or ".join(words(each, within) for each in changes)
+    return ", or ".join(change_words(change, within) for change in changes)
 
 
-def _words(key: str, value: Any) -> str:
+def _value_words(key: str, value: Any) -> str:
     gains = (
-        [f"{each} = {toml(value[each])}" for each in GAINS if each in value]
+        [f"{gain} = {toml(value[gain])}" for gain in GAINS if gain in value]
         if isinstance(value, dict)
         else []
     )
@@ -64,6 +64,6 @@ def _words(key: str, value: Any) -> str:
     return f"{key} = {toml(value)}"
 
 
-def text(value: float, unit: str) -> str:
+def unit_text(value: float, unit: str) -> str:
     """A number in an SI unit, in the study's notation."""
     return f"{value:{ADVISED_FORMAT}} {unit}"

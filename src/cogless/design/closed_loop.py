@@ -70,11 +70,11 @@ class Linear:
 
     def response(self, w: Real, T: float) -> Complex:
         """C at w in rad/s with sample period T."""
-        found = pi_response(w, T, self.k, self.k_i)
+        C = pi_response(w, T, self.k, self.k_i)
         if self.k_r:
             S = pi_response(w, T, 1.0, self.c)
-            found = found + self.k_r * T / (np.exp(1j * w * T) - 1) * S
-        return found
+            C = C + self.k_r * T / (np.exp(1j * w * T) - 1) * S
+        return C
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,9 @@ class Resonator:
 
     def response(self, w: Real, T: float) -> Complex:
         """R at w in rad/s with sample period T: an integrator that turns with the order, very large at it."""
-        forth, back = (1 / (1 - CIRCLE_MAGNITUDE * np.exp(1j * (each - w) * T)) for each in (self.w, -self.w))
+        forth, back = (
+            1 / (1 - CIRCLE_MAGNITUDE * np.exp(1j * (signed_w - w) * T)) for signed_w in (self.w, -self.w)
+        )
         phase = np.exp(1j * self.w * self.lead)
         return np.asarray(self.gain * T / 2 * (phase * forth + np.conj(phase) * back))
 
@@ -103,8 +105,8 @@ class Oscillation:
 @lru_cache(maxsize=1024)  # a verdict asks several times, and for a feedback that is the same at all speeds
 def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
     """The fastest growing oscillation of a loop with linear feedback; None if the loop is stable."""
-    found = poles(loop, feedback)
-    fastest = found[np.argmax(np.abs(found))]
+    roots = poles(loop, feedback)
+    fastest = roots[np.argmax(np.abs(roots))]
     if abs(fastest) <= 1 + POLE_ROUNDING:
         return None
     T = loop.period
@@ -119,8 +121,8 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     filtered = first + 2 * len(resonators)
     delayed, late = filtered + 2 * bool(loop.low_pass), loop.delay / loop.period
     back = int(late + POLE_ROUNDING)  # whole samples
-    held = back + 1 if loop.delay else 0
-    summed = delayed + 2 * held
+    line_length = back + 1 if loop.delay else 0
+    summed = delayed + 2 * line_length
     # x, the integral, past angles or the observer's state, resonators' states in a fixed frame, the filter,
     # past speeds and angles, the integral in S and the sum of S
     size = summed + 2 * bool(feedback.k_r)
@@ -136,53 +138,53 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     step = np.zeros((size, size))
     if loop.low_pass:
         a_step = math.exp(-loop.low_pass * loop.current.period)
-        kept = a_step**loop.steps
-        new = 1 - a_step if loop.held else (1 - kept) / 2  # else its input moves between two samples
+        decay = a_step**loop.steps
+        new = 1 - a_step if loop.held else (1 - decay) / 2  # else its input moves between two samples
         step[filtered + 1] = omega
-        step[filtered] = kept * unit(filtered) + (1 - kept - new) * unit(filtered + 1) + new * omega
+        step[filtered] = decay * unit(filtered) + (1 - decay - new) * unit(filtered + 1) + new * omega
         omega = step[filtered].copy()
 
     def past(signal: Real, line: int) -> Real:
         """The signal `loop.delay` ago, kept at `line`; straight between two samples."""
-        if not held:
+        if not line_length:
             return signal
-        each = [signal, *(unit(line + n) for n in range(held))]
-        step[line : line + held] = each[:-1]
+        samples = [signal, *(unit(line + n) for n in range(line_length))]
+        step[line : line + line_length] = samples[:-1]
         share = max(0.0, late - back)
-        return np.asarray((1 - share) * each[back] + share * each[back + 1])
+        return np.asarray((1 - share) * samples[back] + share * samples[back + 1])
 
-    omega, theta = past(omega, delayed), past(unit(angle), delayed + held)
+    omega, theta = past(omega, delayed), past(unit(angle), delayed + line_length)
     omega_t = feedback.ratio * (omega + feedback.k_theta * theta)
     integral = unit(states) + feedback.k_i * loop.period * omega_t
-    wanted = -feedback.k * omega_t - integral - feedback.k_v * feedback.ratio * theta
+    current = -feedback.k * omega_t - integral - feedback.k_v * feedback.ratio * theta
     if feedback.k_r:
         step[summed] = unit(summed) + feedback.c * loop.period * omega_t
         step[summed + 1] = unit(summed + 1) + loop.period * (omega_t + step[summed])
-        wanted = wanted - feedback.k_r * unit(summed + 1)
+        current = current - feedback.k_r * unit(summed + 1)
 
-    for n, each in enumerate(resonators):
-        turn, phase, at = each.w * loop.period, each.w * each.lead, first + 2 * n
+    for n, resonator in enumerate(resonators):
+        turn, phase, at = resonator.w * loop.period, resonator.w * resonator.lead, first + 2 * n
         p, q = unit(at), unit(at + 1)
-        found = each.gain * loop.period * omega_t
-        step[at] = math.cos(turn) * p - math.sin(turn) * q + math.cos(phase) * found
-        step[at + 1] = math.sin(turn) * p + math.cos(turn) * q + math.sin(phase) * found
-        wanted = wanted - step[at]
+        drive = resonator.gain * loop.period * omega_t
+        step[at] = math.cos(turn) * p - math.sin(turn) * q + math.cos(phase) * drive
+        step[at + 1] = math.sin(turn) * p + math.cos(turn) * q + math.sin(phase) * drive
+        current = current - step[at]
     step[:states, :states] = whole[:states, :states]
-    step[:states] += np.outer(whole[:states, states], wanted)
+    step[:states] += np.outer(whole[:states, states], current)
     step[states] = integral
     if loop.bandwidth:
         M, gains = observer_step(loop.bandwidth, loop.current.period)
         seen = np.eye(size)[states + 1 : first]
         for n in range(1, loop.steps + 1):
             then = loop.step_of(n)[angle]
-            theta_n = then[states] * wanted
+            theta_n = then[states] * current
             theta_n[:states] += then[:states]
             seen = M @ seen + np.outer(gains, theta_n)
         step[states + 1 : first] = seen
     elif samples:
         then = loop.step_of(samples * loop.steps - loop.window)[angle]
         step[states + 1, :states] = then[:states]
-        step[states + 1] += then[states] * wanted
+        step[states + 1] += then[states] * current
         step[states + 2 : first, states + 1 : first - 1] = np.eye(samples - 1)
     return np.asarray(np.linalg.eigvals(step))
 
@@ -204,8 +206,8 @@ def position_gains_by_rule(study: Study, name: str, ratio: int) -> Gains:
 def open_loop(loop: SpeedLoop, feedback: Linear, w: Real) -> Complex:
     """The open loop L, with v and k_v, at w in rad/s."""
     (speed, angle), C = loop.plant(w), feedback.response(w, loop.period)
-    held = C * (speed + feedback.k_theta * angle)
-    return np.asarray(feedback.ratio * (held + feedback.k_v * angle))
+    inner = C * (speed + feedback.k_theta * angle)
+    return np.asarray(feedback.ratio * (inner + feedback.k_v * angle))
 
 
 def position_margins(loop: SpeedLoop, feedback: Linear) -> Margins:
@@ -247,8 +249,8 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
         places = np.geomspace(
             places[max(k - 1, 0)], places[min(k + 1, ZERO_FREQUENCIES - 1)], ZERO_FREQUENCIES
         )
-    found, last = stiffness(best)
-    if found > 0:
+    stiffest, last = stiffness(best)
+    if stiffest > 0:
         unit = Linear(ratio=ratio, k=1 - best * half, k_theta=best, k_i=best)
         w_c = root(
             lambda w: tuning.phase_margin - float(np.angle(-open_loop(loop, unit, np.array([w]))[0])),

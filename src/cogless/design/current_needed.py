@@ -16,12 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.design.angle_functions import functions_in
-from cogless.design.changes import either, helping, text
+from cogless.design.changes import either, helping, unit_text
 from cogless.design.closed_loop import Linear
 from cogless.study import Study, for_scenario
 from cogless.study.motion import course
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 
 WAVE_POINTS = 8  # angles in a wave of the highest order
 CURRENT_RESERVE = 1.1  # limit that is advised / current that is needed
@@ -37,17 +36,19 @@ class Needed:
 
 def needed(study: Study, scenario: str) -> Needed:
     """The current that a scenario's reference, load, load events and cogging need."""
-    here, of = functions_in(study, scenario), for_scenario(study, scenario)
+    functions, of = functions_in(study, scenario), for_scenario(study, scenario)
     experiment, K_t = study.scenario[scenario], of.motor.star().K_t
-    theta = np.linspace(0, math.tau, WAVE_POINTS * max([*here.orders, 16]), endpoint=False)
-    alpha = here.alpha(theta)
+    theta = np.linspace(0, math.tau, WAVE_POINTS * max([*functions.orders, 16]), endpoint=False)
+    alpha = functions.alpha(theta)
     mean = float(np.mean(alpha))
     load = experiment.load or of.mechanics.load
     steps = [0.0, *((event.load - load.torque) / of.mechanics.ratio / K_t for event in experiment.events)]
     way = course(experiment)
-    moving = float(np.mean(here.beta(theta))) * way.omega + float(np.mean(here.h(theta))) * way.alpha
+    moving = (
+        float(np.mean(functions.beta(theta))) * way.omega + float(np.mean(functions.h(theta))) * way.alpha
+    )
     means = [mean + step + moving for step in steps]
-    largest = max(float(np.max(np.abs(each))) for each in means)
+    largest = max(float(np.max(np.abs(current))) for current in means)
     return Needed(largest, largest + float(np.max(np.abs(alpha - mean))))
 
 
@@ -57,9 +58,9 @@ def starts_after(study: Study, scenario: str, feedback: Linear, omega: float) ->
 
     Its output is ratio omega (k + (k k_theta + k_i + k_r) t + k_i k_theta t^2 / 2).
     """
-    here = for_scenario(study, scenario)
-    star, size = here.motor.star(), feedback.ratio * abs(omega)
-    friction = here.mechanics.breakaway + sum(abs(wave.torque or 0.0) for wave in star.cogging)
+    own_study = for_scenario(study, scenario)
+    star, size = own_study.motor.star(), feedback.ratio * abs(omega)
+    friction = own_study.mechanics.breakaway + sum(abs(wave.torque or 0.0) for wave in star.cogging)
     missing = friction / star.K_t - feedback.k * size
     slope = (feedback.k * feedback.k_theta + feedback.k_i + feedback.k_r) * size
     bend = feedback.k_i * feedback.k_theta * size / 2
@@ -72,18 +73,18 @@ def starts_after(study: Study, scenario: str, feedback: Linear, omega: float) ->
 
 def too_much_current(study: Study, scenario: str) -> Remark | None:
     """Warning that the motion, or an even speed, needs more current than the limit; None if neither does."""
-    limit, found = for_scenario(study, scenario).drive.current_loop.current_limit, needed(study, scenario)
-    if found.most <= limit:
+    limit, needs = for_scenario(study, scenario).drive.current_loop.current_limit, needed(study, scenario)
+    if needs.most <= limit:
         return None
-    if found.mean > limit:
-        said = f"its motion and load take {found.mean:.3g} A, and current_limit is {limit:.3g} A"
+    if needs.mean > limit:
+        sentence = f"its motion and load take {needs.mean:.3g} A, and current_limit is {limit:.3g} A"
     else:
-        said = f"to turn evenly takes up to {found.most:.3g} A, and current_limit is {limit:.3g} A"
+        sentence = f"to turn evenly takes up to {needs.most:.3g} A, and current_limit is {limit:.3g} A"
 
     def cured(other: Study) -> bool:
-        there = for_scenario(other, scenario).drive.current_loop.current_limit
-        return needed(other, scenario).most <= there
+        other_limit = for_scenario(other, scenario).drive.current_loop.current_limit
+        return needed(other, scenario).most <= other_limit
 
-    more: Changes = {"drive.current_loop.current_limit": text(CURRENT_RESERVE * found.most, "A")}
+    more: Changes = {"drive.current_loop.current_limit": unit_text(CURRENT_RESERVE * needs.most, "A")}
     cures = helping(study, (more,), cured)
-    return Remark(f"{said}; {either(cures)} would do" if cures else said, cures)
+    return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)

@@ -14,6 +14,7 @@ from cogless.design.margins import Margins
 from cogless.design.summary import Design, current_loop_summary, summary
 from cogless.design.warnings import beyond_drive, coarse_table, loop_remarks, notes, shaft_notes, told_apart
 from cogless.study import Study
+from cogless.units import TURN
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -68,8 +69,8 @@ def _theorems(study: Study, designs: dict[str, Design]) -> list[str]:
     for name, design in designs.items():
         if design.theorem is not None:
             bounds = design.theorem.bounds
-            known = "" if bounds is None else f"Known bounds, mechanical: {_bounds(bounds)}."
-            notes += [known] if known and known not in notes else []
+            bounds_note = "" if bounds is None else f"Known bounds, mechanical: {_bounds(bounds)}."
+            notes += [bounds_note] if bounds_note and bounds_note not in notes else []
             notes.append(f"{study.label(name)}: {design.theorem.verdict()}.")
     return notes
 
@@ -106,4 +107,4 @@ def _margins(m: Margins | None) -> tuple[str, str, str]:
 
 
 def _hertz(w: float) -> str:
-    return f"{w / (2 * math.pi):.4g} Hz"
+    return f"{w / TURN:.4g} Hz"

@@ -33,7 +33,10 @@ STOPPING_RIPPLE = 1.0  # ripple / speed, at which the rotor stops
 STALLING_RATIO = (
     0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
 )
-SPEED_STEP, SPEED_RANGE = 1.05, 1e4  # ratio of one tried speed to the one before; the fastest / the slowest
+TRIED_SPEED_STEP, SPEED_RANGE = (
+    1.05,
+    1e4,
+)  # ratio of one tried speed to the one before; the fastest / the slowest
 
 
 @dataclass(frozen=True)
@@ -68,24 +71,28 @@ def swing(
     return Swing(float(np.sum(sizes)), math.sqrt(float(np.sum(sizes**2)) / 2), int(n[k]), rate)
 
 
-def snaps(study: Study, found: Swing, omega_m: float, crossover: float) -> str:
+def snaps(study: Study, swinging: Swing, omega_m: float, crossover: float) -> str:
     """Why the rotor doesn't turn evenly at omega_m, rad/s, in words.
 
     `crossover`: the feedback's crossover, rad/s.
     """
-    leaves = f"at {speed_text(study, omega_m)} the feedback leaves {found.size:.2g} times the speed as ripple"
-    pulls = f"whose detents pull at {found.rate / math.tau:.3g} Hz"
+    leaves = (
+        f"at {speed_text(study, omega_m)} the feedback leaves {swinging.size:.2g} times the speed as ripple"
+    )
+    pulls = f"whose detents pull at {swinging.rate / math.tau:.3g} Hz"
     around = f" where the crossover is {crossover / math.tau:.3g} Hz" if math.isfinite(crossover) else ""
-    return f"{leaves}, most by order {found.order}, {pulls}{around}: the rotor stops and snaps"
+    return f"{leaves}, most by order {swinging.order}, {pulls}{around}: the rotor stops and snaps"
 
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:
     """The lowest speed above omega_m, rad/s, from which on the rotor turns evenly; None if it never does."""
     speeds = abs(omega_m) * np.geomspace(
-        1, SPEED_RANGE, 1 + round(math.log(SPEED_RANGE) / math.log(SPEED_STEP))
+        1, SPEED_RANGE, 1 + round(math.log(SPEED_RANGE) / math.log(TRIED_SPEED_STEP))
     )
-    stops = [found is not None and found.stops for found in _swings(study, scenario, feedback, speeds)]
-    last = max((k for k, each in enumerate(stops) if each), default=-1)
+    stops = [
+        swinging is not None and swinging.stops for swinging in _swings(study, scenario, feedback, speeds)
+    ]
+    last = max((k for k, stopped in enumerate(stops) if stopped), default=-1)
     return float(speeds[last + 1]) if last + 1 < len(speeds) else None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cogless.design.changes import text
+from cogless.design.changes import unit_text
 from cogless.design.law_rules import pi_texts, rules_of
 from cogless.study import Study
 from cogless.study.messages import dotted
@@ -66,14 +66,14 @@ def slower_proportional(study: Study, name: str, factor: float, crossover: float
         return []
     kp, ki = rules.pi
     quick = [min(ki, share * crossover / factor * kp / factor) for share in CORNER_SHARES]
-    return [rules.by_hand(pi_texts(kp / factor, each)) for each in quick]
+    return [rules.by_hand(pi_texts(kp / factor, integral)) for integral in quick]
 
 
 def weaker_learning(study: Study, name: str, factor: float) -> Changes | None:
     """The change that divides the learning gains by a factor; None: the law has no such gains."""
     law, key = study.controller[name], dotted(("controller", name))
     values = {
-        gain: text(getattr(law, gain) / factor, law.unit_of(gain))
+        gain: unit_text(getattr(law, gain) / factor, law.unit_of(gain))
         for gain in law.LEARNING_GAINS
         if getattr(law, gain)
     }

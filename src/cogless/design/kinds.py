@@ -14,7 +14,7 @@ from cogless.design import design_table, law_rules, speed_blocks, summary, verdi
 from cogless.design.blocks import Blocks
 from cogless.study import Study, TrialStudy
 from cogless.study.base import Kind
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -90,7 +90,7 @@ def _trial_figures(study: TrialStudy, scenario: str, controller: str) -> tuple[d
     from cogless.design.trials import trial_summary
 
     design = _trial_designs(study, [(scenario, controller)])[scenario, controller]
-    return trial_summary.design_dict(design), trial_summary.words(design)
+    return trial_summary.design_dict(design), trial_summary.verdict_line(design)
 
 
 def _trial_warnings(study: TrialStudy, scenario: str, name: str) -> list[Remark]:

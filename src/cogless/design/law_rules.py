@@ -16,15 +16,14 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, Generic, TypeVar, cast
 
-from cogless.design.changes import text
+from cogless.design.changes import unit_text
 from cogless.design.closed_loop import Linear, oscillation, position_margins
 from cogless.design.margins import Margins
 from cogless.design.speed_loop import gains, speed_loop
 from cogless.study import Study
 from cogless.study.laws.law import Base, Feedback, LawLoop, Memory
 from cogless.study.messages import dotted
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 
 MODEL_ROOM, RULE_ROOM = "cogless.study.laws", "cogless.design.laws"
 FeedbackNumbers = list[tuple[float, ...]]
@@ -74,12 +73,14 @@ class LawRules(Generic[L]):
         scenarios = [self.study.scenario[key] for key in self.study.scenarios_of(self.name)]
         speeds = {speed for s in scenarios for speed in (s.slowest, s.top_reference)} or {0.0}
         feedbacks = dict.fromkeys(self.feedback(speed) for speed in speeds)
-        found = [position_margins(speed_loop(self.study), feedback) for feedback in feedbacks if feedback]
+        candidates = [
+            position_margins(speed_loop(self.study), feedback) for feedback in feedbacks if feedback
+        ]
 
         def least(m: Margins) -> float:
             return m.phase_margin if m.stable and math.isfinite(m.phase_margin) else -1.0
 
-        return min(found, key=least, default=None)
+        return min(candidates, key=least, default=None)
 
     def gains(self) -> dict[str, Gain]:
         """The feedback's gains, where a rule may give them; keys of the table are listed without this."""
@@ -152,9 +153,9 @@ class LawRules(Generic[L]):
         """The change to gains by hand. It removes any rule but auto, which may stand beside such gains."""
         key, law = dotted(("controller", self.name)), self.law
         if law.rule is None or law.is_auto:
-            return {f"{key}.{each}": value for each, value in own.items()}
+            return {f"{key}.{gain}": value for gain, value in own.items()}
         table = self.study.source.tables["controller"][self.name]
-        return {key: {**{each: value for each, value in table.items() if each != "tuning"}, **own}}
+        return {key: {**{gain: value for gain, value in table.items() if gain != "tuning"}, **own}}
 
 
 F = TypeVar("F", bound=Feedback)
@@ -186,7 +187,7 @@ class FeedbackRules(LawRules[F], Generic[F]):
 
 def pi_texts(kp: float, ki: float) -> dict[str, str]:
     """The keys of a PI's gains, A*s/rad and A/rad, in the study's notation."""
-    return {"kp": text(kp, "A*s/rad"), "ki": text(ki, "A/rad")}
+    return {"kp": unit_text(kp, "A*s/rad"), "ki": unit_text(ki, "A/rad")}
 
 
 def rules_of(study: Study, name: str) -> LawRules[Any]:
@@ -197,11 +198,11 @@ def rules_of(study: Study, name: str) -> LawRules[Any]:
 @cache
 def rules_class(model: type) -> type[LawRules[Any]]:
     """The class of the rules for a model of a law, or for the first of its bases that has one."""
-    for each in model.__mro__:
-        room, _, file = each.__module__.rpartition(".")
-        module = {f"{MODEL_ROOM}.law": __name__}.get(each.__module__, f"{RULE_ROOM}.{file}")
+    for base in model.__mro__:
+        room, _, file = base.__module__.rpartition(".")
+        module = {f"{MODEL_ROOM}.law": __name__}.get(base.__module__, f"{RULE_ROOM}.{file}")
         if room == MODEL_ROOM and find_spec(module) is not None:
-            rules: type[LawRules[Any]] | None = getattr(import_module(module), f"{each.__name__}Rules", None)
+            rules: type[LawRules[Any]] | None = getattr(import_module(module), f"{base.__name__}Rules", None)
             if rules is not None:
                 return rules
     return LawRules
@@ -225,8 +226,8 @@ def unstable_feedback(study: Study, name: str) -> str | None:
     for key in keys:
         speeds = {study.scenario[key].slowest, study.scenario[key].top_reference}
         for feedback in (feedback_of(study, name, omega_m) for omega_m in sorted(speeds)):
-            found = feedback and oscillation(speed_loop(study, key), feedback)
-            if found:
+            unstable = feedback and oscillation(speed_loop(study, key), feedback)
+            if unstable:
                 where = f" in scenario {key}" if len(keys) > 1 else ""
-                return f"feedback unstable, at {found.frequency:.0f} Hz{where}"
+                return f"feedback unstable, at {unstable.frequency:.0f} Hz{where}"
     return None

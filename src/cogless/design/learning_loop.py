@@ -114,9 +114,9 @@ class LearningLoop(ABC):
     @property
     def feedback_before(self) -> Linear:
         """The linear feedback before the law learns."""
-        found = feedback_of(self.study, self.controller, self.omega_m)
-        assert found is not None
-        return found
+        feedback = feedback_of(self.study, self.controller, self.omega_m)
+        assert feedback is not None
+        return feedback
 
     @cached_property
     def feedback(self) -> Linear:
@@ -167,7 +167,7 @@ class LearningLoop(ABC):
 
     def recalled(self, f: ArrayLike, constant: bool) -> Real:
         """The share of the learned signal that is recalled after a period, at frequencies f in Hz."""
-        return self.q(f) * self.lines(f, constant)
+        return self.q(f) * self.interpolation_gain(f, constant)
 
     def factor(self, f: ArrayLike) -> Real:
         """The factor per period on the learned signal, at frequencies f in Hz."""
@@ -186,7 +186,7 @@ class LearningLoop(ABC):
         weight = np.where(np.abs(image) <= rate / 2, sinc**2, 0.0)
         return np.asarray(np.abs((weight * self.kept(image, lead)).sum(axis=0) / weight.sum(axis=0)))
 
-    def lines(self, f: ArrayLike, constant: bool) -> Real:
+    def interpolation_gain(self, f: ArrayLike, constant: bool) -> Real:
         """Gain of the linear interpolation between samples; the images of a coarse map aren't included.
 
         It is a mean over positions between two samples. A delay line at a constant speed reads at one
@@ -227,9 +227,9 @@ class LearningLoop(ABC):
 
         An error that isn't periodic with the learning period is recalled with a shifted phase.
         """
-        q, kept = self._turned(f), self.kept(f)
-        left = (1 - q) / (1 - q * kept)
-        return np.asarray(left if self.lead else left * kept)
+        q, share = self._turned(f), self.kept(f)
+        remaining = (1 - q) / (1 - q * share)
+        return np.asarray(remaining if self.lead else remaining * share)
 
     def yet(self, f: ArrayLike, periods: float) -> Real:
         """The size of the error after this many periods of learning, over that under feedback alone.
@@ -237,15 +237,15 @@ class LearningLoop(ABC):
         The difference to the settled error shrinks by the same factor in each period. In the first period the
         error is that of the feedback alone, or smaller where learning acts within the sample.
         """
-        settled, kept = self.left(f), self.kept(f)
-        begins = 1.0 if self.lead else kept
-        return np.abs(settled + (self._turned(f) * kept) ** round(periods) * (begins - settled))
+        settled, share = self.left(f), self.kept(f)
+        begins = 1.0 if self.lead else share
+        return np.abs(settled + (self._turned(f) * share) ** round(periods) * (begins - settled))
 
     def _turned(self, f: ArrayLike) -> Complex:
         """Complex factor between the learned signal and what the memory recalls of it a period later."""
         f = np.asarray(f, dtype=float)
         turn = np.exp(-2j * np.pi * f / self.periods_per_second)
-        return np.asarray(self.q(f) * self.lines(f, True) * turn)
+        return np.asarray(self.q(f) * self.interpolation_gain(f, True) * turn)
 
     @property
     def highest(self) -> float:

@@ -71,33 +71,33 @@ def _stable(L: Complex, integrators: int) -> bool:
 def _crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tuple[float, complex]:
     """The frequency of the crossing |L| = 1 that is nearest to -1, and L there."""
     outside = np.abs(L) >= 1
-    found = np.flatnonzero(outside[:-1] != outside[1:])
-    if not len(found):
+    crossings = np.flatnonzero(outside[:-1] != outside[1:])
+    if not len(crossings):
         return math.nan, complex(math.nan)
-    k = found[np.argmin(np.abs(np.angle(-L[found])))]
-    at = root(lambda w: abs(_at(response, w)) - 1, w[k], w[k + 1])
-    return at, _at(response, at)
+    k = crossings[np.argmin(np.abs(np.angle(-L[crossings])))]
+    at = root(lambda w: abs(_value_at(response, w)) - 1, w[k], w[k + 1])
+    return at, _value_at(response, at)
 
 
 def _phase_crossover(response: Callable[[Real], Complex], w: Real, L: Complex) -> tuple[float, complex]:
     """The frequency at which L is real, negative and next to -1 inside the unit circle, and L there."""
     a, b = L[:-2], L[1:-1]
-    found = np.flatnonzero((np.sign(a.imag) != np.sign(b.imag)) & (a.real < 0) & (b.real < 0))
-    share = a[found].imag / (a[found].imag - b[found].imag)
-    real = a[found].real + share * (b[found].real - a[found].real)
+    crossings = np.flatnonzero((np.sign(a.imag) != np.sign(b.imag)) & (a.real < 0) & (b.real < 0))
+    share = a[crossings].imag / (a[crossings].imag - b[crossings].imag)
+    real = a[crossings].real + share * (b[crossings].real - a[crossings].real)
     # L is also real at half the sampling rate, the last point
-    real, found = np.append(real, L[-1].real), np.append(found, len(L) - 1)
+    real, crossings = np.append(real, L[-1].real), np.append(crossings, len(L) - 1)
     inside = (real > -1) & (real < 0)
     if not np.any(inside):
         return math.nan, complex(math.nan)
-    k = found[inside][np.argmin(real[inside])]
+    k = crossings[inside][np.argmin(real[inside])]
     if k == len(L) - 1:
         return float(w[-1]), complex(L[-1])
-    at = root(lambda w: _at(response, w).imag, w[k], w[k + 1])
-    return at, _at(response, at)
+    at = root(lambda w: _value_at(response, w).imag, w[k], w[k + 1])
+    return at, _value_at(response, at)
 
 
-def _at(response: Callable[[Real], Complex], w: float) -> complex:
+def _value_at(response: Callable[[Real], Complex], w: float) -> complex:
     return complex(response(np.array([w]))[0])
 
 

@@ -37,7 +37,7 @@ from cogless.study import Study, for_scenario
 from cogless.study.position_sensor import Counted, Hall
 from cogless.units import TURN
 
-NOISE_FREQUENCIES = 2000
+RIPPLE_FREQUENCIES = 2000  # frequencies at which a sensor's noise is added up
 HARMFUL_RATIO = 1.25  # ripple with learning / feedback's ripple; above this learning does harm
 WINDOW_ROUNDING = 1e-9  # relative error of a window that is as long as a sample
 
@@ -48,7 +48,7 @@ class Sampled:
 
     count: float  # rad
     window: float  # s
-    timed: bool  # from edge to edge
+    timed: bool  # the speed is the time between edges
     intervals: int = 0  # between edges of Hall sensors, over which the speed is the mean; 0: no such sensors
 
     @property
@@ -65,7 +65,7 @@ class Sampled:
         """Counts per speed sample at the mechanical speed omega_m in rad/s."""
         return abs(omega_m) * self.window / self.count
 
-    def told(self, omega_m: float) -> str:
+    def counts_clause(self, omega_m: float) -> str:
         """The counts per speed sample at the mechanical speed omega_m in rad/s, as a clause."""
         return f"{self.counts(omega_m):.2g} counts come in a speed sample"
 
@@ -90,7 +90,7 @@ def sampled(study: Study, scenario: str) -> Sampled | None:
 class Ripple:
     """RMS of the speed about its mean, rad/s, after learning for a given time."""
 
-    without: float  # of the feedback alone
+    without: float  # the ripple that the feedback alone leaves
     learned: float
 
     @property
@@ -109,10 +109,10 @@ def ripple(loop: LearningLoop, duration: float, settled: bool = True) -> Ripple:
     f = np.asarray(n * abs(loop.omega_m) / math.tau)
     periods = max(1.0, duration * loop.periods_per_second)
     feedbacks = (loop.feedback_before, loop.feedback)  # a law may hand its integral over to learning
-    alone, left = (np.abs(responses(loop.plant, feedback, f)[0]) * d for feedback in feedbacks)
+    alone, learned = (np.abs(responses(loop.plant, feedback, f)[0]) * d for feedback in feedbacks)
     if len(f):
-        left = left * (loop.residual(f) if settled else loop.yet(f, periods))
-    before, after = float(np.sum(alone**2)) / 2, float(np.sum(left**2)) / 2
+        learned = learned * (loop.residual(f) if settled else loop.yet(f, periods))
+    before, after = float(np.sum(alone**2)) / 2, float(np.sum(learned**2)) / 2
     source = _sensor(loop)
     if source is not None and not source.timed:
         noise = _noise(loop, source, periods)
@@ -132,9 +132,9 @@ def orders(study: Study, scenario: str, omega_m: float) -> tuple[NDArray[np.intp
     wave = np.pad(wave, (0, max(0, 1 + max(of_sensors) - len(wave))))
     for order, amplitude in of_sensors.items():
         wave[order] = math.hypot(wave[order], amplitude)
-    found = np.flatnonzero(wave > 1e-9 * (1 + wave[0]))
-    found = found[found > 0]
-    return found, wave[found]
+    indices = np.flatnonzero(wave > 1e-9 * (1 + wave[0]))
+    indices = indices[indices > 0]
+    return indices, wave[indices]
 
 
 def sensor_waves(study: Study, current: float) -> dict[int, float]:
@@ -178,11 +178,11 @@ def counting(plant: SpeedLoop, feedback: Linear, source: Sampled) -> float:
 def _density(T: float, source: Sampled) -> tuple[Real, Real]:
     """Frequencies, Hz, up to 1 / 2T, and the variance of the measured speed's noise at each, (rad/s)^2."""
     nyquist = 0.5 / T
-    f = (np.arange(NOISE_FREQUENCIES) + 0.5) / NOISE_FREQUENCIES * nyquist
+    f = (np.arange(RIPPLE_FREQUENCIES) + 0.5) / RIPPLE_FREQUENCIES * nyquist
     density = source.count**2 / 12 / source.window**2 / nyquist
     shared = source.window >= T * (1 - WINDOW_ROUNDING)  # two samples share an angle, with opposite signs
     density = density * (np.abs(1 - np.exp(-1j * math.tau * f * source.window)) ** 2 if shared else 2.0)
-    return f, np.asarray(density * nyquist / NOISE_FREQUENCIES * np.ones(NOISE_FREQUENCIES))
+    return f, np.asarray(density * nyquist / RIPPLE_FREQUENCIES * np.ones(RIPPLE_FREQUENCIES))
 
 
 def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, float]:
@@ -191,7 +191,7 @@ def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, 
     w, ratio, T = math.tau * f, loop.feedback.ratio, loop.plant.period
     C = ratio * loop.feedback.response(w, T)
     passed, S = responses(loop.plant, loop.feedback, f)
-    V, q = ratio * loop.gain(w) * S, loop.q(f) * loop.lines(f, True)
+    V, q = ratio * loop.gain(w) * S, loop.q(f) * loop.interpolation_gain(f, True)
     rho = np.minimum(q * np.abs(loop.kept(f)), 1 - 1e-9) ** 2
     times = (1 - rho**periods) / (1 - rho)
     if loop.lead:

@@ -87,14 +87,17 @@ def _certified(study: Study, name: str, design: Design) -> str:
 def _times(study: Study, name: str, design: Design) -> str:
     """In which time it settles, at the slowest and the fastest speed that is held; "" if that is unknown."""
     times_held = settling(study, name, design.certificate)
-    times = [f"{_about(each.time)} at {speed_text(study, each.omega_m)}" for each in times_held]
+    times = [
+        f"{_rounded_time(held_speed.time)} at {speed_text(study, held_speed.omega_m)}"
+        for held_speed in times_held
+    ]
     if not times:
         return ""
     slower = ", by a model without the inverter's dead time" if loses_voltage(study) else ""
     return f", in about {' and '.join(times)}{slower}"
 
 
-def _about(time: float) -> str:
+def _rounded_time(time: float) -> str:
     """A time in one digit, or in two that begin with 1 or 2, such as "2.4 s", "30 s" or "0.5 s"."""
     digits = 2 if 1 <= float(f"{time:.1e}".partition("e")[0]) < 3 else 1
     return f"{float(f'{time:.{digits}g}'):g} s"

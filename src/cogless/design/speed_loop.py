@@ -47,14 +47,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cogless.design.changes import either, first, helps, text
+from cogless.design.changes import either, first, helps, unit_text
 from cogless.design.margins import FREQUENCY_POINTS, UNSTABLE, Complex, Margins, Real, margins_of, root
 from cogless.design.trials.model import exponential
 from cogless.errors import StudyError
 from cogless.study import Study, for_scenario
 from cogless.study.drive import IdealCurrentLoop
 from cogless.study.laws.law import Tuning
-from cogless.study.messages import dotted, shown
+from cogless.study.messages import dotted, toml_text
 from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
 from cogless.units import TURN, unit_of
@@ -156,8 +156,8 @@ def tuned(study: Study, name: str, rule: Callable[[Study], Tuned]) -> Tuned:
 
 
 def _too_weak(study: Study, what: str) -> StudyError:
-    given, key = study.source.tables["drive"]["current_loop"], "drive.current_loop"
-    wrong = " and ".join(f"{key}.{each}: {shown(given[each])}" for each in _present(study))
+    table, key = study.source.tables["drive"]["current_loop"], "drive.current_loop"
+    wrong = " and ".join(f"{key}.{gain}: {toml_text(table[gain])}" for gain in _present(study))
     expected = f"expected {math.degrees(PHASE_MARGIN_LEAST):.0f} deg of phase margin or more {what}"
     cures = gentler_loop(study)
     way = f"; {either(cures, key)} would do" if cures else ""
@@ -169,7 +169,7 @@ def gentler_loop(study: Study) -> tuple[Changes, ...]:
 
     It divides the gains, or puts a bandwidth in their place.
     """
-    bandwidth = text(RATE_SHARE * study.drive.rates.current_loop, "Hz")
+    bandwidth = unit_text(RATE_SHARE * study.drive.rates.current_loop, "Hz")
     others = [f"drive.current_loop.{key}" for key in _present(study) if key != "bandwidth"]
     slower = [*slower_loop(study), {"drive.current_loop.bandwidth": bandwidth, **dict.fromkeys(others)}]
     return first(study, slower, lambda other: not _weak(other))
@@ -177,10 +177,10 @@ def gentler_loop(study: Study) -> tuple[Changes, ...]:
 
 def slower_loop(study: Study) -> list[Changes]:
     """Smaller gains of the current loop, or a smaller bandwidth, the least change first."""
-    given, present = study.source.tables["drive"]["current_loop"], _present(study)
+    table, present = study.source.tables["drive"]["current_loop"], _present(study)
     return [
-        {f"drive.current_loop.{each}": _divided(given[each], factor) for each in keys}
-        for keys in (present, [each for each in present if each == "ki"])
+        {f"drive.current_loop.{gain}": _divided(table[gain], factor) for gain in keys}
+        for keys in (present, [gain for gain in present if gain == "ki"])
         for factor in SLOWER_FACTORS
         if keys
     ]
@@ -188,8 +188,8 @@ def slower_loop(study: Study) -> list[Changes]:
 
 def _present(study: Study) -> list[str]:
     """The keys that give the current loop its gains."""
-    given = study.source.tables["drive"]["current_loop"]
-    return [each for each in ("kp", "ki", "bandwidth") if each in given]
+    table = study.source.tables["drive"]["current_loop"]
+    return [gain for gain in ("kp", "ki", "bandwidth") if gain in table]
 
 
 def _no_margin(study: Study, name: str, rule: Callable[[Study], object], why: str) -> StudyError:
@@ -216,16 +216,17 @@ def _faster(study: Study) -> Iterator[list[Changes]]:
     """Lists of changes that take lag out of the loop; each list begins with the smallest change."""
     drive, tables = study.drive, study.source.tables["drive"]
     sensor = drive.position_sensor
-    given = tables["current_loop"]
-    if "bandwidth" in given:
+    loop_table = tables["current_loop"]
+    if "bandwidth" in loop_table:
         yield [
-            {"drive.current_loop.bandwidth": _divided(given["bandwidth"], 1 / up)} for up in FASTER_FACTORS
+            {"drive.current_loop.bandwidth": _divided(loop_table["bandwidth"], 1 / up)}
+            for up in FASTER_FACTORS
         ]
     if isinstance(sensor, Counted) and sensor.observer_bandwidth:
         key, value = "drive.position_sensor.observer_bandwidth", sensor.observer_bandwidth
-        yield [{key: text(value * up, "Hz")} for up in FASTER_FACTORS]
+        yield [{key: unit_text(value * up, "Hz")} for up in FASTER_FACTORS]
     if drive.speed_filter:
-        yield [{"drive.speed_filter": text(drive.speed_filter * up, "Hz")} for up in FASTER_FACTORS]
+        yield [{"drive.speed_filter": unit_text(drive.speed_filter * up, "Hz")} for up in FASTER_FACTORS]
     if isinstance(sensor, Counted) and sensor.speed_method == "average":
         key, window = "drive.position_sensor.window", sensor.window
         yield [{key: max(1, int(window / up))} for up in FASTER_FACTORS if window > 1]
@@ -293,15 +294,17 @@ class SoftShaft:
 
     def near(self, period: float) -> Real:
         """Frequencies around resonance and antiresonance, rad/s, below half the sampling rate."""
-        found = []
+        frequencies = []
         for w, inertia in (
             (self.antiresonance, self.load_inertia),
             (self.resonance, 1 / (1 / self.inertia + 1 / self.load_inertia)),
         ):
             width = self.damping_in_design / (2 * inertia)
             folded = abs((w + math.pi / period) % (TURN / period) - math.pi / period)
-            found.append(folded + width * np.concatenate([-RESONANCE_DISTANCES, [0.0], RESONANCE_DISTANCES]))
-        return np.concatenate(found)
+            frequencies.append(
+                folded + width * np.concatenate([-RESONANCE_DISTANCES, [0.0], RESONANCE_DISTANCES])
+            )
+        return np.concatenate(frequencies)
 
     def rates(self, b: float) -> Real:
         """Rates of change of i, omega, theta, load's speed and angle, from these and the voltage.
@@ -310,11 +313,11 @@ class SoftShaft:
         """
         d, k = self.damping_in_design, self.stiffness
         torque = np.array([0, -d, -k, d, k, 0.0])
-        found = np.zeros((6, 6))
-        found[1], found[3] = torque / self.inertia, -torque / self.load_inertia
-        found[1, 0] = b * (self.inertia + self.load_inertia) / self.inertia
-        found[2, 1] = found[4, 3] = 1.0
-        return found
+        matrix = np.zeros((6, 6))
+        matrix[1], matrix[3] = torque / self.inertia, -torque / self.load_inertia
+        matrix[1, 0] = b * (self.inertia + self.load_inertia) / self.inertia
+        matrix[2, 1] = matrix[4, 3] = 1.0
+        return matrix
 
 
 def soft_shaft(study: Study) -> SoftShaft | None:
@@ -374,7 +377,7 @@ class SpeedLoop:
     b: float  # rad/s^2/A, acceleration per current
     steps: int  # current-loop periods per speed-loop period
     window: int  # current-loop periods over which the speed is averaged; 0: speed at the sample
-    current: CurrentLoop | IdealLoop  # of the q axis
+    current: CurrentLoop | IdealLoop  # the q axis has this loop
     bandwidth: float = 0.0  # rad/s, of an observer of the angle that gives the speed; 0: none
     delay: float = 0.0  # s, by which angle and speed are older, and the current reference acts later
     low_pass: float = 0.0  # rad/s, of a filter behind the speed; 0: none
@@ -469,10 +472,10 @@ def interpolated(w: Real, T_e: float, edges: int) -> tuple[Complex, Complex]:
     intervals. What this makes of frequencies beyond half of the edges' rate isn't in it.
     """
     s = 1j * w
-    held = (1 - np.exp(-s * T_e)) / (s * T_e)
+    hold = (1 - np.exp(-s * T_e)) / (s * T_e)
     speed = (1 - np.exp(-s * edges * T_e)) / (edges * T_e)
-    ramp = (held - np.exp(-s * T_e)) / s
-    return np.asarray(speed * held), np.asarray(held + speed * ramp)
+    ramp = (hold - np.exp(-s * T_e)) / s
+    return np.asarray(speed * hold), np.asarray(hold + speed * ramp)
 
 
 @lru_cache(maxsize=16)  # the same for all gains that are tried
@@ -488,9 +491,9 @@ def _steps(
     b: float, loop: CurrentLoop | IdealLoop, shaft: SoftShaft | None, states: int, periods: int
 ) -> Real:
     """The matrix that takes (x, i_ref) to their values so many current-loop periods later."""
-    found = np.asarray(np.linalg.matrix_power(_step(b, loop, shaft, states), periods))
-    found.flags.writeable = False
-    return found
+    matrix = np.asarray(np.linalg.matrix_power(_step(b, loop, shaft, states), periods))
+    matrix.flags.writeable = False
+    return matrix
 
 
 def _step(b: float, loop: CurrentLoop | IdealLoop, shaft: SoftShaft | None, states: int) -> Real:
@@ -510,9 +513,9 @@ def _step(b: float, loop: CurrentLoop | IdealLoop, shaft: SoftShaft | None, stat
             step[OMEGA, reference] = b * T
             step[THETA, [OMEGA, reference]] = T, b * T**2 / 2
         else:
-            held = exponential(rates[:count, :count] * T)
-            step[np.ix_(moving[1:], moving[1:])] = held[1:, 1:]
-            step[moving[1:], reference] = held[1:, 0]
+            transition = exponential(rates[:count, :count] * T)
+            step[np.ix_(moving[1:], moving[1:])] = transition[1:, 1:]
+            step[moving[1:], reference] = transition[1:, 0]
         return step
     rates[0, 0], rates[0, count] = -loop.R / loop.L, 1 / loop.L
     motor = exponential(rates * loop.period)
@@ -569,9 +572,9 @@ def _speed_loop(study: Study, scenario: str | None) -> SpeedLoop:
 
 def gains(study: Study, name: str) -> tuple[float, float]:
     """kp and ki of a controller of the study: as given there, or from its tuning rule."""
-    given = study.controller[name].given_pi
-    if given is not None:
-        return given
+    own_gains = study.controller[name].given_pi
+    if own_gains is not None:
+        return own_gains
     design = tuned(
         study, name, lambda study: phase_margin_pi(speed_loop(study).rigid, tuning_of(study, name))
     )
@@ -593,7 +596,7 @@ def phase_margin_pi(loop: SpeedLoop, tuning: Tuning) -> PiDesign:
     for w in (_substituted(loop, x), _bisected(loop, x)):
         if w is None:
             continue
-        ki = math.tan(w * half) / (half * x)  # for K = 1
+        ki = math.tan(w * half) / (half * x)  # k_i where K is 1
         K = 1 / float(abs(loop.response(np.array([w]), 1 - ki * half, ki)[0]))
         design = PiDesign(K * (1 - ki * half), K * ki, margins(loop, K * (1 - ki * half), K * ki))
         # A resonant current loop may let |L| cross one again at a higher frequency, with less margin.
@@ -622,14 +625,14 @@ def _substituted(loop: SpeedLoop, x: float) -> float | None:
 
 def _bisected(loop: SpeedLoop, x: float) -> float | None:
     """The lowest crossover at which the lag rises to x / (1 + x^2); None if it never does."""
-    wanted = x / (1 + x * x)
+    crossover_lag = x / (1 + x * x)
     w = np.geomspace(1e-3, 1, FREQUENCY_POINTS) * math.pi / loop.period
     lag = np.unwrap(_lag(loop, w))
-    rises = np.flatnonzero((lag[:-1] < wanted) & (lag[1:] >= wanted))
+    rises = np.flatnonzero((lag[:-1] < crossover_lag) & (lag[1:] >= crossover_lag))
     if not len(rises):
         return None
     k = int(rises[0])
-    return root(lambda w: float(_lag(loop, np.array([w]))[0]) - wanted, float(w[k]), float(w[k + 1]))
+    return root(lambda w: float(_lag(loop, np.array([w]))[0]) - crossover_lag, float(w[k]), float(w[k + 1]))
 
 
 def margins(loop: SpeedLoop, kp: float, ki: float) -> Margins:

@@ -112,17 +112,17 @@ def _margins(margins: Margins) -> dict[str, Any]:
     }
 
 
-def _learning(found: Verdict) -> dict[str, Any]:
-    worst, repair = found.worst, found.repair
+def _learning(verdict: Verdict) -> dict[str, Any]:
+    worst, repair = verdict.worst, verdict.repair
     return {
-        "verdict": found.words(),
+        "verdict": verdict.words(),
         "factor_per_period": worst and worst.factor,
         "frequency_Hz": worst and worst.frequency,
         "settling_lead_s": repair and repair.lead,
         "settling_q_half_width": repair and repair.q_half_width,
         "settling_forgetting": repair and repair.forgetting,
-        "frozen": list(found.frozen),
-        "loop_unstable": found.unstable is not None,  # with the gain that learning adds within a sample
+        "frozen": list(verdict.frozen),
+        "loop_unstable": verdict.unstable is not None,  # with the gain that learning adds within a sample
     }
 
 
@@ -142,17 +142,17 @@ def design(study: Study, name: str) -> Design:
     controller, rules = study.controller[name], rules_of(study, name)
     own = rules.gains()
     numbers = own | {key: gain for key, gain in _numbers(controller).items() if key not in own}
-    known, proof, certified = verdict(study, name), rules.theorem(), rules.certificate()
-    if proof is not None and known is not None and known.kind not in ("settles", "rests"):
+    learning, proof, certified = verdict(study, name), rules.theorem(), rules.certificate()
+    if proof is not None and learning is not None and learning.kind not in ("settles", "rests"):
         # the proof is for continuous time only
-        sampled = f"but sampled: {known.short()}"
+        sampled = f"but sampled: {learning.short()}"
         proof = dataclasses.replace(proof, obstacles=(*proof.obstacles, sampled))
     return Design(
         law=controller.law,
         rule=controller.rule.rule if controller.rule else None,
         gains=numbers | rules.numbers_used(),
         margins=rules.margins(),
-        learning=known,
+        learning=learning,
         theorem=proof,
         fastest=certified.fastest if certified is not None else rules.fastest(),
         certificate=certified,
@@ -165,12 +165,12 @@ def weakest_margins(study: Study, name: str) -> Margins | None:
 
 
 def _numbers(controller: Base) -> dict[str, Gain]:
-    found = {}
+    numbers = {}
     fields = type(controller).model_fields
     own = type(controller).__annotations__  # the law's own fields come before inherited ones
     for key in sorted(fields, key=lambda key: key not in own):
         value = getattr(controller, key)
-        told = isinstance(value, int | float) and not isinstance(value, bool)
-        if told and key not in ("kp", "ki", *controller.idle_keys):
-            found[key] = Gain(value, controller.unit_of(key))
-    return found
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if is_number and key not in ("kp", "ki", *controller.idle_keys):
+            numbers[key] = Gain(value, controller.unit_of(key))
+    return numbers

@@ -23,14 +23,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cogless.design.changes import either, first, helping, text
+from cogless.design.changes import either, first, helping, unit_text
 from cogless.design.speed_loop import FASTER_FACTORS, current_loops, slower_loop
 from cogless.design.trials.model import exponential
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
 from cogless.study.position_sensor import Counted
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 SPEED_RESERVE = 1.2  # speed up to which a loop that is advised is stable / the scenario's top speed
@@ -114,7 +113,7 @@ def late_angle(study: Study, scenario: str) -> Remark | None:
     sensor = for_scenario(study, scenario).drive.position_sensor
     assert isinstance(sensor, Counted)
     younger: Changes = {
-        "drive.position_sensor.latency": text(1e6 * sensor.latency * LATE_ANGLE_ADVISED / late, "us")
+        "drive.position_sensor.latency": unit_text(1e6 * sensor.latency * LATE_ANGLE_ADVISED / late, "us")
     }
     cures = helping(study, (younger,), lambda other: _late(other, scenario) <= LATE_ANGLE_MOST)
     return Remark(f"{sentence}; {either(cures)} would do" if cures else sentence, cures)

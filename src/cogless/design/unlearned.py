@@ -29,8 +29,7 @@ from cogless.study import Study
 from cogless.study.laws.law import Memory
 from cogless.study.messages import dotted
 from cogless.study.motion import course
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 from cogless.units import TURN
 
 WHOLE_PERIOD_SHARE = 0.995  # share of a period that counts as a whole one
@@ -109,15 +108,15 @@ FILTERS_PER_WAVE = 3  # Q filter widths per wavelength of the highest order
 
 def map_warning(study: Study, name: str) -> Remark | None:
     """Warning that a map has too few cells for the known orders; None if there are enough, or no map."""
-    found = _wave(study, name)
-    if found is None or found[0] >= found[1]:
+    wave = _wave(study, name)
+    if wave is None or wave[0] >= wave[1]:
         return None
-    (each, enough, order), law = found, rules_of(study, name).memory
+    (cells, enough, order), law = wave, rules_of(study, name).memory
     assert law is not None
-    has = f"cells = {law.cells} is {each:.3g} in a wave of order {order} (mechanical)"
+    has = f"cells = {law.cells} is {cells:.3g} in a wave of order {order} (mechanical)"
     width = 2 * law.q_half_width + 1
-    lost = 100 * (1 - kept(each, law.q_half_width))
-    if each < WAVE_CELLS_LEAST:
+    lost = 100 * (1 - share_kept(cells, law.q_half_width))
+    if cells < WAVE_CELLS_LEAST:
         does = "which such a map can't hold"
     elif law.q_half_width == 0:
         does = f"of which straight lines between them lose {lost:.2g} %"
@@ -125,8 +124,8 @@ def map_warning(study: Study, name: str) -> Remark | None:
         losing = f"straight lines between them and the Q filter over {width}"
         does = f"of which {losing} lose {lost:.0f} % in each period"
     key = dotted(("controller", name))
-    more: Changes = {f"{key}.cells": math.ceil(law.cells * enough / each * (1 - CELL_ROUNDING))}
-    narrower: Changes = {f"{key}.q_half_width": max(0, int(each / FILTERS_PER_WAVE - 1) // 2)}
+    more: Changes = {f"{key}.cells": math.ceil(law.cells * enough / cells * (1 - CELL_ROUNDING))}
+    narrower: Changes = {f"{key}.q_half_width": max(0, int(cells / FILTERS_PER_WAVE - 1) // 2)}
     now = _settles(study, name)
 
     def cured(other: Study) -> bool:
@@ -143,21 +142,21 @@ def _wave(study: Study, name: str) -> tuple[float, float, int] | None:
     None: the law has no map over the angle, or no order is known.
     """
     law = rules_of(study, name).memory
-    known = {n for key in study.scenarios_of(name) for n in functions_in(study, key).orders}
-    if law is None or law.by_order or not law.over_angle or not known:
+    orders = {n for key in study.scenarios_of(name) for n in functions_in(study, key).orders}
+    if law is None or law.by_order or not law.over_angle or not orders:
         return None
     revolutions = law.revolutions(study.motor.pole_pairs)
-    order, enough = max(known), max(WAVE_CELLS_ENOUGH, FILTERS_PER_WAVE * (2 * law.q_half_width + 1))
+    order, enough = max(orders), max(WAVE_CELLS_ENOUGH, FILTERS_PER_WAVE * (2 * law.q_half_width + 1))
     return law.cells / (order * float(revolutions)), enough, order
 
 
 def _settles(study: Study, name: str) -> bool:
     """Whether a controller's learning settles, by its design."""
-    found = judgement(study, name)
-    return found is not None and found.kind == "settles"
+    verdict = judgement(study, name)
+    return verdict is not None and verdict.kind == "settles"
 
 
-def kept(cells: float, half_width: int) -> float:
+def share_kept(cells: float, half_width: int) -> float:
     """The share of a wave that a map with a Q filter keeps in a period; the wave is `cells` cells long."""
     width = 2 * half_width + 1
     filtered = np.sinc(width / cells) / np.sinc(1 / cells)

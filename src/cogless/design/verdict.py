@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from cogless import units
 from cogless.design.angle_functions import angle_functions
-from cogless.design.changes import either, first, helping, helps, text, words
+from cogless.design.changes import change_words, either, first, helping, helps, unit_text
 from cogless.design.closed_loop import Oscillation, oscillation, position_margins
 from cogless.design.detent import STALLING_RATIO, snaps, swing
 from cogless.design.gentler import TRIED_HALVINGS, finer_sensor, slower_feedback, weaker_learning
@@ -46,8 +46,7 @@ from cogless.study.base import speed_text, spoken_unit
 from cogless.study.mechanics import Load
 from cogless.study.messages import dotted
 from cogless.study.motion import course
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 from cogless.units import ANGULAR_SPEED, TURN
 
 SPEED_STEP = 1.06  # ratio of one judged speed to the one before
@@ -144,7 +143,7 @@ class Verdict:
     unstable: Oscillation | None = None
     varies: bool = False  # the speed
     mean: Mean | None = None  # if learning grows and the speed varies
-    repair: Repair | None = None  # of what grows
+    repair: Repair | None = None  # the change that ends the growth
     remedy: Remark | None = None  # what cures it, if anything does
     passing: Passing | None = None
     frozen: tuple[str, ...] = ()  # why nothing is learned at some of the speeds
@@ -172,8 +171,8 @@ class Verdict:
         """The verdict without a remedy."""
         if self.unstable is not None:
             with_what = "" if self.kind == "feedback unstable" else " with what learning adds at once"
-            found = f"{self.kind}{with_what}, at {self.unstable.frequency:.0f} Hz{self.where}"
-            return found + (", where K_t is largest" if self.kind == "may be unstable" else "")
+            sentence = f"{self.kind}{with_what}, at {self.unstable.frequency:.0f} Hz{self.where}"
+            return sentence + (", where K_t is largest" if self.kind == "may be unstable" else "")
         if self.kind == "settles" and self.ratio > HARMFUL_RATIO:
             return f"settles, but leaves {self.ratio:.2g} times the speed ripple of its feedback{self.where}"
         if self.kind == "not judged":
@@ -200,7 +199,7 @@ class Verdict:
         doubts = f"not sure: {self._doubts}" if self.doubts and self.kind != "not judged" else ""
         remedy = [] if self.remedy is None else [self.remedy]
         parts = (self.short(), passing, *map(str, remedy), doubts, *frozen)
-        cures = (cure for each in (*remedy, *self.doubts) for cure in each.cures)
+        cures = (cure for remark in (*remedy, *self.doubts) for cure in remark.cures)
         return Remark("; ".join(part for part in parts if part), tuple(cures))
 
 
@@ -222,8 +221,8 @@ class _At:
     @cached_property
     def oscillation(self) -> Oscillation | None:
         """The fastest growing oscillation over the judged torque constants; None if there is none."""
-        found = [o for loop in self.loops if (o := loop.oscillation()) is not None]
-        return max(found, key=lambda o: o.rate, default=None)
+        oscillations = [o for loop in self.loops if (o := loop.oscillation()) is not None]
+        return max(oscillations, key=lambda o: o.rate, default=None)
 
     def of_feedback(self) -> Oscillation | None:
         """The oscillation of the feedback alone, before or after learning takes over from its integral."""
@@ -235,11 +234,11 @@ class _At:
         """Why the rotor stops and snaps at this speed with the feedback alone; None if it doesn't."""
         loop = self.loop
         assert loop.scenario is not None
-        found = swing(loop.study, loop.scenario, loop.feedback_before, loop.omega_m)
-        if found is None or not found.stops:
+        swinging = swing(loop.study, loop.scenario, loop.feedback_before, loop.omega_m)
+        if swinging is None or not swinging.stops:
             return None
         margins = position_margins(loop.plant, loop.feedback_before)
-        return snaps(loop.study, found, loop.omega_m, margins.crossover)
+        return snaps(loop.study, swinging, loop.omega_m, margins.crossover)
 
     @property
     def fine(self) -> bool:
@@ -264,9 +263,9 @@ class _Motion:
     @property
     def ratio(self) -> float:
         """The speed ripple with learning divided by that of the feedback alone."""
-        found = [(share, ripple(at.loop, self.duration)) for at, share in self.judged]
-        with_it = sum(share * each.learned**2 for share, each in found)
-        without = sum(share * each.without**2 for share, each in found)
+        ripples = [(share, ripple(at.loop, self.duration)) for at, share in self.judged]
+        with_it = sum(share * one.learned**2 for share, one in ripples)
+        without = sum(share * one.without**2 for share, one in ripples)
         return math.sqrt(with_it / without) if without > 0 else 1.0
 
     @property
@@ -286,16 +285,16 @@ def judgement(study: Study, name: str) -> Verdict | None:
 
 
 def _with_remedy(study: Study, name: str) -> Verdict | None:
-    found = judgement(study, name)
-    if found is None:
+    verdict = judgement(study, name)
+    if verdict is None:
         return None
-    unsettled = found.kind in ("may grow", "grows", "may be unstable", "unstable")
-    if found.kind == "feedback unstable":
-        return replace(found, remedy=steadier(study, name))
-    return replace(found, remedy=_remedy(study, name, found)) if unsettled or found.passing else found
+    unsettled = verdict.kind in ("may grow", "grows", "may be unstable", "unstable")
+    if verdict.kind == "feedback unstable":
+        return replace(verdict, remedy=steadier(study, name))
+    return replace(verdict, remedy=_remedy(study, name, verdict)) if unsettled or verdict.passing else verdict
 
 
-def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
+def _remedy(study: Study, name: str, verdict: Verdict) -> Remark | None:
     """The mildest change with which learning settles; None if no change that is tried does it.
 
     First comes the verdict's repair, or omega_min for a law that has one. If neither helps, the learning gain
@@ -309,17 +308,19 @@ def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
         dotted(("controller", name)),
         max(study.scenario[k].top_reference for k in study.scenarios_of(name)),
     )
-    mild = found.repair.change(key) if found.repair else None
+    mild = verdict.repair.change(key) if verdict.repair else None
     cures = helping(study, (mild,), cured)
     if study.controller[name].rests_below is not None:
-        low = found.passing.least if found.passing else OMEGA_MIN_MARGIN * found.omega_m
+        low = verdict.passing.least if verdict.passing else OMEGA_MIN_MARGIN * verdict.omega_m
         least = (low * OMEGA_MIN_MARGIN**n for n in range(TRIED_HALVINGS))
-        rests: list[Changes] = [{f"{key}.omega_min": text(each, "rad/s")} for each in least if each < top]
+        rests: list[Changes] = [
+            {f"{key}.omega_min": unit_text(omega_min, "rad/s")} for omega_min in least if omega_min < top
+        ]
         cures += first(study, rests, cured)
     if cures:
         return Remark(f"{either(cures, key)} repairs it", cures)
     best = _weaker(study, name)
-    return None if best is None else Remark(f"{words(best, key)} repairs it", (best,))
+    return None if best is None else Remark(f"{change_words(best, key)} repairs it", (best,))
 
 
 def _weaker(study: Study, name: str) -> Changes | None:
@@ -330,10 +331,10 @@ def _weaker(study: Study, name: str) -> Changes | None:
     best: tuple[float, Changes] | None = None
     for n in range(1, TRIED_HALVINGS):
         weaker = weaker_learning(study, name, 2.0**n)
-        found = _settled(study, name, weaker) if weaker else None
-        if best is not None and (found is None or found[0] >= best[0]):
+        settled = _settled(study, name, weaker) if weaker else None
+        if best is not None and (settled is None or settled[0] >= best[0]):
             break
-        best = found or best
+        best = settled or best
     return None if best is None else best[1]
 
 
@@ -344,29 +345,33 @@ def _settled(study: Study, name: str, weaker: Changes) -> tuple[float, Changes] 
     """
     for change in (weaker, _repaired(study, name, weaker)):
         if change is not None and helps(study, change, lambda other: settles(other, name)):
-            found = judgement(changed(study, change), name)
-            return None if found is None else (found.ratio, change)
+            verdict = judgement(changed(study, change), name)
+            return None if verdict is None else (verdict.ratio, change)
     return None
 
 
 def _repaired(study: Study, name: str, weaker: Changes) -> Changes | None:
     """The change to a smaller gain and to the repair that its verdict names; None: the verdict names none."""
     try:
-        found = judgement(changed(study, weaker), name)
+        verdict = judgement(changed(study, weaker), name)
     except StudyError:
         return None
-    mild = found.repair.change(dotted(("controller", name))) if found is not None and found.repair else None
+    mild = (
+        verdict.repair.change(dotted(("controller", name)))
+        if verdict is not None and verdict.repair
+        else None
+    )
     return None if mild is None else {**weaker, **mild}
 
 
 def settles(study: Study, name: str) -> bool:
     """Whether learning settles, passes no speed at which it grows, and leaves no clearly larger ripple."""
-    found = judgement(study, name)
+    verdict = judgement(study, name)
     return (
-        found is not None
-        and found.kind == "settles"
-        and found.passing is None
-        and found.ratio <= HARMFUL_RATIO
+        verdict is not None
+        and verdict.kind == "settles"
+        and verdict.passing is None
+        and verdict.ratio <= HARMFUL_RATIO
     )
 
 
@@ -378,7 +383,7 @@ def steadier(study: Study, name: str) -> Remark | None:
     for n in range(1, 2 * TRIED_HALVINGS):
         slower = slower_feedback(study, name, 2.0 ** (n / 2))
         if slower is not None and helps(study, slower, lambda other: _stable(other, name)):
-            return Remark(f"{words(slower, dotted(('controller', name)))} steadies it", (slower,))
+            return Remark(f"{change_words(slower, dotted(('controller', name)))} steadies it", (slower,))
     return None
 
 
@@ -398,22 +403,22 @@ def _verdict(study: Study, name: str) -> Verdict | None:
     if loop_type(study, name) is None or not keys:
         return None
     motions = [study.once(_motion, (key, name)) for key in keys]
-    resting = sorted(each for motion in motions for each in motion.frozen)
+    resting = sorted(unstable for motion in motions for unstable in motion.frozen)
     frozen = tuple(dict.fromkeys(reason for _, reason in resting))
-    found = [at for motion in motions for at, _ in motion.judged]
-    if not found:
+    points = [at for motion in motions for at, _ in motion.judged]
+    if not points:
         return Verdict("rests", frozen=frozen)
-    plants = {at.loop.plant for at in found}
+    plants = {at.loop.plant for at in points}
     base = Verdict(
         "settles",
-        varies=len({at.loop.omega_m for at in found}) > 1,
+        varies=len({at.loop.omega_m for at in points}) > 1,
         passing=max((m.passing for m in motions if m.passing), key=lambda p: p.below, default=None),
         frozen=frozen,
-        doubts=doubts([at.loop for at in found]),
+        doubts=doubts([at.loop for at in points]),
         unit=spoken_unit(study, ANGULAR_SPEED),
     )
 
-    def of(at: _At, **more: Any) -> Verdict:
+    def verdict_at(at: _At, **more: Any) -> Verdict:
         scenario = at.loop.scenario if len(plants) > 1 else None
         return replace(base, omega_m=at.loop.omega_m, scenario=scenario, **more)
 
@@ -424,25 +429,25 @@ def _verdict(study: Study, name: str) -> Verdict | None:
     }
     kind: Kind
     for kind, growing in instabilities.items():
-        grow = [(at, each) for at in found if (each := growing(at)) is not None]
+        grow = [(at, unstable) for at in points if (unstable := growing(at)) is not None]
         if grow:
             at, fastest = max(grow, key=lambda pair: pair[1].rate)
-            return of(at, kind=kind, unstable=fastest)
+            return verdict_at(at, kind=kind, unstable=fastest)
     snapping = next((why for motion in motions if (why := motion.snapping) is not None), None)
     if snapping is not None:
         return replace(base, kind="not judged", doubts=(Remark(snapping),), passing=None)
-    most = max(found, key=lambda at: at.worst.factor)
+    most = max(points, key=lambda at: at.worst.factor)
     if most.worst.factor <= FACTOR_MOST:
         loud, ratio = max(((m, m.ratio) for m in motions if m.judged), key=lambda pair: pair[1])
         most = loud.loudest if ratio > HARMFUL_RATIO else most
-        return of(most, worst=most.worst, ratio=ratio)
+        return verdict_at(most, worst=most.worst, ratio=ratio)
     learning = [motion for motion in motions if motion.judged]
     means = [_mean(motion.judged) for motion in learning]
     mean = max(means, key=lambda m: m.factor)
     sure_of = [mean.sure and not motion.frozen for mean, motion in zip(means, learning, strict=True)]
     kind = "grows" if any(sure_of) and not base.doubts else "may grow"
-    shown = mean if kind == "grows" and mean.highest > mean.lowest else None
-    return of(most, kind=kind, worst=most.worst, mean=shown, repair=_repair(found))
+    range_mean = mean if kind == "grows" and mean.highest > mean.lowest else None
+    return verdict_at(most, kind=kind, worst=most.worst, mean=range_mean, repair=_repair(points))
 
 
 def loop_type(study: Study, name: str) -> type[LearningLoop] | None:
@@ -452,15 +457,15 @@ def loop_type(study: Study, name: str) -> type[LearningLoop] | None:
 
 def warnings(study: Study, name: str) -> list[Remark]:
     """Warnings about a controller's learning before a run, one line each."""
-    found = verdict(study, name)
+    judged = verdict(study, name)
     remarks: list[Remark] = []
-    if found is None:
+    if judged is None:
         return []
-    if found.kind == "rests":
-        why = "; ".join(found.frozen) or "no reference is fast enough after learning_start"
+    if judged.kind == "rests":
+        why = "; ".join(judged.frozen) or "no reference is fast enough after learning_start"
         remarks.append(Remark(f"learns nothing: {why}"))
-    elif not found.fine:
-        remarks.append(found.remark())
+    elif not judged.fine:
+        remarks.append(judged.remark())
     foreign = rules_of(study, name).unfit()
     if foreign:
         stays = "what doesn't repeat is learned only as far as it stays for a period"
@@ -470,18 +475,18 @@ def warnings(study: Study, name: str) -> list[Remark]:
 
 def doubts(loops: Sequence[LearningLoop]) -> tuple[Remark, ...]:
     """Reasons why the small-signal model predicts poorly at some speeds of a controller, one phrase each."""
-    found = [Remark(reason) for loop in loops if (reason := loop.doubt) is not None][:1]
+    remarks = [Remark(reason) for loop in loops if (reason := loop.doubt) is not None][:1]
     slowest = min(loops, key=lambda loop: loop.omega_m)
     several = len({loop.scenario for loop in loops}) > 1
     few = _few_counts(slowest, several)
-    found += [few] if few is not None else []
+    remarks += [few] if few is not None else []
     at_speeds = {(loop.scenario, loop.omega_m): loop for loop in loops}  # no acceleration changes `without`
     swings = [(ripple(loop, 0.0).without / loop.omega_m, loop) for loop in at_speeds.values()]
     largest, where = max(swings, key=lambda pair: pair[0])
     if largest > STALLING_RATIO:
         speed = speed_text(where.study, where.omega_m)
-        found.append(Remark(f"at {speed} its feedback lets the speed swing by {100 * largest:.0f} % rms"))
-    return tuple(found)
+        remarks.append(Remark(f"at {speed} its feedback lets the speed swing by {100 * largest:.0f} % rms"))
+    return tuple(remarks)
 
 
 def _few_counts(loop: LearningLoop, several: bool) -> Remark | None:
@@ -492,7 +497,7 @@ def _few_counts(loop: LearningLoop, several: bool) -> Remark | None:
     if source is None or counts >= SAMPLE_COUNTS_LEAST * (1 - COUNT_ROUNDING):
         return None
     inside = f" in scenario {loop.scenario}" if several else ""
-    few = f"at {speed_text(loop.study, loop.omega_m)}{inside} {source.told(loop.omega_m)}"
+    few = f"at {speed_text(loop.study, loop.omega_m)}{inside} {source.counts_clause(loop.omega_m)}"
     scenario = loop.scenario
 
     def cured(other: Study) -> bool:
@@ -531,32 +536,32 @@ def _motion(study: Study, of: tuple[str, str]) -> _Motion:
     moving = (omega >= slowest) & (omega > 0)
     if not np.any(moving):
         return _Motion(())
-    found: list[_At] = []
+    points: list[_At] = []
     frozen: list[tuple[float, str]] = []
     torques = _torques(study, scenario)
     for speed, acceleration, samples in _places(omega, weighed, moving):
         loops = [kind(study, name, speed, acceleration, torque, scenario) for torque in torques]
         reason = loops[0].frozen
         if reason is None:
-            found.append(_At(tuple(loops), samples))
+            points.append(_At(tuple(loops), samples))
         else:
             frozen.append((speed, reason))
             moving[samples] = False
     reasons = tuple(dict.fromkeys((*frozen[:1], *frozen[-1:])))
-    if not found:
+    if not points:
         return _Motion((), frozen=reasons)
     turned = omega * way.step
-    passed, longest = _passed(found, ~moving, turned, found[0].loop)
-    left = [at for at in found if not np.all(passed[at.samples])]
-    if not left:  # all of the reference is such a passage
-        left, passed = found, np.zeros(len(omega), dtype=bool)
-    angles = [float(np.sum(turned[at.samples][~passed[at.samples]])) for at in left]
+    passed, longest = _passed(points, ~moving, turned, points[0].loop)
+    remaining = [at for at in points if not np.all(passed[at.samples])]
+    if not remaining:  # all of the reference is such a passage
+        remaining, passed = points, np.zeros(len(omega), dtype=bool)
+    angles = [float(np.sum(turned[at.samples][~passed[at.samples]])) for at in remaining]
     shares = np.array(angles) / sum(angles)
-    gone = [at for at in found if at not in left]
+    gone = [at for at in points if at not in remaining]
     stops = law.rests_below is not None  # the gains of other laws don't depend on the speed
-    passing = _passing(gone, left, longest * way.step) if gone and stops else None
+    passing = _passing(gone, remaining, longest * way.step) if gone and stops else None
     duration = len(omega) * way.step
-    return _Motion(tuple(zip(left, shares.tolist(), strict=True)), passing, reasons, duration)
+    return _Motion(tuple(zip(remaining, shares.tolist(), strict=True)), passing, reasons, duration)
 
 
 def _torques(study: Study, scenario: str) -> list[float]:
@@ -565,8 +570,8 @@ def _torques(study: Study, scenario: str) -> list[float]:
     motor = study_here.motor.star()
     theta = np.linspace(0, TURN / motor.pole_pairs, TORQUE_ANGLES, endpoint=False)
     K_t = study_here.mechanics.stiff.inertia / angle_functions(motor, study_here.mechanics, Load()).h(theta)
-    found = K_t / motor.K_t
-    least, most = float(np.min(found)), float(np.max(found))
+    ratios = K_t / motor.K_t
+    least, most = float(np.min(ratios)), float(np.max(ratios))
     return [least, most, 1.0] if most > least + K_T_RIPPLE_LEAST and least > 0 else [1.0]
 
 
@@ -597,7 +602,7 @@ def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tup
 
 
 def _passed(
-    found: list[_At], resting: NDArray[np.bool_], turned: Real, loop: LearningLoop
+    points: list[_At], resting: NDArray[np.bool_], turned: Real, loop: LearningLoop
 ) -> tuple[NDArray[np.bool_], int]:
     """Samples at bad speeds in passages next to a stop or reversal, each less than a period long.
 
@@ -605,7 +610,7 @@ def _passed(
     """
     period = loop.omega_m / loop.periods_per_second  # rad
     bad = np.zeros(len(turned), dtype=bool)
-    for at in found:
+    for at in points:
         bad[at.samples] = not at.fine
     passed, longest = np.zeros(len(turned), dtype=bool), 0
     changes = np.flatnonzero(np.diff(np.concatenate(([False], bad | resting, [False])).astype(int)))
@@ -617,9 +622,11 @@ def _passed(
     return passed, longest
 
 
-def _passing(gone: list[_At], left: list[_At], time: float) -> Passing:
+def _passing(gone: list[_At], remaining: list[_At], time: float) -> Passing:
     highest = max(at.loop.omega_m for at in gone)
-    above = min((at.loop.omega_m for at in left if at.loop.omega_m > highest), default=highest * SPEED_STEP)
+    above = min(
+        (at.loop.omega_m for at in remaining if at.loop.omega_m > highest), default=highest * SPEED_STEP
+    )
     digit = 10.0 ** (math.floor(math.log10(above)) - 1)
     below = math.ceil(above / digit - 1e-9) * digit
     unstable = [at.oscillation for at in gone if at.oscillation is not None]
@@ -647,9 +654,9 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
     for at, share in judged:
         f = orders * at.loop.periods_per_second
         recalled = np.log(at.loop.recalled(f, constant) + LOG_FLOOR)
-        kept = np.log([loop.unfiltered(f) + LOG_FLOOR for loop in at.loops])
-        rate += share * (recalled + kept[-1])
-        bound += share * (recalled + np.min(kept, axis=0) / channels)
+        log_factors = np.log([loop.unfiltered(f) + LOG_FLOOR for loop in at.loops])
+        rate += share * (recalled + log_factors[-1])
+        bound += share * (recalled + np.min(log_factors, axis=0) / channels)
     least = np.min(np.lib.stride_tricks.sliding_window_view(bound, min(window, len(bound))), axis=1)
     k = int(np.argmax(rate))
     a_second = [at.loop.periods_per_second for at, _ in judged]
@@ -669,20 +676,20 @@ def _channels(judged: Sequence[tuple[_At, float]]) -> int:
     return loop.study.controller[loop.controller].functions_learned(accelerates)
 
 
-def _repair(found: list[_At]) -> Repair:
+def _repair(points: list[_At]) -> Repair:
     """The mildest change that brings the factor below one at every point found.
 
     It is the shortest lead, if a lead is enough; else the narrowest Q filter; else forgetting. A law that
     learns in angle has only the filter, one of chosen orders only the lead. It is empty if nothing is enough.
     """
-    loops = [at.loop for at in found]
+    loops = [at.loop for at in points]
     common = set.intersection(*(loop.settling_leads() for loop in loops))
     if common:
         return Repair(lead=min(common) * loops[0].plant.period)
     if not loops[0].FILTERED:
         return Repair()
     parts = []
-    for at in found:
+    for at in points:
         f = at.loop.frequencies
         without = np.max([loop.unfiltered(f) for loop in at.loops], axis=0)
         high = without > FACTOR_MOST  # no filter's gain exceeds one

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cogless.design import verdict as learning
-from cogless.design.changes import either, first, helping, text
+from cogless.design.changes import either, first, helping, unit_text
 from cogless.design.closed_loop import Linear, position_margins
 from cogless.design.current_needed import starts_after, too_much_current
 from cogless.design.detent import snaps, swing, turns_from
@@ -42,8 +42,7 @@ from cogless.study.messages import dotted
 from cogless.study.motion import Course, course
 from cogless.study.numerics import voltage_reach
 from cogless.study.position_sensor import Counted
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 from cogless.units import RPM, TURN
 
 SLOW_TIME_SHARE = (
@@ -65,8 +64,10 @@ def slow_warning(study: Study, name: str) -> Remark | None:
 
     Either the rotor snaps from detent to detent, or the sensor's edges come too rarely.
     """
-    found = (_snapping(study, name, key) or _few_edges(study, name, key) for key in study.scenarios_of(name))
-    return next((remark for remark in found if remark is not None), None)
+    remarks = (
+        _snapping(study, name, key) or _few_edges(study, name, key) for key in study.scenarios_of(name)
+    )
+    return next((remark for remark in remarks if remark is not None), None)
 
 
 def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
@@ -74,19 +75,21 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
 
     A law that begins with a learned map does not depend on its feedback alone, and gets no warning.
     """
-    law, omega = study.controller[name], held(study, scenario)
+    law, omega = study.controller[name], slowest_held_speed(study, scenario)
     if (law.learned and not law.learns) or law.begins_with is not None:
         return None
     feedback = feedback_of(study, name, omega)
-    found = swing(study, scenario, feedback, omega) if feedback is not None and omega else None
-    if found is None or feedback is None or not found.stops:
+    swinging = swing(study, scenario, feedback, omega) if feedback is not None and omega else None
+    if swinging is None or feedback is None or not swinging.stops:
         return None
-    said = snaps(study, found, omega, position_margins(speed_loop(study, scenario), feedback).crossover)
+    sentence = snaps(
+        study, swinging, omega, position_margins(speed_loop(study, scenario), feedback).crossover
+    )
     begins = turns_from(study, scenario, feedback, omega)
     if begins is None:
-        return Remark(said)
-    turns = f"{said}; from {speed_text(study, SPEED_RESERVE * begins, 2)} on it turns"
-    cure: Changes = {dotted(("scenario", scenario, "reference")): text(SPEED_RESERVE * begins, "rad/s")}
+        return Remark(sentence)
+    turns = f"{sentence}; from {speed_text(study, SPEED_RESERVE * begins, 2)} on it turns"
+    cure: Changes = {dotted(("scenario", scenario, "reference")): unit_text(SPEED_RESERVE * begins, "rad/s")}
     return Remark(turns, (cure,) if study.scenario[scenario].reference.kind == "constant" else ())
 
 
@@ -163,7 +166,7 @@ class _Edges:
 
 def _edges(study: Study, name: str, scenario: str) -> _Edges | None:
     """The edges that a controller gets; None without edges, at rest, or if no loop is stable."""
-    omega, loop = held(study, scenario), speed_loop(study, scenario)
+    omega, loop = slowest_held_speed(study, scenario), speed_loop(study, scenario)
     source, feedback = sampled(study, scenario), feedback_of(study, name, omega)
     if not omega or source is None or feedback is None:
         return None
@@ -171,8 +174,8 @@ def _edges(study: Study, name: str, scenario: str) -> _Edges | None:
     if not margins.stable or math.isnan(margins.crossover):
         return None
     later = _late(loop, source, omega)
-    both = (swing(study, scenario, feedback, omega, each) for each in (loop, later))
-    sizes = [found.rms * omega if found is not None else 0.0 for found in both]
+    swings = (swing(study, scenario, feedback, omega, late_loop) for late_loop in (loop, later))
+    sizes = [swinging.rms * omega if swinging is not None else 0.0 for swinging in swings]
     return _Edges(omega, source, loop, feedback, margins, position_margins(later, feedback), *sizes)
 
 
@@ -237,16 +240,16 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
     The warning advises to time the edges if each controller of the scenario then leaves less ripple. Timed
     edges leave more where they come so late that their delay takes the loop's phase margin.
     """
-    omega, source = held(study, scenario), sampled(study, scenario)
+    omega, source = slowest_held_speed(study, scenario), sampled(study, scenario)
     sensor = for_scenario(study, scenario).drive.position_sensor
     if not (omega and source and isinstance(sensor, Counted)) or sensor.speed_method not in ("M", "average"):
         return None
     if source.counts(omega) >= SPEED_COUNTS_LEAST:
         return None
-    comes = f"at {speed_text(study, omega)} {source.told(omega)}"
+    comes = f"at {speed_text(study, omega)} {source.counts_clause(omega)}"
     reads = f"{comes}: most read 0, others {speed_text(study, source.count / source.window)}"
-    found = {name: _edges(study, name, scenario) for name in study.controllers_in(scenario)}
-    before = {name: edges for name, edges in found.items() if edges is not None}
+    edges_of = {name: _edges(study, name, scenario) for name in study.controllers_in(scenario)}
+    before = {name: edges for name, edges in edges_of.items() if edges is not None}
 
     def cured(other: Study) -> bool:
         after = [(_edges(other, name, scenario), edges) for name, edges in before.items()]
@@ -259,7 +262,7 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
     return Remark(f"{reads}; {either(cures)} times the edges" if cures else reads, cures)
 
 
-def held(study: Study, scenario: str) -> float:
+def slowest_held_speed(study: Study, scenario: str) -> float:
     """The slowest speed at which a scenario's reference spends some time, rad/s; 0 if it stands still.
 
     Within a count of where the reference stops or turns back, the sensor sees no motion: that counts as rest.
@@ -285,7 +288,7 @@ def warnings(study: Study, scenario: str, name: str) -> list[Remark]:
     """Warnings about a controller and its current loop, one line each, which begins with the study's key."""
     return [
         *loop_remarks(study),
-        *(remark.about(f"controller.{name}") for remark in _feedback_and_learning(study, name)),
+        *(remark.with_key(f"controller.{name}") for remark in _feedback_and_learning(study, name)),
         *notes(study, name),
     ]
 
@@ -297,23 +300,23 @@ def notes(study: Study, name: str) -> list[Remark]:
         slow_warning,
         _less_margin,
     )
-    found = (*(of(study, name) for of in all_of), *rules_of(study, name).notes())
-    return [remark.about(f"controller.{name}") for remark in found if remark is not None]
+    remarks = (*(of(study, name) for of in all_of), *rules_of(study, name).notes())
+    return [remark.with_key(f"controller.{name}") for remark in remarks if remark is not None]
 
 
 def likely_harm(study: Study, name: str) -> str | None:
     """What the design says of why a controller's learning may do harm; None if nothing."""
-    found = next(iter(_feedback_and_learning(study, name)), None) or rules_of(study, name).shortfall()
-    return None if found is None else str(found)
+    reason = next(iter(_feedback_and_learning(study, name)), None) or rules_of(study, name).shortfall()
+    return None if reason is None else str(reason)
 
 
 def too_short(study: Study, runs: Iterable[tuple[str, str]]) -> list[str]:
     """Warnings of scenarios in which a controller will learn nothing; `runs` are (scenario, controller)."""
     pairs = [*runs]
-    found = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in pairs)
+    reasons = ((scenario, name, foreseen(study, scenario, name)) for scenario, name in pairs)
     tables = ((scenario, _idle_table(study, scenario)) for scenario in dict.fromkeys(s for s, _ in pairs))
     return [
-        *(f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in found if why),
+        *(f"controller.{name}: learns nothing in {where}: {why}" for where, name, why in reasons if why),
         *(f"drive.encoder_table: learns nothing in {where}: {why}" for where, why in tables if why),
     ]
 
@@ -337,18 +340,18 @@ def beyond_drive(study: Study, scenarios: Iterable[str]) -> list[Remark]:
     slow for the position sensor, or need more current than the limit.
     """
     all_of = (_out_of_reach, unstable_turning, late_angle, too_much_current, reads_zero)
-    found = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
-    return [remark.about(f"scenario.{name}") for name, remark in found if remark is not None]
+    remarks = ((name, of(study, name)) for name in dict.fromkeys(scenarios) for of in all_of)
+    return [remark.with_key(f"scenario.{name}") for name, remark in remarks if remark is not None]
 
 
 def _out_of_reach(study: Study, scenario: str) -> Remark | None:
     """A warning of a reference that the bus voltage can't turn the motor at."""
-    here, wanted = for_scenario(study, scenario), study.scenario[scenario].top_reference
-    most = voltage_reach(here)
-    if wanted <= most or here.drive.inverter is None:
+    own_study, top_speed = for_scenario(study, scenario), study.scenario[scenario].top_reference
+    most = voltage_reach(own_study)
+    if top_speed <= most or own_study.drive.inverter is None:
         return None
-    needs = f"its reference of {wanted / RPM:.4g} rpm needs more voltage than there is"
-    volts = here.drive.inverter.bus_voltage
+    needs = f"its reference of {top_speed / RPM:.4g} rpm needs more voltage than there is"
+    volts = own_study.drive.inverter.bus_voltage
     return Remark(f"{needs}: {volts:.4g} V turn this motor at {most / RPM:.4g} rpm without load")
 
 
@@ -382,11 +385,11 @@ def _less_margin(study: Study, name: str) -> Remark | None:
     tuning = study.controller[name].rule
     if tuning is None or speed_loop(study).shaft is None:
         return None
-    found = weakest_margins(study, name)
-    if found is None or not found.stable or found.phase_margin > 0.9 * tuning.phase_margin:
+    margins = weakest_margins(study, name)
+    if margins is None or not margins.stable or margins.phase_margin > 0.9 * tuning.phase_margin:
         return None
-    has, asked = math.degrees(found.phase_margin), math.degrees(tuning.phase_margin)
-    at = found.crossover / TURN
+    has, asked = math.degrees(margins.phase_margin), math.degrees(tuning.phase_margin)
+    at = margins.crossover / TURN
     margin = f"its phase margin is {has:.3g} deg at {at:.4g} Hz, not {asked:.3g} deg"
     return Remark(f"with the soft shaft {margin}")
 
@@ -401,13 +404,13 @@ def loop_remarks(study: Study) -> list[Remark]:
 
 def loop_warnings(loops: dict[str, CurrentLoopDesign]) -> list[str]:
     """Warnings of a current loop that is unstable or weak, one line each."""
-    found = []
+    warnings = []
     for name, loop in told_apart(loops).items():
         if not loop.margins.stable:
-            found.append(f"drive.current_loop: the {name} is unstable, and every speed loop around it")
+            warnings.append(f"drive.current_loop: the {name} is unstable, and every speed loop around it")
         elif loop.weakness:
-            found.append(f"drive.current_loop: the {name} is weak, it {loop.weakness} of phase margin")
-    return found
+            warnings.append(f"drive.current_loop: the {name} is weak, it {loop.weakness} of phase margin")
+    return warnings
 
 
 def told_apart(loops: dict[str, CurrentLoopDesign]) -> dict[str, CurrentLoopDesign]:

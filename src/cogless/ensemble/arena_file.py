@@ -38,7 +38,7 @@ class ArenaPlant(Table):
     study: str  # a shipped one, or a path relative to the arena's file
     scenario: str
     about: Line = ""
-    changes: dict[str, Any] = Field(default={})  # of the study, by dotted key; the laws are told
+    changes: dict[str, Any] = Field(default={})  # values by dotted key, which the laws know, too
     reference: Any = None  # instead of the scenario's
     feedback: GivenFeedback | None = None  # instead of each law's own; laws without a PI stay away
     begin: Duration  # s, from the start until learning begins
@@ -57,7 +57,7 @@ class ArenaPlant(Table):
         return dotted_keys(changes, lambda key, value: isinstance(value, dict))
 
     @model_validator(mode="after")
-    def _within(self) -> Self:
+    def _check_window(self) -> Self:
         if self.window > self.learn:
             raise invalid("expected a time within learn", "window")
         return self
@@ -108,11 +108,11 @@ class Arena(Table):
     def laws(self) -> dict[str, dict[str, Any]]:
         """The laws as in the file, with what they name by path found from anywhere."""
         return {
-            name: {key: self.found(value) if key in USERS else value for key, value in table.items()}
+            name: {key: self.user_file(value) if key in USERS else value for key, value in table.items()}
             for name, table in self._laws.items()
         }
 
-    def found(self, path: str) -> str:
+    def user_file(self, path: str) -> str:
         """A user's file, which is beside the arena's, or else where the command runs."""
         path_here = self._path.parent.resolve() / path
         exists = Path(str(path_here).rpartition(":")[0] or path_here).exists()

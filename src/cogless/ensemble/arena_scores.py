@@ -27,7 +27,7 @@ from cogless.units import RPM
 if TYPE_CHECKING:
     from rich.table import Table
 
-Content = Mapping[str, Any]  # of results.json
+Content = Mapping[str, Any]  # results.json, read
 LEAST_TIME = 1e-3  # s; shorter ones count as this
 EVEN_RATIO = 1.02  # a law is as good as the best up to this ratio
 
@@ -43,7 +43,7 @@ class Column:
     title: str
     metric: str
     unit: str
-    scale: float  # of the unit in SI
+    scale: float  # the unit in SI
     cases: tuple[str, ...] = (TOLD_CASE,)
     never: str | None = None
 

@@ -54,7 +54,7 @@ def spreads(sweep: Sweep, scenario: str) -> list[list[Spread]]:
 
 def badness(sweep: Sweep, place: int, index: int) -> Array:
     """A metric of each variant, turned so that less is better; infinite where a run has no value."""
-    sign = -1.0 if sweep.columns[index].metric.wanted == "higher" else 1.0
+    sign = -1.0 if sweep.columns[index].metric.better_direction == "higher" else 1.0
     values = sign * sweep.values[:, place, index]
     return np.where(np.isnan(values), np.inf, values)
 
@@ -65,12 +65,12 @@ def keeps(sweep: Sweep, place: int, index: int) -> NDArray[np.bool_] | None:
     if metric.limit is None:
         return None
     bad = badness(sweep, place, index)
-    return np.asarray(bad <= (-metric.limit if metric.wanted == "higher" else metric.limit))
+    return np.asarray(bad <= (-metric.limit if metric.better_direction == "higher" else metric.limit))
 
 
 def _spread(sweep: Sweep, place: int, index: int) -> Spread:
     column, bad = sweep.columns[index], badness(sweep, place, index)
-    sign = -1.0 if column.metric.wanted == "higher" else 1.0
+    sign = -1.0 if column.metric.better_direction == "higher" else 1.0
     worst = int(np.argmax(bad))
     keeping = keeps(sweep, place, index)
     share = None if keeping is None else float(np.mean(keeping))

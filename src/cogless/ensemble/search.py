@@ -43,12 +43,12 @@ class Search:
     """A search that begins at `start`, and goes on from what its journal has: parameters and value of each
     settings that were tried, and what Optuna keeps with them."""
 
-    def __init__(self, kept: Journal, start: Settings, seed: int) -> None:
+    def __init__(self, journal: Journal, start: Settings, seed: int) -> None:
         import optuna
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._states = optuna.trial.TrialState
-        self._kept = kept
+        self._kept = journal
         self.start = dict(start)
         self.space = {key: optuna.distributions.FloatDistribution(0.0, 1.0) for key in start}
         short = seed % 2**32  # a study's has 64 bits
@@ -61,7 +61,7 @@ class Search:
                     x0=self.start, sigma0=START_SPREAD, seed=short, warn_independent_sampling=False
                 )
             self.study = optuna.create_study(sampler=sampler)
-            for _, (params, value, attributes) in sorted(kept.finished.items()):
+            for _, (params, value, attributes) in sorted(journal.finished.items()):
                 self.study.add_trial(
                     optuna.trial.create_trial(
                         params=params, distributions=self.space, value=value, system_attrs=attributes
@@ -100,8 +100,8 @@ class Search:
         return list(self.study.get_trials(deepcopy=False, states=(self._states.COMPLETE,)))
 
 
-def text(study: AnyStudy, changes: Mapping[str, Any], folder: Path, about: str) -> str:
-    """The file of a study with changes, by dotted key. `about`: a comment for its top.
+def study_file_text(study: AnyStudy, changes: Mapping[str, Any], folder: Path, note: str) -> str:
+    """The file of a study with changes, by dotted key. `note`: a comment for its top.
 
     Files that it names beside itself are named from `folder`, where it is to stand.
     """
@@ -115,4 +115,4 @@ def text(study: AnyStudy, changes: Mapping[str, Any], folder: Path, about: str) 
         if not os.path.isabs(file.path):
             table = look_up(document, file.key[:-1])
             table[file.key[-1]] = os.path.relpath(study.source.folder / file.path, folder) + file.rest
-    return f"# {about}\n{tomlkit.dumps(document)}"
+    return f"# {note}\n{tomlkit.dumps(document)}"

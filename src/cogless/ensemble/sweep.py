@@ -25,7 +25,7 @@ from typing import Any
 
 from cogless.ensemble.sweep_table import Row, Sweep, columns, gathered
 from cogless.ensemble.variants import Ensemble, draw
-from cogless.ensemble.workers import Parcel, Workers, given, pack, run_all, unpacked
+from cogless.ensemble.workers import Parcel, Workers, executor_workers, pack, run_all, unpacked
 from cogless.errors import StudyError
 from cogless.files import no_device, no_link, reason, versions
 from cogless.lines import warn
@@ -149,11 +149,13 @@ class Ended(Exception):  # noqa: N818, it isn't an error
     """Ctrl-C reached a worker."""
 
 
-def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[Pair]) -> list[list[Row]]:
+def variant_rows(
+    parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[Pair]
+) -> list[list[Row]]:
     """Run these variants: for each, in order, one row per pair of scenario and controller."""
     study = unpacked(parcel)
     metrics = columns(study)
-    variants = [_made(study, of_variant) for of_variant in changes]
+    variants = [_variant_or_reason(study, of_variant) for of_variant in changes]
     errors: Sequence[Mapping[Pair, StudyError]] = []
     valid = [variant for variant in variants if not isinstance(variant, str)]
     try:
@@ -174,9 +176,9 @@ def rows(parcel: Parcel, changes: Sequence[Mapping[str, Any]], pairs: Sequence[P
         runs = {(run.scenario, run.controller): run.metrics for run in of_variant.runs}
         rows_of_variants.append(
             [
-                _failed_row(len(metrics), _told(variant, failed[pair]))
+                _failed_row(len(metrics), _error_text(variant, failed[pair]))
                 if pair in failed
-                else [*(column.of(runs[pair]) for column in metrics), None]
+                else [*(column.number_in(runs[pair]) for column in metrics), None]
                 for pair in pairs
             ]
         )
@@ -197,15 +199,15 @@ def _failed_row(columns: int, why: str) -> Row:
     return [*[None] * columns, why]
 
 
-def _made(study: AnyStudy, changes: Mapping[str, Any]) -> AnyStudy | str:
+def _variant_or_reason(study: AnyStudy, changes: Mapping[str, Any]) -> AnyStudy | str:
     """The variant, or why the study doesn't allow it."""
     try:
         return changed(study, changes)
     except StudyError as error:
-        return _told(study, error)
+        return _error_text(study, error)
 
 
-def _told(study: AnyStudy, error: StudyError) -> str:
+def _error_text(study: AnyStudy, error: StudyError) -> str:
     """The error without the folder of the study, which differs between machines."""
     return str(error).replace(str(study.source.path), study.source.path.name)
 
@@ -304,8 +306,8 @@ def run(
 
         parcel = pack(planned.study)
         tasks = {chunk: (parcel, planned.changes(chunk), planned.pairs) for chunk in remaining}
-        at = workers if isinstance(workers, Workers) else given(workers)
-        run_all(at, rows, tasks, finished, needed(planned.study))
+        at = workers if isinstance(workers, Workers) else executor_workers(workers)
+        run_all(at, variant_rows, tasks, finished, needed(planned.study))
         return None if part.of > 1 else _gathered(planned, journal.finished)
 
 

@@ -30,7 +30,7 @@ class Column:
     """A column of metrics. `part`: order, phase from 1, or LAST_TRIAL, of a metric that is a list."""
 
     metric: Metric
-    place: int | None = None  # in the metric's list
+    place: int | None = None  # index of the value if the metric has a list
     part: str = ""
 
     @property
@@ -43,7 +43,7 @@ class Column:
         """Name as the study has it, with the part after a dot."""
         return self.metric.name + (f".{self.part}" if self.part else "")
 
-    def of(self, metrics: Mapping[str, Value]) -> float | None:
+    def number_in(self, metrics: Mapping[str, Value]) -> float | None:
         """The number of a run; None: never, not to be had, or not taken in its scenario."""
         value = metrics.get(result_name(self.metric))
         if isinstance(value, list):
@@ -110,14 +110,14 @@ def write(sweep: Sweep, path: Path) -> None:
 
     count, of_variant = sweep.ensemble.count, len(sweep.pairs)
 
-    def each(values: Sequence[Any]) -> list[Any]:
+    def for_each_run(values: Sequence[Any]) -> list[Any]:
         return [value for value in values for _ in range(of_variant)]
 
     named = {
         "variant": pa.array(np.repeat(np.arange(count, dtype=np.int64), of_variant)),
         "scenario": pa.array([scenario for scenario, _ in sweep.pairs] * count),
         "controller": pa.array([controller for _, controller in sweep.pairs] * count),
-        **{key: _array(each(sweep.ensemble.si(key))) for key in sweep.ensemble.drawn},
+        **{key: _array(for_each_run(sweep.ensemble.si(key))) for key in sweep.ensemble.drawn},
         **{
             column.name: pa.array(sweep.values[:, :, place].ravel(), from_pandas=True)
             for place, column in enumerate(sweep.columns)

@@ -16,7 +16,7 @@ import numpy as np
 from cogless.design.kinds import DESIGNS
 from cogless.ensemble import judge
 from cogless.ensemble.search import Settings, opened
-from cogless.ensemble.sweep import TASK_VARIANTS, needed, rows
+from cogless.ensemble.sweep import TASK_VARIANTS, needed, variant_rows
 from cogless.ensemble.sweep_table import Column, Sweep, columns, gathered
 from cogless.ensemble.variants import SEED, Ensemble, Reader, draw, seeds, tried
 from cogless.ensemble.workers import Workers, pack, run_all
@@ -25,7 +25,7 @@ from cogless.results.trace import Array
 from cogless.run.simulate import Pair, runs_of
 from cogless.study import AnyStudy, changed
 from cogless.study.base import Tune
-from cogless.study.messages import MISSING, shown
+from cogless.study.messages import MISSING, toml_text
 from cogless.study.metric import result_name
 from cogless.study.reading import split
 from cogless.study.table import perhaps
@@ -110,7 +110,7 @@ class Tuned:
     """The outcome for one subject, judged on fresh variants."""
 
     subject: Subject
-    values: Mapping[str, Any]  # what was found, by key
+    values: Mapping[str, Any]  # the best values by dotted key
     before: Score
     after: Score
     sweep_before: Sweep
@@ -144,7 +144,7 @@ class Evaluation:
         chunks = [changes[at : at + TASK_VARIANTS] for at in range(0, len(changes), TASK_VARIANTS)]
         tasks = {number: (self.parcel, chunk, self.subject.pairs) for number, chunk in enumerate(chunks)}
         rows_of_task: dict[int, Any] = {}
-        run_all(self.workers, rows, tasks, rows_of_task.__setitem__, needed(self.study))
+        run_all(self.workers, variant_rows, tasks, rows_of_task.__setitem__, needed(self.study))
         in_order = [row for number in range(len(chunks)) for row in rows_of_task[number]]
         return [
             gathered(self.study, self.ensemble, self.subject.pairs, in_order[at : at + count])
@@ -267,11 +267,11 @@ def side_by_side(study: AnyStudy, tuned: Sequence[Tuned]) -> Sweep:
     )
 
 
-def lines(tuned: Tuned) -> list[str]:
+def outcome_lines(tuned: Tuned) -> list[str]:
     """The outcome as lines of text: what it is worth on fresh variants, and each value before and after."""
     name, before, after = tuned.subject.name, tuned.before, tuned.after
     changes = [
-        f"{knob.key} = {shown(tuned.values[knob.key])}  # was {shown(knob.start_text)}"
+        f"{knob.key} = {toml_text(tuned.values[knob.key])}  # was {toml_text(knob.start_text)}"
         for knob in tuned.subject.knobs
     ]
     count = tuned.sweep_after.ensemble.count
@@ -323,7 +323,7 @@ def _penalised(score: Score) -> float:
 
 def ensembles(study: AnyStudy) -> tuple[Ensemble, Ensemble]:
     """The variants to search over, and fresh ones to check on."""
-    options = _wanted(study)
+    options = _tune_table(study)
     if options.over == "nominal":
         return Ensemble((), {}, 1), Ensemble((), {SEED: seeds(study, NOMINAL_SEEDS, fresh=1)}, NOMINAL_SEEDS)
     return draw(study, options.variants), draw(study, FRESH_VARIANTS * options.variants, fresh=1)
@@ -334,7 +334,7 @@ def subjects(study: AnyStudy) -> list[Subject]:
 
     It is one of all keys if any key is not a controller's. StudyError: a mistake in [tune].
     """
-    options, path = _wanted(study), study.source.path
+    options, path = _tune_table(study), study.source.path
     column_of(study, options.minimise, "minimise")
     for hold in options.hold:
         hold_limit(study, column_of(study, hold.metric, "hold"), hold.limit)
@@ -358,13 +358,13 @@ def _pairs(study: AnyStudy, options: Tune, controllers: Sequence[str]) -> list[P
     for scenario in options.scenarios or ():
         if scenario not in study.scenario:
             expected = f"expected one of {', '.join(study.scenario)}{perhaps(scenario, study.scenario)}"
-            raise StudyError(f"{study.source.path}: tune.scenarios: {shown(scenario)}: {expected}")
+            raise StudyError(f"{study.source.path}: tune.scenarios: {toml_text(scenario)}: {expected}")
     chosen = options.scenarios or tuple(study.scenario)
     metric = column_of(study, options.minimise, "minimise").metric
     pairs = [pair for pair in runs_of(study) if pair[1] in controllers and pair[0] in chosen]
     if not any(metric.applies_in(s, study.scenario[s]) for s, _ in pairs):
         expected = f"expected a metric that is taken where {', '.join(controllers)} runs"
-        raise StudyError(f"{study.source.path}: tune.minimise: {shown(options.minimise)}: {expected}")
+        raise StudyError(f"{study.source.path}: tune.minimise: {toml_text(options.minimise)}: {expected}")
     return pairs
 
 
@@ -376,7 +376,7 @@ def _knob(study: AnyStudy, key: str, limits: tuple[Any, ...]) -> Knob:
     low, high = reader.range()
     start = reader.middle()
     if not low <= start <= high:
-        raise reader.wrong(f"expected a range with the study's own value, {shown(reader.nominal)}")
+        raise reader.wrong(f"expected a range with the study's own value, {toml_text(reader.nominal)}")
     return Knob(key=key, unit=reader.unit, low=low, high=high, start=start, whole=reader.whole)
 
 
@@ -387,7 +387,7 @@ def column_of(study: AnyStudy, name: str, where: str) -> Column:
     if name not in by_name:
         names = [column.spoken for column in columns(study)]
         expected = f"expected one of {', '.join(names) or 'none'}{perhaps(name, names)}"
-        raise StudyError(f"{study.source.path}: tune.{where}: {shown(name)}: {expected}")
+        raise StudyError(f"{study.source.path}: tune.{where}: {toml_text(name)}: {expected}")
     return by_name[name]
 
 
@@ -400,11 +400,11 @@ def hold_limit(study: AnyStudy, column: Column, limit: Any) -> float:
         si = Quantity(dimension, bare=not dimension.unit).read(limit)
     except ValueError as error:
         where = f"{study.source.path}: tune.hold: {result_name(column.metric)}"
-        raise StudyError(f"{where}: {shown(limit)}: {error}") from None
-    return -si if column.metric.wanted == "higher" else si
+        raise StudyError(f"{where}: {toml_text(limit)}: {error}") from None
+    return -si if column.metric.better_direction == "higher" else si
 
 
-def _wanted(study: AnyStudy) -> Tune:
+def _tune_table(study: AnyStudy) -> Tune:
     if study.tune is None:
         expected = "expected a table of keys, minimise, ..."
         raise StudyError(f"{study.source.path}: tune: missing: {expected}")

@@ -20,7 +20,7 @@ from cogless.errors import StudyError
 from cogless.interrupts import deferred
 from cogless.results.trace import Array
 from cogless.study import AnyStudy, changed
-from cogless.study.messages import MISSING, dotted, look_up, shown
+from cogless.study.messages import MISSING, dotted, look_up, toml_text
 from cogless.study.reading import split
 from cogless.study.table import Key
 
@@ -96,7 +96,7 @@ def _axis(reader: Reader, form: str) -> Axis:
         raise reader.wrong("expected limits above zero")
     spread = {"uniform": _uniform, "log": _log, "corners": _corners}[form](low, high)
     if reader.whole and form in ("uniform", "log"):  # so that the ends are as likely as the numbers between
-        spread = _within(low, high, {"uniform": _uniform, "log": _log}[form](low - 0.5, high + 0.5))
+        spread = _whole_numbers(low, high, {"uniform": _uniform, "log": _log}[form](low - 0.5, high + 0.5))
     return Axis(reader.key, reader.unit, spread, whole=reader.whole)
 
 
@@ -106,8 +106,8 @@ class Reader:
     `where`: the key that has them, for messages.
     """
 
-    def __init__(self, study: AnyStudy, key: str, where: Key, given: Any) -> None:
-        self.study, self.key, self.where, self.given = study, key, where, given
+    def __init__(self, study: AnyStudy, key: str, where: Key, spread: Any) -> None:
+        self.study, self.key, self.where, self.given = study, key, where, spread
         self.nominal = self._nominal()
         self.unit = self._unit()
 
@@ -200,7 +200,7 @@ class Reader:
 
     def wrong(self, expected: str, value: Any = None) -> StudyError:
         faulty = self.given if value is None else value
-        text = shown(list(faulty) if isinstance(faulty, tuple) else faulty)
+        text = toml_text(list(faulty) if isinstance(faulty, tuple) else faulty)
         return StudyError(f"{self.study.source.path}: {'.'.join(map(str, self.where))}: {text}: {expected}")
 
 
@@ -208,7 +208,7 @@ def _uniform(low: float, high: float) -> Callable[[Array], Array]:
     return lambda share: low + (high - low) * share
 
 
-def _within(low: float, high: float, spread: Callable[[Array], Array]) -> Callable[[Array], Array]:
+def _whole_numbers(low: float, high: float, spread: Callable[[Array], Array]) -> Callable[[Array], Array]:
     return lambda share: np.clip(np.floor(spread(share) + 0.5), low, high)
 
 
@@ -289,7 +289,7 @@ def seeds(study: AnyStudy, count: int, fresh: int = 0) -> list[int]:
 
 
 def draw(study: AnyStudy, count: int, fresh: int = 0) -> Ensemble:
-    """Draw `count` variants; the first of a longer ensemble are the same. StudyError: a mistake in [vary].
+    """Draw `count` variants, the first ones of any longer ensemble. StudyError: a mistake in [vary].
 
     `fresh`: a number above zero draws others than any ensemble with another number.
     """

@@ -33,7 +33,7 @@ from cogless.study.reading import checked
 T = TypeVar("T")
 MOST_LOSSES = 3  # workers that one task may cost before it is given up
 TASKS_AHEAD = 2  # tasks sent for each worker: one that runs, one that waits
-END_PROCESS = os._exit  # itself, while a task runs that may not call it
+END_PROCESS = os._exit  # a worker ends itself by this name, since tasks may not call os._exit
 CLUSTER_PATIENCE = 10  # s that a cluster has to answer
 
 
@@ -58,7 +58,7 @@ class Workers:
             broken.shutdown(wait=False)
 
 
-def given(executor: Executor) -> Workers:
+def executor_workers(executor: Executor) -> Workers:
     """The workers of a caller's executor, which stays open."""
     most = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
     return Workers(lambda: executor, lambda: most)

@@ -151,23 +151,23 @@ def prepare_whole(study: AnyStudy, scenario: str, controller: str) -> Prepared:
     return prepared
 
 
-def first_scenario(study: AnyStudy, controller: str, wanted: str | None = None) -> str:
-    """The `wanted` scenario, else the first in which the controller runs; StudyError if there is none."""
+def first_scenario(study: AnyStudy, controller: str, scenario: str | None = None) -> str:
+    """The `scenario` scenario, else the first in which the controller runs; StudyError if there is none."""
     path = study.source.path
     if controller not in study.controller:
         expected = f"expected one of {', '.join(study.controller)}{perhaps(controller, study.controller)}"
         raise StudyError(f'{path}: controller: "{controller}": {expected}')
     runs_in = study.scenarios_of(controller)
-    if wanted is None:
+    if scenario is None:
         if not runs_in:
             raise StudyError(f"{path}: controller.{controller}: runs in no scenario: expected one with it")
         return runs_in[0]
-    if wanted not in runs_in:
+    if scenario not in runs_in:
         expected = (
-            f"expected one with controller {controller}: {', '.join(runs_in)}{perhaps(wanted, runs_in)}"
+            f"expected one with controller {controller}: {', '.join(runs_in)}{perhaps(scenario, runs_in)}"
         )
-        raise StudyError(f'{path}: scenario: "{wanted}": {expected}')
-    return wanted
+        raise StudyError(f'{path}: scenario: "{scenario}": {expected}')
+    return scenario
 
 
 def record(prepared: Prepared, ticks: int) -> Recording:

@@ -63,7 +63,7 @@ def defined_in() -> dict[str, str]:
 
 
 MANIFEST = "export.json"
-COMPILED = (".o", ".obj", ".d", ".exe", "")  # what compilers leave beside sources
+COMPILED = (".o", ".obj", ".d", ".exe", "")  # endings of files that compilers write beside sources
 
 
 def check(folder: Path) -> None:
@@ -88,13 +88,13 @@ def check(folder: Path) -> None:
             raise StudyError(f"{folder}: {name}: changed since its export: expected a new or empty folder")
 
 
-def write(folder: Path, files: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
-    """Write these files (by path in the folder) and a manifest with `about` and their checksums.
+def write(folder: Path, files: Mapping[str, bytes], facts: Mapping[str, Any]) -> None:
+    """Write these files (by path in the folder) and a manifest with `facts` and their checksums.
 
     StudyError: the folder can't be written, or it holds something else than an unchanged export.
     """
     check(folder)
-    manifest = {**about, "files": {name: _sum(data) for name, data in sorted(files.items())}}
+    manifest = {**facts, "files": {name: _sum(data) for name, data in sorted(files.items())}}
     text = json.dumps(manifest, indent=2, ensure_ascii=False) + "\n"
     target = folder.absolute()
     try:

@@ -192,7 +192,7 @@ def _why_not(study: AnyStudy, name: str) -> str:
         return study.controller[name].NOT_ON_PAGE
     run = next((pair for pair in every(study) if pair[1] == name), None)
     refused = None if run is None else DESIGNS[study.kind].prepared(study, [run]).refused.get(run)
-    return "" if refused is None else f"not designed: {refused.within(study.source.path)}"
+    return "" if refused is None else f"not designed: {refused.text_without(study.source.path)}"
 
 
 def every(study: AnyStudy) -> Iterator[Pair]:

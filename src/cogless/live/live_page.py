@@ -13,7 +13,7 @@ from itertools import accumulate, pairwise
 from string import Template
 from typing import Any
 
-from cogless.control_library import C_LAWS
+from cogless.control_library import C_LAWS, Status
 from cogless.design.unlearned import revolutions_learned
 from cogless.files import package_folders, versions
 from cogless.live import engine, own_motor
@@ -34,7 +34,6 @@ from cogless.report.speed_tracking import (
 )
 from cogless.report.trials import panels_of
 from cogless.results.metrics import result_name
-from cogless.results.status import Status
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import Kind
 from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS, Metric
@@ -258,7 +257,7 @@ def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
         "band": metric.band,
         "smooth": metric.smooth,
         "floor": metric.floor,
-        "better": metric.wanted,
+        "better": metric.better_direction,
     }
 
 

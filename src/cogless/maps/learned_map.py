@@ -69,7 +69,7 @@ def memory_of(
         ratio = poles if period == Fraction(1, poles) else 1
     else:
         ratio = 1 if period == 1 else law.ratio(poles)
-    unit = float(np.float32(law.unit)) if study.precision == "single" else law.unit  # as the law has it
+    unit = float(np.float32(law.unit)) if study.precision == "single" else law.unit
     cells = values.shape[1]
     angle = TURN * float(ratio * period) / cells * np.arange(cells)
     names = ("current", "beta", "h")[: len(values)]
@@ -133,7 +133,9 @@ def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
     period = Fraction(stored.turns, stored.parts)
     count = own / period
     if count.denominator != 1:
-        raise MapError(f"a map over {_shown(period)}: expected one that fits into the law's {_shown(own)}")
+        raise MapError(
+            f"a map over {_period_words(period)}: expected one that fits into the law's {_period_words(own)}"
+        )
     cells = law["values"].shape[1]
     if ORDER_CODE in units:
         alike = stored.units == units and count == 1 and np.array_equal(stored.values[2], law["values"][2])
@@ -146,7 +148,7 @@ def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
     else:
         kind = " and ".join(stored.unit(c)[0] for c in range(stored.channels))
         raise MapError(f"a map of {kind}: expected one of this law's kind, or of a current alone")
-    return within(own_entries, law)
+    return entries_within(own_entries, law)
 
 
 def of_current(current: Real, law: Mapping[str, Any], unit: float) -> Real:
@@ -172,7 +174,7 @@ def resampled(values: NDArray[Any], cells: int) -> Real:
     return np.asarray(np.fft.irfft(orders, cells) * (cells / len(values)))
 
 
-def within(entries_now: Real, law: Mapping[str, Any]) -> Real:
+def entries_within(entries_now: Real, law: Mapping[str, Any]) -> Real:
     """The entries, if each is a number within the law's limit; what is above by rounding is cut."""
     for channel, limit in zip(entries_now, law["limits"], strict=True):
         largest = float(np.max(np.abs(channel)))
@@ -194,5 +196,5 @@ def _current(stored: StoredMap) -> Real:
     return np.asarray(np.fft.irfft(spectrum, cells) * cells)
 
 
-def _shown(period: Fraction) -> str:
+def _period_words(period: Fraction) -> str:
     return "a revolution" if period == 1 else f"{period} of a revolution"

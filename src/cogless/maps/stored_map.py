@@ -226,12 +226,12 @@ def _find(data: bytes) -> Iterator[Found]:
             offset = data.find(MAGIC_BYTES, offset + len(bytes(stored)))
 
 
-def newest(found: list[Found]) -> Valid | None:
+def newest(places: list[Found]) -> Valid | None:
     """The valid map that was saved last, by its number, which wraps around at 2^32; None if there is none.
 
     It is the one that firmware loads, if it fits the law.
     """
-    valid = [Valid(place.offset, place.map) for place in found if isinstance(place.map, StoredMap)]
+    valid = [Valid(place.offset, place.map) for place in places if isinstance(place.map, StoredMap)]
     best = valid[0] if valid else None
     for other in valid[1:]:
         if best is not None and 0 < (other.map.sequence - best.map.sequence) % 2**32 < 2**31:
@@ -270,7 +270,7 @@ def _write_sizes() -> tuple[int, ...]:
 HEX_BASE = 16
 
 
-def lines(maps: list[Found], newest: Valid) -> list[str]:
+def map_lines(maps: list[Found], newest: Valid) -> list[str]:
     """Lines about every map that was found; the newest one in detail."""
     text = []
     for place in maps:
@@ -279,13 +279,13 @@ def lines(maps: list[Found], newest: Valid) -> list[str]:
             text.append(f"{where}{place.map}")
         elif place.offset == newest.offset:
             text.append(f"{where}a valid map{', the newest' if len(maps) > 1 else ''}")
-            text += [f"  {name:<26}{value}" for name, value in rows(place.map)]
+            text += [f"  {name:<26}{value}" for name, value in map_rows(place.map)]
         else:
             text.append(f"{where}a valid map, save {place.map.sequence}")
     return text
 
 
-def rows(stored: StoredMap) -> list[tuple[str, str]]:
+def map_rows(stored: StoredMap) -> list[tuple[str, str]]:
     """Name and value of the map's header fields, then a row for each channel."""
     facts = [
         ("learned by", stored.law_name),

@@ -16,7 +16,7 @@ from cogless.export.prepared import Prepared, Recording, prepare, record, run
 from cogless.pil.processor import Image
 from cogless.pil.target import Target, build
 from cogless.pil.toolchain import Toolchain
-from cogless.run.plan import Progress
+from cogless.run.plan import RunProgress
 from cogless.study import AnyStudy
 
 TICKS_DEFAULT = 100_000
@@ -82,7 +82,7 @@ def compare(
     scenario: str,
     ticks: int | None,
     toolchain: Toolchain,
-    progress: Progress = lambda share: None,
+    progress: RunProgress = lambda share: None,
 ) -> Comparison:
     """Run the simulation, then the processor in closed loop with the same plant, and compare them.
 
@@ -103,9 +103,9 @@ class _Watched:
     """A target whose outputs are compared with those of the simulation, tick by tick."""
 
     def __init__(
-        self, target: Target, layout: Layout, wanted: Recording, ticks: int, progress: Progress
+        self, target: Target, layout: Layout, expected: Recording, ticks: int, progress: RunProgress
     ) -> None:
-        self._target, self._layout, self._wanted = target, layout, wanted
+        self._target, self._layout, self._wanted = target, layout, expected
         self._ticks, self._progress, self._tick = ticks, progress, 0
         self._measurement = b""
         self.difference: Difference | None = None
@@ -207,7 +207,7 @@ def _instructions(counts: Any) -> Instructions:
 NAME_COLUMNS = 18  # before the values in `lines`
 
 
-def lines(comparison: Comparison) -> list[str]:
+def comparison_lines(comparison: Comparison) -> list[str]:
     """Lines that `cogless pil` prints."""
     rows = [
         ("result", "every output and what was learned: bit for bit equal"),

@@ -40,7 +40,7 @@ class Image:
 
     segments: Mapping[int, bytes]
     symbols: Mapping[str, Symbol]
-    functions: tuple[Function, ...]  # by address
+    functions: tuple[Function, ...]  # sorted by address
     sections: Mapping[str, int]
 
     @property

@@ -61,16 +61,16 @@ def find(name: str | None = None) -> Toolchain:
     """The installed compiler, gcc first, or the one of this `name`, "gcc" or "zig"; StudyError if there is
     none."""
     if name in (None, "gcc") and shutil.which(GCC):
-        version = _said(GCC, "-dumpfullversion")
+        version = _command_output(GCC, "-dumpfullversion")
         return Toolchain((GCC,), f"gcc {version}", (*FOR_GCC, *COMMON), ("-nostdlib", "-lgcc"))
     if name in (None, "zig") and importlib.util.find_spec("ziglang") is not None:
         zig = (sys.executable, "-m", "ziglang")
-        return Toolchain((*zig, "cc"), f"zig {_said(*zig, 'version')}", (*FOR_ZIG, *COMMON), ())
+        return Toolchain((*zig, "cc"), f"zig {_command_output(*zig, 'version')}", (*FOR_ZIG, *COMMON), ())
     debian = f"{GCC} (Debian: apt-get install gcc-arm-none-eabi)"
     pypi = "ziglang (pip install 'cogless[pil]')"
     ways = (pypi, debian) if name == "zig" else (debian, pypi)
     raise StudyError(f"pil: no cross compiler: expected {' or '.join(ways)}")
 
 
-def _said(*command: str) -> str:
+def _command_output(*command: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()

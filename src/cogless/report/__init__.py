@@ -15,7 +15,7 @@ from cogless.report.verdicts import ScenarioVerdict
 from cogless.results import AnyResults
 from cogless.study import AnyStudy
 from cogless.study.base import Kind
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 
 __all__ = [
     "Line",

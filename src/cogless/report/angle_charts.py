@@ -26,10 +26,11 @@ from cogless.design.speed_loop import speed_loop
 from cogless.design.verdict import judged, loop_type, verdict
 from cogless.errors import StudyError
 from cogless.report.comparison import pretty, speed_unit
-from cogless.report.markup import Array, place, plain
+from cogless.report.markup import place, plain
 from cogless.report.panels import errors, in_angle, learned_terms, periods
 from cogless.report.verdicts import EQUAL_DIFFERENCE, called
 from cogless.results import Results, Run
+from cogless.results.trace import Array
 from cogless.study import Study
 from cogless.units import TURN
 
@@ -69,7 +70,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
                     "controller": place(results, run),
                     "label": f"period {k + 1}",
                     "fade": 0.25 + 0.75 * i / max(1, len(chosen) - 1),
-                    "values": plain(_within(turns, x, k)),
+                    "values": plain(_on_angle_grid(turns, x, k)),
                 }
                 for i, k in enumerate(chosen)
             ],
@@ -87,7 +88,7 @@ def _chosen(begun: float, end: float) -> list[int]:
     return sorted({first + round(step) for step in steps})
 
 
-def _within(turns: Array, x: Array, period: int) -> Array:
+def _on_angle_grid(turns: Array, x: Array, period: int) -> Array:
     """x over the period with this number, on the common grid of angles."""
     rows = slice(max(0, int(np.searchsorted(turns, period)) - 1), int(np.searchsorted(turns, period + 1)) + 1)
     return np.asarray(np.interp(period + np.linspace(0, 1, PERIOD_CELLS + 1), turns[rows], x[rows]))
@@ -121,8 +122,8 @@ def bode(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
             loop, learns = _loop(results, run), bool(learned_terms(results, run))
             curves.append((where, "off" if learns else "", 0.55 if learns else 1.0, off))
             if loop is not None:
-                curves.append((where, "on", 1.0, off * _left(loop, f, 0.0)))
-                curves.append((where, "between", 0.25, off * _left(loop, f, 0.5)))
+                curves.append((where, "on", 1.0, off * _remaining_share(loop, f, 0.0)))
+                curves.append((where, "between", 0.25, off * _remaining_share(loop, f, 0.5)))
     charts = [
         ("Sensitivity, magnitude", "magnitude", "dB", _decibels),
         ("Sensitivity, phase", "phase", "°", _degrees),
@@ -150,7 +151,7 @@ def _feedback(results: Results, run: Run, omega_m: float) -> Linear | None:
     return None
 
 
-def _left(loop: LearningLoop, f: Real, offset: float) -> Complex:
+def _remaining_share(loop: LearningLoop, f: Real, offset: float) -> Complex:
     """What learning leaves at the learned frequencies, or so far `offset` each, as a smooth curve over f.
 
     `offset` is a share of the distance to the next. NaN where nothing is learned.
@@ -206,7 +207,7 @@ def growth(results: Results, run: Run) -> float | None:
     floor = LINE_SHARE * float(np.sqrt(np.mean(trace["i_q"][:begun] ** 2) + np.sum(before**2) / 2))
     base = (r for r in results.runs if (r.scenario, r.controller) == (run.scenario, results.study.baseline))
     plain = [x for r in base if r is not run for x in _parts(r.trace["i_q"], begun, rows)]
-    usual = _about(np.max([before, *map(_spectrum, plain)], axis=0))
+    usual = _octave_maximum(np.max([before, *map(_spectrum, plain)], axis=0))
     for x in _parts(trace["i_q"], begun + rows, rows):
         after = _spectrum(x)
         grown = (after > LINE_GROWTH_RATIO * usual) & (after > floor)
@@ -219,7 +220,7 @@ def _parts(x: Array, first: int, rows: int) -> list[Array]:
     return [x[k : k + rows] for k in range(first, len(x) - rows + 1, rows)]
 
 
-def _about(amplitudes: Array) -> Array:
+def _octave_maximum(amplitudes: Array) -> Array:
     """The largest amplitude within an octave of each line: a motor's spectral lines move with its speed."""
     return np.array([np.max(amplitudes[k // 2 : 2 * k + 2]) for k in range(len(amplitudes))])
 
@@ -286,9 +287,9 @@ def sentences(results: Results, runs: Sequence[Run], worse: Mapping[str, float])
             label = f"Worse with time: {called(study, name)}"
             than = f"{label} is no worse than {called(study, study.baseline)} until {worse[name]:.0f} s"
             cause = f"; its current {rising}" if rising else ""
-            lines.append(f"{than}, then worse{cause}{_said(grows)}.")
+            lines.append(f"{than}, then worse{cause}{_foreseen_words(grows)}.")
         elif rising and grows:
-            lines.append(f"The current of {called(study, name)} {rising}{_said(grows)}.")
+            lines.append(f"The current of {called(study, name)} {rising}{_foreseen_words(grows)}.")
     return lines
 
 
@@ -305,7 +306,7 @@ def _expected(study: Study, name: str) -> str | None:
     return forecast.passing.words(forecast.unit) if forecast.passing else ""
 
 
-def _said(grows: str | None) -> str:
+def _foreseen_words(grows: str | None) -> str:
     if grows is None:
         return ""
     return f", as cogless design says ({grows})" if grows else ", which cogless design does not foresee"

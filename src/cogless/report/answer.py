@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from cogless.control_library import Status
 from cogless.report.comparison import QUANTITIES, Line, pretty, shown_in
-from cogless.report.markup import Array, pack, place, plain, thin
+from cogless.report.markup import pack, place, plain, thin
 from cogless.report.speed_tracking import STATE_TIME_LEAST, spans
 from cogless.report.speed_verdict import Contrast, changed_by, contrast
 from cogless.report.verdicts import Answer, called
 from cogless.results import Results, Run
-from cogless.results.status import Status
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 from cogless.study.base import spoken_unit
 from cogless.study.metric import SIGNAL_DIMENSIONS, Metric
 from cogless.units import factor
@@ -248,7 +248,10 @@ def _rows_of_turn(trace: Trace) -> int:
 
 
 def _moving_rms(trace: Trace, drawn: DrawnSignal, size: int, count: int, about_mean: bool) -> Array:
-    """The RMS over each `count` successive pieces of `size` rows; about the mean, or of the signal itself."""
+    """A signal's moving RMS, over windows of `count` successive pieces with `size` rows each.
+
+    `about_mean`: the window's mean is subtracted first.
+    """
     used = len(trace) // size * size
     origin = float(drawn.part(trace, slice(-1, None))[0]) if about_mean else 0.0
     origin = origin if math.isfinite(origin) else 0.0

@@ -21,9 +21,10 @@ from typing import Any
 import numpy as np
 
 from cogless.files import replacing
-from cogless.report.markup import Array, asset, unpack
+from cogless.report.markup import asset, unpack
 from cogless.results import AnyResults
 from cogless.results.results_json import run_id
+from cogless.results.trace import Array
 
 Data = dict[str, Any]  # the page's data of a scenario, or of a chart in it
 Looks = Sequence[dict[str, Any]]  # colour and label of each controller, for matplotlib

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cogless.control_library import Status
 from cogless.design.kinds import DESIGNS
 from cogless.design.law_rules import rules_of
 from cogless.design.ripple import HARMFUL_RATIO
@@ -23,12 +24,11 @@ from cogless.report.panels import travelled, varies
 from cogless.report.speed_tracking import STATE_TIME_LEAST, missed, rows_of, span_of, spans
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import result_name
-from cogless.results.status import Status
 from cogless.results.trace import BLOCK_ROWS
 from cogless.study import Study
 from cogless.study.base import StudyBase, spoken_unit
 from cogless.study.metric import Metric
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 from cogless.units import ANGULAR_SPEED, TURN, factor
 
 
@@ -38,12 +38,12 @@ def unlearned(results: Results, run: Run) -> str | None:
     This is judged by the angle turned since the status first showed that learning wasn't frozen.
     """
     stop = BLOCK_ROWS
-    while (why := _within(results, run, slice(0, stop))) and stop < len(run.trace):
+    while (why := _reason_in_rows(results, run, slice(0, stop))) and stop < len(run.trace):
         stop *= 4  # what is enough at the beginning stays enough
     return why
 
 
-def _within(results: Results, run: Run, rows: slice) -> str | None:
+def _reason_in_rows(results: Results, run: Run, rows: slice) -> str | None:
     """The reason by these rows, which begin with the run."""
     study, name, trace = results.study, run.controller, run.trace
     law, revolutions = rules_of(study, name).memory, revolutions_learned(study, name)
@@ -68,7 +68,7 @@ def _within(results: Results, run: Run, rows: slice) -> str | None:
 
 SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
-RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"  # unjudged
+RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"
 TORQUE_NOTE = "an outer loop's current acts there, and no speed is held"
 EVENT_KINDS = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
 COUNT_KINDS = ("trials-to-floor", "trials-at-limit")
@@ -358,13 +358,22 @@ def lines_of(
 ) -> list[Line]:
     """A metric's lines, one for each (name, order) in `named`."""
     unit, scale = shown_in(study, metric)
-    attributes = metric.frame, metric.wanted, unit
     values = {run.controller: run.metrics[result_name(metric)] for run in runs}
     lines = []
     for place, (name, order) in enumerate(named):
         column = {c: v[place] if isinstance(v, list) else v for c, v in values.items()}
         in_unit = {c: v / scale if v is not None and math.isfinite(v) else None for c, v in column.items()}
-        lines.append(Line(name, metric.kind, metric.signal, order, *attributes, in_unit))
+        line = Line(
+            name=name,
+            kind=metric.kind,
+            signal=metric.signal,
+            order=order,
+            frame=metric.frame,
+            better=metric.better_direction,
+            unit=unit,
+            values=in_unit,
+        )
+        lines.append(line)
     return lines
 
 

@@ -11,32 +11,32 @@ from cogless.identify.diagnosis import SHOWN, TURN, Diagnosis, answer, shown, si
 from cogless.report.identified import page_of, sentences
 from cogless.report.markup import note, table
 
-COLOUR_COUNT = 6  # colours of the palette
+DIAGNOSIS_COLOURS = 6  # colours of the palette
 
 
-def write_report(made: Diagnosis, path: Path) -> None:
+def write_report(diagnosis: Diagnosis, path: Path) -> None:
     """Write the report; if this fails, no incomplete file is left."""
     with replacing(path) as temporary:
-        temporary.write_text(render(made), encoding="utf-8")
+        temporary.write_text(render(diagnosis), encoding="utf-8")
 
 
-def render(made: Diagnosis) -> str:
+def render(diagnosis: Diagnosis) -> str:
     """The report as one HTML text that needs nothing else. All of the user's text is escaped."""
     sections = [
-        ("Where the ripple comes from", note(answer(made)) + _bars(made) + _logs(made)),
-        ("Orders", _orders(made)),
-        ("What stays open, and what to record next", sentences(made.said)),
+        ("Where the ripple comes from", note(answer(diagnosis)) + _bars(diagnosis) + _logs(diagnosis)),
+        ("Orders", _orders(diagnosis)),
+        ("What stays open, and what to record next", sentences(diagnosis.said)),
     ]
-    return page_of("diagnose", made.title, sections)
+    return page_of("diagnose", diagnosis.title, sections)
 
 
-def _bars(made: Diagnosis) -> str:
+def _bars(diagnosis: Diagnosis) -> str:
     """A bar for each log, its parts the shares of its causes."""
-    names = list(dict.fromkeys(name for log in made.whole for name in made.causes(log)))
-    colour = {name: f"var(--c{n % COLOUR_COUNT})" for n, name in enumerate(names)}
+    names = list(dict.fromkeys(name for log in diagnosis.whole for name in diagnosis.causes(log)))
+    colour = {name: f"var(--c{n % DIAGNOSIS_COLOURS})" for n, name in enumerate(names)}
     rows, high = "", 34
-    for n, log in enumerate(made.whole):
-        shares = {name: max(0.0, share) for name, share in made.causes(log).items()}
+    for n, log in enumerate(diagnosis.whole):
+        shares = {name: max(0.0, share) for name, share in diagnosis.causes(log).items()}
         whole, x, y = sum(shares.values()) or 1.0, 170.0, high * n
         rows += f'<text x="0" y="{y + 20}">{escape(log[:24])}</text>'
         for name, share in shares.items():
@@ -46,19 +46,19 @@ def _bars(made: Diagnosis) -> str:
     key = " ".join(
         f'<span class="key" style="--colour:{colour[name]}">{escape(name)}</span>' for name in names
     )
-    box = f'viewBox="0 0 720 {high * len(made.whole)}" role="img" aria-label="Shares of the causes"'
+    box = f'viewBox="0 0 720 {high * len(diagnosis.whole)}" role="img" aria-label="Shares of the causes"'
     return f'<p class="note">{key}</p><svg class="picture" {box}>{rows}</svg>'
 
 
-def _logs(made: Diagnosis) -> str:
+def _logs(diagnosis: Diagnosis) -> str:
     """The ripple of each log with the part of it that is measurement, or the log's other use."""
-    ripples = [f"{log}: {sizes(made, log)}" for log in made.whole]
-    return sentences([*ripples, *(f"{log}: {use}" for log, use in made.uses.items())])
+    ripples = [f"{log}: {sizes(diagnosis, log)}" for log in diagnosis.whole]
+    return sentences([*ripples, *(f"{log}: {use}" for log, use in diagnosis.uses.items())])
 
 
-def _orders(made: Diagnosis) -> str:
+def _orders(diagnosis: Diagnosis) -> str:
     body = ""
-    for order in made.found:
+    for order in diagnosis.found:
         if order.share < SHOWN:
             continue
         cells = [

@@ -81,10 +81,12 @@ def _outcome(results: Results, runs: Sequence[Run]) -> tuple[str, str]:
     judged, cases = 0, sum(len(run.faults) for run in runs)
     for run in runs:
         label = results.study.label(run.controller)
-        peak = max(run.faults, key=_over)
-        if _over(peak) > OVERSHOOT_MOST:
+        peak = max(run.faults, key=_limit_ratio)
+        if _limit_ratio(peak) > OVERSHOOT_MOST:
             current = (
-                f"{number(peak.largest_current or 0.0)} A" if math.isfinite(_over(peak)) else "no number"
+                f"{number(peak.largest_current or 0.0)} A"
+                if math.isfinite(_limit_ratio(peak))
+                else "no number"
             )
             over.append(f"{label} {current} of {peak.current_limit:.3g} A")
         how = next((text for response in run.faults if (text := _lost(results, run, response))), None)
@@ -156,7 +158,7 @@ def _speed(value: float, unit: str) -> str:
     return number(value / factor(unit, ANGULAR_SPEED)) if math.isfinite(value) else "not finite"
 
 
-def _over(response: Response) -> float:
+def _limit_ratio(response: Response) -> float:
     """The largest current divided by its limit; infinite if the current isn't finite."""
     current = response.largest_current
     if current is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from functools import partial
@@ -10,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.files import replacing, versions
 from cogless.identify import described
@@ -21,27 +21,26 @@ from cogless.identify.sessions import SESSION_KEYS, sessions
 from cogless.identify.write import shown
 from cogless.report.charts import STYLE, Plot, save
 from cogless.report.markup import asset, note, table
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 
-Array = NDArray[np.float64]
 PICTURE_WIDTH, PICTURE_HEIGHT, PICTURE_EDGE = 720, 200, 46  # px
 PICTURE_POINTS = 700
 
 
-def write_report(found: Identified, path: Path) -> None:
+def write_report(identified: Identified, path: Path) -> None:
     """Write the report; if this fails, no incomplete file is left."""
     with replacing(path) as temporary:
-        temporary.write_text(render(found), encoding="utf-8")
+        temporary.write_text(render(identified), encoding="utf-8")
 
 
-def render(found: Identified) -> str:
+def render(identified: Identified) -> str:
     """The report as one HTML text that needs nothing else. All of the user's text is escaped."""
-    estimate = found.estimate
+    estimate = identified.estimate
     sections = [
         ("Orders", _orders(estimate)),
         ("What was found", _values(estimate)),
         ("What is left out, and what to record next", sentences([*estimate.left_out, *estimate.remarks])),
-        ("Measured over simulated", _replays(found)),
+        ("Measured over simulated", _replays(identified)),
         ("What each log contributed", _logs(estimate)),
         ("Sessions", _sessions(estimate)),
     ]
@@ -63,24 +62,24 @@ def page_of(command: str, title: str, sections: Sequence[tuple[str, str]]) -> st
     )
 
 
-def _values(made: Estimate) -> str:
+def _values(estimate: Estimate) -> str:
     rows = "".join(
         f"<tr><th>{escape(line[:30].strip())}</th><td>{escape(line[30:].strip())}</td></tr>"
-        for line in lines(made)
+        for line in lines(estimate)
     )
     return table("", "Values", "<th>Value</th><th>with its error</th>", rows) or note(
         "Nothing could be told."
     )
 
 
-def sentences(said: Sequence[str]) -> str:
+def sentences(remarks: Sequence[str]) -> str:
     """Sentences as a list."""
-    if not said:
+    if not remarks:
         return note("Nothing is left out.")
-    return '<ul class="verdicts">' + "".join(f"<li>{escape(line)}</li>" for line in said) + "</ul>"
+    return '<ul class="verdicts">' + "".join(f"<li>{escape(line)}</li>" for line in remarks) + "</ul>"
 
 
-def write_plot(made: Estimate, path: Path) -> None:
+def write_plot(estimate: Estimate, path: Path) -> None:
     """Write a picture of the orders, as PNG; none where there are no orders."""
     import matplotlib
 
@@ -97,25 +96,25 @@ def write_plot(made: Estimate, path: Path) -> None:
 
     rows = [
         [Plot(partial(bars, waves, factor), "mechanical order", unit, title)]
-        for title, waves, factor, unit in _kinds(made)
+        for title, waves, factor, unit in _kinds(estimate)
     ]
     if rows:
         with matplotlib.rc_context(STYLE):
-            save(path, f"{made.known.title}: orders, with errors at 95 %", rows, 1.7, "")
+            save(path, f"{estimate.known.title}: orders, with errors at 95 %", rows, 1.7, "")
 
 
-def _kinds(made: Estimate) -> list[tuple[str, tuple[Wave, ...], float, str]]:
+def _kinds(estimate: Estimate) -> list[tuple[str, tuple[Wave, ...], float, str]]:
     """What has orders: its title, waves, and the factor to a unit."""
     kinds = (
-        ("Cogging", made.cogging, 1e3 * made.K_t, "mN m"),
-        ("Ripple of K_t", made.ripple, 100.0, "%"),
-        ("Encoder's error", made.encoder, 180 / np.pi, "deg"),
+        ("Cogging", estimate.cogging, 1e3 * estimate.K_t, "mN m"),
+        ("Ripple of K_t", estimate.ripple, 100.0, "%"),
+        ("Encoder's error", estimate.encoder, math.degrees(1), "deg"),
     )
     return [kind for kind in kinds if kind[1]]
 
 
-def _orders(made: Estimate) -> str:
-    return "".join(_bars(title, waves, factor, unit) for title, waves, factor, unit in _kinds(made))
+def _orders(estimate: Estimate) -> str:
+    return "".join(_bars(title, waves, factor, unit) for title, waves, factor, unit in _kinds(estimate))
 
 
 def _bars(title: str, waves: Sequence[Wave], factor: float, unit: str) -> str:
@@ -139,18 +138,18 @@ def _bars(title: str, waves: Sequence[Wave], factor: float, unit: str) -> str:
     )
 
 
-def _picture(about: str, inner: str) -> str:
+def _picture(title: str, inner: str) -> str:
     box = f'viewBox="0 0 {PICTURE_WIDTH} {PICTURE_HEIGHT}" role="img"'
-    return f'<svg class="picture" {box} aria-label="{escape(about)}">{inner}</svg>'
+    return f'<svg class="picture" {box} aria-label="{escape(title)}">{inner}</svg>'
 
 
-def _replays(found: Identified) -> str:
-    estimate = found.estimate
-    logs = [log for log in described.replayable(estimate) if log.name in found.traces]
+def _replays(identified: Identified) -> str:
+    estimate = identified.estimate
+    logs = [log for log in described.replayable(estimate) if log.name in identified.traces]
     text = "".join(
         _overlay(log, trace, measured, simulated)
         for log in logs
-        for trace in [found.traces[log.name]]
+        for trace in [identified.traces[log.name]]
         for measured, simulated in (("omega", "omega_measured"), ("i_q", "i_q"))
         if measured in log
     )
@@ -190,18 +189,18 @@ def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
     return f"<h3>{escape(title)}</h3>" + _picture(title, line(x, "--c0") + line(y, "--c2") + axis)
 
 
-def _logs(made: Estimate) -> str:
+def _logs(estimate: Estimate) -> str:
     """Rows, kind and residual of each log, and how well the others predict its current."""
-    if made.fit is None:
+    if estimate.fit is None:
         return ""
     body = ""
-    for log in made.logs:
-        rows = [row for row in made.rows if row.log.name == log.name and len(row.y)]
+    for log in estimate.logs:
+        rows = [row for row in estimate.rows if row.log.name == log.name and len(row.y)]
         if not rows:
             continue
         y = np.concatenate([row.y for row in rows])
-        own = np.concatenate([row.y - made.fit.prediction(row) for row in rows])
-        others = np.concatenate([row.y - made.fit.prediction(row, log.name) for row in rows])
+        own = np.concatenate([row.y - estimate.fit.prediction(row) for row in rows])
+        others = np.concatenate([row.y - estimate.fit.prediction(row, log.name) for row in rows])
         spread = float(np.std(y)) or 1.0
         cells = [
             log.kind or "not said",
@@ -215,10 +214,10 @@ def _logs(made: Estimate) -> str:
     return table("numbers", "Logs", head, body)
 
 
-def _sessions(made: Estimate) -> str:
+def _sessions(estimate: Estimate) -> str:
     """Friction and offset of each session that the file of columns names."""
     body = ""
-    for session in sessions(made):
+    for session in sessions(estimate):
         cells = [", ".join(session.logs)]
         values = [session.values.get(key) for key in SESSION_KEYS]
         cells += ["not told" if value is None else shown(value, "A") for value in values]

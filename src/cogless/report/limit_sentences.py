@@ -12,8 +12,7 @@ from cogless.results.limits import CAUSES, NAMED_MOST, Cause, Cure, Limits
 from cogless.results.metrics import result_name
 from cogless.study.base import StudyBase
 from cogless.study.messages import dotted, look_up
-from cogless.study.reading import Changes, split
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark, split
 from cogless.study.toml import toml
 
 
@@ -25,14 +24,15 @@ def remark(study: StudyBase, limits: Limits) -> Remark | None:
     metric = next(m for m in study.metrics_in(limits.scenario) if result_name(m) == limits.metric)
     unit, scale = shown_in(study, metric)
 
-    def shown(value: float) -> str:
+    def with_unit(value: float) -> str:
         return f"{number(value / scale)} {unit}".rstrip()
 
-    parts = [f"{shown(cause.value)} without {_words(cause)}" for cause in named[:NAMED_MOST]]
+    parts = [f"{with_unit(cause.value)} without {_cause_words(cause)}" for cause in named[:NAMED_MOST]]
     text = f"What limits {called(study, limits.controller)}: it would leave {listed(parts)}."
     cures = [cure for cure in (limits.setting, limits.part) if cure is not None]
     tried = [
-        f"with {setting(study, cure.changes)} it leaves {shown(cure.value)}{_costs(cure)}" for cure in cures
+        f"with {setting(study, cure.changes)} it leaves {with_unit(cure.value)}{_costs(cure)}"
+        for cure in cures
     ]
     if tried:
         text += f" Tried: {'; '.join(tried)}."
@@ -50,7 +50,7 @@ def setting(study: StudyBase, changes: Changes) -> str:
     )
 
 
-def _words(cause: Cause) -> str:
+def _cause_words(cause: Cause) -> str:
     """The cause in words; two causes that only have an effect together are named together."""
     words = " and ".join(CAUSES[name] for name in cause.names)
     return words if len(cause.names) == 1 else f"both {words}"

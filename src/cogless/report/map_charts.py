@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cogless.report.markup import Array, place, plain
+from cogless.report.markup import place, plain
 from cogless.report.panels import learned_terms
 from cogless.results import Results, Run
+from cogless.results.trace import Array
 from cogless.units import TURN
 
 MAP_POINTS_MOST = 1440  # points of a map

@@ -18,9 +18,9 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cogless.results import AnyResults, Run
+from cogless.results.trace import Array
 
 COLOUR_COUNT = 8  # --c0 (the baseline's) to --c7 of report.css
 
@@ -74,26 +74,23 @@ def headings(results: AnyResults, controllers: Iterable[str]) -> str:
     return "".join(f"<th>{escape(results.study.label(c))}{marks.get(c, '')}</th>" for c in controllers)
 
 
-def rows(lines: Iterable[tuple[str, str]]) -> str:
+def table_rows(lines: Iterable[tuple[str, str]]) -> str:
     """HTML rows of a table from pairs: a heading as text, and the row's cells as HTML."""
     return "".join(f"<tr><th>{escape(heading)}</th>{cells}</tr>" for heading, cells in lines)
 
 
-def table(kind: str, about: str, head: str, *bodies: str, attributes: str = "") -> str:
+def table(kind: str, caption: str, head: str, *bodies: str, attributes: str = "") -> str:
     """A table that scrolls sideways, by keyboard too, if it is wider than the page; "" without rows.
 
-    `kind`: its CSS class; `about`: its name for screen readers; `bodies`: groups of rows.
+    `kind`: its CSS class; `caption`: its name for screen readers; `bodies`: groups of rows.
     """
     if not any(bodies):
         return ""
     groups = "".join(f"<tbody>{body}</tbody>" for body in bodies)
     return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(about)}">'
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">'
         f'<table class="{kind}"{attributes}><thead><tr>{head}</tr></thead>{groups}</table></div>'
     )
-
-
-Array = NDArray[np.float64]
 
 
 def thin(x: Array, points: int) -> tuple[Array, float]:

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cogless.report.comparison import pretty, speed_unit
-from cogless.report.markup import Array, number, pack, place, plain
+from cogless.report.markup import number, pack, place, plain
 from cogless.report.panels import learned_terms, varies_in
-from cogless.report.speed_tracking import BLOCK_ROWS, late
+from cogless.report.speed_tracking import TRACKING_ROWS, late
 from cogless.results import Results, Run
 from cogless.results.metrics import onward
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 from cogless.study.metric import turns_held
 from cogless.units import ANGULAR_SPEED, TURN, factor
 
@@ -226,7 +226,7 @@ class Tracked:
 
     times: Array  # s, at the end of each piece
     speeds: Array  # rad/s, mean magnitude
-    amplitudes: dict[int, Array]  # by place of the controller
+    amplitudes: dict[int, Array]  # the key is the controller's index
 
     @property
     def sweeps(self) -> bool:
@@ -252,7 +252,7 @@ def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
     if whole // piece_turns < PIECES_LEAST:
         return None
     ends = [int(np.searchsorted(turned, k * piece_turns)) for k in range(whole // piece_turns + 1)]
-    del turned  # as long as the run
+    del turned  # it is as long as the run
     pieces = [slice(a, b) for a, b in pairwise(ends)]
     scale = factor(speed_unit(results), ANGULAR_SPEED)
     by_place = {}
@@ -268,10 +268,10 @@ def tracked(results: Results, runs: Sequence[Run]) -> Tracked | None:
 def _revolutions(trace: Trace) -> Array:
     """Revolutions of the reference until each row. Of a long trace this is the only array of its length."""
     turned, before = np.empty(len(trace)), 0.0
-    for at in range(0, len(trace), BLOCK_ROWS):
-        speed = _speed(trace, slice(at, at + BLOCK_ROWS))
+    for at in range(0, len(trace), TRACKING_ROWS):
+        speed = _speed(trace, slice(at, at + TRACKING_ROWS))
         speed[0] += before
-        before = np.cumsum(speed, out=turned[at : at + BLOCK_ROWS])[-1]
+        before = np.cumsum(speed, out=turned[at : at + TRACKING_ROWS])[-1]
     turned *= trace.period
     turned /= TURN
     return turned

@@ -17,7 +17,7 @@ from typing import Any
 from cogless.files import versions
 from cogless.report.charts import Picture
 from cogless.report.comparison import Line, runs_in
-from cogless.report.markup import asset, colours, key, note, place, rows, tint
+from cogless.report.markup import asset, colours, key, note, place, table_rows, tint
 from cogless.report.verdicts import Answer, ScenarioVerdict, Told
 from cogless.results import AnyResults, Run
 from cogless.results.results_json import run_id
@@ -30,7 +30,7 @@ def settings(study: StudyBase) -> str:
     """One small HTML table for each table of the study, with values as in its file and datasheet."""
     groups = []
     for name, table in _groups(study.source.tables):
-        body = rows((key, f"<td>{escape(text)}</td>") for key, text in _texts(table))
+        body = table_rows((key, f"<td>{escape(text)}</td>") for key, text in _texts(table))
         if body:
             groups.append(
                 f'<div class="group"><h3><code>[{escape(name)}]</code></h3>'
@@ -65,7 +65,7 @@ def _groups(tables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _summary(row: dict[str, Any]) -> str:
-    return "; ".join(f"{key} {_text(value)}" for key, value in row.items() if key != "name")
+    return "; ".join(f"{key} {_value_text(value)}" for key, value in row.items() if key != "name")
 
 
 def _texts(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
@@ -73,21 +73,21 @@ def _texts(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]
         if isinstance(value, dict) and value:
             yield from _texts(value, f"{prefix}{name}.")
         else:
-            yield f"{prefix}{name}", _text(value)
+            yield f"{prefix}{name}", _value_text(value)
 
 
-def _text(value: Any) -> str:
+def _value_text(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, dict):
-        return ", ".join(f"{key} {_text(inner)}" for key, inner in value.items())
+        return ", ".join(f"{key} {_value_text(inner)}" for key, inner in value.items())
     if isinstance(value, list):
         tables = any(isinstance(item, dict) for item in value)
-        return ("; " if tables else ", ").join(_text(item) for item in value)
+        return ("; " if tables else ", ").join(_value_text(item) for item in value)
     return str(value)
 
 
-Runs = Sequence[Run]  # of one scenario
+Runs = Sequence[Run]  # all are of one scenario
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Outcome:
     `rows`: a controller and its cells, one for each of `columns`.
     """
 
-    note: str  # what the columns mean
+    note: str  # explains the columns
     columns: Sequence[str]
     rows: Sequence[tuple[str, Sequence[str]]]
 

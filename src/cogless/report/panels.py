@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cogless.control_library import C_LAWS
-from cogless.report.markup import Array
 from cogless.results import Results, Run
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 from cogless.study.base import spoken_unit
 from cogless.study.laws.law import Base
 from cogless.study.metric import SIGNAL_DIMENSIONS

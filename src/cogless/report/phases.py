@@ -14,10 +14,11 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from cogless.report.comparison import pretty
-from cogless.report.markup import Array, number, rms
+from cogless.report.markup import number, rms
 from cogless.report.verdicts import listed
 from cogless.results import Run
 from cogless.results.metrics import SETTLED_SHARE, result_name
+from cogless.results.trace import Array
 from cogless.study import TrialStudy
 from cogless.study.metric import SIGNAL_DIMENSIONS, Metric
 from cogless.study.trial_study import Change, TrialScenario
@@ -208,14 +209,14 @@ def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
     return pretty(unit), factor(unit, dimension)
 
 
-def rms_of_trials(about: Judged, run: Run, trials: int) -> Array | None:
+def rms_of_trials(judged: Judged, run: Run, trials: int) -> Array | None:
     """RMS over each trial, in the signal's display unit; None if neither a metric nor the trace has it."""
-    for metric in about.metrics:
+    for metric in judged.metrics:
         if metric.kind == "rms" and result_name(metric) in run.metrics:
-            return np.asarray(run.metrics[result_name(metric)], dtype=float) / about.scale
-    if not len(run.trace) or len(run.trace) % trials or about.signal not in run.trace:
+            return np.asarray(run.metrics[result_name(metric)], dtype=float) / judged.scale
+    if not len(run.trace) or len(run.trace) % trials or judged.signal not in run.trace:
         return None
-    return rms(run.trace[about.signal].reshape(trials, -1)) / about.scale
+    return rms(run.trace[judged.signal].reshape(trials, -1)) / judged.scale
 
 
 def settled(of_trials: Array) -> float:

@@ -11,19 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cogless.report.markup import Array, number, place, rms
+from cogless.control_library import NOTICED, SAFE_OUTPUT, Status
+from cogless.report.markup import number, place, rms
 from cogless.report.verdicts import listed
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
 from cogless.results.metrics import window_of
-from cogless.results.status import NOTICED, SAFE_OUTPUT, Status
+from cogless.results.trace import Array
 from cogless.study.metric import Metric
 from cogless.units import ANGULAR_SPEED, factor
 
 SPANS_MOST = 300  # largest number of time spans of a state in a run; beyond it, short gaps are closed
 STATE_TIME_LEAST = 0.1  # s; without faults shorter states are not worth a lane
 ALL_ROWS = slice(None)
-BLOCK_ROWS = 1 << 18  # rows that are looked at together: those of an hour would take gigabytes
+TRACKING_ROWS = 1 << 18  # rows that are looked at together: those of an hour would take gigabytes
 STATE_LANES: dict[int, str] = {
     SAFE_OUTPUT: "safe output",
     **{int(bit): name for bit, name in NOTICED.items()},
@@ -59,8 +60,8 @@ def active(run: Run, bits: int, rows: slice = ALL_ROWS) -> NDArray[np.bool_]:
     """The rows in which a state was active; none where the status isn't recorded."""
     first, last, _ = rows.indices(len(run.trace))
     is_active = np.zeros(max(last - first, 0), dtype=bool)
-    for at in range(first, last, BLOCK_ROWS) if "status" in run.trace else ():
-        status = run.trace.part("status", slice(at, min(at + BLOCK_ROWS, last)))
+    for at in range(first, last, TRACKING_ROWS) if "status" in run.trace else ():
+        status = run.trace.part("status", slice(at, min(at + TRACKING_ROWS, last)))
         is_active[at - first :][: len(status)] = (
             np.where(np.isfinite(status), status, 0).astype(int) & bits
         ) > 0

@@ -40,7 +40,7 @@ from cogless.report.verdicts import (
     ScenarioVerdict,
     change_words,
     listed,
-    over,
+    ratio,
     times,
     worst,
 )
@@ -48,7 +48,7 @@ from cogless.results import Results, Run
 from cogless.results.metrics import evaluate
 from cogless.study import Study
 from cogless.study.metric import Conditions, Metric
-from cogless.study.remark import Remark
+from cogless.study.reading import Remark
 from cogless.units import ANGULAR_SPEED, convert, factor
 
 MEASURED = " as measured"  # the end of a line's name
@@ -141,15 +141,15 @@ class _Case(Contest):
     @property
     def unlearned(self) -> list[str]:
         """Controllers that held the speed and whose law learned nothing, without the baseline."""
-        return [c for c in self.held if c in self.line.unlearned and c != self.baseline]
+        return [c for c in self.holding if c in self.line.unlearned and c != self.baseline]
 
     @cached_property
     def ranked(self) -> list[str]:
         """Controllers that held the speed, learned if they should, and didn't end worse than the baseline."""
-        return [c for c in self.held if c not in self.worsened and c not in self.unlearned]
+        return [c for c in self.holding if c not in self.worsened and c not in self.unlearned]
 
     @cached_property
-    def held(self) -> list[str]:
+    def holding(self) -> list[str]:
         """Controllers that held the speed and have a value, the best first."""
         numbers = {c: v for c, v in self.line.values.items() if v is not None and c not in self.line.missed}
         return sorted(numbers, key=lambda c: (numbers[c], c))
@@ -161,12 +161,12 @@ class _Case(Contest):
 
     def against(self, controller: str, other: str) -> float:
         """A controller's value divided by another's; infinite if only the other's is zero."""
-        return over(self.line.values[controller] or 0.0, self.line.values[other] or 0.0)
+        return ratio(self.line.values[controller] or 0.0, self.line.values[other] or 0.0)
 
     def learns(self, controller: str) -> bool:
         return super().learns(controller) and controller not in self.line.unlearned
 
-    def shown(self, controllers: Sequence[str], line: Line | None = None) -> str:
+    def values_in_words(self, controllers: Sequence[str], line: Line | None = None) -> str:
         """Controllers with their values, listed in words; `line`: another line than the one judged by."""
         return listed([f"{self.label(c)} {(line or self.line).text(c)}" for c in controllers])
 
@@ -187,7 +187,7 @@ def judged(results: Results, scenario: str) -> tuple[Run, Metric, float | None] 
     """The best run of a scenario, and the metric and order by which it is best; None if no run is."""
     runs = runs_in(results, scenario)
     case = _seen_case(results, runs)
-    best = next(iter(case.ranked or case.held), None) if case is not None else None
+    best = next(iter(case.ranked or case.holding), None) if case is not None else None
     if case is None or best is None:
         return None
     metric = _metric_of(results, scenario, case.line)
@@ -212,7 +212,7 @@ def contrast(results: Results, runs: Sequence[Run]) -> Contrast | None:
     if case is None:
         return None
     line, base = case.line, case.baseline
-    others = [c for c in (*case.ranked, *case.held) if c != base]
+    others = [c for c in (*case.ranked, *case.holding) if c != base]
     names = [name for name in (base, *others[:1]) if name in line.values] or list(line.values)[:1]
     pair = [next(run for run in runs if run.controller == name) for name in names]
     return Contrast(pair, _metric_of(results, runs[0].scenario, line), line)
@@ -226,7 +226,7 @@ def changed_by(pair: Contrast) -> str:
     values = [pair.line.values[name] for name in (before, after)]
     if before in pair.line.missed or any(value is None for value in values):
         return ""
-    return change_words(over(abs(values[1] or 0.0), abs(values[0] or 0.0)))
+    return change_words(ratio(abs(values[1] or 0.0), abs(values[0] or 0.0)))
 
 
 def _seen_case(results: Results, runs: Sequence[Run]) -> _Case | None:
@@ -328,16 +328,17 @@ def _nothing_judged(results: Results, scenario: str, at: str, lines: Sequence[Li
 def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = None) -> tuple[_Case, str]:
     """The case, judged by measured values if the sensor's own error dominates, and a sentence about this.
 
-    `limited`: the remark on what limits the best run. It has the sensor's share already, by a further run.
+    `limited`: the remark on what limits the best run. A further run measured the sensor's share for it, so
+    the sentence doesn't repeat that share.
     """
-    blurred = [c for c in case.held if part is not None and part.dominates(c)]
+    blurred = [c for c in case.holding if part is not None and part.dominates(c)]
     if part is None or not blurred:
         return case, ""
     values = listed([f"{case.label(c)} {case.line.text(c)} ({part.percent(c)})" for c in blurred])
     whose = "the sensor's own error, which no law can see (its share of the square)"
     own = f"Most of the true {case.line.quantity} is {whose}: {values}."
     if len(case.ranked) < 2 or not set(case.ranked) <= set(blurred):
-        remainder = f"As measured there is left: {case.shown(blurred, part.seen)}."
+        remainder = f"As measured there is left: {case.values_in_words(blurred, part.seen)}."
         return case, remainder if limited else f"{own} {remainder}"
     lines = [part.seen if line is case.line else line for line in case.lines]
     return replace(case, line=part.seen, lines=lines), own
@@ -346,15 +347,18 @@ def _by_what_is_seen(case: _Case, part: Sensor | None, limited: Remark | None = 
 def _headline(case: _Case) -> tuple[str, str]:
     """The tone and the first sentence of the verdict."""
     line, base, ranked, label = case.line, case.baseline, case.ranked, case.label
-    if line.missed and not case.held:
+    if line.missed and not case.holding:
         speeds = ", ".join(f"{label(c)} {speed}" for c, speed in line.missed.items())
         return "worse", f"{case.where}, no controller holds the speed from {line.window}: {speeds}."
     if not ranked or len(line.values) < 2 or (base not in ranked and base not in line.missed):
-        return "even", f"{case.where}, {line.quantity}: {case.shown([*line.values])}."
-    if ranked == [base] and case.held == [base]:
+        return "even", f"{case.where}, {line.quantity}: {case.values_in_words([*line.values])}."
+    if ranked == [base] and case.holding == [base]:
         return "worse", f"{case.where}, only {label(base)} holds the speed: it {_has(line, line.text(base))}."
-    if ranked == [base] and {base, *case.unlearned} == set(case.held):
-        return "even", f"{case.where}, nothing was learned: {case.shown(case.held)} of {line.quantity}."
+    if ranked == [base] and {base, *case.unlearned} == set(case.holding):
+        return (
+            "even",
+            f"{case.where}, nothing was learned: {case.values_in_words(case.holding)} of {line.quantity}.",
+        )
     if ranked == [base]:
         return (
             "worse",
@@ -370,8 +374,8 @@ def _comparison(case: _Case) -> tuple[str, str]:
     if base not in ranked:
         end = f"; {case.label(base)} did not hold the speed ({line.missed[base]}, {line.window})."
         return tone, f"{case.where}, {_have(case)}{end}"
-    if winners == ranked == case.held and not line.missed:
-        return tone, f"{case.where}, all are alike: {case.shown(winners)} of {line.quantity}."
+    if winners == ranked == case.holding and not line.missed:
+        return tone, f"{case.where}, all are alike: {case.values_in_words(winners)} of {line.quantity}."
     if winners == [base]:
         best = ranked[1]
         return tone, (
@@ -470,7 +474,7 @@ def _strongest_order(case: _Case) -> str:
     if not orders:
         return ""
     names = dict.fromkeys([*case.winners, *case.ranked[:2], compared])
-    values = case.shown([c for c in names if c in orders[0].values], orders[0])
+    values = case.values_in_words([c for c in names if c in orders[0].values], orders[0])
     return f"Of the strongest order, {orders[0].order:g} ({orders[0].frame}): {values}."
 
 
@@ -545,7 +549,7 @@ def _rest(case: _Case) -> str:
     if not others:
         return ""
     if base not in case.ranked:
-        return f"The others: {case.shown(others)}."
+        return f"The others: {case.values_in_words(others)}."
     parts = [f"{case.label(c)} {case.line.text(c)} ({change_words(case.against(c, base))})" for c in others]
     return f"The others against {case.label(base)}: {listed(parts)}."
 

@@ -18,11 +18,11 @@ from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
 from cogless.report.comparison import pretty
-from cogless.report.markup import DASH, Array, key, note, number, place, plain, reservations, rows, table
+from cogless.report.markup import DASH, key, note, number, place, plain, reservations, table, table_rows
 from cogless.report.page import Runs, Sections
 from cogless.report.verdicts import Answer, ScenarioVerdict, Told, listed
 from cogless.results import AnyResults, Run
-from cogless.results.trace import Trace
+from cogless.results.trace import Array, Trace
 from cogless.study.metric import LAST_TRIAL
 
 Repeat = Callable[[list[str], tuple[str, str]], str]  # settings and run to the command that repeats it
@@ -39,7 +39,7 @@ class SweepResults(AnyResults):
     repeat: Repeat = lambda settings, pair: ""
 
     @property
-    def of(self) -> Sweep:
+    def finished_sweep(self) -> Sweep:
         assert self.sweep is not None
         return self.sweep
 
@@ -51,10 +51,10 @@ def write(sweep: Sweep, path: Path, repeat: Repeat) -> list[str]:
     results = SweepResults(sweep.study, runs, sweep=sweep, repeat=repeat)
     with replacing(path) as temporary:
         temporary.write_text(page.render(results, SWEEP), encoding="utf-8")
-    return _lines(results)
+    return _verdict_lines(results)
 
 
-def _lines(results: SweepResults) -> list[str]:
+def _verdict_lines(results: SweepResults) -> list[str]:
     texts: list[str] = []
     for verdict in page.verdicts(results, SWEEP):
         texts.append(f"{verdict.scenario}: {verdict.headline}")
@@ -69,8 +69,10 @@ def _lines(results: SweepResults) -> list[str]:
 
 
 def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
-    sweep, scenario = results.of, runs[0].scenario
-    groups = [group for group in judge.spreads(sweep, scenario) if group[0].column.metric.wanted != "none"]
+    sweep, scenario = results.finished_sweep, runs[0].scenario
+    groups = [
+        group for group in judge.spreads(sweep, scenario) if group[0].column.metric.better_direction != "none"
+    ]
     limited = [group for group in groups if group[0].within is not None]
     parts = [
         Told(_heading(group[0].column), [(s.pair[1], _sentence(s)) for s in group])
@@ -90,7 +92,7 @@ def _verdict(results: SweepResults, runs: Runs) -> ScenarioVerdict | None:
 
 
 def _headline(results: SweepResults, runs: Runs, limited: Sequence[Sequence[Spread]]) -> str:
-    sweep = results.of
+    sweep = results.finished_sweep
     count = sweep.ensemble.count
     if not limited:
         return f"How {count} variants spread, by controller."
@@ -106,7 +108,7 @@ def _headline(results: SweepResults, runs: Runs, limited: Sequence[Sequence[Spre
 
 def _shares(results: SweepResults, limited: Sequence[Sequence[Spread]]) -> dict[str, float]:
     """The share of variants that keep all limits of a scenario, the best controller first."""
-    sweep = results.of
+    sweep = results.finished_sweep
     shares = {}
     for one in limited[0]:
         at = list(sweep.pairs).index(one.pair)
@@ -129,12 +131,10 @@ def _tone(results: SweepResults, limited: Sequence[Sequence[Spread]]) -> str:
 
 
 def _heading(column: Column) -> str:
-    limit = column.metric.limit
-    bound = (
-        ""
-        if limit is None
-        else f", {'at least' if column.metric.wanted == 'higher' else 'at most'} {_text(column, limit)}"
-    )
+    limit, bound = column.metric.limit, ""
+    if limit is not None:
+        side = "at least" if column.metric.better_direction == "higher" else "at most"
+        bound = f", {side} {_value_text(column, limit)}"
     return f"{_name(column)}{bound}"
 
 
@@ -144,16 +144,20 @@ def _sentence(spread: Spread) -> str:
         low, high = spread.interval
         parts.append(f"{_percent(spread.within)} keep it (95 % sure: {_percent(low)} to {_percent(high)})")
     column = spread.column
-    parts.append(f"half at {_text(column, spread.median)} or better, 95 % at {_text(column, spread.edge)}")
-    parts.append(f"worst {_text(column, spread.worst_value)} (variant {spread.worst})")
+    parts.append(
+        f"half at {_value_text(column, spread.median)} or better, 95 % at {_value_text(column, spread.edge)}"
+    )
+    parts.append(f"worst {_value_text(column, spread.worst_value)} (variant {spread.worst})")
     return "; ".join(parts)
 
 
 def _answer(results: SweepResults, runs: Runs) -> Answer | None:
     """The share of variants that keep all limits, or else half of the variants' values: baseline, best."""
-    sweep, base = results.of, results.study.baseline
+    sweep, base = results.finished_sweep, results.study.baseline
     groups = [
-        group for group in judge.spreads(sweep, runs[0].scenario) if group[0].column.metric.wanted != "none"
+        group
+        for group in judge.spreads(sweep, runs[0].scenario)
+        if group[0].column.metric.better_direction != "none"
     ]
     limited = [group for group in groups if group[0].within is not None]
     if limited:
@@ -166,11 +170,11 @@ def _answer(results: SweepResults, runs: Runs) -> Answer | None:
         return Answer([(name, "", _percent(values[name])) for name in dict.fromkeys(names)], "", quantity)
     if not groups:
         return None
-    column, higher = groups[0][0].column, groups[0][0].column.metric.wanted == "higher"
+    column, higher = groups[0][0].column, groups[0][0].column.metric.better_direction == "higher"
     ranked = sorted(groups[0], key=lambda s: -s.median if higher else s.median)
     best_other = [s for s in ranked if s.pair[1] != base][:1]
     pair = [*(s for s in ranked if s.pair[1] == base), *best_other]
-    figures = [(s.pair[1], "", _text(column, s.median)) for s in pair]
+    figures = [(s.pair[1], "", _value_text(column, s.median)) for s in pair]
     return Answer(
         figures, "", f"{_name(column)}: half of {sweep.ensemble.count} variants are at this or better"
     )
@@ -181,12 +185,12 @@ def _answer(results: SweepResults, runs: Runs) -> Answer | None:
 
 def _parts(results: SweepResults, runs: Runs) -> dict[str, str]:
     scenario = runs[0].scenario
-    groups = judge.spreads(results.of, scenario)
+    groups = judge.spreads(results.finished_sweep, scenario)
     return {
         "tables": _spread_table(results, runs, groups),
         "worst": _worst_table(results, groups),
         "influence": "".join(_influence_table(results, runs, group[0].column) for group in _plotted(groups)),
-        "influence_note": _influence_note(results.of),
+        "influence_note": _influence_note(results.finished_sweep),
     }
 
 
@@ -195,9 +199,9 @@ def _spread_table(results: SweepResults, runs: Runs, groups: Sequence[Sequence[S
     for group in groups:
         column = group[0].column
         lines = [
-            ("median", [_text(column, s.median) for s in group]),
-            ("95 % of variants", [_text(column, s.edge) for s in group]),
-            ("worst", [_text(column, s.worst_value) for s in group]),
+            ("median", [_value_text(column, s.median) for s in group]),
+            ("95 % of variants", [_value_text(column, s.edge) for s in group]),
+            ("worst", [_value_text(column, s.worst_value) for s in group]),
         ]
         if column.metric.limit is not None:
             lines.insert(0, ("share that keeps the limit", [_percent(s.within or 0.0) for s in group]))
@@ -206,7 +210,8 @@ def _spread_table(results: SweepResults, runs: Runs, groups: Sequence[Sequence[S
         cells = "".join("<td></td>" for _ in group)
         heading = f"<tr><th><strong>{escape(_heading(column))}</strong></th>{cells}</tr>"
         bodies.append(
-            heading + rows((name, "".join(f"<td>{escape(v)}</td>" for v in values)) for name, values in lines)
+            heading
+            + table_rows((name, "".join(f"<td>{escape(v)}</td>" for v in values)) for name, values in lines)
         )
     head = "<th></th>" + "".join(f"<th>{key(results, run.controller)}</th>" for run in runs)
     return table("numbers", f"Spread in {runs[0].scenario}", head, *bodies)
@@ -216,10 +221,10 @@ def _worst_table(results: SweepResults, groups: Sequence[Sequence[Spread]]) -> s
     body = ""
     for group in _plotted(groups):
         for s in group:
-            command = results.repeat(judge.settings(results.of, s.worst, s.pair[0]), s.pair)
+            command = results.repeat(judge.settings(results.finished_sweep, s.worst, s.pair[0]), s.pair)
             body += (
                 f"<tr><th>{escape(_name(s.column))}</th><td>{key(results, s.pair[1])}</td>"
-                f"<td>{escape(_text(s.column, s.worst_value))}</td>"
+                f"<td>{escape(_value_text(s.column, s.worst_value))}</td>"
                 f"<td><code>{escape(command)}</code></td></tr>"
             )
     head = "<th>Metric</th><th>Controller</th><th>Worst</th><th>Command that repeats it</th>"
@@ -227,10 +232,10 @@ def _worst_table(results: SweepResults, groups: Sequence[Sequence[Spread]]) -> s
 
 
 def _influence_table(results: SweepResults, runs: Runs, column: Column) -> str:
-    columns = _influences(results.of, runs, column)
+    columns = _influences(results.finished_sweep, runs, column)
     if not columns or not columns[0]:
         return ""
-    body = rows(
+    body = table_rows(
         (one[0].key, "".join(f"<td>{_figure(i.rank)}</td><td>{_figure(i.first)}</td>" for i in one))
         for one in zip(*columns, strict=True)
     )
@@ -264,13 +269,13 @@ def _influence_note(sweep: Sweep) -> str:
 
 def _plotted(groups: Sequence[Sequence[Spread]]) -> list[Sequence[Spread]]:
     """The metrics that have plots: those with a limit, or else the first."""
-    judged = [group for group in groups if group[0].column.metric.wanted != "none"]
+    judged = [group for group in groups if group[0].column.metric.better_direction != "none"]
     limited = [group for group in judged if group[0].within is not None]
     return (limited or judged)[:METRICS_PLOTTED]
 
 
 def _charts(results: SweepResults, runs: Runs) -> dict[str, Any]:
-    sweep = results.of
+    sweep = results.finished_sweep
     columns = [group[0].column for group in _plotted(judge.spreads(sweep, runs[0].scenario))]
     return {
         "spreads": [_spread_chart(results, runs, c) for c in columns],
@@ -278,25 +283,25 @@ def _charts(results: SweepResults, runs: Runs) -> dict[str, Any]:
     }
 
 
-def _shown(sweep: Sweep, run: Run, column: Column) -> Array:
+def _values_in_unit(sweep: Sweep, run: Run, column: Column) -> Array:
     """A metric of each variant, in the unit that the study shows it in."""
     index, at = list(sweep.columns).index(column), list(sweep.pairs).index((run.scenario, run.controller))
     return np.asarray(sweep.values[:, at, index] / _factor(column))
 
 
 def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str, Any]:
-    shares = np.linspace(0, 100, min(PLOT_POINTS, results.of.ensemble.count))
+    shares = np.linspace(0, 100, min(PLOT_POINTS, results.finished_sweep.ensemble.count))
     series = []
     for run in runs:
-        values = _shown(results.of, run, column)
+        values = _values_in_unit(results.finished_sweep, run, column)
         values = np.sort(values)[
-            :: -1 if column.metric.wanted == "higher" else 1
+            :: -1 if column.metric.better_direction == "higher" else 1
         ]  # NaN is sorted last, or first
         values = np.concatenate((values[~np.isnan(values)], values[np.isnan(values)]))
         at = np.rint(shares / 100 * (len(values) - 1)).astype(int)
         series.append({"controller": place(results, run), "values": plain(values[at])})
     return {
-        **_about(column),
+        **_column_data(column),
         "title": f"{_name(column)}: share of variants",
         "x": "share of variants that are no worse (%)",
         "xs": plain(shares),
@@ -305,7 +310,7 @@ def _spread_chart(results: SweepResults, runs: Runs, column: Column) -> dict[str
 
 
 def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str, Any]]:
-    sweep = results.of
+    sweep = results.finished_sweep
     strength: dict[str, float] = {}
     for of_run in _influences(sweep, runs, column):
         for one in of_run:
@@ -318,14 +323,14 @@ def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str
         series = [
             {
                 "controller": place(results, run),
-                "values": plain(_shown(sweep, run, column)[:PLOT_POINTS][order]),
+                "values": plain(_values_in_unit(sweep, run, column)[:PLOT_POINTS][order]),
             }
             for run in runs
         ]
         unit = f" ({pretty(axis.unit)})" if axis.unit else ""
         charts.append(
             {
-                **_about(column),
+                **_column_data(column),
                 "title": f"{_name(column)} over {name}",
                 "x": f"{name}{unit}",
                 "xs": plain(x[order]),
@@ -335,7 +340,7 @@ def _scatter(results: SweepResults, runs: Runs, column: Column) -> list[dict[str
     return charts
 
 
-def _about(column: Column) -> dict[str, Any]:
+def _column_data(column: Column) -> dict[str, Any]:
     limit = column.metric.limit
     return {
         "quantity": _name(column),
@@ -365,7 +370,7 @@ def _factor(column: Column) -> float:
     return units.factor(_unit(column), column.metric.dimension) if _unit(column) else 1.0
 
 
-def _text(column: Column, value: float) -> str:
+def _value_text(column: Column, value: float) -> str:
     if not math.isfinite(value):
         return "never"
     return f"{number(value / _factor(column))} {pretty(_unit(column))}".rstrip()

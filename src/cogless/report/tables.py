@@ -23,7 +23,7 @@ from cogless.report.comparison import (
     speed_unit,
     unjudged,
 )
-from cogless.report.markup import headings, key, note, number, reservations, rms, rows, table, tint
+from cogless.report.markup import headings, key, note, number, reservations, rms, table, table_rows, tint
 from cogless.report.panels import LEARNED_SIGNALS
 from cogless.report.speed_tracking import late
 from cogless.results import AnyResults, Results, Run
@@ -37,7 +37,7 @@ def line_table(results: AnyResults, runs: Sequence[Run], lines: Sequence[Line]) 
     """HTML table with a row per line and a column per controller; best marked, ratio to the baseline."""
     scenario, controllers = runs[0].scenario, [run.controller for run in runs]
     head = f"<th>{escape(scenario)}</th>{headings(results, controllers)}"
-    body = rows((line.title, _cells(line, controllers, results.study.baseline)) for line in lines)
+    body = table_rows((line.title, _cells(line, controllers, results.study.baseline)) for line in lines)
     html = table("numbers", f"Numbers of {scenario}", head, body)
     html = html or note(f"No metric is taken in {scenario}.")
     return html + reservations(remarks(results.study, lines))
@@ -73,7 +73,7 @@ def _terms(results: Results, run: Run) -> str:
         return ""
     totals = [float(rms(x)) for x in terms]
     varying = [float(np.std(x)) for x in terms]
-    body = rows(
+    body = table_rows(
         (name.removeprefix("term_").replace("_", " "), total + changes)
         for name, total, changes in zip(names, _meters(totals), _meters(varying), strict=True)
     )
@@ -105,21 +105,21 @@ DELAY_NOTE = (
 def late_table(results: Results, runs: Sequence[Run]) -> str:
     """The table as HTML; "" if no run has rows."""
     drawn = [run for run in runs if len(run.trace) > 1 and late(results, run).stop > late(results, run).start]
-    lines = list(_lines(results, drawn)) if drawn else []
+    lines = list(_compared_lines(results, drawn)) if drawn else []
     if not lines:
         return ""
     span = drawn[0].trace.time[late(results, drawn[0])][[0, -1]]
     return note(DELAY_NOTE.format(*span)) + line_table(results, drawn, lines)
 
 
-def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
+def _compared_lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
     study, scenario = results.study, runs[0].scenario
     # who did not hold the speed, or learned nothing, isn't the best here either
     compared = compare(results, scenario)
     missed = {c: how for line in compared for c, how in line.missed.items()}
     idle = {c: why for line in compared for c, why in line.unlearned.items()}
     conditions = study.conditions(scenario)
-    for name, signal, kind, unit in _rows(results, runs):
+    for name, signal, kind, unit in _signal_rows(results, runs):
         scale = factor(unit, SIGNAL_DIMENSIONS[signal]) if unit else 1.0
         values: dict[str, float | None] = {}
         for run in runs:
@@ -143,7 +143,7 @@ def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
         yield replace(line, unjudged=unjudged(metric, run, rows, in_torque_mode(study, run, rows)))
 
 
-def _rows(results: Results, runs: Sequence[Run]) -> Iterator[tuple[str, str, str, str]]:
+def _signal_rows(results: Results, runs: Sequence[Run]) -> Iterator[tuple[str, str, str, str]]:
     """Name, signal, kind and unit of each row; a signal that some run lacks has no row."""
     trace, part = runs[0].trace, late(results, runs[0])
     still = not np.any(np.abs(trace.part("omega_ref", part)) > REST_SPEED_MOST)

@@ -14,17 +14,18 @@ from functools import cached_property
 
 import numpy as np
 
+from cogless.control_library import Status
 from cogless.design.trials.certificate import ModelCertificate
 from cogless.design.trials.gains import TrialDesign
 from cogless.report.comparison import Line
-from cogless.report.markup import DASH, Array, number, rms
+from cogless.report.markup import DASH, number, rms
 from cogless.report.page import Outcome
 from cogless.report.phases import Judged, Phase, judged, phases, rms_of_trials, settled
 from cogless.report.trial_certificate import Model, models
-from cogless.report.verdicts import EQUAL_DIFFERENCE, Contest, over, times
+from cogless.report.verdicts import EQUAL_DIFFERENCE, Contest, ratio, times
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
-from cogless.results.status import Status
+from cogless.results.trace import Array
 from cogless.study import TrialStudy
 
 ERROR_GROWTH_RATIO = 1.5  # RMS / smallest RMS earlier in the phase; above this learning diverges
@@ -76,7 +77,7 @@ class Case(Contest):
     def above_feedback(self, controller: str) -> tuple[Phase, float, float] | None:
         """The phase that ends furthest above the controller's own feedback, and both values; None if none
         does."""
-        return max(self.all_above_feedback(controller), key=lambda end: over(*end[1:]), default=None)
+        return max(self.all_above_feedback(controller), key=lambda end: ratio(*end[1:]), default=None)
 
     def all_above_feedback(self, controller: str) -> list[tuple[Phase, float, float]]:
         """The phases that end above the controller's own feedback, and both values.
@@ -105,7 +106,7 @@ class Case(Contest):
                 within = error <= max(floor, (1 + EQUAL_DIFFERENCE) * base)
                 row = [] if within else [*row, (trial, float(error), base)]
                 if len(row) > longest:
-                    longest, peak = len(row), max(row, key=lambda each: each[1])
+                    longest, peak = len(row), max(row, key=lambda pair: pair[1])
         return longest, peak
 
     def of(self, controller: str, phase: Phase) -> Array:
@@ -213,7 +214,7 @@ class Case(Contest):
             for phase in self.phases[1:]
             if self.first(other, phase) > 0 and math.isfinite(self.first(controller, phase))
         ]
-        ratio, phase = max(ratios, key=lambda found: found[0], default=(0.0, self.phases[0]))
+        ratio, phase = max(ratios, key=lambda pair: pair[0], default=(0.0, self.phases[0]))
         mine, base = (self.text(self.first(name, phase)) for name in (controller, other))
         return ratio, phase, f"{mine} against {base}"
 
@@ -312,7 +313,7 @@ def than(value: float, other: float) -> str:
         return DASH
     if same_size(value, other):
         return "as much"
-    return f"{times(over(value, other))} more" if value > other else f"{times(over(other, value))} less"
+    return f"{times(ratio(value, other))} more" if value > other else f"{times(ratio(other, value))} less"
 
 
 def same_size(value: float, other: float) -> bool:

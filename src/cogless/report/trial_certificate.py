@@ -65,7 +65,7 @@ def models(certificate: Certificate) -> Iterator[tuple[Model, ModelCertificate]]
 
 def certificate_table(results: TrialResults, runs: Sequence[Run]) -> str:
     """HTML table with a row for each controller and kind of model; empty if no run has a certificate."""
-    bodies = [_rows(results, run) for run in runs if run.design is not None]
+    bodies = [_certificate_rows(results, run) for run in runs if run.design is not None]
     head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
     return table("proof", f"Certificates in {runs[0].scenario}", head, *bodies)
 
@@ -116,7 +116,7 @@ def close_to_one(value: float) -> str:
     return number(value)
 
 
-def _rows(results: TrialResults, run: Run) -> str:
+def _certificate_rows(results: TrialResults, run: Run) -> str:
     assert run.design is not None
     all_models, K_3 = list(models(run.design.certificate)), run.design.K_3
     first = f'<th rowspan="{len(all_models)}">{key(results, run.controller)}</th>'

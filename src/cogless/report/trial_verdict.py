@@ -20,7 +20,7 @@ from cogless.report.verdicts import (
     REPORTED_RATIO,
     ScenarioVerdict,
     listed,
-    over,
+    ratio,
     times,
     worst,
 )
@@ -111,7 +111,7 @@ def _by_floor(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
     if len(c.never(best)) == len(c.phases):
         none = "No controller reaches" if len(ranked) > 1 else f"{c.label(best)} never reaches"
         none = "No controller stays at" if passing else none
-        return "worse", f"{none} {floor}.{f' {_left(c, ranked)}' if best in c.rms else ''}"
+        return "worse", f"{none} {floor}.{f' {_least_rms_sentence(c, ranked)}' if best in c.rms else ''}"
     ties = [name for name in ranked if _as_quick(c, name, best)]
     are_there = f"{'are' if len(ties) > 1 else 'is'} at {floor} {_reach(c, best)}"
     if len(ranked) == 1:
@@ -132,7 +132,7 @@ def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
     best, base = ranked[0], c.baseline
     if not math.isfinite(c.worst(best)):
         return "worse", "No error stays finite."
-    sentence = _left(c, ranked)
+    sentence = _least_rms_sentence(c, ranked)
     if len(ranked) < 2 or base not in c.final:
         return "even", sentence
     if best == base:
@@ -141,7 +141,7 @@ def _by_rms(c: Case, ranked: Sequence[str]) -> tuple[str, str]:
     return c.tone([best, base] if ties else [best]), sentence
 
 
-def _left(c: Case, ranked: Sequence[str]) -> str:
+def _least_rms_sentence(c: Case, ranked: Sequence[str]) -> str:
     """A sentence on the controller with the least worst-phase RMS, compared with the baseline or the next."""
     base = c.baseline
     by_rms = sorted(_contenders(c, [name for name in ranked if name in c.final]), key=c.worst)
@@ -149,13 +149,13 @@ def _left(c: Case, ranked: Sequence[str]) -> str:
     phase_words = "each phase with at most" if len(c.phases) > 1 else "with"
     sentence = _capital(c, f"{c.label(best)} ends {phase_words} {c.text(c.worst(best))} RMS")
     if best != base and base in c.final:
-        return f"{sentence}, {_beside(c, c.worst(best), c.worst(base), base)}."
+        return f"{sentence}, {_compared_words(c, c.worst(best), c.worst(base), base)}."
     if len(by_rms) > 1:
         return f"{sentence}; the next, {c.label(by_rms[1])}, with {c.text(c.worst(by_rms[1]))}."
     return f"{sentence}."
 
 
-def _beside(c: Case, value: float, other: float, name: str) -> str:
+def _compared_words(c: Case, value: float, other: float, name: str) -> str:
     """A value compared with another controller's, such as "21.0 times less than PI (8.20 mrad)"."""
     reference = f"{c.label(name)} ({c.text(other)})"
     if not math.isfinite(other):
@@ -177,14 +177,14 @@ def _reach(c: Case, name: str, *, short: bool = False) -> str:
     if short:
         return f"takes {'up to ' if len(counts) > 1 else ''}{most:.0f}"
     if len(counts) == 1:
-        return _within(most)
+        return _trial_words(most)
     later = max(counts[1:])
     if counts[0] > later:
-        return f"{_within(counts[0])} of the start and {_within(later)} after every change"
-    return f"{_within(later)} after every change"
+        return f"{_trial_words(counts[0])} of the start and {_trial_words(later)} after every change"
+    return f"{_trial_words(later)} after every change"
 
 
-def _within(count: float) -> str:
+def _trial_words(count: float) -> str:
     return "in the first trial" if count == 1 else f"within {count:.0f} trials"
 
 
@@ -227,7 +227,7 @@ def _slower(c: Case, name: str, best: str) -> tuple[str, Phase | None]:
         return f"never reaches the floor {after(never, c.phases)}{alone}", never[0]
     if not behind:
         return "", None
-    _, phase, n, m = max(behind, key=lambda found: found[0])
+    _, phase, n, m = max(behind, key=lambda entry: entry[0])
     return f"takes {n:.0f} {phase.after}, against {m:.0f}", phase
 
 
@@ -240,7 +240,9 @@ def _against_the_baseline(c: Case, best: str) -> str:
     mine, other = c.final[best][-1], c.final[base][-1]
     if best in c.counts and len(c.never(best)) < len(c.phases) and math.isfinite(mine):
         end = "In the last phase" if len(c.phases) > 1 else "At the end"
-        sentences.append(f"{end} {c.label(best)} leaves {c.text(mine)} RMS, {_beside(c, mine, other, base)}.")
+        sentences.append(
+            f"{end} {c.label(best)} leaves {c.text(mine)} RMS, {_compared_words(c, mine, other, base)}."
+        )
     ratio, phase, values = c.worst_first(best, base)
     if ratio >= REPORTED_RATIO:
         sentences.append(
@@ -254,7 +256,7 @@ def _against_its_feedback(c: Case, name: str, best: str) -> str:
     """A sentence on a controller that ends above the same controller without learning, or on the best."""
     above = c.all_above_feedback(name)
     if above:
-        phase, mine, base = max(above, key=lambda end: over(*end[1:]))
+        phase, mine, base = max(above, key=lambda end: ratio(*end[1:]))
         count, every = len(above), len(c.phases)
         share = f" in {count} of {every} phases, {'most ' if count > 1 else ''}{phase.after}"
         return (
@@ -309,7 +311,7 @@ def _leaves_floor(c: Case, name: str) -> str:
     ]
     if not lost:
         return ""
-    rms, after = max(lost, key=lambda found: found[0])
+    rms, after = max(lost, key=lambda entry: entry[0])
     later = f"{c.text(rms)} RMS in the second half of the trials {after}"
     return f"{c.label(name)} does not stay at the floor: {later}."
 
@@ -412,8 +414,8 @@ def _not_in_this_scenario(c: Case, name: str, design: TrialDesign) -> str | None
             f"{c.phases[index].after}"
         )
         if name in c.feedback and name in c.final:
-            ratio = over(c.final[name][index], c.feedback[name][index])
-            reason += f"; in this run it ends at {number(ratio)} times"
+            worsening = ratio(c.final[name][index], c.feedback[name][index])
+            reason += f"; in this run it ends at {number(worsening)} times"
         return reason
     return None
 

@@ -24,7 +24,7 @@ from cogless.design.trials.trial_summary import labelled_notes, matrix_flash, ma
 from cogless.report import trial_certificate
 from cogless.report.charts import TRIAL_PICTURES
 from cogless.report.comparison import Line, lines_of, runs_in, shown_in
-from cogless.report.markup import DASH, Array, headings, note, number, pack, place, rows, table, thin
+from cogless.report.markup import DASH, headings, note, number, pack, place, table, table_rows, thin
 from cogless.report.page import Runs, Sections
 from cogless.report.phases import (
     ERROR_NAMES,
@@ -39,9 +39,10 @@ from cogless.report.phases import (
 from cogless.report.tables import line_table
 from cogless.report.trial_case import Case, case, outcome, own_lines
 from cogless.report.trial_verdict import best_of, verdict
-from cogless.report.verdicts import Answer, change_words, over
+from cogless.report.verdicts import Answer, change_words, ratio
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
+from cogless.results.trace import Array
 from cogless.study import TrialStudy
 from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS
 
@@ -153,7 +154,7 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
         unit, scale = display_unit(study, signal)
         series = []
         for run in runs:
-            if _shown(run, signal, count):
+            if _is_drawn(run, signal, count):
                 values = dict(zip(map(str, chosen), packed(run, signal, scale, chosen), strict=True))
                 series.append({"controller": place(results, run), "trials": values})
         if not series:
@@ -189,7 +190,7 @@ def panels_of(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | No
     return [(title, error, None, q) if s == "theta_error" else (t, s, r, q) for t, s, r, q in DRIVE]
 
 
-def _shown(run: Run, signal: str, count: int) -> bool:
+def _is_drawn(run: Run, signal: str, count: int) -> bool:
     """Whether to draw a run's signal: not if it is missing, or is a learned signal that ends at zero."""
     if signal not in run.trace:
         return False
@@ -206,7 +207,7 @@ def gain_table(results: TrialResults, runs: Sequence[Run]) -> str:
     designs = {run.controller: run.design for run in runs if run.design is not None}
     columns = [dict(_gains(results.study, design)) for design in designs.values()]
     names = dict.fromkeys(name for column in columns for name in column)
-    body = rows(
+    body = table_rows(
         (name, "".join(f"<td>{escape(column.get(name, DASH))}</td>" for column in columns)) for name in names
     )
     head = f"<th></th>{headings(results, designs)}"
@@ -275,7 +276,7 @@ def answer(results: TrialResults, runs: Sequence[Run]) -> Answer | None:
         (best, f"trial {trial}", judged.about.text(x)) for trial, x in zip(chosen, errors, strict=True)
     ]
     compared = len(errors) > 1 and math.isfinite(sum(errors))
-    words = change_words(over(errors[-1], errors[0])) if compared else ""
+    words = change_words(ratio(errors[-1], errors[0])) if compared else ""
     return Answer(figures, words, f"RMS of the {judged.about.quantity}")
 
 
@@ -324,7 +325,7 @@ def pictures(results: TrialResults, runs: Sequence[Run]) -> list[dict[str, Any]]
     ]
 
 
-def _lines(results: TrialResults, scenario: str) -> list[Line]:
+def _metric_lines(results: TrialResults, scenario: str) -> list[Line]:
     """The lines of metrics that have one value per phase, in the study's order.
 
     A metric has a line for each group of phases: of many phases the worst value.
@@ -361,7 +362,7 @@ def _charts(results: TrialResults, runs: Runs) -> dict[str, Any]:
 
 def _parts(results: TrialResults, runs: Runs) -> dict[str, str]:
     judged = case(results, runs)
-    lines = [*_lines(results, runs[0].scenario), *(own_lines(judged) if judged is not None else [])]
+    lines = [*_metric_lines(results, runs[0].scenario), *(own_lines(judged) if judged is not None else [])]
     return {
         "tables": line_table(results, runs, lines),
         "certificates": trial_certificate.certificate_table(results, runs),
@@ -372,7 +373,7 @@ def _parts(results: TrialResults, runs: Runs) -> dict[str, str]:
 
 TRIALS = Sections(
     kind="trials",
-    lines=_lines,
+    lines=_metric_lines,
     verdict=verdict,
     charts=_charts,
     parts=_parts,

@@ -93,7 +93,7 @@ def listed(parts: Sequence[str]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def over(value: float, other: float) -> float:
+def ratio(value: float, other: float) -> float:
     """A value divided by another; 1 if both are zero, infinite if only the other is."""
     return value / other if other else math.inf if value else 1.0
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from cogless.report.comparison import pretty, speed_unit
 from cogless.report.faults import spans
-from cogless.report.markup import Array, bucket, pack, peaks, place
+from cogless.report.markup import bucket, pack, peaks, place
 from cogless.report.panels import ALL_LEARNED, Panel, errors, in_angle, learned_terms
 from cogless.results import Results, Run
 from cogless.results.fault_response import faults_in
-from cogless.results.trace import BLOCK_ROWS, Trace
+from cogless.results.trace import BLOCK_ROWS, Array, Trace
 from cogless.study import for_scenario
 from cogless.units import TURN
 

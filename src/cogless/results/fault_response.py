@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cogless.results.status import NOTICED, SAFE_OUTPUT, Status
+from cogless.control_library import NOTICED, SAFE_OUTPUT, Status
 from cogless.results.trace import Trace
 from cogless.study import Study, for_scenario
 from cogless.study.scenario import Event
@@ -49,13 +49,13 @@ class Response:
     noticed: tuple[str, ...]
     noticed_after: float | None
     safe: float
-    not_learning: float | None  # of a law that learns
+    not_learning: float | None  # None if the law does not learn
     saturated: float
     before: Span | None
     after: Span | None
     ripple_before: float | None
     ripple_after: float | None
-    largest_error: float  # of the speed, rad/s
+    largest_error: float  # rad/s
     largest_current: float | None  # A, length of the current vector
     current_limit: float  # A
 
@@ -115,7 +115,7 @@ def responses(faults: Sequence[Fault], trace: Trace, current_limit: float, learn
 
 def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool) -> Response:
     """Response to one fault. `room`: from the end of the previous fault to the start of the next one, s."""
-    period, during = trace.period, _rows(trace, (fault.time, room[1]))
+    period, during = trace.period, _span_rows(trace, (fault.time, room[1]))
     time, status = trace.time[during], np.nan_to_num(trace.part("status", during)).astype(int)
 
     def lasted(bits: int) -> float:
@@ -144,7 +144,7 @@ def _response(fault: Fault, trace: Trace, room: Span, limit: float, learns: bool
 
 def _last_turn(trace: Trace, room: Span) -> Span | None:
     """Span of the last whole turn of the reference within `room`; None if it turns less than that."""
-    rows = _rows(trace, room)
+    rows = _span_rows(trace, room)
     time = trace.time[rows]
     if len(time) < RIPPLE_ROWS_LEAST:
         return None
@@ -155,7 +155,7 @@ def _last_turn(trace: Trace, room: Span) -> Span | None:
     return float(time[first]), float(time[-1]) + trace.period
 
 
-def _rows(trace: Trace, span: Span) -> slice:
+def _span_rows(trace: Trace, span: Span) -> slice:
     """Rows of the trace within a span, whose end is excluded."""
     first, last = np.searchsorted(trace.time, np.array(span) - 1e-6 * trace.period)
     return slice(int(first), int(last))
@@ -166,4 +166,4 @@ def ripple(trace: Trace, span: Span | None) -> float | None:
     if span is None:
         return None
     with np.errstate(all="ignore"):
-        return float(np.std(trace.part("omega_error", _rows(trace, span))))
+        return float(np.std(trace.part("omega_error", _span_rows(trace, span))))

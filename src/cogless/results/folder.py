@@ -30,7 +30,7 @@ DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager
-def held(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
+def locked_folder(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
     """Make the folder if it's missing, and keep other runs out of it. `names`: of the set's files to come.
 
     What a killed run has left is cleaned first. StudyError: it can't be written, no file of such a name can
@@ -48,7 +48,7 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
 
     StudyError: one can't be written, so that no result is computed that can't be saved.
     """
-    with deferred() as requests:  # nothing of it stays
+    with deferred() as requests:  # Ctrl-C waits until the empty files are removed
         _try_names(folder, names)
     if requests.count:
         raise KeyboardInterrupt
@@ -204,7 +204,7 @@ def _settle(folder: Path) -> None:
     new, old, link = folder / NEW, folder / OLD, folder / SET
     own = [new, old, *folder.glob(f"{TRIAL}*")]
     for path in own:
-        if path.is_symlink() or path.is_file():  # of no run's making
+        if path.is_symlink() or path.is_file():  # no run writes other things
             path.unlink()
     if link.is_symlink():
         stands, other = (new, old) if os.readlink(link) == NEW else (old, new)

@@ -199,7 +199,7 @@ def _plain(value: Value) -> Any:
 
 
 def _rms(x: NDArray[np.float64]) -> float:
-    with np.errstate(over="ignore"):  # of a run that grew
+    with np.errstate(over="ignore"):  # squares overflow in a run that grew
         return float(np.sqrt(np.mean(np.square(x))))
 
 

@@ -72,7 +72,7 @@ class AnyResults:
     def without_design(self, scenario: str | None = None) -> list[str]:
         """A line for each controller that was not designed, of one scenario or of all: its label and why."""
         reasons = (
-            f"{self.study.label(name)}: not designed: {why.within(self.study.source.path)}"
+            f"{self.study.label(name)}: not designed: {why.text_without(self.study.source.path)}"
             for (where, name), why in self.not_designed.items()
             if scenario in (None, where)
         )

@@ -22,7 +22,7 @@ from cogless.results.metrics import Value, result_name
 from cogless.run.simulate import run_study
 from cogless.study import AnyStudy, changed
 from cogless.study.base import FitParameter
-from cogless.study.messages import MISSING, look_up, shown
+from cogless.study.messages import MISSING, look_up, toml_text
 from cogless.study.metric import Metric
 from cogless.study.reading import split
 
@@ -144,7 +144,8 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
         settled, interrupted = False, True
     fitted = _with(study, knobs, best)
     parameters = tuple(
-        Fitted(k.key, shown(k.text(s)), shown(k.text(x))) for k, s, x in zip(knobs, start, best, strict=True)
+        Fitted(k.key, toml_text(k.text(s)), toml_text(k.text(x)))
+        for k, s, x in zip(knobs, start, best, strict=True)
     )
     residuals = tuple(_residuals(fitted, metrics_of, jobs))
     return Fit(
@@ -194,7 +195,7 @@ def _knob(study: AnyStudy, index: int, parameter: FitParameter) -> _Knob:
         raise wrong(field, value, "expected a key of the study that holds a number or a text with a unit")
 
     def wrong(field: str, value: object, expected: str) -> StudyError:
-        text = "missing" if value is MISSING else shown(value)
+        text = "missing" if value is MISSING else toml_text(value)
         return StudyError(f"{study.source.path}: calibration.parameters.{index}.{field}: {text}: {expected}")
 
     start = number("key" if parameter.initial is None else "initial", initial)

@@ -13,7 +13,7 @@ from cogless.results import Run
 from cogless.results.fault_response import faults_in, responses
 from cogless.results.metrics import Value, evaluate, result_name
 from cogless.results.trace import Trace, TraceRoom
-from cogless.run.plan import Plan, Progress, advance, failures, feedback_plan, memory_enough, trace_of
+from cogless.run.plan import Plan, RunProgress, advance, failures, feedback_plan, memory_enough, trace_of
 from cogless.study import AnyStudy, Study, TrialStudy
 from cogless.study.base import Kind
 
@@ -31,7 +31,7 @@ def measure(study: AnyStudy, scenario: str, trace: Trace) -> dict[str, Value]:
     }
 
 
-def carried_out(planned: Plan, progress: Progress, stop: Event, room: TraceRoom | None) -> Run:
+def carried_out(planned: Plan, progress: RunProgress, stop: Event, room: TraceRoom | None) -> Run:
     """Run a plan alone, and compute its metrics. StudyError: the run failed."""
     drive, state = planned.drive, planned.start()
     file = room.file(drive.signals, planned.rows) if room is not None else None

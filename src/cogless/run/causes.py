@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from cogless.control_library import Status
 from cogless.results import Run
-from cogless.results.status import Status
 from cogless.study import Study, for_scenario
 from cogless.study.drive import Belief
 from cogless.study.metric import Metric
@@ -30,14 +30,14 @@ SENSOR, INVERTER, LOOP, CURRENTS = (
 class Suspect:
     """A cause in a study.
 
-    `without`: changes that remove the cause. `beside`: changes of both runs that are compared, with the cause
-    and without it. `told`: whether the controller knows that the cause is gone.
+    `without`: changes that remove the cause. `companions`: changes of both runs that are compared, with the
+    cause and without it. `controller_knows`: whether the controller knows that the cause is gone.
     """
 
     name: str
     without: Changes
-    beside: Changes
-    told: bool
+    companions: Changes
+    controller_knows: bool
 
 
 def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
@@ -45,7 +45,7 @@ def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
     own_study = for_scenario(study, run.scenario)
     steps, error = _steps(own_study), _error(own_study)
     clean = {**steps, **error}
-    found = {
+    changes_of = {
         "sensor-steps": (steps, {}),
         "sensor-error": (error, {}),
         "delay": (_delay(own_study), clean),
@@ -60,8 +60,8 @@ def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
         "belief": ({} if own_study.drive.belief == Belief() else {"drive.belief": {}}, {}),
     }
     return [
-        Suspect(name, without, beside, name in RULE_INPUTS)
-        for name, (without, beside) in found.items()
+        Suspect(name, without, companions, name in RULE_INPUTS)
+        for name, (without, companions) in changes_of.items()
         if without
     ]
 
@@ -89,26 +89,28 @@ def _error(study: Study) -> Changes:
 
 def _delay(study: Study) -> Changes:
     """The change to a drive without delay of speed, bus and computation; a rule gives gains for it."""
-    drive, found = study.drive, dict[str, Any]()
+    drive, changes = study.drive, dict[str, Any]()
     if isinstance(drive.position_sensor, Hall | Counted):
-        found[SENSOR] = {"kind": "ideal", "side": drive.position_sensor.side}
+        changes[SENSOR] = {"kind": "ideal", "side": drive.position_sensor.side}
         if drive.encoder_table is not None:
-            found["drive.encoder_table"] = None
+            changes["drive.encoder_table"] = None
     if drive.speed_filter is not None:
-        found["drive.speed_filter"] = None
+        changes["drive.speed_filter"] = None
     if drive.bus is not None:
-        found["drive.bus"] = None
+        changes["drive.bus"] = None
     if drive.inverter is not None and drive.inverter.computation_delay:
-        found[f"{INVERTER}.computation_delay"] = 0
-    return found
+        changes[f"{INVERTER}.computation_delay"] = 0
+    return changes
 
 
 def _dead_time(study: Study) -> Changes:
     inverter = study.drive.inverter
     if inverter is None or not (inverter.dead_time or inverter.device_drop):
         return {}
-    found = {f"{INVERTER}.dead_time": "0 s", f"{INVERTER}.device_drop": "0 V"}
-    return {**found, "drive.dead_time_compensation": None} if study.drive.dead_time_compensation else found
+    changes = {f"{INVERTER}.dead_time": "0 s", f"{INVERTER}.device_drop": "0 V"}
+    return (
+        {**changes, "drive.dead_time_compensation": None} if study.drive.dead_time_compensation else changes
+    )
 
 
 def _switching(study: Study) -> Changes:
@@ -142,19 +144,19 @@ def later(study: Study, scenario: str, metric: Metric, more: float) -> Changes:
     steady = experiment.reference.kind in ("constant", "ramp") and experiment.torque_mode is None
     if not steady or metric.event is not None:
         return {}
-    found: dict[str, Any] = {f"scenario.{scenario}.duration": f"{experiment.duration + more:.12g} s"}
+    changes: dict[str, Any] = {f"scenario.{scenario}.duration": f"{experiment.duration + more:.12g} s"}
     place = f"metric.{study.metric.index(metric)}"
     if metric.window is not None:
-        found[f"{place}.window"] = [f"{more + time:.12g} s" for time in metric.window]
+        changes[f"{place}.window"] = [f"{more + time:.12g} s" for time in metric.window]
     elif metric.last is None:
-        found[f"{place}.last"] = f"{experiment.duration:.12g} s"
-    return found
+        changes[f"{place}.last"] = f"{experiment.duration:.12g} s"
+    return changes
 
 
 def _disturbance(study: Study, scenario: str) -> Changes:
     """The change that removes torques over angle or time, except friction."""
-    here, found = for_scenario(study, scenario), dict[str, Any]()
-    tables = here.source.tables
+    own_study, changes = for_scenario(study, scenario), dict[str, Any]()
+    tables = own_study.source.tables
     empty: Mapping[str, Any] = {
         "motor": {"cogging": [], "cogging_table": None, "flux_harmonics": [], "torque_ripple": [], "L_f": []},
         "mechanics.load": {"harmonics": [], "angle_table": None, "time_table": None},
@@ -166,8 +168,8 @@ def _disturbance(study: Study, scenario: str) -> Changes:
         for part in table.split("."):
             inner = inner.get(part) if isinstance(inner, dict) else None
         if isinstance(inner, dict):
-            found |= {f"{table}.{key}": value for key, value in keys.items() if inner.get(key)}
-    return found
+            changes |= {f"{table}.{key}": value for key, value in keys.items() if inner.get(key)}
+    return changes
 
 
 def _friction(study: Study, run: Run) -> Changes:
@@ -178,17 +180,17 @@ def _friction(study: Study, run: Run) -> Changes:
         speed = np.abs(run.trace.part("omega_m", slice(len(run.trace) // 4, None)))
         if speed.min() > REST_SHARE * speed.max():
             return {}
-    found: dict[str, Any] = {}
+    without: dict[str, Any] = {}
     for place, mass in (("mechanics", study.mechanics), ("mechanics.load_side", study.mechanics.load_side)):
         if mass is not None and mass.breakaway:
-            found |= {
+            without |= {
                 f"{place}.coulomb_friction": "0 N*m",
                 f"{place}.breakaway_friction": None,
                 f"{place}.stribeck_speed": "0 rad/s",
                 f"{place}.friction_harmonics": [],
                 f"{place}.friction_table": None,
             }
-    return found
+    return without
 
 
 def _limit(study: Study, run: Run) -> Changes:
@@ -199,7 +201,7 @@ def _limit(study: Study, run: Run) -> Changes:
     if not (status & Status.SATURATED).any():
         return {}
     drive = study.drive
-    found = {f"{LOOP}.current_limit": f"{LARGER_FACTOR * drive.current_loop.current_limit!r} A"}
+    changes = {f"{LOOP}.current_limit": f"{LARGER_FACTOR * drive.current_loop.current_limit!r} A"}
     if drive.inverter is not None:
-        found[f"{INVERTER}.bus_voltage"] = f"{LARGER_FACTOR * drive.inverter.bus_voltage!r} V"
-    return found
+        changes[f"{INVERTER}.bus_voltage"] = f"{LARGER_FACTOR * drive.inverter.bus_voltage!r} V"
+    return changes

@@ -16,7 +16,7 @@ from cogless.study.position_sensor import Absolute, Counted, Encoder, Hall, Reso
 from cogless.study.reading import Changes
 
 OCTAVES = (4, 8, 16, 32)  # an observer's bandwidth is the law's rate over one of these
-FAST_OCTAVES = (1, 2, 4)  # the same where it shall be quick
+FAST_OCTAVES = (1, 2, 4)  # the same, against a cause that a faster observer lessens
 TRIED_FACTORS = (2, 4)
 MORE_BITS = (2, 6)
 HALL_EDGES = (6, 3, 1)  # intervals that the speed is taken over
@@ -35,22 +35,31 @@ class Candidate:
 
 def candidates(study: Study, run: Run, metric: Metric, cause: str) -> list[Candidate]:
     """Changes that may help against a cause. The study may refuse some of them, and some may not help."""
-    here = for_scenario(study, run.scenario)
+    own_study = for_scenario(study, run.scenario)
     rules: dict[str, Callable[[], Iterable[Candidate]]] = {
-        "sensor-steps": lambda: [*_observers(here), *_timed(here), *_hall_edges(here), *_finer(here)],
-        "sensor-error": lambda: [*_encoder_tables(study, run, metric), *_hall_edges(here)],
-        "delay": lambda: [
-            *_observers(here, FAST_OCTAVES),
-            *_rates(here),
-            *_quicker(here),
-            *_hall_edges(here),
+        "sensor-steps": lambda: [
+            *_observers(own_study),
+            *_timed(own_study),
+            *_hall_edges(own_study),
+            *_finer(own_study),
         ],
-        "dead-time": lambda: _compensations(here),
-        "current-noise": lambda: _calmer(here),
-        "current-error": lambda: [*_calibrated(here), *_laws(here, run.controller)],
+        "sensor-error": lambda: [*_encoder_tables(study, run, metric), *_hall_edges(own_study)],
+        "delay": lambda: [
+            *_observers(own_study, FAST_OCTAVES),
+            *_rates(own_study),
+            *_quicker(own_study),
+            *_hall_edges(own_study),
+        ],
+        "dead-time": lambda: _compensations(own_study),
+        "current-noise": lambda: _calmer(own_study),
+        "current-error": lambda: [*_calibrated(own_study), *_laws(own_study, run.controller)],
         "learning-time": lambda: [Candidate(longer(study, run.scenario, run.controller, metric))],
-        "disturbance": lambda: [*_laws(here, run.controller), *_rates(here), *_gains(here, run.controller)],
-        "limit": lambda: _limits(here),
+        "disturbance": lambda: [
+            *_laws(own_study, run.controller),
+            *_rates(own_study),
+            *_gains(own_study, run.controller),
+        ],
+        "limit": lambda: _limits(own_study),
     }
     return [c for c in (rules[cause]() if cause in rules else ()) if c.changes]
 
@@ -127,8 +136,8 @@ def _calibrated(study: Study) -> Iterator[Candidate]:
     """Current sensors without most of their offsets and gain errors, as firmware that measures them has."""
     sensors = study.drive.current_sensors
     less = {
-        f"{CURRENTS}.offset": [f"{1000 * CALIBRATED_SHARE * each:.4g} mA" for each in sensors.offset],
-        f"{CURRENTS}.gain_error": [float(f"{CALIBRATED_SHARE * each:.4g}") for each in sensors.gain_error],
+        f"{CURRENTS}.offset": [f"{1000 * CALIBRATED_SHARE * error:.4g} mA" for error in sensors.offset],
+        f"{CURRENTS}.gain_error": [float(f"{CALIBRATED_SHARE * error:.4g}") for error in sensors.gain_error],
     }
     yield Candidate({key: value for key, value in less.items() if any(getattr(sensors, key.split(".")[-1]))})
 

@@ -32,9 +32,9 @@ from cogless.study.reference import Reference
 from cogless.study.scenario import TorqueMode
 from cogless.units import TURN
 
-SPEED_MARGIN = 1.5  # of the no-load speed
-CURRENT_MARGIN = 2.0  # of the current limit
-SUM_SHARE = 0.5  # of the current limit
+SPEED_MARGIN = 1.5  # largest plausible speed / no-load speed
+CURRENT_MARGIN = 2.0  # largest plausible current / current limit
+SUM_SHARE = 0.5  # largest plausible sum of the phases' currents / current limit
 STUCK_ANGLE = 0.5  # rad
 STUCK_STEPS = 4.0  # of the sensor: a quarter of it, at which the angle is doubted, is a step
 STUCK_TIME = 0.1  # s
@@ -65,8 +65,8 @@ def monitor_config(
     if isinstance(sensor, Counted):
         # a jump of the angle shows in the counts of one law period; the speed from these acts in the next
         step, periods = sensor.step * sensor_ratio(drive, mechanics), sensor.periods(drive.rates.divider)
-        held = 1 if sensor.speed_method == "average" else 2
-        window = held * periods * period
+        samples = 1 if sensor.speed_method == "average" else 2
+        window = samples * periods * period
         if sensor.bandwidth:
             window = FORGET_TIMES / sensor.bandwidth
             resolution = OBSERVER_PEAK * sensor.bandwidth * step
@@ -95,8 +95,8 @@ def monitor_config(
         derived["current_max"] = CURRENT_MARGIN * loop.current_limit
         if motor.phases == 3 and drive.current_sensors.sensors == 3:
             derived["current_sum"] = SUM_SHARE * loop.current_limit
-    given = {key: value for key, value in drive.monitor.model_dump().items() if value is not None}
-    return derived | given
+    own_keys = {key: value for key, value in drive.monitor.model_dump().items() if value is not None}
+    return derived | own_keys
 
 
 def _step_time(

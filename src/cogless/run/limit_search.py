@@ -39,7 +39,7 @@ from cogless.units import ANGLE, ANGULAR_SPEED
 MEAN_SHARE_MOST = 0.05  # of the top reference: a larger mean of the speed error isn't a speed that is held
 MEAN_ERROR = "limits_mean_error"
 SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less leaves nothing to gain
-MOST_SHARE = 0.5  # of the square
+MOST_SHARE = 0.5  # a cause with this share of the square is most of it
 PAIRED_CAUSES = 4  # the largest ones, which are taken away in pairs
 CLEARLY_WORSE = 1.5  # ratio to a metric's value before
 PLANT_TABLES = ("motor", "drive", "mechanics")  # tables that a scenario may override
@@ -67,7 +67,9 @@ def limits(
         return None
     suspected = suspects(study, run, metric)
     pairs = [
-        change for suspect in suspected for change in (tries.without(suspect), tries.placed(suspect.beside))
+        change
+        for suspect in suspected
+        for change in (tries.without(suspect), tries.placed(suspect.companions))
     ]
     values = [tries.value_of(metrics) for metrics in tries.metrics(pairs)]
     causes = []
@@ -110,10 +112,12 @@ def _cures(tries: _Tries, study: Study, run: Run, metric: Metric, limited: Limit
 
 def _pairs(tries: _Tries, suspected: Sequence[Suspect], causes: Sequence[Cause], value: float) -> list[Cause]:
     """Pairs of the largest causes that together, but not alone, have most of the metric's square."""
-    apart = {suspect.name: suspect for suspect in suspected if not suspect.beside}
+    apart = {suspect.name: suspect for suspect in suspected if not suspect.companions}
     largest = [apart[cause.name] for cause in causes if cause.name in apart][:PAIRED_CAUSES]
     pairs = [
-        Suspect(f"{a.name}{AND}{b.name}", {**a.without, **b.without}, {}, a.told or b.told)
+        Suspect(
+            f"{a.name}{AND}{b.name}", {**a.without, **b.without}, {}, a.controller_knows or b.controller_knows
+        )
         for a, b in combinations(largest, 2)
     ]
     values = [tries.value_of(metrics) for metrics in tries.metrics([tries.without(pair) for pair in pairs])]
@@ -131,7 +135,7 @@ def _costs(study: Study, run: Run, judged: Metric, metrics: Mapping[str, Value])
     for metric in study.metrics_in(run.scenario):
         name = result_name(metric)
         before, after = run.metrics.get(name), metrics.get(name)
-        if metric == judged or metric.wanted != "lower" or not before or isinstance(before, list):
+        if metric == judged or metric.better_direction != "lower" or not before or isinstance(before, list):
             continue
         if isinstance(after, float) and after / before >= CLEARLY_WORSE:
             costs[name] = after / before
@@ -182,7 +186,7 @@ class _Tries:
         }
         self._tried |= {key: {} for key in new}
         for key, run in zip(studies, self._runs([*studies.values()]), strict=True):
-            if run is not None and self._held(run.metrics):
+            if run is not None and self._holds_speed(run.metrics):
                 self._tried[key] = run.metrics
         return [self._tried[repr(changes)] for changes in of]
 
@@ -207,7 +211,7 @@ class _Tries:
 
     def without(self, suspect: Suspect) -> dict[str, Any]:
         """The changes that remove a cause."""
-        return self.placed({**suspect.beside, **suspect.without}, suspect.told)
+        return self.placed({**suspect.companions, **suspect.without}, suspect.controller_knows)
 
     def placed(self, changes: Changes, is_assumed: bool = True) -> dict[str, Any]:
         """The changes, repeated in the scenario's override where the override sets the same keys.
@@ -278,7 +282,7 @@ class _Tries:
         except StudyError:
             return None
 
-    def _held(self, metrics: Mapping[str, Value]) -> bool:
+    def _holds_speed(self, metrics: Mapping[str, Value]) -> bool:
         experiment = self._study.scenario[self._run.scenario]
         begin, end = self._metric.span(experiment.duration) or (0.0, experiment.duration)
         if experiment.torque_mode is not None and experiment.torque_mode.acts_within(begin, end):

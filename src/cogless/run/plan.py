@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from cogless.c_layout import MisfitError
+from cogless.control_library import Status
 from cogless.design.trials.from_study import design_study
 from cogless.design.trials.gains import TrialDesign
 from cogless.errors import StudyError
 from cogless.maps import learned_map, stored_map
 from cogless.maps.stored_map import CURRENT_CODE, MapError, StoredMap
-from cogless.results.status import Status
 from cogless.results.trace import Trace
 from cogless.run.drive_config import Mode, engine_config
 from cogless.run.own_law import describe, is_failure, law_file, make_law
@@ -102,7 +102,7 @@ def _of_table(study: Study, start: Start) -> StoredMap:
 REFUSALS = (ValueError, RuntimeError, MemoryError)  # exactly these does the engine raise about a study
 PROGRESS_PERIOD = 0.1  # s of wall time between two reports of progress and checks for Ctrl-C
 
-Progress = Callable[[float], None]
+RunProgress = Callable[[float], None]
 
 
 def compiled(study: AnyStudy) -> Any:
@@ -154,7 +154,7 @@ def memory_enough(study: AnyStudy, scenario: str, controller: str) -> Iterator[N
         raise StudyError(f"{study.source.path}: {where}: {describe(error, None)}") from error
 
 
-def advance(run: Callable[[int], None], ticks: int, progress: Progress, stop: Event) -> None:
+def advance(run: Callable[[int], None], ticks: int, progress: RunProgress, stop: Event) -> None:
     """Call `run` for all ticks, in pieces of about PROGRESS_PERIOD, with progress reports; see `stop`."""
     done, piece = 0, 1000
     while done < ticks:

@@ -22,7 +22,7 @@ from cogless.results import AnyResults, Results, Run
 from cogless.results.runs import RESULTS
 from cogless.results.trace import TraceRoom
 from cogless.run.carry_out import carried_out, carried_out_together
-from cogless.run.plan import Plan, Progress, Stopped, memory_enough, plan
+from cogless.run.plan import Plan, RunProgress, Stopped, memory_enough, plan
 from cogless.run.side_by_side import side_by_side
 from cogless.study import AnyStudy, Study
 from cogless.study.table import perhaps
@@ -62,13 +62,13 @@ class RunDefect(Exception):  # noqa: N818, it says whose error it is
         self.results = results
 
 
-def simulate(study: AnyStudy, scenario: str, controller: str, progress: Progress | None = None) -> Run:
+def simulate(study: AnyStudy, scenario: str, controller: str, progress: RunProgress | None = None) -> Run:
     """Run one controller in one scenario and compute its metrics.
 
     `progress` is called with the finished share, 0 to 1, about ten times a second. An anti-cogging table is
     learned first, in a separate commissioning run. StudyError: an unknown name, a controller that fails.
     """
-    _known(study, scenario, controller)
+    _check_names(study, scenario, controller)
     designs = _prepare(study, [(scenario, controller)])
     return _run(study, designs, scenario, controller, progress or (lambda share: None), Event())
 
@@ -299,7 +299,7 @@ def _run(
     designs: Designs,
     scenario: str,
     controller: str,
-    progress: Progress,
+    progress: RunProgress,
     stop: Event,
     room: TraceRoom | None = None,
 ) -> Run:
@@ -339,7 +339,7 @@ def _is_defect(outcome: Run | BaseException | None) -> bool:
     return isinstance(outcome, BaseException) and not isinstance(outcome, StudyError | Stopped)
 
 
-def _known(study: AnyStudy, scenario: str, controller: str) -> None:
+def _check_names(study: AnyStudy, scenario: str, controller: str) -> None:
     for table, name, options in (
         ("scenario", scenario, study.scenario),
         ("controller", controller, study.controller),

@@ -149,7 +149,7 @@ def _linear_phase(
 ) -> dict[str, Any]:
     A, B = plant.at(conditions.override or {})
     if plant.model == "continuous":
-        model = sampled(Model.of(A, B), plant.period, "exact")
+        model = sampled(Model.from_arrays(A, B), plant.period, "exact")
         A, B = model.A.tolist(), model.B[:, 0].tolist()
     load = np.zeros(study.samples(scenario))
     for sample, amount in conditions.load_steps or ():

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from cogless.control_library import NOTICED, SAFE_OUTPUT
 from cogless.design.law_rules import unstable_feedback
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.status import NOTICED, SAFE_OUTPUT
 from cogless.run.simulate import RunError, rollout
 from cogless.starter.sheet import Guess
 from cogless.study import Study, changed

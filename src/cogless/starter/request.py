@@ -10,7 +10,7 @@ from cogless import units
 from cogless.catalogue import catalogue
 from cogless.errors import StudyError
 from cogless.starter.part_catalogue import Kind, parts
-from cogless.study.messages import shown
+from cogless.study.messages import toml_text
 from cogless.study.table import perhaps
 from cogless.units import Dimension
 
@@ -19,7 +19,7 @@ class RequestError(StudyError):
     """A mistake in an answer. `flag`: the option that it is about."""
 
     def __init__(self, flag: str, value: str, expected: str) -> None:
-        super().__init__(f"--{flag}: {shown(value)}: {expected}")
+        super().__init__(f"--{flag}: {toml_text(value)}: {expected}")
         self.flag = flag
 
 

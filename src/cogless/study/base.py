@@ -163,7 +163,7 @@ class Vary(Table):
         return {"keys": _flat({key: data[key] for key in data if key not in own}), **own}
 
     @model_validator(mode="after")
-    def _known(self) -> Self:
+    def _check_groups(self) -> Self:
         taken: set[str] = set()
         for index, group in enumerate(self.together):
             for place, key in enumerate(group.keys):

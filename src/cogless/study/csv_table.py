@@ -28,11 +28,11 @@ from cogless.units import TURN, Dimension
 DECIMAL_POINT_HINT = ", and decimal points in numbers"
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
 VALUE_MOST = 1e9  # largest value in the column's unit: beyond any drive
-COLUMN_NAME = re.compile(r"\s*([^\W\d_]+)")  # in "error [deg]" and "error_deg"
+COLUMN_NAME = re.compile(r"\s*([^\W\d_]+)")  # finds "error" in "error [deg]" and "error_deg"
 BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # speed [rpm]
 
 
-def lines(path: Path) -> list[list[str]]:
+def cell_lines(path: Path) -> list[list[str]]:
     """The cells of each line of the file; an error if it can't be read."""
     try:
         no_device(path)
@@ -44,7 +44,7 @@ def lines(path: Path) -> list[list[str]]:
 def finite(text: str, number: float, name: str, where: str) -> float:
     """The number, if it is finite and not absurd; else an error that quotes its cell."""
     if not abs(number) < VALUE_MOST:
-        raise invalid(f"{where}{shown(text)}: expected a finite {name}", "file")
+        raise invalid(f"{where}{quoted_cells(text)}: expected a finite {name}", "file")
     return number
 
 
@@ -55,7 +55,7 @@ def scale(cell: str, name: str, dimension: Dimension) -> float | None:
         return None if unit is None else units.factor(unit, dimension)
     except units.UnitError:
         expected = f'expected a unit of {dimension.name}, such as "{name} [{dimension.unit}]"'
-        raise invalid(f"line 1: {shown(cell)}: {expected}", "file") from None
+        raise invalid(f"line 1: {quoted_cells(cell)}: {expected}", "file") from None
 
 
 def _unit(cell: str) -> str | None:
@@ -68,7 +68,7 @@ def _unit(cell: str) -> str | None:
     return next((w for w in (last, last.partition("/")[2]) if len(w) > 1 and units.is_known(w)), None)
 
 
-def shown(*cells: str) -> str:
+def quoted_cells(*cells: str) -> str:
     """The cells as written in the file, in quotes, shortened to 40 characters."""
     text = ",".join(cells)
     return f'"{text if len(text) <= 40 else text[:37] + "..."}"'
@@ -78,10 +78,10 @@ def shown(*cells: str) -> str:
 class Rising:
     """A value along another that rises from line to line, both SI."""
 
-    name: str  # of the value's column
+    name: str  # heading of the value's column
     along: list[float] = field(default_factory=list)
     value: list[float] = field(default_factory=list)
-    line: list[int] = field(default_factory=list)  # of the file, from 1
+    line: list[int] = field(default_factory=list)  # the file's first is 1
 
 
 def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimension]) -> Rising:
@@ -89,10 +89,10 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
 
     Other columns are left alone. The errors' key is "file".
     """
-    heading, *rows = lines(path) or [[]]
+    heading, *rows = cell_lines(path) or [[]]
     if len(heading) == 1 and any(other in heading[0] for other in ";\t"):
         raise invalid(
-            f"line 1: {shown(*heading)}: expected commas between columns{DECIMAL_POINT_HINT}", "file"
+            f"line 1: {quoted_cells(*heading)}: expected commas between columns{DECIMAL_POINT_HINT}", "file"
         )
     names = [word[1].lower() if (word := COLUMN_NAME.match(cell)) else "" for cell in heading]
     axis, dimension = along
@@ -100,7 +100,7 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
     units_of = {axis: dimension, name: columns[name]}
     if names.count(axis) != 1:
         example = f'"{axis} [{dimension.example or dimension.unit}]"'
-        raise invalid(f"line 1: {shown(*heading)}: expected one column such as {example}", "file")
+        raise invalid(f"line 1: {quoted_cells(*heading)}: expected one column such as {example}", "file")
     places = {
         column: (names.index(column), _scale(heading, names, column, units_of[column])) for column in units_of
     }
@@ -110,12 +110,14 @@ def rising(path: Path, along: tuple[str, Dimension], columns: Mapping[str, Dimen
             continue
         if len(row) != len(heading):
             points = DECIMAL_POINT_HINT if len(row) > len(heading) else ""
-            raise invalid(f"line {number}: {shown(*row)}: expected {len(heading)} columns{points}", "file")
+            raise invalid(
+                f"line {number}: {quoted_cells(*row)}: expected {len(heading)} columns{points}", "file"
+            )
         place_here, value_there = (
             _number(row[place], column, number) * factor for column, (place, factor) in places.items()
         )
         if rising_column.along and place_here <= rising_column.along[-1]:
-            cell, article = shown(row[places[axis][0]]), "an" if axis[0] in "aeiou" else "a"
+            cell, article = quoted_cells(row[places[axis][0]]), "an" if axis[0] in "aeiou" else "a"
             raise invalid(f"line {number}: {cell}: expected {article} {axis} above the one before", "file")
         rising_column.along.append(place_here)
         rising_column.value.append(value_there)
@@ -131,7 +133,7 @@ def _only(heading: list[str], names: list[str], columns: Mapping[str, Dimension]
     examples = " or ".join(
         f'"{name} [{dimension.example or dimension.unit}]"' for name, dimension in columns.items()
     )
-    raise invalid(f"line 1: {shown(*heading)}: expected one column such as {examples}", "file")
+    raise invalid(f"line 1: {quoted_cells(*heading)}: expected one column such as {examples}", "file")
 
 
 def _scale(heading: list[str], names: list[str], column: str, dimension: Dimension) -> float:
@@ -139,7 +141,7 @@ def _scale(heading: list[str], names: list[str], column: str, dimension: Dimensi
     factor = scale(cell, column, dimension)
     if factor is None:
         example = f'"{column} [{dimension.example or dimension.unit}]"'
-        raise invalid(f"line 1: {shown(cell)}: expected a unit too, such as {example}", "file")
+        raise invalid(f"line 1: {quoted_cells(cell)}: expected a unit too, such as {example}", "file")
     return factor
 
 
@@ -149,7 +151,7 @@ def _number(text: str, name: str, line: int) -> float:
         number = float(text)
     except ValueError:
         how = " with a decimal point" if DECIMAL_COMMA.fullmatch(text) else ""
-        raise invalid(f"{where}{shown(text)}: expected a number{how}", "file") from None
+        raise invalid(f"{where}{quoted_cells(text)}: expected a number{how}", "file") from None
     return finite(text, number, name, where)
 
 
@@ -163,7 +165,7 @@ SEAM_RATIO = 3.0
 class OverAngle:
     """A value over one revolution, at rising angles less than a revolution apart."""
 
-    name: str  # of the value's column
+    name: str  # heading of the value's column
     angle: tuple[float, ...]  # rad
     value: tuple[float, ...]  # SI
 
@@ -253,7 +255,7 @@ def points(path: Path) -> Points:
         (1.0, 1.0),
         f"expected time in s and speed in rad/s, with a comma between{DECIMAL_POINT_HINT}",
     )
-    for number, row in enumerate(lines(path), start=1):
+    for number, row in enumerate(cell_lines(path), start=1):
         where = f"line {number}: "
         if not any(cell.strip() for cell in row):
             continue
@@ -263,11 +265,11 @@ def points(path: Path) -> Points:
             if number == 1:
                 scales = _scales(row)
                 continue
-            raise invalid(f"{where}{shown(*row)}: {expected}", "file") from None
+            raise invalid(f"{where}{quoted_cells(*row)}: {expected}", "file") from None
         for value, text, (name, _) in zip((time, speed), row, SPEED_COLUMNS, strict=True):
             finite(text, value, name, where)
         if time_and_speed and time * scales[0] <= time_and_speed[-1][0]:
-            raise invalid(f"{where}{shown(row[0])}: expected a time after the line before", "file")
+            raise invalid(f"{where}{quoted_cells(row[0])}: expected a time after the line before", "file")
         time_and_speed.append((time * scales[0], speed * scales[1]))
     if not time_and_speed:
         raise invalid("expected lines of time in s and speed in rad/s", "file")
@@ -278,7 +280,8 @@ def _scales(heading: list[str]) -> tuple[float, float]:
     """Factors that convert times and speeds to SI, from the units that a heading names."""
     if len(heading) != len(SPEED_COLUMNS):
         raise invalid(
-            f"line 1: {shown(*heading)}: expected two columns, time and speed, with a comma between", "file"
+            f"line 1: {quoted_cells(*heading)}: expected two columns, time and speed, with a comma between",
+            "file",
         )
     time, speed = (scale(cell, *column) or 1.0 for cell, column in zip(heading, SPEED_COLUMNS, strict=True))
     return time, speed

@@ -316,7 +316,7 @@ def _why(one: float, other: float) -> str:
 
 def mixed_up(times: float, near: float) -> str:
     """What is mixed up where two numbers for one thing differ by about this factor; "" if that is unknown."""
-    factor, name, mixed = min(MIXED_UP, key=lambda known: abs(times / known[0] - 1))
+    factor, name, mixed = min(MIXED_UP, key=lambda entry: abs(times / entry[0] - 1))
     if abs(times / factor - 1) > near:
         return ""
     return f"; they differ by {name}, the factor between {mixed}"

@@ -77,7 +77,7 @@ def _in_quotes(part: str) -> bool:
     return not part or "." in part or not part.isprintable()
 
 
-def shown(value: Any) -> str:
+def toml_text(value: Any) -> str:
     """A value as written in TOML, shortened to 60 characters."""
     text = toml(value)
     return text if len(text) <= 60 else text[:57] + "..."
@@ -134,7 +134,7 @@ def _problem(details: Any, tables: Any, length: int | None) -> Problem:
     name = value if isinstance(value, str) else absent
     of_words = kind in OF_WORDS or expected.startswith(ONE_OF)
     meant = perhaps(name, WORDS.findall(expected)) if of_words and name else ""
-    return Problem(key, shown(value) if is_present else absent, expected + meant)
+    return Problem(key, toml_text(value) if is_present else absent, expected + meant)
 
 
 def _in_its_place(kind: str, key: Key, value: Any) -> str | None:

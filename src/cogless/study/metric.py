@@ -38,7 +38,7 @@ TURN_SHORTFALL_MOST = 1e-3  # of a revolution, that a window of whole ones may b
 STATE = re.compile(r"x_\d+")
 AT_AN_EVENT = ("dip", "settling", "overshoot")
 WITH_A_BAND = ("settling", "exceeds", "time-to-learn")
-EACH_TRIAL = ("rms", "ripple-rms", "mean", "maximum", "peak-to-peak")  # in a study of trials
+EACH_TRIAL = ("rms", "ripple-rms", "mean", "maximum", "peak-to-peak")  # trials have one value each
 LAST_TRIAL = "last"  # the value that a table of many runs has of a number in each trial
 EACH_PHASE = ("first-rms", "final-rms", "trials-to-floor")  # only there
 
@@ -198,7 +198,7 @@ class Metric(Table):
         return self.event or 0.0, end if after is None else after - before_event
 
     @property
-    def wanted(self) -> str:
+    def better_direction(self) -> str:
         """The direction that is better: as `better` says, but a band is by default better left late."""
         later = self.kind == "exceeds" and "better" not in self.model_fields_set
         return "higher" if later else self.better

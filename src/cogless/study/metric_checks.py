@@ -93,7 +93,7 @@ def _missing(signal: str, kinds_present: frozenset[str]) -> str | None:
     return NEEDED[next(lacks)]
 
 
-FEWEST_ROWS = 10  # in a metric's window
+FEWEST_ROWS = 10  # a metric's window has no fewer
 OVER_TIME = ("window", "last", "event", "smooth", "order")  # keys that metrics of trials don't have
 
 

@@ -219,7 +219,7 @@ class Motor(Table):
     """Temperature of winding and magnets. Default: resistance and flux stay as given."""
 
     @model_validator(mode="after")
-    def _words(self) -> Self:
+    def _check_constants(self) -> Self:
         if not self._torque_constants:
             raise invalid('expected one of psi_f = "68 mWb", K_t = "0.4 N*m/A" and kv = "300 rpm/V"')
         if not self._resistances:

@@ -42,42 +42,42 @@ def _files(of: Any, value: Any, key: Key, model: type[StudyBase]) -> Iterator[Na
                 yield NamedFile(key, path, colon + rest)
     elif isinstance(value, list):
         for place, item in enumerate(value):
-            for inner in _within(of, place, model):
+            for inner in _types_within(of, place, model):
                 yield from _files(inner, item, (*key, place), model)
     elif isinstance(value, dict):
         choices = value.get("list")
-        if isinstance(choices, list):  # of [vary]
+        if isinstance(choices, list):  # a spread of the table vary
             for place, item in enumerate(choices):
                 yield from _files(of, item, (*key, "list", place), model)
         for name, item in value.items():
-            for inner in _at(of, name, model):
+            for inner in _types_at(of, name, model):
                 yield from _files(inner, item, (*key, name), model)
 
 
-def _at(of: Any, name: str, model: type[StudyBase]) -> list[Any]:
+def _types_at(of: Any, name: str, model: type[StudyBase]) -> list[Any]:
     """The types that a name within a type may have; in a table of dotted keys it has several parts."""
-    inner = list(_within(of, name, model))
+    inner = list(_types_within(of, name, model))
     if inner or "." not in name:
         return inner
     inner = [of]
     for part in split(name):
         if isinstance(part, str):
-            inner = [type_ for outer in inner for type_ in _at(outer, part, model)]
+            inner = [type_ for outer in inner for type_ in _types_at(outer, part, model)]
         else:
-            inner = [type_ for outer in inner for type_ in _within(outer, part, model)]
+            inner = [type_ for outer in inner for type_ in _types_within(outer, part, model)]
     return inner
 
 
-def _within(of: Any, part: str | int, model: type[StudyBase]) -> Iterator[Any]:
+def _types_within(of: Any, part: str | int, model: type[StudyBase]) -> Iterator[Any]:
     """The types that a key or an index within a type may have."""
     origin, inner = get_origin(of), get_args(of)
     if any(isinstance(mark, StudyKeys) for mark in _marks(of)):
-        yield from _within(model, part, model)
+        yield from _types_within(model, part, model)
     elif origin is Annotated:
-        yield from _within(inner[0], part, model)
+        yield from _types_within(inner[0], part, model)
     elif origin in (Union, types.UnionType):
         for one in inner:
-            yield from _within(one, part, model)
+            yield from _types_within(one, part, model)
     elif origin is tuple:
         yield inner[0]
     elif isinstance(origin, type) and issubclass(origin, Mapping):

@@ -13,7 +13,7 @@ from cogless.study.csv_table import OverAngle, read
 from cogless.study.table import Angle, File, Frequency, Many, Table, Time, invalid
 from cogless.units import ANGLE
 
-ORDER_MAX = 1000  # of a sensor's error
+ORDER_MAX = 1000  # the highest order of a sensor's error
 ERROR_TABLE_ANGLES = 3600  # angles of a revolution at which a table of its error is taken
 
 

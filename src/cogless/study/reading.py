@@ -1,6 +1,7 @@
 """Find and read a study, by file or shipped name, with its datasheet, changes and scenario overrides.
 
-Validate a variant of a study by what changed in it; the rest is taken over.
+A variant of a study is validated by what changed in it; the rest is taken over. A `Remark` is a sentence on a
+study that carries each change which it advises: the tests apply each and run the study again.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ import os
 import re
 import tomllib
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
 from itertools import compress
 from pathlib import Path
@@ -27,7 +28,7 @@ from cogless.study import checks, trial_checks
 from cogless.study.base import Source, StudyBase
 from cogless.study.datasheet import replaced_by, replaced_by_any
 from cogless.study.mechanics import Mechanics
-from cogless.study.messages import MISSING, Problem, dotted, look_up, problems, shown, study_error
+from cogless.study.messages import MISSING, Problem, dotted, look_up, problems, study_error, toml_text
 from cogless.study.motor import Motor
 from cogless.study.speed_study import Study
 from cogless.study.table import Key, Table, perhaps
@@ -100,10 +101,10 @@ def _new(new: Any, old: Any, validated: Any) -> Any:
     return reused(new, old, validated)
 
 
-def _whole(validated: Any, new: Any, made: Any) -> Any:
+def _whole(validated: Any, new: Any, validated_whole: Any) -> Any:
     """The counterpart of `_new`: all scenarios or controllers, in the order of the file."""
-    if isinstance(made, Mapping) and isinstance(new, dict):
-        return {name: validated[name] if name in validated else made[name] for name in new}
+    if isinstance(validated_whole, Mapping) and isinstance(new, dict):
+        return {name: validated[name] if name in validated else validated_whole[name] for name in new}
     return validated
 
 
@@ -199,9 +200,9 @@ def parse_change(text: str) -> tuple[str, Any]:
     """Key and value of the text KEY=VALUE of a `--set` option; a VALUE that isn't valid TOML is a string."""
     key, separator, value = text.partition("=")
     if not separator or not key.strip():
-        raise StudyError(f"--set: {shown(text)}: expected KEY=VALUE, such as controller.pi.kp=0.02")
+        raise StudyError(f"--set: {toml_text(text)}: expected KEY=VALUE, such as controller.pi.kp=0.02")
     if not text.isprintable() and any("\ud800" <= character <= "\udfff" for character in text):
-        raise StudyError(f"--set: {shown(text)}: expected UTF-8")
+        raise StudyError(f"--set: {toml_text(text)}: expected UTF-8")
     try:
         parsed = _toml(f"value = {value}")
     except ValueError:
@@ -209,18 +210,18 @@ def parse_change(text: str) -> tuple[str, Any]:
     return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
 
 
-def find(name: str | Path, room: str, what: str, beside: Path | None = None, where: str = "") -> Path:
-    """Find a file by shipped name, or by path relative to the folder `beside`.
+def find(name: str | Path, room: str, what: str, folder: Path | None = None, where: str = "") -> Path:
+    """Find a file by shipped name, or by path relative to the folder `folder`.
 
     `room`: folder of shipped files. `what`: kind of file. `where`: file and key that name it, for messages.
     """
     shipped_files = shipped(room)
     if str(name) in shipped_files:
         return shipped_files[str(name)]
-    path = (beside or Path()) / name
+    path = (folder or Path()) / name
     check_utf8(path, f"a {what} file")
     plain = not where and 0 < len(str(name)) <= LONGEST_NAME
-    named = f"{where}{name if plain else shown(str(name))}: "
+    named = f"{where}{name if plain else toml_text(str(name))}: "
     with suppress(OSError):  # a name that is too long
         if path.is_file():
             return path
@@ -283,7 +284,7 @@ def _unquoted(text: str, message: str) -> str:
     if place is None:
         return ""
     line = text.splitlines()[int(place.group(1)) - 1].strip()
-    return f": {shown(line)}: expected a text in quotes, or a number without a unit"
+    return f": {toml_text(line)}: expected a text in quotes, or a number without a unit"
 
 
 def put(tables: dict[str, Any], key: str, value: Any) -> None:
@@ -299,9 +300,9 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
             value_there = inner[str(part)] = {}
         elif isinstance(value_there, str):
             # A short form such as reference = "60 rpm" is a text, which has no keys.
-            raise StudyError(f"{key}: {shown(value)}: expected a table at {dotted(path[: depth + 1])}")
+            raise StudyError(f"{key}: {toml_text(value)}: expected a table at {dotted(path[: depth + 1])}")
         elif isinstance(inner, list) and value_there is MISSING:
-            raise StudyError(f"{key}: {shown(value)}: {_within(inner, path[:depth])}")
+            raise StudyError(f"{key}: {toml_text(value)}: {_index_hint(inner, path[:depth])}")
         inner = value_there
     last = path[-1]
     old = look_up(inner, (last,))
@@ -310,12 +311,12 @@ def put(tables: dict[str, Any], key: str, value: Any) -> None:
     elif old is not MISSING:
         inner[last] = with_unit(value, old)
     elif isinstance(inner, list):
-        raise StudyError(f"{key}: {shown(value)}: {_within(inner, path[:-1])}")
+        raise StudyError(f"{key}: {toml_text(value)}: {_index_hint(inner, path[:-1])}")
     else:
-        raise StudyError(f"{key}: {shown(value)}: expected a key of the study")
+        raise StudyError(f"{key}: {toml_text(value)}: expected a key of the study")
 
 
-def _within(array: list[Any], key: Key) -> str:
+def _index_hint(array: list[Any], key: Key) -> str:
     """The indices that an array has, for a message about another."""
     last = f" to {len(array) - 1}" if len(array) > 1 else ""
     return f"expected an index of {dotted(key)}, 0{last}" if array else f"{dotted(key)} is empty"
@@ -331,9 +332,9 @@ def split(key: str) -> Key:
         else:
             parts += [int(part) if LIST_INDEX.fullmatch(part) else part for part in piece.split(".") if part]
     if not parts:
-        raise StudyError(f"{shown(key)}: expected a dotted key, such as controller.pi.kp")
+        raise StudyError(f"{toml_text(key)}: expected a dotted key, such as controller.pi.kp")
     if len(parts) > DEPTH_MOST:
-        raise StudyError(f"{shown(key)}: expected a key of at most {DEPTH_MOST} parts")
+        raise StudyError(f"{toml_text(key)}: expected a key of at most {DEPTH_MOST} parts")
     return tuple(parts)
 
 
@@ -395,7 +396,7 @@ def _check_names(path: Path, tables: dict[str, Any], changes: Changes) -> None:
                 continue
             if f"{table}.{parts[1]}.{needed}" not in changes:
                 expected = f"expected a {table} of {', '.join(defined)}{perhaps(str(parts[1]), defined)}"
-                raise StudyError(f"{path}: {key}: {shown(value)}: {expected}")
+                raise StudyError(f"{path}: {key}: {toml_text(value)}: {expected}")
 
 
 def with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
@@ -406,16 +407,18 @@ def with_datasheet(path: Path, tables: dict[str, Any]) -> Source:
     sheet = find(motor["datasheet"], "motors", "datasheet", path.parent, where)
     fields = read(sheet)
     said_here = replaced_by_any(motor)
-    fields = {key: _beside(sheet, path, value) for key, value in fields.items() if key not in said_here}
+    fields = {
+        key: _relative_to_study(sheet, path, value) for key, value in fields.items() if key not in said_here
+    }
     tables = {**tables, "motor": {**fields, **motor}}
     return Source(path, tables, sheet, frozenset(motor), path.parent.absolute())
 
 
-def _beside(sheet: Path, study: Path, value: Any) -> Any:
+def _relative_to_study(sheet: Path, study: Path, value: Any) -> Any:
     """A datasheet's value; files of tables are named relative to the datasheet, and here to the study."""
     if not isinstance(value, dict):
         return value
-    value = {key: _beside(sheet, study, inner) for key, inner in value.items()}
+    value = {key: _relative_to_study(sheet, study, inner) for key, inner in value.items()}
     if isinstance(value.get("file"), str):
         value["file"] = os.path.relpath(sheet.parent / value["file"], study.parent)
     return value
@@ -522,3 +525,22 @@ def is_arena(tables: dict[str, Any]) -> bool:
     """Whether a file's tables describe an arena rather than a study."""
     plants = tables.get("plant")
     return "law" in tables and isinstance(plants, dict) and "motor" not in tables
+
+
+@dataclass(frozen=True)
+class Remark:
+    """One line on a study. It begins with the key that it is about."""
+
+    text: str
+    cures: tuple[Changes, ...] = ()  # values by dotted key; each of these changes helps without the others
+
+    def __str__(self) -> str:
+        return self.text
+
+    def with_key(self, key: str) -> Remark:
+        """The same remark with a key in front."""
+        return replace(self, text=f"{key}: {self.text}")
+
+    def cured(self, study: AStudy) -> Iterator[AStudy]:
+        """The study with one advised change at a time. StudyError: the study refuses the change."""
+        return (changed(study, cure) for cure in self.cures)

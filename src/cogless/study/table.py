@@ -82,7 +82,7 @@ class Table(BaseModel):
         data = cls.spelled_out(data)
         if not isinstance(data, dict):
             raise invalid(f"expected a table of {', '.join(cls.model_fields)}")
-        if _known(cls) >= data.keys() and _required(cls) <= data.keys():
+        if _field_names(cls) >= data.keys() and _required(cls) <= data.keys():
             return validate(data)
         wrong = _wrong_keys(cls, data)
         try:
@@ -94,7 +94,7 @@ class Table(BaseModel):
 
 
 @cache  # model_fields itself takes a microsecond
-def _known(table: type[Table]) -> frozenset[str]:
+def _field_names(table: type[Table]) -> frozenset[str]:
     return frozenset(table.model_fields)
 
 
@@ -117,11 +117,11 @@ def _wrong_keys(table: type[Table], data: dict[str, Any]) -> list[InitErrorDetai
     }
     for key, field in table.model_fields.items():
         if field.is_required() and key not in data and key not in meant_by_any:
-            errors.append(invalid(f"expected {_wanted(key, field)}", key, value="missing"))
+            errors.append(invalid(f"expected {_expected_value(key, field)}", key, value="missing"))
     return [InitErrorDetails(type=error, input=data) for error in errors]
 
 
-def _wanted(key: str, field: FieldInfo) -> str:
+def _expected_value(key: str, field: FieldInfo) -> str:
     """What is expected at a key that is missing: the field's example, or what its type says."""
     quantity = next((entry for entry in field.metadata if isinstance(entry, Quantity)), None)
     if quantity:
@@ -253,7 +253,7 @@ class Quantity:
         sort = {"": "", ">": " above zero", ">=": " of zero or more"}[self.sign]
         if not self.dimension.unit:
             return f"expected {self.dimension.name}{sort}"
-        return f"expected {self.dimension.name}{sort}, such as {self.dimension.shown(1)}"
+        return f"expected {self.dimension.name}{sort}, such as {self.dimension.sample(1)}"
 
     def read(self, value: Any) -> float:
         """The SI value; raises an error that says what was expected."""
@@ -265,7 +265,9 @@ class Quantity:
         elif isinstance(value, bool) or not isinstance(value, int | float):
             raise invalid(self.expectation)
         elif not self.bare:
-            raise invalid(f"expected a text with a unit, such as {self.dimension.shown(_text(value))}")
+            raise invalid(
+                f"expected a text with a unit, such as {self.dimension.sample(_sample_number(value))}"
+            )
         else:
             number = float(value)
         below = number < 0 or (self.sign == ">" and number == 0)
@@ -277,7 +279,7 @@ class Quantity:
         return core_schema.no_info_plain_validator_function(self.read)
 
 
-def _text(value: float) -> str:
+def _sample_number(value: float) -> str:
     return str(value) if math.isfinite(value) else "1"
 
 

@@ -52,20 +52,20 @@ def _pieces(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str, str]
     if not isinstance(value, list | tuple):
         yield toml(value)
         return
-    yield from _within(value, path)
+    yield from _table_pieces(value, path)
 
 
-def _within(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str, str]]:
+def _table_pieces(value: Any, path: tuple[str, ...]) -> Iterator[str | tuple[str, str]]:
     if isinstance(value, dict):
         for n, (key, inner) in enumerate(value.items()):
             yield f"{', ' if n else '{ '}{toml_key((key,))} = "
-            yield from _within(inner, (*path, key))
+            yield from _table_pieces(inner, (*path, key))
         yield " }" if value else "{}"
     elif isinstance(value, list | tuple):
         yield "["
         for n, inner in enumerate(value):
             yield ", " if n else ""
-            yield from _within(inner, (*path, str(n)))
+            yield from _table_pieces(inner, (*path, str(n)))
         yield "]"
     else:
         yield toml_key(path), toml(value)

@@ -25,7 +25,7 @@ from cogless.study.trial_study import Deviations, TrialConditions, WithUnit
 if TYPE_CHECKING:
     from cogless.study.trial_study import TrialStudy
 
-FEWEST_SAMPLES = 4  # of a trial
+FEWEST_SAMPLES = 4  # a trial has no fewer
 TRIAL_SAMPLES_MOST = 65_535
 MOST_RANGES = 12  # 4096 corners
 # How a load or position is written: first in a drive's study, then in a linear plant's.

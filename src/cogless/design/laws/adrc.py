@@ -54,8 +54,8 @@ def bandwidths(loop: SpeedLoop, b: float, phase_margin: float) -> tuple[float, f
     """omega_c and omega_o, 1/s, with this phase margin, rad; NoMarginError if there are none."""
 
     def margin(omega_c: float) -> float:
-        found = adrc_margins(loop, b, omega_c, OBSERVER_RATIO * omega_c)
-        return found.phase_margin if found.stable else -1.0
+        margins = adrc_margins(loop, b, omega_c, OBSERVER_RATIO * omega_c)
+        return margins.phase_margin if margins.stable else -1.0
 
     tried = np.geomspace(1e-3, 1, TRIED_BANDWIDTHS) * OBSERVER_BANDWIDTH_MOST / OBSERVER_RATIO / loop.period
     last = next((k for k in range(TRIED_BANDWIDTHS)[::-1] if margin(float(tried[k])) >= phase_margin), None)

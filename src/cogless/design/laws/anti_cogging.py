@@ -23,7 +23,7 @@ import numpy as np
 
 from cogless.design.angle_functions import functions_in
 from cogless.design.auto import known_orders, map_cells
-from cogless.design.changes import either, first, helping, text
+from cogless.design.changes import either, first, helping, unit_text
 from cogless.design.closed_loop import Linear, open_loop, oscillation, poles, position_margins
 from cogless.design.detent import snaps, swing
 from cogless.design.gentler import slower_feedback
@@ -35,8 +35,7 @@ from cogless.study.base import speed_text
 from cogless.study.laws.anti_cogging import AntiCogging
 from cogless.study.laws.law import SETTLING_TURNS, Commissioning
 from cogless.study.messages import dotted
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 from cogless.units import TURN
 
 CROSSOVER_RATIO = 4.0  # the speed loop's crossover / that of the run's position loop
@@ -50,7 +49,7 @@ def position_gain(loop: SpeedLoop, pi: tuple[float, float]) -> float:
     return position_margins(loop, Linear(ratio=1, k=pi[0], k_i=pi[1])).crossover / CROSSOVER_RATIO
 
 
-def left(loop: SpeedLoop, feedback: Linear, w: Real) -> Real:
+def share_left(loop: SpeedLoop, feedback: Linear, w: Real) -> Real:
     """Shares that the table leaves of orders which the run meets at w in rad/s."""
     L = open_loop(loop, feedback, w)
     return np.asarray(np.abs(1 - (L / (1 + L)).real))
@@ -61,8 +60,8 @@ def unsettled(loop: SpeedLoop, feedback: Linear, speed: float) -> float:
 
     The loop has a crossover.
     """
-    found = np.abs(poles(loop, feedback))
-    a = -math.log(float(np.max(found[found < 1 - 1e-9]))) / loop.period
+    magnitudes = np.abs(poles(loop, feedback))
+    a = -math.log(float(np.max(magnitudes[magnitudes < 1 - 1e-9]))) / loop.period
     w_c = position_margins(loop, Linear(ratio=1, k=feedback.k, k_i=feedback.k_i)).crossover
     return 2 * speed * a**2 / (w_c * loop.b) * math.exp(-a * SETTLING_TURNS * math.tau / speed)
 
@@ -72,8 +71,8 @@ def commissioning_warning(study: Study, name: str) -> Remark | None:
     run = study.controller[name].commissioning
     if run is None:
         return None
-    found = (_warning(study, name, run, key) for key in study.scenarios_of(name))
-    return next((remark for remark in found if remark is not None), None)
+    remarks = (_warning(study, name, run, key) for key in study.scenarios_of(name))
+    return next((remark for remark in remarks if remark is not None), None)
 
 
 def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Remark | None:
@@ -85,7 +84,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
     if wrong is None:
         return None
     follows = position_gain(loop.rigid, pi)
-    said = f"its calibration run in {scenario} {wrong}"
+    sentence = f"its calibration run in {scenario} {wrong}"
     wave = functions_in(study, scenario).waves(run.speed)[1:]
     orders = np.flatnonzero(wave > ORDER_SHARE_LEAST * np.max(wave)) + 1
     slow = speed_text(study, follows / int(orders[-1]), 2) if len(orders) else ""
@@ -100,15 +99,15 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
         margins = position_margins(speed_loop(other, scenario), Linear(ratio=1, k=kp, k_i=ki))
         return margins.stable and margins.phase_margin >= PHASE_MARGIN_LEAST and cured(other)
 
-    gain: Changes = {f"{key}.position_gain": text(follows, "1/s")}
+    gain: Changes = {f"{key}.position_gain": unit_text(follows, "1/s")}
     speed: Changes | None = {f"{key}.speed": slow} if slow else None
-    both = {**gain, **speed} if speed is not None else None
-    cures = helping(study, (gain, speed), cured) or helping(study, (both,), cured)
+    gain_and_speed = {**gain, **speed} if speed is not None else None
+    cures = helping(study, (gain, speed), cured) or helping(study, (gain_and_speed,), cured)
     if not cures:  # a rotor that snaps takes a loop that is stiffer than its detents
         stiffer = (slower_feedback(study, name, 1 / factor) for factor in STIFFER_FACTORS)
-        cures = first(study, (each for each in stiffer if each is not None), stiff_enough)
+        cures = first(study, (change for change in stiffer if change is not None), stiff_enough)
         key = dotted(("controller", name))
-    return Remark(f"{said}; {either(cures, key)} would do" if cures else said, cures)
+    return Remark(f"{sentence}; {either(cures, key)} would do" if cures else sentence, cures)
 
 
 def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> str | None:
@@ -120,22 +119,22 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
         return f"is unstable, at {swings.frequency:.3g} Hz"
     if math.isnan(position_margins(loop, Linear(ratio=1, k=kp, k_i=ki)).crossover):
         return "records nothing: the speed loop, whose gain is nowhere one, follows no reference"
-    found = swing(study, scenario, feedback, speed)
-    if found is not None and found.stops:
-        return f"records nothing: {snaps(study, found, speed, position_margins(loop, feedback).crossover)}"
+    swinging = swing(study, scenario, feedback, speed)
+    if swinging is not None and swinging.stops:
+        return f"records nothing: {snaps(study, swinging, speed, position_margins(loop, feedback).crossover)}"
     wave = functions_in(study, scenario).waves(speed)[1:]
     orders = np.flatnonzero(wave > ORDER_SHARE_LEAST * np.max(wave)) + 1
     if not len(orders):
         return None
     needed = wave[orders - 1]
-    kept = needed * left(loop, feedback, np.asarray(speed * orders, dtype=float))
+    remaining = needed * share_left(loop, feedback, np.asarray(speed * orders, dtype=float))
     added = unsettled(loop, feedback, speed)
-    share = math.hypot(*kept, added) / math.hypot(*needed)
+    share = math.hypot(*remaining, added) / math.hypot(*needed)
     if share <= WORTHWHILE_SHARE:
         return None
-    most = int(orders[np.argmax(kept)])
+    most = int(orders[np.argmax(remaining)])
     why = f"meets order {most} at {most * speed / math.tau:.3g} Hz"
-    if added > np.max(kept):
+    if added > np.max(remaining):
         why = f"records {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after it turned, not settled yet"
     return f"{why}: the table leaves {share:.2g} of the ripple"
 

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from cogless.design.changes import either, helping, text
+from cogless.design.changes import either, helping, unit_text
 from cogless.design.closed_loop import Gains, Linear, position_gains_by_rule, position_margins
 from cogless.design.detent import STALLING_RATIO, snaps, swing
 from cogless.design.law_rules import FeedbackRules, Gain, Values, feedback_of, pi_texts
@@ -34,14 +34,13 @@ from cogless.study.laws.harmonic import HARMONIC_ORDERS, ORDER_ANGLE_MOST, Harmo
 from cogless.study.laws.law import LawLoop
 from cogless.study.motor import StepMotor
 from cogless.study.position_sensor import Counted, Hall
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 from cogless.units import RPM
 
 ORDER_MULTIPLES = 6  # highest learned order, in lowest common multiples of slots and poles
 DELAY_ANGLE = 1.3  # rad/sample at which the delay is taken: half of what an order may have
 RATE_SUM_MOST = 1 / 16  # sum of the rates of all acting orders, 1/sample; harmonic.c has it as TOGETHER
-RATE_MOST, RATE_LEAST = 20.0, 0.5  # 1/s
+LEARNER_RATE_MOST, LEARNER_RATE_LEAST = 20.0, 0.5  # 1/s
 # rad; a larger sensor error needs a base that can learn it. SURE of harmonic.c is its square.
 SENSOR_ERROR_MOST = 5e-4
 # A rate this many times that of a load which turns with the rotor leaves a tenth of its changes.
@@ -83,7 +82,7 @@ def _learner(study: Study, name: str) -> Learner:
     base, sure, highest = _orders(study, law)
     fast, orders = (max(1, min(HARMONIC_ORDERS, top // base)) for top in (sure, highest))
     step, bends = _step(study), _bends(study, base)
-    told = Learner(
+    learner = Learner(
         b=loop.b,
         delay=delay_of(loop),
         step=step,
@@ -91,19 +90,19 @@ def _learner(study: Study, name: str) -> Learner:
         bends=bends,
         orders=orders,
         fast=fast,
-        rate=RATE_MOST,
-        rate_min=RATE_LEAST,
+        rate=LEARNER_RATE_MOST,
+        rate_min=LEARNER_RATE_LEAST,
     )
     pi = harmonic_gains(study, name)
-    speeds = _speeds(study, name, told.base * told.orders * loop.period)
+    speeds = _speeds(study, name, learner.base * learner.orders * loop.period)
     if not speeds:
-        return told
-    told = replace(told, rate_min=_least_rate(study, told, speeds[-1], loop.period))
-    told = replace(told, held=held_bands(loop, told, pi, *_halls(study), (speeds[0], speeds[-1])))
+        return learner
+    learner = replace(learner, rate_min=_least_rate(study, learner, speeds[-1], loop.period))
+    learner = replace(learner, held=held_bands(loop, learner, pi, *_halls(study), (speeds[0], speeds[-1])))
     if loop.shaft is None:
-        return told
-    bound = min(_rate_bound(study, loop, told, pi, omega) for omega in speeds) / RATE_MARGIN
-    return replace(told, rate=min(told.rate, bound), rate_min=min(bound, told.rate_min))
+        return learner
+    bound = min(_rate_bound(study, loop, learner, pi, omega) for omega in speeds) / RATE_MARGIN
+    return replace(learner, rate=min(learner.rate, bound), rate_min=min(bound, learner.rate_min))
 
 
 def _speeds(study: Study, name: str, sampled: float) -> list[float]:
@@ -172,16 +171,16 @@ def least_base(study: Study) -> int:
     sensor = study.drive.position_sensor
     if not _bends(study, 1 + BENDS_FROM[-1]) or not isinstance(sensor, Counted):
         return 1
-    told = (free + 1 for n, free in enumerate(BENDS_FROM, 1) if abs(sensor.wave(n)) > SENSOR_ERROR_MOST)
-    return max(told, default=1)
+    bases = (free + 1 for n, free in enumerate(BENDS_FROM, 1) if abs(sensor.wave(n)) > SENSOR_ERROR_MOST)
+    return max(bases, default=1)
 
 
 def roomy_base(study: Study) -> int:
     """A base that leaves room for that error and learns the main order; 1 if there is none."""
     poles, slots = _poles_and_slots(study)
     least = least_base(study)
-    found = _base(math.gcd(slots or poles, poles), [math.lcm(slots or poles, poles)], 3 * poles, least)
-    return found if found >= least else 1
+    base = _base(math.gcd(slots or poles, poles), [math.lcm(slots or poles, poles)], 3 * poles, least)
+    return base if base >= least else 1
 
 
 def delay_of(loop: SpeedLoop) -> float:
@@ -251,16 +250,16 @@ class Certificate:
     @property
     def fine(self) -> bool:
         """Whether all acting orders converge at all speeds."""
-        return all(each.fine for each in self.speeds)
+        return all(speed.fine for speed in self.speeds)
 
     def words(self) -> str:
         """The certificate in one line."""
         if not self.speeds:
             highest = self.learner.base * self.learner.orders
             return f"not judged: no reference turns order {highest} by {ORDER_ANGLE_LEAST:g} rad a sample"
-        if all(each.snaps is not None for each in self.speeds):
+        if all(speed.snaps is not None for speed in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
-        found = [each.words() for each in self.speeds]
+        phrases = [speed.words() for speed in self.speeds]
         ends = [f"learns at up to {self.fastest / RPM:.4g} rpm"]
         edges = [edge / (math.tau * self.period) for edge in self.learner.held]
         if edges:
@@ -268,46 +267,54 @@ class Certificate:
             ends = [f"holds orders from {' and from '.join(bands)} Hz", *ends]
         if self.straight is not None:
             ends += [f"an eccentric sensor's error at up to {self.straight / RPM:.4g} rpm"]
-        return "; ".join([self.learner.order_words, *found, *ends])
+        return "; ".join([self.learner.order_words, *phrases, *ends])
 
 
-def _held_words(held: tuple[int, ...]) -> str:
-    if not held:
+def _held_words(orders: tuple[int, ...]) -> str:
+    if not orders:
         return ""
-    return f", {len(held)} held, {held[0]} to {held[-1]}" if len(held) > 1 else f", {held[0]} held"
+    return f", {len(orders)} held, {orders[0]} to {orders[-1]}" if len(orders) > 1 else f", {orders[0]} held"
 
 
 def certificate(study: Study, name: str) -> Certificate:
     """The certificate of a controller: at the slowest and the fastest reference of its scenarios."""
-    told, pi, loop = learner(study, name), harmonic_gains(study, name), speed_loop(study)
-    speeds = _speeds(study, name, told.base * told.orders * loop.period)
-    judged = ((omega, _judged(told, omega, loop.period)) for omega in speeds)
-    found = tuple(_at(study, name, loop, told, pi, acting, omega) for omega, acting in judged if len(acting))
-    straight = SLOW_ORDER_ANGLE / (main_order(study, told.base) * loop.period) if told.bends else None
-    return Certificate(told, loop.period, found, ORDER_ANGLE_MOST / (told.base * loop.period), straight)
+    own_learner, pi, loop = learner(study, name), harmonic_gains(study, name), speed_loop(study)
+    speeds = _speeds(study, name, own_learner.base * own_learner.orders * loop.period)
+    judged = ((omega, _judged(own_learner, omega, loop.period)) for omega in speeds)
+    at_speeds = tuple(
+        _certified_at(study, name, loop, own_learner, pi, acting, omega)
+        for omega, acting in judged
+        if len(acting)
+    )
+    straight = (
+        SLOW_ORDER_ANGLE / (main_order(study, own_learner.base) * loop.period) if own_learner.bends else None
+    )
+    return Certificate(
+        own_learner, loop.period, at_speeds, ORDER_ANGLE_MOST / (own_learner.base * loop.period), straight
+    )
 
 
-def _acting(told: Learner, omega: float, T: float) -> Real:
+def _acting(own_learner: Learner, omega: float, T: float) -> Real:
     """The orders that act at a speed: all slow ones, and the fast ones that the motor is known to have.
 
     `T`: the law's period, s.
     """
-    count = np.arange(1, told.orders + 1)
-    turned = told.base * count * abs(omega) * T
-    acts = (turned <= SLOW_ORDER_ANGLE) | ((count <= told.fast) & (turned <= ORDER_ANGLE_MOST))
-    return np.asarray(told.base * count[acts], dtype=float)
+    count = np.arange(1, own_learner.orders + 1)
+    turned = own_learner.base * count * abs(omega) * T
+    acts = (turned <= SLOW_ORDER_ANGLE) | ((count <= own_learner.fast) & (turned <= ORDER_ANGLE_MOST))
+    return np.asarray(own_learner.base * count[acts], dtype=float)
 
 
-def _judged(told: Learner, omega: float, T: float) -> Real:
+def _judged(own_learner: Learner, omega: float, T: float) -> Real:
     """The acting orders that are fast enough to be judged."""
-    acting = _acting(told, omega, T)
+    acting = _acting(own_learner, omega, T)
     return np.asarray(acting[acting * abs(omega) * T > ORDER_ANGLE_LEAST])
 
 
-def _too_slow(told: Learner, omega: float, T: float) -> tuple[int, ...]:
+def _too_slow(own_learner: Learner, omega: float, T: float) -> tuple[int, ...]:
     """The lowest and the highest of the orders that are too slow to be judged; empty if none is."""
-    count = min(told.orders, int(ORDER_ANGLE_LEAST / (told.base * omega * T)))
-    return (told.base, told.base * count) if count else ()
+    count = min(own_learner.orders, int(ORDER_ANGLE_LEAST / (own_learner.base * omega * T)))
+    return (own_learner.base, own_learner.base * count) if count else ()
 
 
 def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
@@ -320,28 +327,28 @@ def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
     for key in study.scenarios_of(name) or list(study.scenario):
         if feedback is None or omega not in (study.scenario[key].slowest, study.scenario[key].top_reference):
             continue
-        found = swing(study, key, feedback, omega)
-        if found is not None and found.stops:
+        swinging = swing(study, key, feedback, omega)
+        if swinging is not None and swinging.stops:
             crossover = position_margins(speed_loop(study, key), feedback).crossover
-            return found.rms, snaps(study, found, omega, crossover)
-        largest = max(largest, found.rms if found is not None else 0.0)
+            return swinging.rms, snaps(study, swinging, omega, crossover)
+        largest = max(largest, swinging.rms if swinging is not None else 0.0)
     return largest, None
 
 
-def rate_at(told: Learner, omega: float, T: float) -> float:
+def rate_at(own_learner: Learner, omega: float, T: float) -> float:
     """The rate, 1/s, at which learning begins at the speed omega, rad/s, without the limit per turn."""
-    return min(told.rate, RATE_SUM_MOST / (max(1, len(_acting(told, omega, T))) * T))
+    return min(own_learner.rate, RATE_SUM_MOST / (max(1, len(_acting(own_learner, omega, T))) * T))
 
 
-def _rate_bound(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, omega: float) -> float:
+def _rate_bound(study: Study, loop: SpeedLoop, own_learner: Learner, pi: Gains, omega: float) -> float:
     """The rate below which all orders that are learned at a speed settle together, 1/s."""
-    T, w = loop.period, _judged(told, omega, loop.period) * omega
-    w = w[~is_held(told, w * T)]
+    T, w = loop.period, _judged(own_learner, omega, loop.period) * omega
+    w = w[~is_held(own_learner, w * T)]
     if not len(w):
         return math.inf
     if loop.shaft is None:
-        return rate_bound(T, told, w)
-    return rate_bound(T, told, w, lambda om: gamma(loop, told, pi, om / T), loop.near)
+        return rate_bound(T, own_learner, w)
+    return rate_bound(T, own_learner, w, lambda om: gamma(loop, own_learner, pi, om / T), loop.near)
 
 
 def _poles_and_slots(study: Study) -> tuple[int, int | None]:
@@ -355,9 +362,9 @@ def _poles_and_slots(study: Study) -> tuple[int, int | None]:
 
 
 def _step(study: Study) -> float:
-    """Step of the sensor's angle, rad, or 0.
+    """Step of the sensor's angle, rad, if the law learns with a speed timed between edges; else 0.
 
-    A speed that is timed from edge to edge, and not filtered, tells where the rotor is between two steps.
+    Only an unfiltered speed of this kind tells where the rotor is between two steps.
     """
     sensor, filtered = study.drive.position_sensor, study.drive.speed_filter
     return sensor.step if isinstance(sensor, Counted) and sensor.timed and not filtered else 0.0
@@ -382,15 +389,15 @@ def _load_orders(study: Study) -> list[float]:
     return [wave.order for load in loads for wave in load.harmonics if wave.torque]
 
 
-def _least_rate(study: Study, told: Learner, fastest: float, T: float) -> float:
+def _least_rate(study: Study, own_learner: Learner, fastest: float, T: float) -> float:
     """The rate to which learning slows down, 1/s.
 
     Ripple that depends on the current changes with a load that turns with the rotor. It is followed where it
     is slow enough for that. A load's order that is learned itself needs no following.
     """
-    first = rate_at(told, fastest, T)
-    turning = [LOAD_RATE_RATIO * order * fastest for order in _load_orders(study) if order < told.base]
-    return max([RATE_LEAST, *(rate for rate in turning if rate <= first)])
+    first = rate_at(own_learner, fastest, T)
+    turning = [LOAD_RATE_RATIO * order * fastest for order in _load_orders(study) if order < own_learner.base]
+    return max([LEARNER_RATE_LEAST, *(rate for rate in turning if rate <= first)])
 
 
 def main_order(study: Study, base: int) -> int:
@@ -399,29 +406,31 @@ def main_order(study: Study, base: int) -> int:
     return math.lcm(slots, poles) if slots else base
 
 
-def _at(
-    study: Study, name: str, loop: SpeedLoop, told: Learner, pi: Gains, orders: Real, omega: float
+def _certified_at(
+    study: Study, name: str, loop: SpeedLoop, own_learner: Learner, pi: Gains, orders: Real, omega: float
 ) -> Certified:
     w, sector = orders * omega, _halls(study)
-    held = is_held(told, w * loop.period)
+    is_held_at = is_held(own_learner, w * loop.period)
 
     def real(late: int) -> Real:
-        each = [gamma(at_speed(plant, *sector, omega), told, pi, w, late).real for plant in plants(loop)]
-        return np.asarray(np.where(held, np.inf, np.min(each, axis=0)))
+        sectors = [
+            gamma(at_speed(plant, *sector, omega), own_learner, pi, w, late).real for plant in plants(loop)
+        ]
+        return np.asarray(np.where(is_held_at, np.inf, np.min(sectors, axis=0)))
 
     bad = np.flatnonzero(real(1) <= 0)
     good = len(orders) if not len(bad) else int(bad[0])
-    late, bound = int(orders[good - 1]) if good else 0, _rate_bound(study, loop, told, pi, omega)
+    late, bound = int(orders[good - 1]) if good else 0, _rate_bound(study, loop, own_learner, pi, omega)
     swings, stops = _swing(study, name, omega)
     return Certified(
         omega_m=omega,
         acting=int(orders[-1]),
         gamma=float(np.min(real(0))),
         late=late,
-        held=tuple(int(n) for n in orders[held]),
-        rate=rate_at(told, omega, loop.period),
+        held=tuple(int(n) for n in orders[is_held_at]),
+        rate=rate_at(own_learner, omega, loop.period),
         most=bound if math.isfinite(bound) else None,
-        slow=_too_slow(told, omega, loop.period),
+        slow=_too_slow(own_learner, omega, loop.period),
         swing=swings,
         snaps=stops,
     )
@@ -437,32 +446,34 @@ def _unlearned(study: Study, name: str) -> tuple[list[int], list[int]]:
             if wave.torque
         }
     )
-    told = learner(study, name)
-    return cogging, [n for n in cogging if n % told.base or n > told.base * told.orders]
+    own_learner = learner(study, name)
+    return cogging, [n for n in cogging if n % own_learner.base or n > own_learner.base * own_learner.orders]
 
 
 def _not_learned(study: Study, name: str) -> Remark | None:
     """Warning of cogging orders that a controller doesn't learn, with a base with which it learns them."""
-    (cogging, left), told = _unlearned(study, name), learner(study, name)
-    if not left:
+    (cogging, unlearned), own_learner = _unlearned(study, name), learner(study, name)
+    if not unlearned:
         return None
-    orders = f"order{'s' * (len(left) > 1)} {', '.join(map(str, left))}"
-    said = f"it learns {told.order_words}, but the cogging has {orders}"
+    orders = f"order{'s' * (len(unlearned) > 1)} {', '.join(map(str, unlearned))}"
+    sentence = f"it learns {own_learner.order_words}, but the cogging has {orders}"
     needed = math.gcd(*cogging)
     if cogging[-1] > needed * HARMONIC_ORDERS:
-        return Remark(f"{said}; no base learns all of it with {HARMONIC_ORDERS} orders")
+        return Remark(f"{sentence}; no base learns all of it with {HARMONIC_ORDERS} orders")
 
     def cured(other: Study) -> bool:
         return not _unlearned(other, name)[1]
 
     cures = helping(study, ({f"controller.{name}.base": needed},), cured)
-    return Remark(f"{said}; {either(cures)} learns all of it" if cures else said, cures)
+    return Remark(f"{sentence}; {either(cures)} learns all of it" if cures else sentence, cures)
 
 
 def _lacks_room(study: Study, name: str) -> int | None:
     """The smallest base with room to learn a sensor's error; None: the controller's base has that room."""
-    here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
-    least = least_base(here)
+    own_study = max(
+        (for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study
+    )
+    least = least_base(own_study)
     return least if learner(study, name).base < least else None
 
 
@@ -471,18 +482,22 @@ def _no_room(study: Study, name: str) -> Remark | None:
     least = _lacks_room(study, name)
     if least is None:
         return None
-    here = max((for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study)
-    roomy = roomy_base(here)
+    own_study = max(
+        (for_scenario(study, key) for key in study.scenarios_of(name)), key=least_base, default=study
+    )
+    roomy = roomy_base(own_study)
     often = "twice" if least > 1 + BENDS_FROM[0] else "once"
     base = learner(study, name).base
-    told = f"base {base} is too low to learn the sensor's error that comes {often} a turn"
+    sentence = f"base {base} is too low to learn the sensor's error that comes {often} a turn"
     change: Changes | None = {f"controller.{name}.base": roomy} if roomy >= least else None
     cures = helping(study, (change,), lambda other: _lacks_room(other, name) is None)
     if not cures:
-        return Remark(f"{told}: expected {least} or more")
-    cogging = sorted({wave.order for wave in here.motor.star().cogging if wave.torque and wave.order % roomy})
+        return Remark(f"{sentence}: expected {least} or more")
+    cogging = sorted(
+        {wave.order for wave in own_study.motor.star().cogging if wave.torque and wave.order % roomy}
+    )
     but = f", but not order{'s' * (len(cogging) > 1)} {', '.join(map(str, cogging))} of the cogging"
-    return Remark(f"{told}; {either(cures)} learns it{but if cogging else ''}", cures)
+    return Remark(f"{sentence}; {either(cures)} learns it{but if cogging else ''}", cures)
 
 
 def rival_bases(study: Study, name: str) -> tuple[int, int] | None:
@@ -521,14 +536,14 @@ class HarmonicRules(FeedbackRules[Harmonic]):
         return {**of_angle, "kp": Gain(kp, "A*s/rad"), "ki": Gain(ki, "A/rad")}
 
     def numbers_used(self) -> dict[str, Gain]:
-        told = learner(self.study, self.name)
-        return {key: Gain(getattr(told, key), unit) for key, unit in LEARNER.items()}
+        own_learner = learner(self.study, self.name)
+        return {key: Gain(getattr(own_learner, key), unit) for key, unit in LEARNER.items()}
 
     def slower(self, factor: float) -> Changes | None:
         if not self.law.position:
             return super().slower(factor)
         k_theta, kp, ki = harmonic_gains(self.study, self.name)
-        own = pi_texts(kp / factor, ki / factor**2) | {"k_theta": text(k_theta / factor, "1/s")}
+        own = pi_texts(kp / factor, ki / factor**2) | {"k_theta": unit_text(k_theta / factor, "1/s")}
         return self.by_hand(own)
 
     def refused(self) -> str | None:

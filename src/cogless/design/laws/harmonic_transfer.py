@@ -38,34 +38,34 @@ TRANSFER_POINTS = 2000  # frequencies at which that is judged
 def _shares(d: float, z: Complex) -> Complex:
     """V: the law's model of what a delay of d samples makes of its current."""
     if d > 1.5:
-        kept = d / (1 + d)
-        return np.asarray((1 - kept) / (1 - kept / z))
+        pole = d / (1 + d)
+        return np.asarray((1 - pole) / (1 - pole / z))
     m = int(d)
     return np.asarray(z ** -float(m) * (1 - (d - m) + (d - m) / z))
 
 
-def gamma(loop: SpeedLoop, told: Learner, pi: Gains, w: Real, late: int = 0) -> Complex:
+def gamma(loop: SpeedLoop, learner: Learner, pi: Gains, w: Real, late: int = 0) -> Complex:
     """Gamma at the frequencies w, rad/s, with a plant that is `late` samples later than `loop` says."""
     T = loop.period
     z = np.exp(1j * w * T)
     P_omega, P_theta = (np.asarray(P) * z**-late for P in loop.plant(w))
     k_theta, kp, ki = pi
     fed_back = pi_response(w, T, kp, ki) * (P_omega + k_theta * P_theta)
-    model = told.b * T**2 * (z + 1) / (2 * (z - 1) ** 2)
-    seen = (P_theta + model * _shares(told.delay / T, z) * fed_back) / (1 + fed_back)
-    return np.asarray(seen / (model * np.exp(-1j * w * told.delay)))
+    model = learner.b * T**2 * (z + 1) / (2 * (z - 1) ** 2)
+    seen = (P_theta + model * _shares(learner.delay / T, z) * fed_back) / (1 + fed_back)
+    return np.asarray(seen / (model * np.exp(-1j * w * learner.delay)))
 
 
 def plants(loop: SpeedLoop) -> list[SpeedLoop]:
     """The plants that an order must converge with: as told, and with what may be wrong."""
-    found = [dataclasses.replace(loop, b=factor * loop.b) for factor in BELIEF_FACTORS]
+    loops = [dataclasses.replace(loop, b=factor * loop.b) for factor in BELIEF_FACTORS]
     if loop.shaft is not None:
         J, J_load = loop.shaft.inertia, loop.shaft.load_inertia
         for factor in BELIEF_FACTORS:
             shaft = dataclasses.replace(loop.shaft, inertia=factor * J)
             b = loop.b * (J + J_load) / (factor * J + J_load)
-            found.append(dataclasses.replace(loop, shaft=shaft, b=b))
-    return found
+            loops.append(dataclasses.replace(loop, shaft=shaft, b=b))
+    return loops
 
 
 def at_speed(loop: SpeedLoop, sector: float, edges: int, omega: float) -> SpeedLoop:
@@ -74,7 +74,7 @@ def at_speed(loop: SpeedLoop, sector: float, edges: int, omega: float) -> SpeedL
 
 
 def held_bands(
-    loop: SpeedLoop, told: Learner, pi: Gains, sector: float, edges: int, speeds: tuple[float, float]
+    loop: SpeedLoop, learner: Learner, pi: Gains, sector: float, edges: int, speeds: tuple[float, float]
 ) -> tuple[float, ...]:
     """Bands of frequency, from and to in rad a sample, in which an order may not converge.
 
@@ -88,31 +88,31 @@ def held_bands(
     bad = np.zeros(len(om), dtype=bool)
     if not sector:
         for plant in plants(loop):
-            bad |= turned(gamma(plant, told, pi, om / T))
+            bad |= turned(gamma(plant, learner, pi, om / T))
     else:
-        for n in told.base * np.arange(1, told.orders + 1):
-            here = (om >= n * speeds[0] * T / 1.05) & (om <= n * speeds[1] * T * 1.05)
+        for n in learner.base * np.arange(1, learner.orders + 1):
+            reached = (om >= n * speeds[0] * T / 1.05) & (om <= n * speeds[1] * T * 1.05)
             for plant in plants(loop):
-                for k in np.flatnonzero(here):
+                for k in np.flatnonzero(reached):
                     w = om[k : k + 1] / T
                     seen = at_speed(plant, sector, edges, float(w[0]) / float(n))
-                    bad[k] |= bool(turned(gamma(seen, told, pi, w))[0])
+                    bad[k] |= bool(turned(gamma(seen, learner, pi, w))[0])
     return _few(_bands(om, bad))
 
 
-def turned(found: Complex) -> np.ndarray:
+def turned(transfer: Complex) -> np.ndarray:
     """Whether Gamma is turned so far, or is so small, that its order is held."""
-    return np.asarray(found.real <= PHASE_COSINE_LEAST * np.abs(found))
+    return np.asarray(transfer.real <= PHASE_COSINE_LEAST * np.abs(transfer))
 
 
 def _bands(om: Real, bad: np.ndarray) -> list[tuple[float, float]]:
     """Where it is bad, from the last good point before to the first one after."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(int)))
-    found = []
+    bands = []
     for first, after in zip(edges[::2], edges[1::2], strict=True):
         low = float(om[first - 1]) if first else 0.0
-        found.append((low, float(om[after]) if after < len(om) else math.pi))
-    return found
+        bands.append((low, float(om[after]) if after < len(om) else math.pi))
+    return bands
 
 
 def _few(bands: list[tuple[float, float]]) -> tuple[float, ...]:
@@ -123,16 +123,20 @@ def _few(bands: list[tuple[float, float]]) -> tuple[float, ...]:
     return tuple(edge for band in bands for edge in band)
 
 
-def is_held(told: Learner, om: Real) -> np.ndarray:
+def is_held(learner: Learner, om: Real) -> np.ndarray:
     """Whether orders of these frequencies, rad a sample, are held."""
-    found = np.zeros(np.shape(om), dtype=bool)
-    for low, high in zip(told.held[::2], told.held[1::2], strict=True):
-        found |= (om >= low) & (om <= high)
-    return found
+    in_band = np.zeros(np.shape(om), dtype=bool)
+    for low, high in zip(learner.held[::2], learner.held[1::2], strict=True):
+        in_band |= (om >= low) & (om <= high)
+    return in_band
 
 
 def rate_bound(
-    T: float, told: Learner, w: Real, plant: Callable[[Real], Complex] | None = None, near: Real | None = None
+    T: float,
+    learner: Learner,
+    w: Real,
+    plant: Callable[[Real], Complex] | None = None,
+    near: Real | None = None,
 ) -> float:
     """The rate below which all orders, at frequencies w in rad/s, settle together, 1/s. `T`: period, s.
 
@@ -140,14 +144,14 @@ def rate_bound(
     which this first is -1. `plant`: Gamma at frequencies in rad a sample, `near`: frequencies in rad/s that
     it should be seen at; without it, all is as the law assumes.
     """
-    beside = np.add.outer(w * T, np.geomspace(1e-4, 0.5, 60) * w[0] * T)
-    om = np.union1d(np.linspace(ORDER_ANGLE_LEAST, math.pi, 6000), np.ravel(beside)) * (1 + 1e-9)
+    neighbours = np.add.outer(w * T, np.geomspace(1e-4, 0.5, 60) * w[0] * T)
+    om = np.union1d(np.linspace(ORDER_ANGLE_LEAST, math.pi, 6000), np.ravel(neighbours)) * (1 + 1e-9)
     if near is not None:
         om = np.union1d(om, near * T)
     om = om[(om < math.pi) & (om > 0)]
-    R = all_orders(told, w * T, om, T)
+    R = all_orders(learner, w * T, om, T)
     if plant is not None:
-        d = told.delay / T
+        d = learner.delay / T
         R = R * plant(om) * np.exp(-1j * om * d) / _shares(d, np.exp(1j * om))
     crossing = (R.real[:-1] < 0) & (R.real[1:] < 0) & (R.imag[:-1] * R.imag[1:] < 0)
     part = R.imag[:-1] / (R.imag[:-1] - R.imag[1:] + 1e-300)
@@ -155,9 +159,9 @@ def rate_bound(
     return float(-1 / np.min(at)) if len(at) else math.inf
 
 
-def all_orders(told: Learner, orders: Real, om: Real, T: float) -> Complex:
+def all_orders(learner: Learner, orders: Real, om: Real, T: float) -> Complex:
     """R, the loop of all orders over the rate, at om rad a sample; resonators at `orders`, rad a sample."""
-    d, z = told.delay / T, np.exp(1j * om)
+    d, z = learner.delay / T, np.exp(1j * om)
     sum_of = np.zeros(len(om), dtype=complex)
     for one in orders:
         Z = np.exp(1j * one)

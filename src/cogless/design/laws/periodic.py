@@ -37,7 +37,7 @@ from cogless.design.auto import (
     shared_period,
     with_numbers,
 )
-from cogless.design.changes import text
+from cogless.design.changes import unit_text
 from cogless.design.closed_loop import Linear, oscillation
 from cogless.design.law_rules import FeedbackRules, Gain, LawRules, Values, feedback_of
 from cogless.design.learning_loop import (
@@ -55,8 +55,7 @@ from cogless.study.base import speed_text
 from cogless.study.laws.law import Learning, Memory
 from cogless.study.laws.periodic import PiIlc, RobustIlc
 from cogless.study.messages import dotted
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 from cogless.units import TIME, TURN
 
 LONGEST_LEAD = 30  # samples that are tried
@@ -89,19 +88,19 @@ class PeriodicLoop(LearningLoop):
 
     @property
     def frozen(self) -> str | None:
-        samples = 1 / self.plant.period / self.periods_per_second  # in a period
+        samples = 1 / self.plant.period / self.periods_per_second  # samples/period
         cells, wide, fewest = self.law.cells, self.law.q_half_width, fewest_samples(self.law, self.lead)
         speed = speed_text(self.study, self.omega_m)
-        found = f"a period at {speed} has {round(samples, 1):.10g} samples, "
+        sentence = f"a period at {speed} has {round(samples, 1):.10g} samples, "
         if self.law.memory == "time" and samples > cells:
-            return f"{found}cells {cells}"
+            return f"{sentence}cells {cells}"
         if samples >= fewest:
             return None
         if samples < 4:
-            return f"{found}at least 4 are needed"
+            return f"{sentence}at least 4 are needed"
         if self.lead > samples / 4:
-            return f"{found}lead {self.lead} is over a quarter"
-        return f"{found}the Q filter needs {wide + 1}"
+            return f"{sentence}lead {self.lead} is over a quarter"
+        return f"{sentence}the Q filter needs {wide + 1}"
 
     @property
     def learns_more(self) -> bool:
@@ -118,8 +117,8 @@ class PeriodicLoop(LearningLoop):
         law = self.law
         if not isinstance(law, RobustIlc) or not law.beta_1 or not self.settled:
             return None
-        found = ripple(self, 0.0)
-        amplitude = math.sqrt(2 * max((HARMFUL_RATIO * found.without) ** 2 - found.learned**2, 0.0))
+        ripples = ripple(self, 0.0)
+        amplitude = math.sqrt(2 * max((HARMFUL_RATIO * ripples.without) ** 2 - ripples.learned**2, 0.0))
         if not amplitude:
             return None
         for n in reversed(range(TRIED_GAINS)):
@@ -173,23 +172,29 @@ def switching(study: Study, scenario: str, name: str) -> Switching | None:
     n = math.pi / (w * loop.period)
     fundamental = np.sqrt(2) / (n * np.sin(np.pi / (2 * n)))
     fundamental[-1] = 1.0  # rms of a current that changes its sign with each sample
-    made = law.g / law.b * fundamental * np.abs(true * closed)
-    most = turned[np.argmax(made[turned])]
-    return Switching(float(w[most]) / TURN, float(made[most]))
+    ripples = law.g / law.b * fundamental * np.abs(true * closed)
+    most = turned[np.argmax(ripples[turned])]
+    return Switching(float(w[most]) / TURN, float(ripples[most]))
 
 
 def relay_warning(study: Study, name: str) -> Remark | None:
     """Warning of a relay that makes more ripple than the feedback beside it leaves; None if it makes less."""
     for key in study.scenarios_of(name):
-        made = switching(study, key, name)
-        if made is None:
+        oscillation = switching(study, key, name)
+        if oscillation is None:
             continue
-        left = max((ripple(loop, 0.0).without for loop in judged(study, key, name)), default=math.inf)
-        if made.ripple > left:
-            alone, beside = (f"{speed_text(study, omega, 2)} rms" for omega in (made.ripple, left))
-            switches = f"in {key} its relay switches at {made.frequency:.3g} Hz and makes {alone} of ripple"
+        feedback_ripple = max(
+            (ripple(loop, 0.0).without for loop in judged(study, key, name)), default=math.inf
+        )
+        if oscillation.ripple > feedback_ripple:
+            alone, learned = (
+                f"{speed_text(study, omega, 2)} rms" for omega in (oscillation.ripple, feedback_ripple)
+            )
+            switches = (
+                f"in {key} its relay switches at {oscillation.frequency:.3g} Hz and makes {alone} of ripple"
+            )
             off: Changes = {f"{dotted(('controller', name))}.g": "0 rad/s^2"}
-            return Remark(f"{switches}; g = 0 leaves {beside} before learning", (off,))
+            return Remark(f"{switches}; g = 0 leaves {learned} before learning", (off,))
     return None
 
 
@@ -241,7 +246,7 @@ class RobustIlcRules(LearningRules[RobustIlc]):
 
     def slower(self, factor: float) -> Changes:
         key = dotted(("controller", self.name))
-        return {f"{key}.{each}": text(getattr(self.law, each) / factor, "1/s") for each in ("c", "eta")}
+        return {f"{key}.{rate}": unit_text(getattr(self.law, rate) / factor, "1/s") for rate in ("c", "eta")}
 
     def auto(self) -> Values:
         return _robust_ilc(self.study, self.name)
@@ -256,13 +261,15 @@ def _robust_ilc(study: Study, name: str) -> Values:
     """The linear part is as near to the PI as two real roots come; switching is twice the sensors' noise."""
     b = study.K_t / study.mechanics.stiff.inertia
     pi = phase_margin_gains(study, name)
-    half, both = b * pi[0] / 2, b * pi[1]
-    apart = math.sqrt(max(half**2 - both, 0.0))  # two real roots, or a double one: ki as near as these come
-    given = {"b": b, "c": half - apart, "eta": half + apart, "q": 1.0, "beta_1": 0.0, "gamma": 0.0}
-    given["g"] = 2 * b * study.drive.current_sensors.noise
-    given |= numbers_by_hand(study, name)
-    with_it = with_numbers(study, name, given)
-    return given | _map_and_gain(with_it, name, lambda gain: {"beta_2": gain * given["b"]})
+    half, product = b * pi[0] / 2, b * pi[1]
+    apart = math.sqrt(
+        max(half**2 - product, 0.0)
+    )  # two real roots, or a double one: ki as near as these come
+    values = {"b": b, "c": half - apart, "eta": half + apart, "q": 1.0, "beta_1": 0.0, "gamma": 0.0}
+    values["g"] = 2 * b * study.drive.current_sensors.noise
+    values |= numbers_by_hand(study, name)
+    with_it = with_numbers(study, name, values)
+    return values | _map_and_gain(with_it, name, lambda gain: {"beta_2": gain * values["b"]})
 
 
 def _map_and_gain(study: Study, name: str, keys: Callable[[float], Values]) -> Values:

@@ -87,7 +87,7 @@ class OrderLoop(LearningLoop):
 
     def gain(self, w: Real) -> Complex:
         resonators = self._resonators(self.law.lead)
-        return np.asarray(sum(each.response(w, self.plant.period) for each in resonators))
+        return np.asarray(sum(resonator.response(w, self.plant.period) for resonator in resonators))
 
     def q(self, f: ArrayLike, half_width: int | None = None) -> Real:
         return np.zeros(np.shape(f))  # nothing is recalled from the last period
@@ -139,10 +139,10 @@ class OrderLoop(LearningLoop):
 
     def _worst_with(self, lead: float) -> Worst:
         """Factor per revolution and frequency of the largest pole, other than the fixed pole at z = 1."""
-        found = poles(self.plant, self.feedback, self._resonators(lead))
-        found = found[np.abs(found - 1) > FIXED_POLE_TOLERANCE]
-        largest = found[np.argmax(np.abs(found))]
-        samples = 1 / self.plant.period / self.periods_per_second  # in a revolution
+        roots = poles(self.plant, self.feedback, self._resonators(lead))
+        roots = roots[np.abs(roots - 1) > FIXED_POLE_TOLERANCE]
+        largest = roots[np.argmax(np.abs(roots))]
+        samples = 1 / self.plant.period / self.periods_per_second  # samples/revolution
         factor = math.exp(min(samples * math.log(max(abs(largest), 1e-300)), 700.0))
         return Worst(factor, abs(float(np.angle(largest))) / (TURN * self.plant.period))
 
@@ -168,10 +168,10 @@ class PiAfcRules(FeedbackRules[PiAfc]):
 
 def _auto(study: Study, name: str) -> Values:
     """Orders that are known and can settle in every corner, the largest first; one lead, one gain for all."""
-    found = known_orders(study, name)
-    held = [n for n in found if _settles(study, name, n)] or found[:1]
+    candidates = known_orders(study, name)
+    settling = [n for n in candidates if _settles(study, name, n)] or candidates[:1]
     by_hand = numbers_by_hand(study, name)
-    orders = list(by_hand.get("orders", sorted(held[:PI_AFC_ORDERS]) or [1]))
+    orders = list(by_hand.get("orders", sorted(settling[:PI_AFC_ORDERS]) or [1]))
     T = speed_loop(study).period
     loops = list(
         loops_in_corners(OrderLoop, with_numbers(study, name, {"orders": tuple(orders), "gain": 1.0}), name)

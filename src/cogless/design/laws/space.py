@@ -29,7 +29,7 @@ from cogless.design.auto import (
     scenarios_tuned_for,
     with_numbers,
 )
-from cogless.design.changes import text
+from cogless.design.changes import unit_text
 from cogless.design.closed_loop import Linear
 from cogless.design.law_rules import Gain, LawRules, Values
 from cogless.design.laws.space_bounds import (
@@ -49,7 +49,7 @@ from cogless.study.messages import dotted
 from cogless.study.reading import Changes
 from cogless.units import TURN
 
-TORQUE_ANGLES = np.linspace(0, TURN, 720, endpoint=False)
+CURRENT_ANGLES = np.linspace(0, TURN, 720, endpoint=False)
 
 
 class SpaceLoop(LearningLoop):
@@ -74,7 +74,7 @@ class SpaceLoop(LearningLoop):
     def doubt(self) -> str | None:
         if not isinstance(self.law, SpaceSpeed) or self.scenario is None:
             return None
-        needed = functions_in(self.study, self.scenario).current(TORQUE_ANGLES, abs(self.omega_m))
+        needed = functions_in(self.study, self.scenario).current(CURRENT_ANGLES, abs(self.omega_m))
         error = float(np.max(np.abs(needed))) / self.law.k
         if error <= self.law.eta_bar:
             return None
@@ -125,14 +125,16 @@ class SpaceSpeedRules(SpaceRules[SpaceSpeed]):
     """The rules of the law `space-speed`."""
 
     def slower(self, factor: float) -> Changes:
-        return {f"{dotted(('controller', self.name))}.k": text(self.law.k / factor, "A*s/rad")}
+        return {f"{dotted(('controller', self.name))}.k": unit_text(self.law.k / factor, "A*s/rad")}
 
     def auto(self) -> Values:
         """k is the PI's kp; learning pauses while the error alone asks for all the current that there is."""
         study, name = self.study, self.name
         k = phase_margin_gains(study, name)[0]
-        given = {"k": k, "eta_bar": study.drive.current_loop.current_limit / k} | numbers_by_hand(study, name)
-        return given | _in_angle(with_numbers(study, name, given), name)
+        values = {"k": k, "eta_bar": study.drive.current_loop.current_limit / k} | numbers_by_hand(
+            study, name
+        )
+        return values | _in_angle(with_numbers(study, name, values), name)
 
 
 class SpacePositionRules(SpaceRules[SpacePosition]):
@@ -154,16 +156,19 @@ class SpacePositionRules(SpaceRules[SpacePosition]):
         k_theta, k_omega, k_i = position_gains(self.study, self.name)
         if self.law.tuning is not None:
             return None
-        slower = {"k_theta": text(k_theta / factor, "1/s"), "k_omega": text(k_omega / factor, "A*s/rad")}
-        slower |= {"k_i": text(k_i / factor**2, "A/rad")} if k_i else {}
+        slower = {
+            "k_theta": unit_text(k_theta / factor, "1/s"),
+            "k_omega": unit_text(k_omega / factor, "A*s/rad"),
+        }
+        slower |= {"k_i": unit_text(k_i / factor**2, "A/rad")} if k_i else {}
         key = dotted(("controller", self.name))
-        return {f"{key}.{each}": value for each, value in slower.items()}
+        return {f"{key}.{gain}": value for gain, value in slower.items()}
 
     def auto(self) -> Values:
         """The integral stays beside what is learned: a load may change at any angle."""
         study, name = self.study, self.name
-        given = {"frame": "mechanical", "hand_over": False} | numbers_by_hand(study, name)
-        return given | _in_angle(with_numbers(study, name, given), name)
+        values = {"frame": "mechanical", "hand_over": False} | numbers_by_hand(study, name)
+        return values | _in_angle(with_numbers(study, name, values), name)
 
 
 def _in_angle(study: Study, name: str) -> Values:
@@ -178,8 +183,8 @@ def _in_angle(study: Study, name: str) -> Values:
     unit = list(loops_in_corners(SpaceLoop, with_numbers(study, name, map_ | {"mu_alpha": 1.0}), name))
     f = frequency_grid(unit)
     gain = 1 / max(float(np.max(np.abs(loop.x(f)))) for loop in unit)
-    found = gain_and_filter(study, name, SpaceLoop, gain, lambda gain: map_ | {"mu_alpha": gain})
-    return found | map_ | {"period": {"of": "mechanical"}}
+    values = gain_and_filter(study, name, SpaceLoop, gain, lambda gain: map_ | {"mu_alpha": gain})
+    return values | map_ | {"period": {"of": "mechanical"}}
 
 
 def _above(study: Study, name: str) -> Values:

@@ -144,26 +144,37 @@ def theorem(study: Study, name: str) -> Theorem | None:
     keys = study.scenarios_of(name)
     if not isinstance(law, SpacePosition | SpaceSpeed) or not law.learning or not keys:
         return None
-    functions = [each for key in keys for each in _in_scenario(study, key)]
+    functions = [function for key in keys for function in _in_scenario(study, key)]
     scenarios = [study.scenario[key] for key in keys]
     motion = Motion(
         min(s.slowest for s in scenarios),
         max(s.top_reference for s in scenarios),
         max(s.top_acceleration for s in scenarios),
     )
-    found = worst([each.bounds() for each in functions])
-    obstacles = [*_in_the_way(study, name, law, functions, found, motion), *_changing_loads(study, keys)]
-    if found is None:
+    bounds = worst([function.bounds() for function in functions])
+    obstacles = [*_in_the_way(study, name, law, functions, bounds, motion), *_changing_loads(study, keys)]
+    if bounds is None:
         obstacles.insert(0, "the torque per current comes down to zero")
     if isinstance(law, SpaceSpeed):
         limits = learned_limits(study, law, study.scenario.values())
-        conditions = speed_conditions(found, motion, law, limits) if found else ()
-        return Theorem("law (4) of Verrelli 2016, section 3", "k", law.k, found, conditions, tuple(obstacles))
+        conditions = speed_conditions(bounds, motion, law, limits) if bounds else ()
+        return Theorem(
+            section="law (4) of Verrelli 2016, section 3",
+            gain="k",
+            has=law.k,
+            bounds=bounds,
+            conditions=conditions,
+            obstacles=tuple(obstacles),
+        )
     feedback = feedback_at(study, name, motion.top_speed)
-    conditions = position_conditions(found, motion, feedback) if found else ()
-    has = feedback.ratio * feedback.k
+    conditions = position_conditions(bounds, motion, feedback) if bounds else ()
     return Theorem(
-        "law (6) of Verrelli 2016, section 4", "k_omega + v", has, found, conditions, tuple(obstacles)
+        section="law (6) of Verrelli 2016, section 4",
+        gain="k_omega + v",
+        has=feedback.ratio * feedback.k,
+        bounds=bounds,
+        conditions=conditions,
+        obstacles=tuple(obstacles),
     )
 
 
@@ -180,8 +191,8 @@ def speed_conditions(
     printed = spread * (2 * delta + _times(max(mu), per)) * f_plus / eta
     learned = math.hypot(*map(operator.mul, mu, f))  # mu f+ if all three mu are equal
     corrected = spread * ((1 + math.sqrt(law.channels)) * delta + _times(learned, per)) * f_plus / eta
-    each = (bounds.k_alpha1, bounds.k_beta1, bounds.h_M)
-    parts = zip(mu, f, limits, each, strict=True)
+    bounds_learned = (bounds.k_alpha1, bounds.k_beta1, bounds.h_M)
+    parts = zip(mu, f, limits, bounds_learned, strict=True)
     own = sum((_times(gain * x, per) + limit + bound) * x for gain, x, limit, bound in parts) / eta
     drift = bounds.k_h * (eta + motion.top_speed) / 2
     return (
@@ -238,10 +249,10 @@ def learned_limits(study: Study, law: SpaceLearning, scenarios: Iterable[Scenari
     return tuple(limits[n] if n < law.channels else 0.0 for n in range(3))
 
 
-def worst(found: list[Bounds | None]) -> Bounds | None:
-    """Bounds that hold for all in `found`; None if one of them is None."""
-    all_ = [dataclasses.asdict(each) for each in found if each is not None]
-    if len(all_) < len(found):
+def worst(several: list[Bounds | None]) -> Bounds | None:
+    """Bounds that hold for all in `several`; None if one of them is None."""
+    all_ = [dataclasses.asdict(one) for one in several if one is not None]
+    if len(all_) < len(several):
         return None
     return Bounds(**{key: (min if key == "h_m" else max)(b[key] for b in all_) for key in all_[0]})
 
@@ -266,30 +277,30 @@ def _in_the_way(
     motion: Motion,
 ) -> list[str]:
     """Assumptions of the theorem that a controller and its scenarios don't meet, in words."""
-    found = [reason] if (reason := _unfit(study, law, functions)) else []
+    obstacles = [reason] if (reason := _unfit(study, law, functions)) else []
     if not law.mu_alpha:
-        found.append("it learns no alpha")
+        obstacles.append("it learns no alpha")
     if law.q_half_width:
-        found.append("its Q filter forgets a part of what was learned")
+        obstacles.append("its Q filter forgets a part of what was learned")
     if not study.drive.ideal:
-        found.append("the current loop isn't ideal")
+        obstacles.append("the current loop isn't ideal")
     if isinstance(law, SpaceSpeed) and motion.slowest <= law.eta_bar:
-        found.append(f"eta_bar isn't below the slowest reference, {motion.slowest:.3g} rad/s")
+        obstacles.append(f"eta_bar isn't below the slowest reference, {motion.slowest:.3g} rad/s")
     if isinstance(law, SpacePosition) and motion.slowest <= 0:
-        found.append(f"the reference comes down to {motion.slowest:.3g} rad/s, not above zero")
+        obstacles.append(f"the reference comes down to {motion.slowest:.3g} rad/s, not above zero")
     if isinstance(law, SpacePosition) and not law.hand_over and position_gains(study, name)[2] > 0:
-        found.append("its integral action stays on")
+        obstacles.append("its integral action stays on")
     if isinstance(law, SpacePosition) and law.index == "rotor":
-        found.append("it learns over the rotor's angle")
+        obstacles.append("it learns over the rotor's angle")
     if motion.top_acceleration > 0:
         friction = bounds is not None and bounds.k_beta1 > 0
         missing = ["mu_beta"] if friction and not law.mu_beta else []
         missing += [] if law.mu_h else ["mu_h"]
         if missing:
-            found.append(f"the speed varies without {' and '.join(missing)}")
+            obstacles.append(f"the speed varies without {' and '.join(missing)}")
     if bounds is not None:
-        found += _tight_limits(study, law, bounds)
-    return found
+        obstacles += _tight_limits(study, law, bounds)
+    return obstacles
 
 
 def unfit(study: Study, name: str) -> str | None:
@@ -297,13 +308,15 @@ def unfit(study: Study, name: str) -> str | None:
     law = study.controller[name]
     if not isinstance(law, SpaceLearning) or not law.learning:
         return None
-    functions = [each for key in study.scenarios_of(name) for each in _in_scenario(study, key)]
+    functions = [function for key in study.scenarios_of(name) for function in _in_scenario(study, key)]
     return _unfit(study, law, functions)
 
 
 def _unfit(study: Study, law: SpaceLearning, functions: list[AngleFunctions]) -> str | None:
     revolutions = law.period.revolutions(study.motor.pole_pairs)
-    others = sorted({n for each in functions for n in each.orders if (n * revolutions).denominator != 1})
+    others = sorted(
+        {n for function in functions for n in function.orders if (n * revolutions).denominator != 1}
+    )
     return f"its period, {revolutions} of a revolution, isn't one of order {others[0]}" if others else None
 
 

@@ -153,7 +153,7 @@ class Certificate:
 
     design: ModelCertificate
     exact: ModelCertificate | None
-    discretisation: Discretisation | None  # of the design's models
+    discretisation: Discretisation | None  # the error of the design's sampled models
     samples: int  # random plants
 
     @property
@@ -181,8 +181,8 @@ class Update:
         """The G of F = 1 - K G: the plants' G, or with norm-optimal learning its operator times G."""
         if self.ratio is None or self.nominal is None:
             return G
-        known = Bundle([self.nominal], self.shift)(w)[0]
-        return np.asarray(np.conj(known) / (np.abs(known) ** 2 + self.ratio) * G)
+        model = Bundle([self.nominal], self.shift)(w)[0]
+        return np.asarray(np.conj(model) / (np.abs(model) ** 2 + self.ratio) * G)
 
     @property
     def gain(self) -> float:
@@ -201,7 +201,7 @@ def certify(
     """The certificate of a plant with these gains; without learning if `update` is None."""
     random, random_exact = plant.random
 
-    def of(
+    def certificate_of(
         corners: Sequence[Model], labels: Sequence[str], drawn: list[Model], nominal: Model, decides: bool
     ) -> ModelCertificate:
         loops = [gains.closed(m, plant.C) for m in [*corners, *drawn, nominal]]
@@ -211,7 +211,7 @@ def certify(
         stable = bool(radii[k] < 1)
         phi = None
         if update is not None and update.ratio is None and update.shift == plant.relative_degree:
-            phis = [Vertex.of(loop, update.shift).phi(update.K_3) for loop in loops[: len(corners)]]
+            phis = [Vertex.of_loop(loop, update.shift).phi(update.K_3) for loop in loops[: len(corners)]]
             phi = max(float(np.abs(np.linalg.eigvals(p)).max()) for p in phis)
         names = [*labels, *["a random plant"] * len(drawn), "the nominal plant"]
         plain = filters = ends = norms = None
@@ -245,14 +245,16 @@ def certify(
             norms=norms,
         )
 
-    held = plant.exact_hull or plant.vertices is plant.exact_vertices
-    same = plant.discretisation == "exact" and held
-    design = of(plant.vertices, plant.labels, random, plant.nominal, plant.exact_nominal is None or same)
+    zero_order_hold = plant.exact_hull or plant.vertices is plant.exact_vertices
+    same = plant.discretisation == "exact" and zero_order_hold
+    design = certificate_of(
+        plant.vertices, plant.labels, random, plant.nominal, plant.exact_nominal is None or same
+    )
     exact = None
     if plant.exact_vertices is not None and plant.exact_nominal is not None and random_exact is not None:
         corners = plant.exact_vertices
         names = plant.labels if plant.exact_hull else [f"corner {k + 1}" for k in range(len(corners))]
-        exact = design if same else of(corners, names, random_exact, plant.exact_nominal, True)
+        exact = design if same else certificate_of(corners, names, random_exact, plant.exact_nominal, True)
     return Certificate(design, exact, plant.discretisation, len(random))
 
 

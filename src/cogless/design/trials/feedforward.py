@@ -91,26 +91,26 @@ def dynamic(model: Model, C: Real, K_1: Real) -> Feedforward:
     closed = loop(model, K_1)
     r = relative_degree(closed, C)
     a, b = polynomials(closed, C)
-    found = zeros(closed, C)
-    kept = [zero for zero in found if not cancellable(zero)]
-    if not kept:
+    all_zeros = zeros(closed, C)
+    uncancellable = [zero for zero in all_zeros if not cancellable(zero)]
+    if not uncancellable:
         # directly from the polynomials: computing them from the roots would add rounding
         return Feedforward(_trim(a / b[r]), _trim(b[r:] / b[r]), r, "perfect tracking", ())
-    cancelled = np.atleast_1d(np.real(np.poly([zero for zero in found if cancellable(zero)])))
-    uncancelled = np.real(np.poly(kept))
+    cancelled = np.atleast_1d(np.real(np.poly([zero for zero in all_zeros if cancellable(zero)])))
+    uncancelled = np.real(np.poly(uncancellable))
     at_rest = float(uncancelled.sum())
     if abs(at_rest) < 1e-9 * float(np.abs(uncancelled).sum()):
         raise DesignError("feedforward: expected a plant without a zero at z = 1")
     loudest = float(np.abs(uncancelled).sum()) ** 2 / at_rest**2
     if loudest > AMPLIFICATION_MOST:
-        worst = min(kept, key=lambda zero: abs(zero - 1))
+        worst = min(uncancellable, key=lambda zero: abs(zero - 1))
         where = worst if worst.imag else worst.real
         raise DesignError(
             f"feedforward: expected false: the zero at z = {where:.4g} can't be cancelled, and without that "
             f"the feedforward amplifies up to {loudest:.3g} times"
         ).advising({"feedforward": False})
     num = np.convolve(a, uncancelled[::-1]) / (b[r] * at_rest**2)
-    zeros_left, preview = tuple(complex(zero) for zero in kept), r + len(kept)
+    zeros_left, preview = tuple(complex(zero) for zero in uncancellable), r + len(uncancellable)
     return Feedforward(_trim(num), _trim(cancelled), preview, "zero-phase error tracking", zeros_left)
 
 

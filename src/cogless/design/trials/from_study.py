@@ -45,8 +45,7 @@ from cogless.study.linear_plant import LinearPlant
 from cogless.study.mechanics import Mechanics
 from cogless.study.motor import Motor
 from cogless.study.position_sensor import Counted, Hall
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 from cogless.study.trial_study import EachTrial, TrialConditions
 from cogless.units import TURN
 
@@ -126,8 +125,8 @@ def _better_sampled(study: TrialStudy, run: tuple[str, str]) -> Remark | None:
         faster = {"drive.rates.position_loop": f"{2 / study.period:.6g} Hz"}
 
     def cured(other: TrialStudy) -> bool:
-        found = _designs(other, [run])[run].certificate
-        return found.deciding.stable
+        certificate = _designs(other, [run])[run].certificate
+        return certificate.deciding.stable
 
     cures = helping(study, (exact, faster), cured)
     return Remark(f"{either(cures)} makes it stable along the trial", cures) if cures else None
@@ -137,14 +136,16 @@ def _designs(study: TrialStudy, runs: Sequence[tuple[str, str]]) -> Designs:
     with _as_study_error(study):
         plant = uncertain_plant(study)
     designs = Designs()
-    known: list[tuple[TrialSettings, TrialGains | DesignError]] = []
+    designed: list[tuple[TrialSettings, TrialGains | DesignError]] = []
     outside = {scenario: _outside(study, scenario) for scenario, _ in runs}
-    wanted = {run: settings_of(study, *run) for run in runs if study.controller[run[1]].of_trials}
+    settings_by_run = {run: settings_of(study, *run) for run in runs if study.controller[run[1]].of_trials}
     # designs that need K_3 come first: the others can then reuse their gains without K_3
-    for (scenario, name), settings in sorted(wanted.items(), key=lambda item: not needs_K_3(item[1])):
+    for (scenario, name), settings in sorted(
+        settings_by_run.items(), key=lambda item: not needs_K_3(item[1])
+    ):
         try:
             with _as_study_error(study, scenario, name):
-                design = _designed(study, scenario, name, plant, settings, known)
+                design = _designed(study, scenario, name, plant, settings, designed)
         except StudyError as error:
             designs.without[scenario, name] = error
             continue
@@ -163,16 +164,16 @@ def _designed(
     name: str,
     plant: UncertainPlant,
     settings: TrialSettings,
-    known: list[tuple[TrialSettings, TrialGains | DesignError]],
+    designed: list[tuple[TrialSettings, TrialGains | DesignError]],
 ) -> TrialDesign:
-    """The design of one controller. `known`: settings whose gains are found already, or why they aren't."""
-    gains = next((g for other, g in known if same_gains(settings, other)), None)
+    """The design of one controller. `designed`: settings with their gains, or with why there are none."""
+    gains = next((g for other, g in designed if same_gains(settings, other)), None)
     if gains is None:
         try:
             gains = design_gains(plant, settings)
         except DesignError as error:
             gains = error
-        known.append((settings, gains))
+        designed.append((settings, gains))
     if isinstance(gains, DesignError):
         raise gains
     missing = gains.no_K_3 if needs_K_3(settings) else None
@@ -207,7 +208,7 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
 
     Each has its own plant, if that is within the design's ranges.
     """
-    found = []
+    phases = []
     inside = not _outside(study, scenario)
     experiment = study.scenario[scenario]
     ends = (*experiment.starts[1:], experiment.trials + 1)
@@ -228,10 +229,10 @@ def _phases(study: TrialStudy, scenario: str) -> list[Conditions]:
             load[sample:] = amount
         simulated = _simulated(study, scenario, index, conditions) if inside else None
         random = _random(study, conditions, unit)
-        found.append(
+        phases.append(
             Conditions(reference, load / unit, start, ends[index] - first, plant=simulated, random=random)
         )
-    return found
+    return phases
 
 
 def _simulated(study: TrialStudy, scenario: str, index: int, conditions: TrialConditions) -> Model:
@@ -239,11 +240,11 @@ def _simulated(study: TrialStudy, scenario: str, index: int, conditions: TrialCo
     if study.plant is not None:
         A, B = study.plant.at(conditions.override or {})
         if study.plant.model == "discrete":
-            return Model.of(A, B)
+            return Model.from_arrays(A, B)
     else:
         hardware = study.hardware(scenario)[index]
         A, B = _axis(_uncertain(hardware.mechanics, hardware.motor))
-    plant = sampled(Model.of(A, B), study.period, "exact")
+    plant = sampled(Model.from_arrays(A, B), study.period, "exact")
     return plant if study.drive is None else sensed(plant, ANGLE_OUTPUT, study.period, sensor_of(study))
 
 
@@ -332,12 +333,16 @@ def _feedback_gains(study: TrialStudy, run: tuple[str, str]) -> TrialGains:
 
 def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
     """Warnings of parameter values in a scenario that are outside the ranges of the design."""
-    found = []
+    warnings = []
     for index, (first, conditions) in enumerate(study.scenario[scenario].phases):
         if study.plant is not None:
-            known = study.plant.parameter
-            values: dict[str, float] = {k: v for k, v in (conditions.override or {}).items() if k in known}
-            ranges = {k: known[k].range or (known[k].nominal, known[k].nominal) for k in values}
+            parameters = study.plant.parameter
+            values: dict[str, float] = {
+                k: v for k, v in (conditions.override or {}).items() if k in parameters
+            }
+            ranges = {
+                k: parameters[k].range or (parameters[k].nominal, parameters[k].nominal) for k in values
+            }
         else:
             hardware = study.hardware(scenario)[index]
             values = _uncertain(hardware.mechanics, hardware.motor)
@@ -345,8 +350,8 @@ def _outside(study: TrialStudy, scenario: str) -> tuple[str, ...]:
         for key, (low, high) in ranges.items():
             if not low * (1 - SAMPLE_ROUNDING) <= values[key] <= high * (1 + SAMPLE_ROUNDING):
                 where = f"scenario {scenario}, from trial {first}: {key} is {values[key]:.4g}"
-                found.append(f"{where}, outside the design's {low:.4g} to {high:.4g}")
-    return tuple(found)
+                warnings.append(f"{where}, outside the design's {low:.4g} to {high:.4g}")
+    return tuple(warnings)
 
 
 def uncertain_plant(study: TrialStudy) -> UncertainPlant:

@@ -61,8 +61,7 @@ from cogless.design.trials.trial_observer import (
     inverse,
 )
 from cogless.errors import StudyError
-from cogless.study.reading import Changes
-from cogless.study.remark import Remark
+from cogless.study.reading import Changes, Remark
 
 
 def impulse_response(loop: Loop, samples: int) -> Real:
@@ -108,7 +107,7 @@ LOW_PASS = "expected a zero-phase low-pass filter on the learned signal"
 class TrialSettings:
     """Settings of a trial controller's design; n is the number of the plant's states without integrator."""
 
-    samples: int  # in a trial, alpha
+    samples: int  # alpha, samples/trial
     Q: ArrayLike  # (n + 1, n + 1), or (n, n) for a feedback that is designed without integral action
     R: float
     gamma: ArrayLike  # initial state whose cost is bounded, sized as Q
@@ -131,7 +130,7 @@ class TrialSettings:
     shift: int | Literal["auto"] | None = None
     pole: float | None = None  # of kind observer; None: by its rule
     basis_functions: bool = False  # what was learned moves along with a changed reference
-    limit: float | None = None  # of the input
+    limit: float | None = None  # bounds the input, in its unit
     change_weight: float = 1e-2  # for norm-optimal learning: weight of v's change; the error's is 1
 
     @property
@@ -197,7 +196,7 @@ class TrialDesign(TrialParameters):
     notes: tuple[Remark, ...]
     beyond: tuple[str, ...] = ()  # warnings of simulated values outside the ranges of the design
     prediction: Prediction | None = None  # of the scenario; None if the loop is unstable
-    limit: float | None = None  # of the input
+    limit: float | None = None  # bounds the input, in its unit
     amplify: Callable[[], Amplification] | None = field(default=None, compare=False, repr=False)
 
     @cached_property
@@ -304,8 +303,10 @@ def design_trial(
     DesignError if the design fails.
     """
     parameters, law, update = _parameters(plant, settings, gains or design_gains(plant, settings))
-    held = plant.discretisation == "exact" and not plant.sensor.at_once  # one row: what the law gets of it
-    certified = plant.as_held if parameters.gains.observer or held else plant
+    sampled_exactly = (
+        plant.discretisation == "exact" and not plant.sensor.at_once
+    )  # one row: what the law gets of it
+    certified = plant.as_held if parameters.gains.observer or sampled_exactly else plant
     loop = parameters.gains.observer or law
     certificate = certify(
         certified, loop, update, parameters.q_filter, settings.filter_acts_on, settings.samples
@@ -324,11 +325,11 @@ def scenario_prediction(
     The plants are exactly sampled if that is known. DesignError as `design_trial`.
     """
     parameters, law, update = _parameters(plant, settings, gains)
-    held, loop = plant.as_held, gains.observer or law
-    models, labels = _corners(held)
+    held_plant, loop = plant.as_held, gains.observer or law
+    models, labels = _corners(held_plant)
     simulated = [phase.plant for phase in phases if phase.plant is not None]
     if len(simulated) == len(phases):
-        models, labels = [*models, held.nominal], (*labels, "the simulated plant")
+        models, labels = [*models, held_plant.nominal], (*labels, "the simulated plant")
     trial = _trial_map(models, loop, update, parameters, plant.C, settings.samples)
     f = parameters.feedforward
     ahead = None if f is None else (f.num, f.den, f.preview)
@@ -373,8 +374,8 @@ def random_amplification(plant: UncertainPlant, settings: TrialSettings, gains: 
     return amplification(labels, random_loops(models, plant.C, loop, trial))
 
 
-def _corners(held: UncertainPlant) -> tuple[list[Model], tuple[str, ...]]:
-    return [*held.vertices, held.nominal], (*held.labels, "the nominal plant")
+def _corners(plant: UncertainPlant) -> tuple[list[Model], tuple[str, ...]]:
+    return [*plant.vertices, plant.nominal], (*plant.labels, "the nominal plant")
 
 
 def _trial_map(
@@ -491,8 +492,8 @@ def _learning_gain(
         if shift != r:
             line = f"shift: {shift}: no gain shrinks the error at every frequency; {LOW_PASS}"
             raise DesignError(line)
-        found = learning_gain(loops, law.closed(plant.nominal, plant.C), r, f, settings.g)
-        return found.K_3, found, Remark(found.note) if found.note else None
+        solution = learning_gain(loops, law.closed(plant.nominal, plant.C), r, f, settings.g)
+        return solution.K_3, solution, Remark(solution.note) if solution.note else None
     except DesignError as error:
         if error.key not in ("q_filter", "shift"):
             raise
@@ -559,8 +560,8 @@ def _bench(plant: UncertainPlant, law: Gains, settings: TrialSettings) -> Bench:
     def stable(models: Sequence[Model]) -> list[Loop]:
         return [loop for loop in (law.closed(m, plant.C) for m in models) if loop.radius < 1]
 
-    held = plant.as_held
-    judged = [*held.vertices, held.nominal]
+    held_plant = plant.as_held
+    judged = [*held_plant.vertices, held_plant.nominal]
     if len(stable(judged)) < len(judged):
         judged = [*plant.vertices, plant.nominal]
     learning = [law.closed(m, plant.C) for m in judged]
@@ -635,8 +636,8 @@ def _by_frequency(
     if settings.cutoff is None or settings.filtered != "signal":
         K_3, worst = best_gain(G)
         note = f"K_3 by frequency, for the smallest factor a trial, {worst:.4g}"
-        said = f"{note}: (35) is for a shift of {plant.relative_degree}"
-        return (K_3, Remark(said)) if worst <= PROPOSED_FACTOR_MOST else None
+        sentence = f"{note}: (35) is for a shift of {plant.relative_degree}"
+        return (K_3, Remark(sentence)) if worst <= PROPOSED_FACTOR_MOST else None
     assert isinstance(settings.cutoff, float)
     q_filter = butterworth(settings.cutoff, settings.filter_order, plant.period, settings.ends == "odd")
     K_3, worst = best_gain(G, q_filter.gain(w))
@@ -708,8 +709,8 @@ def _calmer(
         weight = float(f"{settings.change_weight * 10.0**n:.3g}")
         matrix = norm_optimal(nominal, settings.samples, weight)
         update = Update(shift, 0.0, weight, nominal, matrix)
-        found = certify(plant, law, update, q_filter, settings.filter_acts_on, settings.samples)
-        judged = found.deciding
+        certificate = certify(plant, law, update, q_filter, settings.filter_acts_on, settings.samples)
+        judged = certificate.deciding
         if judged.learning is not None and judged.learning.monotone:
             return weight
     return None

@@ -247,8 +247,8 @@ def _grid(bench: Bench, most: float) -> list[Choice]:
                 if np.abs(R).max() > REMAINS_MOST:
                     continue
                 R, F = R[:judged], F[:judged]
-                left = np.abs(R + (1 - R) * F**JUDGED_TRIALS) ** 2
-                worst = float(np.sqrt((left * energy).sum(axis=1).max()))
+                remaining = np.abs(R + (1 - R) * F**JUDGED_TRIALS) ** 2
+                worst = float(np.sqrt((remaining * energy).sum(axis=1).max()))
                 if shift not in best or worst < best[shift][0]:
                     best[shift] = worst, Choice(shift, cutoff, float(K_3))
     choices = [choice for _, choice in sorted(best.values(), key=lambda pair: pair[0])]

@@ -46,7 +46,7 @@ class Vertex:
     Upsilon: float
 
     @classmethod
-    def of(cls, loop: Loop, r: int) -> Vertex:
+    def of_loop(cls, loop: Loop, r: int) -> Vertex:
         """The matrices (22) of a closed loop with relative degree r."""
         power = np.linalg.matrix_power(loop.A, r - 1)
         ahead = loop.C[None, :] @ power
@@ -82,7 +82,7 @@ class LearningGain:
 
 def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
     """Vertices of a polytope that contains the set (23), whether these are the mapped corners, and a note."""
-    corners = [Vertex.of(loop, r) for loop in loops]
+    corners = [Vertex.of_loop(loop, r) for loop in loops]
     if r == 1 or len(loops) == 1:
         return corners, True, ""
     unit = np.eye(len(loops))
@@ -92,7 +92,7 @@ def mapped(loops: Sequence[Loop], r: int) -> tuple[list[Vertex], bool, str]:
     rows = []
     for share in shares:
         mixture = Loop(np.tensordot(share, A, 1), np.tensordot(share, B, 1), loops[0].C)
-        rows.append(Vertex.of(mixture, r).entries)
+        rows.append(Vertex.of_loop(mixture, r).entries)
     hull = enclose(np.array([corner.entries for corner in corners]), np.array(rows))
     if hull.exact:
         return [corners[k] for k in hull.kept], True, ""
@@ -119,14 +119,14 @@ def learning_gain(loops: Sequence[Loop], nominal: Loop, r: int, f: Real, g: floa
     for _ in range(RESCALINGS_MOST):
         if scaling is None:
             break
-        found, scaling = _solve(vertices, *scaling, f, g, 1 / start)
-        if found is not None:
-            K_3, bounds, result, status = found
+        solution, scaling = _solve(vertices, *scaling, f, g, 1 / start)
+        if solution is not None:
+            K_3, bounds, result, status = solution
             return LearningGain(K_3=K_3, bounds=bounds, check=result, status=status, affine=affine, note=note)
-    given = float(f"{start:.4g}")
-    keeps = f"with K_3 = {given:g} no vertex and frequency keeps more than {worst:.4g} of its error"
+    rounded = float(f"{start:.4g}")
+    keeps = f"with K_3 = {rounded:g} no vertex and frequency keeps more than {worst:.4g} of its error"
     raise DesignError(f"K_3: missing: expected a number, since (35) has no certificate: {keeps}").advising(
-        {"K_3": given}
+        {"K_3": rounded}
     )
 
 
@@ -167,13 +167,13 @@ def cost(vertex: Vertex, K_3: float, f: Real, g: float) -> float:
         return np.inf
     points = int(np.clip(20 / (1 - radius), FREQUENCIES_LEAST, FREQUENCIES_MOST))
     z = np.exp(1j * np.linspace(0, np.pi, points + 1))
-    both = np.linalg.solve(z[:, None, None] * np.eye(n) - A, np.column_stack([f, B[:, 0]]))
-    seen = (-vertex.Gamma @ both)[:, 0, :]
+    responses = np.linalg.solve(z[:, None, None] * np.eye(n) - A, np.column_stack([f, B[:, 0]]))
+    seen = (-vertex.Gamma @ responses)[:, 0, :]
     free, F = z * seen[:, 0], 1 - vertex.Upsilon * K_3 + seen[:, 1]
-    left = 1 - np.abs(F) ** 2
-    if left.min() <= 0:
+    loss = 1 - np.abs(F) ** 2
+    if loss.min() <= 0:
         return np.inf
-    sums = [np.abs(F * g + sign * free) ** 2 / left for sign in (-1.0, 1.0)]
+    sums = [np.abs(F * g + sign * free) ** 2 / loss for sign in (-1.0, 1.0)]
     return max(float(row.sum() - (row[0] + row[-1]) / 2) / points for row in sums)
 
 
@@ -183,8 +183,8 @@ def _impossible(G: Complex, w: Real, nominal: Loop) -> str:
     Stability needs |1 - K G| < 1, so Re G > 0 at every frequency w. Then the phase of G stays within 90 deg,
     so that all zeros of G are inside the unit circle.
     """
-    found = zeros(Model(nominal.A, nominal.B), nominal.C)
-    outside = [zero for zero in found if abs(zero) >= 1 - 1e-9]
+    all_zeros = zeros(Model(nominal.A, nominal.B), nominal.C)
+    outside = [zero for zero in all_zeros if abs(zero) >= 1 - 1e-9]
     if outside:
         z = max(outside, key=abs)
         at = f"{z.real:.4g}" if abs(z.imag) < 1e-9 else f"{z.real:.4g}{z.imag:+.4g}j"
@@ -209,7 +209,7 @@ def _scaling(nominal: Loop, r: int, K: float, worst: float) -> Real:
     """
     import scipy.linalg
 
-    vertex = Vertex.of(nominal, r)
+    vertex = Vertex.of_loop(nominal, r)
     A, B, Gamma, D = vertex.A, vertex.B * K, -vertex.Gamma, 1 - vertex.Upsilon * K
     reached = scipy.linalg.solve_discrete_lyapunov(A, B @ B.T)
     unit = np.sqrt(np.maximum(np.diag(reached), 1e-24 * max(float(np.trace(reached)), 1e-300)))
@@ -254,14 +254,14 @@ def _solve(
         moved = (inverse @ vertex.A @ T) @ G_1
         driven = (inverse @ vertex.B / unit * s) @ W
         seen = -(vertex.Gamma @ T) @ G_1  # in e, as `left` is; the fourth row is in e~
-        left = (G_2 - vertex.Upsilon / unit * W) * s
+        error_row = (G_2 - vertex.Upsilon / unit * W) * s
         return np.block(
             [
                 [G_1 + G_1.T - Y_1, column, moved.T, seen.T / s, seen.T],
-                [row, 2 * G_2 - Y_2, driven.T, left / s, left],
+                [row, 2 * G_2 - Y_2, driven.T, error_row / s, error_row],
                 [moved, driven, Y_1, column, column],
-                [seen / s, left / s, row, Y_2, zero],
-                [seen, left, row, zero, one],
+                [seen / s, error_row / s, row, Y_2, zero],
+                [seen, error_row, row, zero, one],
             ]
         )
 
@@ -279,7 +279,7 @@ def _solve(
         return None, None
     _, G_2, W, Y = sorted_out(x)
     try:
-        mean_1, mean_2 = (np.mean(each, axis=0) for each in zip(*Y, strict=True))
+        mean_1, mean_2 = (np.mean(matrices, axis=0) for matrices in zip(*Y, strict=True))
         scaling = T @ np.linalg.cholesky(mean_1), s * float(np.linalg.cholesky(mean_2)[0, 0])
         P = [np.linalg.inv(np.block([[Y_1, column], [row, Y_2 * s**2]])) for Y_1, Y_2 in Y]
         K_3 = float(W[0, 0] / G_2[0, 0] / unit)
@@ -288,5 +288,5 @@ def _solve(
         result = check(vertices, K_3, P, T, f, g, (first + second) * (1 + 1e-9))
     except np.linalg.LinAlgError:
         return None, None
-    found = (K_3, (first, second), result, status) if np.isfinite(K_3) and result.passed else None
-    return found, scaling
+    solution = (K_3, (first, second), result, status) if np.isfinite(K_3) and result.passed else None
+    return solution, scaling

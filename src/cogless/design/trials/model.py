@@ -78,7 +78,7 @@ class Model:
         return np.hstack([self.A, self.B]).ravel()
 
     @classmethod
-    def of(cls, A: ArrayLike, B: ArrayLike, key: str = "vertex") -> Model:
+    def from_arrays(cls, A: ArrayLike, B: ArrayLike, key: str = "vertex") -> Model:
         """A model from arrays; DesignError if a shape is wrong or a number isn't finite."""
         try:
             a, b = np.asarray(A, dtype=float), np.asarray(B, dtype=float)
@@ -95,8 +95,8 @@ class Model:
     @classmethod
     def from_entries(cls, entries: Real, order: int) -> Model:
         """The model of given order with these `entries`."""
-        both = entries.reshape(order, order + 1)
-        return cls(both[:, :order].copy(), both[:, order:].copy())
+        A_and_B = entries.reshape(order, order + 1)
+        return cls(A_and_B[:, :order].copy(), A_and_B[:, order:].copy())
 
 
 def sampled(continuous: Model, period: float, how: Discretisation) -> Model:
@@ -138,8 +138,8 @@ def relative_degree(model: Model, C: Real) -> int:
 
 def first_effect(parameters: Real) -> int:
     """The relative degree, of all Markov parameters of a model."""
-    found = np.flatnonzero(parameters)
-    return int(found[0]) + 1 if len(found) else 0
+    nonzero = np.flatnonzero(parameters)
+    return int(nonzero[0]) + 1 if len(nonzero) else 0
 
 
 def uncontrollable_mode(A: Real, B: Real) -> complex | None:

@@ -61,7 +61,7 @@ class _Frame:
     scale: Real
     basis: Real  # (d, m), orthonormal rows
 
-    def of(self, points: Real) -> tuple[Real, Real]:
+    def coordinates(self, points: Real) -> tuple[Real, Real]:
         """Coordinates c of points, and `rest`, their scaled offsets from the affine hull."""
         scaled = _scaled(points, self.origin, self.scale)
         inside = scaled @ self.basis.T
@@ -94,24 +94,24 @@ class Enclosure:
 def minimal(points: Real) -> tuple[int, ...]:
     """Indices of the rows that are vertices of the points' convex hull, ascending, each vertex once."""
     frame = _frame(points, points)
-    inside, _ = frame.of(points)
+    inside, _ = frame.coordinates(points)
     return _vertices(inside)
 
 
 def enclose(corners: Real, samples: Real) -> Enclosure:
     """A polytope that contains corners and samples: the hull of the corners, if that is enough."""
     frame = _frame(corners, np.vstack([corners, samples]))
-    base, _ = frame.of(corners)
-    inside, rest = frame.of(samples)
-    kept = _vertices(base)
-    base = base[list(kept)]
+    base, _ = frame.coordinates(corners)
+    inside, rest = frame.coordinates(samples)
+    indices = _vertices(base)
+    base = base[list(indices)]
     factor = float(_gauge(base, inside).max(initial=0.0))
     off = float(np.abs(rest).max(initial=0.0))
     if factor <= 1 + INSIDE_TOLERANCE and off <= INSIDE_TOLERANCE:
-        return Enclosure(corners[list(kept)], kept, True, 0.0)
+        return Enclosure(corners[list(indices)], indices, True, 0.0)
     # Directions in which the corners hardly differ get a box: their hull would have to be inflated too far.
     frame = _frame(corners, np.vstack([corners, samples]), THIN_SHARE)
-    everything, rest = frame.of(np.vstack([corners, samples]))
+    everything, rest = frame.coordinates(np.vstack([corners, samples]))
     base = everything[list(_vertices(everything[: len(corners)]))]
     factor = max(1.0, float(_gauge(base, everything).max(initial=0.0)))
     off = float(np.abs(rest).max(initial=0.0))
@@ -155,15 +155,18 @@ def _polygon(points: Real) -> _Hull:
     order = np.lexsort((points[:, 1], points[:, 0])).tolist()
 
     def chain(indices: list[int]) -> list[int]:
-        found: list[int] = []
+        corners: list[int] = []
         for index in indices:
-            while len(found) > 1:
-                (a, b), (c, d) = points[found[-1]] - points[found[-2]], points[index] - points[found[-2]]
+            while len(corners) > 1:
+                (a, b), (c, d) = (
+                    points[corners[-1]] - points[corners[-2]],
+                    points[index] - points[corners[-2]],
+                )
                 if a * d - b * c > STRAIGHT_AREA:
                     break
-                found.pop()
-            found.append(index)
-        return found[:-1]
+                corners.pop()
+            corners.append(index)
+        return corners[:-1]
 
     ring = np.array(chain(order) + chain(order[::-1]))
     edges = np.roll(points[ring], -1, axis=0) - points[ring]
@@ -349,19 +352,19 @@ def from_parameters(
 
     def physical(parameters: Parameters) -> Model:
         try:
-            return Model.of(*model(parameters))
+            return Model.from_arrays(*model(parameters))
         except ZeroDivisionError:
-            raise DesignError(f"range: expected finite numbers at {_at(parameters)}") from None
+            raise DesignError(f"range: expected finite numbers at {_parameter_words(parameters)}") from None
         except DesignError as error:
-            raise DesignError(f"{error} at {_at(parameters)}") from None
+            raise DesignError(f"{error} at {_parameter_words(parameters)}") from None
 
-    def within(shares: Real) -> list[Model]:
+    def models_within(shares: Real) -> list[Model]:
         low, high = np.array(list(ranges.values()), dtype=float).reshape(-1, 2).T
         rows = (low + shares * (high - low)).tolist()
         return [physical(dict(zip(ranges, row, strict=True))) for row in rows]
 
     def draw(rng: Generator, count: int) -> Models:
-        return _discrete(within(rng.random((count, len(ranges)))), period, discretisation)
+        return _discrete(models_within(rng.random((count, len(ranges)))), period, discretisation)
 
     ends = (sorted({float(low), float(high)}) for low, high in ranges.values())
     corners = [dict(zip(ranges, corner, strict=True)) for corner in itertools.product(*ends)]
@@ -370,10 +373,10 @@ def from_parameters(
         period,
         discretisation,
         draw,
-        labels=[_at(corner) for corner in corners],
+        labels=[_parameter_words(corner) for corner in corners],
         corners=_discrete([physical(corner) for corner in corners], period, discretisation),
         nominal=_discrete([physical(nominal)], period, discretisation),
-        images=_designed(within(_inside(len(ranges))), period, discretisation) if ranges else [],
+        images=_designed(models_within(_inside(len(ranges))), period, discretisation) if ranges else [],
         image="a plant within the ranges",
         set_="the ranges map to a set that",
     )
@@ -390,12 +393,12 @@ def from_vertices(
     if not models:
         raise DesignError("vertex: expected at least one")
     _check_period(period)
-    given = [Model.of(*pair, key=f"vertex {k + 1}") for k, pair in enumerate(models)]
-    sizes = {m.order for m in given}
+    vertices = [Model.from_arrays(*pair, key=f"vertex {k + 1}") for k, pair in enumerate(models)]
+    sizes = {m.order for m in vertices}
     if len(sizes) > 1:
         raise DesignError(f"vertex: expected all of one order, not {min(sizes)} and {max(sizes)}")
-    kept = minimal(np.array([m.entries for m in given]))
-    corners = [given[k] for k in kept]
+    indices = minimal(np.array([m.entries for m in vertices]))
+    corners = [vertices[k] for k in indices]
     mean = np.mean([m.entries for m in corners], axis=0)
     how = discretisation if continuous else None
 
@@ -407,9 +410,9 @@ def from_vertices(
         period,
         how,
         draw,
-        labels=[f"vertex {k + 1}" for k in kept],
+        labels=[f"vertex {k + 1}" for k in indices],
         corners=_discrete(corners, period, how),
-        nominal=_discrete([Model.from_entries(mean, given[0].order)], period, how),
+        nominal=_discrete([Model.from_entries(mean, vertices[0].order)], period, how),
         # only for exact sampling: mixtures of discrete or Euler models are always in the corners' hull
         images=draw(np.random.default_rng(0), INSIDE_SAMPLES)[0] if how == "exact" else [],
         image="a mixture of the vertices",
@@ -500,11 +503,11 @@ def _relative_degree(nominal: Model, C: Real, tested: Sequence[tuple[str, Model]
     sign = math.copysign(1.0, markov(nominal.A, nominal.B, C, degree)[-1])
     for label, vertex in tested:
         effects = markov(vertex.A, vertex.B, C, vertex.order)
-        found = first_effect(effects)
-        if found != degree:
+        tested_degree = first_effect(effects)
+        if tested_degree != degree:
             raise DesignError(
                 f"vertex: expected the same relative degree at all vertices; {degree} at the nominal plant, "
-                f"{found or 'none'} at {label}"
+                f"{tested_degree or 'none'} at {label}"
             )
         if math.copysign(1.0, effects[degree - 1]) != sign:
             raise DesignError(
@@ -529,5 +532,5 @@ def _check_period(period: float) -> None:
         raise DesignError(f"period: {period:g}: expected a time above zero")
 
 
-def _at(parameters: Parameters) -> str:
+def _parameter_words(parameters: Parameters) -> str:
     return ", ".join(f"{name} = {value:.6g}" for name, value in parameters.items()) or "the only plant"

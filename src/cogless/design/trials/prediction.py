@@ -143,7 +143,7 @@ class PhasePrediction:
 class Prediction:
     """A scenario's phases at each plant."""
 
-    labels: tuple[str, ...]  # of the plants
+    labels: tuple[str, ...]  # one says which plant it is
     phases: tuple[PhasePrediction, ...]
 
     @property

@@ -275,10 +275,10 @@ def _maxima(values: Real) -> NDArray[np.intp]:
     These are the maxima that exceed all values if raised by their height above their lower neighbour.
     """
     around = np.pad(values, ((0, 0), (1, 1)), constant_values=np.nan)
-    left, right = around[:, :-2], around[:, 2:]
-    risen = 2 * values - np.fmin(left, right)
-    found = np.argwhere(~(left > values) & ~(right > values) & (risen > values.max()))
-    return found[np.argsort(risen[tuple(found.T)])[::-1][:MAXIMA_MOST]]
+    before, right = around[:, :-2], around[:, 2:]
+    risen = 2 * values - np.fmin(before, right)
+    maxima = np.argwhere(~(before > values) & ~(right > values) & (risen > values.max()))
+    return maxima[np.argsort(risen[tuple(maxima.T)])[::-1][:MAXIMA_MOST]]
 
 
 TRIALS_TRIED = 80
@@ -446,14 +446,14 @@ def finite_trial(trial: TrialMap) -> FiniteTrial:
     return FiniteTrial(powers[0], max(powers), max(shares), shares[-1])
 
 
-def _norms(there: Callable[[Real], Real], back: Callable[[Real], Real], x: Real) -> tuple[float, Real]:
+def _norms(forward: Callable[[Real], Real], back: Callable[[Real], Real], x: Real) -> tuple[float, Real]:
     """The largest norm of several maps and the vectors that show it, by Lanczos' iteration from x."""
     basis: list[Real] = []
     diagonal, off_diagonal = np.zeros((NORM_ITERATIONS, len(x))), np.zeros((NORM_ITERATIONS, len(x)))
     x = x / np.linalg.norm(x, axis=1)[:, None]
     for n in range(NORM_ITERATIONS):
         basis.append(x)
-        y = back(there(x))
+        y = back(forward(x))
         diagonal[n] = np.einsum("rs,rs->r", x, y)
         for _ in range(2):  # once more, against rounding
             for other in basis:
@@ -567,20 +567,25 @@ def workable_cutoff(
     w = bundle.grid
     G = bundle(w)
 
-    def at(cutoff: float) -> tuple[float, float]:
+    def gain_and_factor(cutoff: float) -> tuple[float, float]:
         H = butterworth(cutoff, order, period).gain(w)
         return best_gain(G, H) if K_3 is None else (K_3, float(factor(G, K_3, H, "signal").max()))
 
     low, high = 1e-3 / period, 0.49 / period
-    if at(low)[1] > PROPOSED_FACTOR_MOST:
+    if gain_and_factor(low)[1] > PROPOSED_FACTOR_MOST:
         return None
     for _ in range(10):
         middle = math.sqrt(low * high)
-        low, high = (middle, high) if at(middle)[1] <= PROPOSED_FACTOR_MOST else (low, middle)
+        low, high = (middle, high) if gain_and_factor(middle)[1] <= PROPOSED_FACTOR_MOST else (low, middle)
     for _ in range(CUTOFFS_MOST):
         q_filter = butterworth(low, order, period)
         trial = TrialMap(
-            loops=loops, K_3=at(low)[0], shift=shift, q_filter=q_filter, filtered="signal", samples=samples
+            loops=loops,
+            K_3=gain_and_factor(low)[0],
+            shift=shift,
+            q_filter=q_filter,
+            filtered="signal",
+            samples=samples,
         )
         if growth(trial).max() <= PROPOSED_FACTOR_MOST:
             return low

@@ -112,12 +112,12 @@ def sensed(plant: Model, C: Real, period: float, sensor: Sensor) -> Model:
         steady[n:] = np.outer(turn, C @ A_c)
         follows = np.array([1.0]) if not sensor.bandwidth else np.eye(1, m)[0]
         steady[n:] += np.outer(follows, C)
-    back = steady @ np.linalg.pinv(C[None, :])[:, 0]  # of a change of the angle alone
+    back = steady @ np.linalg.pinv(C[None, :])[:, 0]  # the steady values if only the angle changes, by 1
 
     register: list[tuple[Real, float]] = []
 
     def late(row: Real, delay: float) -> int:
-        """The place in the register of a row's value so long ago."""
+        """Register a row whose value is needed `delay` s later, and return its index in the register."""
         register.append((row, delay))
         return len(register) - 1
 

@@ -70,9 +70,9 @@ class Unknown:
         one = np.eye(self.rows * self.columns).reshape(-1, self.columns, self.rows).swapaxes(1, 2)
         if not self.symmetric:
             return one
-        both = (one + one.swapaxes(1, 2)) / (1 + np.eye(self.rows))
+        pairs = (one + one.swapaxes(1, 2)) / (1 + np.eye(self.rows))
         i, j = np.triu_indices(self.rows)
-        return np.asarray(both[j * self.rows + i])
+        return np.asarray(pairs[j * self.rows + i])
 
 
 def minimise(
@@ -152,10 +152,10 @@ class Common:
 def stabilise(models: Sequence[Model], T: Real) -> Common | None:
     """A gain that stabilises all models, or None. T: coordinates in which the states are of similar size."""
     for _ in range(DESIGN_TRIES):
-        found = _solve(models, T)
-        if found is None:
+        solution = _solve(models, T)
+        if solution is None:
             return None
-        K, T = found
+        K, T = solution
         closed = [np.linalg.solve(T, (model.A + model.B @ K[None, :]) @ T) for model in models]
         if all(np.linalg.norm(matrix, 2) ** 2 < 1 - NORM_SLACK for matrix in closed):
             return Common(K, T)
@@ -174,10 +174,10 @@ def _solve(models: Sequence[Model], T: Real) -> tuple[Real, Real] | None:
 
     vertices = [partial(shrinks, model, b) for model, b in zip(models, driven, strict=True)]
     unknowns = [Unknown(1, 1, weight=-1.0), Unknown(n, n, symmetric=True), Unknown(1, n)]
-    _, found = minimise(unknowns, [lambda t, Y, W: np.eye(n) - Y, *vertices])
-    if found is None:
+    _, values = minimise(unknowns, [lambda t, Y, W: np.eye(n) - Y, *vertices])
+    if values is None:
         return None
-    _, y, w = found
+    _, y, w = values
     if not np.all(np.isfinite(y)) or np.linalg.eigvalsh(y)[0] < SINGULAR_Y_MOST:
         return None
     K = np.linalg.solve(y, w[0]) / size @ inverse
@@ -194,7 +194,7 @@ class StateFeedback:
 
     K_s: Real  # (n,) or, with integral action, (n + 1,)
     check: Check  # its bound is beta: on the cost from x(0) = gamma of any plant in the polytope
-    status: str  # as the solver reports it
+    status: str  # the solver reports it
 
 
 def augmented(model: Model, C: Real) -> Model:
@@ -240,9 +240,9 @@ def guaranteed_cost(plant: UncertainPlant, Q: Real, R: float, gamma: Real, integ
         for _ in range(RESCALINGS_MOST):
             if scaling is None:
                 break
-            found, scaling = solve_scaled(models, scaling, Q, R, gamma)
-            if found is not None:
-                return found
+            gains, scaling = solve_scaled(models, scaling, Q, R, gamma)
+            if gains is not None:
+                return gains
     raise DesignError(
         "state_weight: expected weights for which the solver finds a gain; one gain can control the ranges"
     )
@@ -353,8 +353,8 @@ def solve_scaled(
     # the bound computed from this Y, not the one that the solver reports
     bound = float(start @ np.linalg.solve(y, start)) * size**2 * (1 + 1e-9)
     result = check(models, Q, R, gamma, K, T @ y @ T.T, T, bound)
-    found = StateFeedback(K, result, status) if result.passed else None
-    return found, T @ np.linalg.cholesky(y)
+    gains = StateFeedback(K, result, status) if result.passed else None
+    return gains, T @ np.linalg.cholesky(y)
 
 
 def _uncontrollable(label: str, mode: complex, integral: bool) -> str:

@@ -20,7 +20,7 @@ from cogless.study import TrialStudy
 
 def trial_blocks(study: TrialStudy, summary: TrialSummary) -> Blocks:
     """A block for each controller, and the plant in one line below them."""
-    blocks = [Block(study.label(name), _rows(design)) for name, design in summary.designs.items()]
+    blocks = [Block(study.label(name), _design_rows(design)) for name, design in summary.designs.items()]
     blocks += [
         Block(study.label(name), [("design", f"none: {why}")]) for name, why in summary.without.items()
     ]
@@ -28,7 +28,7 @@ def trial_blocks(study: TrialStudy, summary: TrialSummary) -> Blocks:
     return Blocks(study.title, blocks, notes)
 
 
-def _rows(design: TrialDesign) -> list[tuple[str, str]]:
+def _design_rows(design: TrialDesign) -> list[tuple[str, str]]:
     feedback, static, learning, *_ = gain_cells(design)
     settles = [("settles", _settles(design))] if design.learns or design.no_K_3 else []
     gains = f"{feedback}, N {static}" if design.gains.observer is not None else f"K_s {feedback}, N {static}"
@@ -46,8 +46,8 @@ def _settles(design: TrialDesign) -> str:
     counts = prediction.trials_to_floor
     trials = ", ".join(f"more than {PHASE_TRIALS}" if count is None else f"{count}" for count in counts)
     phases = f" in its {len(counts)} phases" if len(counts) > 1 else ""
-    left = f"at most {100 * prediction.share:.3g} % of the error without learning is left"
-    return f"{answer}; at its floor after {trials} trials{phases}, where {left}"
+    floor = f"at most {100 * prediction.share:.3g} % of the error without learning is left"
+    return f"{answer}; at its floor after {trials} trials{phases}, where {floor}"
 
 
 def why_not(design: TrialDesign) -> str | None:

@@ -45,12 +45,12 @@ class ObserverGains:
 
     def closed(self, model: Model, C: Real) -> Loop:
         """The closed loop from v to -r(p - 2), so that v + r changes v by the factor 1 - z^2 G."""
-        A, B, _, missing = self._rows(model, C)
+        A, B, _, missing = self._loop_rows(model, C)
         return Loop(A, B, -missing)
 
     def position(self, model: Model, C: Real) -> Loop:
         """The closed loop from v to y."""
-        A, B, _, _ = self._rows(model, C)
+        A, B, _, _ = self._loop_rows(model, C)
         return Loop(A, B, np.append(model.output(C), np.zeros(LAW_STATES)))
 
     def disturbed(self, model: Model, C: Real) -> Disturbed:
@@ -72,7 +72,7 @@ class ObserverGains:
     def delayed(self, model: Model, C: Real) -> float:
         """Spectral radius of the closed loop with one more sample of delay at the input."""
         n, size = model.order, model.order + LAW_STATES
-        A, _, u_fb, _ = self._rows(model, C)
+        A, _, u_fb, _ = self._loop_rows(model, C)
         whole = np.zeros((size + 1, size + 1))
         whole[:size, :size], whole[size, :size] = A, u_fb
         whole[:n, :size] -= model.B @ u_fb[None, :]
@@ -83,7 +83,7 @@ class ObserverGains:
         """Spectral radius of the closed loop."""
         return self.closed(model, C).radius
 
-    def _rows(self, model: Model, C: Real) -> tuple[Real, Real, Real, Real]:
+    def _loop_rows(self, model: Model, C: Real) -> tuple[Real, Real, Real, Real]:
         """The loop's A and B, and as rows over its states u_fb and r(p - 2)."""
         A, B, u_fb, missing = self._rows_with_error(model, C)
         return A[:, :-1], B, u_fb[:-1], missing[:-1]
@@ -145,25 +145,25 @@ def design_observer(plant: UncertainPlant, pole: float | None, limit: float | No
     loops, at_once = zip(*(_controller(p) for p in poles), strict=True)
     feedback = Bundle(loops, 0)(w) + np.array(at_once)[:, None]
 
-    def fastest(held: Sequence[ObserverGains]) -> ObserverGains | None:
-        stable = (g for g in reversed(held) if max(g.radius(model, plant.C) for model in models) < 1)
+    def fastest(tries: Sequence[ObserverGains]) -> ObserverGains | None:
+        stable = (g for g in reversed(candidates) if max(g.radius(model, plant.C) for model in models) < 1)
         return next(stable, None)
 
     # From pole to pole a loop turns unstable only through an unbounded |S|. So of those that keep the bound
     # the fastest is looked at first, and seldom another.
-    held: list[ObserverGains] = []
+    candidates: list[ObserverGains] = []
     for p, from_error in zip(poles, feedback, strict=True):
         g, sensitivity = _best_response(from_error * G, tried)
         if pole is not None or sensitivity <= SENSITIVITY_MOST:
-            held.append(ObserverGains(g, p))
-        elif fastest(held) is not None:
+            candidates.append(ObserverGains(g, p))
+        elif fastest(candidates) is not None:
             break
         else:
-            held = []
-    best = fastest(held)
+            candidates = []
+    best = fastest(candidates)
     if best is not None and pole is None and limit is not None and plant.sensor.step:
-        quiet = [gains for gains in held if input_by_steps(plant, gains) <= QUIET_SHARE * limit]
-        best = fastest(quiet) or fastest(held[:1]) or best
+        quiet = [gains for gains in candidates if input_by_steps(plant, gains) <= QUIET_SHARE * limit]
+        best = fastest(quiet) or fastest(candidates[:1]) or best
     if best is None:
         expected = "expected ranges that the observer's feedback holds as a whole"
         raise DesignError(f"range: {expected}" + ("" if pole is None else f" with pole = {pole:g}"))
@@ -195,8 +195,8 @@ def highest_cutoff(plant: UncertainPlant, gains: ObserverGains, order: int) -> f
     low, high = 1e-3 / plant.period, 0.45 / plant.period
     for _ in range(40):
         middle = 0.5 * (low + high)
-        kept = keeps * butterworth(middle, order, plant.period).gain(w)
-        low, high = (middle, high) if np.max(kept) <= REMAINING_SHARE_MOST else (low, middle)
+        shares = keeps * butterworth(middle, order, plant.period).gain(w)
+        low, high = (middle, high) if np.max(shares) <= REMAINING_SHARE_MOST else (low, middle)
     return low
 
 

@@ -62,13 +62,13 @@ def summary(study: TrialStudy) -> TrialSummary:
     }
     if not designs and designs.without:
         raise next(iter(designs.without.values()))
-    without = {name: why.within(study.source.path) for (_, name), why in designs.without.items()}
+    without = {name: why.text_without(study.source.path) for (_, name), why in designs.without.items()}
     return TrialSummary(uncertain_plant(study), in_order, without)
 
 
-def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
+def to_dict(study: TrialStudy, summary: TrialSummary) -> dict[str, Any]:
     """The summary as plain types in SI units, for JSON. Models are discrete; frequency keys end in _Hz."""
-    plant = found.plant
+    plant = summary.plant
     return {
         "study": study.title,
         "plant": {
@@ -85,8 +85,8 @@ def to_dict(study: TrialStudy, found: TrialSummary) -> dict[str, Any]:
             "note": plant.note,
         },
         "controllers": {
-            **{name: design_dict(design) for name, design in found.designs.items()},
-            **{name: {"not_designed": why} for name, why in found.without.items()},
+            **{name: design_dict(design) for name, design in summary.designs.items()},
+            **{name: {"not_designed": why} for name, why in summary.without.items()},
         },
     }
 
@@ -132,14 +132,14 @@ def design_dict(design: TrialDesign) -> dict[str, Any]:
     }
 
 
-def words(design: TrialDesign) -> str:
+def verdict_line(design: TrialDesign) -> str:
     """The certificate's verdict on learning from trial to trial, in one line."""
-    said = []
-    for model, found in _rows(design.certificate):
+    phrases = []
+    for model, certificate in _certificate_rows(design.certificate):
         none = "no K_3" if design.no_K_3 else "no learning"
-        does = verdict_words(found.learning) if found.learning else none
-        said.append(f"{model} model: {does if found.stable else 'unstable along the trial'}")
-    return f"from trial to trial, {'; '.join(said)}"
+        does = verdict_words(certificate.learning) if certificate.learning else none
+        phrases.append(f"{model} model: {does if certificate.stable else 'unstable along the trial'}")
+    return f"from trial to trial, {'; '.join(phrases)}"
 
 
 def warnings(design: TrialDesign) -> list[str]:
@@ -149,7 +149,7 @@ def warnings(design: TrialDesign) -> list[str]:
     """
     part = design.certificate.deciding
     fine = part.stable and (part.learning is None or part.learning.monotone)
-    return [] if fine and design.no_K_3 is None else [words(design)]
+    return [] if fine and design.no_K_3 is None else [verdict_line(design)]
 
 
 def labelled_notes(study: TrialStudy, designs: Mapping[str, TrialDesign]) -> list[str]:
@@ -167,9 +167,9 @@ def labelled_notes(study: TrialStudy, designs: Mapping[str, TrialDesign]) -> lis
     ]
 
 
-def _large(study: TrialStudy, found: TrialSummary) -> Iterator[str]:
+def _large(study: TrialStudy, summary: TrialSummary) -> Iterator[str]:
     """A sentence on each learning matrix: a microcontroller has to store all its numbers."""
-    for name, design in found.designs.items():
+    for name, design in summary.designs.items():
         size, flash = matrix_size(design), matrix_flash(study, design)
         if size and flash:
             yield f"{study.label(name)}: its learning matrix has {size} numbers: {megabytes(flash)} of flash."
@@ -192,7 +192,7 @@ def megabytes(size: int) -> str:
     return f"{size / 1e6:.3g} MB"
 
 
-def _rows(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
+def _certificate_rows(certificate: Certificate) -> Iterator[tuple[str, ModelCertificate]]:
     """Yields the kinds of models that a certificate covers: the design's, and exact ones if they differ."""
     of_design = {"euler": "Euler", "exact": "exact", None: "discrete"}[certificate.discretisation]
     yield of_design, certificate.design
@@ -300,7 +300,7 @@ def plant_words(plant: UncertainPlant) -> str:
     )
 
 
-def table(study: TrialStudy, found: TrialSummary) -> Group:
+def table(study: TrialStudy, summary: TrialSummary) -> Group:
     """The plant in one line, a table of gains, a table of certificates, and notes."""
     from rich.console import Group
     from rich.table import Table
@@ -318,24 +318,23 @@ def table(study: TrialStudy, found: TrialSummary) -> Group:
     headings = ("share left", "trials to the floor", "floor", "largest input", "load noise", "sensor noise")
     for heading in ("controller", *headings, "learning"):
         share.add_column(heading)
-    for name, design in found.designs.items():
+    for name, design in summary.designs.items():
         gains.add_row(study.label(name), *gain_cells(design))
         for row in _proof(design.certificate):
             proof.add_row(study.label(name), *row)
-    for name, design in found.designs.items():
+    for name, design in summary.designs.items():
         if design.prediction is not None and design.learns:
             word = "certified" if design.certified else "not certified"
             share.add_row(study.label(name), *_in_scenario(design, design.prediction), word)
-    for name in found.without:
+    for name in summary.without:
         gains.add_row(study.label(name), "not designed")
-    lines = [Text(f"{study.label(name)}: not designed: {why}.") for name, why in found.without.items()]
+    lines = [Text(f"{study.label(name)}: not designed: {why}.") for name, why in summary.without.items()]
     lines += [
-        Text(f"Note: {note}") for note in (*labelled_notes(study, found.designs), *_large(study, found))
+        Text(f"Note: {note}") for note in (*labelled_notes(study, summary.designs), *_large(study, summary))
     ]
     legend = Text(LEGEND, style="dim")
-    return Group(
-        Text(plant_words(found.plant)), Text(), gains, Text(), proof, Text(), share, Text(), legend, *lines
-    )
+    tables = (part for table in (gains, proof, share) for part in (table, Text()))
+    return Group(Text(plant_words(summary.plant)), Text(), *tables, legend, *lines)
 
 
 def gain_cells(design: TrialDesign) -> tuple[str, ...]:
@@ -393,19 +392,22 @@ def _most_input(design: TrialDesign) -> str:
 
 
 def _proof(certificate: Certificate) -> Iterator[tuple[str, ...]]:
-    rows = list(_rows(certificate))
-    for model, found in rows:
-        plain, filtered = found.without_filter, found.with_filter
+    rows = list(_certificate_rows(certificate))
+    for model, model_certificate in rows:
+        plain, filtered = model_certificate.without_filter, model_certificate.with_filter
         limit = plain.K_3_limit if plain else None
         yield (
-            f"{model}, decides" if len(rows) > 1 and found is certificate.deciding else model,
-            f"{found.radius:.4f}" + ("" if found.stable else " unstable"),
-            f"{found.delayed_radius:.3f}" + ("" if found.delayed_stable else " unstable"),
+            f"{model}, decides" if len(rows) > 1 and model_certificate is certificate.deciding else model,
+            f"{model_certificate.radius:.4f}" + ("" if model_certificate.stable else " unstable"),
+            f"{model_certificate.delayed_radius:.3f}"
+            + ("" if model_certificate.delayed_stable else " unstable"),
             verdict_words(plain),
             verdict_words(filtered),
-            "-" if found.growth is None else f"{found.growth:.6g}",
-            "-" if found.finite is None else f"{found.finite.norm:.4g}, {found.finite.power:.4g}",
-            "-" if found.finite is None else f"{found.finite.share:.4g}",
+            "-" if model_certificate.growth is None else f"{model_certificate.growth:.6g}",
+            "-"
+            if model_certificate.finite is None
+            else f"{model_certificate.finite.norm:.4g}, {model_certificate.finite.power:.4g}",
+            "-" if model_certificate.finite is None else f"{model_certificate.finite.share:.4g}",
             "-" if limit is None else f"{limit:.4f}" if abs(limit) > NO_GAIN else "none",
         )
 

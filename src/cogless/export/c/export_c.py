@@ -40,20 +40,20 @@ def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
         name = f"{prefix}{key}"
         if isinstance(value, dict) and value.keys() >= {"value", "unit"}:
             note = f" ({value['note']})" if "note" in value else ""
-            yield name, f"{_text(value['value'])} {value['unit']}".rstrip() + note
+            yield name, f"{_value_text(value['value'])} {value['unit']}".rstrip() + note
         elif isinstance(value, dict):
             yield from _flat(value, f"{name}.")
         elif value is not None and value != [] and value != "":
-            yield name, _text(value)
+            yield name, _value_text(value)
 
 
-def _text(value: Any) -> str:
+def _value_text(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list):
-        return ", ".join(_text(item) for item in value)
+        return ", ".join(_value_text(item) for item in value)
     return " ".join(str(value).split()).replace("*/", "* /")
 
 

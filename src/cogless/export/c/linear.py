@@ -17,7 +17,7 @@ from cogless.control_library import C_LAWS
 from cogless.export import sources
 from cogless.export.c.export_c import figures
 from cogless.export.c.subject import identifier, stem, study_hash
-from cogless.export.c.texts import FLAGS, figure_lines, matrix_array, plain_comment, verdict_comment
+from cogless.export.c.texts import C_FLAGS, figure_lines, matrix_array, plain_comment, verdict_comment
 from cogless.export.prepared import first_scenario
 from cogless.files import control_sources, versions
 from cogless.results.trace import Trace
@@ -69,7 +69,10 @@ def recorded(planned: Plan, ticks: int) -> Trace:
 
 def contents(study: TrialStudy, planned: Plan, trace: Trace, trials: int, command: str) -> dict[str, bytes]:
     """Contents of the exported files, by their path in the folder."""
-    words = _words(study, planned, command) | {"trials": str(trials), "rows": _rows(trace)}
+    words = _template_words(study, planned, command) | {
+        "trials": str(trials),
+        "rows": _bit_pattern_lines(trace),
+    }
     assets = {
         f"{words['stem']}.h": "linear.h",
         f"{words['stem']}.c": "linear.c",
@@ -88,7 +91,7 @@ def contents(study: TrialStudy, planned: Plan, trace: Trace, trials: int, comman
     return written | copied | {"cogless/LICENSE": sources.licence().read_bytes()}
 
 
-def _words(study: TrialStudy, planned: Plan, command: str) -> dict[str, str]:
+def _template_words(study: TrialStudy, planned: Plan, command: str) -> dict[str, str]:
     """What fills the templates' placeholders."""
     _, scenario, controller = planned.names
     assert study.plant is not None
@@ -114,7 +117,7 @@ def _words(study: TrialStudy, planned: Plan, command: str) -> dict[str, str]:
         "version": versions()["cogless"],
         "command": command,
         "law": str(getattr(study.controller[controller], "law", law.name)),
-        "flags": f"{FLAGS} -DCOGLESS_DOUBLE",
+        "flags": f"{C_FLAGS} -DCOGLESS_DOUBLE",
         "period": f"{study.period:g}",
         "samples": str(study.samples(scenario)),
         "states": str(study.states),
@@ -129,7 +132,7 @@ def _words(study: TrialStudy, planned: Plan, command: str) -> dict[str, str]:
     }
 
 
-def _rows(trace: Trace) -> str:
+def _bit_pattern_lines(trace: Trace) -> str:
     """A line of bit patterns for each sample."""
     names = ["y_ref", *(name for name in trace.names if name.startswith("x_")), "u"]
     bits = np.column_stack([trace[name] for name in names]).astype(np.float64).view(np.uint64)

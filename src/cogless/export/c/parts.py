@@ -242,7 +242,7 @@ void find_cogging(void)
 """
 CALIBRATE_ROW = "| calibration | `${name}_calibrate` starts it; until then the table is empty |\n"
 
-BEGIN = """
+BEGIN_PART = """
 /* Before each trial, with the rotor where it starts and the interrupt shut out. y_ref: theta_ref at the
  * ${samples} samples [rad], to be left alone until the next call. */
 void ${name}_begin_trial(${name}_controller *controller, const cgl_real *y_ref)"""
@@ -252,7 +252,7 @@ BEGIN_BODY = """
 ${begin_resets}    cgl_trial_begin(&controller->law, y_ref);
 }
 """
-END = """
+END_PART = """
 /* After each trial, in the background, while steps go on: learns from it. False where it could
  * not: what was learned stays. */
 bool ${name}_end_trial(${name}_controller *controller)"""
@@ -343,8 +343,11 @@ def extras(subject: Subject) -> dict[str, str]:
         }
     elif subject.law.name == "trial":
         texts = {
-            "more_declarations": f"{BEGIN};\n{END};\n",
-            "more_definitions": _without_comment(BEGIN) + BEGIN_BODY + _without_comment(END) + END_BODY,
+            "more_declarations": f"{BEGIN_PART};\n{END_PART};\n",
+            "more_definitions": _without_comment(BEGIN_PART)
+            + BEGIN_BODY
+            + _without_comment(END_PART)
+            + END_BODY,
             "more_rows": TRIAL_ROW,
             "example_declarations": TRIAL_DECLARATIONS,
             "example_definitions": TRIAL_EXAMPLE,

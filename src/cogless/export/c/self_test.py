@@ -102,14 +102,15 @@ def fnv(words: Iterable[int], total: int = FNV_START) -> int:
 
 def _values(inputs: _Inputs) -> dict[str, Any]:
     """Values of the inputs, by their paths in the C structs."""
-    values = {f"i_abc[{n}]": _held(current) for n, current in enumerate(inputs.i_abc)}
+    values = {f"i_abc[{n}]": _limited_input(current) for n, current in enumerate(inputs.i_abc)}
     values |= {
-        name: _held(getattr(inputs, name)) for name in ("theta_m", "omega_m", "u_dc", "omega_ref", "i_q_ref")
+        name: _limited_input(getattr(inputs, name))
+        for name in ("theta_m", "omega_m", "u_dc", "omega_ref", "i_q_ref")
     }
     return {**values, "learn": inputs.learn, "torque": inputs.torque}
 
 
-def _held(value: float) -> float:
+def _limited_input(value: float) -> float:
     """The value, limited to the largest that a float holds; NaN stays NaN."""
     return math.copysign(LARGEST_INPUT, value) if abs(value) > LARGEST_INPUT else value
 
@@ -242,11 +243,11 @@ static uint32_t memory_sum(const {name}_controller *controller)
     return sum;
 }}
 """
-END = """    if (memory_sum(controller) != memory_at_end) {
+MEMORY_CHECK = """    if (memory_sum(controller) != memory_at_end) {
         return UINT32_MAX - 1;
     }
 """
-BEGIN = "    {name}_begin_trial(controller, motion);\n"
+BEGIN_TRIAL = "    {name}_begin_trial(controller, motion);\n"
 
 
 def self_test_words(
@@ -343,7 +344,7 @@ def _memory(subject: Subject, recording: Recording, memory: Reals) -> dict[str, 
         kind: type[np.floating] = np.float64 if subject.precision == "d" else np.float32
         motion: Reals = np.frombuffer(recording.begun[0][1], kind)
         data += MOTION.format(length=len(motion), numbers=array(motion, subject.precision))
-        begin = BEGIN.format(**names)
+        begin = BEGIN_TRIAL.format(**names)
     if subject.memory_length:
         function = SUM.format(**names)
         total = memory_sum(recording.memory)
@@ -351,7 +352,7 @@ def _memory(subject: Subject, recording: Recording, memory: Reals) -> dict[str, 
             "\n/* Of the learned memory afterwards, see self_test.c. */\n"
             f"static const uint32_t memory_at_end = {total}U;\n"
         )
-        end = END
+        end = MEMORY_CHECK
     return {
         "start_data": data,
         "start": start + begin,

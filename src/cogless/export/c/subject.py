@@ -27,7 +27,7 @@ class Subject:
     study: AnyStudy
     scenario: str
     controller: str
-    name: str  # in C
+    name: str  # the C identifier
     law: CLaw
     layout: Layout
     drive_config: dict[str, Any]  # cgl_drive_config, decoded
@@ -103,7 +103,7 @@ def study_hash(study: AnyStudy) -> str:
 def identifier(controller: str) -> str:
     """The controller's name as a C name: pi_ilc for "pi-ilc"."""
     name = re.sub(r"[^0-9A-Za-z]+", "_", controller).strip("_")
-    begins_well = name[:1].isalpha() and not name.lower().startswith("cgl_")  # that is the library's
+    begins_well = name[:1].isalpha() and not name.lower().startswith("cgl_")  # the library has that prefix
     return name if begins_well else f"my_{name}".rstrip("_")
 
 

@@ -135,7 +135,7 @@ def _maps(subject: Subject) -> str:
     )
 
 
-FLAGS = "-std=c99 -O2 -ffp-contract=off"
+C_FLAGS = "-std=c99 -O2 -ffp-contract=off"
 LEARNING = "frozen while `reference.learn` is false, and whenever the controller finds a reason"
 
 
@@ -146,7 +146,7 @@ def texts(
 
     `memory`: contents of the law's memory at the start.
     """
-    words = _words(subject)
+    words = _template_words(subject)
     words |= self_test_words(subject, recording, memory, stretches) | {"ticks": str(len(recording.outputs))}
     names = {f"{stem(subject.name)}.h": "controller.h", f"{stem(subject.name)}.c": "controller.c"}
     same = ("self_test.c", "self_test_data.h", "example_interrupt.c", "README.md")
@@ -155,7 +155,7 @@ def texts(
 
 def controller_texts(subject: Subject) -> dict[str, str]:
     """Texts of the controller's header and source alone, by file name, to compile with the whole library."""
-    words = _words(subject) | {"macro_checks": _precision_check(subject.precision == "d")}
+    words = _template_words(subject) | {"macro_checks": _precision_check(subject.precision == "d")}
     return {f"{stem(subject.name)}{end}": _filled(f"controller{end}", words) for end in (".h", ".c")}
 
 
@@ -164,7 +164,7 @@ def _filled(asset: str, words: dict[str, str]) -> str:
     return Template(template).substitute(words)
 
 
-def _words(subject: Subject) -> dict[str, str]:
+def _template_words(subject: Subject) -> dict[str, str]:
     s, name = subject, subject.name
     double = s.precision == "d"
     rate = str(s.rate)
@@ -193,7 +193,7 @@ def _words(subject: Subject) -> dict[str, str]:
         "precision": "double: define COGLESS_DOUBLE for every file" if double else "single",
         "macro_checks": "\n".join([_precision_check(double), *map(_left_out_check, s.left_out)]),
         "defines": "".join(f", `-D{name}`" for name in s.defines),
-        "flags": " ".join([FLAGS, *(f"-D{name}" for name in s.defines)]),
+        "flags": " ".join([C_FLAGS, *(f"-D{name}" for name in s.defines)]),
         "rate": rate,
         "law_rate": f"{s.rate / s.divider:g}",
         "period": real(1 / s.rate, s.precision),

@@ -59,8 +59,8 @@ CONTROLLER_INPUTS = {
 TIME_VARIABLE = Variable("time", "real", "independent", "time since the start of the simulation", "s")
 
 
-def real(causality: Causality, name: str, unit: str, about: str, start: float = 0.0) -> Variable:
-    return Variable(name=name, kind="real", causality=causality, about=about, unit=unit, start=start)
+def real(causality: Causality, name: str, unit: str, description: str, start: float = 0.0) -> Variable:
+    return Variable(name=name, kind="real", causality=causality, about=description, unit=unit, start=start)
 
 
 def signal(name: str, unit: str) -> Variable:

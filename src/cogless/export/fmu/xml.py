@@ -67,7 +67,7 @@ def fmi2(description: Description) -> bytes:
         unknowns = SubElement(structure, group)
         for n in _outputs(description):
             SubElement(unknowns, "Unknown", {"index": str(n + 1), **on})
-    return _text(root)
+    return _xml_text(root)
 
 
 def fmi3(description: Description) -> bytes:
@@ -91,7 +91,7 @@ def fmi3(description: Description) -> bytes:
     for group, on in (("Output", NO_INPUT), ("InitialUnknown", {})):
         for n in _outputs(description):
             SubElement(structure, group, {"valueReference": str(n), **on})
-    return _text(root)
+    return _xml_text(root)
 
 
 def build3(description: Description, options: str) -> bytes:
@@ -104,7 +104,7 @@ def build3(description: Description, options: str) -> bytes:
             group = SubElement(build, "SourceFileSet", language=language, compilerOptions=options)
             for name in names:
                 SubElement(group, "SourceFile", name=name)
-    return _text(root)
+    return _xml_text(root)
 
 
 def _root(description: Description, version: str, **token: str) -> Element:
@@ -158,7 +158,7 @@ def _outputs(description: Description) -> list[int]:
     return [n for n, variable in enumerate(description.variables) if variable.causality == "output"]
 
 
-def _text(root: Element) -> bytes:
+def _xml_text(root: Element) -> bytes:
     indent(root)
     text: bytes = tostring(root, encoding="UTF-8", xml_declaration=True)
     return text + b"\n"

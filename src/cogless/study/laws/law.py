@@ -116,17 +116,17 @@ class Tuning(Table):
 
     @field_validator("phase_margin", mode="wrap")
     @classmethod
-    def _range(cls, given: Any, read: ValidatorFunctionWrapHandler) -> float:
-        margin: float = read(given)
+    def _range(cls, value: Any, read: ValidatorFunctionWrapHandler) -> float:
+        margin: float = read(value)
         low, high = 0.3, 1.45
         if not low < margin < high:
-            bare = "" if isinstance(given, str) else "; a plain number is in rad"
-            near = f', perhaps "{given:g} deg"' if bare and low < math.radians(given) < high else ""
+            bare = "" if isinstance(value, str) else "; a plain number is in rad"
+            near = f', perhaps "{value:g} deg"' if bare and low < math.radians(value) < high else ""
             raise invalid(f'expected a phase margin from "20 deg" to "80 deg"{bare}{near}')
         return margin
 
     @model_validator(mode="after")
-    def _given(self) -> Self:
+    def _check_tuning(self) -> Self:
         if not self.is_auto and "phase_margin" not in self.model_fields_set:
             raise invalid('expected one, such as "60 deg"', "phase_margin", value="missing")
         return self
@@ -466,7 +466,7 @@ class Feedback(Base):
 
 
 MOST_CELLS = 65_535
-LINE_SAMPLES_MOST = 1 << 24  # of a delay line
+LINE_SAMPLES_MOST = 1 << 24  # a delay line is not longer
 FEWEST_SAMPLES = 4  # per learned period, at least; the lead may be at most the period / FEWEST_SAMPLES
 Cells = Annotated[int, Field(ge=4, le=LINE_SAMPLES_MOST)]
 

@@ -118,6 +118,6 @@ class LibraryLaw(OwnLaw):
 def _si(value: Any) -> Any:
     """The SI number of a text that is a number with a known unit; anything else as it is."""
     if isinstance(value, list):
-        return [_si(each) for each in value]
+        return [_si(item) for item in value]
     unit = units.unit_of(value) if isinstance(value, str) else ""
     return units.in_si(value) if unit and units.is_known(unit) else value

@@ -36,7 +36,7 @@ from cogless.study.table import (
 )
 from cogless.units import TURN
 
-NEVER_LEARNS = 1e18  # s
+LEARNS_NEVER = 1e18  # s
 ANGLE_MAX = real_number("CGL_ANGLE_MAX")  # rad
 MOST_PARTS = 65535  # largest denominator of a period in revolutions of the law's angle
 Whole = Annotated[int, Field(ge=1, le=65535)]
@@ -115,7 +115,7 @@ class SpaceLearning(LearnsWhileRunning):
 
     @property
     def learns_from(self) -> float:
-        return super().learns_from if self.learning else NEVER_LEARNS
+        return super().learns_from if self.learning else LEARNS_NEVER
 
     @property
     def over_angle(self) -> bool:
@@ -286,8 +286,8 @@ class SpacePosition(SpaceLearning):
 
     @model_validator(mode="after")
     def _gains_or_rule(self) -> Self:
-        given = (self.k_theta is not None, self.k_omega is not None)
-        if given not in ((True, True), (False, False)) or all(given) == (self.tuning is not None):
+        has_gains = (self.k_theta is not None, self.k_omega is not None)
+        if has_gains not in ((True, True), (False, False)) or all(has_gains) == (self.tuning is not None):
             rule = '{ rule = "phase-margin", phase_margin = "60 deg" }'
             raise invalid(f"expected either k_theta and k_omega or tuning, such as {rule}")
         return self
