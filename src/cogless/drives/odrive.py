@@ -271,5 +271,6 @@ ODRIVE = Adapter(
     read_table=read_table,
     write_script=write_script,
     law="Odrive",
+    gains=lambda path: gains(read_configuration(path, "0")),
     refusal="firmware 0.5 lets its map be read and not written; 0.6 documents no way to either",
 )
