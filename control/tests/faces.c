@@ -365,6 +365,30 @@ static void references_of_torque_mode(void)
     CHECK(due >= 10);
 }
 
+/* ---- a drive begins anew ---- */
+
+/* The law's first input after a reset is that after init: no current, and no speed of the run before. */
+static void first_input_after_a_reset(void)
+{
+    cgl_drive drive;
+    const cgl_drive_config config = some_drive();
+    CHECK(cgl_drive_init(&drive, &config, CGL_R(1.0e-4)) == CGL_OK);
+    const cgl_reference reference = {.omega_ref = CGL_R(2.0)};
+    const cgl_measurement now = {.theta_m = CGL_R(1.0), .omega_m = CGL_R(2.0), .i_abc = {CGL_R(1.0), CGL_R(-0.5), CGL_R(-0.5)},
+                                 .u_dc = CGL_R(24.0)};
+    cgl_drive_output out;
+    CHECK(cgl_drive_measure(&drive, &now, &reference));
+    const cgl_law_input first = drive.in;
+    for (int n = 0; n < 50; ++n) {
+        cgl_drive_actuate(&drive, &out);
+        (void)cgl_drive_measure(&drive, &now, &reference);
+    }
+    CHECK(!within(drive.in.i_q, CGL_R(0.1)) && within(first.i_q, CGL_R(0.0)));
+    cgl_drive_reset(&drive);
+    CHECK(cgl_drive_measure(&drive, &now, &reference));
+    CHECK(within(drive.in.i_q - first.i_q, CGL_R(0.0)) && within(drive.in.omega_m - first.omega_m, CGL_R(0.0)));
+}
+
 /* ---- 0 is the default ---- */
 
 static void defaults(void)
@@ -408,5 +432,6 @@ void faces(void)
     opening_checks();
     laws_that_are_not_fed_forward();
     references_of_torque_mode();
+    first_input_after_a_reset();
     defaults();
 }
