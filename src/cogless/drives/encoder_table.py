@@ -108,8 +108,8 @@ def _own_turns(angle: Array, frame: TableFrame) -> Array:
 
 def write_simplefoc(correction: AngleWaves, frame: TableFrame) -> TableText:
     """A table for CalibratedSensor, which subtracts it. `applied` is in rad over rad."""
-    wanted = WAVE_ENTRIES * max(correction.orders)
-    count = max(SIMPLEFOC_ENTRIES_LEAST, 1 << (wanted - 1).bit_length())
+    entries_least = max(SIMPLEFOC_ENTRIES_LEAST, WAVE_ENTRIES * max(correction.orders))
+    count = 1 << (entries_least - 1).bit_length()
     values = -samples(_own_angle(correction, frame), count, 1, "linear")
     entries = np.asarray(values, dtype=np.float32)
     closed = np.append(entries, entries[0]).astype(np.float64)
