@@ -24,7 +24,7 @@ from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 
 WAVE_POINTS = 8  # angles in a wave of the highest order
-AHEAD = 1.1  # limit that is advised / current that is needed
+CURRENT_RESERVE = 1.1  # limit that is advised / current that is needed
 
 
 @dataclass(frozen=True)
@@ -84,6 +84,6 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
         there = for_scenario(other, scenario).drive.current_loop.current_limit
         return needed(other, scenario).most <= there
 
-    more: Changes = {"drive.current_loop.current_limit": text(AHEAD * found.most, "A")}
+    more: Changes = {"drive.current_loop.current_limit": text(CURRENT_RESERVE * found.most, "A")}
     cures = helping(study, (more,), cured)
     return Remark(f"{said}; {either(cures)} would do" if cures else said, cures)

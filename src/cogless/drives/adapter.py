@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import KW_ONLY, asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -65,6 +65,7 @@ class TableFrame:
 
     drive: str
     direction: int = 1
+    _: KW_ONLY
     zero: bool = False
     zero_error: float = 0.0
     lacking: str = ""

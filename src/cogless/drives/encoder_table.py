@@ -108,8 +108,8 @@ def _own_turns(angle: Array, frame: TableFrame) -> Array:
 
 def write_simplefoc(correction: AngleWaves, frame: TableFrame) -> TableText:
     """A table for CalibratedSensor, which subtracts it. `applied` is in rad over rad."""
-    entries_least = max(SIMPLEFOC_ENTRIES_LEAST, WAVE_ENTRIES * max(correction.orders))
-    count = 1 << (entries_least - 1).bit_length()
+    entries_least = WAVE_ENTRIES * max(correction.orders)
+    count = max(SIMPLEFOC_ENTRIES_LEAST, 1 << (entries_least - 1).bit_length())
     values = -samples(_own_angle(correction, frame), count, 1, "linear")
     entries = np.asarray(values, dtype=np.float32)
     closed = np.append(entries, entries[0]).astype(np.float64)
@@ -166,7 +166,5 @@ def write_vesc(correction: AngleWaves, frame: TableFrame) -> TableText:
         install="run FILE in VESC Tool's LispBM page; a shutdown or reboot by VESC Tool stores it",
         remove="(enc-corr-en 0) there",
         sign_check="(phase-all) prints the encoder's error: it is smaller with the table",
-        notes=(
-            "It corrects the phase of the current only: position and speed keep the encoder's error.",
-        ),
+        notes=("It corrects the phase of the current only: position and speed keep the encoder's error.",),
     )
