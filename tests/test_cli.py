@@ -800,7 +800,8 @@ def test_a_plan_says_what_is_to_be_expected_and_where_it_is(
 
     monkeypatch.setattr(plan, "write", lambda study, stage: None)
     monkeypatch.setattr(plan, "lowered", lambda study: lowered)
-    monkeypatch.setattr(rehearsal, "expected", lambda stage, progress: ["J  2e-4 kg*m^2", "! no friction"])
+    expected = ["J  2e-4 kg*m^2", "! no friction"]
+    monkeypatch.setattr(rehearsal, "expected", lambda stage, progress, law: expected)
     study, folder = studies.write(tmp_path), tmp_path / "plan"
     code, out, err = cogless(capsys, "identify", "--plan", study, "-o", folder)
     assert (code, err) == (0, "")

@@ -211,7 +211,10 @@ def test_files_that_do_not_fit_are_one_line(
     other.write_text(log.read_text().replace("axis0.", "axis1."))
     untimed = tmp_path / "untimed.csv"
     untimed.write_text(log.read_text().replace("t,", "x,", 1))
+    new = tmp_path / "new.json"
+    new.write_text(json.dumps(NEW))
     cases = {
+        (log, "--drive-config", new): f"{new}: of firmware 0.6: expected that of the drive of {log}",
         (log,): f"{log}: a log of ODrive: expected --drive-config FILE, the JSON",
         (log, "--drive-config", config): f"{config}: axis0.motor.config.current_lim or",
         (log, other, "--drive-config", config): f"{log}: axes 0, 1: expected the logs of one axis",

@@ -136,7 +136,7 @@ def test_orders_stand_out_of_their_errors_after_the_simulation_and_in_a_rehearsa
     assert [wave.order for wave in made.cogging] == [6]
     monkeypatch.setattr(rehearsal, "estimate", lambda *of: doubtful)
     monkeypatch.setattr(rehearsal, "load_logs", lambda *of: [])
-    monkeypatch.setattr(rehearsal, "load", lambda path: load(servo))
+    monkeypatch.setattr(rehearsal, "_under", lambda law, folder: (load(servo), None))
     monkeypatch.setattr(rehearsal, "write_netcdf", lambda *of: None)
     monkeypatch.setattr(rehearsal, "rollout", lambda studies: [SimpleNamespace(runs=[])])
     servo = tmp_path / "servo.toml"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -98,9 +99,20 @@ def without_backward(lines: list[str]) -> list[str]:
     return result
 
 
+def at_rest(lines: list[str]) -> list[str]:
+    """The same with the carriage at rest: noise alone."""
+    rng = np.random.default_rng(8)
+    rows = (re.fullmatch(r"(\d+), (.*), 0.02, 9.81", line) for line in lines)
+    return [
+        line if row is None else f"{row[1]}, {rng.normal(0, 0.1):.4f}, 0.02, 9.81"
+        for line, row in zip(lines, rows, strict=True)
+    ]
+
+
 @pytest.mark.parametrize(
     ("change", "line"),
     [
+        (at_rest, "is not heard at 40 mm/s: expected"),
         (lambda lines: ["ok"], 'no run with "cogless-run" and "sample freq"'),
         (without_backward, "no run backward: expected runs in both directions"),
         (

@@ -80,19 +80,23 @@ def identify(
         if printer is not None:
             plan_runs(printer, Path(plan), output)
             return
-        from cogless.drives.registry import script_files
+        from cogless.drives.registry import own_law, script_files
         from cogless.identify import plan as planning
         from cogless.identify import rehearsal
 
         study = load(plan, None)
         scripts = script_files(study, drive, drive_config) if drive is not None else {}
+        law = own_law(drive, drive_config) if drive is not None else {}
         with locked_folder(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
             planning.write(study, stage)
             for name, text in scripts.items():
                 (stage / name).write_text(text, "utf-8")
             with new_console(stderr=True).status("Rehearsing") as status:
-                expected = rehearsal.expected(stage, lambda what, share: status.update(f"Rehearsing: {what}"))
-        print("To be expected, from simulated logs of this motor:")
+                expected = rehearsal.expected(
+                    stage, lambda what, share: status.update(f"Rehearsing: {what}"), law
+                )
+        under = f" under {drive}'s own law with the gains of {drive_config}" if law else ""
+        print(f"To be expected, from simulated logs of this motor{under}:")
         for line in expected:
             print_text(line, others="  ")
         if lowered := planning.lowered(study):

@@ -155,7 +155,8 @@ class Adapter:
     table; None: `refusal` says why the drive takes none. `write_script`: files by name,
     of which the first plays motions and logs them; `log_pattern`: the log of a motion, by name and number.
     `identify_runs`, `write_runs`, `write_correction`: the same for a printer's axis, whose motor has no
-    sensor. `law`: the class of its own law in `firmware_laws`. `own_angle`: its table is over its source's
+    sensor. `law`: the class of its own law in `firmware_laws`; `gains`: what the file of
+    `--drive-config` has for it, empty if nothing. `own_angle`: its table is over its source's
     angle. `write_encoder`: its own text of a correction of its encoder; None: it takes none.
     """
 
@@ -173,6 +174,7 @@ class Adapter:
     write_correction: Callable[[Correction], CorrectionText] | None = None
     refusal: str = ""
     law: str = ""
+    gains: Callable[[Path], Mapping[str, float]] | None = None
     log_pattern: str = "{name}.csv"
     own_angle: bool = False
     write_encoder: Callable[[AngleWaves, TableFrame], TableText] | None = None

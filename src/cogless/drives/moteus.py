@@ -367,5 +367,6 @@ MOTEUS = Adapter(
     read_table=read_table,
     write_script=write_script,
     law="Moteus",
+    gains=lambda path: gains(read_dump(path)),
     write_encoder=write_moteus,
 )

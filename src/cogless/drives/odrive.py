@@ -75,6 +75,15 @@ class Configuration:
         return float(value)
 
     @property
+    def firmware(self) -> str:
+        """ "0.5" or "0.6", by the paths of the motor's settings; "": neither's."""
+        prefixes = {"0.5": f"axis{self.axis}.motor.config.", "0.6": f"axis{self.axis}.config.motor."}
+        return next(
+            (name for name, prefix in prefixes.items() if any(key.startswith(prefix) for key in self.values)),
+            "",
+        )
+
+    @property
     def map_on(self) -> bool:
         """Whether the map of firmware 0.5 acts after a start."""
         prefix = f"axis{self.axis}.controller.config.anticogging."
@@ -153,8 +162,13 @@ def recognise(first: Sequence[str]) -> str:
     signals = {SIGNAL_PATHS[rest][0] for _, rest in paths.values() if rest in SIGNAL_PATHS}
     if not {"theta", "i_q"} <= signals:
         return ""
-    old = any(rest.startswith("encoder.") for _, rest in paths.values())
-    return f"a capture of firmware {'0.5' if old else '0.6'}"
+    return f"a capture of firmware {_firmware(list(paths))}"
+
+
+def _firmware(headings: Sequence[str]) -> str:
+    """Which firmware has paths such as these."""
+    old = any(rest.startswith("encoder.") for _, rest in _paths(headings).values())
+    return "0.5" if old else "0.6"
 
 
 def _paths(headings: Sequence[str]) -> dict[str, tuple[str, str]]:
@@ -176,6 +190,13 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     if len(axes) > 1:
         raise StudyError(f"{paths[0]}: axes {', '.join(sorted(axes))}: expected the logs of one axis")
     settings = read_configuration(configuration, axes.pop())
+    for path in paths:
+        release = _firmware(read(path, [])[0].headings)
+        if settings.firmware not in ("", release):
+            raise StudyError(
+                f"{configuration}: of firmware {settings.firmware}: expected that of the drive of {path}, "
+                f"a capture of {release}"
+            )
     kind = "table-on" if settings.map_on else ""
     recordings = [Recording(recording.path, "", recording.signals, kind) for recording, *_ in captures]
     remarks = [remark for *_, lines in captures for remark in lines]
@@ -272,5 +293,6 @@ ODRIVE = Adapter(
     read_table=read_table,
     write_script=write_script,
     law="Odrive",
+    gains=lambda path: gains(read_configuration(path, "0")),
     refusal="firmware 0.5 lets its map be read and not written; 0.6 documents no way to either",
 )

@@ -131,6 +131,18 @@ def script_files(study: AnyStudy, drive: str, configuration: Path | None) -> Map
     return {**scripts, LOGS_NAME: _log_rules(speeds, adapter.log_pattern)}
 
 
+def own_law(drive: str, configuration: Path | None) -> dict[str, Any]:
+    """The drive's own law with the gains of its configuration, as the controllers of a study.
+
+    Empty: the drive has no law here, or the gains are not known.
+    """
+    adapter = adapter_named(drive, "--drive")
+    if adapter.gains is None or configuration is None:
+        return {}
+    gains = adapter.gains(configuration)
+    return {adapter.name: law_table(adapter.law, gains)} if gains else {}
+
+
 def _log_rules(speeds: Mapping[str, Sequence[tuple[float, float]]], pattern: str) -> str:
     """What is known of the logs that a script records, as the file of --config: the reference of each."""
     lines = ["# What the script asks for: identify plays these logs with the drive's own law."]

@@ -223,5 +223,6 @@ SIMPLEFOC = Adapter(
     write_script=write_script,
     write_encoder=write_simplefoc,
     law="SimpleFoc",
+    gains=lambda path: _gains(path, read(path)),
     log_pattern="*#{number}",
 )

@@ -212,10 +212,10 @@ def from_tables(
     source = with_datasheet(path, tables)
     try:
         context = {"folder": path.parent, "checks": (), "laws": laws}
-        found = Identification.model_validate(source.tables, context=context)
+        identification = Identification.model_validate(source.tables, context=context)
     except ValidationError as error:
         raise study_error([problem.line(path) for problem in problems(error, source.tables)]) from None
-    found._path, found._tables = path, source.tables
-    found._described_in = described_in or found._described_in
-    found._replay_rule = replay_rule or found._replay_rule
-    return found
+    identification._path, identification._tables = path, source.tables
+    identification._described_in = described_in or identification._described_in
+    identification._replay_rule = replay_rule or identification._replay_rule
+    return identification

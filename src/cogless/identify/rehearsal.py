@@ -3,33 +3,52 @@
 from __future__ import annotations
 
 import cmath
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from cogless.identify import config
 from cogless.identify.command import lines, standing_out
+from cogless.identify.config import Identification
 from cogless.identify.estimate import Progress, estimate
 from cogless.identify.log import load_logs
 from cogless.identify.result import Estimate
 from cogless.results.trace import write_netcdf
 from cogless.run.simulate import rollout
-from cogless.study import Study, load
+from cogless.study import Study
+from cogless.study.base import Source
+from cogless.study.reading import checked, read
 
 
-def expected(folder: Path, progress: Progress) -> list[str]:
-    """Values with their errors, a line each, and what would be left out, from a folder with a plan."""
+def expected(folder: Path, progress: Progress, own_law: Mapping[str, Any] | None = None) -> list[str]:
+    """Values with their errors, a line each, and what would be left out, from a folder with a plan.
+
+    `own_law`: the drive's, as the controllers of a study; None or empty: the law of the plan is in the loop.
+    """
     progress("simulating the logs", 0.0)
-    study = load(folder / "study.toml")
-    assert isinstance(study, Study)  # which a plan is
+    study, known = _under(own_law or {}, folder)
     (results,) = rollout([study])
     with TemporaryDirectory() as place:
         logs = Path(place) / "traces.nc"
         write_netcdf(logs, results.runs)
-        known = config.load(folder / "id.toml")
         made = estimate(known, load_logs([logs], known), progress)
     sure = standing_out(made)
     return [*lines(sure), *(f"! {line}" for line in (*missed(study, made), *sure.left_out))]
+
+
+def _under(own_law: Mapping[str, Any], folder: Path) -> tuple[Study, Identification]:
+    """The plan's study, and the file of its logs, with this law in the loop."""
+    paths = folder / "study.toml", folder / "id.toml"
+    played, known = read(paths[0]), read(paths[1])
+    if own_law:
+        (name,) = own_law
+        played["controller"] = known["controller"] = dict(own_law)
+        for rule in known["log"]:
+            rule["controller"] = name
+    study = checked(Source(paths[0], played))
+    assert isinstance(study, Study)  # which a plan is
+    return study, config.from_tables(paths[1], known, list(own_law))
 
 
 def missed(study: Study, made: Estimate) -> list[str]:

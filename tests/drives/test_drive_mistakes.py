@@ -1,0 +1,72 @@
+"""A file of another drive, or without a channel, is one line for every drive."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from commands import cogless
+from drives import test_odrive, test_simplefoc, test_vesc
+from drives.moteus_stand_in import Moteus
+
+# The headings of a log, two rows under them, and the column without which it is none.
+LOGS = {
+    "moteus": ("timestamp,d_A,position,q_A,velocity", "1.0,0,0.1,0.2,1\n1.1,0,0.2,0.2,1", "position"),
+    "odrive": (
+        "t,axis0.encoder.pos_estimate,axis0.motor.current_control.Iq_measured",
+        "0.0,0.1,0.2\n0.1,0.2,0.2",
+        "axis0.encoder.pos_estimate",
+    ),
+    "vesc": ("ms_today;q_axis_current;erpm;input_voltage;", "1;0.2;10;24;\n21;0.2;10;24;", "q_axis_current"),
+    "simplefoc": ("1.0000\t200.0000\t1.0000\t0.1000", "1.0000\t200.0000\t1.0000\t0.1020", ""),
+}
+TITLES = {"moteus": "moteus", "odrive": "ODrive", "vesc": "VESC", "simplefoc": "SimpleFOC"}
+
+
+@pytest.fixture
+def configurations(tmp_path: Path) -> dict[str, Path]:
+    texts = {
+        "odrive": json.dumps({"axis0": test_odrive.OLD}),
+        "vesc": test_vesc.XML,
+        "simplefoc": test_simplefoc.MONITOR_TOML,
+    }
+    files = {"moteus": Moteus().dump(tmp_path / "dump.cfg")}
+    for drive, text in texts.items():
+        files[drive] = tmp_path / f"{drive}.config"
+        files[drive].write_text(text)
+    return files
+
+
+def log_of(drive: str, folder: Path) -> Path:
+    heading, rows, _ = LOGS[drive]
+    path = folder / f"{drive}.{'txt' if drive == 'simplefoc' else 'csv'}"
+    path.write_text(f"{heading}\n{rows}\n")
+    return path
+
+
+@pytest.mark.parametrize("drive", LOGS)
+def test_a_log_or_configuration_of_another_drive_is_one_line(
+    drive: str, configurations: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["-o", tmp_path / "out"]
+    for other in LOGS.keys() - {drive}:
+        log, own = log_of(other, tmp_path), configurations[drive]
+        code, _, err = cogless(capsys, "identify", log, "--drive", drive, "--drive-config", own, *out)
+        assert (code, err.count("\n")) == (2, 1), err
+        assert err.startswith(f"{log}: {TITLES[other]}, ") and f"expected a log of {TITLES[drive]}" in err
+        log, foreign = log_of(drive, tmp_path), configurations[other]
+        code, _, err = cogless(capsys, "identify", log, "--drive-config", foreign, *out)
+        assert (code, err.count("\n")) == (2, 1) and err.startswith(f"{foreign}: "), err
+
+
+@pytest.mark.parametrize("drive", [drive for drive in LOGS if LOGS[drive][2]])
+def test_a_log_without_a_channel_is_one_line(
+    drive: str, configurations: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, column = log_of(drive, tmp_path), LOGS[drive][2]
+    log.write_text(log.read_text().replace(column, "other", 1))
+    own = ["--drive", drive, "--drive-config", configurations[drive]]
+    code, _, err = cogless(capsys, "identify", log, *own, "-o", tmp_path / "out")
+    assert (code, err.count("\n")) == (2, 1), err
+    assert err.startswith(f"{log}: no column ") and column in err and "it has" in err
