@@ -7,7 +7,7 @@ import style
 PLACES_MOST = {
     "constant_with_several_values": 93,
     "number_of_one_word": 154,
-    "vague_local": 444,
+    "vague_local": 443,
     "vague_argument": 181,
     "vague_function": 146,
     "many_positional_arguments": 13,
