@@ -78,7 +78,7 @@ def ratios(study: Study) -> tuple[float, float] | None:
     before = warnings._edges(study, "pi", "slow")
     if before is None or before.enough or warnings._snapping(study, "pi", "slow"):
         return None
-    change = slower_feedback(study, "pi", warnings.AHEAD * before.factor)
+    change = slower_feedback(study, "pi", warnings.SPEED_RESERVE * before.factor)
     slower = changed(study, change or {})
     after = warnings._edges(slower, "pi", "slow")
     if after is None or warnings._snapping(slower, "pi", "slow"):

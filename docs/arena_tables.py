@@ -21,7 +21,7 @@ from pil_tables import CASES, LAW_ALONE
 from pil_tables import PAGE as COSTS
 
 import cogless
-from cogless.ensemble.arena_scores import COLUMNS, RPM, Scores
+from cogless.ensemble.arena_scores import RPM, SCORE_COLUMNS, Scores
 from cogless.results.limits import AND, CAUSES
 from cogless.run.causes import LONGER_FACTOR
 
@@ -52,16 +52,16 @@ def _rows(page: str, block: str) -> dict[str, dict[str, str]]:
 
 def main_table(scores: Scores) -> list[str]:
     known, rows = costs(), []
-    best = {column: scores.winners(column) for column in COLUMNS}
+    best = {column: scores.winners(column) for column in SCORE_COLUMNS}
     for law in scores.laws:
         cells = [
             scores.unscored(column, law) if score is None else _cell(score, law in best[column])
-            for column in COLUMNS
+            for column in SCORE_COLUMNS
             for score in [scores.score(column, law)]
         ]
         spent = known.get(scores.content["laws"][law]["law"], ("-", "-"))
         rows.append([scores.label(law), *cells, *spent, str(scores.met(law))])
-    head = ["law", *(c.title for c in COLUMNS.values()), "instructions", "RAM", "plants"]
+    head = ["law", *(c.title for c in SCORE_COLUMNS.values()), "instructions", "RAM", "plants"]
     return table(head, rows)
 
 
@@ -92,7 +92,7 @@ def plant_list(scores: Scores) -> list[str]:
 
 def ripple_table(scores: Scores) -> list[str]:
     """Ripple of each law on each plant; in bold the least, and what is within 2 % of it."""
-    value, scale = partial(scores.value, "ripple"), COLUMNS["ripple"].scale
+    value, scale = partial(scores.value, "ripple"), SCORE_COLUMNS["ripple"].scale
     best = {plant: scores.best(partial(value, plant), scores.laws) for plant in scores.plants}
     rows = []
     for law in scores.laws:
@@ -101,7 +101,7 @@ def ripple_table(scores: Scores) -> list[str]:
             for plant in scores.plants
         ]
         rows.append([scores.label(law), *cells])
-    return table([COLUMNS["ripple"].unit, *scores.plants], rows)
+    return table([SCORE_COLUMNS["ripple"].unit, *scores.plants], rows)
 
 
 def limit_table(content: Mapping[str, Any], scores: Scores) -> list[str]:

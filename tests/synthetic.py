@@ -9,7 +9,7 @@ from cogless.results.trace import Trace
 from cogless.run.carry_out import measure
 from cogless.signals import DERIVED
 from cogless.study import load
-from cogless.study.metric import SIGNALS
+from cogless.study.metric import SIGNAL_DIMENSIONS
 
 STUDY = """
 title = "Torque ripple at 60 r/min"
@@ -145,7 +145,7 @@ def trace(the_study, scenario, controller, rate=15_000):
     load = sum(np.where(s < 0, 0, 0.6 * (1 - np.exp(-s / 0.03))) for s in since) + 0 * t
     noise = np.repeat(np.random.default_rng(1).normal(size=len(t) // 15 + 1), 15)[: len(t)]
     i_q = load / 0.41 + 0.02 * np.cos(24 * theta) + 0.004 * noise
-    signals = dict.fromkeys([*SIGNALS], 0 * t)
+    signals = dict.fromkeys([*SIGNAL_DIMENSIONS], 0 * t)
     signals |= {"theta_m": theta, "omega_ref": 60 * RPM + 0 * t, "omega_m": (base + ripple + sag) * RPM}
     signals |= {"i_q": i_q, "i_q_ref": i_q, "tau_e": 0.41 * i_q, "tau_cogging": 0.004 * np.sin(24 * theta)}
     signals |= {"term_integral": load / 0.41, "term_proportional": 0.015 * ripple}
@@ -155,7 +155,7 @@ def trace(the_study, scenario, controller, rate=15_000):
     signals |= {"theta_measured": theta, "omega_measured": signals["omega_m"]}
     kept = [n for n in signals if n not in DERIVED]
     kept = [n for n in kept if not n.startswith("term_") or n in terms]
-    units = ("s", *(SIGNALS[n].unit for n in kept))
+    units = ("s", *(SIGNAL_DIMENSIONS[n].unit for n in kept))
     return Trace(("time", *kept), units, np.column_stack([t, *(signals[n] for n in kept)]))
 
 

@@ -16,7 +16,7 @@ from cogless.live.candidates import PAGE_KEYS
 from cogless.live.description import BLOBS
 from cogless.live.live_page import PAGES
 from cogless.report import SECTIONS
-from cogless.results.metrics import KINDS
+from cogless.results.metrics import METRIC_FUNCTIONS
 from cogless.results.runs import RESULTS
 from cogless.run.carry_out import RUNS
 from cogless.run.plan import PLANS
@@ -132,9 +132,9 @@ def written(place: str) -> str:
     return "".join(map(text, sorted(ROOT.glob(place))))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", METRIC_FUNCTIONS)
 def test_a_kind_of_metric_has_all_that_belongs_to_one(kind: str) -> None:
-    page, about = "trial-studies" if kind in EACH_PHASE else "metrics", KINDS[kind].__doc__ or ""
+    page, about = "trial-studies" if kind in EACH_PHASE else "metrics", METRIC_FUNCTIONS[kind].__doc__ or ""
     places = {f"docs/guide/{page}.md": "### `{}`", "tests/results/test_*metrics.py": '"{}"'}
     assert lacks(kind, places) == []
     assert re.search(r"signal's unit|no unit|Trials of|, (A|W|s)\b", about), "its docstring names no unit"

@@ -387,7 +387,7 @@ void try_parts(long configs)
         {"low_pass", try_low_pass, 0x3fdd7ae4U, 0x576bdf15U},
         {"hall", try_hall, 0xb8415665U, 0x3a0696a6U},
         {"telemetry", try_telemetry, 0x00000000U, 0x00000000U},
-        {"current_reference", try_current_reference, 0xbef6cf94U, 0x00000001U},
+        {"current_reference", try_current_reference, 0xbef6cf94U, 0x92606f06U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
 }

@@ -214,12 +214,12 @@ class MetricSignals(Parsed):
     def run(self) -> list[nodes.Node]:
         from cogless.control_library import C_LAWS
         from cogless.signals import DERIVED
-        from cogless.study.metric import SIGNALS
+        from cogless.study.metric import SIGNAL_DIMENSIONS
 
         laws = {"python": (), "library": ()} | {law.name: law.terms for law in C_LAWS.values()}
         terms = {term.signal for law in C_LAWS.values() for term in law.terms}
         by_unit: dict[str, list[str]] = {}
-        for name, dimension in SIGNALS.items():
+        for name, dimension in SIGNAL_DIMENSIONS.items():
             if name not in terms:
                 mark = f"`{name}`" + ("\\*" if name in DERIVED else "")
                 by_unit.setdefault(dimension.unit or "bits", []).append(mark)
@@ -252,14 +252,14 @@ class TrialSignals(Parsed):
 
 def check(app: Any, env: Any) -> None:
     """Warns of models without a study-table, and of kinds of metric and headings that don't match."""
-    from cogless.results.metrics import KINDS
+    from cogless.results.metrics import METRIC_FUNCTIONS
     from cogless.study.metric import EACH_PHASE, EACH_TRIAL
 
     wanted = {full_name(model) for kind in (Study, TrialStudy) for model in models_of(kind)}
     for name in sorted(wanted - getattr(env, "cogless_documented", set())):
         log.warning("guide: no study-table for the model %s", name)
     of_trials = {*EACH_TRIAL, *EACH_PHASE}
-    for page, kinds in (("metrics", KINDS.keys() - EACH_PHASE), ("trial-studies", of_trials)):
+    for page, kinds in (("metrics", METRIC_FUNCTIONS.keys() - EACH_PHASE), ("trial-studies", of_trials)):
         text = (env.srcdir / "guide" / f"{page}.md").read_text(encoding="utf-8")
         headings = set(re.findall(r"^### `([a-z-]+)`$", text, re.MULTILINE))
         for name in sorted(kinds ^ headings):

@@ -8,7 +8,7 @@ import signal
 import sys
 import traceback
 
-from cogless.errors import DEFECT, INTERRUPTED, WRONG, StudyError
+from cogless.errors import EXIT_DEFECT, EXIT_INTERRUPTED, EXIT_WRONG, StudyError
 from cogless.files import reason
 from cogless.interrupts import REQUESTS, end_as_by_ctrl_c
 from cogless.lines import say
@@ -43,26 +43,26 @@ def _code() -> int:
         return end.code if isinstance(end.code, int) else 0
     except StudyError as error:
         say(str(error))
-        return WRONG
+        return EXIT_WRONG
     except KeyboardInterrupt:
         say("Interrupted.")
-        return INTERRUPTED
+        return EXIT_INTERRUPTED
     except OSError as error:
         say(f"{error.filename or 'output'}: {reason(error)}")
-        return WRONG
+        return EXIT_WRONG
     except Exception as error:
         if not hasattr(error, "format_message"):  # not an exception of typer
             traceback.print_exc()
             say(REPORT)
-            return DEFECT
+            return EXIT_DEFECT
         line = str(error.format_message()).rstrip(".")
         if line:
             named = " ".join(["cogless", *(word for word in sys.argv[1:2] if not word.startswith("-"))])
             line += _metavar(str(getattr(error, "option_name", "")))
             command = getattr(getattr(error, "ctx", None), "command_path", named)
             say(f"{line}{'' if line.endswith('?') else '.'} See {command} --help.")
-        return WRONG
-    if code == INTERRUPTED:  # typer returns this after Ctrl-C in a command
+        return EXIT_WRONG
+    if code == EXIT_INTERRUPTED:  # typer returns this after Ctrl-C in a command
         say("Interrupted.")
     return code if isinstance(code, int) else 0
 
@@ -96,15 +96,17 @@ def _command() -> object:
 
 
 def _flushed(code: int) -> int:
-    """Flush stdout and return the exit code: `code`, or WRONG if the output can't be written (full disk)."""
+    """Flush stdout and return the exit code: EXIT_WRONG if that fails (full disk), else `code`."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at exit
-        if code != WRONG and not isinstance(error, BrokenPipeError):  # the reader closed the pipe: no message
+        if code != EXIT_WRONG and not isinstance(
+            error, BrokenPipeError
+        ):  # the reader closed the pipe: no message
             say(f"output: {reason(error)}")
-        return WRONG
+        return EXIT_WRONG
     return code
 
 

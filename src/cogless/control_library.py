@@ -15,7 +15,7 @@ from typing import Any
 from cogless.files import control_sources
 
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
-ROW = re.compile(r"^CGL_(\w+)\((.*?)\)$", re.DOTALL | re.MULTILINE)
+LAW_ROW = re.compile(r"^CGL_(\w+)\((.*?)\)$", re.DOTALL | re.MULTILINE)
 CONFIG_MEMBER = re.compile(r"\bc\.([\w.]+)")
 
 
@@ -94,7 +94,7 @@ def _arguments(text: str) -> Iterator[str]:
 
 def _laws() -> Iterator[CLaw]:
     text = COMMENT.sub("", (control_sources() / "cogless" / "laws.def").read_text(encoding="utf-8"))
-    rows = [(kind, list(_arguments(row))) for kind, row in ROW.findall(text)]
+    rows = [(kind, list(_arguments(row))) for kind, row in LAW_ROW.findall(text)]
     terms: dict[str, list[Term]] = {}
     for kind, (stem, *row) in rows:
         if kind == "TERM":
@@ -119,9 +119,9 @@ C_LAWS = {law.name: law for law in _laws()}
 
 
 STRUCT = re.compile(r"typedef struct \{(.*?)\n\} (\w+);", re.DOTALL)
-SAME = re.compile(r"^typedef (cgl_\w+) (cgl_\w+);", re.MULTILINE)
+SAME_TYPE = re.compile(r"^typedef (cgl_\w+) (cgl_\w+);", re.MULTILINE)
 ENUM = re.compile(r"typedef enum \{(.*?)\} (\w+);", re.DOTALL)
-NUMBER = re.compile(r"^#define (\w+) +(\d+)U?(?: */\*.*)?$", re.MULTILINE)
+NUMBER_MACRO = re.compile(r"^#define (\w+) +(\d+)U?(?: */\*.*)?$", re.MULTILINE)
 REAL_NUMBER = re.compile(r"^#define (\w+) +\w+\(([\d.e+-]+)\)", re.MULTILINE)
 BIT = re.compile(r"\b(CGL_STATUS_\w+) = (\d+)")
 # a comment on its own, or a declaration and the comment that follows it
@@ -175,7 +175,7 @@ def _numbers() -> dict[str, str]:
     return {
         name: value
         for text in _texts()
-        for form in (NUMBER, REAL_NUMBER)
+        for form in (NUMBER_MACRO, REAL_NUMBER)
         for name, value in form.findall(text)
     }
 
@@ -199,10 +199,10 @@ def status_bits() -> dict[str, int]:
 def parse(headers: Iterable[Path]) -> Headers:
     """Read structs and enums from header files. ValueError: a struct member that this parser can't read."""
     texts = [path.read_text(encoding="utf-8") for path in headers]
-    numbers = {name: int(value) for text in texts for name, value in NUMBER.findall(text)}
+    numbers = {name: int(value) for text in texts for name, value in NUMBER_MACRO.findall(text)}
     structs = {name: _members(name, body, numbers) for text in texts for body, name in STRUCT.findall(text)}
     for text in texts:
-        structs |= {name: structs[of] for of, name in SAME.findall(text)}
+        structs |= {name: structs[of] for of, name in SAME_TYPE.findall(text)}
     enums = {name: _constants(body) for text in texts for body, name in ENUM.findall(text)}
     return Headers(structs, enums)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Self
 
-DEFECT, WRONG, INTERRUPTED = 1, 2, 130  # exit codes
+EXIT_DEFECT, EXIT_WRONG, EXIT_INTERRUPTED = 1, 2, 130  # exit codes
 
 
 class StudyError(Exception):

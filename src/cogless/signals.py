@@ -14,7 +14,7 @@ from cogless.control_library import C_LAWS
 from cogless.files import control_sources
 from cogless.units import Dimension
 
-ROW = re.compile(r'^CGL_SIGNAL\("(\w+)", "(.*?)", "(.*?)", ([\w ]+), .*\)$', re.MULTILINE)
+SIGNAL_ROW = re.compile(r'^CGL_SIGNAL\("(\w+)", "(.*?)", "(.*?)", ([\w ]+), .*\)$', re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Derived:
 
 def _recorded() -> dict[str, Recorded]:
     text = (control_sources().parents[1] / "simulator" / "signals.def").read_text(encoding="utf-8")
-    return {name: Recorded(*row) for name, *row in ROW.findall(text)}
+    return {name: Recorded(*row) for name, *row in SIGNAL_ROW.findall(text)}
 
 
 def _residual(electrical: Any, copper: Any, friction: Any, load: Any, stored: Any) -> Any:

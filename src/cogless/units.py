@@ -13,9 +13,9 @@ from itertools import product
 from cogless.unit_expressions import Unit, read_unit
 
 # Datasheets write a product of units without a sign, with a point, or with a hyphen.
-TERM = r"[A-Za-zµμΩ]+(?:\^-?\d)?"
+UNIT_TERM = r"[A-Za-zµμΩ]+(?:\^-?\d)?"
 SIGNS = str.maketrans({"²": "^2", "³": "^3", "⋅": "*", "·": "*"})
-JOINED = re.compile(rf"(?<![A-Za-z]){TERM}(?:[.-]{TERM})+")
+JOINED = re.compile(rf"(?<![A-Za-z]){UNIT_TERM}(?:[.-]{UNIT_TERM})+")
 EXPONENT = re.compile(r"(?<=[A-Za-zµμ])(?=[23](?![A-Za-z0-9]))")
 FORCE, LENGTH = r"[mcku]?N|k?gf?|ozf?|lbf?", r"cm|mm|m|in|ft"
 GLUED = re.compile(
@@ -23,12 +23,12 @@ GLUED = re.compile(
 )
 GRAM = "gm"  # to some; it may not be read as a gram times a meter
 MASS = re.compile(r"(?<![A-Za-z])([mk]?)(oz|lb|g)s?(?![A-Za-z])")  # or the weight of it, where a force fits
-WORD = re.compile("[A-Za-zµμΩ]+")
+UNIT_WORD = re.compile("[A-Za-zµμΩ]+")
 SYMBOLS = re.findall(r"\S+", "m s A g K rad deg rev min h rpm Hz N Nm J W V ohm H Wb oz lb in ft")
 LONGEST_MISSPELT = 4  # words of a unit
 PREFIXES = ("", "m", "k", "u", "M", "c", "n")
 
-NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 COMMA = re.compile(r",\d")  # behind the whole part of a number
 UNIT = re.compile(r"(?:1\s*/)?[A-Za-zµμΩΩ°·*/^()\s]*(?:(?:\^|\*\*)-?\d[A-Za-zµμΩΩ°·*/^()\s]*)*")
 
@@ -103,16 +103,16 @@ READINGS = {
     ("rad/s", "Hz"): 'may be "rev/s", or the frequency of the current, pole_pairs times as much',
     ("rad/s", "1/s"): 'may be "rad/s" or "rev/s"',
 }
-NAMED = tuple(each for each in list(vars().values()) if isinstance(each, Dimension))
+NAMED_DIMENSIONS = tuple(each for each in list(vars().values()) if isinstance(each, Dimension))
 
 
 @cache
 def dimension_of(unit: str) -> Dimension:
-    """The first of the NAMED dimensions with this SI unit, else a dimension without a name.
+    """The first of the NAMED_DIMENSIONS dimensions with this SI unit, else a dimension without a name.
 
     UnitError: the unit is unknown.
     """
-    named = next((dimension for dimension in NAMED if dimension.unit == unit), None)
+    named = next((dimension for dimension in NAMED_DIMENSIONS if dimension.unit == unit), None)
     if named is not None:
         return named
     if not is_known(unit):
@@ -122,7 +122,7 @@ def dimension_of(unit: str) -> Dimension:
 
 def parse(text: str, dimension: Dimension) -> float:
     """The SI value of a text such as "60 rpm"; UnitError unless it is a finite number with a fitting unit."""
-    found = NUMBER.fullmatch(text)
+    found = NUMBER_AND_UNIT.fullmatch(text)
     if not found:
         raise UnitError(f"expected a number and a unit, such as {dimension.shown(1)}")
     number, unit = found.groups()
@@ -138,7 +138,7 @@ def parse(text: str, dimension: Dimension) -> float:
 
 def unit_of(text: str) -> str:
     """The unit of a text such as "60 rpm"; empty if it has none or the text is no quantity."""
-    found = NUMBER.fullmatch(text)
+    found = NUMBER_AND_UNIT.fullmatch(text)
     return found.group(2) if found else ""
 
 
@@ -154,7 +154,7 @@ def convert(value_si: float, unit: str, dimension: Dimension) -> float:
 
 def number_in(text: str, unit: str) -> float:
     """The number of a text such as "0.1 N*m", converted to `unit`; UnitError if that is impossible."""
-    found = NUMBER.fullmatch(text)
+    found = NUMBER_AND_UNIT.fullmatch(text)
     if not found:
         raise _unlike(unit)
     return float(found.group(1)) * _ratio(found.group(2), unit)
@@ -171,7 +171,7 @@ def _ratio(unit: str, other: str) -> float:
 
 def in_si(text: str) -> float:
     """The SI value of a text with a unit of any dimension; UnitError: unknown unit."""
-    found = NUMBER.fullmatch(text)
+    found = NUMBER_AND_UNIT.fullmatch(text)
     if not found:
         raise UnitError("expected a number and a unit")
     return float(found.group(1)) * si_factor(found.group(2))
@@ -240,7 +240,7 @@ def _fitting(unit: str, dimension: Dimension) -> float | None:
 
 def _perhaps(unit: str, dimension: Dimension) -> str | None:
     """The unit in other capitals that fit the dimension; None if no such spelling fits."""
-    words = WORD.findall(unit)
+    words = UNIT_WORD.findall(unit)
     if not 1 <= len(words) <= LONGEST_MISSPELT:
         return None
     for spelling in product(*map(_spellings, words)):
@@ -253,7 +253,7 @@ def _perhaps(unit: str, dimension: Dimension) -> str | None:
 def _with_words(unit: str, words: Iterable[str]) -> str:
     """The unit with its words replaced by `words`, in their order."""
     following = iter(words)
-    return WORD.sub(lambda _: next(following), unit)
+    return UNIT_WORD.sub(lambda _: next(following), unit)
 
 
 def _spellings(word: str) -> list[str]:

@@ -192,7 +192,7 @@ def test_c_and_python_write_the_same_bytes(name: str, write_size: int, precision
     assert flash.slot[0] == image.ljust(len(flash.slot[0]), b"\xff")
     assert (stored.motor, stored.motion, stored.write_size) == (0xFEDCBA98, 3, write_size)
     # and C takes what Python made
-    learned = [[0.5 if unit != stored_map.ORDER else 1.0] for unit in stored.units]
+    learned = [[0.5 if unit != stored_map.ORDER_CODE else 1.0] for unit in stored.units]
     other = np.float32(learned) * stored.values
     flash.slot[0][: len(image)] = bytes(replace(stored, values=other, write_size=2, sequence=9))
     again = ROTARY[name](c)

@@ -12,7 +12,7 @@ from reference.adrc import Adrc
 
 from cogless import load, run_study
 from cogless.design.laws import adrc as rule
-from cogless.design.laws.adrc import RATIO, response
+from cogless.design.laws.adrc import OBSERVER_RATIO, response
 from cogless.design.margins import UNSTABLE, Margins
 from cogless.design.summary import design
 from cogless.errors import StudyError
@@ -46,7 +46,7 @@ def test_the_rule_gives_the_phase_margin() -> None:
     found = design(study, "adrc")
     assert found.rule == "auto" and found.margins is not None
     assert found.margins.stable and math.degrees(found.margins.phase_margin) == pytest.approx(52, abs=0.01)
-    assert found.gains["omega_o"].value == pytest.approx(RATIO * found.gains["omega_c"].value)
+    assert found.gains["omega_o"].value == pytest.approx(OBSERVER_RATIO * found.gains["omega_c"].value)
 
 
 def test_a_margin_that_the_observers_lag_forbids_is_told() -> None:

@@ -14,9 +14,9 @@ from cogless.design.trials.model import DesignError, Model
 from cogless.design.trials.polytope import UncertainPlant, from_parameters
 from cogless.design.trials.response import Bundle, butterworth
 from cogless.design.trials.trial_observer import (
-    LEFT,
     OBSERVER_SHIFT,
     POLES,
+    REMAINING_SHARE_MOST,
     SENSITIVITY_MOST,
     ObserverGains,
     _exact,
@@ -80,7 +80,7 @@ def test_the_rule_is_at_its_bounds() -> None:
     assert plant.exact_vertices is not None
     loops = [gains.closed(model, plant.C) for model in plant.exact_vertices]
     keeps = np.abs(1 - Bundle(loops, OBSERVER_SHIFT)(w)).max(axis=0) * butterworth(cutoff, 2, PERIOD).gain(w)
-    assert keeps.max() == pytest.approx(LEFT, rel=0.02)
+    assert keeps.max() == pytest.approx(REMAINING_SHARE_MOST, rel=0.02)
 
 
 @pytest.mark.parametrize(("far", "suits"), [(0.19, True), (0.21, False)])
@@ -131,7 +131,7 @@ def test_the_certificate_is_of_exactly_sampled_plants_and_contracts() -> None:
     found = design.certificate
     assert found.discretisation == "exact" and found.design.stable
     assert found.design.learning is not None and found.design.learning.contracting
-    assert found.design.learning.norm <= LEFT * 1.001
+    assert found.design.learning.norm <= REMAINING_SHARE_MOST * 1.001
     assert found.design.growth is not None and found.design.growth < 0.75
     assert design.notes == ()
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cogless.design.detent import STOPS, overrun, swing, turns_from
+from cogless.design.detent import STOPPING_RIPPLE, overrun, swing, turns_from
 from cogless.design.law_rules import feedback_of
 from cogless.design.laws.harmonic import certificate
 from cogless.design.verdict import verdict
@@ -112,7 +112,7 @@ def test_a_rotor_stops_where_the_ripple_of_small_signals_reaches_its_speed(
             study = motor(rpm, size)
             ratio = foreseen(study, scenario)
             if not 0.7 < ratio < 1.6:
-                stops = ratio >= STOPS
+                stops = ratio >= STOPPING_RIPPLE
                 assert stopped(study, scenario) == stops, (size, rpm, ratio)
                 seen[stops] += 1
     assert min(seen.values()) >= 4, seen

@@ -12,7 +12,7 @@ import pytest
 
 from cogless.design.laws import harmonic, harmonic_transfer
 from cogless.design.laws.harmonic import (
-    LEAST,
+    RATE_LEAST,
     Certificate,
     Certified,
     _acting,
@@ -252,13 +252,13 @@ def turning(orders: list[tuple[float, float]], **drive: Any) -> Any:
 @pytest.mark.parametrize(
     ("orders", "rate_min"),
     [
-        ([], LEAST),
+        ([], RATE_LEAST),
         ([(1, 0.1), (2, 0.0)], 3.0),  # ten times as fast as it turns; what has no torque doesn't count
         ([(1, 0.1), (2, 0.1)], 6.0),
         ([(1, 0.1), (3, 0.1)], 9.0),
         ([(1, 0.1), (4, 0.1)], 3.0),  # learned itself
         ([(1, 0.1), (3.5, 0.1)], 3.0),  # too fast to be followed
-        ([(0.1, 0.1)], LEAST),
+        ([(0.1, 0.1)], RATE_LEAST),
     ],
 )
 def test_learning_slows_down_to_what_a_turning_load_allows(
@@ -267,7 +267,7 @@ def test_learning_slows_down_to_what_a_turning_load_allows(
     told, T = replace(TOLD, base=4, rate=9.0), 1e-3
     assert _least_rate(turning(orders), told, 0.3, T) == pytest.approx(rate_min)
     shared = _least_rate(turning(orders), told, 0.3, 1 / (16 * 3 * 5.9))  # 5.9 1/s for each of three orders
-    assert shared == (LEAST if rate_min == LEAST else pytest.approx(3.0))
+    assert shared == (RATE_LEAST if rate_min == RATE_LEAST else pytest.approx(3.0))
     own = [SimpleNamespace(order=order, torque=torque) for order, torque in orders]
     assert _least_rate(turning([], own=own), told, 0.3, T) == pytest.approx(rate_min)
 
@@ -396,7 +396,7 @@ def test_the_rule_s_numbers_of_a_law(
     assert asked == {"fastest": (3.0, 1e-3), "bands": ("pi", 0.3, 4, (1.0, 3.0))}
     monkeypatch.setattr(harmonic, "_speeds", lambda *_: [])
     still = harmonic._learner(study, "x")
-    assert (still.rate, still.rate_min, still.held) == (20.0, LEAST, ())
+    assert (still.rate, still.rate_min, still.held) == (20.0, RATE_LEAST, ())
     monkeypatch.setattr(harmonic, "_orders", lambda *_: (1, 200, 900))
     many = harmonic._learner(study, "x")
     assert (many.orders, many.fast, many.rate) == (128, 128, 20.0)

@@ -16,9 +16,9 @@ from cogless.design.laws.periodic import PeriodicLoop
 from cogless.design.laws.pi_afc import OrderLoop
 from cogless.design.laws.space import SpaceLoop
 from cogless.design.learning_loop import FACTOR_MOST, Worst
-from cogless.design.ripple import WORSE, Ripple
+from cogless.design.ripple import HARMFUL_RATIO, Ripple
 from cogless.design.verdict import (
-    WIDEST,
+    FILTER_WIDTH_MOST,
     Mean,
     Passing,
     Repair,
@@ -172,7 +172,7 @@ def test_what_settles_names_its_worst_or_its_loudest_speed(monkeypatch: pytest.M
     found = told(monkeypatch, motion(high), motion(low, loud), motion())
     assert found.omega_m == 3.0
     assert found.ratio == pytest.approx(math.sqrt((0.01 + 9) / 2))
-    just = at(quiet(0.5, omega_m=3.0, ratio=WORSE))
+    just = at(quiet(0.5, omega_m=3.0, ratio=HARMFUL_RATIO))
     assert told(monkeypatch, motion(high, just)).omega_m == 2.0
 
 
@@ -415,8 +415,8 @@ def test_the_first_remedy_is_the_shortest_lead_that_all_points_share() -> None:
         ((8.0, 3.0), 3, Repair(q_half_width=3)),
         ((8.0, 3.0), 2, Repair()),
         ((0.5 * 401.0, 1.0), 1000, Repair(q_half_width=100)),
-        ((2.0 * (WIDEST + 1), 1.0), 1000, Repair(q_half_width=WIDEST)),
-        ((2.0 * (WIDEST + 2), 1.0), 1000, Repair()),
+        ((2.0 * (FILTER_WIDTH_MOST + 1), 1.0), 1000, Repair(q_half_width=FILTER_WIDTH_MOST)),
+        ((2.0 * (FILTER_WIDTH_MOST + 2), 1.0), 1000, Repair()),
     ],
 )
 def test_without_such_a_lead_it_is_the_narrowest_filter(
@@ -438,4 +438,7 @@ def test_a_verdict_says_nothing_that_it_isnt_told() -> None:
     left_out = Verdict("settles")
     assert (left_out.omega_m, left_out.varies, left_out.ratio, left_out.unit) == (0.0, False, 1.0, "rad/s")
     assert left_out.fine and left_out.words() == "settles"
-    assert not Verdict("settles", ratio=WORSE + 1e-9).fine and Verdict("settles", ratio=WORSE).fine
+    assert (
+        not Verdict("settles", ratio=HARMFUL_RATIO + 1e-9).fine
+        and Verdict("settles", ratio=HARMFUL_RATIO).fine
+    )

@@ -1,9 +1,10 @@
-"""moteus's table of its encoder, in scalar arithmetic as the notes on its source say."""
+"""Drives' tables of their encoders, in scalar arithmetic as the notes on their sources say."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -53,16 +54,69 @@ def test_the_table_takes_the_error_away(
     assert f"{math.degrees(np.std(measured - rotor)):.2g}"[:3] in out
 
 
+def simplefoc_corrected(text: str, raw: float) -> float:
+    """CalibratedSensor: the sensor's angle less the table, straight lines between its entries."""
+    entries = [float(x) for x in re.findall(r"[-+]?\d*\.\d+(?:e[-+]?\d+)?", text[text.index("= {") :])]
+    count = len(entries)
+    assert f"ENCODER_ENTRIES {count}\n" in text
+    place = raw / TURN % 1.0 * count
+    low = int(place)
+    return raw - (entries[low % count] * (1 - place + low) + entries[(low + 1) % count] * (place - low))
+
+
+def vesc_phase(text: str, raw: float, pairs: int) -> float:
+    """The current's phase over the pole pairs: a whole number of degrees for each degree of the encoder."""
+    cells = {int(a): int(b) for a, b in re.findall(r"\(enc-corr (\d+) (-?\d+)\)", text)}
+    assert sorted(cells) == list(range(360)) and all(-120 <= x <= 120 for x in cells.values())
+    assert text.endswith("(enc-corr-en 1)\n")
+    return raw - math.radians(cells[int(math.degrees(raw) % 360)]) / pairs
+
+
+@pytest.mark.parametrize("drive", ["simplefoc", "vesc"])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_tables_over_the_sensors_own_angle_take_the_error_away(
+    drive: str, direction: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The sensor counts `direction` times the identified angle, and is 2.2 rad on."""
+    frame = {"drive": drive, "encoder": 0, "encoder_direction": direction, "encoder_shift": 2.2}
+    folder = folder_of(tmp_path / "found", 1, **frame, pole_pairs=21)
+    table = tmp_path / "encoder"
+    code, out, err = cogless(capsys, "table", folder, "--to", drive, "--encoder", "-o", table)
+    assert (code, err) == (0, "") and "Encoder's error without the table" in out
+    text, rotor = table.read_text(), np.linspace(-7, 7, 2000)
+    measured = rotor + sum(a * np.sin(n * rotor + p) for n, (a, p) in ERROR.items())
+
+    def rest(shift: float) -> float:
+        raw = direction * measured + shift
+        corrected = [
+            simplefoc_corrected(text, x) if drive == "simplefoc" else vesc_phase(text, x, 21) for x in raw
+        ]
+        return float(np.std(direction * (np.array(corrected) - shift) - rotor))
+
+    # Whole degrees of 21 pole pairs are off by 1/sqrt(12) of them, rms; in a degree the error changes little.
+    rounding = 0.0 if drive == "simplefoc" else math.radians(1) / 21 / math.sqrt(12)
+    assert rest(2.2) < 1.1 * rounding + 0.02 * np.std(measured - rotor)
+    assert rest(2.2 + math.pi) > 5 * rest(2.2)
+
+
+def test_small_errors_are_less_than_vesc_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = folder_of(tmp_path / "found", 1, drive="vesc", encoder_direction=1, pole_pairs=1)
+    code, _, err = cogless(capsys, "table", folder, "--to", "vesc", "--encoder")
+    assert (code, err.count("\n")) == (2, 1) and "0.32 deg electrical: expected 0.5 to 120" in err
+
+
 def test_what_it_cannot_be_made_from_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     on = folder_of(tmp_path / "on", 1, encoder_table_on=True)
     other = folder_of(tmp_path / "other", 1, drive="odrive")
     none = folder_of(tmp_path / "none", 1)
+    foc = folder_of(tmp_path / "foc", 1, drive="simplefoc", encoder_lacking="expected sensor_direction = 1")
     (none / "identified.json").write_text(json.dumps({"encoder": []}))
     cases = {
         (on, "--to", "moteus"): f"{on}: the logs were made with a table of the encoder",
         (other, "--to", "moteus"): "drive: odrive: expected moteus",
         (none, "--to", "moteus"): "encoder: no order: expected logs that tell the encoder's error",
-        (on, "--to", "simplefoc"): "--encoder: simplefoc: no table of its encoder is written",
+        (on, "--to", "odrive"): "--encoder: odrive: no table of its encoder is written",
+        (foc, "--to", "simplefoc"): "the encoder's own angle is not known: expected sensor_direction = 1",
         (on, "--to", "moteus", "--shift", "1 deg"): "--encoder: expected only SOURCE, --to and -o",
     }
     for arguments, message in cases.items():

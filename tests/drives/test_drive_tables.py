@@ -78,7 +78,7 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
 
     angle = TURN / 2048 * np.arange(2048)
     values = np.float32(current_at(angle))
-    stored = stored_map.StoredMap(values=values, units=(stored_map.CURRENT,), limits=(1.0,))
+    stored = stored_map.StoredMap(values=values, units=(stored_map.CURRENT_CODE,), limits=(1.0,))
     (tmp_path / "map.bin").write_bytes(bytes(stored))
     options = ["--to", "moteus", "--shift", "0 deg", "-o", tmp_path / "table.cfg"]
     code, _, err = cogless(capsys, "table", tmp_path / "map.bin", *options)

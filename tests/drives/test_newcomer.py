@@ -9,17 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import cogless
-from drives.drive_bench import RATE, RUNS, TURN, Plant, Tracker
+from drives import oracle
+from drives.drive_bench import RATE, TURN, Plant, Tracker
 from drives.moteus_stand_in import CPR, GAINS, Moteus, tview_csv
-
-from cogless.drives import firmware_laws
-from cogless.run.simulate import run_study
-from cogless.study.base import Source
-from cogless.study.reading import checked
+from drives.oracle import motions, played, ripples
 
 DRIVE = Moteus(encoder_zero=0.0)
 PLANT = Plant()
-SLOW = f"{0.5 * TURN} rad/s"
 
 
 def law(lines: str = "") -> dict[str, object]:
@@ -27,39 +23,7 @@ def law(lines: str = "") -> dict[str, object]:
     drive = Moteus()
     drive.restore(lines)
     gains = dict(zip(("kp", "kd", "ki"), (TURN * gain for gain in GAINS), strict=True))
-    params = {**gains, "ilimit": 10.0, "scale": drive.scale, "entries": drive.comp}
-    return {"law": "python", "object": f"{firmware_laws.__file__}:Moteus", "params": params}
-
-
-def played(scenarios: dict[str, dict[str, object]], laws: dict[str, dict[str, object]]) -> list:
-    """Runs of the motor in the simulator, as the firmware turns it."""
-    cogging = [{"order": n, "torque": f"{a} N*m", "phase": f"{p} rad"} for n, a, p in PLANT.cogging]
-    motor = {"pole_pairs": 7, "R_s": "0.8 ohm", "L_d": "0.45 mH", "L_q": "0.45 mH"}
-    friction = {"coulomb_friction": f"{PLANT.coulomb} N*m", "viscous_friction": f"{PLANT.viscous} N*m*s/rad"}
-    tables = {
-        "title": "moteus",
-        "motor": {**motor, "K_t": f"{PLANT.K_t} N*m/A", "cogging": cogging},
-        "mechanics": {"inertia": f"{PLANT.inertia} kg*m^2", **friction},
-        "drive": {
-            "rates": {"current_loop": "30 kHz", "speed_loop": "30 kHz"},
-            "current_loop": {"kp": "2.83 V/A", "ki": "5027 V/A/s", "current_limit": "8 A"},
-            "inverter": {"bus_voltage": "24 V"},
-            "position_sensor": {"kind": "absolute", "bits": 14},
-        },
-        "trace": {"rate": f"{RATE} Hz"},
-        "scenario": scenarios,
-        "controller": laws,
-    }
-    return list(run_study(checked(Source(Path("moteus.toml"), tables))).runs)
-
-
-def ripples(laws: dict[str, dict[str, object]]) -> dict[str, float]:
-    """Ripple at half a turn a second, rad/s rms, by controller."""
-    scenario = {"duration": "4 s", "reference": SLOW, "initial_speed": SLOW}
-    return {
-        run.controller: float(np.std(run.trace["omega_m"][2 * RATE :]))
-        for run in played({"slow": scenario}, laws)
-    }
+    return oracle.law("Moteus", **gains, ilimit=10.0, scale=drive.scale, entries=drive.comp)
 
 
 def true_table() -> str:
@@ -73,15 +37,7 @@ def true_table() -> str:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the newcomer has: logs of tview at 1 kHz, made by the firmware's law, and a dump."""
     folder = tmp_path_factory.mktemp("bench")
-    scenarios: dict[str, dict[str, object]] = {
-        name: {
-            "duration": f"{points[-1][0]} s",
-            "reference": {"profile": [[f"{t} s", f"{v} rad/s"] for t, v in points]},
-            "initial_speed": f"{points[0][1]} rad/s",
-        }
-        for name, points in RUNS.items()
-    }
-    for run in played(scenarios, {"moteus": law()}):
+    for run in played(motions(), {"moteus": law()}):
         tracker = Tracker(CPR, 400)
         turned = np.unwrap(run.trace["theta_m"])
         pairs = zip(turned, run.trace["omega_m"], strict=True)

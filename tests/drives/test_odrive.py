@@ -124,6 +124,8 @@ def test_its_own_law_tells_how_late_its_currents_are(
         code, out, err = cogless(capsys, *command)
         assert (code, err) == (0, "")
         assert ("could not be simulated" in out, "No simulation of" in out) == (False, not options)
+        rule = "if logs.toml, which identify --plan --drive odrive writes for --config, has its reference, if"
+        assert (rule in out) == (not options) and "file of columns" not in out
         delays.append(json.loads((tmp_path / "found" / "identified.json").read_text())["values"]["delay"])
     assert abs(delays[1]["value"]) < 1.2 * delays[1]["error"] < delays[0]["error"], delays
 

@@ -157,7 +157,10 @@ def test_a_header_from_the_monitor_takes_the_ripple_away(
     # The errors of order 12, which makes most of it, are 4 %. At this ripple the rotor almost stops, so that
     # friction makes it 17 % larger forward, where the drive's angle grows, than backward.
     assert [predicted[n] for n in (0, 2, 3)] == pytest.approx(
-        [ripple(run(FORWARD, lambda a, share=share: share * feed(a))) / TURN * 60 for share in (0, 0.3, -0.3)],
+        [
+            ripple(run(FORWARD, lambda a, share=share: share * feed(a))) / TURN * 60
+            for share in (0, 0.3, -0.3)
+        ],
         rel=0.04,
     )
     assert predicted[1] < 0.06 * predicted[0]
@@ -193,6 +196,8 @@ def test_the_header_reads_any_angle(tmp_path: Path, capsys: pytest.CaptureFixtur
         (('row_period = "2 ms"', 'row_period = "2"'), 'row_period: "2": expected a unit too'),
         (('monitor = ["target", ', "monitor = ["), "numbers in a line: expected 3, as monitor says"),
         (("pole_pairs = 7", ""), "motor.pole_pairs"),
+        (("row_period", "sensor_direction = 2\nrow_period"), "sensor_direction: 2: expected sensor_direc"),
+        (("row_period", "sensor_direction = 1\nrow_period"), 'sensor_offset: "None"'),
     ],
 )
 def test_what_the_monitor_does_not_tell_is_asked_for(
@@ -228,3 +233,16 @@ def test_a_column_of_microseconds_is_the_time(
     (recording,) = read_logs([log], config).recordings
     assert np.diff(recording.signals["t"]) == pytest.approx(2e-3)
     assert recording.signals["i_q"][0] == pytest.approx(0.5e-3)
+
+
+def test_the_sensors_own_angle_is_that_of_the_file(logs: Path, tmp_path: Path) -> None:
+    """motor.shaft_angle is sensor_direction * sensor - sensor_offset."""
+    from cogless.drives.simplefoc import read_logs
+
+    config = tmp_path / "monitor.toml"
+    config.write_text(f'sensor_direction = {DIRECTION}\nsensor_offset = "{OFFSET} rad"\n{MONITOR_TOML}')
+    frame = read_logs([logs / "slow.txt"], config).frame
+    angle, sensor = DIRECTION * 2.0 - OFFSET, 2.0
+    assert frame.encoder_direction * angle + frame.encoder_shift == pytest.approx(sensor)
+    config.write_text(MONITOR_TOML)
+    assert not read_logs([logs / "slow.txt"], config).frame.encoder_direction

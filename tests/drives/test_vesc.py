@@ -99,6 +99,7 @@ def test_inertia_and_friction_come_out(
     assert "by its first lines VESC, a log of real-time data" in out
     assert "50 rows a second of mean currents, at " in out
     assert ("so no order has a place on the rotor" in out) == (not encoder)
+    assert "if its [[log]] in the file of --config has reference and controller, since its own law" in out
     values = json.loads((folder / "identified.json").read_text())["values"]
     assert values["j"]["value"] == pytest.approx(PLANT.inertia / PLANT.K_t, rel=0.02)
     assert values["c"]["value"] == pytest.approx(PLANT.coulomb / PLANT.K_t, rel=0.05)
@@ -168,3 +169,22 @@ def test_a_configuration_that_does_not_fit_is_one_line(
     config.write_text(XML.replace(*change))
     code, _, err = cogless(capsys, "identify", path, "--drive-config", config, "-o", tmp_path / "out")
     assert code == 2 and f"{config}: {message}" in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize("inverted", [0, 1])
+def test_the_encoders_own_angle_is_that_of_the_configuration(
+    inverted: int, runs: dict[str, Any], tmp_path: Path
+) -> None:
+    """The logged position is the encoder's, turned by m_invert_direction, less p_pid_offset."""
+    config = tmp_path / "motor.xml"
+    extra = f"<m_invert_direction>{inverted}</m_invert_direction><p_pid_offset>30</p_pid_offset>"
+    config.write_text(XML.replace("</MCConf", extra + "</MCConf"))
+    frame = read_logs([log(runs["accel"], tmp_path / "a.csv")], config).frame
+    position, encoder = 75.0, 105.0 if not inverted else -105.0
+    own = frame.encoder_direction * position + np.degrees(frame.encoder_shift)
+    assert frame.zero and own == pytest.approx(encoder) and frame.pole_pairs == PAIRS
+    for change, message in (("<p_pid_ang_div>4</p_pid_ang_div>", "p_pid_ang_div: expected 1"), ("", "")):
+        config.write_text(XML.replace("</MCConf", change + "</MCConf"))
+        assert message in read_logs([tmp_path / "a.csv"], config).frame.lacking
+    without = read_logs([log(runs["accel"], tmp_path / "b.csv", encoder=False)], config).frame
+    assert not without.zero and "encoder_position that turns with erpm" in without.lacking

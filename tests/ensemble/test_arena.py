@@ -15,9 +15,9 @@ from commands import cogless
 from cogless import load, run_study
 from cogless.ensemble import arena as room
 from cogless.ensemble import arena_scores
-from cogless.ensemble.arena import HOUR, LATE, TOLD, UNTOLD, ArenaResults, prepared, run_arena
+from cogless.ensemble.arena import HOUR, LATE, TOLD_CASE, UNTOLD, ArenaResults, prepared, run_arena
 from cogless.ensemble.arena_file import Arena, arena_of
-from cogless.ensemble.arena_scores import COLUMNS, Scores
+from cogless.ensemble.arena_scores import SCORE_COLUMNS, Scores
 from cogless.errors import StudyError
 from cogless.files import shipped
 from cogless.run.simulate import rollout
@@ -64,8 +64,8 @@ def test_every_law_meets_every_case_with_every_seed(results: ArenaResults) -> No
     assert len(results.runs) == 3 * 4 * 2
     scores = Scores(arena_scores.to_dict(results))
     assert [scores.met(law) for law in scores.laws] == [1, 1, 1]
-    everywhere = {column for column in COLUMNS if scores.score(column, "bar") == pytest.approx(1)}
-    assert everywhere == {*COLUMNS} - {"after_hour"}
+    everywhere = {column for column in SCORE_COLUMNS if scores.score(column, "bar") == pytest.approx(1)}
+    assert everywhere == {*SCORE_COLUMNS} - {"after_hour"}
 
 
 def test_learning_beats_the_bar_and_a_law_of_ones_own_is_judged_too(results: ArenaResults) -> None:
@@ -135,7 +135,9 @@ def test_a_law_that_fails_within_the_hour_does_not_win_it() -> None:
 
 
 def test_seeds_are_other_noise_and_another_angle(results: ArenaResults) -> None:
-    ripple = {r.seed: r.metrics["ripple_rad_s"] for r in results.runs if (r.case, r.law) == (TOLD, "bar")}
+    ripple = {
+        r.seed: r.metrics["ripple_rad_s"] for r in results.runs if (r.case, r.law) == (TOLD_CASE, "bar")
+    }
     assert ripple[0] != ripple[1]
 
 
@@ -147,7 +149,7 @@ def test_the_run_in_which_a_table_was_learned_counts_as_time_to_learn(tmp_path: 
     assert isinstance(law, AntiCogging) and law.calibration is not None
     found = run_arena(fight, ["drone/table"])
     assert found.before == {("drone", "table"): law.calibration.duration}
-    alone = next(run.metrics["time_to_learn_s"] for run in found.runs if run.case == TOLD)
+    alone = next(run.metrics["time_to_learn_s"] for run in found.runs if run.case == TOLD_CASE)
     scores = Scores(arena_scores.to_dict(found))
     took = scores.of_seed("time_to_learn", "drone", "table", 0)
     assert took == pytest.approx(law.calibration.duration + alone) and took > 5
@@ -213,7 +215,7 @@ def test_a_plant_is_met_as_told_with_a_step_and_a_fault_and_three_times_otherwis
         ],
         "faults": [{"kind": "angle-missing", "time": "4.5 s", "duration": "50 ms"}],
     }
-    assert list(found) == [TOLD, *UNTOLD] and found[TOLD] == told
+    assert list(found) == [TOLD_CASE, *UNTOLD] and found[TOLD_CASE] == told
     for case in UNTOLD:
         rest = {key: value for key, value in found[case].items() if key != "override"}
         assert rest == {**taken, "initial_speed": own["reference"], "duration": "3.5 s"}
@@ -236,7 +238,7 @@ def test_a_plants_own_reference_is_met_from_its_speed(tmp_path: Path) -> None:
 def test_what_is_measured_of_a_plant_and_when(tmp_path: Path) -> None:
     study, _ = prepared(arena(tmp_path), "drone", ["bar"])
     spans = {metric.name: metric.window or metric.event for metric in study.metric}
-    turn = 1.1 * 2 * math.pi / study.scenario[TOLD].slowest
+    turn = 1.1 * 2 * math.pi / study.scenario[TOLD_CASE].slowest
     assert {name: pytest.approx(span) for name, span in spans.items()} == {
         "ripple": (3.25, 3.5),
         "orders": (3.5 - max(0.25, turn), 3.5),
@@ -299,7 +301,7 @@ def test_what_limits_the_best_law_is_found_by_trying(tmp_path: Path) -> None:
     assert found.limits["drone"].controller == "harmonic"
     study, _ = prepared(fight, "drone", ["harmonic"])
     alone = room.learning(study, "harmonic")
-    assert alone.scenario[TOLD].duration == 3.5 and not alone.scenario[TOLD].events
+    assert alone.scenario[TOLD_CASE].duration == 3.5 and not alone.scenario[TOLD_CASE].events
     helps = told["helps"]["setting"]
     left = [run_study(changed(alone, each)).runs[0].metrics["ripple_rad_s"] for each in ({}, helps["set"])]
     assert left == pytest.approx([told["value"], helps["value"]]) and left[1] < 0.8 * left[0]
@@ -345,7 +347,13 @@ def test_an_empty_table_of_changes_is_a_value(tmp_path: Path) -> None:
 def content(values: dict[str, list[float | None]], column: str = "time_to_learn_s") -> dict[str, Any]:
     """Results of laws on plants a, b with one seed; each law's values in the order of the plants."""
     runs = [
-        {"plant": plant, "case": TOLD, "law": law, "seed": 0, "metrics": {"ripple_rad_s": 1.0, column: value}}
+        {
+            "plant": plant,
+            "case": TOLD_CASE,
+            "law": law,
+            "seed": 0,
+            "metrics": {"ripple_rad_s": 1.0, column: value},
+        }
         for law, each in values.items()
         for plant, value in zip("ab", each, strict=False)
     ]
@@ -399,7 +407,7 @@ def test_the_table_has_a_row_for_each_law(results: ArenaResults) -> None:
 
 
 def test_speeds_are_told_in_turns_a_minute_and_all_else_in_si() -> None:
-    for column in COLUMNS.values():
+    for column in SCORE_COLUMNS.values():
         si = column.metric.rpartition("_")[2]
         expected = ("r/min", pytest.approx(math.pi / 30)) if si == "s" and "rad" in column.metric else (si, 1)
         assert (column.unit, column.scale) == expected
@@ -410,10 +418,10 @@ def test_without_the_bar_the_table_says_so(tmp_path: Path) -> None:
     shown = arena_scores.table(found)
     assert str(shown.caption) == "In no score, since bar was not on it: drone."
     assert arena_scores.headline(found) == ""
-    of_hour = list(COLUMNS).index("after_hour")
-    told = ["not run" if n == of_hour else "no bar" for n in range(len(COLUMNS))]
+    of_hour = list(SCORE_COLUMNS).index("after_hour")
+    told = ["not run" if n == of_hour else "no bar" for n in range(len(SCORE_COLUMNS))]
     assert [list(column.cells)[1] for column in shown.columns][1:-1] == told
-    assert [next(iter(column.cells)) for column in shown.columns][1:-1] == ["not run"] * len(COLUMNS)
+    assert [next(iter(column.cells)) for column in shown.columns][1:-1] == ["not run"] * len(SCORE_COLUMNS)
 
 
 def test_trials_meet_their_own_study_s_controllers(tmp_path: Path) -> None:
@@ -509,7 +517,7 @@ def test_a_time_is_no_shorter_than_a_millisecond_in_a_ratio() -> None:
 def test_seeds_are_a_mean_and_a_seed_may_be_asked_for_alone() -> None:
     found = content({"bar": [1.0]}, "copper_loss_W")
     found["seeds"] = [0, 1]
-    (run,) = (r for r in found["runs"] if r["plant"] == "a" and r["case"] == TOLD)
+    (run,) = (r for r in found["runs"] if r["plant"] == "a" and r["case"] == TOLD_CASE)
     found["runs"].append({**run, "seed": 1, "metrics": {"ripple_rad_s": 1.0, "copper_loss_W": 4.0}})
     scores = Scores(found)
     assert scores.value("copper_loss", "a", "bar") == 2.5

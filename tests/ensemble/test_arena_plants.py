@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from cogless import load
-from cogless.ensemble.arena import RIPPLE, TOLD, learning, prepared
+from cogless.ensemble.arena import RIPPLE_METRIC, TOLD_CASE, learning, prepared
 from cogless.ensemble.arena_file import Arena, ArenaPlant, arena_of
 from cogless.files import shipped
 from cogless.run.simulate import simulate
@@ -47,18 +47,18 @@ class Plant:
         """Rms of the bar's true speed error over the plant's window, r/min, with changes of the study."""
         begun = self.told.begin + self.told.window
         alone = {"duration": f"{begun!r} s", "events": [], "faults": []}
-        of_case = {f"scenario.{TOLD}.{key}": value for key, value in alone.items()}
+        of_case = {f"scenario.{TOLD_CASE}.{key}": value for key, value in alone.items()}
         tables = {k: v for k, v in self.study.source.tables.items() if k != "metric"}
-        kept = {TOLD: tables["scenario"][TOLD]}
+        kept = {TOLD_CASE: tables["scenario"][TOLD_CASE]}
         bare = changed(self.study, {"metric": [], "scenario": kept})
-        trace = simulate(changed(bare, of_case | changes), TOLD, arena().bar).trace
+        trace = simulate(changed(bare, of_case | changes), TOLD_CASE, arena().bar).trace
         error = np.asarray(trace["omega_error"])[np.asarray(trace["time"]) > self.told.begin]
         return float(np.sqrt(np.mean(error**2)) / RPM)
 
     @property
     def speed(self) -> float:
         """The constant reference, r/min."""
-        scenario = self.study.scenario[TOLD]
+        scenario = self.study.scenario[TOLD_CASE]
         assert scenario.slowest == scenario.top_reference
         return scenario.top_reference / RPM
 
@@ -130,8 +130,8 @@ def locks(p: Plant) -> bool:
 
 def never_repeats(p: Plant, _: re.Match[str]) -> bool:
     """The common period of the reference's two frequencies is longer than the run."""
-    scenario = p.study.scenario[TOLD]
-    table = p.study.source.tables["scenario"][TOLD]["reference"]
+    scenario = p.study.scenario[TOLD_CASE]
+    table = p.study.source.tables["scenario"][TOLD_CASE]["reference"]
     assert scenario.slowest < scenario.top_reference
     parts = [Fraction(table[key].removesuffix(" Hz")) for key in ("frequency", "modulation")]
     period = 1 / Fraction(math.gcd(*(int(f * 1000) for f in parts)), 1000)
@@ -139,7 +139,7 @@ def never_repeats(p: Plant, _: re.Match[str]) -> bool:
 
 
 def varies(p: Plant, _: re.Match[str]) -> bool:
-    scenario = p.study.scenario[TOLD]
+    scenario = p.study.scenario[TOLD_CASE]
     return scenario.slowest < scenario.top_reference / 1.2
 
 
@@ -262,7 +262,7 @@ def test_what_the_page_says_would_help_helps_as_much(name: str) -> None:
     alone = learning(changed(study, {"seed": arena().seeds[0]}), law)
 
     def ripple(of: Study) -> float:
-        value = simulate(of, TOLD, law).metrics[RIPPLE]
+        value = simulate(of, TOLD_CASE, law).metrics[RIPPLE_METRIC]
         assert isinstance(value, float)
         return value / RPM
 

@@ -150,7 +150,7 @@ def shared() -> Iterator[None]:
         read = [source, *(each for each in included if each.name != OWN or OWN in source.read_text())]
         words = [
             *fmu.OPTIONS,
-            *(compilers_version(fmu.compiler(language)[0]) for language in fmu.COMPILERS),
+            *(compilers_version(fmu.compiler(language)[0]) for language in fmu.LANGUAGE_COMPILERS),
         ]
         return kept(
             f"{source.stem}.o", words, read, lambda made: shutil.move(*compile_all([source], folder), made)

@@ -22,7 +22,7 @@ from cogless.export.fmu import xml
 from cogless.export.fmu.fmus import _drive_variables, _trials
 from cogless.export.fmu.variables import (
     DOUBLE,
-    TIME,
+    TIME_VARIABLE,
     Unit,
     Variable,
     duties,
@@ -35,7 +35,7 @@ from cogless.export.fmu.variables import (
 )
 
 VARIABLES = [
-    TIME,
+    TIME_VARIABLE,
     Variable("external", "boolean", "parameter", "true: from outside"),
     real("input", "torque", "N*m", "a load", 0.25),
     Variable("learn", "boolean", "input", "false freezes", start=1.0),
@@ -121,11 +121,11 @@ def test_outputs_do_not_depend_on_inputs_within_a_step() -> None:
 BASE = {"gram": "kg", "meter": "m", "second": "s", "ampere": "A", "radian": "rad"}
 
 
-@pytest.mark.parametrize("unit", [unit for unit in xml.UNITS if unit != "1"])
+@pytest.mark.parametrize("unit", [unit for unit in xml.UNIT_EXPONENTS if unit != "1"])
 def test_units_have_the_exponents_of_their_dimension(unit: str) -> None:
     written = units._unit(unit)
     assert written is not None
-    assert xml.UNITS[unit] == {BASE[base]: exponent for base, exponent in written.bases.items()}
+    assert xml.UNIT_EXPONENTS[unit] == {BASE[base]: exponent for base, exponent in written.bases.items()}
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 from identify.commissioned import MOTORS
 
 from cogless.identify.balance import Model, Name
-from cogless.identify.config import LogRule
+from cogless.identify.config import COLUMNS_REPLAY_RULE, LogRule
 from cogless.identify.jackknife import Fit
 from cogless.identify.log import Log
 from cogless.identify.steady import Steady
@@ -49,7 +49,10 @@ def of_motor(fit: Fit | None = None, **more: Any) -> Any:
     """A servo with four pole pairs."""
     study = MOTORS["servo"]
     known = SimpleNamespace(
-        motor=Motor.model_validate(study["motor"]), drive=Drive.model_validate(study["drive"])
+        motor=Motor.model_validate(study["motor"]),
+        drive=Drive.model_validate(study["drive"]),
+        described_in="the file of columns",
+        replay_rule=COLUMNS_REPLAY_RULE,
     )
     return SimpleNamespace(
         known=known, fit=fit, **{"model": MODEL, "logs": (), "left_out": (), "offsets": None, **more}

@@ -68,7 +68,7 @@ def test_a_dead_time_is_told_where_it_stands_out():
     drive = Drive.model_validate(drive_tables())
     said = _said_of_dead_time(Value(2e-7, 0.9e-7), drive)
     assert said.startswith(
-        "The currents follow as if the bridge had 200 +- 90 ns more dead time than the file of columns says, "
+        "The currents follow as if the bridge had 200 +- 90 ns more dead time than is described, "
         f"{2e-7 * 10e3 * drive.inverter.bus_voltage:.2g} V lost against the current"
     )
     for value in (Value(2e-7, 1.1e-7), Value(0.0, 0.0)):
@@ -207,7 +207,7 @@ def test_an_estimate_is_simulated_twice_the_second_time_with_the_dead_time_that_
     assert traces == {"a": "trace"}
     (said,) = found.remarks
     assert said.startswith(
-        "The currents follow as if the bridge had 300 +- 20 ns more dead time than the file"
+        "The currents follow as if the bridge had 300 +- 20 ns more dead time than is"
     )
     assert not isinstance(said, Advice)  # a drop of its transistors looks alike
     assert progress == [

@@ -18,7 +18,7 @@ from cogless.report.speed_tracking import (
     missed,
     rows_of,
 )
-from cogless.results.metrics import KINDS, evaluate, result_name, window_of
+from cogless.results.metrics import METRIC_FUNCTIONS, evaluate, result_name, window_of
 from cogless.results.trace import Trace
 from cogless.study.metric import TURN_SHORTFALL_MOST, Conditions, Metric
 
@@ -113,7 +113,7 @@ def test_each_kind_in_each_window(tmp_path, reverses):
             metric
         )
     of_trials = {"first-rms", "final-rms", "trials-to-floor"}
-    assert set(made["kinds"]) == KINDS.keys() - of_trials
+    assert set(made["kinds"]) == METRIC_FUNCTIONS.keys() - of_trials
 
 
 @pytest.mark.parametrize("short", [9e-4, 6e-4, 2e-4, -2e-4, 1.1e-3])

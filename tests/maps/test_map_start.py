@@ -12,7 +12,16 @@ import pytest
 from cogless.errors import StudyError
 from cogless.maps import learned_map, stored_map
 from cogless.maps.learned_map import entries, of_current, resampled, within
-from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, Found, MapError, StoredMap, Valid
+from cogless.maps.stored_map import (
+    COSINE_CODE,
+    CURRENT_CODE,
+    ORDER_CODE,
+    SINE_CODE,
+    Found,
+    MapError,
+    StoredMap,
+    Valid,
+)
 from cogless.study.laws.own import PythonLaw
 
 TURN = 2 * np.pi
@@ -25,14 +34,14 @@ def wave(cells: int, periods: int = 1, size: float = 0.5) -> np.ndarray:
 
 
 def law(
-    cells: int = 100, units: tuple[int, ...] = (CURRENT,), turns: int = 1, parts: int = 1, **more: Any
+    cells: int = 100, units: tuple[int, ...] = (CURRENT_CODE,), turns: int = 1, parts: int = 1, **more: Any
 ) -> Any:
     values = np.zeros((len(units), cells))
     return {"values": values, "units": units, "limits": [3.0] * len(units), "turns": turns, "parts": parts,
             "ratio": 1, **more}  # fmt: skip
 
 
-def stored(values: Any, units: tuple[int, ...] = (CURRENT,), **more: Any) -> StoredMap:
+def stored(values: Any, units: tuple[int, ...] = (CURRENT_CODE,), **more: Any) -> StoredMap:
     return StoredMap(np.atleast_2d(values), units, (3.0,) * len(units), **more)
 
 
@@ -71,7 +80,10 @@ def test_a_current_becomes_the_laws_own_unit_in_its_first_channel() -> None:
 
 
 ORDERS = law(
-    2, (COSINE, SINE, ORDER), values=np.array([[0, 0], [0, 0], [3, 5]], float), limits=[3.0, 3.0, 9.0]
+    2,
+    (COSINE_CODE, SINE_CODE, ORDER_CODE),
+    values=np.array([[0, 0], [0, 0], [3, 5]], float),
+    limits=[3.0, 3.0, 9.0],
 )
 
 
@@ -84,7 +96,7 @@ def test_orders_have_the_amplitudes_of_the_current() -> None:
     assert of_current(wave(11), ORDERS, 1.0)[0] == pytest.approx([0.5 * np.sin(0.4), 0.2])
     with pytest.raises(MapError, match=r"^10 entries, orders up to 4: expected the law's 5$"):
         of_current(wave(10), ORDERS, 1.0)
-    kept = stored(found, (COSINE, SINE, ORDER))
+    kept = stored(found, (COSINE_CODE, SINE_CODE, ORDER_CODE))
     assert entries(kept, ORDERS, 1.0) == pytest.approx(found, abs=1e-6)
     assert entries(kept, law(40), 1.0)[0] == pytest.approx(wave(40) - 0.1, abs=1e-6)  # orders have no mean
     other = {**ORDERS, "values": np.array([[0, 0], [0, 0], [3, 4]], float)}
@@ -125,7 +137,7 @@ def test_maps_as_lines() -> None:
     assert plain["period"] == "2 of a mechanical revolution, 720 deg"
     trial = dict(stored_map.rows(replace(one, turns=0, parts=0)))
     assert trial["period"] == "a trial" and trial["samples"] == "4"
-    of_orders = stored([[0.1, 0.2], [0.0, 0.0], [6, 12]], (COSINE, SINE, ORDER))
+    of_orders = stored([[0.1, 0.2], [0.0, 0.0], [6, 12]], (COSINE_CODE, SINE_CODE, ORDER_CODE))
     shown = dict(stored_map.rows(of_orders))
     assert (
         shown["orders"] == "2" and shown["period"] == "a mechanical revolution" and "6, 12" in shown.values()
@@ -149,7 +161,7 @@ def test_maps_as_csv() -> None:
     assert [float(row.split(",")[1]) for row in rows] == pytest.approx([0.3, -0.4, 0.0, 0.125], rel=1e-6)
     assert stored_map.to_csv(replace(quarter, turns=0, parts=0)).splitlines()[1].startswith("0,0.3")
     assert stored_map.to_csv(replace(quarter, turns=0, parts=0)).startswith("sample,")
-    of_orders = stored([[0.1, 0.2], [0.0, 0.0], [6, 12]], (COSINE, SINE, ORDER))
+    of_orders = stored([[0.1, 0.2], [0.0, 0.0], [6, 12]], (COSINE_CODE, SINE_CODE, ORDER_CODE))
     assert stored_map.to_csv(of_orders).splitlines()[2] == "1,0.200000003,0,12"
 
 
@@ -167,7 +179,7 @@ def test_a_motors_identity_has_32_bits() -> None:
 
 
 def test_a_map_is_of_a_current_over_a_revolution_by_another_law_unless_it_says_more() -> None:
-    plain = StoredMap(np.zeros(4), (CURRENT,), (3.0,))
+    plain = StoredMap(np.zeros(4), (CURRENT_CODE,), (3.0,))
     assert (plain.law_name, plain.turns, plain.parts, plain.ratio) == ("other", 1, 1, 1)
     assert (plain.motor, plain.motion, plain.sequence, plain.write_size) == (0, 0, 1, 8)
 
@@ -185,7 +197,13 @@ def test_a_run_s_map_is_cut_to_its_limits_and_its_period_to_lowest_terms(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(learned_map, "study_identity", lambda study: 0xABCD)
-    of_run: Any = {"values": [[4.0, -4.0, 1.0]], "limits": [3.0], "units": [CURRENT], "law": 2, "ratio": 5}
+    of_run: Any = {
+        "values": [[4.0, -4.0, 1.0]],
+        "limits": [3.0],
+        "units": [CURRENT_CODE],
+        "law": 2,
+        "ratio": 5,
+    }
     made = learned_map.of_run(None, {**of_run, "turns": 4, "parts": 6}, 7)
     assert made is not None and made.values.tolist() == [[3.0, -3.0, 1.0]]
     assert (made.turns, made.parts, made.ratio, made.law, made.motor, made.motion) == (2, 3, 5, 2, 0xABCD, 7)
@@ -210,7 +228,12 @@ def test_a_memory_s_currents_are_over_the_angle_of_its_law(
     """With four pole pairs. A user's own law is over the electrical angle if its period is one such turn."""
     four_pairs = SimpleNamespace(pole_pairs=4)
     study: Any = SimpleNamespace(controller={"x": law}, precision="double", conditions=lambda _: four_pairs)
-    of_run = {"units": [CURRENT], "values": np.array([[2.0, 4.0]]), "turns": period[0], "parts": period[1]}
+    of_run = {
+        "units": [CURRENT_CODE],
+        "values": np.array([[2.0, 4.0]]),
+        "turns": period[0],
+        "parts": period[1],
+    }
     found = learned_map.memory_of(study, "s", "x", of_run)
     assert found["frame"] == frame and found["angle"] == pytest.approx([0.0, turn * TURN / 2])
     for precision, unit in (("double", law.unit), ("single", float(np.float32(law.unit)))):

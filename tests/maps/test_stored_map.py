@@ -72,7 +72,7 @@ def test_every_flipped_bit_is_refused() -> None:
 
 
 def test_every_cut_is_refused() -> None:
-    image, header = bytes(EXAMPLE), stored_map.HEADER
+    image, header = bytes(EXAMPLE), stored_map.HEADER_BYTES
     for length in range(len(image)):
         cut = f"cut short: expected {header} bytes of header, got {length}$"
         if length >= header:
@@ -154,7 +154,7 @@ def test_a_map_s_entries_are_no_map() -> None:
 def test_codes_that_are_not_known_are_shown() -> None:
     names = [replace(EXAMPLE, law=law).law_name for law in (0, len(stored_map.LAWS), 127, 128, 255)]
     assert names == ["other", str(len(stored_map.LAWS)), "127", "own law 128", "own law 255"]
-    last = len(stored_map.UNITS)
+    last = len(stored_map.CHANNEL_UNITS)
     assert replace(EXAMPLE, units=(last - 1,)).unit(0) == ("order", "", "order")
     assert replace(EXAMPLE, units=(last,)).unit(0) == (f"unit {last}", "", f"unit_{last}")
 

@@ -68,7 +68,7 @@ def images() -> Iterator[None]:
             build_image(tools, sources, script, made, defines)
 
         headers = {header for source in sources for header in source.parent.glob("*.h")}
-        words = [tools.name, *tools.flags, *toolchain.LINK, *tools.libraries, *defines]
+        words = [tools.name, *tools.flags, *toolchain.LINK_FLAGS, *tools.libraries, *defines]
         shutil.copy(kept("image.elf", words, [*sources, *sorted(headers), script], make), image)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -35,7 +35,7 @@ from cogless.pil.processor import (
     Symbol,
     _pages,
 )
-from cogless.pil.target import COMPILERS, Target
+from cogless.pil.target import COMPILER_PART, Target
 from cogless.pil.toolchain import Toolchain
 
 FOUND = Comparison(
@@ -178,7 +178,7 @@ def test_instructions_by_source_are_means_of_the_periods_with_the_law_and_of_the
     own._instructions_of = lambda tally: Target._instructions_of(own, tally)
     own._by_source = lambda tally, ticks: Target._by_source(own, tally, ticks)
     with_law, without = Target.by_source(own)
-    assert list(with_law.items()) == [("pi_controller", 15.0), ("foc", 11.0), (COMPILERS, 2.0)]
+    assert list(with_law.items()) == [("pi_controller", 15.0), ("foc", 11.0), (COMPILER_PART, 2.0)]
     assert without == {"foc": 10.0}
 
 

@@ -26,7 +26,7 @@ from scipy.integrate import solve_ivp
 from cogless.drives.klipper import write_runs
 from cogless.printer.axis import read_axis
 from cogless.printer.moves import Move, ramp
-from cogless.printer.ramps import identify_ramps, other_causes, tooth_way
+from cogless.printer.ramps import find_start, identify_ramps, other_causes, tooth_way
 from cogless.printer.records import Run
 
 COUNT = 2
@@ -157,3 +157,16 @@ def test_a_ramp_is_the_macro_s_move(axis_file: Path) -> None:
     trapezoid = Move(0.1, 0.05, 1.0)
     t = np.linspace(0, trapezoid.duration, 20001)
     assert np.gradient(trapezoid.position_at(t), t) == pytest.approx(trapezoid.speed_at(t), abs=1e-3)
+
+
+def test_the_start_of_a_ramp_is_found_where_one_resonance_is_loud(axis_file: Path) -> None:
+    """Where it rings at one speed, blocks beside that explain much of their own energy at a wrong start."""
+    axis, axes, rng = read_axis(axis_file), random_axes(12, 7).take(np.array([0])), np.random.default_rng(3)
+    records, starts = ramp_records(axes, 1), []
+    for direction in SIGNS:
+        t, values = records[direction, "plain"]
+        for _ in range(10):
+            rate, start = 3200 * rng.uniform(0.99, 1.01), -rng.uniform(0.4, 0.7)
+            times, x = sampled(t, values[:, 0], rng, rate, 0.1, start=start, end=t[-1] + 0.3)
+            starts.append(find_start(Run("ramp", direction, times, x, {}), ramp(axis), axis.wavelength))
+    assert np.max(np.abs(starts)) < 0.01

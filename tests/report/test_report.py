@@ -32,7 +32,7 @@ from cogless.report.markup import number, pack, thin, unpack
 from cogless.report.order_charts import order_spectrum, turned_back
 from cogless.report.page import assumptions, settings
 from cogless.report.speed_tracking import late, missed, span_of
-from cogless.report.speed_verdict import SEEN
+from cogless.report.speed_verdict import MEASURED_SIGNALS
 from cogless.report.verdicts import listed, over, times, worst
 from cogless.results import Results, Run
 from cogless.results.status import Status
@@ -186,7 +186,7 @@ def test_a_line_has_words_for_a_table_and_for_a_sentence():
 
 
 def test_signals_have_words_and_measured_ones_those_of_the_true_ones():
-    for true, measured in SEEN.items():
+    for true, measured in MEASURED_SIGNALS.items():
         assert QUANTITIES[measured] == f"measured {QUANTITIES[true]}"
     assert {QUANTITIES[f"i_{phase}"] for phase in "abc"} == {"phase current"}
     assert [QUANTITIES[f"i_{axis}"] for axis in "dq"] == ["d current", "q current"]
@@ -882,7 +882,7 @@ def test_page_is_one_offline_file(page):
 def test_every_section_has_its_note(page):
     notes = [
         order_charts.SPECTRA_NOTE,
-        map_charts.NOTE,
+        map_charts.MAP_NOTE,
         angle_charts.PERIODS_NOTE,
         angle_charts.CRITERION_NOTE,
         angle_charts.SENSITIVITY_NOTE,

@@ -228,7 +228,7 @@ def test_faults_have_finer_points(made, monkeypatch):
     from cogless.report import waveforms
 
     monkeypatch.setattr(waveforms, "WAVEFORM_POINTS_LEAST", 200)
-    monkeypatch.setattr(waveforms, "PAGE_POINTS", 6_000)
+    monkeypatch.setattr(waveforms, "SPEED_PAGE_POINTS", 6_000)
     monkeypatch.setattr(waveforms, "POINTS_FINE", 24_000)
     shown = scenario_of(made)
     starts = [detail["start"] for detail in shown["waveforms"]["details"]]

@@ -9,7 +9,7 @@ import synthetic
 
 from cogless.report import page, tables
 from cogless.report.comparison import Line
-from cogless.report.markup import NONE
+from cogless.report.markup import DASH
 from cogless.report.trials import _gains
 from cogless.report.verdicts import ScenarioVerdict, Told
 from cogless.results import Results, Run
@@ -73,10 +73,10 @@ def test_gains_that_a_law_lacks_have_a_dash():
     assert dict(_gains(drive, design())) == {
         "K_1, theta_m (A/rad)": "1.5",
         "K_1, omega_m (A·s/rad)": "0.25",
-        "K_2, integrator (A/rad)": NONE,
+        "K_2, integrator (A/rad)": DASH,
         "N (A/rad)": "2",
-        "K_3": NONE,
-        "feedforward": NONE,
+        "K_3": DASH,
+        "feedforward": DASH,
         "K_1 and K_2 from": "given",
     }
     plant = SimpleNamespace(plant=SimpleNamespace(names=("x", "y")), drive=None)
@@ -89,7 +89,7 @@ def test_gains_that_a_law_lacks_have_a_dash():
         "learning matrix": "4 x 5",
         "learned signal into": "input",
         "shift r (samples)": "3",
-        "feedforward": NONE,
+        "feedforward": DASH,
         "K_1 and K_2 from": "given",
     }
     q = SimpleNamespace(b=np.array([0.5, 0.5]), a=np.array([1.0]))

@@ -18,7 +18,7 @@ from cogless.report.tables import late_table
 from cogless.results import Results
 from cogless.run import simulate
 from cogless.study import load
-from cogless.study.metric import SIGNALS
+from cogless.study.metric import SIGNAL_DIMENSIONS
 
 TURN = 2 * math.pi
 OFF = math.radians(0.5)
@@ -79,7 +79,7 @@ def test_an_ideal_sensor_measures_the_angle_itself():
 def test_the_true_error_is_what_is_seen_and_the_sensors(made):
     trace = made.runs[0].trace
     for name in ("theta", "omega"):
-        assert trace.unit(f"{name}_sensor_error") == SIGNALS[f"{name}_sensor_error"].unit
+        assert trace.unit(f"{name}_sensor_error") == SIGNAL_DIMENSIONS[f"{name}_sensor_error"].unit
         seen, own = trace[f"{name}_error_measured"], trace[f"{name}_sensor_error"]
         assert trace[f"{name}_error"] == pytest.approx(seen + own, abs=1e-12)
         assert f"{name}_sensor_error" not in trace.names  # derived, not recorded

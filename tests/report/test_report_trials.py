@@ -522,8 +522,8 @@ def test_so_many_phases_are_drawn_and_the_rest_is_told(made, monkeypatch):
 
 
 def test_long_trials_are_thinned(made, monkeypatch):
-    monkeypatch.setattr(trials, "PAGE_POINTS", 1)
-    monkeypatch.setattr(trials, "WAVEFORM_POINTS_LEAST", 20)
+    monkeypatch.setattr(trials, "TRIAL_PAGE_POINTS", 1)
+    monkeypatch.setattr(trials, "TRIAL_POINTS_LEAST", 20)
     waves = trials.waveforms(made, made.runs)
     values = unpack(waves["panels"][1]["series"][0]["trials"]["1"])
     assert len(values) <= 20
@@ -532,8 +532,8 @@ def test_long_trials_are_thinned(made, monkeypatch):
 
 def test_points_are_shared_by_panels_runs_and_chosen_trials(made, monkeypatch):
     """Four panels, three runs, twelve trials: 144 waveforms."""
-    monkeypatch.setattr(trials, "WAVEFORM_POINTS_LEAST", 1)
-    monkeypatch.setattr(trials, "PAGE_POINTS", 144 * 20 + 143)
+    monkeypatch.setattr(trials, "TRIAL_POINTS_LEAST", 1)
+    monkeypatch.setattr(trials, "TRIAL_PAGE_POINTS", 144 * 20 + 143)
     waves = trials.waveforms(made, made.runs)
     assert len(unpack(waves["panels"][1]["series"][0]["trials"]["1"])) == 20
 

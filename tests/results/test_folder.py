@@ -21,7 +21,7 @@ from cogless.files import replacing
 from cogless.results import folder as folders
 from cogless.results.folder import hashes, held, new_set
 
-OURS = [folders.NEW, folders.OLD, folders.SET, folders.LINK]
+OURS = [folders.NEW, folders.OLD, folders.SET, folders.LINK_NAME]
 
 
 def write(folder: Path, text: str, names: tuple[str, ...] = ("a", "maps/low/b.bin")) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from cogless import units
 from cogless.errors import StudyError
-from cogless.results.metrics import KINDS, _last_part, evaluate, order_amplitudes, result_name
+from cogless.results.metrics import METRIC_FUNCTIONS, _last_part, evaluate, order_amplitudes, result_name
 from cogless.results.trace import Trace
 from cogless.study import metric as declared
 from cogless.study.metric import Conditions
@@ -492,8 +492,8 @@ def test_a_revolution_may_be_short_by_two_rows(short, told):
 
 
 def test_kinds_are_those_of_the_study():
-    assert KINDS.keys() == set(get_args(declared.Metric.model_fields["kind"].annotation))
-    assert all(function.__doc__ for function in KINDS.values())
+    assert METRIC_FUNCTIONS.keys() == set(get_args(declared.Metric.model_fields["kind"].annotation))
+    assert all(function.__doc__ for function in METRIC_FUNCTIONS.values())
 
 
 def test_a_constant_has_no_orders_while_the_speed_changes():

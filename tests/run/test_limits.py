@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import drafts
 import numpy as np
 import pytest
 
@@ -270,6 +271,18 @@ ki = "0.1 A/rpm/s"
     assert max(alone) < 0.1
     (first,) = found.named
     assert {"sensor-steps", "disturbance"} == {*first.names} and first.share > 0.9
+
+
+def test_torque_ripple_that_a_law_fails_to_learn_explains_nothing(tmp_path):
+    """A step motor's detent on 12 bits with an error of half a degree: a finer sensor alone doesn't help.
+
+    The error is a hundred degrees of the detent's order 200, and the steps are a tenth of its period.
+    """
+    _, stepper = drafts.written(tmp_path, drafts.request("nema17", "stepper", "as5600"))
+    found = limited(stepper, "harmonic").limits["slow"]
+    shares = {cause.name: cause.share for cause in found.causes}
+    assert shares["disturbance"] > 0.9 and shares["sensor-steps"] < 0.3 and shares["sensor-error"] < 0.3
+    assert set(found.named[0].names) == {"sensor-steps", "sensor-error"} and found.named[0].share > 0.9
 
 
 def test_what_other_scenarios_need_doesnt_hide_a_cause(study):

@@ -16,7 +16,7 @@ from cogless.run.plan import compiled
 from cogless.run.simulate import simulate
 from cogless.signals import DERIVED, RECORDED, exists
 from cogless.study import AnyStudy, Study
-from cogless.study.metric import SIGNALS
+from cogless.study.metric import SIGNAL_DIMENSIONS
 from cogless.study.metric_checks import kinds, missing
 from cogless.units import ANGULAR_SPEED, UnitError, dimension_of
 
@@ -31,7 +31,11 @@ DRIVES: list[tuple[str, dict[str, Any]]] = [
 
 def had(study: AnyStudy) -> set[str]:
     """Signals that the study's checks take."""
-    return {signal for signal, error in zip(SIGNALS, missing(study, SIGNALS), strict=True) if error is None}
+    return {
+        signal
+        for signal, error in zip(SIGNAL_DIMENSIONS, missing(study, SIGNAL_DIMENSIONS), strict=True)
+        if error is None
+    }
 
 
 @pytest.mark.parametrize(("name", "changes"), DRIVES)

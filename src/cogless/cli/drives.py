@@ -206,9 +206,9 @@ def _predict(source: Path, frame: TableFrame, written: TableText, law: str, stud
     for ripple in predicted_ripple.ripples(tables, source / predicted_ripple.STUDY_NAME):
         texts = {name: f"{value:.3g}" for name, value in ripple.by_controller.items()}
         lines.append(
-            f"Ripple at {ripple.speed} r/min forward, under the drive's own law, simulated: {texts['without']} "
-            f"r/min rms without the table, {texts['table']} with it, {texts['third']} with 30 % of it, "
-            f"{texts['turned-third']} with -30 %."
+            f"Ripple at {ripple.speed} r/min forward, under the drive's own law, simulated: "
+            f"{texts['without']} r/min rms without the table, {texts['table']} with it, "
+            f"{texts['third']} with 30 % of it, {texts['turned-third']} with -30 %."
         )
     if study is not None:
         names = [predicted_ripple.STUDY_NAME, predicted_ripple.LAW_FILE.name]

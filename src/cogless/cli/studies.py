@@ -26,7 +26,7 @@ from cogless.cli.options import (
 )
 from cogless.cli.printed import print_blocks, print_results, print_uncertified
 from cogless.cli.terminal import has_desktop, new_bar, new_console, open_page, print_fitted, run_progress
-from cogless.errors import INTERRUPTED, StudyError
+from cogless.errors import EXIT_INTERRUPTED, StudyError
 from cogless.interrupts import deferred
 from cogless.lines import print_text, say, warn
 
@@ -112,7 +112,7 @@ def run(
         runs = ", ".join(f"{run.scenario}/{run.controller}" for run in results.runs)
         where = f" ({runs}), written to {folder}" if runs else ", nothing written"
         say(f"Interrupted: kept {len(results.runs)} of {wanted} runs{where}.")
-        sys.exit(INTERRUPTED)
+        sys.exit(EXIT_INTERRUPTED)
 
 
 def _names(
@@ -213,7 +213,7 @@ def _run_arena(arena: Arena, folder: Path, only: list[str] | None, jobs: int, fi
         finished = dict.fromkeys(run.plant for run in results.runs)
         where = f" ({', '.join(finished)}), written to {folder}" if finished else ", nothing written"
         say(f"Interrupted: kept {len(finished)} of {plants} plants{where}.")
-        sys.exit(INTERRUPTED)
+        sys.exit(EXIT_INTERRUPTED)
 
 
 def design(

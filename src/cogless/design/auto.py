@@ -13,8 +13,8 @@ that the study doesn't tell. With X of learning_loop.py, per unit of the learnin
     Q filter    the narrowest with which no frequency grows by more than `FACTOR_MOST` in a period
 
 The gain is halved while no filter is enough. It is halved further, and the filter is widened, while the
-design foresees that this leaves less ripple after `LEARNED` turns, because each period adds the noise of a
-sensor's counts. docs/laws/auto.md has the laws one by one; the law harmonic has a rule of its own, in
+design foresees that this leaves less ripple after `LEARNING_TURNS` turns, because each period adds the noise
+of a sensor's counts. docs/laws/auto.md has the laws one by one; the law harmonic has a rule of its own, in
 harmonic.py.
 """
 
@@ -35,7 +35,7 @@ from cogless.design.learning_loop import FACTOR_MOST, LearningLoop
 from cogless.design.margins import Complex, Real
 from cogless.design.ripple import ripple
 from cogless.design.speed_loop import phase_margin_pi, speed_loop, tuned, tuning_of
-from cogless.design.verdict import WIDEST
+from cogless.design.verdict import FILTER_WIDTH_MOST
 from cogless.errors import StudyError
 from cogless.study import AnyStudy, Study, changed
 from cogless.study import load as load_study
@@ -47,11 +47,11 @@ from cogless.study.reading import AStudy, Changes
 # doesn't tell.
 AS_TOLD = (1.0, 0)
 CORNERS = (AS_TOLD, (1 / 1.5, 0), (2.0, 0), (1.0, 1))
-CELLS = 10  # in a wave of the highest order
+WAVE_CELLS = 10  # cells in a wave of the highest order
 AUTO_CELLS_LEAST, AUTO_CELLS_MOST = 256, 8192
-HALVINGS = 10
-LEARNED = 10  # turns of the rotor after which the ripple that is left counts
-FREQUENCIES = 1000
+GAIN_HALVINGS = 10  # a gain is halved no more often than this
+LEARNING_TURNS = 10  # turns of the rotor after which the ripple that is left counts
+LOOP_FREQUENCIES = 1000  # frequencies at which a corner's |X| is computed
 IN_PHASE = 0.02  # least cos arg X that counts as learning in the right direction
 GAIN_MARGIN = 2.0  # of the gain on single orders, and of one in 1 / |omega| over a reference that stops
 
@@ -108,13 +108,13 @@ def gain_and_filter(
     """A gain, halved until a Q filter lets learning settle, and on while half of it leaves less ripple.
 
     Each gain has the narrowest such filter, or a wider one while that leaves less. The ripple is the one that
-    the design foresees after `LEARNED` turns: what is not learned yet or is filtered away, and the noise of a
-    sensor's counts. Numbers set by hand count, unless nothing settles with them.
+    the design foresees after `LEARNING_TURNS` turns: what is not learned yet or is filtered away, and the
+    noise of a sensor's counts. Numbers set by hand count, unless nothing settles with them.
     """
     by_hand = numbers_by_hand(study, name)
     for fixed in [by_hand, {}] if by_hand else [{}]:
         found: list[tuple[float, Values]] = []
-        for n in range(HALVINGS):
+        for n in range(GAIN_HALVINGS):
             best = _filter(study, name, kind, keys(gain / 2**n) | fixed, fixed)
             if best is not None:
                 found.append(best)
@@ -144,13 +144,13 @@ def _filter(
 
 
 def _left(study: Study, name: str, kind: type[LearningLoop], values: Values) -> float:
-    """Predicted ripple after LEARNED turns over that of the feedback alone, as the mean over scenarios."""
+    """Predicted ripple after LEARNING_TURNS turns / the feedback's ripple, as the mean over scenarios."""
     tried, ratios = with_numbers(study, name, values), []
     for key in scenarios_tuned_for(study, name):
         speed = study.scenario[key].top_reference
         if speed:
             loop = kind(tried, name, speed, scenario=key)
-            ratios.append(ripple(loop, LEARNED * math.tau / speed, settled=False).ratio)
+            ratios.append(ripple(loop, LEARNING_TURNS * math.tau / speed, settled=False).ratio)
     return sum(ratios) / len(ratios)
 
 
@@ -167,7 +167,7 @@ def _widths(loops: list[LearningLoop], fixed: Values) -> Iterator[int]:
         without = loop.unfiltered(f)
         high = without > FACTOR_MOST
         grow.append((loop, f[high], without[high]))
-    widest = min(WIDEST, *(loop.widest_filter for loop in loops))
+    widest = min(FILTER_WIDTH_MOST, *(loop.widest_filter for loop in loops))
     for n in (fixed["q_half_width"],) if "q_half_width" in fixed else range(widest + 1):
         if all(np.all(loop.q(f, n) * without <= FACTOR_MOST) for loop, f, without in grow):
             yield n
@@ -219,7 +219,7 @@ def frequency_grid(loops: Iterable[LearningLoop]) -> Real:
     """Frequencies from the slowest learning period's to half of the sampling rate, Hz."""
     loops = list(loops)
     low = min(loop.periods_per_second for loop in loops)
-    return np.geomspace(low, 0.499 / loops[0].plant.period, FREQUENCIES)
+    return np.geomspace(low, 0.499 / loops[0].plant.period, LOOP_FREQUENCIES)
 
 
 def phase_cosine(loop: LearningLoop, f: Real, lead: int) -> Real:
@@ -265,7 +265,7 @@ def map_cells(study: Study, name: str, period: str = "mechanical") -> int:
     if "cells" in by_hand:
         return int(by_hand["cells"])
     periods = study.motor.pole_pairs if period == "electrical" else 1  # a revolution
-    wanted = math.ceil(CELLS * max([*known_orders(study, name), 1]) / periods)
+    wanted = math.ceil(WAVE_CELLS * max([*known_orders(study, name), 1]) / periods)
     return min(AUTO_CELLS_MOST, max(AUTO_CELLS_LEAST, 1 << (wanted - 1).bit_length()))
 
 

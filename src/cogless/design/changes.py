@@ -15,7 +15,7 @@ from cogless.study.reading import AStudy, Changes
 from cogless.study.toml import toml
 
 GAINS = ("k_theta", "kp", "ki")
-NUMBER = ".3g"  # digits of a value that is advised
+ADVISED_FORMAT = ".3g"  # digits of a value that is advised
 
 
 def helping(
@@ -66,4 +66,4 @@ def _words(key: str, value: Any) -> str:
 
 def text(value: float, unit: str) -> str:
     """A number in an SI unit, in the study's notation."""
-    return f"{value:{NUMBER}} {unit}"
+    return f"{value:{ADVISED_FORMAT}} {unit}"

@@ -52,8 +52,8 @@ from cogless.study import Study
 from cogless.study.laws.law import Tuning
 from cogless.units import TURN
 
-ALMOST = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
-ROUNDING = 1e-6  # error of the integrators' poles at z = 1: a double pole if nothing is fed back
+CIRCLE_MAGNITUDE = 1 - 1e-12  # magnitude given to a pole on the unit circle, so that its response is finite
+POLE_ROUNDING = 1e-6  # error of the integrators' poles at z = 1: a double pole if nothing is fed back
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ class Resonator:
 
     def response(self, w: Real, T: float) -> Complex:
         """R at w in rad/s with sample period T: an integrator that turns with the order, very large at it."""
-        forth, back = (1 / (1 - ALMOST * np.exp(1j * (each - w) * T)) for each in (self.w, -self.w))
+        forth, back = (1 / (1 - CIRCLE_MAGNITUDE * np.exp(1j * (each - w) * T)) for each in (self.w, -self.w))
         phase = np.exp(1j * self.w * self.lead)
         return np.asarray(self.gain * T / 2 * (phase * forth + np.conj(phase) * back))
 
@@ -105,7 +105,7 @@ def oscillation(loop: SpeedLoop, feedback: Linear) -> Oscillation | None:
     """The fastest growing oscillation of a loop with linear feedback; None if the loop is stable."""
     found = poles(loop, feedback)
     fastest = found[np.argmax(np.abs(found))]
-    if abs(fastest) <= 1 + ROUNDING:
+    if abs(fastest) <= 1 + POLE_ROUNDING:
         return None
     T = loop.period
     return Oscillation(abs(float(np.angle(fastest))) / (TURN * T), math.log(abs(fastest)) / T)
@@ -118,7 +118,7 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
     first = states + 1 + (3 if loop.bandwidth else samples)
     filtered = first + 2 * len(resonators)
     delayed, late = filtered + 2 * bool(loop.low_pass), loop.delay / loop.period
-    back = int(late + ROUNDING)  # whole samples
+    back = int(late + POLE_ROUNDING)  # whole samples
     held = back + 1 if loop.delay else 0
     summed = delayed + 2 * held
     # x, the integral, past angles or the observer's state, resonators' states in a fixed frame, the filter,
@@ -188,7 +188,7 @@ def poles(loop: SpeedLoop, feedback: Linear, resonators: Sequence[Resonator] = (
 
 
 OSCILLATION_POINTS = 2000  # frequencies
-PLACES = 200  # tried for the zeros
+ZERO_FREQUENCIES = 200  # frequencies among which the zeros are searched
 Gains = tuple[float, float, float]  # k_theta, k_omega, k_i, in the law's frame
 
 
@@ -240,11 +240,13 @@ def phase_margin_position(loop: SpeedLoop, ratio: int, tuning: Tuning) -> Gains:
             return 0.0, 0
         return place**2 / float(abs(L[last])), last
 
-    places = np.geomspace(1e-4, 1, PLACES) * math.pi / loop.period
+    places = np.geomspace(1e-4, 1, ZERO_FREQUENCIES) * math.pi / loop.period
     for _ in range(2):  # the whole range first, then between the best one's neighbours
         k = int(np.argmax([stiffness(place)[0] for place in places]))
         best = float(places[k])
-        places = np.geomspace(places[max(k - 1, 0)], places[min(k + 1, PLACES - 1)], PLACES)
+        places = np.geomspace(
+            places[max(k - 1, 0)], places[min(k + 1, ZERO_FREQUENCIES - 1)], ZERO_FREQUENCIES
+        )
     found, last = stiffness(best)
     if found > 0:
         unit = Linear(ratio=ratio, k=1 - best * half, k_theta=best, k_i=best)

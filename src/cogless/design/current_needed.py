@@ -25,7 +25,7 @@ from cogless.study.remark import Remark
 
 D_POINTS = 20_001  # i_d for which the largest torque is computed
 WAVE_POINTS = 8  # angles in a wave of the highest order
-AHEAD = 1.1  # limit that is advised / current that is needed
+CURRENT_RESERVE = 1.1  # limit that is advised / current that is needed
 
 
 @dataclass(frozen=True)
@@ -117,6 +117,6 @@ def too_much_current(study: Study, scenario: str) -> Remark | None:
     def cured(other: Study) -> bool:
         return needed(other, scenario).most <= _available(other, scenario)
 
-    more: Changes = {"drive.current_loop.current_limit": text(AHEAD * found.most, "A")}
+    more: Changes = {"drive.current_loop.current_limit": text(CURRENT_RESERVE * found.most, "A")}
     cures = helping(study, (more,), cured)
     return Remark(f"{said}; {either(cures)} would do" if cures else said, cures)

@@ -18,10 +18,10 @@ from cogless.study import Study
 if TYPE_CHECKING:
     from rich.console import Group
 
-WIDEST = 48  # width in characters of the columns for gains and for learning
+COLUMN_WIDTH_MOST = 48  # width in characters of the columns for gains and for learning
 
 # Display units that are usual in papers and practice, where they differ from SI.
-SHOWN = {
+DISPLAY_UNITS = {
     units.SPEED_GAIN.unit: (units.SPEED_GAIN, "A/rpm"),
     units.SPEED_INTEGRAL_GAIN.unit: (units.SPEED_INTEGRAL_GAIN, "A/rpm/s"),
     units.ANGULAR_ACCELERATION.unit: (units.ANGULAR_ACCELERATION, "rpm/s"),
@@ -38,10 +38,10 @@ def design_table(study: Study) -> Group:
     table = Table(title=study.title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for heading in ("controller", "law", "rule"):
         table.add_column(heading, overflow="fold")
-    table.add_column("gains", overflow="fold", max_width=WIDEST)
+    table.add_column("gains", overflow="fold", max_width=COLUMN_WIDTH_MOST)
     for heading in ("crossover", "phase margin", "gain margin"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("learning", overflow="fold", max_width=WIDEST)
+    table.add_column("learning", overflow="fold", max_width=COLUMN_WIDTH_MOST)
     loops = current_loop_summary(study)
     for name, loop in told_apart(loops).items():
         table.add_row(name, "pi", "", _gains(loop.gains), *_margins(loop.margins), "")
@@ -87,8 +87,8 @@ def _gains(gains: dict[str, Gain]) -> str:
 
 def shown_gain(gain: Gain) -> str:
     """A gain with its unit, as papers and datasheets write it."""
-    if gain.unit in SHOWN:
-        dimension, unit = SHOWN[gain.unit]
+    if gain.unit in DISPLAY_UNITS:
+        dimension, unit = DISPLAY_UNITS[gain.unit]
         return units.format(gain.value, unit, dimension, digits=4)
     note = f" ({gain.note})" if gain.note else ""
     return f"{gain.value:.4g} {gain.unit}".rstrip() + note

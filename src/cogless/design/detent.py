@@ -29,9 +29,11 @@ from cogless.design.speed_loop import SpeedLoop, gains, speed_loop
 from cogless.study import Study
 from cogless.study.base import speed_text
 
-STOPS = 1.0  # ripple / speed, at which the rotor stops
-LARGE = 0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
-FASTER, FASTEST = 1.05, 1e4  # ratio of one tried speed to the one before; the fastest / the slowest
+STOPPING_RIPPLE = 1.0  # ripple / speed, at which the rotor stops
+STALLING_RATIO = (
+    0.4  # rms swing / speed; above this the peaks of several orders, 2 to 3 times rms, stop the rotor
+)
+SPEED_STEP, SPEED_RANGE = 1.05, 1e4  # ratio of one tried speed to the one before; the fastest / the slowest
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Swing:
     @property
     def stops(self) -> bool:
         """Whether the ripple is large enough to stop the rotor. The small-signal model then fails."""
-        return self.size >= STOPS
+        return self.size >= STOPPING_RIPPLE
 
 
 def swing(
@@ -79,7 +81,9 @@ def snaps(study: Study, found: Swing, omega_m: float, crossover: float) -> str:
 
 def turns_from(study: Study, scenario: str, feedback: Linear, omega_m: float) -> float | None:
     """The lowest speed above omega_m, rad/s, from which on the rotor turns evenly; None if it never does."""
-    speeds = abs(omega_m) * np.geomspace(1, FASTEST, 1 + round(math.log(FASTEST) / math.log(FASTER)))
+    speeds = abs(omega_m) * np.geomspace(
+        1, SPEED_RANGE, 1 + round(math.log(SPEED_RANGE) / math.log(SPEED_STEP))
+    )
     stops = [found is not None and found.stops for found in _swings(study, scenario, feedback, speeds)]
     last = max((k for k, each in enumerate(stops) if each), default=-1)
     return float(speeds[last + 1]) if last + 1 < len(speeds) else None

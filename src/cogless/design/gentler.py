@@ -11,7 +11,7 @@ from cogless.study.messages import dotted
 from cogless.study.position_sensor import Absolute, Encoder, Hall, Resolver
 from cogless.study.reading import Changes
 
-HALVINGS = 12  # of gains that are tried
+TRIED_HALVINGS = 12  # each tried gain is half the one before
 CORNER_SHARES = (0.25, 0.5)  # of the crossover: where a PI's integral takes over, 14 and 27 deg of its phase
 
 

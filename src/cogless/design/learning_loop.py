@@ -42,11 +42,11 @@ from cogless.study.laws.law import Memory
 from cogless.units import TURN
 
 FACTOR_MOST = 1.0 + 1e-3  # largest factor per period that counts as settling
-CURVE_POINTS = 3000
-GRID = 8000  # of a plant
-LOWEST = 1e-4  # Hz
-IMAGES = 50  # largest m; the weights of further images add up to less than a percent
-PLACES = (np.arange(32) + 0.5) / 32  # between two samples
+LOOP_CURVE_POINTS = 3000
+PLANT_POINTS = 8000  # frequencies at which a plant's response is stored
+FREQUENCY_LEAST = 1e-4  # Hz
+IMAGES_MOST = 50  # largest m; the weights of further images add up to less than a percent
+SAMPLE_PHASES = (np.arange(32) + 0.5) / 32  # phases of an order's frequency between two samples
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ class LearningLoop(ABC):
         f, rate, cells = np.asarray(f, dtype=float), 1 / self.plant.period, self.cells_per_second
         if not self.law.over_angle or cells >= rate:
             return np.abs(self.kept(f, lead))
-        images = min(math.ceil(rate / 2 / cells), IMAGES)
+        images = min(math.ceil(rate / 2 / cells), IMAGES_MOST)
         image = np.add.outer(np.arange(-images, images + 1) * cells, f)
         sine = np.sin(np.pi * f / cells) / np.pi  # all images have the same, but for its sign
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -196,7 +196,7 @@ class LearningLoop(ABC):
         if self.law.over_angle:
             return np.asarray(np.sinc(f / rate) ** 2 * np.sinc(f / max(self.cells_per_second, rate)) ** 2)
         turn = np.exp(-2j * np.pi * f / rate)
-        places = [rate / self.periods_per_second % 1] if constant else PLACES
+        places = [rate / self.periods_per_second % 1] if constant else SAMPLE_PHASES
         mean = sum(np.log(np.abs(1 - part + part * turn) + 1e-30) for part in places) / len(places)
         return np.asarray(np.exp(mean))
 
@@ -269,7 +269,7 @@ class LearningLoop(ABC):
     @property
     def frequencies(self) -> Real:
         """Frequencies from that of the learning period up to `highest`, Hz."""
-        even = np.linspace(self.periods_per_second, self.highest, CURVE_POINTS)
+        even = np.linspace(self.periods_per_second, self.highest, LOOP_CURVE_POINTS)
         return _with_near(even, self.plant)
 
     def worst(self) -> Worst:
@@ -322,7 +322,7 @@ def _closed_at(loop: SpeedLoop, feedback: Linear, frequencies: bytes) -> Complex
 @lru_cache(maxsize=16)
 def plants(loop: SpeedLoop) -> tuple[Real, Complex, Complex]:
     """Frequencies, Hz, and the plants P_omega and P_theta of speed_loop.py at them."""
-    f = np.geomspace(LOWEST, 0.5 / loop.period, GRID)
+    f = np.geomspace(FREQUENCY_LEAST, 0.5 / loop.period, PLANT_POINTS)
     f = _with_near(f, loop)
     return f, *loop.plant(TURN * f)
 

@@ -37,9 +37,9 @@ from cogless.study import Study, for_scenario
 from cogless.study.position_sensor import Counted, Hall
 from cogless.units import TURN
 
-FREQUENCIES = 2000
-WORSE = 1.25  # ripple with learning / feedback's ripple; above this learning does harm
-ROUNDING = 1e-9
+NOISE_FREQUENCIES = 2000
+HARMFUL_RATIO = 1.25  # ripple with learning / feedback's ripple; above this learning does harm
+WINDOW_ROUNDING = 1e-9  # relative error of a window that is as long as a sample
 
 
 @dataclass(frozen=True)
@@ -178,11 +178,11 @@ def counting(plant: SpeedLoop, feedback: Linear, source: Sampled) -> float:
 def _density(T: float, source: Sampled) -> tuple[Real, Real]:
     """Frequencies, Hz, up to 1 / 2T, and the variance of the measured speed's noise at each, (rad/s)^2."""
     nyquist = 0.5 / T
-    f = (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES * nyquist
+    f = (np.arange(NOISE_FREQUENCIES) + 0.5) / NOISE_FREQUENCIES * nyquist
     density = source.count**2 / 12 / source.window**2 / nyquist
-    shared = source.window >= T * (1 - ROUNDING)  # two samples share an angle, with opposite signs
+    shared = source.window >= T * (1 - WINDOW_ROUNDING)  # two samples share an angle, with opposite signs
     density = density * (np.abs(1 - np.exp(-1j * math.tau * f * source.window)) ** 2 if shared else 2.0)
-    return f, np.asarray(density * nyquist / FREQUENCIES * np.ones(FREQUENCIES))
+    return f, np.asarray(density * nyquist / NOISE_FREQUENCIES * np.ones(NOISE_FREQUENCIES))
 
 
 def _noise(loop: LearningLoop, source: Sampled, periods: float) -> tuple[float, float]:

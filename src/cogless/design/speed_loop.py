@@ -59,11 +59,11 @@ from cogless.study.position_sensor import Counted, Hall
 from cogless.study.reading import Changes
 from cogless.units import TURN, unit_of
 
-FACTORS = (2.0, 4.0, 8.0)  # of gains and bandwidths that are tried
-SLOWER_FACTORS = (*FACTORS, 16.0, 32.0, 64.0)  # by which the gains of the current loop are divided
+FASTER_FACTORS = (2.0, 4.0, 8.0)  # tried factors of gains and bandwidths
+SLOWER_FACTORS = (*FASTER_FACTORS, 16.0, 32.0, 64.0)  # by which the gains of the current loop are divided
 LEAST_MARGIN = 20  # deg, that a rule takes
 RATE_SHARE = 0.05  # of the loop's rate: a bandwidth at which its delay of 1.5 periods costs 27 deg
-LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
+PHASE_MARGIN_LEAST = math.radians(30)  # smallest phase margin with which it is good enough for a speed loop
 Tuned = TypeVar("Tuned")
 
 
@@ -134,7 +134,7 @@ def weakness(margins: Margins) -> str | None:
     """The reason, in words, why a current loop isn't good enough for a speed loop; None if it is."""
     if not margins.stable:
         return "is unstable"
-    if margins.phase_margin < LEAST:
+    if margins.phase_margin < PHASE_MARGIN_LEAST:
         return f"has {math.degrees(margins.phase_margin):.1f} deg"
     return None
 
@@ -158,7 +158,7 @@ def tuned(study: Study, name: str, rule: Callable[[Study], Tuned]) -> Tuned:
 def _too_weak(study: Study, what: str) -> StudyError:
     given, key = study.source.tables["drive"]["current_loop"], "drive.current_loop"
     wrong = " and ".join(f"{key}.{each}: {shown(given[each])}" for each in _present(study))
-    expected = f"expected {math.degrees(LEAST):.0f} deg of phase margin or more {what}"
+    expected = f"expected {math.degrees(PHASE_MARGIN_LEAST):.0f} deg of phase margin or more {what}"
     cures = gentler_loop(study)
     way = f"; {either(cures, key)} would do" if cures else ""
     return StudyError(f"{study.source.path}: {wrong}: {expected}{way}").advising(*cures)
@@ -218,15 +218,17 @@ def _faster(study: Study) -> Iterator[list[Changes]]:
     sensor = drive.position_sensor
     given = tables["current_loop"]
     if "bandwidth" in given:
-        yield [{"drive.current_loop.bandwidth": _divided(given["bandwidth"], 1 / up)} for up in FACTORS]
+        yield [
+            {"drive.current_loop.bandwidth": _divided(given["bandwidth"], 1 / up)} for up in FASTER_FACTORS
+        ]
     if isinstance(sensor, Counted) and sensor.observer_bandwidth:
         key, value = "drive.position_sensor.observer_bandwidth", sensor.observer_bandwidth
-        yield [{key: text(value * up, "Hz")} for up in FACTORS]
+        yield [{key: text(value * up, "Hz")} for up in FASTER_FACTORS]
     if drive.speed_filter:
-        yield [{"drive.speed_filter": text(drive.speed_filter * up, "Hz")} for up in FACTORS]
+        yield [{"drive.speed_filter": text(drive.speed_filter * up, "Hz")} for up in FASTER_FACTORS]
     if isinstance(sensor, Counted) and sensor.speed_method == "average":
         key, window = "drive.position_sensor.window", sensor.window
-        yield [{key: max(1, int(window / up))} for up in FACTORS if window > 1]
+        yield [{key: max(1, int(window / up))} for up in FASTER_FACTORS if window > 1]
 
 
 def _softer(study: Study, name: str, cured: Callable[[Study], bool]) -> Changes | None:
@@ -260,7 +262,7 @@ def _divided(value: Any, factor: float) -> Any:
 
 
 LEAST_DAMPING = 1e-6  # least damping ratio that the design assumes for a soft shaft
-AROUND = np.geomspace(0.01, 1e3, 300)  # distances from a resonance, in its width
+RESONANCE_DISTANCES = np.geomspace(0.01, 1e3, 300)  # distances from a resonance, in its width
 
 
 @dataclass(frozen=True)
@@ -298,7 +300,7 @@ class SoftShaft:
         ):
             width = self.damping_in_design / (2 * inertia)
             folded = abs((w + math.pi / period) % (TURN / period) - math.pi / period)
-            found.append(folded + width * np.concatenate([-AROUND, [0.0], AROUND]))
+            found.append(folded + width * np.concatenate([-RESONANCE_DISTANCES, [0.0], RESONANCE_DISTANCES]))
         return np.concatenate(found)
 
     def rates(self, b: float) -> Real:

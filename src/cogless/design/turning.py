@@ -24,7 +24,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cogless.design.changes import either, first, helping, text
-from cogless.design.speed_loop import FACTORS, current_loops, slower_loop
+from cogless.design.speed_loop import FASTER_FACTORS, current_loops, slower_loop
 from cogless.design.trials.model import exponential
 from cogless.study import Study, for_scenario
 from cogless.study.base import speed_text
@@ -93,7 +93,7 @@ def unstable_turning(study: Study, scenario: str) -> Remark | None:
 def _steadier(study: Study) -> Iterator[list[Changes]]:
     """Changes of a current loop against what it does at speed, each kind from the least on."""
     rates, key = study.drive.rates, "drive.rates.current_loop"
-    yield [{key: f"{factor * rates.current_loop / 1000:g} kHz"} for factor in FACTORS]
+    yield [{key: f"{factor * rates.current_loop / 1000:g} kHz"} for factor in FASTER_FACTORS]
     yield slower_loop(study)
     if study.drive.current_loop.decoupling:
         yield [{"drive.current_loop.decoupling": False}]

@@ -33,8 +33,8 @@ from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 from cogless.units import TURN
 
-ALMOST = 0.995  # share of a period that counts as a whole one
-FOLLOWS = 0.5  # of the way of its reference: a rotor that turns less does not follow it
+WHOLE_PERIOD_SHARE = 0.995  # share of a period that counts as a whole one
+FOLLOWING_SHARE = 0.5  # a rotor that turns less than this share of its reference does not follow it
 NO_STEP = 1e-6  # relative variation; a speed that varies less is constant
 
 
@@ -92,19 +92,19 @@ def too_short(law: Memory, revolutions: Fraction, theta: Real, time: float, omeg
     else:
         turned = float(np.sum(np.abs(np.diff(theta))))
     share = turned / period
-    if share >= ALMOST:
+    if share >= WHOLE_PERIOD_SHARE:
         return None
     speed = float(np.max(np.abs(omega_ref), initial=0.0))
     constant = speed > 0 and float(np.ptp(omega_ref)) <= NO_STEP * speed
-    if constant and share < FOLLOWS * time * speed / period:
+    if constant and share < FOLLOWING_SHARE * time * speed / period:
         return f"the rotor turned by {share:.2g} of its period in {time:.3g} s"
     whole = f" of {period / speed:.3g} s" if constant else ""
     return f"{time:.3g} s are {share:.2g} of its period{whole}"
 
 
-FEWEST, ENOUGH = 2.0, 10.0  # cells per wavelength of the highest order
-ROUNDING = 1e-9
-FILTERS = 3  # Q filter widths per wavelength of the highest order
+WAVE_CELLS_LEAST, WAVE_CELLS_ENOUGH = 2.0, 10.0  # cells per wavelength of the highest order
+CELL_ROUNDING = 1e-9  # relative error of a number of cells
+FILTERS_PER_WAVE = 3  # Q filter widths per wavelength of the highest order
 
 
 def map_warning(study: Study, name: str) -> Remark | None:
@@ -117,7 +117,7 @@ def map_warning(study: Study, name: str) -> Remark | None:
     has = f"cells = {law.cells} is {each:.3g} in a wave of order {order} (mechanical)"
     width = 2 * law.q_half_width + 1
     lost = 100 * (1 - kept(each, law.q_half_width))
-    if each < FEWEST:
+    if each < WAVE_CELLS_LEAST:
         does = "which such a map can't hold"
     elif law.q_half_width == 0:
         does = f"of which straight lines between them lose {lost:.2g} %"
@@ -125,8 +125,8 @@ def map_warning(study: Study, name: str) -> Remark | None:
         losing = f"straight lines between them and the Q filter over {width}"
         does = f"of which {losing} lose {lost:.0f} % in each period"
     key = dotted(("controller", name))
-    more: Changes = {f"{key}.cells": math.ceil(law.cells * enough / each * (1 - ROUNDING))}
-    narrower: Changes = {f"{key}.q_half_width": max(0, int(each / FILTERS - 1) // 2)}
+    more: Changes = {f"{key}.cells": math.ceil(law.cells * enough / each * (1 - CELL_ROUNDING))}
+    narrower: Changes = {f"{key}.q_half_width": max(0, int(each / FILTERS_PER_WAVE - 1) // 2)}
     now = _settles(study, name)
 
     def cured(other: Study) -> bool:
@@ -147,7 +147,7 @@ def _wave(study: Study, name: str) -> tuple[float, float, int] | None:
     if law is None or law.by_order or not law.over_angle or not known:
         return None
     revolutions = law.revolutions(study.motor.pole_pairs)
-    order, enough = max(known), max(ENOUGH, FILTERS * (2 * law.q_half_width + 1))
+    order, enough = max(known), max(WAVE_CELLS_ENOUGH, FILTERS_PER_WAVE * (2 * law.q_half_width + 1))
     return law.cells / (order * float(revolutions)), enough, order
 
 

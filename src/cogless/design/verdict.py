@@ -33,13 +33,13 @@ from cogless import units
 from cogless.design.angle_functions import angle_functions
 from cogless.design.changes import either, first, helping, helps, text, words
 from cogless.design.closed_loop import Oscillation, oscillation, position_margins
-from cogless.design.detent import LARGE, snaps, swing
-from cogless.design.gentler import HALVINGS, finer_sensor, slower_feedback, weaker_learning
+from cogless.design.detent import STALLING_RATIO, snaps, swing
+from cogless.design.gentler import TRIED_HALVINGS, finer_sensor, slower_feedback, weaker_learning
 from cogless.design.law_rules import feedback_of, rules_of
 from cogless.design.learning_loop import FACTOR_MOST, LearningLoop, Worst
 from cogless.design.margins import Real
-from cogless.design.ripple import WORSE, ripple, sampled
-from cogless.design.speed_loop import LEAST, speed_loop
+from cogless.design.ripple import HARMFUL_RATIO, ripple, sampled
+from cogless.design.speed_loop import PHASE_MARGIN_LEAST, speed_loop
 from cogless.errors import StudyError
 from cogless.study import Study, changed, for_scenario
 from cogless.study.base import speed_text, spoken_unit
@@ -50,20 +50,20 @@ from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 from cogless.units import ANGULAR_SPEED, TURN
 
-STEP = 1.06  # ratio of one judged speed to the one before
+SPEED_STEP = 1.06  # ratio of one judged speed to the one before
 FEWEST_SPEEDS = 15
-SAME = 1e-6  # of speeds, relative
-ACCELERATIONS = 3  # judged at each speed, if mu depends on the acceleration
-WIDEST = 400  # widest Q filter that is tried, in cells or samples on each side
-SLOWEST = 200.0  # speeds below the fastest one divided by this count as rest
+SPEED_TOLERANCE = 1e-6  # relative; speeds that differ by less are one
+ACCELERATION_COUNT = 3  # accelerations that are judged at each speed, if mu depends on the acceleration
+FILTER_WIDTH_MOST = 400  # widest Q filter that is tried, in cells or samples on each side
+REST_RATIO = 200.0  # speeds below the fastest one divided by this count as rest
 ORDER_POINTS = 2000
-ANGLES = 720  # in an electrical revolution
-RIPPLE = 0.01  # relative; a smaller ripple of the torque constant is neglected
+TORQUE_ANGLES = 720  # angles of an electrical revolution at which the torque constant is evaluated
+K_T_RIPPLE_LEAST = 0.01  # relative; a smaller ripple of the torque constant is neglected
 # proposed omega_min / unstable speed: a gain margin, since mu is proportional to 1 / |omega|
 OMEGA_MIN_MARGIN = 2
-TINY = 1e-30  # under a logarithm
-FEW = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
-ROUNDING = 1e-9
+LOG_FLOOR = 1e-30  # keeps a logarithm of zero finite
+SAMPLE_COUNTS_LEAST = 1.0  # counts per speed sample; below this the measured speed comes in pulses, or late
+COUNT_ROUNDING = 1e-9  # relative error of a number of counts
 
 Samples = NDArray[np.intp]
 
@@ -155,7 +155,12 @@ class Verdict:
     @property
     def fine(self) -> bool:
         """Whether learning settles without anything to warn of."""
-        return self.kind == "settles" and self.passing is None and not self.doubts and self.ratio <= WORSE
+        return (
+            self.kind == "settles"
+            and self.passing is None
+            and not self.doubts
+            and self.ratio <= HARMFUL_RATIO
+        )
 
     @property
     def where(self) -> str:
@@ -169,7 +174,7 @@ class Verdict:
             with_what = "" if self.kind == "feedback unstable" else " with what learning adds at once"
             found = f"{self.kind}{with_what}, at {self.unstable.frequency:.0f} Hz{self.where}"
             return found + (", where K_t is largest" if self.kind == "may be unstable" else "")
-        if self.kind == "settles" and self.ratio > WORSE:
+        if self.kind == "settles" and self.ratio > HARMFUL_RATIO:
             return f"settles, but leaves {self.ratio:.2g} times the speed ripple of its feedback{self.where}"
         if self.kind == "not judged":
             return f"not judged: {self._doubts}"
@@ -308,7 +313,7 @@ def _remedy(study: Study, name: str, found: Verdict) -> Remark | None:
     cures = helping(study, (mild,), cured)
     if study.controller[name].rests_below is not None:
         low = found.passing.least if found.passing else OMEGA_MIN_MARGIN * found.omega_m
-        least = (low * OMEGA_MIN_MARGIN**n for n in range(HALVINGS))
+        least = (low * OMEGA_MIN_MARGIN**n for n in range(TRIED_HALVINGS))
         rests: list[Changes] = [{f"{key}.omega_min": text(each, "rad/s")} for each in least if each < top]
         cures += first(study, rests, cured)
     if cures:
@@ -323,7 +328,7 @@ def _weaker(study: Study, name: str) -> Changes | None:
     It includes the repair that the smaller gain needs. None: learning settles with no gain that is tried.
     """
     best: tuple[float, Changes] | None = None
-    for n in range(1, HALVINGS):
+    for n in range(1, TRIED_HALVINGS):
         weaker = weaker_learning(study, name, 2.0**n)
         found = _settled(study, name, weaker) if weaker else None
         if best is not None and (found is None or found[0] >= best[0]):
@@ -357,7 +362,12 @@ def _repaired(study: Study, name: str, weaker: Changes) -> Changes | None:
 def settles(study: Study, name: str) -> bool:
     """Whether learning settles, passes no speed at which it grows, and leaves no clearly larger ripple."""
     found = judgement(study, name)
-    return found is not None and found.kind == "settles" and found.passing is None and found.ratio <= WORSE
+    return (
+        found is not None
+        and found.kind == "settles"
+        and found.passing is None
+        and found.ratio <= HARMFUL_RATIO
+    )
 
 
 def steadier(study: Study, name: str) -> Remark | None:
@@ -365,7 +375,7 @@ def steadier(study: Study, name: str) -> Remark | None:
 
     All gains shrink together, so the damping stays.
     """
-    for n in range(1, 2 * HALVINGS):
+    for n in range(1, 2 * TRIED_HALVINGS):
         slower = slower_feedback(study, name, 2.0 ** (n / 2))
         if slower is not None and helps(study, slower, lambda other: _stable(other, name)):
             return Remark(f"{words(slower, dotted(('controller', name)))} steadies it", (slower,))
@@ -373,12 +383,12 @@ def steadier(study: Study, name: str) -> Remark | None:
 
 
 def _stable(study: Study, name: str) -> bool:
-    """Whether a feedback has the phase margin LEAST at the slowest and fastest speed of each scenario."""
+    """Whether a feedback has PHASE_MARGIN_LEAST at the slowest and fastest speed of each scenario."""
     for key in study.scenarios_of(name):
         for speed in {study.scenario[key].slowest, study.scenario[key].top_reference}:
             feedback = feedback_of(study, name, speed)
             margins = position_margins(speed_loop(study, key), feedback) if feedback is not None else None
-            if margins is None or not margins.stable or margins.phase_margin < LEAST:
+            if margins is None or not margins.stable or margins.phase_margin < PHASE_MARGIN_LEAST:
                 return False
     return True
 
@@ -424,7 +434,7 @@ def _verdict(study: Study, name: str) -> Verdict | None:
     most = max(found, key=lambda at: at.worst.factor)
     if most.worst.factor <= FACTOR_MOST:
         loud, ratio = max(((m, m.ratio) for m in motions if m.judged), key=lambda pair: pair[1])
-        most = loud.loudest if ratio > WORSE else most
+        most = loud.loudest if ratio > HARMFUL_RATIO else most
         return of(most, worst=most.worst, ratio=ratio)
     learning = [motion for motion in motions if motion.judged]
     means = [_mean(motion.judged) for motion in learning]
@@ -468,7 +478,7 @@ def doubts(loops: Sequence[LearningLoop]) -> tuple[Remark, ...]:
     at_speeds = {(loop.scenario, loop.omega_m): loop for loop in loops}  # no acceleration changes `without`
     swings = [(ripple(loop, 0.0).without / loop.omega_m, loop) for loop in at_speeds.values()]
     largest, where = max(swings, key=lambda pair: pair[0])
-    if largest > LARGE:
+    if largest > STALLING_RATIO:
         speed = speed_text(where.study, where.omega_m)
         found.append(Remark(f"at {speed} its feedback lets the speed swing by {100 * largest:.0f} % rms"))
     return tuple(found)
@@ -478,8 +488,8 @@ def _few_counts(loop: LearningLoop, several: bool) -> Remark | None:
     """The doubt where a speed sample has less than a count. `several`: there are several scenarios."""
     assert loop.scenario is not None
     source = sampled(loop.study, loop.scenario)
-    counts = source.counts(loop.omega_m) if source else FEW
-    if source is None or counts >= FEW * (1 - ROUNDING):
+    counts = source.counts(loop.omega_m) if source else SAMPLE_COUNTS_LEAST
+    if source is None or counts >= SAMPLE_COUNTS_LEAST * (1 - COUNT_ROUNDING):
         return None
     inside = f" in scenario {loop.scenario}" if several else ""
     few = f"at {speed_text(loop.study, loop.omega_m)}{inside} {source.told(loop.omega_m)}"
@@ -487,9 +497,11 @@ def _few_counts(loop: LearningLoop, several: bool) -> Remark | None:
 
     def cured(other: Study) -> bool:
         after = sampled(other, scenario)
-        return after is not None and after.counts(loop.omega_m) >= FEW * (1 - ROUNDING)
+        return after is not None and after.counts(loop.omega_m) >= SAMPLE_COUNTS_LEAST * (1 - COUNT_ROUNDING)
 
-    tried = (finer_sensor(loop.study, FEW / counts),) if counts and loop.study.scenario else ()
+    tried = (
+        (finer_sensor(loop.study, SAMPLE_COUNTS_LEAST / counts),) if counts and loop.study.scenario else ()
+    )
     cures = helping(loop.study, tried, cured)
     return Remark(f"{few}, which {either(cures)} mends" if cures else few, cures)
 
@@ -510,7 +522,7 @@ def _motion(study: Study, of: tuple[str, str]) -> _Motion:
     way = course(study.scenario[scenario])
     learns = way.time >= law.learns_from
     omega, alpha = np.abs(way.omega[learns]), np.abs(way.alpha[learns])
-    slowest = float(np.max(omega, initial=0.0)) / SLOWEST
+    slowest = float(np.max(omega, initial=0.0)) / REST_RATIO
     weighed = np.zeros(len(alpha))
     if law.rests_below is not None:
         slowest = law.rests_below
@@ -551,11 +563,11 @@ def _torques(study: Study, scenario: str) -> list[float]:
     """Least, largest and mean torque constant over the angle, divided by the mean; only 1 without ripple."""
     study_here = for_scenario(study, scenario)
     motor = study_here.motor.star()
-    theta = np.linspace(0, TURN / motor.pole_pairs, ANGLES, endpoint=False)
+    theta = np.linspace(0, TURN / motor.pole_pairs, TORQUE_ANGLES, endpoint=False)
     K_t = study_here.mechanics.stiff.inertia / angle_functions(motor, study_here.mechanics, Load()).h(theta)
     found = K_t / motor.K_t
     least, most = float(np.min(found)), float(np.max(found))
-    return [least, most, 1.0] if most > least + RIPPLE and least > 0 else [1.0]
+    return [least, most, 1.0] if most > least + K_T_RIPPLE_LEAST and least > 0 else [1.0]
 
 
 def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tuple[float, float, Samples]]:
@@ -566,8 +578,8 @@ def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tup
     """
     slowest, fastest = float(np.min(omega[moving])), float(np.max(omega[moving]))
     count = 1
-    if fastest > slowest * (1 + SAME):
-        count = max(FEWEST_SPEEDS, math.ceil(math.log(fastest / slowest) / math.log(STEP)) + 1)
+    if fastest > slowest * (1 + SPEED_TOLERANCE):
+        count = max(FEWEST_SPEEDS, math.ceil(math.log(fastest / slowest) / math.log(SPEED_STEP)) + 1)
     speeds = np.geomspace(slowest, fastest, count)
     spacing = math.log(fastest / slowest) / (count - 1) if count > 1 else 1.0
     nearest = np.full(len(omega), -1)
@@ -577,7 +589,7 @@ def _places(omega: Real, alpha: Real, moving: NDArray[np.bool_]) -> Iterator[tup
         if not len(near):
             continue
         low, high = float(np.min(alpha[near])), float(np.max(alpha[near]))
-        levels = np.linspace(low, high, ACCELERATIONS if high > low else 1)
+        levels = np.linspace(low, high, ACCELERATION_COUNT if high > low else 1)
         level = np.argmin(np.abs(alpha[near, None] - levels), axis=1)
         for n, acceleration in enumerate(levels.tolist()):
             if np.any(level == n):
@@ -607,7 +619,7 @@ def _passed(
 
 def _passing(gone: list[_At], left: list[_At], time: float) -> Passing:
     highest = max(at.loop.omega_m for at in gone)
-    above = min((at.loop.omega_m for at in left if at.loop.omega_m > highest), default=highest * STEP)
+    above = min((at.loop.omega_m for at in left if at.loop.omega_m > highest), default=highest * SPEED_STEP)
     digit = 10.0 ** (math.floor(math.log10(above)) - 1)
     below = math.ceil(above / digit - 1e-9) * digit
     unstable = [at.oscillation for at in gone if at.oscillation is not None]
@@ -634,8 +646,8 @@ def _mean(judged: Sequence[tuple[_At, float]]) -> Mean:
     rate, bound = np.zeros(len(orders)), np.zeros(len(orders))
     for at, share in judged:
         f = orders * at.loop.periods_per_second
-        recalled = np.log(at.loop.recalled(f, constant) + TINY)
-        kept = np.log([loop.unfiltered(f) + TINY for loop in at.loops])
+        recalled = np.log(at.loop.recalled(f, constant) + LOG_FLOOR)
+        kept = np.log([loop.unfiltered(f) + LOG_FLOOR for loop in at.loops])
         rate += share * (recalled + kept[-1])
         bound += share * (recalled + np.min(kept, axis=0) / channels)
     least = np.min(np.lib.stride_tricks.sliding_window_view(bound, min(window, len(bound))), axis=1)
@@ -675,7 +687,7 @@ def _repair(found: list[_At]) -> Repair:
         without = np.max([loop.unfiltered(f) for loop in at.loops], axis=0)
         high = without > FACTOR_MOST  # no filter's gain exceeds one
         parts.append((at.loop, f[high], without[high]))
-    widest = min(WIDEST, *(loop.widest_filter for loop in loops))
+    widest = min(FILTER_WIDTH_MOST, *(loop.widest_filter for loop in loops))
     for n in range(widest + 1):
         if all(np.all(loop.q(f, n) * without <= FACTOR_MOST) for loop, f, without in parts):
             return Repair(q_half_width=n)

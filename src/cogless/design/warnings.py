@@ -46,12 +46,14 @@ from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 from cogless.units import RPM, TURN
 
-SHARE = 0.05  # of the time in motion: speeds that are lower only for less time than this are ignored
-SPENT = 0.5  # of the phase margin
-COASTS = 1.0  # rad
-MOST = 0.5  # counts in a speed sample: with fewer, most samples have none
-AHEAD = 1.2  # speed that is advised / speed from which on the rotor turns; the same of counts
-LESS = 0.9  # ripple with a change that is advised / without it, at most
+SLOW_TIME_SHARE = (
+    0.05  # of the time in motion: speeds that are lower only for less time than this are ignored
+)
+DELAY_MARGIN_SHARE = 0.5  # share of the phase margin that a delay may use
+COASTING_ANGLE = 1.0  # rad
+SPEED_COUNTS_LEAST = 0.5  # counts in a speed sample: with fewer, most samples have none
+SPEED_RESERVE = 1.2  # speed that is advised / speed from which on the rotor turns; the same of counts
+CURED_RATIO = 0.9  # ripple with a change that is advised / without it, at most
 # The same of a slower feedback, which lets more of the cogging through. In 30 random drives a ratio of .2 or
 # more came out up to 1.4 times as large as predicted (benchmarks/slow_feedback.py).
 LESS_BY_FEEDBACK = 0.7
@@ -83,8 +85,8 @@ def _snapping(study: Study, name: str, scenario: str) -> Remark | None:
     begins = turns_from(study, scenario, feedback, omega)
     if begins is None:
         return Remark(said)
-    turns = f"{said}; from {speed_text(study, AHEAD * begins, 2)} on it turns"
-    cure: Changes = {dotted(("scenario", scenario, "reference")): text(AHEAD * begins, "rad/s")}
+    turns = f"{said}; from {speed_text(study, SPEED_RESERVE * begins, 2)} on it turns"
+    cure: Changes = {dotted(("scenario", scenario, "reference")): text(SPEED_RESERVE * begins, "rad/s")}
     return Remark(turns, (cure,) if study.scenario[scenario].reference.kind == "constant" else ())
 
 
@@ -115,8 +117,10 @@ class _Edges:
     def factor(self) -> float:
         """Factor by which the counts are too few for the loop; at one or less they are enough."""
         if not self.source.timed:
-            return self.margins.crossover * self.time / COASTS
-        allowed = SPENT * self.margins.phase_margin / self.margins.crossover + self.loop.period / 2
+            return self.margins.crossover * self.time / COASTING_ANGLE
+        allowed = (
+            DELAY_MARGIN_SHARE * self.margins.phase_margin / self.margins.crossover + self.loop.period / 2
+        )
         return self.time / allowed
 
     @property
@@ -124,7 +128,7 @@ class _Edges:
         """Whether the edges come often enough: the speed's lateness takes no more than half of the margin."""
         if not self.source.hall:
             return self.factor <= 1
-        least = (1 - SPENT) * self.margins.phase_margin
+        least = (1 - DELAY_MARGIN_SHARE) * self.margins.phase_margin
         return self.late_margins.stable and self.late_margins.phase_margin >= least
 
     @property
@@ -197,13 +201,13 @@ def _few_edges(study: Study, name: str, scenario: str) -> Remark | None:
         starts_after(study, scenario, edges.feedback, edges.omega),
     )
 
-    def cured(other: Study, most: float = LESS) -> bool:
+    def cured(other: Study, most: float = CURED_RATIO) -> bool:
         after = _edges(other, name, scenario)
         enough = after is not None and after.enough and after.ripple <= most * edges.ripple
         starts = after is not None and starts_after(other, scenario, after.feedback, after.omega) <= late
         return enough and starts and _snapping(other, name, scenario) is None
 
-    factor = AHEAD * edges.factor
+    factor = SPEED_RESERVE * edges.factor
     slower = slower_feedback(study, name, factor)
     quicker = slower_proportional(study, name, factor, edges.margins.crossover)
     gentler = [*([slower] if slower is not None else []), *quicker]
@@ -237,7 +241,7 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
     sensor = for_scenario(study, scenario).drive.position_sensor
     if not (omega and source and isinstance(sensor, Counted)) or sensor.speed_method not in ("M", "average"):
         return None
-    if source.counts(omega) >= MOST:
+    if source.counts(omega) >= SPEED_COUNTS_LEAST:
         return None
     comes = f"at {speed_text(study, omega)} {source.told(omega)}"
     reads = f"{comes}: most read 0, others {speed_text(study, source.count / source.window)}"
@@ -247,7 +251,8 @@ def reads_zero(study: Study, scenario: str) -> Remark | None:
     def cured(other: Study) -> bool:
         after = [(_edges(other, name, scenario), edges) for name, edges in before.items()]
         return bool(after) and all(
-            new is not None and new.factor <= 1 and new.ripple <= LESS * old.ripple for new, old in after
+            new is not None and new.factor <= 1 and new.ripple <= CURED_RATIO * old.ripple
+            for new, old in after
         )
 
     cures = helping(study, (timed_edges(study),), cured)
@@ -262,7 +267,7 @@ def held(study: Study, scenario: str) -> float:
     sampling, source = course(study.scenario[scenario]), sampled(study, scenario)
     omega, count = np.abs(sampling.omega), source.count if source else 0.0
     moving = omega[(omega > 0) & (_from_rest(sampling) >= count)]
-    return float(np.quantile(moving, SHARE)) if len(moving) else 0.0
+    return float(np.quantile(moving, SLOW_TIME_SHARE)) if len(moving) else 0.0
 
 
 def _from_rest(sampling: Course) -> Real:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import KW_ONLY, asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -59,16 +59,23 @@ class TableFrame:
     `zero_error`: by how much they may differ, rad. `lacking`: what to do where `zero` is false. `gains`: of
     the drive's own law, as its class in `firmware_laws` takes them; empty: not known.
     `encoder`: the number of the one that the index is of, and whether a correction table of it was on.
+    The encoder's own angle counts as `encoder_direction` times the identified one and is larger by
+    `encoder_shift`, rad; 0: `encoder_lacking` says what tells it. `pole_pairs`: 0 where no table needs them.
     """
 
     drive: str
     direction: int = 1
+    _: KW_ONLY
     zero: bool = False
     zero_error: float = 0.0
     lacking: str = ""
     gains: Mapping[str, float] = field(default_factory=dict)
     encoder: int = 0
     encoder_table_on: bool = False
+    encoder_direction: int = 0
+    encoder_shift: float = 0.0
+    encoder_lacking: str = ""
+    pole_pairs: int = 0
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), indent=2) + "\n"

@@ -8,12 +8,31 @@ from pathlib import Path
 
 import numpy as np
 
+from cogless.c_literals import array
 from cogless.drives.adapter import TableFrame, TableText
 from cogless.drives.holding_current import AngleWaves, Waves, cancelling_waves, samples
 from cogless.errors import StudyError
 from cogless.identify.files import Array
 
 MOTEUS_POINTS, MOTEUS_STEPS = 256, 127
+WAVE_ENTRIES, SIMPLEFOC_ENTRIES_LEAST = 8, 128  # entries for a wave of the highest order; and of a table
+VESC_CELLS, VESC_DEGREES_MOST = 360, 120
+SIGN_CHECK = (
+    "identify again from new logs: the encoder's orders are gone; with the wrong sign they are twice as large"
+)
+MOVED_NOTE = "It moves the index of the cogging table: make new logs and a new cogging table after it."
+SIMPLEFOC_TEXT = """\
+// Encoder correction for SimpleFOC, by cogless. CalibratedSensor of its drivers subtracts it:
+//     CalibratedSensor calibrated(sensor, ENCODER_ENTRIES, encoder_table);
+//     motor.linkSensor(&calibrated);
+// after sensor.init() and without calibrate(), which would write its own over it.
+#define ENCODER_ENTRIES {count}
+
+/* rad; entry i is at i / ENCODER_ENTRIES of a revolution of the sensor, straight lines between. */
+static float encoder_table[ENCODER_ENTRIES] = {{
+{entries}
+}};
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +86,85 @@ def write_moteus(correction: AngleWaves, frame: TableFrame) -> TableText:
         applied,
         install="moteus_tool -t 1 --restore-config FILE",
         remove=f'in tview: "conf set {prefix}.compensation_scale 0", then "conf write"',
-        sign_check="identify again from new logs: the encoder's orders are gone; with the wrong sign they "
-        "are twice as large",
+        sign_check=SIGN_CHECK,
         notes=(
             "It moves the index of the cogging table: calibrate, then make new logs and a new cogging table.",
         ),
+    )
+
+
+def _own_angle(correction: AngleWaves, frame: TableFrame) -> AngleWaves:
+    """The correction over the encoder's own angle. StudyError: how that lies is not known."""
+    if not frame.encoder_direction:
+        lacking = frame.encoder_lacking or "expected new results of identify --drive"
+        raise StudyError(f"{correction.source}: the encoder's own angle is not known: {lacking}")
+    return correction.turned(frame.encoder_direction, frame.encoder_shift)
+
+
+def _own_turns(angle: Array, frame: TableFrame) -> Array:
+    """The encoder's own angle within a revolution, in revolutions, at identified angles, rad."""
+    return np.asarray(np.mod((frame.encoder_direction * angle + frame.encoder_shift) / math.tau, 1.0))
+
+
+def write_simplefoc(correction: AngleWaves, frame: TableFrame) -> TableText:
+    """A table for CalibratedSensor, which subtracts it. `applied` is in rad over rad."""
+    entries_least = WAVE_ENTRIES * max(correction.orders)
+    count = max(SIMPLEFOC_ENTRIES_LEAST, 1 << (entries_least - 1).bit_length())
+    values = -samples(_own_angle(correction, frame), count, 1, "linear")
+    entries = np.asarray(values, dtype=np.float32)
+    closed = np.append(entries, entries[0]).astype(np.float64)
+
+    def applied(angle: Array) -> Array:
+        place = _own_turns(angle, frame) * count
+        return np.asarray(-frame.encoder_direction * np.interp(place, np.arange(count + 1), closed))
+
+    return TableText(
+        SIMPLEFOC_TEXT.format(count=count, entries=array(entries, "f")),
+        count,
+        "float, rad",
+        applied,
+        install="copy FILE into the sketch, #include it, and wrap the sensor as its first lines say",
+        remove="link the sensor itself: motor.linkSensor(&sensor)",
+        sign_check=SIGN_CHECK,
+        notes=(
+            "CalibratedSensor(sensor, count, table) is in its drivers' source at 011c612. Releases whose "
+            "CalibratedSensor takes the sensor alone take no table.",
+            MOVED_NOTE,
+        ),
+    )
+
+
+def write_vesc(correction: AngleWaves, frame: TableFrame) -> TableText:
+    """Lines in Lisp: electrical degrees for each degree of the encoder, whole, subtracted from the phase.
+
+    `applied` is in rad over rad. StudyError: a correction beyond 120 deg, or nothing but zeros.
+    """
+    own = _own_angle(correction, frame)
+    values = -np.degrees(frame.pole_pairs * samples(own, VESC_CELLS, 1, "step"))
+    entries = np.round(values)
+    most = float(np.max(np.abs(values)))
+    if most > VESC_DEGREES_MOST or not np.any(entries):
+        raise StudyError(
+            f"{correction.source}: the encoder's error is up to {most:.2g} deg electrical: expected 0.5 to "
+            f"{VESC_DEGREES_MOST}, since VESC holds whole degrees"
+        )
+
+    def applied(angle: Array) -> Array:
+        cells = (_own_turns(angle, frame) * VESC_CELLS).astype(int) % VESC_CELLS
+        return np.asarray(-frame.encoder_direction * np.radians(entries[cells]) / frame.pole_pairs)
+
+    lines = [
+        "; Encoder correction of VESC, by cogless. Run it in VESC Tool's LispBM page.",
+        *(f"(enc-corr {degree} {entry:.0f})" for degree, entry in enumerate(entries)),
+        "(enc-corr-en 1)",
+    ]
+    return TableText(
+        "\n".join(lines) + "\n",
+        VESC_CELLS,
+        f"1 deg electrical a step, {360 / VESC_CELLS / frame.pole_pairs:.3g} deg of the encoder",
+        applied,
+        install="run FILE in VESC Tool's LispBM page; a shutdown or reboot by VESC Tool stores it",
+        remove="(enc-corr-en 0) there",
+        sign_check="(phase-all) prints the encoder's error: it is smaller with the table",
+        notes=("It corrects the phase of the current only: position and speed keep the encoder's error.",),
     )

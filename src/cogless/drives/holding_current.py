@@ -16,7 +16,7 @@ from cogless.errors import StudyError
 from cogless.files import reason
 from cogless.identify.files import Array
 from cogless.maps import stored_map
-from cogless.maps.stored_map import CURRENT
+from cogless.maps.stored_map import CURRENT_CODE
 
 FINE_POINTS = 16  # for each entry of a table, or for each wave of the highest order
 ORDER_LEAST = 1e-6  # an order below this share of the largest is rounding
@@ -173,7 +173,7 @@ def from_stored_map(path: Path) -> HoldingCurrent:
     if newest is None:
         raise StudyError(f"{path}: " + "; ".join(f"at byte {place.offset}: {place.map}" for place in places))
     stored = newest.map
-    if stored.units != (CURRENT,) or stored.turns != stored.parts or not stored.turns:
+    if stored.units != (CURRENT_CODE,) or stored.turns != stored.parts or not stored.turns:
         kind = " and ".join(stored.unit(c)[0] for c in range(stored.channels))
         raise StudyError(f"{path}: a map of {kind}: expected one of a current over a mechanical revolution")
     return from_samples(np.asarray(stored.values[0], np.float64), 0.0, str(path))

@@ -174,7 +174,13 @@ def prepare(
     logs = adapter.read_logs(paths, configuration)
     merged = _merged(logs, columns, adapter)
     laws = [adapter.name] if merged.get("controller") == _own_law(adapter, logs) else []
-    identification = config.from_tables(columns or configuration or paths[0], merged, laws)
+    identification = config.from_tables(
+        columns or configuration or paths[0],
+        merged,
+        laws,
+        described_in=configuration.name if configuration is not None else paths[0].name,
+        replay_rule=_replay_rule(adapter, logs),
+    )
     read_columns = [
         (recording.path, LogColumns(recording.name, dict(recording.signals), tuple(recording.signals)))
         for recording in logs.recordings
@@ -221,6 +227,19 @@ def _merged(logs: DriveLogs, columns: Path | None, adapter: Adapter) -> dict[str
         for signal in signals
     }
     return merged
+
+
+def _replay_rule(adapter: Adapter, logs: DriveLogs) -> str:
+    """When a log of this drive can be replayed, as the end of a sentence."""
+    law = "controller, since its own law is none of cogless's"
+    if adapter.law:
+        law = "the configuration the gains of its law" if not logs.frame.gains else ""
+    if adapter.write_script is not None:
+        script = f"identify --plan --drive {adapter.name}"
+        rule = f"{LOGS_NAME}, which {script} writes for --config, has its reference"
+    else:
+        rule = "its [[log]] in the file of --config has reference"
+    return f"{rule} and {law}" if law else rule
 
 
 def _own_law(adapter: Adapter, logs: DriveLogs) -> dict[str, Any]:

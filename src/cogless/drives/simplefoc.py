@@ -26,6 +26,7 @@ from cogless.drives.adapter import (
     text_of,
 )
 from cogless.drives.c_table import header
+from cogless.drives.encoder_table import write_simplefoc
 from cogless.drives.holding_current import HoldingCurrent
 from cogless.drives.simplefoc_sketch import write_script
 from cogless.errors import StudyError
@@ -48,6 +49,7 @@ MONITOR_SIGNALS: dict[str, tuple[str, float]] = {
     "time_us": ("t", 1e-6),
     "part": ("part", 1.0),
 }
+SENSOR_HINT = 'sensor_direction = 1 or -1 (CW or CCW) and sensor_offset, such as "0 rad", of the motor'
 # Of the sketch's speed loop, by the library's name: A s/rad, A/rad, A s^2/rad, A/s, s.
 LOOP_NAMES = {"PID_velocity": ("P", "I", "D", "output_ramp"), "LPF_velocity": ("Tf",)}
 NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
@@ -98,7 +100,15 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
             remarks.append(f"{path.name}: {spoilt} lines of another form are left out.")
         recordings.append(Recording(path, "", signals))
     own = {"motor": tables.get("motor", {}), "drive": tables.get("drive", {})}
-    frame = TableFrame("simplefoc", zero=True, gains=_gains(configuration, tables))
+    direction, shift = _sensor(configuration, tables)
+    frame = TableFrame(
+        "simplefoc",
+        zero=True,
+        gains=_gains(configuration, tables),
+        encoder_direction=direction,
+        encoder_shift=shift,
+        encoder_lacking="" if direction else f"expected {SENSOR_HINT} in the file of --drive-config",
+    )
     return DriveLogs(recordings, own, frame, remarks)
 
 
@@ -116,6 +126,22 @@ def _gains(path: Path, tables: dict[str, Any]) -> dict[str, float]:
     if gains and not {"P", "I"} <= gains.keys():
         raise StudyError(f"{path}: PID_velocity: expected P and I of the sketch")
     return gains
+
+
+def _sensor(path: Path, tables: dict[str, Any]) -> tuple[int, float]:
+    """How the sensor's angle lies to the motor's, whose angle is direction * sensor - offset.
+
+    The direction, and the sensor's angle where the motor's is zero, rad; 0, 0: the file doesn't say.
+    """
+    direction, text = tables.get("sensor_direction"), tables.get("sensor_offset")
+    if direction is None and text is None:
+        return 0, 0.0
+    if isinstance(direction, bool) or direction not in (1, -1):
+        raise StudyError(f"{path}: sensor_direction: {direction}: expected {SENSOR_HINT}")
+    try:
+        return int(direction), int(direction) * units.parse(str(text), units.ANGLE)
+    except units.UnitError as error:
+        raise StudyError(f'{path}: sensor_offset: "{text}": {error}: expected {SENSOR_HINT}') from None
 
 
 def _monitor(path: Path, tables: dict[str, Any]) -> list[str]:
@@ -188,12 +214,14 @@ SIMPLEFOC = Adapter(
     ),
     writes=(
         Feature("a header with table and cogging_feed_forward(angle)", Certainty.SOURCE),
+        Feature("--encoder: a table for CalibratedSensor of its drivers", Certainty.SOURCE),
         Feature("identify --plan: a header for a sketch that records the logs", Certainty.DRIVE),
     ),
     recognise=recognise,
     read_logs=read_logs,
     write=write,
     write_script=write_script,
+    write_encoder=write_simplefoc,
     law="SimpleFoc",
     log_pattern="*#{number}",
 )

@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from cogless.drives.adapter import Adapter, Certainty, DriveLogs, Feature, Recording, TableFrame, text_of
+from cogless.drives.encoder_table import write_vesc
 from cogless.errors import StudyError
 from cogless.identify.files import Array, printable
 from cogless.identify.read_log import read
@@ -32,6 +33,7 @@ LOG_HEADINGS = (
     "input_voltage",
 )
 LOG_ROWS_LEAST = 3
+ANGLE_DIVISION_SLACK = 0.02  # of p_pid_ang_div, which the firmware takes as 1
 ANGLE_AGREEMENT = (
     0.3  # rad rms by which the encoder's angle may differ from the integrated speed within a row
 )
@@ -103,6 +105,38 @@ def tables(motor: MotorXml, bus_voltage: float) -> dict[str, dict[str, Any]]:
     }
 
 
+def _number_or(motor: MotorXml, name: str, default: float) -> float:
+    """A number of the configuration, which older files lack."""
+    try:
+        value = float(motor.root.findtext(f".//{name}", ""))
+    except ValueError:
+        return default
+    return value if math.isfinite(value) else default
+
+
+def table_frame(motor: MotorXml, turns: bool) -> TableFrame:
+    """The frame of the encoder's table. `turns`: the logs have its angle, which counts with the speed.
+
+    The logged position is the encoder's, turned by `m_invert_direction`, less `p_pid_offset`.
+    """
+    lacking = ""
+    if not turns:
+        lacking = f"expected logs with an {ENCODER_HEADING} that turns with {SPEED_HEADING}"
+    elif abs(_number_or(motor, "p_pid_ang_div", 1.0) - 1.0) > ANGLE_DIVISION_SLACK:
+        lacking = f"{motor.path}: p_pid_ang_div: expected 1, so that the logged position is the encoder's"
+    elif round(_number_or(motor, "foc_encoder_ratio", pole_pairs(motor))) != pole_pairs(motor):
+        lacking = f"{motor.path}: foc_encoder_ratio: expected the pole pairs: an encoder on the rotor"
+    direction = -1 if _number_or(motor, "m_invert_direction", 0.0) else 1
+    return TableFrame(
+        "vesc",
+        zero=not lacking,
+        lacking=lacking,
+        encoder_direction=direction,
+        encoder_shift=direction * math.radians(_number_or(motor, "p_pid_offset", 0.0)),
+        pole_pairs=pole_pairs(motor),
+    )
+
+
 def recognise(first: Sequence[str]) -> str:
     cells = {cell.strip() for cell in (first[0] if first else "").split(";")}
     return "a log of real-time data" if {TIME_HEADING, "q_axis_current", SPEED_HEADING} <= cells else ""
@@ -115,6 +149,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     motor = read_xml(configuration)
     pairs = pole_pairs(motor)
     recordings, remarks, volts = [], [], []
+    encoder_turns = True
     for path in paths:
         (log,) = read(path, list(LOG_HEADINGS))
         for heading in (TIME_HEADING, "q_axis_current", SPEED_HEADING):
@@ -126,17 +161,19 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
         columns = {name: np.asarray(values) for name, values in log.columns.items()}
         if len(columns[TIME_HEADING]) < LOG_ROWS_LEAST:
             raise StudyError(f"{path}: {len(columns[TIME_HEADING])} rows: expected a log")
-        signals, lines = _signals(path, columns, pairs)
+        signals, turns, lines = _signals(path, columns, pairs)
+        encoder_turns = encoder_turns and turns
         recordings.append(Recording(path, "", signals))
         remarks += lines
         volts.append(float(np.median(columns["input_voltage"])) if "input_voltage" in columns else 0.0)
     if max(volts) <= 0:
         raise StudyError(f"{paths[0]}: input_voltage: {max(volts):g}: expected the supply's voltage")
-    return DriveLogs(recordings, tables(motor, float(np.median(volts))), TableFrame("vesc"), remarks)
+    frame = table_frame(motor, encoder_turns)
+    return DriveLogs(recordings, tables(motor, float(np.median(volts))), frame, remarks)
 
 
-def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[str, Array], list[str]]:
-    """Signals at the middles between the rows, where the mean currents belong."""
+def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[str, Array], bool, list[str]]:
+    """Signals at the middles between the rows, where the mean currents belong; is the angle the encoder's?"""
     t = 1e-3 * np.unwrap(columns[TIME_HEADING], period=DAY_MILLISECONDS)
     steps = np.diff(t)
     if np.any(steps < 0):
@@ -147,7 +184,8 @@ def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[st
     encoder = np.radians(columns.get(ENCODER_HEADING, 0 * t))
     theta, lines = turned, []
     apart = np.angle(np.exp(1j * (np.diff(encoder) - np.diff(turned))))
-    if np.all(encoder == encoder[0]) or np.std(apart) > ANGLE_AGREEMENT:
+    turns = not np.all(encoder == encoder[0]) and float(np.std(apart)) <= ANGLE_AGREEMENT
+    if not turns:
         lines.append(
             f"{path.name}: no {ENCODER_HEADING} that turns with {SPEED_HEADING}: the angle is the speed's "
             "integral, so no order has a place on the rotor."
@@ -165,7 +203,8 @@ def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[st
     signals["i_q"] = columns["q_axis_current"][1:]
     if "d_axis_current" in columns:
         signals["i_d"] = columns["d_axis_current"][1:]
-    return {name: values - (values[0] if name == "t" else 0.0) for name, values in signals.items()}, lines
+    signals["t"] = signals["t"] - signals["t"][0]
+    return signals, turns, lines
 
 
 VESC = Adapter(
@@ -179,8 +218,11 @@ VESC = Adapter(
         ),
         Feature("the motor configuration as XML: motor and drive", Certainty.DRIVE),
     ),
-    writes=(),
+    writes=(
+        Feature("--encoder: its encoder correction, whole electrical degrees, in Lisp", Certainty.DRIVE),
+    ),
     recognise=recognise,
     read_logs=read_logs,
+    write_encoder=write_vesc,
     refusal="it has no table of cogging; its encoder correction is of the angle",
 )

@@ -29,10 +29,10 @@ from cogless.study.messages import dotted
 from cogless.study.metric import EACH_PHASE, result_name
 from cogless.study.reading import find, with_tables
 
-TOLD, LATE, HEAVY, LIGHT, HOUR = "told", "late", "heavy", "light", "hour"
-RIPPLE = "ripple_rad_s"  # its name in results
+TOLD_CASE, LATE, HEAVY, LIGHT, HOUR = "told", "late", "heavy", "light", "hour"
+RIPPLE_METRIC = "ripple_rad_s"  # a metric's name in results.json
 UNTOLD = (LATE, HEAVY, LIGHT)
-INERTIA = {HEAVY: 1.5, LIGHT: 0.5}  # true inertia over the inertia that the laws assume
+INERTIA_RATIOS = {HEAVY: 1.5, LIGHT: 0.5}  # true inertia over the inertia that the laws assume
 DROPOUT = "50 ms"  # without an angle
 HOUR_TIME, HOUR_END = 3600.0, 60.0  # s: the hour, and its end that is measured
 HOUR_TRACE_RATE = 20.0  # Hz, of the trace of an hour
@@ -66,10 +66,12 @@ def scenarios(base: Study, plant: ArenaPlant) -> dict[str, dict[str, Any]]:
     late = {"drive.bus.delay_command": f"{1 / base.drive.rates.outer_loop!r} s"}
     of_inertia = {
         case: {"mechanics.inertia": f"{share * base.mechanics.inertia!r} kg*m^2"}
-        for case, share in INERTIA.items()
+        for case, share in INERTIA_RATIOS.items()
     }
     untold = {LATE: late, **of_inertia}
-    return {TOLD: told_tables} | {case: {**short, "override": override | untold[case]} for case in UNTOLD}
+    return {TOLD_CASE: told_tables} | {
+        case: {**short, "override": override | untold[case]} for case in UNTOLD
+    }
 
 
 def metrics(study: Study, plant: ArenaPlant) -> list[dict[str, Any]]:
@@ -84,8 +86,8 @@ def metrics(study: Study, plant: ArenaPlant) -> list[dict[str, Any]]:
     step = {"signal": "omega_error", "event": s(at), "smooth": s(plant.smooth)}
     recovered = [s(end - min(plant.window, plant.hold / 2)), s(end)]
     of_error = {"signal": "omega_error", "unit": "rpm"}
-    only_told = {"scenarios": [TOLD]}
-    slowest = study.scenario[TOLD].slowest
+    only_told = {"scenarios": [TOLD_CASE]}
+    slowest = study.scenario[TOLD_CASE].slowest
     turn = max(plant.window, SLOW_TURNS * math.tau / slowest) if slowest else math.inf
     orders = {
         "kind": "order",
@@ -113,13 +115,13 @@ def metrics(study: Study, plant: ArenaPlant) -> list[dict[str, Any]]:
 
 
 def learning(study: Study, law: str) -> Study:
-    """One law in the case TOLD until it has learned, without step and fault: the ripple that it leaves."""
-    scenario = study.source.tables["scenario"][TOLD]
+    """One law in TOLD_CASE until it has learned, without step and fault: the ripple that it leaves."""
+    scenario = study.source.tables["scenario"][TOLD_CASE]
     end = scenario["events"][0]["time"]
     short = {key: value for key, value in scenario.items() if key not in ("events", "faults")}
     (ripple,) = (metric for metric in study.source.tables["metric"] if metric["name"] == "ripple")
     tables = study.source.tables | {
-        "scenario": {TOLD: {**short, "duration": end}},
+        "scenario": {TOLD_CASE: {**short, "duration": end}},
         "controller": {law: study.source.tables["controller"][law]},
         "metric": [ripple],
     }
@@ -127,8 +129,8 @@ def learning(study: Study, law: str) -> Study:
 
 
 def hour(study: Study) -> Study:
-    """An hour of the case TOLD without step and fault, and the ripple at its end."""
-    scenario = study.source.tables["scenario"][TOLD]
+    """An hour of TOLD_CASE without step and fault, and the ripple at its end."""
+    scenario = study.source.tables["scenario"][TOLD_CASE]
     long = {key: value for key, value in scenario.items() if key not in ("events", "faults")}
     # an odd divider: rows that don't return to the same angles, so that few of them tell an rms
     rate = study.drive.rates.current_loop / (
@@ -256,7 +258,7 @@ def _limits_of_best(plant: str, study: Study, runs: Sequence[ArenaRun], jobs: in
     """What limits the law that leaves least ripple on a plant, with the mean over seeds; none if none ran."""
     ripples: dict[str, list[float]] = {}
     for run in runs:
-        value = run.metrics.get(RIPPLE) if (run.plant, run.case) == (plant, TOLD) else None
+        value = run.metrics.get(RIPPLE_METRIC) if (run.plant, run.case) == (plant, TOLD_CASE) else None
         if isinstance(value, float):
             ripples.setdefault(run.law, []).append(value)
     if not ripples:

@@ -17,7 +17,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cogless.ensemble.arena import HOUR, TOLD, UNTOLD, ArenaResults
+from cogless.ensemble.arena import HOUR, TOLD_CASE, UNTOLD, ArenaResults
 from cogless.files import replacing, versions
 from cogless.results.limits import Limits
 from cogless.results.metrics import Value
@@ -44,11 +44,11 @@ class Column:
     metric: str
     unit: str
     scale: float  # of the unit in SI
-    cases: tuple[str, ...] = (TOLD,)
+    cases: tuple[str, ...] = (TOLD_CASE,)
     never: str | None = None
 
 
-COLUMNS = {
+SCORE_COLUMNS = {
     "ripple": Column("ripple", "ripple_rad_s", "r/min", RPM),
     "orders": Column("orders", "orders_rad_s", "r/min", RPM),
     "dip": Column("dip", "dip_rad_s", "r/min", RPM),
@@ -97,7 +97,7 @@ class Scores:
 
     def of_seed(self, column: str, plant: str, law: str, seed: int) -> float | None:
         """A law's value on a plant, SI. Infinite: never reached, or not finite. None: it wasn't run."""
-        definition = COLUMNS[column]
+        definition = SCORE_COLUMNS[column]
         values = []
         for case in definition.cases:
             metrics = self._values.get((plant, case, law, seed))
@@ -109,7 +109,7 @@ class Scores:
 
     def value(self, column: str, plant: str, law: str, seeds: Iterable[int] | None = None) -> float | None:
         """A law's value on a plant as the mean over seeds; infinite if it is in any of them."""
-        first = COLUMNS[column].cases[0]
+        first = SCORE_COLUMNS[column].cases[0]
         run = {seed for where, case, _, seed in self._values if (where, case) == (plant, first)}
         of_seeds = [
             self.of_seed(column, plant, law, seed)
@@ -129,7 +129,7 @@ class Scores:
         return counts[0] / counts[1] if counts[0] is not None and counts[1] else None
 
     def _counted(self, column: str, plant: str, value: float) -> float | None:
-        never = COLUMNS[column].never
+        never = SCORE_COLUMNS[column].never
         if never is not None:
             return max(LEAST_TIME, min(value, float(self.content["plants"][plant][never])))
         return value
@@ -172,7 +172,7 @@ class Scores:
     def unsteady(self) -> dict[str, dict[int, list[str]]]:
         """The columns whose winner changes with the seed: seed -> its best laws, best first."""
         changing = {}
-        for column in COLUMNS:
+        for column in SCORE_COLUMNS:
             winners = {seed: self.winners(column, [seed]) for seed in self.seeds}
             if len({laws[0] for laws in winners.values() if laws}) > 1:
                 changing[column] = winners
@@ -283,16 +283,16 @@ def table(results: ArenaResults) -> Table:
         box=None, pad_edge=False, title=f"Times {scores.label(scores.bar)}, mean over plants"
     )
     scores_table.add_column("law")
-    for column in COLUMNS.values():
+    for column in SCORE_COLUMNS.values():
         scores_table.add_column(column.title, justify="right", no_wrap=True)
     scores_table.add_column("plants", justify="right")
-    best = {column: scores.winners(column) for column in COLUMNS}
+    best = {column: scores.winners(column) for column in SCORE_COLUMNS}
     for law in scores.laws:
         cells = [
             scores.unscored(column, law)
             if (score := scores.score(column, law)) is None
             else f"{score:.3g}{' *' if law in best[column] else '  '}"
-            for column in COLUMNS
+            for column in SCORE_COLUMNS
         ]
         scores_table.add_row(scores.label(law), *cells, str(scores.met(law)))
     if scores.barless:

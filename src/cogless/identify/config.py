@@ -84,6 +84,9 @@ class LogRule(Table):
     controller: str | None = None  # one of the file's
 
 
+COLUMNS_REPLAY_RULE = "its [[log]] in the file of columns has reference and controller"
+
+
 class Identification(Table):
     """What a drive's logs hold. Motor, drive and controllers are described as in a study."""
 
@@ -95,7 +98,19 @@ class Identification(Table):
     log: Many[LogRule] = ()
     angle_offset: Angle | None = None  # rad, added to theta; default: half a count, since counts round down
     _path: Path = PrivateAttr(default=Path())
+    _described_in: str = PrivateAttr(default="the file of columns")
+    _replay_rule: str = PrivateAttr(default=COLUMNS_REPLAY_RULE)
     _tables: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @property
+    def described_in(self) -> str:
+        """What has the motor and the drive, for messages."""
+        return self._described_in
+
+    @property
+    def replay_rule(self) -> str:
+        """When a log can be replayed, for messages."""
+        return self._replay_rule
 
     @field_validator("columns")
     @classmethod
@@ -182,10 +197,17 @@ def load(path: Path) -> Identification:
     return from_tables(path, read(path))
 
 
-def from_tables(path: Path, tables: dict[str, Any], laws: Collection[str] = ()) -> Identification:
+def from_tables(
+    path: Path,
+    tables: dict[str, Any],
+    laws: Collection[str] = (),
+    described_in: str = "",
+    replay_rule: str = "",
+) -> Identification:
     """The tables of a file of columns, validated. `path`: where they are from, which a StudyError names.
 
-    `laws`: controllers that may be laws in Python; the code of any other would run unsaid.
+    `laws`: controllers that may be laws in Python; the code of any other would run unsaid. `described_in`:
+    what has the motor and the drive; `replay_rule`: when a log can be replayed; for messages.
     """
     source = with_datasheet(path, tables)
     try:
@@ -194,4 +216,6 @@ def from_tables(path: Path, tables: dict[str, Any], laws: Collection[str] = ()) 
     except ValidationError as error:
         raise study_error([problem.line(path) for problem in problems(error, source.tables)]) from None
     found._path, found._tables = path, source.tables
+    found._described_in = described_in or found._described_in
+    found._replay_rule = replay_rule or found._replay_rule
     return found

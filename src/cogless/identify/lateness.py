@@ -124,7 +124,7 @@ def _said(misfit: float, log: str) -> str:
         f"{log}: i_q does not follow the angle as under the described controller "
         f"({100 * misfit:.0f} % differs), so the delay is only told within half a period of the law: its "
         "gains, "
-        "or the drive's rates, filter or bandwidth, are others than in the file of columns."
+        "or the drive's rates, filter or bandwidth, are others than described."
     )
 
 

@@ -98,14 +98,14 @@ def _likely(told: Value, drive: Drive) -> float:
 
 
 def _said_of_dead_time(more: Value, drive: Drive) -> str:
-    """What the law's answers tell of a dead time, s, that is not in the file of columns; "" if nothing."""
+    """What the law's answers tell of a dead time, s, that is not described; "" if nothing."""
     if drive.inverter is None or not more.value > 2 * more.error > 0:
         return ""
     lost = more.value * drive.rates.current_loop * drive.inverter.bus_voltage
     return (
         f"The currents follow as if the bridge had {1e9 * more.value:.0f} +- {1e9 * more.error:.0f} ns more "
         "dead time "
-        f"than the file of columns says, {lost:.2g} V lost against the current; this is taken into account. "
+        f"than is described, {lost:.2g} V lost against the current; this is taken into account. "
         "A drop of "
         "transistors and diodes loses it as well, and another R_s, L_q or bandwidth of the current loop "
         "looks alike."
@@ -181,8 +181,8 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         if not controlled <= traces.keys():
             without = ", ".join(sorted(controlled - traces.keys()))
             said = Advice(
-                f"No simulation of {without}. A log can be simulated if its [[log]] in the file of columns "
-                "has reference and controller, if the current loop's rate is a multiple of its rows' rate, "
+                f"No simulation of {without}. A log can be simulated if {made.known.replay_rule}, if the "
+                "current loop's rate is a multiple of its rows' rate, "
                 f"and if no table is on. {UNCORRECTED} Add what is missing, or leave the log out.",
                 recording(
                     logs=tuple(

@@ -98,8 +98,8 @@ def _of_k_t(known: Identification, told: Value) -> str:
     given = known.motor.star().K_t
     says = f"The voltage says K_t = {told.value:.4g} +- {told.error:.2g} N*m/A"
     if abs(told.value - given) <= told.error:
-        return Agreement(f"{says}, as the file of columns has it ({given:.4g}).")
-    says += f"; the file of columns has {given:.4g}"
+        return Agreement(f"{says}, as {known.described_in} has it ({given:.4g}).")
+    says += f"; {known.described_in} has {given:.4g}"
     if abs(told.value - given) <= CONFUSED * given + told.error:
         return (
             f"{says}. Magnets that are 50 K warmer, or the gain of the voltage's measurement, make as much, "

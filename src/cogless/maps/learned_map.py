@@ -14,7 +14,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cogless.maps.stored_map import COSINE, CURRENT, ORDER, SINE, MapError, StoredMap
+from cogless.maps.stored_map import COSINE_CODE, CURRENT_CODE, ORDER_CODE, SINE_CODE, MapError, StoredMap
 from cogless.study import AnyStudy
 from cogless.study.motion import Real as Real
 from cogless.study.motor import StarMotor
@@ -59,7 +59,7 @@ def memory_of(
     if stored is None:
         return {}
     values: Real = stored["values"]
-    if ORDER in stored["units"]:
+    if ORDER_CODE in stored["units"]:
         return _over_angle(*values)
     if not stored["turns"]:
         return {"learned": values[0]}
@@ -111,7 +111,10 @@ def of_run(study: AnyStudy, stored: Mapping[str, Any] | None, motion: int = 0) -
     )
 
 
-AS_CURRENT = {(CURRENT,), (COSINE, SINE, ORDER)}  # units of maps that are a current over the angle
+AS_CURRENT = {
+    (CURRENT_CODE,),
+    (COSINE_CODE, SINE_CODE, ORDER_CODE),
+}  # units of maps that are a current over the angle
 
 
 def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
@@ -132,7 +135,7 @@ def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
     if count.denominator != 1:
         raise MapError(f"a map over {_shown(period)}: expected one that fits into the law's {_shown(own)}")
     cells = law["values"].shape[1]
-    if ORDER in units:
+    if ORDER_CODE in units:
         alike = stored.units == units and count == 1 and np.array_equal(stored.values[2], law["values"][2])
     else:
         alike = stored.units == units and (len(units) == 1 or stored.ratio == law["ratio"])
@@ -149,7 +152,7 @@ def entries(stored: StoredMap, law: Mapping[str, Any], unit: float) -> Real:
 def of_current(current: Real, law: Mapping[str, Any], unit: float) -> Real:
     """The entries of a law's memory for a current, A, at evenly spaced angles of the law's period."""
     own_entries: Real = np.zeros_like(law["values"])
-    if ORDER in law["units"]:
+    if ORDER_CODE in law["units"]:
         orders = law["values"][2]
         most = (len(current) - 1) // 2
         if orders.max() > most:
@@ -182,7 +185,7 @@ def within(entries_now: Real, law: Mapping[str, Any]) -> Real:
 def _current(stored: StoredMap) -> Real:
     """The map's current over its period, A; from orders, at as many angles as resolve them."""
     values = stored.values.astype(np.float64)
-    if ORDER not in stored.units:
+    if ORDER_CODE not in stored.units:
         return np.asarray(values[0])
     a, b, orders = values
     spectrum = np.zeros(2 * int(orders.max()) + 1, complex)

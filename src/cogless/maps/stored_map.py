@@ -22,14 +22,14 @@ from cogless.errors import StudyError
 from cogless.files import no_device, reason, replacing
 from cogless.units import TURN
 
-MAGIC, VERSION, HEADER, MARK = b"CGLM", 1, 64, b"DONE"
-FLOAT32 = 1  # the only number type
+MAGIC_BYTES, FORMAT_VERSION, HEADER_BYTES, END_MARK = b"CGLM", 1, 64, b"DONE"
+FLOAT32_CODE = 1  # the only number type
 OWN_LAW_CODE = 128  # the first code of a user's own laws
 LONGEST_WRITE = 256  # bytes
 
 LAWS = ("other", *(law.name for law in C_LAWS.values() if law.cells))  # index: code of the law
 # Index: code of a channel's unit. Entry: what the channel is, its unit, and its column's name.
-UNITS = (
+CHANNEL_UNITS = (
     ("none", "", "none"),
     ("current", "A", "current_A"),
     ("current per speed", "A*s/rad", "current_per_speed_A_s_rad"),
@@ -40,7 +40,7 @@ UNITS = (
     ("amplitude of the sine", "A", "sine_A"),
     ("order", "", "order"),
 )
-CURRENT, COSINE, SINE, ORDER = 1, 6, 7, 8  # codes of units
+CURRENT_CODE, COSINE_CODE, SINE_CODE, ORDER_CODE = 1, 6, 7, 8  # codes of units
 
 Entries = NDArray[np.float32]
 # All of the header except its CRC.
@@ -58,7 +58,7 @@ class StoredMap:
     Entry [c, n] of `values` is entry n of channel c. It belongs to the mechanical angle 2 pi n turns / (parts
     cells), rad; or, if turns = parts = 0, to sample n of a trial; or to the order in entry n of the channel
     of orders. A rad in a unit is a rad of `ratio` times the mechanical angle. `units`: a code for each
-    channel, an index of UNITS. `limits`: entries of each channel are within +-limit.
+    channel, an index of CHANNEL_UNITS. `limits`: entries of each channel are within +-limit.
     """
 
     values: Entries
@@ -100,7 +100,7 @@ class StoredMap:
     @property
     def angle(self) -> NDArray[np.float64] | None:
         """Mechanical angle of each entry, rad; None for a trial and for orders."""
-        if self.turns == 0 or ORDER in self.units:
+        if self.turns == 0 or ORDER_CODE in self.units:
             return None
         step = TURN * self.turns / (self.parts * self.cells)
         return step * np.arange(self.cells, dtype=np.float64)
@@ -108,22 +108,22 @@ class StoredMap:
     def unit(self, channel: int) -> tuple[str, str, str]:
         """What a channel is, its unit, and the name of its column."""
         code = self.units[channel]
-        return UNITS[code] if code < len(UNITS) else (f"unit {code}", "", f"unit_{code}")
+        return CHANNEL_UNITS[code] if code < len(CHANNEL_UNITS) else (f"unit {code}", "", f"unit_{code}")
 
     def __bytes__(self) -> bytes:
         """The map's bytes in flash, from the start of its slot to the end of the mark behind the entries."""
         limits = [*np.asarray(self.limits, dtype=np.float32), 0.0, 0.0][:3]
         entries = self.values.astype("<f4").tobytes()
-        entries += b"\xff" * (-(HEADER + len(entries)) % self.write_size)
+        entries += b"\xff" * (-(HEADER_BYTES + len(entries)) % self.write_size)
         header = _FIELDS.pack(
-            MAGIC,
-            VERSION,
-            HEADER,
+            MAGIC_BYTES,
+            FORMAT_VERSION,
+            HEADER_BYTES,
             self.sequence,
             self.motor,
             self.motion,
             self.law,
-            FLOAT32,
+            FLOAT32_CODE,
             self.write_size,
             self.cells,
             self.turns,
@@ -142,34 +142,38 @@ class StoredMap:
 def decode(data: bytes, offset: int = 0) -> StoredMap:
     """Decode the map that begins at `offset`; bytes after it are ignored. MapError: it isn't a valid map."""
     whole = memoryview(data)[offset:]
-    if bytes(whole[:4]) != MAGIC:
-        raise MapError(f'no map: expected "{MAGIC.decode()}" in the beginning')
-    if len(whole) < HEADER:
-        raise MapError(f"cut short: expected {HEADER} bytes of header, got {len(whole)}")
-    (crc,) = struct.unpack_from("<I", whole, HEADER - 4)
-    if crc32(whole[: HEADER - 4]) != crc:
-        raise MapError(f"damaged: the header's CRC is 0x{crc32(whole[: HEADER - 4]):08X}, not 0x{crc:08X}")
+    if bytes(whole[:4]) != MAGIC_BYTES:
+        raise MapError(f'no map: expected "{MAGIC_BYTES.decode()}" in the beginning')
+    if len(whole) < HEADER_BYTES:
+        raise MapError(f"cut short: expected {HEADER_BYTES} bytes of header, got {len(whole)}")
+    (crc,) = struct.unpack_from("<I", whole, HEADER_BYTES - 4)
+    if crc32(whole[: HEADER_BYTES - 4]) != crc:
+        raise MapError(
+            f"damaged: the header's CRC is 0x{crc32(whole[: HEADER_BYTES - 4]):08X}, not 0x{crc:08X}"
+        )
     fields = _FIELDS.unpack_from(whole)
     _, version, length, sequence, motor, motion, law, number_type, write_size = fields[:9]
     cells, turns, parts, ratio, channels, units, zero, *limits, entries_crc = fields[9:]
-    if version != VERSION:
-        raise MapError(f"version {version} of the format: expected {VERSION}")
-    is_valid = length == HEADER and number_type == FLOAT32 and zero == 0 and write_size in _write_sizes()
+    if version != FORMAT_VERSION:
+        raise MapError(f"version {version} of the format: expected {FORMAT_VERSION}")
+    is_valid = (
+        length == HEADER_BYTES and number_type == FLOAT32_CODE and zero == 0 and write_size in _write_sizes()
+    )
     is_valid = is_valid and 1 <= channels <= 3 and 1 <= cells <= 1 << 24 and ratio > 0
     if not (is_valid and (turns == 0) == (parts == 0)):
         raise MapError("a header that is none of version 1, with a CRC that is right")
-    end = HEADER + 4 * channels * cells
+    end = HEADER_BYTES + 4 * channels * cells
     end += -end % write_size
     mark = _mark(crc, write_size)
     if len(whole) < end + len(mark):
         raise MapError(f"cut short: expected {end + len(mark)} bytes, got {len(whole)}")
-    if crc32(whole[HEADER:end]) != entries_crc:
+    if crc32(whole[HEADER_BYTES:end]) != entries_crc:
         raise MapError(
-            f"damaged: the entries' CRC is 0x{crc32(whole[HEADER:end]):08X}, not 0x{entries_crc:08X}"
+            f"damaged: the entries' CRC is 0x{crc32(whole[HEADER_BYTES:end]):08X}, not 0x{entries_crc:08X}"
         )
     if whole[end : end + len(mark)] != mark:
         raise MapError("damaged: no mark in the end: its save was not finished")
-    values = np.frombuffer(whole, "<f4", channels * cells, HEADER).reshape(channels, cells)
+    values = np.frombuffer(whole, "<f4", channels * cells, HEADER_BYTES).reshape(channels, cells)
     for c, limit in enumerate(limits[:channels]):
         wrong = np.flatnonzero(~(np.abs(values[c]) <= np.float32(limit)))
         if len(wrong):
@@ -210,16 +214,16 @@ def find(data: bytes) -> list[Found]:
 
 
 def _find(data: bytes) -> Iterator[Found]:
-    offset = data.find(MAGIC)
+    offset = data.find(MAGIC_BYTES)
     while offset >= 0:
         try:
             stored = decode(data, offset)
         except MapError as error:
             yield Found(offset, error)
-            offset = data.find(MAGIC, offset + 1)
+            offset = data.find(MAGIC_BYTES, offset + 1)
         else:
             yield Found(offset, stored)
-            offset = data.find(MAGIC, offset + len(bytes(stored)))
+            offset = data.find(MAGIC_BYTES, offset + len(bytes(stored)))
 
 
 def newest(found: list[Found]) -> Valid | None:
@@ -244,7 +248,7 @@ def read(path: Path) -> list[Found]:
         raise StudyError(f"{path}: {reason(error)}: expected a stored map") from error
     maps = find(data)
     if not maps:
-        raise MapError(f'{path}: no map: expected "{MAGIC.decode()}" where a slot begins')
+        raise MapError(f'{path}: no map: expected "{MAGIC_BYTES.decode()}" where a slot begins')
     return maps
 
 
@@ -255,7 +259,7 @@ def write(path: Path, content: bytes) -> None:
 
 
 def _mark(header_crc: int, write_size: int) -> bytes:
-    mark = struct.pack("<I", ~header_crc & 0xFFFFFFFF) + MARK
+    mark = struct.pack("<I", ~header_crc & 0xFFFFFFFF) + END_MARK
     return mark + b"\xff" * (-len(mark) % write_size)
 
 
@@ -288,7 +292,10 @@ def rows(stored: StoredMap) -> list[tuple[str, str]]:
         ("motor", f"0x{stored.motor:08X}"),
         ("save", str(stored.sequence)),
         ("period", _period(stored)),
-        ("orders" if ORDER in stored.units else "cells" if stored.turns else "samples", str(stored.cells)),
+        (
+            "orders" if ORDER_CODE in stored.units else "cells" if stored.turns else "samples",
+            str(stored.cells),
+        ),
     ]
     if stored.motion:
         facts.insert(2, ("motion", f"0x{stored.motion:08X}"))
@@ -296,7 +303,7 @@ def rows(stored: StoredMap) -> list[tuple[str, str]]:
         facts.append(("rad of the units", f"of {stored.ratio} theta_m"))
     for c, values in enumerate(np.asarray(stored.values, dtype=np.float64)):
         what, unit, _ = stored.unit(c)
-        if stored.units[c] == ORDER:
+        if stored.units[c] == ORDER_CODE:
             facts.append((what, ", ".join(f"{value:g}" for value in values)))
             continue
         rms, peak = math.sqrt(float(np.mean(values**2))), float(np.max(np.abs(values)))

@@ -69,7 +69,7 @@ ${compensate}}
 """
 
 
-COMPILERS = "compiler's library"
+COMPILER_PART = "compiler's library"
 
 
 class Target:
@@ -179,7 +179,7 @@ class Target:
         """The source file of a function, without suffix."""
         if function not in self._sources:
             own = function.name.startswith((f"{self._subject.name}_", "pil_"))
-            home = stem(self._subject.name) if own else self._homes.get(function.name, COMPILERS)
+            home = stem(self._subject.name) if own else self._homes.get(function.name, COMPILER_PART)
             self._sources[function] = function.file or home
         return self._sources[function]
 

@@ -26,7 +26,7 @@ COMMON = (
 FOR_GCC = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
 # with plain cortex_m4, floating point would silently be computed in software
 FOR_ZIG = ("-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp", "-fno-sanitize=all")
-LINK = ("-Wl,--gc-sections", "-Wl,--entry=pil_functions")
+LINK_FLAGS = ("-Wl,--gc-sections", "-Wl,--entry=pil_functions")
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Toolchain:
             *self.flags,
             *(f"-D{define}" for define in defines),
             *map(str, sources),
-            *LINK,
+            *LINK_FLAGS,
             f"-Wl,-T,{script}",
             *self.libraries,
             "-o",

@@ -9,7 +9,7 @@ from cogless.report.best_runs import is_quick
 from cogless.report.comparison import Line, compare, runs_in
 from cogless.report.limit_sentences import remark
 from cogless.report.page import Outcome, Sections
-from cogless.report.speed import SPEED
+from cogless.report.speed import SPEED_SECTIONS
 from cogless.report.trials import TRIALS
 from cogless.report.verdicts import ScenarioVerdict
 from cogless.results import AnyResults
@@ -38,7 +38,7 @@ __all__ = [
 ]
 
 
-SECTIONS: Mapping[Kind, Sections] = {"speed": SPEED, "trials": TRIALS}
+SECTIONS: Mapping[Kind, Sections] = {"speed": SPEED_SECTIONS, "trials": TRIALS}
 
 
 def _sections(results: AnyResults) -> Sections:

@@ -33,7 +33,7 @@ from cogless.results import Results, Run
 from cogless.study import Study
 from cogless.units import TURN
 
-TURN_CELLS = 360
+PERIOD_CELLS = 360
 PERIODS_SHOWN = 5  # periods that a chart shows
 
 PERIODS_NOTE = (
@@ -61,7 +61,7 @@ def _charts(results: Results, run: Run) -> list[dict[str, Any]]:
         {
             "title": f"{title} over {law.period_words}: {results.study.label(run.controller)}",
             "x": "angle within the period (°)",
-            "angle": np.linspace(0, 360, TURN_CELLS + 1).tolist(),
+            "angle": np.linspace(0, 360, PERIOD_CELLS + 1).tolist(),
             "quantity": quantity,
             "unit": pretty(unit),
             "series": [
@@ -90,12 +90,12 @@ def _chosen(begun: float, end: float) -> list[int]:
 def _within(turns: Array, x: Array, period: int) -> Array:
     """x over the period with this number, on the common grid of angles."""
     rows = slice(max(0, int(np.searchsorted(turns, period)) - 1), int(np.searchsorted(turns, period + 1)) + 1)
-    return np.asarray(np.interp(period + np.linspace(0, 1, TURN_CELLS + 1), turns[rows], x[rows]))
+    return np.asarray(np.interp(period + np.linspace(0, 1, PERIOD_CELLS + 1), turns[rows], x[rows]))
 
 
 SENSITIVITY_POINTS = 400
 DECADES = (0.1, 0.45)  # of the slowest revolution, and of the sample rate
-MAGNITUDE_LEAST = 1e-4  # smaller magnitudes are drawn as this
+DRAWN_MAGNITUDE_LEAST = 1e-4  # smaller magnitudes are drawn as this
 
 SENSITIVITY_NOTE = (
     "The share of a disturbance that is left in the speed at each frequency, by the linear model of cogless "
@@ -165,7 +165,7 @@ def _left(loop: LearningLoop, f: Real, offset: float) -> Complex:
 
 
 def _decibels(S: Complex) -> Real:
-    return np.asarray(20 * np.log10(np.maximum(np.abs(S), MAGNITUDE_LEAST)))
+    return np.asarray(20 * np.log10(np.maximum(np.abs(S), DRAWN_MAGNITUDE_LEAST)))
 
 
 def _degrees(S: Complex) -> Real:
@@ -182,24 +182,24 @@ def _loop(results: Results, run: Run) -> LearningLoop | None:
 
 
 ERROR_WINDOW = 2.0  # s, length of the windows in which errors are compared
-GROWTH_RATIO = 5.0  # amplitude / amplitude early in learning, above which it has grown
+LINE_GROWTH_RATIO = 5.0  # amplitude / amplitude early in learning, above which it has grown
 LINE_SHARE = 5e-3  # a spectral line below this share of i_q's RMS is ignored
-SEGMENT_ROWS = 2048  # trace rows per spectrum
+SPECTRUM_ROWS = 2048  # trace rows per spectrum
 
 
 def growth(results: Results, run: Run) -> float | None:
     """The frequency, Hz, of the spectral line of i_q that grew since learning began; None if no line grew.
 
     The line is taken from the first window in which it shows, because limits affect it later. It has to be
-    larger, by the factor `GROWTH_RATIO`, than all lines within an octave of it when learning began and in the
-    baseline's run.
+    larger, by the factor `LINE_GROWTH_RATIO`, than all lines within an octave of it when learning began and
+    in the baseline's run.
     """
     law = in_angle(results, run)
     trace = run.trace
     if law is None:
         return None
     begun = trace.window(0.0, law.learns_from + float(getattr(law, "ramp", 0.0))).stop
-    rows = min(SEGMENT_ROWS, (len(trace) - begun) // 4)
+    rows = min(SPECTRUM_ROWS, (len(trace) - begun) // 4)
     if rows < 64:
         return None
     before = _spectrum(trace["i_q"][begun : begun + rows])
@@ -209,7 +209,7 @@ def growth(results: Results, run: Run) -> float | None:
     usual = _about(np.max([before, *map(_spectrum, plain)], axis=0))
     for x in _parts(trace["i_q"], begun + rows, rows):
         after = _spectrum(x)
-        grown = (after > GROWTH_RATIO * usual) & (after > floor)
+        grown = (after > LINE_GROWTH_RATIO * usual) & (after > floor)
         if np.any(grown):
             return float(np.argmax(np.where(grown, after, 0.0)) / (rows * trace.period))
     return None

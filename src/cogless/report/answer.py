@@ -24,11 +24,11 @@ from cogless.results import Results, Run
 from cogless.results.status import Status
 from cogless.results.trace import Trace
 from cogless.study.base import spoken_unit
-from cogless.study.metric import SIGNALS, Metric
+from cogless.study.metric import SIGNAL_DIMENSIONS, Metric
 from cogless.units import factor
 
 TURN_DEGREES = 360.0
-TURN_CELLS = 2160  # a revolution has 15 for each of 144 pulses
+PULSE_TURN_CELLS = 2160  # a revolution has 15 for each of 144 pulses
 TIME_POINTS = 4000  # a curve over time has at most
 RIPPLE_POINTS = 400  # the ripple over time has at most
 EVENT_SPAN = (-0.1, 1.5)  # s about the event of a metric
@@ -79,7 +79,7 @@ class DrawnSignal:
 def drawn_signal(results: Results, pair: Contrast) -> DrawnSignal:
     """The signal of the metric that judges, in the metric's unit if that is the signal's."""
     study, metric, name = results.study, pair.metric, pair.line.signal or "omega_error"
-    dimension = SIGNALS[name]
+    dimension = SIGNAL_DIMENSIONS[name]
     if metric.dimension == dimension and metric.signal is not None:
         unit, scale = shown_in(study, metric)
     else:
@@ -98,7 +98,12 @@ def _revolution(results: Results, pair: Contrast, drawn: DrawnSignal) -> list[di
     by_angle = pair.metric.event is None and all(turn is not None for turn in turns)
     if by_angle:
         curves = [_over_angle(run.trace, drawn, turn) for run, turn in zip(runs, turns, strict=True) if turn]
-        grid = {"start": 0.0, "step": TURN_DEGREES / TURN_CELLS, "x": "angle of the rotor (°)", "about": "°"}
+        grid = {
+            "start": 0.0,
+            "step": TURN_DEGREES / PULSE_TURN_CELLS,
+            "x": "angle of the rotor (°)",
+            "about": "°",
+        }
         title = f"{drawn.quantity.capitalize()} over the rotor's angle, in the last revolution"
         cycles = _strong_order(curves[0])
     else:
@@ -146,7 +151,7 @@ def _over_angle(trace: Trace, drawn: DrawnSignal, rows: slice) -> Array:
     """The signal over the rotor's angle, 0 to 360 degrees, from rows of a revolution."""
     theta, x = trace.part("theta_m", rows), drawn.part(trace, rows)
     order = np.argsort(theta, kind="stable")  # a rotor that turns the other way, or shakes
-    grid = np.linspace(0.0, math.tau, TURN_CELLS + 1)
+    grid = np.linspace(0.0, math.tau, PULSE_TURN_CELLS + 1)
     start = theta.min()
     at = start + np.mod(grid[:-1] - start, math.tau)
     values = np.interp(at, theta[order], x[order])

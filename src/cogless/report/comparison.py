@@ -16,7 +16,7 @@ import numpy as np
 
 from cogless.design.kinds import DESIGNS
 from cogless.design.law_rules import rules_of
-from cogless.design.ripple import WORSE
+from cogless.design.ripple import HARMFUL_RATIO
 from cogless.design.unlearned import never, revolutions_learned, starts_too_late, too_short
 from cogless.report.markup import number
 from cogless.report.panels import travelled, varies
@@ -69,9 +69,9 @@ def _within(results: Results, run: Run, rows: slice) -> str | None:
 SPEEDS = ("omega_m", "omega_measured", "omega_error")
 SPREADS = ("ripple-rms", "peak-to-peak", "rms", "three-sigma", "ripple-ratio")
 RESTS, VARIES = "the reference is at rest", "the reference varies, and the ripple is its own"  # unjudged
-TORQUE = "an outer loop's current acts there, and no speed is held"
-NEVER = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
-COUNTS = ("trials-to-floor", "trials-at-limit")
+TORQUE_NOTE = "an outer loop's current acts there, and no speed is held"
+EVENT_KINDS = ("settling", "exceeds", "trials-to-floor")  # no value if the event never happens
+COUNT_KINDS = ("trials-to-floor", "trials-at-limit")
 QUANTITIES = {
     "omega_m": "speed",
     "omega_error": "speed error",
@@ -184,8 +184,8 @@ class Line:
             return ""
         value = self.values[controller]
         if value is None:
-            return "never" if self.kind in NEVER else "not finite"
-        return f"{value:.0f}" if self.kind in COUNTS else number(value)
+            return "never" if self.kind in EVENT_KINDS else "not finite"
+        return f"{value:.0f}" if self.kind in COUNT_KINDS else number(value)
 
     def text(self, controller: str) -> str:
         """A controller's value with its unit, if it has a value."""
@@ -240,7 +240,7 @@ def unjudged(metric: Metric, run: Run, rows: slice, torque: bool = False) -> str
     if not (of_speed or (metric.signal or "").startswith("omega_error")):
         return ""
     if torque:
-        return TORQUE
+        return TORQUE_NOTE
     reference = run.trace.part("omega_ref", rows)
     if not len(reference):
         return ""
@@ -318,7 +318,7 @@ def _harm(study: StudyBase, controller: str, lines: Sequence[Line]) -> str:
     able = [replace(line, missed={}) for line in lines if base not in line.missed and line.kind in SPREADS]
     ratios = {line.quantity: line.ratio(controller, base) or 0.0 for line in able if line.signal in SPEEDS}
     worst = max(ratios, key=lambda quantity: ratios[quantity], default="")
-    if not worst or ratios[worst] <= WORSE:
+    if not worst or ratios[worst] <= HARMFUL_RATIO:
         return ""
     much = f"{number(ratios[worst])} times the {worst} of {study.label(base)}"
     if own is None:

@@ -24,8 +24,8 @@ from cogless.report.markup import asset, note, table
 from cogless.results.trace import Trace
 
 Array = NDArray[np.float64]
-WIDE, HIGH, EDGE = 720, 200, 46  # of a picture
-CURVE_POINTS = 700
+PICTURE_WIDTH, PICTURE_HEIGHT, PICTURE_EDGE = 720, 200, 46  # px
+PICTURE_POINTS = 700
 
 
 def write_report(found: Identified, path: Path) -> None:
@@ -120,27 +120,27 @@ def _orders(made: Estimate) -> str:
 
 def _bars(title: str, waves: Sequence[Wave], factor: float, unit: str) -> str:
     top = max(wave.size.value + wave.size.error for wave in waves) * factor
-    place = (WIDE - EDGE) / len(waves)
+    place = (PICTURE_WIDTH - PICTURE_EDGE) / len(waves)
     parts = []
     for n, wave in enumerate(waves):
-        x, low = EDGE + (n + 0.5) * place, HIGH - 24
-        height = (HIGH - 40) * factor / top
+        x, low = PICTURE_EDGE + (n + 0.5) * place, PICTURE_HEIGHT - 24
+        height = (PICTURE_HEIGHT - 40) * factor / top
         y, e = low - height * wave.size.value, height * wave.size.error
         half = min(20.0, 0.3 * place)
         parts.append(
             f'<rect x="{x - half:.1f}" y="{y:.1f}" width="{2 * half:.1f}" height="{low - y:.1f}" '
             'fill="var(--c1)"/>'
             f'<path d="M{x:.1f} {y - e:.1f}V{y + e:.1f}" stroke="var(--ink)" stroke-width="2"/>'
-            f'<text x="{x:.1f}" y="{HIGH - 8}" text-anchor="middle">{wave.order}</text>'
+            f'<text x="{x:.1f}" y="{PICTURE_HEIGHT - 8}" text-anchor="middle">{wave.order}</text>'
         )
-    parts.append(f'<text x="0" y="16">{top:.3g}</text><text x="0" y="{HIGH - 24}">0</text>')
+    parts.append(f'<text x="0" y="16">{top:.3g}</text><text x="0" y="{PICTURE_HEIGHT - 24}">0</text>')
     return f"<h3>{escape(title)} ({escape(unit)}) by mechanical order, with errors</h3>" + _picture(
         title, "".join(parts)
     )
 
 
 def _picture(about: str, inner: str) -> str:
-    box = f'viewBox="0 0 {WIDE} {HIGH}" role="img"'
+    box = f'viewBox="0 0 {PICTURE_WIDTH} {PICTURE_HEIGHT}" role="img"'
     return f'<svg class="picture" {box} aria-label="{escape(about)}">{inner}</svg>'
 
 
@@ -172,16 +172,18 @@ def _overlay(log: Log, trace: Trace, measured: str, simulated: str) -> str:
     x, y = x[start : start + count], y[start : start + count]
     low, high = float(min(x.min(), y.min())), float(max(x.max(), y.max()))
     span = (high - low) or 1.0
-    every = max(1, count // CURVE_POINTS)
+    every = max(1, count // PICTURE_POINTS)
+
+    width, height = PICTURE_WIDTH - PICTURE_EDGE, PICTURE_HEIGHT - 40
 
     def line(values: Array, colour: str) -> str:
         points = " ".join(
-            f"{EDGE + (WIDE - EDGE) * n / count:.1f},{HIGH - 20 - (HIGH - 40) * (v - low) / span:.1f}"
+            f"{PICTURE_EDGE + width * n / count:.1f},{PICTURE_HEIGHT - 20 - height * (v - low) / span:.1f}"
             for n, v in zip(range(0, count, every), values[::every], strict=True)
         )
         return f'<polyline points="{points}" fill="none" stroke="var({colour})" stroke-width="1.3"/>'
 
-    axis = f'<text x="0" y="24">{high:.3g}</text><text x="0" y="{HIGH - 20}">{low:.3g}</text>'
+    axis = f'<text x="0" y="24">{high:.3g}</text><text x="0" y="{PICTURE_HEIGHT - 20}">{low:.3g}</text>'
     unit = "rad/s" if measured == "omega" else "A"
     ratio = float(np.std(y) / np.std(x)) if np.std(x) else float("nan")
     title = f"{log.name}: {measured} ({unit}), 1 s; standard deviation simulated over measured {ratio:.2f}"

@@ -18,7 +18,7 @@ POLAR_CELLS = 360  # cells of a polar map
 SPREAD_PERIODS = 8  # last periods, from which a map's spread comes
 MOST_ROWS = 1_000_000  # from which these periods come: all of a long trace would take gigabytes
 
-NOTE = (
+MAP_NOTE = (
     "The current that each controller has learned over one revolution, as it stands at the end of the run. "
     "In the circle, whose middle line is zero: the mean over the last revolutions, and in the band the least "
     "and the largest at each angle."

@@ -38,7 +38,7 @@ def place(results: AnyResults, run: Run) -> int:
     return list(colours(results)).index(run.controller)
 
 
-NONE = "–"  # noqa: RUF001
+DASH = "–"  # noqa: RUF001
 
 
 @cache

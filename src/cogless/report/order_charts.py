@@ -205,7 +205,7 @@ PIECES_MOST = 48
 PIECES_LEAST = 8  # pieces
 SWEEP_RATIO = 1.5  # fastest / slowest piece, from which on the speed sweeps
 ORDERS_FOLLOWED = 4  # orders
-ORDER_MOST = 120
+CHART_ORDER_MOST = 120
 # a piece is longer by this share of a revolution, as the rotor may lag behind its reference
 PIECE_SLACK = 0.05
 
@@ -281,11 +281,11 @@ def _speed(trace: Trace, rows: slice) -> Array:
 
 
 def _amplitudes(trace: Trace, piece: slice, turns: int, pole_pairs: int) -> Array:
-    """Amplitudes, rad/s, of the speed error's orders 1 to ORDER_MOST; NaN if rows don't resolve them."""
+    """Amplitudes, rad/s, of the speed error's orders to CHART_ORDER_MOST; NaN if rows don't resolve them."""
     longer = slice(piece.start, piece.stop + math.ceil(PIECE_SLACK * (piece.stop - piece.start) / turns))
-    amplitudes = np.full(ORDER_MOST, np.nan)
+    amplitudes = np.full(CHART_ORDER_MOST, np.nan)
     theta, error = trace.part("theta_m", longer), trace.part("omega_error", longer)
-    highest = min(ORDER_MOST, int((piece.stop - piece.start) / turns / 2.5))
+    highest = min(CHART_ORDER_MOST, int((piece.stop - piece.start) / turns / 2.5))
     spectrum = order_spectrum(theta, error, highest, pole_pairs) if highest > 0 else None
     if spectrum is not None:
         amplitudes[:highest] = spectrum[1:]

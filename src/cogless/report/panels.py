@@ -13,11 +13,13 @@ from cogless.results import Results, Run
 from cogless.results.trace import Trace
 from cogless.study.base import spoken_unit
 from cogless.study.laws.law import Base
-from cogless.study.metric import SIGNALS
+from cogless.study.metric import SIGNAL_DIMENSIONS
 from cogless.units import ANGLE, ANGULAR_SPEED, CURRENT, TURN, factor
 
 # The signals of all laws that are learned parts of the current reference.
-LEARNED = tuple(dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned))
+LEARNED_SIGNALS = tuple(
+    dict.fromkeys(term.signal for law in C_LAWS.values() for term in law.terms if term.learned)
+)
 ALL_LEARNED = "learned terms"  # not a signal: "learned" is that of a trial
 
 
@@ -34,7 +36,7 @@ class Panel:
     @property
     def scale(self) -> float:
         """The number by which the signal's SI values are divided to get displayed values."""
-        return factor(self.unit, SIGNALS.get(self.signal, CURRENT)) / self.ratio
+        return factor(self.unit, SIGNAL_DIMENSIONS.get(self.signal, CURRENT)) / self.ratio
 
     def of(self, trace: Trace) -> Array:
         return np.asarray(trace[self.signal] / self.scale)
@@ -49,7 +51,7 @@ def in_angle(results: Results, run: Run) -> Base | None:
 def learned_terms(results: Results, run: Run) -> list[str]:
     """The signals of a run that are learned terms of its current reference."""
     learned = results.study.controller[run.controller].learned
-    return [name for name in LEARNED if learned and name in run.trace]
+    return [name for name in LEARNED_SIGNALS if learned and name in run.trace]
 
 
 def travelled(results: Results, run: Run) -> str:

@@ -19,7 +19,7 @@ from cogless.report.verdicts import listed
 from cogless.results import Run
 from cogless.results.metrics import SETTLED_SHARE, result_name
 from cogless.study import TrialStudy
-from cogless.study.metric import SIGNALS, Metric
+from cogless.study.metric import SIGNAL_DIMENSIONS, Metric
 from cogless.study.trial_study import Change, TrialScenario
 from cogless.units import factor
 
@@ -160,7 +160,7 @@ def _changed(change: Change) -> tuple[str, ...]:
     return tuple(names) or ("nothing",)
 
 
-NAMES = {"theta_error": "error", "theta_error_measured": "measured error", "y_error": "error"}
+ERROR_NAMES = {"theta_error": "error", "theta_error_measured": "measured error", "y_error": "error"}
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class Judged:
     @property
     def quantity(self) -> str:
         """The signal's name in sentences, such as "measured error" or "tau_e"."""
-        return NAMES.get(self.signal, self.signal)
+        return ERROR_NAMES.get(self.signal, self.signal)
 
     def text(self, value: float) -> str:
         """A value in `unit`, as text with the unit."""
@@ -199,11 +199,11 @@ def display_unit(study: TrialStudy, signal: str) -> tuple[str, float]:
 
     An error signal without a metric of its own has the unit of another error signal.
     """
-    dimension = SIGNALS.get(signal) if study.plant is None else None
+    dimension = SIGNAL_DIMENSIONS.get(signal) if study.plant is None else None
     if dimension is None or not dimension.unit:
         return "", 1.0
     units_of = {m.signal: m.unit for m in reversed(study.metric) if m.unit and m.kind != "trials-to-floor"}
-    alike = [units_of[name] for name in NAMES if name in units_of and signal in NAMES]
+    alike = [units_of[name] for name in ERROR_NAMES if name in units_of and signal in ERROR_NAMES]
     unit = units_of.get(signal) or next(iter(alike), dimension.unit)
     return pretty(unit), factor(unit, dimension)
 

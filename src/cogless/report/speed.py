@@ -49,7 +49,7 @@ def _parts(results: Results, runs: Runs) -> dict[str, str]:
         "tables": line_table(results, runs, compare(results, runs[0].scenario)),
         "spectra_note": note(" ".join((order_charts.SPECTRA_NOTE, order_charts.turned_back(results, runs)))),
         "spectra_left_out": reservations([order_charts.left_out(results, run) for run in runs]),
-        "map_note": note(map_charts.NOTE),
+        "map_note": note(map_charts.MAP_NOTE),
         "angle_note": note(angle_charts.PERIODS_NOTE),
         "criterion_note": note(angle_charts.CRITERION_NOTE),
         "bode_note": note(angle_charts.SENSITIVITY_NOTE),
@@ -60,7 +60,7 @@ def _parts(results: Results, runs: Runs) -> dict[str, str]:
     }
 
 
-SPEED = Sections(
+SPEED_SECTIONS = Sections(
     kind="speed",
     lines=compare,
     verdict=verdict,

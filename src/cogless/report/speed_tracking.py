@@ -22,9 +22,9 @@ from cogless.units import ANGULAR_SPEED, factor
 
 SPANS_MOST = 300  # largest number of time spans of a state in a run; beyond it, short gaps are closed
 STATE_TIME_LEAST = 0.1  # s; without faults shorter states are not worth a lane
-ALL = slice(None)
+ALL_ROWS = slice(None)
 BLOCK_ROWS = 1 << 18  # rows that are looked at together: those of an hour would take gigabytes
-STATES: dict[int, str] = {
+STATE_LANES: dict[int, str] = {
     SAFE_OUTPUT: "safe output",
     **{int(bit): name for bit, name in NOTICED.items()},
     Status.SATURATED: "at its limit (current or voltage)",
@@ -41,7 +41,7 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     """
     least = 0.0 if faults_in(results.study, runs[0].scenario) else STATE_TIME_LEAST
     lanes = []
-    for bits, name in STATES.items():
+    for bits, name in STATE_LANES.items():
         able = [
             run for run in runs if bits != Status.FROZEN or results.study.controller[run.controller].learned
         ]
@@ -55,7 +55,7 @@ def strip(results: Results, runs: Sequence[Run]) -> list[dict[str, Any]]:
     return lanes
 
 
-def active(run: Run, bits: int, rows: slice = ALL) -> NDArray[np.bool_]:
+def active(run: Run, bits: int, rows: slice = ALL_ROWS) -> NDArray[np.bool_]:
     """The rows in which a state was active; none where the status isn't recorded."""
     first, last, _ = rows.indices(len(run.trace))
     is_active = np.zeros(max(last - first, 0), dtype=bool)
@@ -67,7 +67,7 @@ def active(run: Run, bits: int, rows: slice = ALL) -> NDArray[np.bool_]:
     return is_active
 
 
-def spans(run: Run, bits: int, rows: slice = ALL) -> list[tuple[float, float]]:
+def spans(run: Run, bits: int, rows: slice = ALL_ROWS) -> list[tuple[float, float]]:
     """Start and end times, s, of the spans in which a state was active; at most SPANS_MOST."""
     is_active, time, period = active(run, bits, rows), run.trace.time[rows], run.trace.period
     edges = np.flatnonzero(np.diff(is_active, prepend=False, append=False))
@@ -90,7 +90,7 @@ MONITOR_EFFECTS = {
     Status.ANGLE_LOST: "doesn't believe the measured speed",
 }
 MONITORED_SHARE = 0.1  # share of the rows: less is a fault that a speed outlives
-AT_LIMIT = ", at the limit of current or voltage"
+LIMIT_NOTE = ", at the limit of current or voltage"
 ONE_WAY = 0.1  # of a reference's mean magnitude: a smaller mean counts as zero
 
 
@@ -143,7 +143,7 @@ def missed(run: Run, rows: slice, unit: str) -> str | None:
     if not all(misses):
         return None
     limited = np.mean(active(run, Status.SATURATED, rows)[half]) > MAJORITY_SHARE
-    return misses[0] + (_monitored(run, rows) or (AT_LIMIT if limited else ""))
+    return misses[0] + (_monitored(run, rows) or (LIMIT_NOTE if limited else ""))
 
 
 def _monitored(run: Run, rows: slice) -> str:

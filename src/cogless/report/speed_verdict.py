@@ -54,7 +54,7 @@ from cogless.units import ANGULAR_SPEED, convert, factor
 MEASURED = " as measured"  # the end of a line's name
 DOMINANT_SHARE = 0.5  # share of the square above which the sensor's error dominates
 # For each true signal, the measured signal that a law sees.
-SEEN = {
+MEASURED_SIGNALS = {
     "omega_m": "omega_measured",
     "omega_error": "omega_error_measured",
     "theta_m": "theta_measured",
@@ -90,9 +90,9 @@ class Sensor:
 def sensor(results: Results, scenario: str, line: Line) -> Sensor | None:
     """The sensor's part of a scenario's line; None if the metric has none, or a value or trace is missing."""
     metric = next((m for m in results.study.metrics_in(scenario) if m.name == line.name), None)
-    if metric is None or metric.signal not in SEEN or metric.kind not in SQUARES:
+    if metric is None or metric.signal not in MEASURED_SIGNALS or metric.kind not in SQUARES:
         return None
-    conditions, measured = results.study.conditions(scenario), SEEN[metric.signal]
+    conditions, measured = results.study.conditions(scenario), MEASURED_SIGNALS[metric.signal]
     seen, shares = {}, {}
     for run in runs_in(results, scenario):
         if line.values.get(run.controller) is None:

@@ -18,7 +18,7 @@ from cogless.ensemble.sweep_table import Column, Sweep
 from cogless.files import replacing
 from cogless.report import page
 from cogless.report.comparison import pretty
-from cogless.report.markup import NONE, Array, key, note, number, place, plain, reservations, rows, table
+from cogless.report.markup import DASH, Array, key, note, number, place, plain, reservations, rows, table
 from cogless.report.page import Runs, Sections
 from cogless.report.verdicts import Answer, ScenarioVerdict, Told, listed
 from cogless.results import AnyResults, Run
@@ -379,7 +379,7 @@ def _percent(share: float) -> str:
 
 
 def _figure(value: float | None) -> str:
-    return NONE if value is None else f"{value:.2f}"
+    return DASH if value is None else f"{value:.2f}"
 
 
 SWEEP = Sections(

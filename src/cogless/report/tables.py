@@ -24,12 +24,12 @@ from cogless.report.comparison import (
     unjudged,
 )
 from cogless.report.markup import headings, key, note, number, reservations, rms, rows, table, tint
-from cogless.report.panels import LEARNED
+from cogless.report.panels import LEARNED_SIGNALS
 from cogless.report.speed_tracking import late
 from cogless.results import AnyResults, Results, Run
 from cogless.results.metrics import evaluate
 from cogless.study.base import spoken_unit
-from cogless.study.metric import SIGNALS, Metric
+from cogless.study.metric import SIGNAL_DIMENSIONS, Metric
 from cogless.units import ANGLE, factor
 
 
@@ -66,7 +66,7 @@ def term_tables(results: Results, runs: Sequence[Run]) -> str:
 
 def _terms(results: Results, run: Run) -> str:
     part, controller = late(results, run), run.controller
-    out = () if results.study.controller[controller].learned else LEARNED
+    out = () if results.study.controller[controller].learned else LEARNED_SIGNALS
     names = [name for name in run.trace.names if name.startswith("term_") and name not in out]
     terms = [run.trace.part(name, part) for name in names]
     if not terms or not len(terms[0]):
@@ -96,7 +96,7 @@ def _meters(figures: Sequence[float]) -> list[str]:
 
 REST_SPEED_MOST = 1e-9  # rad/s; below this reference the drive holds its position
 
-NOTE = (
+DELAY_NOTE = (
     "Over the last part of the run, from {:.4g} to {:.4g} s. Jitter is about the mean. Torque ripple is "
     "(max \u2212 min) / (max + min). What is measured is what the law sees, what is true what the load sees."
 )
@@ -109,7 +109,7 @@ def late_table(results: Results, runs: Sequence[Run]) -> str:
     if not lines:
         return ""
     span = drawn[0].trace.time[late(results, drawn[0])][[0, -1]]
-    return note(NOTE.format(*span)) + line_table(results, drawn, lines)
+    return note(DELAY_NOTE.format(*span)) + line_table(results, drawn, lines)
 
 
 def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
@@ -120,7 +120,7 @@ def _lines(results: Results, runs: Sequence[Run]) -> Iterator[Line]:
     idle = {c: why for line in compared for c, why in line.unlearned.items()}
     conditions = study.conditions(scenario)
     for name, signal, kind, unit in _rows(results, runs):
-        scale = factor(unit, SIGNALS[signal]) if unit else 1.0
+        scale = factor(unit, SIGNAL_DIMENSIONS[signal]) if unit else 1.0
         values: dict[str, float | None] = {}
         for run in runs:
             begin, end = run.trace.time[late(results, run)][[0, -1]]

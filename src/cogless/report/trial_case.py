@@ -17,7 +17,7 @@ import numpy as np
 from cogless.design.trials.certificate import ModelCertificate
 from cogless.design.trials.gains import TrialDesign
 from cogless.report.comparison import Line
-from cogless.report.markup import NONE, Array, number, rms
+from cogless.report.markup import DASH, Array, number, rms
 from cogless.report.page import Outcome
 from cogless.report.phases import Judged, Phase, judged, phases, rms_of_trials, settled
 from cogless.report.trial_certificate import Model, models
@@ -27,7 +27,7 @@ from cogless.results.metrics import result_name
 from cogless.results.status import Status
 from cogless.study import TrialStudy
 
-GROWTH_RATIO = 1.5  # RMS / smallest RMS earlier in the phase; above this learning diverges
+ERROR_GROWTH_RATIO = 1.5  # RMS / smallest RMS earlier in the phase; above this learning diverges
 TRIALS_LEAST = 8  # smallest number of trials in which growth can be detected
 RMS_ROUNDING = 1e-9  # an RMS below this share of a phase's first one does not count as growth
 QUARTER_COUNT = 4
@@ -153,7 +153,7 @@ class Case(Contest):
         medians = [float(np.median(part)) for part in np.array_split(rms, QUARTER_COUNT)]
         low, last = min(medians), medians[-1]
         least = max(RMS_ROUNDING * float(rms[0]), self.about.floor or 0.0)
-        return (low, last) if last > GROWTH_RATIO * low and last > least else None
+        return (low, last) if last > ERROR_GROWTH_RATIO * low and last > least else None
 
     @property
     def trials(self) -> int:
@@ -295,10 +295,10 @@ def _cells(c: Case, name: str) -> list[str]:
     return [
         _figure(c.first(name, c.phases[0])),
         _figure(end),
-        _figure(alone) if name in c.feedback else NONE,
-        than(end, alone) if name in c.feedback else NONE,
-        _figure(c.input_rms[name]) if name in c.input_rms else NONE,
-        f"{c.at_limit[name]} of {c.trials}" if name in c.at_limit else NONE,
+        _figure(alone) if name in c.feedback else DASH,
+        than(end, alone) if name in c.feedback else DASH,
+        _figure(c.input_rms[name]) if name in c.input_rms else DASH,
+        f"{c.at_limit[name]} of {c.trials}" if name in c.at_limit else DASH,
     ]
 
 
@@ -309,7 +309,7 @@ def _figure(value: float) -> str:
 def than(value: float, other: float) -> str:
     """A value against another in words, such as "46 times less"; "as much" if they differ by little."""
     if not math.isfinite(value) or not math.isfinite(other):
-        return NONE
+        return DASH
     if same_size(value, other):
         return "as much"
     return f"{times(over(value, other))} more" if value > other else f"{times(over(other, value))} less"

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from cogless.design.trials.certificate import GROWTH_ROUNDING, Certificate, Learning, ModelCertificate
-from cogless.report.markup import NONE, key, number, pack, place, plain, table
+from cogless.report.markup import DASH, key, number, pack, place, plain, table
 from cogless.results import Run, TrialResults
 
-NOTE = (
+CERTIFICATE_NOTE = (
     "Known before any run, from the models alone; the largest value over the corners of the uncertain "
     "parameters and over random plants within them (the pointer tells which). Along the trial: the largest "
     "pole of the loop, stable below 1. From trial to trial: |F|, the largest factor by which any frequency "
@@ -151,7 +151,7 @@ def _learning(learning: Learning | None) -> str:
 def _limit(learning: Learning | None, K_3: float, where: str = "") -> str:
     """The largest K_3 with which no error grows; "none" if it is only rounding relative to the K_3 in use."""
     if learning is None or learning.K_3_limit is None:
-        return "" if where else NONE
+        return "" if where else DASH
     limit = f"{learning.K_3_limit:.4g}" if abs(learning.K_3_limit) > GAIN_ROUNDING * abs(K_3) else "none"
     return f'<span class="small"><br>{limit}{where}</span>' if where else limit
 
@@ -165,7 +165,7 @@ def _cell(
 ) -> str:
     """A table cell with a factor and one of `words`, for good or for bad; a tooltip names the plant."""
     if factor is None:
-        return f"<td>{NONE}</td>"
+        return f"<td>{DASH}</td>"
     title = f' title="{escape(plant)}"' if plant else ""
     tag = f' <span class="tag {"good" if good else "bad"}">{words[not good]}</span>' if words else ""
     return f'<td{title}><span class="value">{close_to_one(factor)}</span>{tag}{detail}</td>'

@@ -24,9 +24,18 @@ from cogless.design.trials.trial_summary import labelled_notes, matrix_flash, ma
 from cogless.report import trial_certificate
 from cogless.report.charts import TRIAL_PICTURES
 from cogless.report.comparison import Line, lines_of, runs_in, shown_in
-from cogless.report.markup import NONE, Array, headings, note, number, pack, place, rows, table, thin
+from cogless.report.markup import DASH, Array, headings, note, number, pack, place, rows, table, thin
 from cogless.report.page import Runs, Sections
-from cogless.report.phases import NAMES, Phase, display_unit, groups, judged, phases, rms_of_trials, zooms
+from cogless.report.phases import (
+    ERROR_NAMES,
+    Phase,
+    display_unit,
+    groups,
+    judged,
+    phases,
+    rms_of_trials,
+    zooms,
+)
 from cogless.report.tables import line_table
 from cogless.report.trial_case import Case, case, outcome, own_lines
 from cogless.report.trial_verdict import best_of, verdict
@@ -34,7 +43,7 @@ from cogless.report.verdicts import Answer, change_words, over
 from cogless.results import Run, TrialResults
 from cogless.results.metrics import result_name
 from cogless.study import TrialStudy
-from cogless.study.metric import EACH_TRIAL, SIGNALS
+from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS
 
 
 def over_trials(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
@@ -99,8 +108,8 @@ def _chart(
     return {**labels, "series": series, "note": note}
 
 
-PAGE_POINTS = 900_000  # points of all waveforms of a page, at 2.7 bytes per point
-WAVEFORM_POINTS_LEAST = 200  # points of one waveform
+TRIAL_PAGE_POINTS = 900_000  # points of all waveforms of a page, at 2.7 bytes per point
+TRIAL_POINTS_LEAST = 200  # points of one waveform
 MOST_PHASES = 24
 TRIAL_POINTS = 3000  # the answer's curve over a trial has at most
 
@@ -133,7 +142,7 @@ def waveforms(results: TrialResults, runs: Sequence[Run]) -> dict[str, Any]:
     every = [phase for group in together for phase in group.drawn]
     shown_phases = every[:MOST_PHASES]
     chosen = [trial for phase in shown_phases for trial in phase.chosen]
-    points = max(WAVEFORM_POINTS_LEAST, PAGE_POINTS // (len(DRIVE) * len(results.runs) * len(chosen)))
+    points = max(TRIAL_POINTS_LEAST, TRIAL_PAGE_POINTS // (len(DRIVE) * len(results.runs) * len(chosen)))
 
     def packed(run: Run, signal: str, scale: float, trials: Sequence[int]) -> list[dict[str, Any]]:
         x = _of_trials(run, signal, count)
@@ -175,7 +184,7 @@ def panels_of(study: TrialStudy, scenario: str) -> list[tuple[str, str, str | No
     if study.plant is not None:
         return list(LINEAR)
     signal = judged(study, scenario).signal
-    error = signal if signal in NAMES and signal in SIGNALS else "theta_error"
+    error = signal if signal in ERROR_NAMES and signal in SIGNAL_DIMENSIONS else "theta_error"
     title = "Position error as measured" if error == "theta_error_measured" else "Position error"
     return [(title, error, None, q) if s == "theta_error" else (t, s, r, q) for t, s, r, q in DRIVE]
 
@@ -198,7 +207,7 @@ def gain_table(results: TrialResults, runs: Sequence[Run]) -> str:
     columns = [dict(_gains(results.study, design)) for design in designs.values()]
     names = dict.fromkeys(name for column in columns for name in column)
     body = rows(
-        (name, "".join(f"<td>{escape(column.get(name, NONE))}</td>" for column in columns)) for name in names
+        (name, "".join(f"<td>{escape(column.get(name, DASH))}</td>" for column in columns)) for name in names
     )
     head = f"<th></th>{headings(results, designs)}"
     notes = "".join(map(note, labelled_notes(results.study, designs)))
@@ -213,14 +222,14 @@ def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:
     angle = units[0] if drive else ""
     for state, unit, gain in zip(states, units, design.K_1, strict=True):
         yield f"K_1, {state}{unit}", _plain(gain)
-    yield f"K_2, integrator{angle}", _plain(design.K_2) if design.K_2 else NONE
+    yield f"K_2, integrator{angle}", _plain(design.K_2) if design.K_2 else DASH
     yield f"N{angle}", _plain(design.N)
     if design.learning_matrix is not None:
         flash = matrix_flash(study, design)
         needed = f", {megabytes(flash)} of flash" if flash else ""
         yield "learning matrix", f"{matrix_size(design)}{needed}"
     else:
-        yield "K_3", _plain(design.K_3) if design.K_3 else NONE
+        yield "K_3", _plain(design.K_3) if design.K_3 else DASH
     if design.K_3 or design.learning_matrix is not None:
         yield "learned signal into", "input and integrator" if design.through_integrator else "input"
         yield "shift r (samples)", str(design.shift)
@@ -229,7 +238,7 @@ def _gains(study: TrialStudy, design: TrialDesign) -> Iterator[tuple[str, str]]:
         yield "Q filter a", _list(design.q_filter.a)
         yield "Q filter acts on", f"the {'error' if design.filtered == 'error' else 'learned signal'}"
     ahead = design.feedforward
-    yield "feedforward", f"{ahead.method}, {ahead.preview} samples ahead" if ahead else NONE
+    yield "feedforward", f"{ahead.method}, {ahead.preview} samples ahead" if ahead else DASH
     if ahead is not None:
         yield f"feedforward num{angle}", _list(ahead.num)
         yield "feedforward den", _list(ahead.den)
@@ -356,7 +365,7 @@ def _parts(results: TrialResults, runs: Runs) -> dict[str, str]:
     return {
         "tables": line_table(results, runs, lines),
         "certificates": trial_certificate.certificate_table(results, runs),
-        "certificate_note": note(trial_certificate.NOTE),
+        "certificate_note": note(trial_certificate.CERTIFICATE_NOTE),
         "gains": gain_table(results, runs),
     }
 

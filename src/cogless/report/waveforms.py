@@ -50,7 +50,7 @@ def needed_current(results: Results, run: Run) -> Callable[[slice], Array] | Non
     return needed
 
 
-PAGE_POINTS = 560_000  # points of all waveforms of a page, at 2.7 bytes per point
+SPEED_PAGE_POINTS = 560_000  # points of all waveforms of a page, at 2.7 bytes per point
 WAVEFORM_POINTS_MOST, WAVEFORM_POINTS_LEAST = 20_000, 1_500  # points of one waveform
 POINTS_FINE, MOST_FINE = 200_000, 4_000  # the same for the finer points of faults and last revolutions
 TURNS_READABLE = 2  # revolutions in one plot
@@ -105,7 +105,7 @@ def waveforms(results: Results, runs: Sequence[Run]) -> dict[str, Any]:
         if any("P_t" in run.trace for run in runs):
             panels.append(Panel("Time of the last period, P_t, by the delay memory", "P_t", "P_t", "s"))
     share = len(panels) * len(results.runs)
-    whole = View(None, max(WAVEFORM_POINTS_LEAST, min(WAVEFORM_POINTS_MOST, PAGE_POINTS // share)))
+    whole = View(None, max(WAVEFORM_POINTS_LEAST, min(WAVEFORM_POINTS_MOST, SPEED_PAGE_POINTS // share)))
     return _times(results, runs, panels, [whole, *_details(results, runs, whole.points, share)])
 
 

@@ -23,10 +23,10 @@ from cogless.errors import StudyError
 from cogless.files import reason, writable
 from cogless.interrupts import deferred
 
-NEW, OLD, SET, LINK = ".cogless-new", ".cogless-old", ".cogless-set", ".cogless-link"
+NEW, OLD, SET, LINK_NAME = ".cogless-new", ".cogless-old", ".cogless-set", ".cogless-link"
 TRIAL = ".cogless-try-"  # the start of a name
-INDEX = "results.json"  # has the other files' names in "files"
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+INDEX_FILE = "results.json"  # has the other files' names in "files"
+DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager
@@ -136,7 +136,7 @@ def _files(folder: Path) -> list[str]:
 def _listed(folder: Path) -> list[str]:
     """Files of the set in a folder, as they were written; those that somebody has changed aren't its own."""
     try:
-        digests = json.loads((folder / INDEX).read_text(encoding="utf-8"))["files"]
+        digests = json.loads((folder / INDEX_FILE).read_text(encoding="utf-8"))["files"]
         listed: Mapping[str, str] = {str(PurePosixPath(name)): digest for name, digest in digests.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return []
@@ -173,9 +173,11 @@ def _place(folder: Path, name: str, make: bool = False) -> Path:
 
 
 def _switch(folder: Path) -> None:
-    new, old, link = folder / NEW, folder / OLD, folder / LINK
+    new, old, link = folder / NEW, folder / OLD, folder / LINK_NAME
     names = _files(new)
-    run = _listed(folder) if INDEX in names else []  # a sweep's table and report leave a run's files alone
+    run = (
+        _listed(folder) if INDEX_FILE in names else []
+    )  # a sweep's table and report leave a run's files alone
     before = sorted({*run, *(name for name in names if (folder / name).is_file())})
     try:
         for name in before:
@@ -183,7 +185,7 @@ def _switch(folder: Path) -> None:
             os.link(folder / name, old / name)
         os.symlink(OLD, folder / SET)
     except OSError as error:
-        if error.errno in NO_ROOM:
+        if error.errno in DISK_FULL_ERRORS:
             raise
         for name in names:  # a file system without links: one after the other
             os.replace(new / name, _place(folder, name, make=True))
@@ -210,7 +212,7 @@ def _settle(folder: Path) -> None:
             os.replace(stands / name, _place(folder, name, make=True))
         _remove(folder, [name for name in _files(other) if (folder / name).is_symlink()])
         link.unlink()
-    (folder / LINK).unlink(missing_ok=True)
+    (folder / LINK_NAME).unlink(missing_ok=True)
     for path in own:
         shutil.rmtree(path, ignore_errors=True)
 

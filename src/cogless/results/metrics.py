@@ -1,7 +1,7 @@
 """Compute metrics from a trace, over declared windows. Values are SI; None is a step that never settles.
 
-Each kind of metric is a function in the registry KINDS; `evaluate` finds the window and calls it. In a study
-of trials, a metric has one number per trial, or one per phase, from one change to the next.
+Each kind of metric is a function in the registry METRIC_FUNCTIONS; `evaluate` finds the window and calls it.
+In a study of trials, a metric has one number per trial, or one per phase, from one change to the next.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from cogless.errors import StudyError
 from cogless.results.trace import Array, Trace
-from cogless.study.metric import SIGNALS, Conditions, Metric, turns_held, whole_revolutions
+from cogless.study.metric import SIGNAL_DIMENSIONS, Conditions, Metric, turns_held, whole_revolutions
 from cogless.study.metric import result_name as result_name
 from cogless.units import ANGLE, ANGULAR_SPEED, TURN
 
 Value = float | None | list[float]
 
 # Signals with a target. Any other signal should return to its mean from before the event.
-ERRORS = ("omega_error", "omega_error_measured")  # target: zero
+ERROR_SIGNALS = ("omega_error", "omega_error_measured")  # target: zero
 REFERENCES = {"omega_m": "omega_ref", "omega_measured": "omega_ref", "i_d": "i_d_ref", "i_q": "i_q_ref"}
 SETTLED_SHARE = 1 / 2  # share of a phase's trials, at its end, that final-rms uses
 
@@ -60,7 +60,7 @@ class MetricInput:
     def part(self, signal: str, rows: slice) -> Array:
         """Some rows of a signal; angles and speeds in the metric's frame, electrical or mechanical."""
         x = self.trace.part(signal, rows)
-        turned = SIGNALS.get(signal) in (ANGLE, ANGULAR_SPEED) and self.metric.kind != "order"
+        turned = SIGNAL_DIMENSIONS.get(signal) in (ANGLE, ANGULAR_SPEED) and self.metric.kind != "order"
         return self.conditions.pole_pairs * x if turned and self.metric.frame == "electrical" else x
 
     def _smooth(self, x: Array, span: float) -> Array:
@@ -103,7 +103,7 @@ def evaluate(metric: Metric, trace: Trace, conditions: Conditions) -> Value:
     if metric_input.rows.start == metric_input.rows.stop:
         raise metric_input.error(f"window {first:g} s to {last:g} s holds no row of the trace")
     with np.errstate(over="ignore"):  # a square that overflows becomes infinite
-        value = KINDS[metric.kind](metric_input)
+        value = METRIC_FUNCTIONS[metric.kind](metric_input)
     return value if value is None or isinstance(value, list) else np.asarray(value).tolist()
 
 
@@ -276,7 +276,7 @@ def trials_to_floor(m: MetricInput) -> list[float]:
     return counts
 
 
-KINDS: dict[str, Callable[[MetricInput], Value | Array]] = {
+METRIC_FUNCTIONS: dict[str, Callable[[MetricInput], Value | Array]] = {
     "peak-to-peak": peak_to_peak,
     "rms": rms,
     "ripple-rms": ripple_rms,
@@ -372,7 +372,7 @@ def _outside(m: MetricInput, otherwise: Callable[[], float]) -> NDArray[np.intp]
     if m.metric.band is None:
         raise m.error("expected a band")
     target: Array | float
-    if m.signal in ERRORS:
+    if m.signal in ERROR_SIGNALS:
         target = 0.0
     elif m.signal in REFERENCES and REFERENCES[m.signal] in m.trace:
         target = m.part(REFERENCES[m.signal], m.rows)
@@ -384,7 +384,7 @@ def _outside(m: MetricInput, otherwise: Callable[[], float]) -> NDArray[np.intp]
 def _target_stays(m: MetricInput) -> bool:
     """Whether the signal has a target that stays the same from the row before the window on."""
     if m.signal not in REFERENCES or REFERENCES[m.signal] not in m.trace:
-        return m.signal in ERRORS
+        return m.signal in ERROR_SIGNALS
     rows = slice(max(m.rows.start - 1, 0), m.rows.stop)
     return float(np.ptp(m.part(REFERENCES[m.signal], rows))) == 0
 

@@ -28,7 +28,7 @@ from cogless.study.reading import split
 
 # Relative steps for numerical derivatives. There is one fit per step, each from the best point so far. An
 # encoder makes metrics uneven: large steps find the valley, small ones its lowest point.
-STEPS = (0.3, 0.1, 0.02)
+DERIVATIVE_STEPS = (0.3, 0.1, 0.02)
 FIT_TOLERANCE = 1e-4  # relative change of the parameters that ends a fit
 EVALUATIONS_MOST = 20  # evaluations of each fit
 
@@ -127,7 +127,7 @@ def calibrate(study: AnyStudy, progress: FitProgress | None = None, jobs: int = 
     bounds = np.array([k.lower / k.scale for k in knobs]), np.array([k.upper / k.scale for k in knobs])
     settled = interrupted = False
     try:
-        for step in STEPS:
+        for step in DERIVATIVE_STEPS:
             steps = np.full(len(knobs), step)
             fit = least_squares(
                 deviations,

@@ -18,7 +18,7 @@ from cogless.study.reading import Changes
 
 LONGER_FACTOR = 4  # factor on the scenario's duration that shows what has not been learned yet
 LARGER_FACTOR = 4  # factor on the limits of current and voltage
-TOLD = ("delay", "belief")  # causes without which a rule gives other gains
+RULE_INPUTS = ("delay", "belief")  # causes that change the gains a rule gives
 REST_SHARE = 0.05  # of the largest speed; below it the rotor is near standstill
 FINE_LINES, FINE_BITS = 10_000_000, 31  # the most that an encoder has, and a word that shows an angle
 SENSOR, INVERTER, LOOP, CURRENTS = (
@@ -60,7 +60,9 @@ def suspects(study: Study, run: Run, metric: Metric) -> list[Suspect]:
         "belief": ({} if own_study.drive.belief == Belief() else {"drive.belief": {}}, {}),
     }
     return [
-        Suspect(name, without, beside, name in TOLD) for name, (without, beside) in found.items() if without
+        Suspect(name, without, beside, name in RULE_INPUTS)
+        for name, (without, beside) in found.items()
+        if without
     ]
 
 

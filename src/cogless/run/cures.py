@@ -17,7 +17,7 @@ from cogless.study.reading import Changes
 
 OCTAVES = (4, 8, 16, 32)  # an observer's bandwidth is the law's rate over one of these
 FAST_OCTAVES = (1, 2, 4)  # the same where it shall be quick
-FACTORS = (2, 4)
+TRIED_FACTORS = (2, 4)
 MORE_BITS = (2, 6)
 HALL_EDGES = (6, 3, 1)  # intervals that the speed is taken over
 BANDS = (0.003, 0.01, 0.03)  # of the current limit, in which dead time is compensated in part
@@ -145,7 +145,7 @@ def _quicker(study: Study) -> Iterator[Candidate]:
     """Candidates with a shorter window for the speed, or a filter of higher frequency."""
     drive, sensor = study.drive, study.drive.position_sensor
     if isinstance(sensor, Counted) and sensor.speed_method == "average":
-        for factor in FACTORS:
+        for factor in TRIED_FACTORS:
             if sensor.window >= factor:
                 yield Candidate({f"{SENSOR}.window": sensor.window // factor})
     if drive.speed_filter is not None:
@@ -162,7 +162,7 @@ def _compensations(study: Study) -> Iterator[Candidate]:
 def _calmer(study: Study) -> Iterator[Candidate]:
     """Candidates with a slower current loop, which amplifies less noise, then with better sensors."""
     loop, sensors = study.drive.current_loop, study.drive.current_sensors
-    for factor in FACTORS:
+    for factor in TRIED_FACTORS:
         if isinstance(loop, CurrentLoop) and loop.bandwidth is not None:
             yield Candidate({f"{LOOP}.bandwidth": f"{_round(loop.bandwidth / factor):g} Hz"})
         elif isinstance(loop, CurrentLoop) and loop.kp is not None and loop.ki is not None:

@@ -6,7 +6,8 @@ that act on each other don't. A sensor without delay has neither steps nor error
 compares two runs that both lack steps and errors.
 
 Two causes may hide each other: then neither has a share alone. So the largest causes are also removed in
-pairs.
+pairs, unless single ones explain the result. That torque ripple is not rejected explains nothing of a law
+that learns to reject it.
 
 A change that may help is tried only against a cause with a clear share. All these runs have the study's seed.
 """
@@ -24,7 +25,7 @@ from typing import Any
 from cogless.design.auto import filled, unfilled
 from cogless.errors import StudyError
 from cogless.results import Run
-from cogless.results.limits import AND, NAMED_MOST, Cause, Cure, Limits
+from cogless.results.limits import AND, NAMED_MOST, TORQUE_RIPPLE, Cause, Cure, Limits
 from cogless.results.metrics import Value, result_name
 from cogless.run.causes import Suspect, suspects
 from cogless.run.cures import candidates
@@ -41,7 +42,7 @@ SPEED_SHARE_LEAST = 1e-4  # of the top reference: a ripple of less leaves nothin
 MOST_SHARE = 0.5  # of the square
 PAIRED_CAUSES = 4  # the largest ones, which are taken away in pairs
 CLEARLY_WORSE = 1.5  # ratio to a metric's value before
-PLANT = ("motor", "drive", "mechanics")  # tables that a scenario may override
+PLANT_TABLES = ("motor", "drive", "mechanics")  # tables that a scenario may override
 OF_WHOLE_STUDIES = ("calibration", "vary", "tune")
 STEP_SHARE_LEAST = 0.01  # of the position sensor's step, likewise
 
@@ -75,8 +76,12 @@ def limits(
             share = (min(placed, value) ** 2 - without**2) / value**2
             causes.append(Cause(suspect.name, without, share))
     causes.sort(key=lambda cause: -cause.share)
-    if sum(max(0.0, cause.share) for cause in causes) < MOST_SHARE:
-        causes = sorted([*causes, *_pairs(tries, suspected, causes, value)], key=lambda cause: -cause.share)
+    learns = study.controller[run.controller].learned
+    explaining = [cause for cause in causes if not (learns and cause.name == TORQUE_RIPPLE)]
+    if sum(max(0.0, cause.share) for cause in explaining) < MOST_SHARE:
+        causes = sorted(
+            [*causes, *_pairs(tries, suspected, explaining, value)], key=lambda cause: -cause.share
+        )
     untried = [suspect.name for suspect in suspected if all(suspect.name != cause.name for cause in causes)]
     limited = Limits(
         scenario=run.scenario,
@@ -216,7 +221,7 @@ class _Tries:
         for key, value in changes.items():
             path = tuple(map(str, split(key)))
             overridden = any(path[: len(other)] == other[: len(path)] for other in over)
-            if overridden or (not is_assumed and path[0] in PLANT):
+            if overridden or (not is_assumed and path[0] in PLANT_TABLES):
                 whole = {name: inner for name, inner in override.items() if not name.startswith(f"{key}.")}
                 override = {**whole, key: value}
             else:

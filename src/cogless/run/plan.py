@@ -23,7 +23,7 @@ from cogless.design.trials.from_study import design_study
 from cogless.design.trials.gains import TrialDesign
 from cogless.errors import StudyError
 from cogless.maps import learned_map, stored_map
-from cogless.maps.stored_map import CURRENT, MapError, StoredMap
+from cogless.maps.stored_map import CURRENT_CODE, MapError, StoredMap
 from cogless.results.status import Status
 from cogless.results.trace import Trace
 from cogless.run.drive_config import Mode, engine_config
@@ -94,7 +94,9 @@ def _of_table(study: Study, start: Start) -> StoredMap:
         current /= study.K_t
     if start.sign == "cogging":
         current = -current
-    return StoredMap(current.astype(np.float32), (CURRENT,), (float(np.max(np.abs(current))),), parts=parts)
+    return StoredMap(
+        current.astype(np.float32), (CURRENT_CODE,), (float(np.max(np.abs(current))),), parts=parts
+    )
 
 
 REFUSALS = (ValueError, RuntimeError, MemoryError)  # exactly these does the engine raise about a study

@@ -104,7 +104,7 @@ def parse_number(name: str, text: str) -> Answer:
     number = NUMBERS[name]
     if number.bounds is not None:
         return _whole(name, text, number.bounds)
-    bare = units.NUMBER.fullmatch(text)
+    bare = units.NUMBER_AND_UNIT.fullmatch(text)
     full = f"{text.strip()} {number.unit}" if bare and not bare.group(2) else text.strip()
     example = f'expected a number in {number.unit}, or with its unit, such as "1 {number.unit}"'
     try:

@@ -81,7 +81,7 @@ class Calibration(Table):
         return value
 
 
-FORMS = ("uniform", "log", "normal", "corners", "list")
+SPREAD_FORMS = ("uniform", "log", "normal", "corners", "list")
 Number = str | float | int  # a text with a unit or with %, or a plain number
 
 
@@ -108,8 +108,8 @@ class Distribution(Table):
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
-        if len([form for form in FORMS if getattr(self, form) is not None]) != 1:
-            raise invalid(f'expected one of {", ".join(FORMS)}, such as uniform = "20 %"')
+        if len([form for form in SPREAD_FORMS if getattr(self, form) is not None]) != 1:
+            raise invalid(f'expected one of {", ".join(SPREAD_FORMS)}, such as uniform = "20 %"')
         form, value = self.form
         if isinstance(value, tuple) and form != "list" and len(value) != 2:
             raise invalid("expected one number, or two", form)
@@ -120,7 +120,7 @@ class Distribution(Table):
     @property
     def form(self) -> tuple[str, Any]:
         """The form that is given, and its value."""
-        name = next(form for form in FORMS if getattr(self, form) is not None)
+        name = next(form for form in SPREAD_FORMS if getattr(self, form) is not None)
         return name, getattr(self, name)
 
 
@@ -235,7 +235,7 @@ def _holds_more(_key: str, value: Any) -> bool:
     return (
         isinstance(value, dict)
         and all(isinstance(inner, dict | list) for inner in value.values())
-        and not any(form in value for form in FORMS)
+        and not any(form in value for form in SPREAD_FORMS)
     )
 
 

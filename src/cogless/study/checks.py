@@ -207,7 +207,7 @@ BOTH: tuple[Callable[[Any], None], ...] = (
     metric_checks.known_signals,
     metric_checks.metrics,
 )
-ALL: tuple[Check, ...] = (
+SPEED_CHECKS: tuple[Check, ...] = (
     *BOTH,
     trace_rate,
     durations,

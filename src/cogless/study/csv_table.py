@@ -242,7 +242,7 @@ def _whole(name: str, angle: list[float], value: list[float], at: list[int]) -> 
     return OverAngle(name, tuple(angle), tuple(value))
 
 
-COLUMNS = (("time", units.TIME), ("speed", units.ANGULAR_SPEED))
+SPEED_COLUMNS = (("time", units.TIME), ("speed", units.ANGULAR_SPEED))
 Points = tuple[tuple[float, float], ...]
 
 
@@ -264,7 +264,7 @@ def points(path: Path) -> Points:
                 scales = _scales(row)
                 continue
             raise invalid(f"{where}{shown(*row)}: {expected}", "file") from None
-        for value, text, (name, _) in zip((time, speed), row, COLUMNS, strict=True):
+        for value, text, (name, _) in zip((time, speed), row, SPEED_COLUMNS, strict=True):
             finite(text, value, name, where)
         if time_and_speed and time * scales[0] <= time_and_speed[-1][0]:
             raise invalid(f"{where}{shown(row[0])}: expected a time after the line before", "file")
@@ -276,9 +276,9 @@ def points(path: Path) -> Points:
 
 def _scales(heading: list[str]) -> tuple[float, float]:
     """Factors that convert times and speeds to SI, from the units that a heading names."""
-    if len(heading) != len(COLUMNS):
+    if len(heading) != len(SPEED_COLUMNS):
         raise invalid(
             f"line 1: {shown(*heading)}: expected two columns, time and speed, with a comma between", "file"
         )
-    time, speed = (scale(cell, *column) or 1.0 for cell, column in zip(heading, COLUMNS, strict=True))
+    time, speed = (scale(cell, *column) or 1.0 for cell, column in zip(heading, SPEED_COLUMNS, strict=True))
     return time, speed

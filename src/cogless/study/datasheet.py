@@ -230,39 +230,39 @@ PER_BACK_EMF = {
     "phase_rms": 1.5 * math.sqrt(2),
 }
 BACK_EMF = {f"K_e_{kind}": factor for kind, factor in PER_BACK_EMF.items()}
-SPEED = {"kv": PER_BACK_EMF["line_to_line_peak"]} | {
+PER_SPEED_CONSTANT = {"kv": PER_BACK_EMF["line_to_line_peak"]} | {
     f"kv_{kind}": factor for kind, factor in PER_BACK_EMF.items() if kind != "line_to_line_peak"
 }
 OF_TWO_LINES = ("kv", "K_e_line_to_line_peak")
-OF_A_PHASE = [word for word in (*BACK_EMF, *SPEED) if "phase" in word]
-MAGNET = ("psi_f", "K_t", "K_t_rms", *SPEED, *BACK_EMF)  # the first that is given counts
-RESISTANCE = ("R_s", "resistance_line_to_line")
-INDUCTANCE = ("L_d", "L_q", "inductance_line_to_line")
+OF_A_PHASE = [word for word in (*BACK_EMF, *PER_SPEED_CONSTANT) if "phase" in word]
+MAGNET = ("psi_f", "K_t", "K_t_rms", *PER_SPEED_CONSTANT, *BACK_EMF)  # the first that is given counts
+RESISTANCE_KEYS = ("R_s", "resistance_line_to_line")
+INDUCTANCE_KEYS = ("L_d", "L_q", "inductance_line_to_line")
 
 # of datasheets, for what has another key
 OTHER_WORDS = {"torque_constant": "K_t", "J": "mechanics.inertia", "inertia": "mechanics.inertia"}
 
-RMS, LINES = "rms and peak", "phase and line to line"
+RMS_AND_PEAK, PHASE_AND_LINES = "rms and peak", "phase and line to line"
 MIXED_UP = (
-    (math.sqrt(2), "sqrt(2)", RMS),
-    (math.sqrt(3), "sqrt(3)", LINES),
+    (math.sqrt(2), "sqrt(2)", RMS_AND_PEAK),
+    (math.sqrt(3), "sqrt(3)", PHASE_AND_LINES),
     (math.sqrt(1.5), "sqrt(3/2)", "peak of a phase and rms from line to line"),
     (math.sqrt(6), "sqrt(6)", "rms of a phase and peak from line to line"),
     (2 / math.sqrt(3), "2/sqrt(3)", "K_t and 1/kv, which is 2/sqrt(3) K_t"),
     (1.5, "3/2", "one phase and all three"),
     (3.0, "3", "star and delta"),
-    (2.0, "2", f"{LINES}, or poles and pole pairs"),
+    (2.0, "2", f"{PHASE_AND_LINES}, or poles and pole pairs"),
 )
 
 
 def replaced_by(key: str) -> frozenset[str]:
     """Other keys of [motor] that say the same as this one; a change to it replaces them."""
-    for words in (MAGNET, RESISTANCE):
+    for words in (MAGNET, RESISTANCE_KEYS):
         if key in words:
             return frozenset(words) - {key}
     if key == "inductance_line_to_line":
-        return frozenset(INDUCTANCE) - {key}
-    return frozenset(INDUCTANCE[2:]) if key in INDUCTANCE else frozenset()
+        return frozenset(INDUCTANCE_KEYS) - {key}
+    return frozenset(INDUCTANCE_KEYS[2:]) if key in INDUCTANCE_KEYS else frozenset()
 
 
 def replaced_by_any(keys: Iterable[str]) -> frozenset[str]:
@@ -279,8 +279,8 @@ def torque_constant(word: str, value: float, pole_pairs: int, flux_factor: float
         return 1.5 * pole_pairs * flux_factor * value
     if word == "K_t_rms":
         return value / math.sqrt(2)
-    if word in SPEED:
-        return SPEED[word] / value
+    if word in PER_SPEED_CONSTANT:
+        return PER_SPEED_CONSTANT[word] / value
     return BACK_EMF[word] * value if word in BACK_EMF else value
 
 

@@ -47,7 +47,7 @@ MISSING_KINDS = {
     "position_sensor": 'expected a kind of sensor, such as "encoder"',
     "faults": 'expected a kind of fault, such as "angle-missing"',
 }
-NAMED = {"scenario": "slow", "controller": "pi"}  # tables of named tables, each with a sample name
+NAMED_TABLES = {"scenario": "slow", "controller": "pi"}  # tables of named tables, each with a sample name
 PATTERNS = {
     r"^.+\.py:\w+$": 'expected a file and a class, such as "my_law.py:MyLaw"',
     r"^[A-Za-z][A-Za-z0-9_]*$": "expected a name of letters, digits and _",
@@ -143,8 +143,8 @@ def _in_its_place(kind: str, key: Key, value: Any) -> str | None:
         return next((MISSING_KINDS[part] for part in reversed(key) if part in MISSING_KINDS), None)
     if kind == "tuple_type" and isinstance(value, dict):
         return f"expected an array of tables, [[{dotted(key)}]]"
-    if len(key) == 2 and key[0] in NAMED and value is not MISSING and not isinstance(value, dict):
-        return f"expected a table with a name, such as [{key[0]}.{NAMED[key[0]]}]"
+    if len(key) == 2 and key[0] in NAMED_TABLES and value is not MISSING and not isinstance(value, dict):
+        return f"expected a table with a name, such as [{key[0]}.{NAMED_TABLES[key[0]]}]"
     return None
 
 

@@ -19,7 +19,7 @@ from cogless.units import Dimension
 
 OF_LINEAR_PLANTS = ("y_ref", "y", "y_error", "u", "load")  # signals beside those that drives have, too
 # Dimension of every signal that a run may have, recorded or derived; a linear plant's have no unit.
-SIGNALS = {
+SIGNAL_DIMENSIONS = {
     **dict.fromkeys(OF_LINEAR_PLANTS, units.NONE),
     **dimensions(("electrical", "three_phases", "path", "thermal", "energy", "load_side"), C_LAWS),
     **dimensions(("electrical", "three_phases", "thermal", "energy", "load_side", "trials", "trial_law"), ()),
@@ -278,4 +278,4 @@ def _dimension(kind: str, signal: str | None) -> Dimension | None:
     if kind in OWN_DIMENSIONS:
         return OWN_DIMENSIONS[kind]
     state = signal is not None and STATE.fullmatch(signal)
-    return units.NONE if state else SIGNALS.get(signal or "")
+    return units.NONE if state else SIGNAL_DIMENSIONS.get(signal or "")

@@ -18,7 +18,7 @@ ERROR_TABLE_ANGLES = 3600  # angles of a revolution at which a table of its erro
 
 
 # datasheet words for the counts of both channels (four for each line), and for the pulses of one channel
-COUNTS, PULSES = (
+COUNT_WORDS, PULSES = (
     ("cpr", "counts", "counts_per_revolution", "resolution"),
     ("ppr", "pulses", "pulses_per_revolution"),
 )
@@ -115,7 +115,7 @@ class Counted(Mounted):
     @classmethod
     def other_word(cls, key: str, value: Any) -> str | None:
         word = key.lower()
-        return cls._in_place(word, value) if word in COUNTS + PULSES else None
+        return cls._in_place(word, value) if word in COUNT_WORDS + PULSES else None
 
     @classmethod
     def _in_place(cls, word: str, value: Any) -> str | None:

@@ -125,10 +125,10 @@ Made = TypeVar("Made")
 DEPTH_MOST = 32  # levels of tables and arrays
 LONGEST_NAME = 1000  # characters of a path in a message
 # tomllib needs time and memory that grow with the square of the number of a key's parts.
-PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
-LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{PART}\.[ \t]*){{{DEPTH_MOST}}}{PART}""", re.ASCII)
+KEY_PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
+LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{KEY_PART}\.[ \t]*){{{DEPTH_MOST}}}{KEY_PART}""", re.ASCII)
 AT_LINE = re.compile(r"Invalid value \(at line (\d+), ")
-INDEX = re.compile(r"\d{1,9}", re.ASCII)
+LIST_INDEX = re.compile(r"\d{1,9}", re.ASCII)
 
 
 def load(study: str | Path, changes: Changes | None = None) -> AnyStudy:
@@ -329,7 +329,7 @@ def split(key: str) -> Key:
         if index % 2:
             parts.append(piece)
         else:
-            parts += [int(part) if INDEX.fullmatch(part) else part for part in piece.split(".") if part]
+            parts += [int(part) if LIST_INDEX.fullmatch(part) else part for part in piece.split(".") if part]
     if not parts:
         raise StudyError(f"{shown(key)}: expected a dotted key, such as controller.pi.kp")
     if len(parts) > DEPTH_MOST:
@@ -496,8 +496,8 @@ def _validated(model: type[AStudy], source: Source, prefix: str = "", like: AStu
 
 def _checks(model: type[Table], one_scenario: bool) -> tuple[Callable[[Any], None], ...]:
     if model is TrialStudy:
-        return trial_checks.ALL
-    return checks.ALL if one_scenario else (*checks.ALL, *checks.WHOLE)
+        return trial_checks.TRIAL_CHECKS
+    return checks.SPEED_CHECKS if one_scenario else (*checks.SPEED_CHECKS, *checks.WHOLE)
 
 
 def _error(mistakes: list[Problem], source: Source, prefix: str) -> StudyError:

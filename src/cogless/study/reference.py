@@ -23,7 +23,7 @@ from cogless.study.table import (
 from cogless.units import TURN
 
 Kind = Literal["constant", "ramp", "profile", "sine", "fm", "sines", "moves", "file"]
-FORMS: dict[Kind, set[str]] = {
+REFERENCE_FORMS: dict[Kind, set[str]] = {
     "constant": {"speed"},
     "ramp": {"speed", "ramp"},
     "profile": {"profile"},
@@ -97,8 +97,8 @@ class Reference(Table):
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
-        if self.model_fields_set - {"smoothing"} not in FORMS.values():
-            forms = "; ".join(", ".join(sorted(form)) for form in FORMS.values())
+        if self.model_fields_set - {"smoothing"} not in REFERENCE_FORMS.values():
+            forms = "; ".join(", ".join(sorted(form)) for form in REFERENCE_FORMS.values())
             raise invalid(f"expected the keys of one form: {forms}")
         for key in ("profile", "moves"):
             times = [time for time, _ in getattr(self, key)]
@@ -115,7 +115,9 @@ class Reference(Table):
     @property
     def kind(self) -> Kind:
         """Name of the form that this reference has."""
-        return next(kind for kind, keys in FORMS.items() if keys == self.model_fields_set - {"smoothing"})
+        return next(
+            kind for kind, keys in REFERENCE_FORMS.items() if keys == self.model_fields_set - {"smoothing"}
+        )
 
     @property
     def points(self) -> Points:

@@ -9,7 +9,7 @@ from typing import Any
 from cogless.study.base import Source
 
 BARE = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-")
-NAMED = ("scenario", "controller")  # tables of tables by name
+TABLES_BY_NAME = ("scenario", "controller")  # tables of tables by name
 
 
 def sections(source: Source) -> list[dict[str, Any]]:
@@ -23,7 +23,7 @@ def sections(source: Source) -> list[dict[str, Any]]:
     for key, value in source.tables.items():
         if not isinstance(value, dict):
             top[key] = value
-        elif key in NAMED:
+        elif key in TABLES_BY_NAME:
             below += [((key, name), inner) for name, inner in value.items()]
         elif key == "motor" and source.datasheet is not None:
             below.append(((key,), {k: v for k, v in value.items() if k in source.own_motor_keys}))

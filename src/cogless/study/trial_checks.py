@@ -236,7 +236,7 @@ def integration(study: TrialStudy) -> None:
 
 
 Check = Callable[["TrialStudy"], None]
-ALL: tuple[Check, ...] = (
+TRIAL_CHECKS: tuple[Check, ...] = (
     plant,
     *checks.BOTH,
     corners,

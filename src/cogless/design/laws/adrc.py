@@ -6,7 +6,7 @@ current,
     x[k] = A x[k-1] + B omega[k],    x = (omega^, f^, i),    i = -(omega_c omega^ + f^) / b
 
 so C = i (I - A / z)^-1 B, and the open loop is -C P with P of speed_loop.py. The rule takes the observer
-RATIO times as fast as the loop and both as fast as the wanted phase margin allows.
+OBSERVER_RATIO times as fast as the loop and both as fast as the wanted phase margin allows.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from cogless.design.speed_loop import NoMarginError, SpeedLoop, speed_loop, tune
 from cogless.study import Study
 from cogless.study.laws.adrc import OBSERVER_BANDWIDTH_MOST, Adrc
 
-RATIO = 4.0  # observer's bandwidth / the loop's: 3 to 10 in use
-TRIED = 60
+OBSERVER_RATIO = 4.0  # observer's bandwidth / the loop's: 3 to 10 in use
+TRIED_BANDWIDTHS = 60
 
 
 def response(w: Real, T: float, b: float, omega_c: float, omega_o: float) -> Complex:
@@ -54,18 +54,18 @@ def bandwidths(loop: SpeedLoop, b: float, phase_margin: float) -> tuple[float, f
     """omega_c and omega_o, 1/s, with this phase margin, rad; NoMarginError if there are none."""
 
     def margin(omega_c: float) -> float:
-        found = adrc_margins(loop, b, omega_c, RATIO * omega_c)
+        found = adrc_margins(loop, b, omega_c, OBSERVER_RATIO * omega_c)
         return found.phase_margin if found.stable else -1.0
 
-    tried = np.geomspace(1e-3, 1, TRIED) * OBSERVER_BANDWIDTH_MOST / RATIO / loop.period
-    last = next((k for k in range(TRIED)[::-1] if margin(float(tried[k])) >= phase_margin), None)
+    tried = np.geomspace(1e-3, 1, TRIED_BANDWIDTHS) * OBSERVER_BANDWIDTH_MOST / OBSERVER_RATIO / loop.period
+    last = next((k for k in range(TRIED_BANDWIDTHS)[::-1] if margin(float(tried[k])) >= phase_margin), None)
     if last is None:
         raise NoMarginError
-    if last + 1 == TRIED:
+    if last + 1 == TRIED_BANDWIDTHS:
         omega_c = float(tried[-1])
     else:
         omega_c = root(lambda x: phase_margin - margin(x), float(tried[last]), float(tried[last + 1]))
-    return omega_c, RATIO * omega_c
+    return omega_c, OBSERVER_RATIO * omega_c
 
 
 class AdrcRules(LawRules[Adrc]):

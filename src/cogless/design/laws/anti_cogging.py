@@ -29,25 +29,25 @@ from cogless.design.detent import snaps, swing
 from cogless.design.gentler import slower_feedback
 from cogless.design.law_rules import FeedbackRules, Values
 from cogless.design.margins import Real
-from cogless.design.speed_loop import LEAST, SpeedLoop, gains, speed_loop
+from cogless.design.speed_loop import PHASE_MARGIN_LEAST, SpeedLoop, gains, speed_loop
 from cogless.study import Study
 from cogless.study.base import speed_text
 from cogless.study.laws.anti_cogging import AntiCogging
-from cogless.study.laws.law import SETTLING, Commissioning
+from cogless.study.laws.law import SETTLING_TURNS, Commissioning
 from cogless.study.messages import dotted
 from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 from cogless.units import TURN
 
-SLOWER = 4.0  # the speed loop's crossover / that of the run's position loop
-SHARE = 1e-3  # of the largest order's current: smaller ones aren't looked at
+CROSSOVER_RATIO = 4.0  # the speed loop's crossover / that of the run's position loop
+ORDER_SHARE_LEAST = 1e-3  # of the largest order's current: smaller ones aren't looked at
 STIFFER_FACTORS = (2.0, 4.0, 8.0, 16.0)  # by which the crossover of a snapping rotor's loop is raised
-HALF = 0.5  # share of the cogging current that a table leaves; more is hardly worth a table
+WORTHWHILE_SHARE = 0.5  # share of the cogging current that a table leaves; more is hardly worth a table
 
 
 def position_gain(loop: SpeedLoop, pi: tuple[float, float]) -> float:
     """A position loop that a speed loop with the gains kp and ki follows, 1/s."""
-    return position_margins(loop, Linear(ratio=1, k=pi[0], k_i=pi[1])).crossover / SLOWER
+    return position_margins(loop, Linear(ratio=1, k=pi[0], k_i=pi[1])).crossover / CROSSOVER_RATIO
 
 
 def left(loop: SpeedLoop, feedback: Linear, w: Real) -> Real:
@@ -64,7 +64,7 @@ def unsettled(loop: SpeedLoop, feedback: Linear, speed: float) -> float:
     found = np.abs(poles(loop, feedback))
     a = -math.log(float(np.max(found[found < 1 - 1e-9]))) / loop.period
     w_c = position_margins(loop, Linear(ratio=1, k=feedback.k, k_i=feedback.k_i)).crossover
-    return 2 * speed * a**2 / (w_c * loop.b) * math.exp(-a * SETTLING * math.tau / speed)
+    return 2 * speed * a**2 / (w_c * loop.b) * math.exp(-a * SETTLING_TURNS * math.tau / speed)
 
 
 def commissioning_warning(study: Study, name: str) -> Remark | None:
@@ -87,7 +87,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
     follows = position_gain(loop.rigid, pi)
     said = f"its calibration run in {scenario} {wrong}"
     wave = functions_in(study, scenario).waves(run.speed)[1:]
-    orders = np.flatnonzero(wave > SHARE * np.max(wave)) + 1
+    orders = np.flatnonzero(wave > ORDER_SHARE_LEAST * np.max(wave)) + 1
     slow = speed_text(study, follows / int(orders[-1]), 2) if len(orders) else ""
 
     def cured(other: Study) -> bool:
@@ -98,7 +98,7 @@ def _warning(study: Study, name: str, run: Commissioning, scenario: str) -> Rema
     def stiff_enough(other: Study) -> bool:
         kp, ki = gains(other, name)
         margins = position_margins(speed_loop(other, scenario), Linear(ratio=1, k=kp, k_i=ki))
-        return margins.stable and margins.phase_margin >= LEAST and cured(other)
+        return margins.stable and margins.phase_margin >= PHASE_MARGIN_LEAST and cured(other)
 
     gain: Changes = {f"{key}.position_gain": text(follows, "1/s")}
     speed: Changes | None = {f"{key}.speed": slow} if slow else None
@@ -124,19 +124,19 @@ def _unrecorded(study: Study, name: str, run: Commissioning, scenario: str) -> s
     if found is not None and found.stops:
         return f"records nothing: {snaps(study, found, speed, position_margins(loop, feedback).crossover)}"
     wave = functions_in(study, scenario).waves(speed)[1:]
-    orders = np.flatnonzero(wave > SHARE * np.max(wave)) + 1
+    orders = np.flatnonzero(wave > ORDER_SHARE_LEAST * np.max(wave)) + 1
     if not len(orders):
         return None
     needed = wave[orders - 1]
     kept = needed * left(loop, feedback, np.asarray(speed * orders, dtype=float))
     added = unsettled(loop, feedback, speed)
     share = math.hypot(*kept, added) / math.hypot(*needed)
-    if share <= HALF:
+    if share <= WORTHWHILE_SHARE:
         return None
     most = int(orders[np.argmax(kept)])
     why = f"meets order {most} at {most * speed / math.tau:.3g} Hz"
     if added > np.max(kept):
-        why = f"records {1e3 * SETTLING * math.tau / speed:.3g} ms after it turned, not settled yet"
+        why = f"records {1e3 * SETTLING_TURNS * math.tau / speed:.3g} ms after it turned, not settled yet"
     return f"{why}: the table leaves {share:.2g} of the ripple"
 
 
@@ -160,7 +160,7 @@ class AntiCoggingRules(FeedbackRules[AntiCogging]):
         follows = position_gain(speed_loop(self.study).rigid, pi)
         highest = max([*known_orders(self.study, self.name), 1])
         speed = follows / highest
-        turns = 1 + SETTLING
+        turns = 1 + SETTLING_TURNS
         run = {"speed": speed, "revolutions": 1, "position_gain": follows}
         cells = min(map_cells(self.study, self.name), int(TURN * turns / speed / loop.period))
         return {"cells": cells, "lead": lead, "calibration": run}

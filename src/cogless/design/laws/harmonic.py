@@ -14,11 +14,11 @@ import numpy as np
 
 from cogless.design.changes import either, helping, text
 from cogless.design.closed_loop import Gains, Linear, position_gains_by_rule, position_margins
-from cogless.design.detent import LARGE, snaps, swing
+from cogless.design.detent import STALLING_RATIO, snaps, swing
 from cogless.design.law_rules import FeedbackRules, Gain, Values, feedback_of, pi_texts
 from cogless.design.laws.harmonic_transfer import (
-    FROM,
-    SPLIT,
+    ORDER_ANGLE_LEAST,
+    SLOW_ORDER_ANGLE,
     at_speed,
     gamma,
     held_bands,
@@ -38,13 +38,15 @@ from cogless.study.reading import Changes
 from cogless.study.remark import Remark
 from cogless.units import RPM
 
-FULLEST = 6  # highest learned order, in lowest common multiples of slots and poles
-MIDDLE = 1.3  # rad a sample, where the delay is taken: half of what an order may have
-TOGETHER = 1 / 16  # a sample, that the rates of all acting orders add up to, as TOGETHER in harmonic.c
-MOST, LEAST = 20.0, 0.5  # 1/s, of the rate
-SURE = 5e-4  # rad: a larger sensor error needs a base that can learn it; SURE of harmonic.c is its square
-FOLLOWS = 10  # times as fast as a load that turns with the rotor: a tenth of what it changes is left
-RATE_MARGIN = 2.4  # between the rate and where all orders together oscillate
+ORDER_MULTIPLES = 6  # highest learned order, in lowest common multiples of slots and poles
+DELAY_ANGLE = 1.3  # rad/sample at which the delay is taken: half of what an order may have
+RATE_SUM_MOST = 1 / 16  # sum of the rates of all acting orders, 1/sample; harmonic.c has it as TOGETHER
+RATE_MOST, RATE_LEAST = 20.0, 0.5  # 1/s
+# rad; a larger sensor error needs a base that can learn it. SURE of harmonic.c is its square.
+SENSOR_ERROR_MOST = 5e-4
+# A rate this many times that of a load which turns with the rotor leaves a tenth of its changes.
+LOAD_RATE_RATIO = 10
+RATE_MARGIN = 2.4  # rate at which all orders together oscillate / the rate
 BENDS_FROM = (2, 4)  # base orders above which neighbours, one and two away, aren't learned themselves
 
 
@@ -89,8 +91,8 @@ def _learner(study: Study, name: str) -> Learner:
         bends=bends,
         orders=orders,
         fast=fast,
-        rate=MOST,
-        rate_min=LEAST,
+        rate=RATE_MOST,
+        rate_min=RATE_LEAST,
     )
     pi = harmonic_gains(study, name)
     speeds = _speeds(study, name, told.base * told.orders * loop.period)
@@ -111,7 +113,7 @@ def _speeds(study: Study, name: str, sampled: float) -> list[float]:
     """
     scenarios = [study.scenario[key] for key in study.scenarios_of(name)] or list(study.scenario.values())
     ends = {speed for s in scenarios for speed in (s.slowest, s.top_reference)}
-    ends = {speed for speed in ends if speed * sampled > FROM}
+    ends = {speed for speed in ends if speed * sampled > ORDER_ANGLE_LEAST}
     return sorted({min(ends), max(ends)}) if ends else []
 
 
@@ -137,7 +139,7 @@ def _orders(study: Study, law: Harmonic) -> tuple[int, int, int]:
         return base, max(base, study.motor.pole_pairs - 1), max(base, study.motor.pole_pairs - 1)
     poles, slots = _poles_and_slots(study)
     base, main = math.gcd(slots or poles, poles), math.lcm(slots or poles, poles)
-    highest, motor = FULLEST * main, study.motor.star()
+    highest, motor = ORDER_MULTIPLES * main, study.motor.star()
     cogging = [wave.order for wave in motor.cogging if wave.torque and wave.order <= highest]
     of_current = [ripple.order for ripple in motor.torque_ripple]
     of_current += [motor.pole_pairs * flux.order for flux in motor.flux_harmonics]
@@ -170,7 +172,7 @@ def least_base(study: Study) -> int:
     sensor = study.drive.position_sensor
     if not _bends(study, 1 + BENDS_FROM[-1]) or not isinstance(sensor, Counted):
         return 1
-    told = (free + 1 for n, free in enumerate(BENDS_FROM, 1) if abs(sensor.wave(n)) > SURE)
+    told = (free + 1 for n, free in enumerate(BENDS_FROM, 1) if abs(sensor.wave(n)) > SENSOR_ERROR_MOST)
     return max(told, default=1)
 
 
@@ -190,7 +192,7 @@ def delay_of(loop: SpeedLoop) -> float:
     """
     if not isinstance(loop.current, CurrentLoop):
         return loop.delay
-    w = MIDDLE / loop.period
+    w = DELAY_ANGLE / loop.period
     opened = loop.current.response(np.array([w]))
     late = -float(np.angle(opened / (1 + opened))[0]) / w
     return max(0.0, loop.delay + late - loop.current.period / 2)
@@ -232,7 +234,7 @@ class Certified:
             f"{'any rate' if self.most is None else f'rates to {self.most:.3g} 1/s'} and "
             f"{'converge' if self.gamma > 0 else 'may not all converge'} with b 50 % off "
             f"(Re Gamma {self.gamma:.2f} or more), to {self.late} with an untold sample of delay"
-            f"{_held_words(self.held)}{slow}{swings if self.swing > LARGE else ''}"
+            f"{_held_words(self.held)}{slow}{swings if self.swing > STALLING_RATIO else ''}"
         )
 
 
@@ -255,7 +257,7 @@ class Certificate:
         """The certificate in one line."""
         if not self.speeds:
             highest = self.learner.base * self.learner.orders
-            return f"not judged: no reference turns order {highest} by {FROM:g} rad a sample"
+            return f"not judged: no reference turns order {highest} by {ORDER_ANGLE_LEAST:g} rad a sample"
         if all(each.snaps is not None for each in self.speeds):
             return f"not judged: {self.speeds[0].snaps}"
         found = [each.words() for each in self.speeds]
@@ -281,7 +283,7 @@ def certificate(study: Study, name: str) -> Certificate:
     speeds = _speeds(study, name, told.base * told.orders * loop.period)
     judged = ((omega, _judged(told, omega, loop.period)) for omega in speeds)
     found = tuple(_at(study, name, loop, told, pi, acting, omega) for omega, acting in judged if len(acting))
-    straight = SPLIT / (main_order(study, told.base) * loop.period) if told.bends else None
+    straight = SLOW_ORDER_ANGLE / (main_order(study, told.base) * loop.period) if told.bends else None
     return Certificate(told, loop.period, found, ORDER_ANGLE_MOST / (told.base * loop.period), straight)
 
 
@@ -292,19 +294,19 @@ def _acting(told: Learner, omega: float, T: float) -> Real:
     """
     count = np.arange(1, told.orders + 1)
     turned = told.base * count * abs(omega) * T
-    acts = (turned <= SPLIT) | ((count <= told.fast) & (turned <= ORDER_ANGLE_MOST))
+    acts = (turned <= SLOW_ORDER_ANGLE) | ((count <= told.fast) & (turned <= ORDER_ANGLE_MOST))
     return np.asarray(told.base * count[acts], dtype=float)
 
 
 def _judged(told: Learner, omega: float, T: float) -> Real:
     """The acting orders that are fast enough to be judged."""
     acting = _acting(told, omega, T)
-    return np.asarray(acting[acting * abs(omega) * T > FROM])
+    return np.asarray(acting[acting * abs(omega) * T > ORDER_ANGLE_LEAST])
 
 
 def _too_slow(told: Learner, omega: float, T: float) -> tuple[int, ...]:
     """The lowest and the highest of the orders that are too slow to be judged; empty if none is."""
-    count = min(told.orders, int(FROM / (told.base * omega * T)))
+    count = min(told.orders, int(ORDER_ANGLE_LEAST / (told.base * omega * T)))
     return (told.base, told.base * count) if count else ()
 
 
@@ -328,7 +330,7 @@ def _swing(study: Study, name: str, omega: float) -> tuple[float, str | None]:
 
 def rate_at(told: Learner, omega: float, T: float) -> float:
     """The rate, 1/s, at which learning begins at the speed omega, rad/s, without the limit per turn."""
-    return min(told.rate, TOGETHER / (max(1, len(_acting(told, omega, T))) * T))
+    return min(told.rate, RATE_SUM_MOST / (max(1, len(_acting(told, omega, T))) * T))
 
 
 def _rate_bound(study: Study, loop: SpeedLoop, told: Learner, pi: Gains, omega: float) -> float:
@@ -369,7 +371,7 @@ def _bends(study: Study, base: int) -> int:
     """
     sensor = study.drive.position_sensor
     varies = any(order <= 2 for order in _load_orders(study))
-    if varies or not isinstance(sensor, Counted) or sensor.step > SURE:
+    if varies or not isinstance(sensor, Counted) or sensor.step > SENSOR_ERROR_MOST:
         return 0
     return sum(base > free for free in BENDS_FROM)
 
@@ -387,8 +389,8 @@ def _least_rate(study: Study, told: Learner, fastest: float, T: float) -> float:
     is slow enough for that. A load's order that is learned itself needs no following.
     """
     first = rate_at(told, fastest, T)
-    turning = [FOLLOWS * order * fastest for order in _load_orders(study) if order < told.base]
-    return max([LEAST, *(rate for rate in turning if rate <= first)])
+    turning = [LOAD_RATE_RATIO * order * fastest for order in _load_orders(study) if order < told.base]
+    return max([RATE_LEAST, *(rate for rate in turning if rate <= first)])
 
 
 def main_order(study: Study, base: int) -> int:

@@ -24,14 +24,14 @@ from cogless.design.speed_loop import SpeedLoop, pi_response
 from cogless.study.laws.harmonic import HARMONIC_BANDS, ORDER_ANGLE_MOST, Learner
 
 POLE = math.exp(-0.5)  # of the observer, each sample: its bandwidth is half a radian a sample
-SPLIT = 0.5105  # rad a sample, up to which an order learns from z
-FROM = 1e-3  # rad a sample: the slowest order that is judged
-WRONG = (
+SLOW_ORDER_ANGLE = 0.5105  # rad/sample; up to this an order learns from z
+ORDER_ANGLE_LEAST = 1e-3  # rad a sample: the slowest order that is judged
+BELIEF_FACTORS = (
     0.5,
     1.0,
     1.5,
 )  # true value over the law's: of K_t, and of the inertia on the motor's side of a soft shaft
-TURNED = math.cos(math.radians(60))  # least cos arg Gamma: an order turned by more is held
+PHASE_COSINE_LEAST = math.cos(math.radians(60))  # least cos arg Gamma: an order turned by more is held
 TRANSFER_POINTS = 2000  # frequencies at which that is judged
 
 
@@ -58,10 +58,10 @@ def gamma(loop: SpeedLoop, told: Learner, pi: Gains, w: Real, late: int = 0) -> 
 
 def plants(loop: SpeedLoop) -> list[SpeedLoop]:
     """The plants that an order must converge with: as told, and with what may be wrong."""
-    found = [dataclasses.replace(loop, b=factor * loop.b) for factor in WRONG]
+    found = [dataclasses.replace(loop, b=factor * loop.b) for factor in BELIEF_FACTORS]
     if loop.shaft is not None:
         J, J_load = loop.shaft.inertia, loop.shaft.load_inertia
-        for factor in WRONG:
+        for factor in BELIEF_FACTORS:
             shaft = dataclasses.replace(loop.shaft, inertia=factor * J)
             b = loop.b * (J + J_load) / (factor * J + J_load)
             found.append(dataclasses.replace(loop, shaft=shaft, b=b))
@@ -82,9 +82,9 @@ def held_bands(
     frequencies that it has at `speeds`, slowest and fastest, rad/s.
     """
     T = loop.period
-    om = np.geomspace(FROM, ORDER_ANGLE_MOST, TRANSFER_POINTS)
+    om = np.geomspace(ORDER_ANGLE_LEAST, ORDER_ANGLE_MOST, TRANSFER_POINTS)
     if loop.near is not None:
-        om = np.union1d(om, [x for x in loop.near * T if FROM < x < ORDER_ANGLE_MOST])
+        om = np.union1d(om, [x for x in loop.near * T if ORDER_ANGLE_LEAST < x < ORDER_ANGLE_MOST])
     bad = np.zeros(len(om), dtype=bool)
     if not sector:
         for plant in plants(loop):
@@ -102,7 +102,7 @@ def held_bands(
 
 def turned(found: Complex) -> np.ndarray:
     """Whether Gamma is turned so far, or is so small, that its order is held."""
-    return np.asarray(found.real <= TURNED * np.abs(found))
+    return np.asarray(found.real <= PHASE_COSINE_LEAST * np.abs(found))
 
 
 def _bands(om: Real, bad: np.ndarray) -> list[tuple[float, float]]:
@@ -141,7 +141,7 @@ def rate_bound(
     it should be seen at; without it, all is as the law assumes.
     """
     beside = np.add.outer(w * T, np.geomspace(1e-4, 0.5, 60) * w[0] * T)
-    om = np.union1d(np.linspace(FROM, math.pi, 6000), np.ravel(beside)) * (1 + 1e-9)
+    om = np.union1d(np.linspace(ORDER_ANGLE_LEAST, math.pi, 6000), np.ravel(beside)) * (1 + 1e-9)
     if near is not None:
         om = np.union1d(om, near * T)
     om = om[(om < math.pi) & (om > 0)]
@@ -171,4 +171,4 @@ def seen(z: Complex, order: float) -> Complex:
     """How a held current shows in what an order learns from, over b T^2: e, or the mean of two z."""
     of_e = np.asarray((z + 1) * (z - 1) / (2 * (z - POLE) ** 3))
     mean = (1 + 1 / z) / 2
-    return of_e if order > SPLIT else np.asarray((1 - POLE) ** 3 * z / (z - 1) * of_e * mean)
+    return of_e if order > SLOW_ORDER_ANGLE else np.asarray((1 - POLE) ** 3 * z / (z - 1) * of_e * mean)

@@ -47,7 +47,7 @@ from cogless.design.learning_loop import (
     fewest_samples,
 )
 from cogless.design.margins import FREQUENCY_POINTS
-from cogless.design.ripple import WORSE, ripple
+from cogless.design.ripple import HARMFUL_RATIO, ripple
 from cogless.design.speed_loop import pi_response, speed_loop
 from cogless.design.verdict import judged
 from cogless.study import Study
@@ -60,7 +60,7 @@ from cogless.study.remark import Remark
 from cogless.units import TIME, TURN
 
 LONGEST_LEAD = 30  # samples that are tried
-SMALLER = 6  # gains of beta_1 that are tried, each half of the one before
+TRIED_GAINS = 6  # gains of beta_1 that are tried, each half of the one before
 
 
 class PeriodicLoop(LearningLoop):
@@ -112,17 +112,17 @@ class PeriodicLoop(LearningLoop):
         """Whether beta_1 sgn S keeps an oscillation alive that is worse than the feedback's ripple.
 
         To an oscillation of amplitude A, sgn S is a gain of 4 / (pi A), its describing function. So the
-        smaller the oscillation, the more beta_1 learns from it. A is the one that makes the ripple `WORSE`,
-        as a speed: S is little more than the speed error, but at frequencies around c and below.
+        smaller the oscillation, the more beta_1 learns from it. A, as a speed, is the one that makes the
+        ripple `HARMFUL_RATIO`: S is little more than the speed error, but at frequencies around c and below.
         """
         law = self.law
         if not isinstance(law, RobustIlc) or not law.beta_1 or not self.settled:
             return None
         found = ripple(self, 0.0)
-        amplitude = math.sqrt(2 * max((WORSE * found.without) ** 2 - found.learned**2, 0.0))
+        amplitude = math.sqrt(2 * max((HARMFUL_RATIO * found.without) ** 2 - found.learned**2, 0.0))
         if not amplitude:
             return None
-        for n in reversed(range(SMALLER)):
+        for n in reversed(range(TRIED_GAINS)):
             gain = 4 * law.beta_1 / (math.pi * amplitude * 2**n)
             tried = law.model_copy(update={"beta_2": law.beta_2 + gain})
             study = self.study.model_copy(update={"controller": {self.controller: tried}})

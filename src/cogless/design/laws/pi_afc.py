@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cogless.design.auto import (
+    GAIN_HALVINGS,
     GAIN_MARGIN,
-    HALVINGS,
     IN_PHASE,
     known_orders,
     loops_in_corners,
@@ -43,7 +43,7 @@ from cogless.study.laws.law import Memory
 from cogless.study.laws.pi_afc import PI_AFC_ORDERS, PiAfc
 from cogless.units import TURN
 
-FIXED = 1e-6  # tolerance of the fixed pole at z = 1: the angle, which has no feedback
+FIXED_POLE_TOLERANCE = 1e-6  # tolerance of the fixed pole at z = 1: the angle, which has no feedback
 
 
 class OrderLoop(LearningLoop):
@@ -140,7 +140,7 @@ class OrderLoop(LearningLoop):
     def _worst_with(self, lead: float) -> Worst:
         """Factor per revolution and frequency of the largest pole, other than the fixed pole at z = 1."""
         found = poles(self.plant, self.feedback, self._resonators(lead))
-        found = found[np.abs(found - 1) > FIXED]
+        found = found[np.abs(found - 1) > FIXED_POLE_TOLERANCE]
         largest = found[np.argmax(np.abs(found))]
         samples = 1 / self.plant.period / self.periods_per_second  # in a revolution
         factor = math.exp(min(samples * math.log(max(abs(largest), 1e-300)), 700.0))
@@ -183,7 +183,7 @@ def _auto(study: Study, name: str) -> Values:
     lead = by_hand.get("lead", max(range(LONGEST_LEAD + 1), key=in_phase) * T)
     kp, ki = gains(study, name)
     gain = (ki or kp / T) / len(orders)
-    for _ in range(2 * HALVINGS):
+    for _ in range(2 * GAIN_HALVINGS):
         tried = with_numbers(study, name, {"orders": tuple(orders), "gain": GAIN_MARGIN * gain, "lead": lead})
         if all(loop.worst().factor <= FACTOR_MOST for loop in loops_in_corners(OrderLoop, tried, name)):
             return {"orders": orders, "gain": gain, "lead": lead}

@@ -49,7 +49,7 @@ from cogless.study.messages import dotted
 from cogless.study.reading import Changes
 from cogless.units import TURN
 
-ANGLES = np.linspace(0, TURN, 720, endpoint=False)
+TORQUE_ANGLES = np.linspace(0, TURN, 720, endpoint=False)
 
 
 class SpaceLoop(LearningLoop):
@@ -74,7 +74,7 @@ class SpaceLoop(LearningLoop):
     def doubt(self) -> str | None:
         if not isinstance(self.law, SpaceSpeed) or self.scenario is None:
             return None
-        needed = functions_in(self.study, self.scenario).current(ANGLES, abs(self.omega_m))
+        needed = functions_in(self.study, self.scenario).current(TORQUE_ANGLES, abs(self.omega_m))
         error = float(np.max(np.abs(needed))) / self.law.k
         if error <= self.law.eta_bar:
             return None

@@ -61,7 +61,7 @@ from cogless.study import Study, for_scenario
 from cogless.study.laws.space import SpaceLearning, SpacePosition, SpaceSpeed
 from cogless.study.scenario import Scenario
 
-SLOW = 1e-6  # rad/s or rad/s^2, smallest value used to derive a limit, so as not to divide by zero
+RATE_FLOOR = 1e-6  # rad/s or rad/s^2, smallest value used to derive a limit, so as not to divide by zero
 
 
 @dataclass(frozen=True)
@@ -232,8 +232,8 @@ def learned_limits(study: Study, law: SpaceLearning, scenarios: Iterable[Scenari
     acceleration = ratio * max(s.top_acceleration for s in scenarios)
     limits = (
         law.alpha_limit or limit,
-        law.beta_limit or limit / max(speed, SLOW),
-        law.h_limit or limit / max(acceleration, SLOW),
+        law.beta_limit or limit / max(speed, RATE_FLOOR),
+        law.h_limit or limit / max(acceleration, RATE_FLOOR),
     )
     return tuple(limits[n] if n < law.channels else 0.0 for n in range(3))
 

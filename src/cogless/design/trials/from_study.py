@@ -51,7 +51,7 @@ from cogless.study.trial_study import EachTrial, TrialConditions
 from cogless.units import TURN
 
 SAMPLE_ROUNDING = 1e-9
-ANGLE = np.array([1.0, 0.0])  # C of a drive, whose states are angle and speed
+ANGLE_OUTPUT = np.array([1.0, 0.0])  # C of a drive, whose states are angle and speed
 OTHER_CHOICES = 4  # of shift and filter, tried where the best one would end above the feedback
 Pair = tuple[str, str]  # scenario, controller
 
@@ -244,7 +244,7 @@ def _simulated(study: TrialStudy, scenario: str, index: int, conditions: TrialCo
         hardware = study.hardware(scenario)[index]
         A, B = _axis(_uncertain(hardware.mechanics, hardware.motor))
     plant = sampled(Model.of(A, B), study.period, "exact")
-    return plant if study.drive is None else sensed(plant, ANGLE, study.period, sensor_of(study))
+    return plant if study.drive is None else sensed(plant, ANGLE_OUTPUT, study.period, sensor_of(study))
 
 
 def _axis(values: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
@@ -366,7 +366,7 @@ def _uncertain_plant(study: TrialStudy, _: tuple[()]) -> UncertainPlant:
     def model(ranged: Mapping[str, float]) -> tuple[list[list[float]], list[float]]:
         return _axis({key: ranged.get(key, value) for key, value in values.items()})
 
-    plant = from_parameters(model, study.design.range, ANGLE, study.period, _inequalities(study))
+    plant = from_parameters(model, study.design.range, ANGLE_OUTPUT, study.period, _inequalities(study))
     return plant.seen_by(sensor_of(study))
 
 

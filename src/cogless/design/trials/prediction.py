@@ -80,7 +80,7 @@ PHASE_TRIALS = 80  # of a phase, at most: the others are like the last
 FINAL_TRIALS = 10  # of a phase, or half of it: the largest RMS of these is its final error
 FLOOR_RATIO = 1.1  # times the final error: what is below is at the floor
 STILL_FALLS = 0.98  # of the error FINAL_TRIALS before the last that was tried: more trials are needed
-ROUNDING_SHARE = 1e-3  # of the feedback's error: no more than rounding and what the last trials still change
+ERROR_ROUNDING = 1e-3  # share of the feedback's error; less is rounding, or what the last trials still change
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class Prediction:
     @property
     def ends_above(self) -> bool:
         """Whether some phase ends above the feedback's error at some plant."""
-        return not self.share <= 1 + ROUNDING_SHARE
+        return not self.share <= 1 + ERROR_ROUNDING
 
     def beyond(self, limit: float) -> tuple[str, float] | None:
         """The plant that needs the most input and how much; None if all stay within the limit."""

@@ -53,7 +53,9 @@ from cogless.design.trials.model import (
 
 Filtered = Literal["error", "signal"]
 GRID_FREQUENCIES = 700
-AROUND = np.array([0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0])  # from a pole's angle, in 1 - |p|
+POLE_DISTANCES = np.array(
+    [0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0]
+)  # from a pole's angle, in 1 - |p|
 NARROW_POLE_DISTANCE = 0.05  # a pole further from the unit circle needs no grid points of its own
 REFINEMENT_ROUNDS = 3
 MAXIMA_MOST = 40  # largest number of local maxima that are refined
@@ -175,7 +177,7 @@ def grid(poles: Complex | None = None) -> Real:
     width = 1 - np.abs(poles)
     narrow = (width > 0) & (width < NARROW_POLE_DISTANCE) & (poles.imag >= 0)
     width = width[narrow][:, None]
-    near = np.abs(np.angle(poles[narrow])[:, None] + width * np.append(-AROUND, AROUND))
+    near = np.abs(np.angle(poles[narrow])[:, None] + width * np.append(-POLE_DISTANCES, POLE_DISTANCES))
     # rounded, so that poles that hardly differ share their points
     step = 2.0 ** np.floor(np.log2(width / 16))
     return np.union1d(w, np.minimum(np.round(near / step) * step, np.pi))
@@ -283,7 +285,7 @@ TRIALS_TRIED = 80
 POWERS = (1, 2, 3, 5, 8)  # of M, whose norms are found
 SHARES = (1, 2, 4, 8, 24)  # trials after which the error's largest share is found
 NORM_ITERATIONS = 6  # for each norm; the estimate is from below
-ROUNDING_SHARE = 1e-12  # of the largest value: a next vector that is only rounding
+VECTOR_ROUNDING = 1e-12  # share of the largest value; a next vector below it is only rounding
 
 
 @dataclass(frozen=True)
@@ -458,7 +460,7 @@ def _norms(there: Callable[[Real], Real], back: Callable[[Real], Real], x: Real)
                 y = y - np.einsum("rs,rs->r", other, y)[:, None] * other
         off_diagonal[n] = np.linalg.norm(y, axis=1)
         # where nothing new comes the vectors span all that matters: a zero ends the row's iteration
-        new = off_diagonal[n] > ROUNDING_SHARE * np.abs(diagonal[: n + 1]).max(axis=0)
+        new = off_diagonal[n] > VECTOR_ROUNDING * np.abs(diagonal[: n + 1]).max(axis=0)
         off_diagonal[n] = np.where(new, off_diagonal[n], 0.0)
         x = np.where(new[:, None], y / np.where(new, off_diagonal[n], 1.0)[:, None], 0.0)
     squares = np.zeros((len(x), NORM_ITERATIONS, NORM_ITERATIONS))

@@ -6,7 +6,8 @@ finds them without a weight. It uses the exactly sampled plants, at the corners 
 
     p, g      the fastest p for which some g keeps the sensitivity |S| within SENSITIVITY_MOST at every plant,
               and with which the sensor's steps make at most QUIET_SHARE of the limit at the input, RMS
-    cut-off   the highest with which a trial leaves at most LEFT of what was missing, at each frequency
+    cut-off   the highest with which a trial leaves at most REMAINING_SHARE_MOST of what was missing, at
+              each frequency
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from cogless.design.trials.response import Bundle, Complex, Disturbed, Loop, but
 
 OBSERVER_SHIFT = 2  # samples after which the law knows what was missing
 SENSITIVITY_MOST = 3.0
-LEFT = 2 / 3
+REMAINING_SHARE_MOST = 2 / 3
 QUIET_SHARE = (
     1 / 30
 )  # of the limit of u: most RMS of the sensor's steps; three times this RMS is a tenth of the limit
@@ -187,7 +188,7 @@ def _best_response(L: Complex, tried: Real) -> tuple[float, float]:
 
 
 def highest_cutoff(plant: UncertainPlant, gains: ObserverGains, order: int) -> float:
-    """The highest cut-off, Hz, with which no frequency keeps more than LEFT a trial, at no plant."""
+    """The highest cut-off, Hz, with which a trial leaves at most REMAINING_SHARE_MOST at every frequency."""
     loops = [gains.closed(model, plant.C) for model in _exact(plant)]
     w = grid()
     keeps = np.abs(1 - Bundle(loops, OBSERVER_SHIFT)(w)).max(axis=0)
@@ -195,7 +196,7 @@ def highest_cutoff(plant: UncertainPlant, gains: ObserverGains, order: int) -> f
     for _ in range(40):
         middle = 0.5 * (low + high)
         kept = keeps * butterworth(middle, order, plant.period).gain(w)
-        low, high = (middle, high) if np.max(kept) <= LEFT else (low, middle)
+        low, high = (middle, high) if np.max(kept) <= REMAINING_SHARE_MOST else (low, middle)
     return low
 
 

@@ -23,7 +23,7 @@ HEADERS = {
     "observer": "angle_observer.h",
 }
 COUNTER = "uint32_t board_counter(void); /* the encoder's: 16 bits, four counts a line */\n"
-WORD = "uint32_t board_counter(void); /* the sensor's word, 0 to ${last} */\n"
+SENSOR_WORD = "uint32_t board_counter(void); /* the sensor's word, 0 to ${last} */\n"
 HALL = "uint32_t board_hall(void); /* the sector, 0 to 5 in the order of the forward electrical angle */\n"
 TIMES = """uint32_t board_edge_time(void); /* the timer as captured at the last edge [ticks] */
 uint32_t board_timer(void); /* the timer now [ticks] */
@@ -32,7 +32,7 @@ COUNTED = """static const cgl_speed_count_config speed_config = {.counts = ${cou
 static cgl_speed_count speed;
 static uint32_t count_before[${window}];
 """
-STATES = {
+SENSOR_STATES = {
     "M": COUNTED,
     "average": COUNTED,
     "MT": """static const cgl_speed_timed_config speed_config = {
@@ -110,7 +110,7 @@ ${take}    }
     --countdown;
     now->omega_m = omega_m;
 """
-STEPS = {
+SENSOR_STEPS = {
     "M": "cgl_speed_count_step(&speed, encoder.count)",
     "average": "cgl_speed_count_step(&speed, encoder.count)",
     "MT": "cgl_speed_timed_step(&speed, &edges, board_timer())",
@@ -186,11 +186,11 @@ def motion(subject: Subject) -> dict[str, str]:
             "last_interval": ", .last_interval = true" if position.speed_method == "T" else "",
             "bandwidth": real(position.bandwidth, subject.precision),
         }
-        declarations = (COUNTER if isinstance(position, Encoder) else WORD) + TIMES * position.timed
-        starts, states, text = [ENCODER_START, STARTS[method]], STATES[method], DEFINITIONS
+        declarations = (COUNTER if isinstance(position, Encoder) else SENSOR_WORD) + TIMES * position.timed
+        starts, states, text = [ENCODER_START, STARTS[method]], SENSOR_STATES[method], DEFINITIONS
         table = subject.encoder_table_config
         more = {"due": DUE if position.each_law_period else "", "correct": "", "speed": SPEED[method]}
-        words |= {"step": STEPS.get(method, ""), "turns": "encoder.turns"}
+        words |= {"step": SENSOR_STEPS.get(method, ""), "turns": "encoder.turns"}
         take = TAKE if table is None else TAKE_CORRECTED
         if table is not None:
             values = initialiser(subject.headers, "cgl_encoder_table_config", table, subject.precision)
@@ -288,7 +288,7 @@ TRIAL_ROW = (
     "`${name}_end_trial` from the background |\n"
 )
 
-PART = {
+TRIAL_PART = {
     "part_includes": '#include "cogless/${part}.h"\n',
     "part_members": "    cgl_${part} ${part};\n",
     "part_declarations": "extern const cgl_${part}_config ${name}_${part}_config;\n",
@@ -320,6 +320,7 @@ ACTUATE_CURRENTS = "cgl_current_reference_actuate(&controller->current_reference
 
 
 def parts(subject: Subject) -> dict[str, str]:
+<<<<<<< HEAD
     """Texts that fill the templates' placeholders for current reference and compensation of dead time.
 
     Empty for a part that the drive hasn't.
@@ -342,6 +343,21 @@ def parts(subject: Subject) -> dict[str, str]:
         "actuate": ACTUATE if currents is None else ACTUATE_CURRENTS,
         "compensate": "" if dead_time is None else COMPENSATE,
     }
+=======
+    """Texts that fill the templates' placeholders for the compensation of dead time; empty without it."""
+    config = subject.dead_time_config
+    if config is None:
+        return dict.fromkeys((*TRIAL_PART, "compensate"), "")
+    words = {
+        "part": "dead_time",
+        "name": subject.name,
+        "period": real(1 / subject.rate, subject.precision),
+        "values": initialiser(subject.headers, "cgl_dead_time_config", config, subject.precision),
+    }
+    return {key: Template(text).substitute(words) for key, text in TRIAL_PART.items()} | {
+        "compensate": COMPENSATE
+    }
+>>>>>>> main
 
 
 def extras(subject: Subject) -> dict[str, str]:

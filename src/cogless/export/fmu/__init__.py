@@ -30,14 +30,14 @@ from cogless.study import AnyStudy
 
 # The same options as for the simulator, so that numbers are rounded in the same way.
 OPTIONS = ("-O2", "-fno-tree-vectorize", "-ffp-contract=off")
-COMPILERS = {"C": ("CC", ("cc", "gcc", "clang")), "C++": ("CXX", ("c++", "g++", "clang++"))}
+LANGUAGE_COMPILERS = {"C": ("CC", ("cc", "gcc", "clang")), "C++": ("CXX", ("c++", "g++", "clang++"))}
 STANDARDS = {"C": "-std=c99", "C++": "-std=c++20"}
 LONG_AGO = (1980, 1, 1, 0, 0, 0)  # so that equal FMUs are equal files
 
 
 def compiler(language: str) -> list[str]:
     """The command of a compiler for "C" or "C++"; StudyError if there is none."""
-    variable, names = COMPILERS[language]
+    variable, names = LANGUAGE_COMPILERS[language]
     chosen = shlex.split(os.environ.get(variable, ""))
     for command in [chosen] if chosen else [[name] for name in names]:
         if shutil.which(command[0]):
@@ -129,7 +129,7 @@ def write_fmus(study: AnyStudy, controller: str, scenario: str | None, folder: P
     unknown name, a law without a C form, no compiler.
     """
     run = prepare(study, first_scenario(study, controller, scenario), controller)
-    for language in COMPILERS:
+    for language in LANGUAGE_COMPILERS:
         compiler(language)
     with writable(folder):
         units = [drive_unit(run)] if run.has_bus else [controller_unit(run), drive_unit(run)]

@@ -18,7 +18,7 @@ from cogless.export.c.subject import Subject, stem
 from cogless.export.c.texts import controller_texts
 from cogless.export.fmu.variables import (
     CONTROLLER_INPUTS,
-    TIME,
+    TIME_VARIABLE,
     Unit,
     Variable,
     asset,
@@ -42,7 +42,7 @@ OUTPUTS = ("duty_a", "duty_b", "duty_c", "i_d", "i_q", "u_d", "u_q", "i_d_ref", 
 # C expression for the memory that the law's state points to.
 MEMORY = "controller->memory"
 # C expressions for other pointers in the state of a law of trials.
-OF_TRIALS = {
+TRIAL_POINTERS = {
     "error": f"{MEMORY} + TRIAL_SAMPLES",
     "y_ref": "tick == 0 ? NULL : motion_of(tick - 1)",
 }
@@ -72,7 +72,7 @@ def controller_unit(run: Prepared) -> Unit:
 
 
 def _controller_variables(run: Prepared) -> list[Variable]:
-    variables = [TIME, *measurements("input", run.phases, run.bus_voltage), *references("input")]
+    variables = [TIME_VARIABLE, *measurements("input", run.phases, run.bus_voltage), *references("input")]
     if run.bus_voltage is not None:
         variables += duties("output", run.phases)
         variables += [
@@ -90,7 +90,7 @@ def _variables_h(run: Prepared, subject: Subject, variables: Sequence[Variable])
     name = subject.name
     outputs = {f"OUT_{output.upper()}": output for output in OUTPUTS}
     pointers = {subject.law.cells: MEMORY} if subject.law.cells else {}
-    pointers |= OF_TRIALS if subject.law.name == "trial" else {}
+    pointers |= TRIAL_POINTERS if subject.law.name == "trial" else {}
     links = "".join(f"    controller->law.{member} = {target};\n" for member, target in pointers.items())
     return f"""/* The controller of this FMU; generated. */
 #include <string.h>
@@ -183,7 +183,7 @@ PYTHON = (
 EXTERNAL_CONTROL = "external_control"
 EXTERNAL_REFERENCE = "external_reference"
 # Constants in drive_model.cpp for value references, with the names of their variables.
-PLACES = {
+REFERENCE_CONSTANTS = {
     "FMU_EXTERNAL_CONTROL": EXTERNAL_CONTROL,
     "FMU_EXTERNAL_REFERENCE": EXTERNAL_REFERENCE,
     "FMU_LOAD_ADDED": "tau_load_added",
@@ -224,7 +224,7 @@ def drive_unit(run: Prepared) -> Unit:
 def _drive_variables(run: Prepared, signals: list[tuple[str, str]]) -> list[Variable]:
     names = {name for name, _ in signals}
     phases, bus_voltage = run.phases, run.bus_voltage
-    variables = [TIME]
+    variables = [TIME_VARIABLE]
     what = "input.i_q_ref" if bus_voltage is None else "the duty inputs"
     description = f"true: {what} act at once, in place of the study's controller"
     variables += [Variable(EXTERNAL_CONTROL, "boolean", "parameter", description)]
@@ -263,6 +263,6 @@ def _places(variables: list[Variable], last: int) -> str:
         '#include "value.hpp"\n\n'
         "cogless::Value description();\nstd::vector<double> taught();\n\n"
         "// Value references; 0 where there is no such variable.\n"
-        f"{places(variables, PLACES | {'FMU_FIRST_SIGNAL': first_signal})}\n"
+        f"{places(variables, REFERENCE_CONSTANTS | {'FMU_FIRST_SIGNAL': first_signal})}\n"
         f"constexpr std::int64_t FMU_LAST_TICK = {last};  // when the trials are over; 0 without trials\n"
     )

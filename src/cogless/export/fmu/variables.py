@@ -25,7 +25,7 @@ Causality = Literal["independent", "parameter", "input", "output"]
 # Signals that are whole numbers.
 INTEGERS = ("status", "trial")
 
-TERM = "part of the law's output"
+TERM_CAUSALITY = "part of the law's output"
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ CONTROLLER_INPUTS = {
 }
 
 
-TIME = Variable("time", "real", "independent", "time since the start of the simulation", "s")
+TIME_VARIABLE = Variable("time", "real", "independent", "time since the start of the simulation", "s")
 
 
 def real(causality: Causality, name: str, unit: str, about: str, start: float = 0.0) -> Variable:
@@ -66,7 +66,7 @@ def real(causality: Causality, name: str, unit: str, about: str, start: float = 
 def signal(name: str, unit: str) -> Variable:
     """A recorded signal as an output."""
     kind: Kind = "integer" if name in INTEGERS else "real"
-    description = RECORDED[name].about if name in RECORDED else TERM
+    description = RECORDED[name].about if name in RECORDED else TERM_CAUSALITY
     return Variable(name, kind, "output", description, unit)
 
 
@@ -113,7 +113,7 @@ def first(variables: Iterable[Variable], causality: Causality) -> int:
     return next(n for n, variable in enumerate(variables) if variable.causality == causality)
 
 
-KINDS = {"real": "FMU_REAL", "integer": "FMU_INTEGER", "boolean": "FMU_BOOLEAN"}
+TYPE_MACROS = {"real": "FMU_REAL", "integer": "FMU_INTEGER", "boolean": "FMU_BOOLEAN"}
 CAUSALITIES = {
     "independent": "FMU_TIME",
     "parameter": "FMU_PARAMETER",
@@ -125,7 +125,7 @@ CAUSALITIES = {
 def variables_c(variables: Sequence[Variable], token: str, rate: int) -> str:
     """C source with the table of variables that fmu.h declares."""
     rows = "".join(
-        f'    {{"{v.name}", {KINDS[v.kind]}, {CAUSALITIES[v.causality]}, {number(v.start)}}},\n'
+        f'    {{"{v.name}", {TYPE_MACROS[v.kind]}, {CAUSALITIES[v.causality]}, {number(v.start)}}},\n'
         for v in variables
     )
     return (

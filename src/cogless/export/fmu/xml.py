@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from cogless.export.fmu.variables import Variable
 
 # Exponents of the SI base units in each unit; both versions of FMI use the same names.
-UNITS: dict[str, dict[str, int]] = {
+UNIT_EXPONENTS: dict[str, dict[str, int]] = {
     "1": {},
     "s": {"s": 1},
     "rad": {"rad": 1},
@@ -21,7 +21,7 @@ UNITS: dict[str, dict[str, int]] = {
     "J": {"kg": 1, "m": 2, "s": -2},
 }
 TYPES = {"real": ("Real", "Float64"), "integer": ("Integer", "Int32"), "boolean": ("Boolean", "Boolean")}
-ERRORS = "logStatusError"
+ERROR_CATEGORY = "logStatusError"
 # Outputs change only in a step, so FMUs that are connected in a ring form no algebraic loop.
 NO_INPUT = {"dependencies": ""}
 
@@ -123,12 +123,12 @@ def _shared(root: Element, description: Description) -> None:
     """Units, log categories and the default experiment."""
     units = SubElement(root, "UnitDefinitions")
     used = {variable.unit for variable in description.variables}
-    for name, exponents in UNITS.items():
+    for name, exponents in UNIT_EXPONENTS.items():
         if name in used:
             base = {key: str(exponent) for key, exponent in exponents.items()}
             SubElement(SubElement(units, "Unit", name=name), "BaseUnit", base)
     categories = SubElement(root, "LogCategories")
-    SubElement(categories, "Category", name=ERRORS, description="why a function returned an error")
+    SubElement(categories, "Category", name=ERROR_CATEGORY, description="why a function returned an error")
     stop, step = repr(description.stop_time), repr(1 / description.rate)
     SubElement(root, "DefaultExperiment", startTime="0", stopTime=stop, stepSize=step)
 
@@ -146,7 +146,7 @@ def _role(variable: Variable) -> dict[str, str]:
 
 def _value(variable: Variable) -> dict[str, str]:
     value = {}
-    if variable.kind == "real" and variable.unit in UNITS:
+    if variable.kind == "real" and variable.unit in UNIT_EXPONENTS:
         value["unit"] = variable.unit
     if variable.causality in ("input", "parameter"):
         start = {"real": repr(variable.start), "integer": str(round(variable.start))}

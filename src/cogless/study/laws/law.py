@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from cogless.study.motor import AnyMotor
     from cogless.study.scenario import Scenario
 
-COLUMNS = {"current": units.CURRENT, "torque": units.TORQUE}
+TABLE_COLUMNS = {"current": units.CURRENT, "torque": units.TORQUE}
 StartFile = Annotated[Line, FileName(), Field(min_length=1)]  # relative to the study
 
 
@@ -87,7 +87,7 @@ class Start(Table):
     @model_validator(mode="after")
     def _readable(self, info: ValidationInfo) -> Self:
         if self.table is not None and info.context:
-            self._over_angle = read(info.context["folder"] / self.table, COLUMNS, "table")
+            self._over_angle = read(info.context["folder"] / self.table, TABLE_COLUMNS, "table")
         return self
 
     @property
@@ -183,7 +183,7 @@ class StudyOfLaws(Protocol):
     def scenarios_of(self, controller: str) -> list[str]: ...
 
 
-SETTLING = 1 / 8  # revolutions in each direction before a commissioning run begins to record
+SETTLING_TURNS = 1 / 8  # revolutions in each direction before a commissioning run begins to record
 
 
 class Commissioning(Table):
@@ -199,7 +199,7 @@ class Commissioning(Table):
     @property
     def duration(self) -> float:
         """Duration of the commissioning run, s."""
-        return 2 * (self.revolutions + SETTLING) * TURN / self.speed
+        return 2 * (self.revolutions + SETTLING_TURNS) * TURN / self.speed
 
 
 class Base(Table):

@@ -36,7 +36,7 @@ from cogless.study.table import (
 )
 from cogless.units import TURN
 
-NEVER = 1e18  # s
+NEVER_LEARNS = 1e18  # s
 ANGLE_MAX = real_number("CGL_ANGLE_MAX")  # rad
 MOST_PARTS = 65535  # largest denominator of a period in revolutions of the law's angle
 Whole = Annotated[int, Field(ge=1, le=65535)]
@@ -115,7 +115,7 @@ class SpaceLearning(LearnsWhileRunning):
 
     @property
     def learns_from(self) -> float:
-        return super().learns_from if self.learning else NEVER
+        return super().learns_from if self.learning else NEVER_LEARNS
 
     @property
     def over_angle(self) -> bool:
