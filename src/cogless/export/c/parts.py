@@ -310,9 +310,9 @@ COMPENSATE = """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
     }
 """
 CONVERT = "        cgl_current_reference_step(&controller->current_reference, drive);\n"
-# what of PART differs for the current reference, which takes the drive in place of a period and has no state
+# what of TRIAL_PART differs for the current reference, which takes the drive in place of a period and has no state
 CURRENT_PART = {
-    "part_inits": PART["part_inits"].replace("${period}", "&controller->drive"),
+    "part_inits": TRIAL_PART["part_inits"].replace("${period}", "&controller->drive"),
     "part_resets": "",
 }
 ACTUATE = "cgl_drive_actuate(drive, out)"
@@ -320,13 +320,12 @@ ACTUATE_CURRENTS = "cgl_current_reference_actuate(&controller->current_reference
 
 
 def parts(subject: Subject) -> dict[str, str]:
-<<<<<<< HEAD
     """Texts that fill the templates' placeholders for current reference and compensation of dead time.
 
     Empty for a part that the drive hasn't.
     """
     currents, dead_time = subject.current_reference_config, subject.dead_time_config
-    texts = dict.fromkeys(PART, "")
+    texts = dict.fromkeys(TRIAL_PART, "")
     for part, config, more in (("current_reference", currents, CURRENT_PART), ("dead_time", dead_time, {})):
         if config is None:
             continue
@@ -336,28 +335,13 @@ def parts(subject: Subject) -> dict[str, str]:
             "period": real(1 / subject.rate, subject.precision),
             "values": initialiser(subject.headers, f"cgl_{part}_config", config, subject.precision),
         }
-        for key, text in (PART | more).items():
+        for key, text in (TRIAL_PART | more).items():
             texts[key] += Template(text).substitute(words)
     return texts | {
         "convert": "" if currents is None else CONVERT,
         "actuate": ACTUATE if currents is None else ACTUATE_CURRENTS,
         "compensate": "" if dead_time is None else COMPENSATE,
     }
-=======
-    """Texts that fill the templates' placeholders for the compensation of dead time; empty without it."""
-    config = subject.dead_time_config
-    if config is None:
-        return dict.fromkeys((*TRIAL_PART, "compensate"), "")
-    words = {
-        "part": "dead_time",
-        "name": subject.name,
-        "period": real(1 / subject.rate, subject.precision),
-        "values": initialiser(subject.headers, "cgl_dead_time_config", config, subject.precision),
-    }
-    return {key: Template(text).substitute(words) for key, text in TRIAL_PART.items()} | {
-        "compensate": COMPENSATE
-    }
->>>>>>> main
 
 
 def extras(subject: Subject) -> dict[str, str]:
