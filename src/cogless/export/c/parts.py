@@ -310,7 +310,7 @@ COMPENSATE = """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
     }
 """
 CONVERT = "        cgl_current_reference_step(&controller->current_reference, drive);\n"
-# what of TRIAL_PART differs for the current reference, which takes the drive in place of a period and has no state
+# what of TRIAL_PART differs: the current reference takes the drive in place of a period, and has no state
 CURRENT_PART = {
     "part_inits": TRIAL_PART["part_inits"].replace("${period}", "&controller->drive"),
     "part_resets": "",
