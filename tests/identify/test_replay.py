@@ -206,9 +206,7 @@ def test_an_estimate_is_simulated_twice_the_second_time_with_the_dead_time_that_
     assert steps["dead times"] == pytest.approx([0.0, added, 2 * added, 3 * added])
     assert traces == {"a": "trace"}
     (said,) = found.remarks
-    assert said.startswith(
-        "The currents follow as if the bridge had 300 +- 20 ns more dead time than is"
-    )
+    assert said.startswith("The currents follow as if the bridge had 300 +- 20 ns more dead time than is")
     assert not isinstance(said, Advice)  # a drop of its transistors looks alike
     assert progress == [
         (f"simulation {n} of 2{more}", 0.5) for n in (1, 2) for more in ("", " with more dead time")
