@@ -152,16 +152,23 @@ cogless_plugin_drive plugin_drive(const Section& s) {
 }
 
 // What the drive tells its law. Throws std::invalid_argument where the drive is refused. period: of the current loop, s.
-cgl_loop loop_of(const cgl_drive_config& control, cgl_real period) {
+cgl_loop loop_of(const cgl_drive_config& control, const std::optional<cgl_current_reference_config>& currents, cgl_real period) {
     cgl_drive drive;
     const cgl_error error = cgl_drive_init(&drive, &control, period);
     if (error != CGL_OK) require(error, "drive.control", cgl_drive_bad_field(&control, period));
+    if (currents) {
+        cgl_current_reference unused;
+        require(cgl_current_reference_init(&unused, &*currents, &drive), "drive.current_reference",
+                cgl_current_reference_bad_field(&*currents, control.foc.current_limit));
+    }
     return drive.loop;
 }
 
 // period: of the current loop, s.
-Law law(const Section& s, CallbackLaw own, double period, const cgl_drive_config& control, const std::optional<Trials>& trials) {
-    const auto current_limit = static_cast<double>(control.foc.current_limit);
+Law law(const Section& s, CallbackLaw own, double period, const cgl_drive_config& control,
+        const std::optional<cgl_current_reference_config>& currents, const std::optional<Trials>& trials) {
+    const auto ts = static_cast<cgl_real>(period);
+    const auto current_limit = static_cast<double>(currents ? loop_of(control, currents, ts).current_limit : control.foc.current_limit);
     const auto name = s.get<std::string>("law");
     if (name == "library") {
         return open_plugin(s.get<std::string>("library"), s.get<std::vector<double>>("params"), plugin_drive(s.section("drive")),
@@ -172,7 +179,7 @@ Law law(const Section& s, CallbackLaw own, double period, const cgl_drive_config
         own.current_limit = current_limit;
         return own;
     }
-    return trials && name == TrialLaw::name ? trial_law(s, 2, *trials) : c_law(name, s, loop_of(control, static_cast<cgl_real>(period)));
+    return trials && name == TrialLaw::name ? trial_law(s, 2, *trials) : c_law(name, s, loop_of(control, currents, ts));
 }
 
 FrictionConfig friction(const Section& s) {
@@ -312,6 +319,9 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
         const Section bus = drive.section("bus");
         result.bus = {bus.number("delay_measured"), bus.number("delay_command"), bus.number("jitter"), bus.number("quantum")};
     }
+    if (drive.has("current_reference")) {
+        result.current_reference = drive.packed<cgl_current_reference_config>("current_reference");
+    }
     if (drive.has("dead_time")) {
         result.dead_time = drive.packed<cgl_dead_time_config>("dead_time");
     }
@@ -319,7 +329,8 @@ DriveConfig read_config(const Value& description, const CallbackLaw& own) {
     result.sensor_on_load =
         drive.section("position_sensor").has("side") &&
         drive.section("position_sensor").choice<bool>("side", {{"motor", false}, {"load", true}});
-    result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.control, result.trials);
+    result.law = law(controller_section, own, 1.0 / static_cast<double>(current_rate), result.control, result.current_reference,
+                     result.trials);
     result.integration_steps = drive.integer("integration_steps");
     result.holds_position = controller_section.has("holds_position") && controller_section.get<bool>("holds_position");
     result.learning_start = controller_section.has("learning_start") ? controller_section.number("learning_start") : 0.0;

@@ -184,6 +184,13 @@ Drive::Drive(const DriveConfig& config)
     if (config_.torque_mode && (std::holds_alternative<CallbackLaw>(config_.law) || std::holds_alternative<PluginLaw>(config_.law))) {
         throw std::invalid_argument("torque_mode: expected a law of the control library");
     }
+    if (config_.current_reference) {
+        if (config_.bus || steps_currents_) {
+            throw std::invalid_argument("current_reference: expected a law in the drive, without current_step()");
+        }
+        require(cgl_current_reference_init(&current_reference_, &*config_.current_reference, &unused), "drive.current_reference",
+                cgl_current_reference_bad_field(&*config_.current_reference, config_.control.foc.current_limit));
+    }
     start_of(config_.law);
     for (const PhaseConfig& p : config_.phases) {
         if (p.motor.phases != motor_phases(config_)) {
@@ -209,6 +216,10 @@ Drive::Drive(const DriveConfig& config)
 DriveState Drive::start() const {
     DriveState s{};
     cgl_drive_init(&s.control, &config_.control, static_cast<cgl_real>(period_));
+    if (config_.current_reference) {
+        cgl_current_reference unused;
+        cgl_current_reference_init(&unused, &*config_.current_reference, &s.control);
+    }
     s.encoder_table = encoder_table_start_;
     s.bus.random = Random(~config_.seed);  // of its own: the noise of the sensors stays as it is
     if (const auto& thermal = phases_.front().config.motor.thermal) s.temperature = thermal->start;
@@ -581,7 +592,11 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
 }
 
 [[gnu::always_inline]] inline void Drive::actuate(DriveState& s) const {
-    cgl_drive_actuate(&s.control, &s.output);
+    if (config_.current_reference) {
+        cgl_current_reference_actuate(&current_reference_, &s.control, &s.output);
+    } else {
+        cgl_drive_actuate(&s.control, &s.output);
+    }
     const bool off = (s.output.status & static_cast<unsigned>(CGL_STATUS_OFF)) != 0U;
     if (config_.dead_time && !off) cgl_dead_time_step(&s.dead_time, &s.control.currents, s.output.duty);
 }
@@ -718,7 +733,7 @@ LawInput Drive::law_input(const DriveState& s, const Measurement& measured) cons
                       measured.theta_m,
                       legs == 0 ? s.plant.i.d : static_cast<double>(s.output.i_d),
                       legs == 0 ? s.plant.i.q : static_cast<double>(s.output.i_q),
-                      static_cast<double>(config_.control.foc.current_limit),
+                      static_cast<double>(s.control.loop.current_limit),
                       law_period(),
                       c.learn,
                       c.off};
@@ -754,6 +769,12 @@ void Drive::obey(DriveState& s, const Command& command) const {
     }
     s.control.command = {static_cast<cgl_real>(command.i_q_ref), command.status};
     s.control.currents.i_d_ref = s.asked.i_d_ref = static_cast<cgl_real>(command.i_d_ref);
+    if (config_.current_reference) {
+        if (command.i_d_ref != 0.0) {
+            throw std::runtime_error("asked for i_d_ref: expected only i_q_ref, with drive.current_reference");
+        }
+        cgl_current_reference_step(&current_reference_, &s.control);
+    }
 }
 
 template <std::size_t legs, Detail detail>

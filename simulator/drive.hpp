@@ -17,6 +17,7 @@
 
 #include "angle_patch.hpp"
 #include "bus.hpp"
+#include "cogless/current_reference.h"
 #include "cogless/dead_time.h"
 #include "cogless/drive.h"
 #include "cogless/encoder_table.h"
@@ -76,6 +77,7 @@ struct DriveConfig {
     bool sensor_on_load = false;  // its angle times the gear's ratio, which is whole, is the drive's angle
     ReferenceConfig reference;  // without trials
     cgl_drive_config control;
+    std::optional<cgl_current_reference_config> current_reference;  // none: i_q is the law's, i_d is zero
     std::optional<cgl_dead_time_config> dead_time;  // none: not compensated
     std::optional<cgl_encoder_table_config> encoder_table;  // none: the sensor is believed
     std::optional<cgl_low_pass_config> speed_filter;        // none: the measured speed as it is
@@ -283,6 +285,7 @@ private:
     double turns_;        // rad, the law gets the reference's angle modulo this
     Reference reference_;
     PositionSensor position_sensor_;
+    cgl_current_reference current_reference_{};  // used if config_.current_reference is there; it has no state
     cgl_dead_time dead_time_start_{};  // used if config_.dead_time is there
     cgl_encoder_table encoder_table_start_{};
     cgl_low_pass speed_filter_start_{};

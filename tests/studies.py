@@ -38,6 +38,42 @@ AFC: dict[str, Any] = {
     }
 }
 HARMONIC: dict[str, Any] = {"controller.harmonic": {"law": "harmonic", "tuning": {"rule": "auto"}}}
+# A salient motor above its base speed, with field weakening.
+TRACTION = """
+title = "A traction motor on 800 V"
+[motor]
+pole_pairs = 4
+R_s = "20 mohm"
+L_d = "0.6 mH"
+L_q = "1.5 mH"
+psi_f = "0.3 Wb"
+cogging = [ {order = 12, torque = "5 N*m"} ]
+[mechanics]
+inertia = "0.05 kg*m^2"
+viscous_friction = "0.05 N*m*s/rad"
+[drive]
+rates = { current_loop = "16 kHz", speed_loop = "8 kHz" }
+current_loop = { bandwidth = "800 Hz", current_limit = "250 A" }
+inverter = { bus_voltage = "800 V" }
+current_reference = { field_weakening = true }
+[scenario.fast]
+duration = "2 s"
+reference = "4500 rpm"
+initial_speed = "3000 rpm"
+[controller.pi]
+law = "pi"
+tuning = { rule = "phase-margin", phase_margin = "60 deg" }
+[controller.harmonic]
+law = "harmonic"
+base = 12
+tuning = { rule = "auto" }
+[[metric]]
+name = "speed_ripple"
+kind = "ripple-rms"
+signal = "omega_m"
+last = "0.3 s"
+unit = "rpm"
+"""
 BASE = """
 title = "A small drive"
 [motor]

@@ -6,6 +6,7 @@
 #include "cogless/angle_observer.h"
 #include "cogless/calibration.h"
 #include "cogless/crc32.h"
+#include "cogless/current_reference.h"
 #include "cogless/dead_time.h"
 #include "cogless/decay.h"
 #include "cogless/delay_line.h"

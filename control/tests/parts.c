@@ -6,6 +6,7 @@
 #include "cogless/angle.h"
 #include "cogless/angle_observer.h"
 #include "cogless/calibration.h"
+#include "cogless/current_reference.h"
 #include "cogless/dead_time.h"
 #include "cogless/drive.h"
 #include "cogless/encoder.h"
@@ -111,6 +112,58 @@ static void try_angle_observer(void)
         hear_bits(observer.theta);
         hear(observer.omega);
         CHECK(within(observer.omega, observer.omega_max) && within(observer.alpha, observer.alpha_max));
+    }
+}
+
+static cgl_current_reference_config random_current_reference(void)
+{
+    cgl_current_reference_config config;
+    config.mtpa = random_below(2) == 0U;
+    config.field_weakening = random_below(4) != 0U;
+    config.L_d = random_gain(CGL_R(1.0e-3));
+    config.L_q = random_gain(CGL_R(1.0e-3));
+    config.psi_f = random_gain(CGL_R(0.03));
+    config.R_s = random_gain(CGL_R(0.3));
+    config.voltage_share = random_below(3) ? CGL_R(0.0) : random_gain(CGL_R(1.0));
+    return config;
+}
+
+static void try_current_reference(void)
+{
+    cgl_current_reference_config config;
+    cgl_current_reference currents;
+    cgl_drive_config around = {.pole_pairs = 4U, .divider = 10U, .unguarded = true, .quality = {.span = CGL_R(6.28), .longest = CGL_R(9.0)}};
+    cgl_drive drive;
+    cgl_error error;
+    around.foc.phases = 2U + random_below(2);
+    do {
+        around.foc.current_limit = random_gain(CGL_R(10.0));
+        config = random_current_reference();
+        error = cgl_drive_init(&drive, &around, CGL_R(1.0e-4));
+        error = error == CGL_OK ? cgl_current_reference_init(&currents, &config, &drive) : error;
+    } while (error != CGL_OK);
+    const cgl_real limit = around.foc.current_limit * CGL_R(1.00001);
+    CHECK(cgl_is_finite(drive.loop.current_limit) && drive.loop.current_limit >= around.foc.current_limit);
+    for (int step = 0; step < STEPS_PER_CONFIG; ++step) {
+        const bool odd = random_below(8) == 0U;
+        drive.command.i_q_ref = odd ? random_real(CGL_R(10.0)) : random_gain(CGL_R(10.0)) * (random_below(2) ? CGL_R(1.0) : CGL_R(-1.0));
+        drive.command.status = 0U;
+        drive.saturated = false;
+        drive.currents.omega_e = random_real(CGL_R(3.0e3));
+        drive.currents.u_dc = odd ? random_real(CGL_R(48.0)) : CGL_R(48.0);
+        const cgl_real wanted = cgl_finite_or_zero(drive.command.i_q_ref);
+        cgl_current_reference_step(&currents, &drive);
+        const cgl_real d = drive.currents.i_d_ref / limit, q = drive.command.i_q_ref / limit;
+        hear(drive.currents.i_d_ref);
+        hear(drive.command.i_q_ref);
+        hear_bits(drive.command.status);
+        CHECK(d * d + q * q <= CGL_R(1.00001));
+        CHECK(wanted * drive.command.i_q_ref >= CGL_R(0.0));
+        CHECK(drive.saturated == ((drive.command.status & (unsigned)CGL_STATUS_SATURATED) != 0U));
+        cgl_drive_output out;
+        cgl_current_reference_actuate(&currents, &drive, &out);
+        CHECK(are_duties(out.duty) && cgl_is_finite(drive.i_q));
+        hear(drive.i_q);
     }
 }
 
@@ -334,6 +387,7 @@ void try_parts(long configs)
         {"low_pass", try_low_pass, 0x3fdd7ae4U, 0x576bdf15U},
         {"hall", try_hall, 0xb8415665U, 0x3a0696a6U},
         {"telemetry", try_telemetry, 0x00000000U, 0x00000000U},
+        {"current_reference", try_current_reference, 0xbef6cf94U, 0x92606f06U},
     };
     try_subjects(subjects, sizeof subjects / sizeof subjects[0], configs);
 }

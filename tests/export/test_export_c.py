@@ -60,6 +60,16 @@ CONTROLLERS: list[tuple[str, str, dict[str, Any]]] = [
             "drive.encoder_table.omega_min": "10 rev/s",
         },
     ),
+    (
+        "liu2018",
+        "pi-ilc",
+        {
+            **CELLS,
+            "drive.dead_time_compensation.band": "35 mA",
+            "drive.belief.L_q": "60 mH",
+            "drive.current_reference.field_weakening": True,
+        },
+    ),
     ("verrelli2016", "filtered", {"drive.precision": "single"}),
     ("verrelli2016", "printed", {}),
     ("verrelli2016-speed", "learning", {"drive.precision": "single"}),

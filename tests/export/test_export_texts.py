@@ -186,7 +186,7 @@ def test_parts_around_the_drive_have_their_texts_where_the_study_has_them(
     monkeypatch.setattr(
         "cogless.export.c.parts.initialiser", lambda headers, struct, *of: f"    /* {struct} */"
     )
-    none = dict.fromkeys(parts(subject), "")
+    none = dict.fromkeys(parts(subject), "") | {"actuate": "cgl_drive_actuate(drive, out)"}
     for plain in (subject, replace(subject, encoder_table_config={"cells": 4})):
         assert parts(plain) == none and plain.parts == ["drive.h", "speed_pi.h"]
     dead = replace(subject, dead_time_config={"time": 1e-6})
@@ -197,6 +197,13 @@ def test_parts_around_the_drive_have_their_texts_where_the_study_has_them(
     assert "pi_dead_time_config = {\n    /* cgl_dead_time_config */\n};" in told["part_configs"]
     assert told["part_includes"] == '#include "cogless/dead_time.h"\n'
     assert told["part_resets"] == "    cgl_dead_time_reset(&controller->dead_time);\n"
+    both = replace(dead, current_reference_config={"mtpa": True})
+    assert both.parts == ["drive.h", "speed_pi.h", "current_reference.h", "dead_time.h"]
+    texts = parts(both)
+    assert texts["actuate"] == ("cgl_current_reference_actuate(&controller->current_reference, drive, out)")
+    assert "cgl_current_reference_step(&controller->current_reference, drive);" in texts["convert"]
+    assert "&pi_current_reference_config, &controller->drive)" in texts["part_inits"]
+    assert texts["part_resets"] == told["part_resets"]
 
 
 @pytest.mark.parametrize(

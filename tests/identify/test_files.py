@@ -491,6 +491,11 @@ def test_a_count_is_of_a_sensor_that_has_counts_and_of_the_angle(tmp_path, was, 
     assert str(caught.value).startswith(f"{tmp_path / 'id.toml'}: {said}")
 
 
+def test_a_drive_with_a_current_reference_is_refused(tmp_path):
+    with pytest.raises(StudyError, match=r"drive\.current_reference: .*the torque is taken from i_q alone"):
+        known(tmp_path, "[drive]\n", "[drive]\ncurrent_reference = { field_weakening = true }\n")
+
+
 def test_headings_name_a_time_or_an_angle(tmp_path):
     lines = ID.splitlines(keepends=True)
     named = [line for line in lines if not line.startswith(("t =", "theta ="))]

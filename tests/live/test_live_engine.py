@@ -81,9 +81,9 @@ def each_met(pairs):
 
 
 @needs
-@pytest.mark.parametrize("name", SPEED)
+@pytest.mark.parametrize("name", [*SPEED, "traction"])
 def test_each_row_of_each_signal_has_the_native_bits(tmp_path, name):
-    study = load(name)
+    study = load(studies.write(tmp_path, studies.TRACTION) if name == "traction" else name)
     # the commissioning of a table, which takes seconds, is another test's
     plain = [pair for pair in held(study) if not tabled(study, pair[1])]
     plans = [plan(study, *pair) for pair in each_met(plain)]

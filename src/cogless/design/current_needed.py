@@ -22,6 +22,7 @@ from cogless.study import Study, for_scenario
 from cogless.study.motion import course
 from cogless.study.reading import Changes, Remark
 
+D_POINTS = 20_001  # i_d for which the largest torque is computed
 WAVE_POINTS = 8  # angles in a wave of the highest order
 CURRENT_RESERVE = 1.1  # limit that is advised / current that is needed
 
@@ -52,6 +53,30 @@ def needed(study: Study, scenario: str) -> Needed:
     return Needed(largest, largest + float(np.max(np.abs(alpha - mean))))
 
 
+def available(study_here: Study, omega: float) -> float:
+    """The largest output of a law, A, at a speed (rad/s): the equivalent q-axis current of most torque.
+
+    With field weakening, current and voltage bound it; without, the current alone.
+    """
+    drive, star = study_here.drive, study_here.motor.star()
+    limit, reach = drive.current_loop.current_limit, drive.largest_torque_current(star)
+    reference, inverter = drive.current_reference, drive.inverter
+    if reference is None or not reference.field_weakening or inverter is None:
+        return reach
+    belief = drive.belief.resolved(star)
+    flux, omega_e = belief.psi_f, star.pole_pairs * abs(omega)
+    u_max = reference.voltage_share * inverter.bus_voltage / (1 if star.phases == 2 else math.sqrt(3))
+    d = np.linspace(-limit, limit, D_POINTS)
+    longest = np.sqrt(limit**2 - d**2)
+    # |u|^2 = a q^2 + 2 b q + c + u_max^2
+    a = belief.R_s**2 + (omega_e * belief.L_q) ** 2
+    b = belief.R_s * omega_e * (flux + (belief.L_d - belief.L_q) * d)
+    c = (belief.R_s * d) ** 2 + (omega_e * (flux + belief.L_d * d)) ** 2 - u_max**2
+    q = np.minimum(longest, (np.sqrt(np.maximum(b * b - a * c, 0.0)) - b) / a)
+    torque = np.where((b * b >= a * c) & (q > 0), q * (1 - (belief.L_q - belief.L_d) / flux * d), 0.0)
+    return min(reach, float(torque.max()))
+
+
 def starts_after(study: Study, scenario: str, feedback: Linear, omega: float) -> float:
     """Time, s, after which a feedback asks a resting rotor for the current that starts it, at a reference of
     `omega`, rad/s; infinite if it never does.
@@ -71,19 +96,27 @@ def starts_after(study: Study, scenario: str, feedback: Linear, omega: float) ->
     return missing / slope if slope > 0 else math.inf
 
 
+def _available(study: Study, scenario: str) -> float:
+    """The largest output of a law at a scenario's top speed, A."""
+    return available(for_scenario(study, scenario), study.scenario[scenario].top_reference)
+
+
 def too_much_current(study: Study, scenario: str) -> Remark | None:
     """Warning that the motion, or an even speed, needs more current than the limit; None if neither does."""
-    limit, needs = for_scenario(study, scenario).drive.current_loop.current_limit, needed(study, scenario)
+    limit, needs = _available(study, scenario), needed(study, scenario)
     if needs.most <= limit:
         return None
+    drive = for_scenario(study, scenario).drive
+    bound = f"current_limit is {limit:.3g} A"
+    if drive.current_reference is not None:
+        bound = f"current and voltage there give {limit:.3g} A, as q-axis current of the same torque"
     if needs.mean > limit:
-        sentence = f"its motion and load take {needs.mean:.3g} A, and current_limit is {limit:.3g} A"
+        sentence = f"its motion and load take {needs.mean:.3g} A, and {bound}"
     else:
-        sentence = f"to turn evenly takes up to {needs.most:.3g} A, and current_limit is {limit:.3g} A"
+        sentence = f"to turn evenly takes up to {needs.most:.3g} A, and {bound}"
 
     def cured(other: Study) -> bool:
-        other_limit = for_scenario(other, scenario).drive.current_loop.current_limit
-        return needed(other, scenario).most <= other_limit
+        return needed(other, scenario).most <= _available(other, scenario)
 
     more: Changes = {"drive.current_loop.current_limit": unit_text(CURRENT_RESERVE * needs.most, "A")}
     cures = helping(study, (more,), cured)

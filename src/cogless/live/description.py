@@ -30,6 +30,7 @@ from cogless.study.base import Kind
 NONE, BOOL, INTEGER, NATURAL, REAL, TEXT, NUMBERS, LIST, TABLE, MATRIX = range(10)
 STRUCTS = {
     "drive.control": "cgl_drive_config",
+    "drive.current_reference": "cgl_current_reference_config",
     "drive.encoder_table": "cgl_encoder_table_config",
     "drive.dead_time": "cgl_dead_time_config",
 }

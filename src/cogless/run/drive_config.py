@@ -91,7 +91,8 @@ def monitor_config(
     }
     if drive.inverter is not None and not isinstance(loop, IdealCurrentLoop):
         no_load = no_load_speed(drive.inverter.bus_voltage, motor, belief.psi_f)
-        derived["omega_max"] = max(SPEED_MARGIN * no_load, no_load + resolution)
+        fastest = SPEED_MARGIN * no_load * drive.weakening(belief.psi_f, belief.L_d)
+        derived["omega_max"] = max(fastest, no_load + resolution) if math.isfinite(fastest) else 0.0
         derived["current_max"] = CURRENT_MARGIN * loop.current_limit
         if motor.phases == 3 and drive.current_sensors.sensors == 3:
             derived["current_sum"] = SUM_SHARE * loop.current_limit
@@ -224,6 +225,11 @@ def drive_config(
         config["bus"] = drive.bus.model_dump()
     if drive.inverter is None:
         return config
+    reference = current_reference_config(drive, motor)
+    if reference is not None:
+        config["current_reference"] = control_layout(drive.precision).pack(
+            "cgl_current_reference_config", reference
+        )
     compensation = dead_time_config(drive, motor, driven)
     if compensation is not None:
         config["dead_time"] = control_layout(drive.precision).pack("cgl_dead_time_config", compensation)
@@ -248,6 +254,22 @@ def encoder_table_config(drive: Drive, motor: StarMotor, mechanics: Mechanics) -
         "bandwidth": table.bandwidth / ratio,
         "b": K_t / mechanics.stiff.inertia / ratio,
         "limit": table.limit,
+    }
+
+
+def current_reference_config(drive: Drive, motor: StarMotor) -> dict[str, Any] | None:
+    """Members of the C struct cgl_current_reference_config; None: the law's output is i_q."""
+    reference, belief = drive.current_reference, drive.belief.resolved(motor)
+    if reference is None:
+        return None
+    return {
+        "mtpa": reference.rule == "mtpa",
+        "field_weakening": reference.field_weakening,
+        "L_d": belief.L_d,
+        "L_q": belief.L_q,
+        "psi_f": belief.psi_f,
+        "R_s": belief.R_s,
+        "voltage_share": reference.voltage_share,
     }
 
 
@@ -304,7 +326,7 @@ def _controller(study: Study, study_here: Study, name: str, mode: Mode) -> dict[
     loop = LawLoop(
         current_rate=round(drive.rates.current_loop),
         divider=drive.rates.divider,
-        current_limit=drive.current_loop.current_limit,
+        current_limit=drive.largest_torque_current(study_here.motor.star()),
         pole_pairs=study_here.motor.pole_pairs,
     )
     values = rules_of(study, name).c_config(law, loop)

@@ -61,7 +61,7 @@ def known_drive(study: AnyStudy) -> KnownDrive:
         psi_f=belief.psi_f,
         torque_constant=star.power_factor * motor.pole_pairs * belief.psi_f,
         inertia=mechanics.stiff.inertia,
-        current_limit=drive.current_loop.current_limit,
+        current_limit=drive.largest_torque_current(star),
         current_bandwidth=drive.current_loop.gains(belief)["kp_q"] / belief.L_q,
         current_period=period,
         delay=0.0 if drive.ideal else drive.advance * period,

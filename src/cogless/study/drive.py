@@ -245,6 +245,26 @@ AnyCurrentLoop = Annotated[
 ]
 
 
+class CurrentReference(Table):
+    """How the torque that a law asks for becomes currents of both axes.
+
+    With this table a law's output, its limit and the $i_q$ that it is told are equivalent q-axis currents:
+    torque over $1.5 p$ times the magnets' flux.
+    """
+
+    rule: Literal["mtpa", "zero-d"] = "mtpa"
+    """`"mtpa"`: least current for the torque. `"zero-d"`: no $i_d$ below the voltage limit."""
+    field_weakening: bool = False
+    """True: $i_d$ keeps the voltage within its limit at speed. The torque is shortened where no current
+    does."""
+    voltage_share: Annotated[float, Field(gt=0, le=1)] = 0.95
+    """Part of the largest voltage that field weakening plans with. The rest is for the current
+    controllers."""
+
+
+REACH_SHARE = 1 - 1e-5  # of the largest equivalent current: the C library's, rounded, is not below it
+
+
 class Inverter(Table):
     """The inverter: voltage averaged over each current-loop period, or switched with centre-aligned edges."""
 
@@ -355,6 +375,8 @@ class Drive(Table):
     """Rates of the current loop, the speed loop and the integration."""
     current_loop: AnyCurrentLoop = Field(examples=['{ bandwidth = "1 kHz", current_limit = "4 A" }'])
     """Gains of the inner loop."""
+    current_reference: CurrentReference | None = None
+    """Most torque per current, and field weakening. Default: the law's output is $i_q$, and $i_d$ is zero."""
     inverter: Inverter | None = None
     """Converts duty cycles to voltages."""
     dead_time_compensation: DeadTimeCompensation | None = None  # likewise
@@ -382,6 +404,10 @@ class Drive(Table):
             raise invalid("expected none, since the current loop is ideal", "inverter")
         if not self.ideal and self.inverter is None:
             raise invalid("expected a table of bus_voltage, ...", "inverter", value="missing")
+        if self.ideal and self.current_reference is not None:
+            raise invalid("expected none, since the current loop is ideal", "current_reference")
+        if self.bus is not None and self.current_reference is not None:
+            raise invalid("expected none, since the law runs elsewhere, behind the bus", "current_reference")
         if self.dead_time_compensation is None:
             return self
         if self.ideal:
@@ -443,6 +469,27 @@ class Drive(Table):
     def advance(self) -> float:
         """Current-loop periods from sampling to the middle of the period in which the voltage acts."""
         return 1.5 if self.inverter is not None and self.inverter.computation_delay else 0.5
+
+    def largest_torque_current(self, motor: StarMotor) -> float:
+        """The largest output of a law, A: the equivalent q-axis current of most torque at current_limit.
+
+        Without a current reference, or without a salient rotor, it is current_limit.
+        """
+        limit, belief = self.current_loop.current_limit, self.belief.resolved(motor)
+        reference = self.current_reference
+        if reference is None or reference.rule != "mtpa" or belief.L_q == belief.L_d:
+            return limit
+        saliency = (belief.L_q - belief.L_d) / belief.psi_f * limit
+        d = -2 * saliency / (1 + math.sqrt(1 + 8 * saliency**2))
+        return limit * max(1.0, REACH_SHARE * math.sqrt(1 - d**2) * (1 - saliency * d))
+
+    def weakening(self, psi_f: float, L_d: float) -> float:
+        """Factor by which field weakening raises the speed without load; infinite if $i_d$ can take all the
+        flux."""
+        if self.current_reference is None or not self.current_reference.field_weakening:
+            return 1.0
+        rest = psi_f - L_d * self.current_loop.current_limit
+        return psi_f / rest if rest > 0 else math.inf
 
     @property
     def ideal(self) -> bool:

@@ -55,7 +55,8 @@ def voltage_reach(study: Study) -> float:
     inverter, motor = study.drive.inverter, study.motor.star()
     if inverter is None:
         return math.inf
-    return no_load_speed(inverter.bus_voltage, motor, motor.psi_f)
+    weakening = study.drive.weakening(motor.psi_f, motor.L_d)
+    return no_load_speed(inverter.bus_voltage, motor, motor.psi_f) * weakening
 
 
 def check_step(step: float, steps: int, rates: Sequence[tuple[float, str]], top: str, why: str = "") -> None:

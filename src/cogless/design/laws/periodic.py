@@ -213,7 +213,8 @@ class LearningRules(LawRules[P], Generic[P]):
         return PeriodicLoop
 
     def fill(self, study_here: Study) -> Values:
-        own = {} if self.law.limit is not None else {"limit": self.study.drive.current_loop.current_limit}
+        most = self.study.drive.largest_torque_current(self.study.motor.star())
+        own = {} if self.law.limit is not None else {"limit": most}
         return {**super().fill(study_here), **own}
 
     def numbers_used(self) -> dict[str, Gain]:

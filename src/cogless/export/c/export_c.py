@@ -118,6 +118,7 @@ def subject_of(prepared: Prepared, command: str = "") -> Subject:
         drive_config=layout.decode("cgl_drive_config", drive["control"]),
         law_config=layout.decode(law.config, controller["config"]),
         dead_time_config=_part(layout, drive, "dead_time"),
+        current_reference_config=_part(layout, drive, "current_reference"),
         encoder_table_config=_part(layout, drive, "encoder_table"),
         rate=round(prepared.rate),
         memory_length=len(prepared.memory),

@@ -309,21 +309,38 @@ COMPENSATE = """    if ((out->status & (unsigned)CGL_STATUS_OFF) == 0U) {
         cgl_dead_time_step(&controller->dead_time, &drive->currents, out->duty);
     }
 """
+CONVERT = "        cgl_current_reference_step(&controller->current_reference, drive);\n"
+# what of TRIAL_PART differs: the current reference takes the drive in place of a period, and has no state
+CURRENT_PART = {
+    "part_inits": TRIAL_PART["part_inits"].replace("${period}", "&controller->drive"),
+    "part_resets": "",
+}
+ACTUATE = "cgl_drive_actuate(drive, out)"
+ACTUATE_CURRENTS = "cgl_current_reference_actuate(&controller->current_reference, drive, out)"
 
 
 def parts(subject: Subject) -> dict[str, str]:
-    """Texts that fill the templates' placeholders for the compensation of dead time; empty without it."""
-    config = subject.dead_time_config
-    if config is None:
-        return dict.fromkeys((*TRIAL_PART, "compensate"), "")
-    words = {
-        "part": "dead_time",
-        "name": subject.name,
-        "period": real(1 / subject.rate, subject.precision),
-        "values": initialiser(subject.headers, "cgl_dead_time_config", config, subject.precision),
-    }
-    return {key: Template(text).substitute(words) for key, text in TRIAL_PART.items()} | {
-        "compensate": COMPENSATE
+    """Texts that fill the templates' placeholders for current reference and compensation of dead time.
+
+    Empty for a part that the drive hasn't.
+    """
+    currents, dead_time = subject.current_reference_config, subject.dead_time_config
+    texts = dict.fromkeys(TRIAL_PART, "")
+    for part, config, more in (("current_reference", currents, CURRENT_PART), ("dead_time", dead_time, {})):
+        if config is None:
+            continue
+        words = {
+            "part": part,
+            "name": subject.name,
+            "period": real(1 / subject.rate, subject.precision),
+            "values": initialiser(subject.headers, f"cgl_{part}_config", config, subject.precision),
+        }
+        for key, text in (TRIAL_PART | more).items():
+            texts[key] += Template(text).substitute(words)
+    return texts | {
+        "convert": "" if currents is None else CONVERT,
+        "actuate": ACTUATE if currents is None else ACTUATE_CURRENTS,
+        "compensate": "" if dead_time is None else COMPENSATE,
     }
 
 

@@ -33,6 +33,7 @@ class Subject:
     drive_config: dict[str, Any]  # cgl_drive_config, decoded
     law_config: dict[str, Any]
     dead_time_config: dict[str, Any] | None  # cgl_dead_time_config, decoded; None: not compensated
+    current_reference_config: dict[str, Any] | None  # likewise; None: the law's output is i_q
     encoder_table_config: dict[str, Any] | None  # likewise, for the example; None: the sensor is believed
     rate: int  # Hz, of the current loop
     memory_length: int  # entries of the law's memory
@@ -45,7 +46,12 @@ class Subject:
     @property
     def parts(self) -> list[str]:
         """Headers of the parts of the control library that the controller consists of."""
-        return ["drive.h", self.law.header, *["dead_time.h"] * (self.dead_time_config is not None)]
+        more = {
+            "current_reference.h": self.current_reference_config,
+            "dead_time.h": self.dead_time_config,
+        }
+        used = [header for header, config in more.items() if config is not None]
+        return ["drive.h", self.law.header, *used]
 
     @property
     def defines(self) -> list[str]:

@@ -30,8 +30,8 @@ void ${name}_step(${name}_controller *controller, const cgl_measurement *now, co
     cgl_drive *drive = &controller->drive;
     if (cgl_drive_measure(drive, now, reference)) {
         ${law_step}(&controller->law, &drive->in, &drive->command);
-    }
-    cgl_drive_actuate(drive, out);
+${convert}    }
+    ${actuate};
 ${compensate}}
 ${more_definitions}
 /* What `cogless design` finds, for scenario ${scenario}:
