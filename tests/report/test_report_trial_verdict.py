@@ -139,21 +139,21 @@ def test_controllers_tie_if_their_slowest_phases_are_as_quick(of, counts, tie):
     ],
 )
 def test_a_value_beside_another(of, mine, other, said):
-    assert room._beside(of({}), mine, other, "none") == said
+    assert room._compared_words(of({}), mine, other, "none") == said
 
 
 def test_what_is_left_is_told_beside_the_baseline_or_else_the_next(of):
     less = f"{ILC} ends each phase with at most 2.00 mrad RMS, 1.50 times less than no learning (3.00 mrad)."
     three = {"none": [3, 1], "ilc": [2, 2], "input": [4, 0]}
-    assert room._left(of({}, three, 2), list(three)) == less
-    assert room._left(of({}, {"none": [3], "ilc": [2]}, 1), ["none", "ilc"]) == less.replace(
+    assert room._least_rms_sentence(of({}, three, 2), list(three)) == less
+    assert room._least_rms_sentence(of({}, {"none": [3], "ilc": [2]}, 1), ["none", "ilc"]) == less.replace(
         "each phase with at most", "with"
     )
     own = "No learning ends with 1.00 mrad RMS"
-    assert room._left(of({}, {"none": [1], "ilc": [2]}, 1), ["none", "ilc"]) == (
+    assert room._least_rms_sentence(of({}, {"none": [1], "ilc": [2]}, 1), ["none", "ilc"]) == (
         f"{own}; the next, {ILC}, with 2.00 mrad."
     )
-    assert room._left(of({}, {"none": [1]}, 1), ["none", "ilc"]) == f"{own}."
+    assert room._least_rms_sentence(of({}, {"none": [1]}, 1), ["none", "ilc"]) == f"{own}."
 
 
 @pytest.mark.parametrize(
