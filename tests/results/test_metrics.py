@@ -538,3 +538,50 @@ def test_windows_of_a_few_rows():
     none = Trace(("time", "x"), ("s", "rad/s"), np.empty((0, 2)))
     with pytest.raises(StudyError, match="window 0 s to 0 s holds no row"):
         value("mean", none)
+
+
+@pytest.mark.parametrize("row", [1200, 1999])
+def test_a_run_that_diverges_is_not_settled(row):
+    """NaN is in no band: its row is outside, and no distance to it is 0."""
+    time = np.arange(2000) * 1e-3
+    speed = np.where(time < 0.8, 0.0, 12.0 - np.exp(-40 * (time - 0.8)))
+    diverged = np.where(np.arange(2000) < row, speed, np.nan)
+    conditions = Conditions(events=(0.8,))
+
+    def values(omega):
+        columns = np.column_stack([time, np.cumsum(speed) * 1e-3, omega, 12.0 * (time >= 0.8)])
+        ran = Trace(("time", "theta_m", "omega_m", "omega_ref"), ("s", "rad", "rad/s", "rad/s"), columns)
+        table = {"name": "m", "signal": "omega_m"}
+        metrics = [
+            {"kind": "settling", "event": "0.8 s", "band": "0.5 rad/s"},
+            {"kind": "overshoot", "event": "0.8 s"},
+            {"kind": "exceeds", "band": "2 rad/s"},
+        ]
+        return [
+            evaluate(declared.Metric.model_validate(table | metric), ran, conditions) for metric in metrics
+        ]
+
+    settled, beyond, leaves = values(speed)
+    assert 0 < settled < 0.1 and beyond >= 0 and leaves is None
+    settled, beyond, leaves = values(diverged)
+    assert settled is None and math.isnan(beyond) and leaves == time[row]
+
+
+def test_the_mean_before_an_event_is_unknown_without_an_angle():
+    time = np.arange(100) * 1e-3
+    columns = np.column_stack([time, np.full(100, np.nan), np.ones(100)])
+    ran = Trace(("time", "theta_m", "omega_m"), ("s", "rad", "rad/s"), columns)
+    metric = declared.Metric.model_validate(
+        {"name": "m", "kind": "dip", "signal": "omega_m", "event": "0.05 s"}
+    )
+    assert math.isnan(evaluate(metric, ran, Conditions(events=(0.05,))))
+
+
+def test_a_trace_of_one_row_is_too_short_to_learn_in_and_is_its_own_mean():
+    ran = Trace(("time", "theta_m", "omega_m"), ("s", "rad", "rad/s"), np.array([[0.0, 0.0, 3.0]]))
+    table = {"name": "m", "signal": "omega_m", "smooth": "5 ms"}
+    learned = declared.Metric.model_validate({**table, "kind": "time-to-learn", "band": "1 rad/s"})
+    with pytest.raises(StudyError, match="window is shorter than smooth"):
+        evaluate(learned, ran, Conditions())
+    dip = declared.Metric.model_validate({**table, "kind": "dip", "event": "0 s"})
+    assert evaluate(dip, ran, Conditions(events=(0.0,))) == 0

@@ -36,7 +36,7 @@ from cogless.report.trials import panels_of
 from cogless.results.metrics import result_name
 from cogless.study import AnyStudy, Study, TrialStudy, for_scenario
 from cogless.study.base import Kind
-from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS, Metric
+from cogless.study.metric import EACH_TRIAL, SIGNAL_DIMENSIONS, Metric, whole_revolutions
 from cogless.study.reading import Changes
 from cogless.study.toml import sections, toml
 from cogless.units import NONE, factor
@@ -250,6 +250,7 @@ def _metric(study: AnyStudy, scenario: str, metric: Metric) -> dict[str, Any]:
         "signal_unit": SIGNAL_DIMENSIONS[metric.signal].unit if metric.signal else "",
         "units": {name: SIGNAL_DIMENSIONS[name].unit for name in ("omega_ref", "i_d_ref", "i_q_ref")},
         "order": metric.order,
+        "revolutions": whole_revolutions(metric.order or ()),  # that have whole periods of every order
         "frame": metric.frame,
         "window": metric.window,
         "last": metric.last,

@@ -66,7 +66,7 @@ class MetricInput:
     def _smooth(self, x: Array, span: float) -> Array:
         """Centred moving average over `span` s of the rows in the metric's window, from none that come after
         the window."""
-        half = round(span / self.trace.period / 2)
+        half = round(span / self.trace.period / 2) if self.trace.period else 0
         total = np.concatenate(([0.0], np.cumsum(x)))
         row = np.arange(self.rows.start, self.rows.stop)
         first, last = np.maximum(row - half, 0), np.minimum(row + half + 1, self.rows.stop)
@@ -196,7 +196,8 @@ def overshoot(m: MetricInput) -> float:
     if _target_stays(m):
         furthest = int(np.argmax(np.abs(x - start)))
         x, start = x[furthest:], float(x[furthest])
-    return max(0.0, float(np.max(math.copysign(1.0, end - start) * (x - end))))
+    beyond = float(np.max(math.copysign(1.0, end - start) * (x - end)))
+    return beyond if math.isnan(beyond) else max(0.0, beyond)
 
 
 def exceeds(m: MetricInput) -> float | None:
@@ -215,7 +216,10 @@ def time_to_learn(m: MetricInput) -> float | None:
     """
     if m.metric.smooth is None or m.metric.band is None:
         raise m.error("expected a band, and smooth")
-    x, piece_rows = m.part(m.signal, m.rows), max(1, round(m.metric.smooth / m.trace.period))
+    x = m.part(m.signal, m.rows)
+    if not m.trace.period:
+        raise m.error("window is shorter than smooth")
+    piece_rows = max(1, round(m.metric.smooth / m.trace.period))
     pieces = x[: len(x) // piece_rows * piece_rows].reshape(-1, piece_rows)
     if not len(pieces):
         raise m.error("window is shorter than smooth")
@@ -368,7 +372,7 @@ def _last_part(angle: Array, x: Array, span: float) -> tuple[Array, Array]:
 
 def _outside(m: MetricInput, otherwise: Callable[[], float]) -> NDArray[np.intp]:
     """Indices of the rows outside the band around the signal's reference, or around otherwise() if it has
-    none."""
+    none. A row with NaN is outside."""
     if m.metric.band is None:
         raise m.error("expected a band")
     target: Array | float
@@ -378,7 +382,7 @@ def _outside(m: MetricInput, otherwise: Callable[[], float]) -> NDArray[np.intp]
         target = m.part(REFERENCES[m.signal], m.rows)
     else:
         target = otherwise()
-    return np.flatnonzero(np.abs(m.x - target) > m.metric.band)
+    return np.flatnonzero(~(np.abs(m.x - target) <= m.metric.band))
 
 
 def _target_stays(m: MetricInput) -> bool:
@@ -393,7 +397,7 @@ def _mean_before(m: MetricInput) -> float:
     """Mean of the signal over the last revolution before the event.
 
     If a revolution takes longer, it is the mean over the second half of the time since the previous event, or
-    since the start.
+    since the start. NaN if the angle at the event isn't finite.
     """
     event, trace = m.event, m.trace
     previous = max((t for t in m.conditions.events if t < event - trace.period / 2), default=0.0)
@@ -401,5 +405,7 @@ def _mean_before(m: MetricInput) -> float:
     if rows.start == rows.stop:
         return float(m.part(m.signal, m.rows)[0])
     theta = trace.part("theta_m", rows)
+    if not np.isfinite(theta[-1]):
+        return math.nan
     turned = np.abs(theta - theta[-1])
     return float(np.mean(m.part(m.signal, rows)[turned <= TURN]))

@@ -99,7 +99,7 @@ const liveMetrics = (() => {
     };
     const own = () => {
       if (m.smooth == null) return part(m.signal, [first, last]);
-      const all = part(m.signal, [0, trace.count]), half = Math.round(m.smooth / trace.period / 2), total = new Float64Array(all.length + 1);
+      const all = part(m.signal, [0, trace.count]), half = even(m.smooth / trace.period / 2), total = new Float64Array(all.length + 1);
       all.forEach((v, i) => { total[i + 1] = total[i] + v; });
       return Float64Array.from({ length: last - first }, (_, k) => {
         const row = first + k, end = row < last ? last : all.length;
@@ -129,16 +129,12 @@ const liveMetrics = (() => {
     const { m, trace, part, x, first, last } = at, found = [];
     const reference = REFERENCES[m.signal];
     const target = ERRORS.includes(m.signal) ? 0 : reference && trace.has(reference) ? part(reference, [first, last]) : otherwise();
-    x.forEach((v, i) => { if (Math.abs(v - (typeof target === "number" ? target : target[i])) > m.band) found.push(i); });
+    x.forEach((v, i) => { if (!(Math.abs(v - (typeof target === "number" ? target : target[i])) <= m.band)) found.push(i); });
     return found;
   }
 
   const gcd = (a, b) => (b ? gcd(b, a % b) : a);
   const lcm = (a, b) => (a / gcd(a, b)) * b;
-  const denominator = (x) => { // of the nearest fraction with at most 1000 below
-    for (let d = 1; d <= 1000; d++) if (Math.abs(Math.round(x * d) - x * d) < 1e-9 * d) return d;
-    return 1000;
-  };
 
   // Rows of the longest way in one direction; an angle that is passed more than once counts at its last passage.
   function onward(theta, x) {
@@ -162,12 +158,12 @@ const liveMetrics = (() => {
     keep.reverse();
     return [Float64Array.from(keep, (i) => theta[i]), Float64Array.from(keep, (i) => x[i])];
   }
-  // The last whole revolutions over the angle: [angle, x], or null.
-  function whole(theta, x, orders, poles, electrical) {
+  // The last whole revolutions over the angle: [angle, x], or null. `each`: so many have whole periods of every order.
+  function whole(theta, x, each, poles, electrical) {
     const way = theta.length ? onward(theta, x) : null;
     if (!way) return null;
     const frame = electrical ? way[0].map((t) => t * poles) : way[0];
-    const n = frame.length, each = orders.map(denominator).reduce(lcm, 1);
+    const n = frame.length;
     const turns = Math.abs(frame[n - 1] - frame[0]) / TAU, row = turns / Math.max(1, n - 1);
     for (const period of electrical ? [lcm(each, poles), each] : [each]) {
       const count = Math.floor((turns + Math.max(2 * row, TURN_SHORTFALL_MOST)) / period);
@@ -189,8 +185,8 @@ const liveMetrics = (() => {
     };
     return [cut(angle[0] + direction * start, angle), cut(x[first] + share * (x[first + 1] - x[first]), x)];
   }
-  function amplitudes(theta, x, orders, poles, electrical) {
-    const part = whole(theta, x, orders, poles, electrical);
+  function amplitudes(theta, x, orders, each, poles, electrical) {
+    const part = whole(theta, x, each, poles, electrical);
     if (!part) return orders.map(() => NaN);
     const [angle, values] = part, n = angle.length, length = angle[n - 1] - angle[0];
     const integral = (y) => {
@@ -223,7 +219,7 @@ const liveMetrics = (() => {
     },
     mean: ({ x }) => mean(x),
     maximum: ({ x }) => largest(x.map(Math.abs)),
-    order: ({ m, trace, about, first, last, x }) => amplitudes(trace.get("theta_m").subarray(first, last), x, m.order, about.pole_pairs, m.frame === "electrical"),
+    order: ({ m, trace, about, first, last, x }) => amplitudes(trace.get("theta_m").subarray(first, last), x, m.order, m.revolutions, about.pole_pairs, m.frame === "electrical"),
     dip: (at) => {
       const before = meanBefore(at);
       return largest(at.x.map((v) => Math.abs(v - before)));
@@ -238,7 +234,8 @@ const liveMetrics = (() => {
       let { x } = at, start = meanBefore(at);
       if (targetStays(at)) {
         const off = x.map((v) => Math.abs(v - start));
-        x = x.subarray(off.indexOf(largest(off)));
+        const diverged = off.findIndex(Number.isNaN);
+        x = x.subarray(diverged < 0 ? off.indexOf(largest(off)) : diverged);
         start = x[0];
       }
       const direction = end - start < 0 ? -1 : 1;
@@ -249,7 +246,7 @@ const liveMetrics = (() => {
       return out.length ? at.time[out[0]] : null;
     },
     "time-to-learn": ({ m, trace, part, first, last }) => {
-      const x = part(m.signal, [first, last]), each = Math.max(1, Math.round(m.smooth / trace.period));
+      const x = part(m.signal, [first, last]), each = Math.max(1, even(m.smooth / trace.period));
       const pieces = Math.floor(x.length / each);
       if (!pieces) return NaN;
       let learned = pieces; // the first piece of those at the end that are within the band

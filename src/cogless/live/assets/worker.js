@@ -51,7 +51,7 @@
   const cos = Float64Array.from({ length: CELLS }, (_, k) => Math.cos((TAU * k) / CELLS));
   // Amplitudes of a signal's orders, of the mechanical revolution, over its last whole revolutions.
   function spectrum(theta, x) {
-    const part = whole(theta, x, [1], 1, false);
+    const part = whole(theta, x, 1, 1, false);
     if (!part) return null;
     const [angle, values] = part, turns = Math.round(Math.abs(angle[angle.length - 1] - angle[0]) / TAU);
     const direction = angle[angle.length - 1] >= angle[0] ? 1 : -1, cell = new Float64Array(CELLS);
