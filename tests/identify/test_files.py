@@ -547,6 +547,30 @@ def test_a_count_is_of_a_sensor_that_has_counts_and_of_the_angle(tmp_path, was, 
     assert str(caught.value).startswith(f"{tmp_path / 'id.toml'}: {said}")
 
 
+@pytest.mark.parametrize(
+    ("unit", "signal", "factor"),
+    [("125 us", "t", 125e-6), ("2000 rpm", "omega", 2000 * np.pi / 30), ("0.5mA", "i_q", 0.5e-3)],
+)
+def test_a_unit_may_have_a_number(tmp_path, unit, signal, factor):
+    """It is the scale of a log that counts ticks, or parts of a rated speed or current."""
+    others = [line for line in ID.splitlines() if not line.startswith(f"{signal} = ")]
+    column = f'{signal} = {{ name = "y", unit = "{unit}", scale = 2 }}'
+    (tmp_path / "id.toml").write_text("\n".join(others).replace("[columns]", f"[columns]\n{column}"))
+    assert config.load(tmp_path / "id.toml").factor(signal) == pytest.approx(2 * factor)
+
+
+@pytest.mark.parametrize("unit", ["0 us", "-125 us", "1e999 s", "125 A", "125"])
+def test_a_number_with_a_unit_is_above_0_and_of_its_signal(tmp_path, unit):
+    with pytest.raises(StudyError, match=r"id.toml: columns.t.unit: .*expected"):
+        known(tmp_path, '"ms", unit = "ms"', f'"ms", unit = "{unit}"')
+
+
+def test_the_reciprocal_of_a_unit_is_no_number_with_a_unit(tmp_path):
+    """1/s keeps its message of two readings."""
+    with pytest.raises(StudyError, match=r'the unit "1/s" may be "rad/s" or "rev/s"$'):
+        known(tmp_path, "[columns]", '[columns]\nomega = { name = "y", unit = "1/s" }')
+
+
 def test_headings_name_a_time_or_an_angle(tmp_path):
     lines = ID.splitlines(keepends=True)
     named = [line for line in lines if not line.startswith(("t =", "theta ="))]
