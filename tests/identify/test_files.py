@@ -194,6 +194,8 @@ STRANGERS = {
     "units and decimal commas": "t\tx\ns\tA\n0,0\t1,5\n0,1\t2,5\n",
     "half a line": "t,x\n0.0,1.5\n0.1,2.5\n0.2",
     "separators at the end": "t,x,\n0.0,1.5,\n0.1,2.5,\n",
+    "text before the heading": "Bench 3, run 7\nload: none\n\nt,x\n0.0,1.5\n0.1,2.5\n",
+    "a heading between rows": "t,x\n0.0,1.5\nt,x\n0.1,2.5\nt,x\n",
     "plain": "t,x\n0.0,1.5\n0.1,2.5\n",
 }
 GUESSES = {
@@ -204,6 +206,8 @@ GUESSES = {
         "commas are taken for decimal points.",
     ],
     "half a line": ["the last line ends before its end, and is left out."],
+    "text before the heading": ['the text before the heading, from "Bench 3, run 7" on, is left out.'],
+    "a heading between rows": ["the heading comes 3 times; those between rows are left out."],
 }
 
 
@@ -213,7 +217,7 @@ GUESSES = {
 def test_a_file_of_a_stranger_has_the_same_numbers(tmp_path, name, kind, encoding):
     """What is guessed is said. A heading with a micro sign is nothing in UTF-8 where the file is Latin-1."""
     separator = "\t" if "\t" in STRANGERS[kind] else ";" if ";" in STRANGERS[kind] else ","
-    text = STRANGERS[kind].replace(f"{separator}x", f"{separator}x \u00b5", 1)
+    text = STRANGERS[kind].replace(f"{separator}x", f"{separator}x \u00b5")
     path = tmp_path / name
     path.write_bytes(text.encode(encoding))
     (log,) = read(path, ["t", "x \u00b5"])
@@ -222,6 +226,60 @@ def test_a_file_of_a_stranger_has_the_same_numbers(tmp_path, name, kind, encodin
         "x \u00b5": [1.5, 2.5],
     }
     assert list(log.remarks) == [f"{name}: {guess}" for guess in GUESSES.get(kind, [])]
+
+
+SPACED = "spaces are taken for the separators of columns."
+
+
+@pytest.mark.parametrize(
+    ("text", "guesses"),
+    [
+        ("  t     x   y\n0.0   1.5   7\n 0.1   2.5  -8\n", [SPACED]),
+        (
+            "t x y\ns A -\n0.0 1.5 7\n0.1 2.5 8\n",
+            [SPACED, '"s A -" is a row of units; those of the file of columns hold.'],
+        ),
+        ("t x y\n0,0 1,5 7\n0,1 2,5 8\n", [SPACED, "commas are taken for decimal points."]),
+        (
+            "t x y\n0.0 1.5 7\n0.1 2.5 8\n0.2 3\n",
+            [SPACED, "the last line ends before its end, and is left out."],
+        ),
+        ("# a scope\nBench 3\nt x y\n\n0.0 1.5 7 \n  t  x  y\n0.1 2.5 8\n", None),
+    ],
+)
+def test_columns_may_be_aligned_by_spaces(tmp_path, monkeypatch, text, guesses):
+    """However many spaces stand between two cells, and wherever a block of the file ends."""
+    for characters in (24, 1 << 22):
+        monkeypatch.setattr(csv_log, "BLOCK_CHARACTERS", characters)
+        if characters == 24 and guesses is None:
+            continue  # the text before the heading fills a block of its own
+        (tmp_path / "a.txt").write_text(text)
+        (log,) = read(tmp_path / "a.txt", ["t", "x"])
+        assert {key: values.tolist() for key, values in log.columns.items()} == {
+            "t": [0.0, 0.1],
+            "x": [1.5, 2.5],
+        }
+        if guesses is not None:
+            assert list(log.remarks) == [f"a.txt: {guess}" for guess in guesses]
+
+
+def test_a_clock_that_starts_anew_after_a_repeated_heading_is_refused(tmp_path):
+    """Two recordings in a file are never taken for one of even rows."""
+    rows = [f"{k},{10 * k},{k}\n" for k in range(500)]
+    (tmp_path / "id.toml").write_text(ID)
+    (tmp_path / "a.csv").write_text(
+        "ms,counts,current\n" + "".join(rows) + "ms,counts,current\n" + "".join(rows)
+    )
+    with pytest.raises(StudyError, match=r"a.csv: ms: row 501: the time goes back: expected one clock$"):
+        load_logs([tmp_path / "a.csv"], config.load(tmp_path / "id.toml"))
+
+
+def test_a_heading_with_a_space_is_no_two_columns(tmp_path):
+    """Nor does a space count where another separator stands."""
+    assert csv_of(tmp_path, "t,motor x\n1,2\n", "t", "motor x") == {"t": [1.0], "motor x": [2.0]}
+    assert csv_of(tmp_path, "motor speed\n1 2\n", "motor speed") == (
+        'motor speed: row 1: "1 2": expected a number'
+    )
 
 
 def refused(folder, name, columns):
@@ -310,13 +368,11 @@ def test_a_column_of_parts_that_is_none_is_refused(tmp_path):
         load_logs([tmp_path / "a.npz"], parts)
 
 
-def test_text_before_a_heading_is_told_within_fifty_lines(tmp_path):
-    """A heading has two of the wanted names, or more; a line may stand in quotes."""
-    told = 'comes after text, "Bench": expected it first, or # before each line of the text'
-    for lines, found in ((49, True), (50, False)):
-        text = "Bench\n" + "no load\n" * lines + '"t"; "x"\n1;2\n'
-        said = csv_of(tmp_path, text)
-        assert said == (f'the heading ""t"; "x"" {told}' if found else {})
+def test_text_before_a_heading_is_left_out_within_fifty_lines(tmp_path):
+    """A heading has two of the wanted names, or more; a cell may stand in quotes."""
+    for lines, columns in ((49, {"t": [1.0], "x": [2.0]}), (50, {})):
+        text = "Bench\n" + "no load\n" * lines + '"t"; "x"\n1; "2"\n'
+        assert csv_of(tmp_path, text) == columns
     assert csv_of(tmp_path, "Bench\nt\n1\n") == {}
 
 
@@ -494,6 +550,30 @@ def test_a_count_is_of_a_sensor_that_has_counts_and_of_the_angle(tmp_path, was, 
 def test_a_drive_with_a_current_reference_is_refused(tmp_path):
     with pytest.raises(StudyError, match=r"drive\.current_reference: .*the torque is taken from i_q alone"):
         known(tmp_path, "[drive]\n", "[drive]\ncurrent_reference = { field_weakening = true }\n")
+
+
+@pytest.mark.parametrize(
+    ("unit", "signal", "factor"),
+    [("125 us", "t", 125e-6), ("2000 rpm", "omega", 2000 * np.pi / 30), ("0.5mA", "i_q", 0.5e-3)],
+)
+def test_a_unit_may_have_a_number(tmp_path, unit, signal, factor):
+    """It is the scale of a log that counts ticks, or parts of a rated speed or current."""
+    others = [line for line in ID.splitlines() if not line.startswith(f"{signal} = ")]
+    column = f'{signal} = {{ name = "y", unit = "{unit}", scale = 2 }}'
+    (tmp_path / "id.toml").write_text("\n".join(others).replace("[columns]", f"[columns]\n{column}"))
+    assert config.load(tmp_path / "id.toml").factor(signal) == pytest.approx(2 * factor)
+
+
+@pytest.mark.parametrize("unit", ["0 us", "-125 us", "1e999 s", "125 A", "125"])
+def test_a_number_with_a_unit_is_above_0_and_of_its_signal(tmp_path, unit):
+    with pytest.raises(StudyError, match=r"id.toml: columns.t.unit: .*expected"):
+        known(tmp_path, '"ms", unit = "ms"', f'"ms", unit = "{unit}"')
+
+
+def test_the_reciprocal_of_a_unit_is_no_number_with_a_unit(tmp_path):
+    """1/s keeps its message of two readings."""
+    with pytest.raises(StudyError, match=r'the unit "1/s" may be "rad/s" or "rev/s"$'):
+        known(tmp_path, "[columns]", '[columns]\nomega = { name = "y", unit = "1/s" }')
 
 
 def test_headings_name_a_time_or_an_angle(tmp_path):

@@ -233,12 +233,6 @@ CSV = "t,theta,omega,i_q\n" + "".join(f"{n / 1000},{0.01 * n:.5f},10,{0.1}\n" fo
         ),
         (
             "a.csv",
-            b"Bench 3, run 7\nno load\nt,theta,omega,i_q\n1,2,3,4\n",
-            'a.csv: the heading "t,theta,omega,i_q" comes after text, "Bench 3, run 7": expected it '
-            "first, or # before each line of the text",
-        ),
-        (
-            "a.csv",
             b"time,angle\n1,2\n",
             'a.csv: no column "t" (t), "theta" (theta), "omega" (omega), "i_q" (i_q); it has "time", ',
         ),

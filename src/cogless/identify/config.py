@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -49,6 +50,17 @@ SIGNALS: dict[str, Dimension] = {
     "direction": units.NONE,
     "part": units.NONE,  # each of its values is a log of its own, named FILE#VALUE
 }
+
+
+def _unit_factor(unit: str, dimension: Dimension) -> float:
+    """Factor from a unit, or from a number of it such as "125 us", to SI. UnitError: it is neither."""
+    number_and_unit = units.NUMBER_AND_UNIT.fullmatch(unit)
+    if number_and_unit is None or number_and_unit[2].startswith("/"):  # "1/s" is a unit
+        return units.factor(unit, dimension)
+    factor = units.parse(unit, dimension)
+    if not 0 < factor < math.inf:
+        raise units.UnitError(f'expected a unit, or a number above 0 with one, not "{unit}"')
+    return factor
 
 
 class Column(Table):
@@ -121,7 +133,7 @@ class Identification(Table):
             if column.unit in ("", COUNT if key == "theta" else ""):
                 continue
             try:
-                units.factor(column.unit, SIGNALS[key])
+                _unit_factor(column.unit, SIGNALS[key])
             except units.UnitError as error:
                 raise invalid(str(error), key, "unit") from None
         if "t" not in columns and "theta" not in columns:
@@ -184,7 +196,7 @@ class Identification(Table):
         factor = column.sign * column.scale
         if column.unit == COUNT:
             return factor * self.step
-        return factor * (units.factor(column.unit, SIGNALS[signal]) if column.unit else 1.0)
+        return factor * (_unit_factor(column.unit, SIGNALS[signal]) if column.unit else 1.0)
 
     def rule(self, file: str) -> LogRule:
         """What is known of a file, by the first rule that its name matches."""

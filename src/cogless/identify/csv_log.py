@@ -17,6 +17,7 @@ from cogless.identify.files import Array, LogColumns, printable, readable, requi
 
 BLOCK_CHARACTERS = 1 << 22  # that are converted together; no line is longer
 DELIMITERS = (",", ";", "\t")
+SPACE = " "  # separates columns where none of the others does
 LONGEST_PREAMBLE = 50  # lines
 COMMENT_MARKS = ("#", "%")  # at the beginning of a line before the heading
 SNIFFED_BYTES = 1 << 16  # of a file, by which its encoding is known
@@ -78,24 +79,28 @@ def _next_text(path: Path, file: IO[str]) -> str:
 
 def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> LogColumns:
     block = next(blocks, [])
-    at = next(
+    first_row = next(
         (k for k, line in enumerate(block) if line.strip() and not line.startswith(COMMENT_MARKS)), None
     )
-    if at is None:
+    if first_row is None:
         raise StudyError(f"{path}: empty: expected a heading and rows of numbers")
-    first, block = block[at], block[at + 1 :]
-    delimiter = max(DELIMITERS, key=first.count)
-    heading = [cell.strip() for cell in next(csv.reader([first], delimiter=delimiter))]
+    rows, remarks = 0, list[str]()
+    heading_row = _heading_row(block, first_row, headings)
+    if heading_row > first_row:
+        text = printable(block[first_row].strip()[:40])
+        remarks.append(f'{path.name}: the text before the heading, from "{text}" on, is left out.')
+    first, block = block[heading_row], block[heading_row + 1 :]
+    delimiter = _delimiter(first, headings)
+    heading = _heading_cells(first, delimiter)
     places = {name: heading.index(name) for name in headings if name in heading}
     if not places:
-        _preamble(path, first, block, headings)
         return LogColumns("", {}, tuple(heading))
     twice = next((name for name in places if heading.count(name) > 1), None)
     if twice is not None:
         raise StudyError(f"{path}: {twice}: {heading.count(twice)} columns have this heading: expected one")
     pieces: list[Array] = [np.empty((0, len(places)))]
-    rows, remarks = 0, list[str]()
-    block = block or next(blocks, [])
+    blocks = _rows_only(path, chain([block], blocks), first, delimiter, remarks)
+    block = next(blocks, [])
     if _are_units(block, delimiter, list(places.values())):
         units = printable(block[0].strip().replace("\t", " ")[:60])
         remarks.append(f'{path.name}: "{units}" is a row of units; those of the file of columns hold.')
@@ -160,15 +165,47 @@ def _without_half_a_line(
         yield before
 
 
-def _preamble(path: Path, first: str, lines: list[str], headings: list[str]) -> None:
-    """Refuse a file that has text before its heading."""
-    for line in lines[:LONGEST_PREAMBLE]:
-        cells = {cell.strip().strip('"') for delimiter in DELIMITERS for cell in line.split(delimiter)}
-        if len(cells & set(headings)) > 1:
-            raise StudyError(
-                f'{path}: the heading "{printable(line.strip()[:60])}" comes after text, '
-                f'"{printable(first.strip()[:40])}": expected it first, or # before each line of the text'
-            )
+def _delimiter(line: str, headings: list[str]) -> str:
+    """What separates a heading's cells: spaces only where they give two of the wanted headings or more."""
+    delimiter = max(DELIMITERS, key=line.count)
+    spaced = delimiter not in line and len(set(_heading_cells(line, SPACE)) & set(headings)) > 1
+    return SPACE if spaced else delimiter
+
+
+def _heading_cells(line: str, delimiter: str) -> list[str]:
+    line = _single_spaces(line, delimiter)
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+
+
+def _single_spaces(line: str, delimiter: str) -> str:
+    return SPACE.join(line.split()) if delimiter == SPACE else line
+
+
+def _heading_row(block: list[str], first_row: int, headings: list[str]) -> int:
+    """The row with two of the wanted headings or more, or the first: recorders write text before it."""
+    for row, line in enumerate(block[first_row : first_row + LONGEST_PREAMBLE + 1], first_row):
+        if len(set(_heading_cells(line, _delimiter(line, headings))) & set(headings)) > 1:
+            return row
+    return first_row
+
+
+def _rows_only(
+    path: Path, blocks: Iterable[list[str]], first: str, delimiter: str, remarks: list[str]
+) -> Iterator[list[str]]:
+    """The lines without headings that repeat the first: some recorders write it anew at each start."""
+    if delimiter == SPACE:
+        remarks.append(f"{path.name}: spaces are taken for the separators of columns.")
+    heading, repeated = _single_spaces(first, delimiter).strip(), 0
+    for block in blocks:
+        spaced = [_single_spaces(line, delimiter) for line in block]
+        lines = [line for line in spaced if line.strip() != heading]
+        repeated += len(block) - len(lines)
+        if lines:
+            yield lines
+    if repeated:
+        remarks.append(
+            f"{path.name}: the heading comes {repeated + 1} times; those between rows are left out."
+        )
 
 
 def _converted(lines: list[str], delimiter: str, cells: int, places: list[int]) -> Array | None:
@@ -186,7 +223,7 @@ def _checked(
 ) -> Array:
     """The same, cell by cell; StudyError: names column and row, of which so many were before these lines."""
     rows: list[list[float]] = []
-    for values in csv.reader(lines, delimiter=delimiter):
+    for values in csv.reader(lines, delimiter=delimiter, skipinitialspace=True):
         if not values:
             continue
         row = before + len(rows) + 1
