@@ -292,6 +292,24 @@ def test_a_calibration_that_never_may_learn_does_not_end_and_writes_nothing():
     assert np.max(np.abs(one.table)) > 0.1
 
 
+def test_friction_stays_within_a_limit_that_is_lowered_during_a_calibration():
+    library = control_library("double")
+    one, motor = CAntiCogging(library, law(speed=2.0)), Motor(2e-3)
+    one.calibrate()
+    while one.state.stage != library.lib.CGL_ANTI_COGGING_BACKWARD:
+        motor.move(one.step(0.0, *motor.measured(float)))
+    config = library.new("cgl_anti_cogging_config")
+    library.ffi.memmove(config, library.ffi.addressof(one.state.config), library.ffi.sizeof("cgl_anti_cogging_config"))
+    config.pi.limit = limit = 1e-3
+    assert library.lib.cgl_anti_cogging_retune(one.state, config) == library.lib.CGL_OK
+    theta, omega, i_q = motor.theta, -2.0, -2.0  # the rotor is driven back
+    for _ in range(20_000):
+        theta += omega * 2e-3
+        one.step(0.0, omega, theta, i_q)
+    assert not one.calibrating
+    assert 0.0 < one.state.friction <= limit
+
+
 @pytest.mark.parametrize("omega_ref", [0.0, 6.28, -60.0])
 def test_a_calibration_in_a_drive_ends_whatever_the_reference_is(omega_ref):
     """The rotor stands between two counts for longer than the reference would turn it by the stuck angle."""
