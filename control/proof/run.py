@@ -40,6 +40,7 @@ EVA = [
 PARTS = {
     "leaves": "angle modulation polynomial",
     "foc": "range angle foc",
+    "current_reference": "range current_reference",
     "dead_time": "range dead_time",
     "sensors": "encoder speed_timed angle_observer hall low_pass",
     "monitor": "range angle monitor",
@@ -210,6 +211,7 @@ RUNS = [  # the longest first
     Run("trial", {"SAMPLES": "8", "ORDER": "1", "ODD": "1", "TAPS": "3"} | LIMITED),
     Run("monitor", {}), Run("monitor", DOUBLE), Run("quality", {}), Run("quality", DOUBLE),
     Run("foc", {}), Run("foc", DOUBLE), Run("dead_time", {}), Run("dead_time", DOUBLE),
+    Run("current_reference", {}), Run("current_reference", LIMITED), Run("current_reference", LIMITED | DOUBLE),
     Run("sensors", {}), Run("sensors", DOUBLE),
     Run("leaves", {}), Run("leaves", DOUBLE),
     Run("pi", {}), Run("pi", LIMITED), Run("pi", DOUBLE),
