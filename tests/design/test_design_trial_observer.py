@@ -59,7 +59,7 @@ def sensitivity(plant: UncertainPlant, gains: ObserverGains) -> float:
     assert plant.exact_vertices is not None
     found = []
     for model in plant.exact_vertices:
-        A, B, u_fb, _ = gains._rows(model, plant.C)
+        A, B, u_fb, _ = gains._loop_rows(model, plant.C)
         pencil = np.exp(1j * w)[:, None, None] * np.eye(len(A)) - A
         states = np.linalg.solve(pencil, np.broadcast_to(B, (len(w), *B.shape)))[:, :, 0]
         found.append(np.abs(1 + states @ u_fb).max())
@@ -118,7 +118,7 @@ def test_a_trial_leaves_what_the_law_s_equation_says(J: float) -> None:
     plant = motor(J, J, 0.0)
     gains = ObserverGains(0.37 / 8e-4 * PERIOD**2, 0.4)
     assert plant.exact_nominal is not None
-    A, B, u_fb, _ = gains._rows(plant.exact_nominal, plant.C)
+    A, B, u_fb, _ = gains._loop_rows(plant.exact_nominal, plant.C)
     w = np.linspace(0.05, 3.0, 60)
     F = 1 - Bundle([gains.closed(plant.exact_nominal, plant.C)], OBSERVER_SHIFT)(w)[0]
     for at, found in zip(w, F, strict=True):

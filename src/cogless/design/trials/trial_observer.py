@@ -146,7 +146,7 @@ def design_observer(plant: UncertainPlant, pole: float | None, limit: float | No
     feedback = Bundle(loops, 0)(w) + np.array(at_once)[:, None]
 
     def fastest(tries: Sequence[ObserverGains]) -> ObserverGains | None:
-        stable = (g for g in reversed(candidates) if max(g.radius(model, plant.C) for model in models) < 1)
+        stable = (g for g in reversed(tries) if max(g.radius(model, plant.C) for model in models) < 1)
         return next(stable, None)
 
     # From pole to pole a loop turns unstable only through an unbounded |S|. So of those that keep the bound
