@@ -270,7 +270,11 @@ def test_a_clock_that_starts_anew_after_a_repeated_heading_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text(
         "ms,counts,current\n" + "".join(rows) + "ms,counts,current\n" + "".join(rows)
     )
-    with pytest.raises(StudyError, match=r"a.csv: ms: row 501: the time goes back: expected one clock$"):
+    with pytest.raises(
+        StudyError,
+        match=r"a.csv: ms: row 501: the time goes back: expected one clock, or a file for "
+        r"each recording$",
+    ):
         load_logs([tmp_path / "a.csv"], config.load(tmp_path / "id.toml"))
 
 
@@ -608,3 +612,107 @@ def test_the_first_rule_that_a_file_s_name_matches_counts(tmp_path):
     loaded = known(tmp_path, more=rules)
     found = [loaded.rule(file).session for file in ("slow.csv", "sweep.csv", "sweep.npz", "aslow")]
     assert found == ["a", "b", None, None]
+
+
+TRUE_MS = np.arange(ROWS) * 1.0
+
+
+def in_bursts(kind):
+    """Stamps of rows 1 ms apart as packets give them, ms, and the rows that arrive."""
+    chance, rows = np.random.default_rng(2), np.arange(ROWS)
+    sizes = {"varying": chance.integers(4, 13, ROWS), "stamps rounded": np.full(ROWS, 3)}
+    last = np.cumsum(sizes.get(kind, np.full(ROWS, 8))) - 1
+    last = np.append(last[last < ROWS - 1], ROWS - 1)
+    packet = np.searchsorted(last, rows)
+    stamps = (last + chance.uniform(0, 1.5, len(last)))[packet]
+    if kind == "bunched":
+        stamps = stamps + 0.02 * (rows - np.append(-1, last)[packet])
+    if kind == "stamps rounded":
+        stamps = 3.0 * packet
+    return stamps, rows[packet != 60] if kind == "one lost" else rows
+
+
+@pytest.mark.parametrize("kind", ["even", "varying", "bunched", "stamps rounded", "one lost"])
+def test_rows_in_bursts_are_even_by_their_number(tmp_path, kind):
+    """Within a tenth of a row. A packet that is lost is a gap of eight rows and no slipped angle."""
+    stamps, rows = in_bursts(kind)
+    counts = np.floor(5.3 * TRUE_MS + 400 * np.sin(TRUE_MS / 300))
+    columns = {"ms": stamps, "counts": counts, "current": TRUE_MS}
+    (log,) = logs(tmp_path, "a.npz", {name: x[rows] for name, x in columns.items()})
+    assert log.dt == pytest.approx(1e-3, rel=2e-3)
+    assert -1e3 * log["i_q"] == pytest.approx(rows, abs=1e-9)
+    (said,) = [line for line in log.remarks if "bursts" in line]
+    start = f"a.npz: rows come in {len(set(stamps[rows].round(0 if kind == 'bunched' else 9)))} bursts of "
+    assert said.endswith(" ms apart.") and (kind == "bunched" or said.startswith(start))
+    gaps = [line for line in log.remarks if "gaps" in line]
+    assert len(log.stretches) == 1 + len(gaps) == (2 if kind == "one lost" else 1)
+    if gaps:
+        assert log.stretches[1].start == 480
+
+
+def test_a_recorder_that_is_triggered_gives_no_packets(tmp_path):
+    """The angle moves on between its bursts, so its rows are not even."""
+    number, own = TRUE_MS // 8, 0.02 * (TRUE_MS % 8)
+    packets = {"ms": 8 * number + own, "counts": np.floor(5.3 * TRUE_MS), "current": TRUE_MS}
+    assert len(logs(tmp_path, "a.npz", packets)[0]) == ROWS
+    time = 100 * number + own
+    with pytest.raises(StudyError) as caught:
+        logs(tmp_path, "a.npz", {**packets, "ms": time, "counts": np.floor(5.3 * time)})
+    assert str(caught.value) == (
+        f"{tmp_path / 'a.npz'}: counts: row 9: the angle jumps, and only 8 rows are before: expected 100 or "
+        "more of an encoder's angle, not one of Hall sensors"
+    )
+
+
+@pytest.mark.parametrize("cell", ["", "nan", "NaN", "NA", "n/a", "null", "None", " "])
+def test_rows_that_lack_a_number_are_left_out_and_cut_the_log(tmp_path, cell):
+    """The current between them is not interpolated, and the rows behind do not slip."""
+    rows = [[f"{k}", f"{11 * k}", f"{k / 8}"] for k in range(500)]
+    rows[200][2] = rows[201][1] = rows[350][2] = cell
+    text = "\n".join(["ms,counts,current", *map(",".join, rows)])
+    (tmp_path / "a.csv").write_text(text)
+    (log,) = load_logs([tmp_path / "a.csv"], known(tmp_path))
+    assert [(rows.start, rows.stop) for rows in log.stretches] == [(0, 200), (200, 348), (348, 497)]
+    whole = np.delete(np.arange(500), [200, 201, 350])
+    assert -8e3 * log["i_q"] == pytest.approx(whole)
+    assert log["theta"] * COUNTS / (2 * np.pi) == pytest.approx(11 * whole + 0.5)
+    assert log.remarks == [
+        'a.csv: 3 rows lack a number (1 in "counts", 2 in "current") and are left out.',
+        "a.csv: 2 gaps, the longest 0.003 s; the log is cut there.",
+    ]
+
+
+def test_a_column_at_half_the_rate_gives_a_log_of_half_the_rate(tmp_path):
+    sparse = np.where(np.arange(ROWS) % 2, np.nan, COLUMNS["current"])
+    (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "current": sparse})
+    assert (len(log), log.dt, len(log.stretches)) == (500, pytest.approx(2e-3), 1)
+    assert log.remarks[0] == 'a.npz: 500 rows lack a number (500 in "current") and are left out.'
+
+
+def test_columns_that_never_meet_in_a_row_are_refused_with_what_to_do(tmp_path):
+    odd = np.arange(ROWS) % 2 == 1
+    columns = {
+        **COLUMNS,
+        "counts": np.where(odd, COLUMNS["counts"], np.nan),
+        "current": np.where(odd, np.nan, COLUMNS["current"]),
+    }
+    with pytest.raises(StudyError) as caught:
+        logs(tmp_path, "a.npz", columns)
+    assert str(caught.value) == (
+        f"{tmp_path / 'a.npz'}: 0 of 1000 rows have a number in every column (lacking: 500 in "
+        '"counts", 500 in "current"): expected 100 or more, so log the columns together or leave one out '
+        "of [columns]"
+    )
+
+
+def test_a_decimal_comma_is_seen_beside_an_empty_cell(tmp_path):
+    """And a part must have a number; a file that a drive's reader reads may lack none."""
+    (tmp_path / "a.csv").write_text("t;y;x\n0,0;;1,5\n0,1;7,5;2,5\n")
+    (log,) = read(tmp_path / "a.csv", ["t", "y", "x"], with_gaps=True)
+    assert log.columns["x"].tolist() == [1.5, 2.5] and np.isnan(log.columns["y"][0])
+    assert csv_of(tmp_path, "t;x\n0;1\n1;\n") == "x: row 2: nan: expected a finite number (1 rows lack one)"
+    parts = known(tmp_path, "[columns]", '[columns]\npart = "part"')
+    part = np.where(np.arange(ROWS) == 4, np.nan, 1.0)
+    np.savez(tmp_path / "a.npz", **COLUMNS, part=part)
+    with pytest.raises(StudyError, match=r"a.npz: part: row 5: no number: expected that of a part$"):
+        load_logs([tmp_path / "a.npz"], parts)

@@ -200,7 +200,7 @@ def test_more_than_two_and_a_half_periods_between_rows_are_a_gap(
 
 
 def test_half_of_the_rows_may_have_the_time_of_the_row_before(tmp_path: Path) -> None:
-    twice = {**COLUMNS, "ms": np.repeat(COLUMNS["ms"][:500], 2)}
+    twice = {name: np.repeat(values[:500], 2) for name, values in COLUMNS.items()}
     (log,) = logs(tmp_path, "a.npz", twice)
     assert len(log) == 500
     assert log.remarks[0] == "a.npz: 500 rows have the time of the row before and are left out."

@@ -22,6 +22,7 @@ LONGEST_PREAMBLE = 50  # lines
 COMMENT_MARKS = ("#", "%")  # at the beginning of a line before the heading
 SNIFFED_BYTES = 1 << 16  # of a file, by which its encoding is known
 EMPTY_LINES_MOST = 10_000  # one after the other
+NO_NUMBER = ("", "na", "n/a", "null", "none")  # cells, in small letters, beside "nan", which float reads
 
 
 def read_csv(path: Path, headings: list[str]) -> list[LogColumns]:
@@ -142,7 +143,9 @@ def _decimal_commas(block: list[str], delimiter: str, places: list[int]) -> bool
     rows = _cells(block, delimiter, places)
     if delimiter == "," or not rows or any("." in cell for cell in rows[0]):
         return False
-    return any("," in cell for cell in rows[0]) and all(map(_number_of_a_language, rows[0]))
+    return any("," in cell for cell in rows[0]) and all(
+        _lacks_number(cell) or _number_of_a_language(cell) for cell in rows[0]
+    )
 
 
 def _number_of_a_language(text: str) -> bool:
@@ -235,12 +238,19 @@ def _checked(
             if place >= len(values):
                 raise StudyError(f"{path}: {name}: row {row}: missing: expected a number")
             text = values[place]
+            if _lacks_number(text):
+                numbers.append(float("nan"))
+                continue
             if not _number(text):
                 how = " with a decimal point" if _number(text.replace(",", ".")) else ""
                 raise StudyError(f'{path}: {name}: row {row}: "{printable(text)}": expected a number{how}')
             numbers.append(float(text))
         rows.append(numbers)
     return np.array(rows).reshape(-1, len(places))
+
+
+def _lacks_number(text: str) -> bool:
+    return text.strip().lower() in NO_NUMBER
 
 
 def _number(text: str) -> bool:

@@ -11,6 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cogless.errors import StudyError
 from cogless.identify.advice import Advice, AdvisedError, Cure
@@ -20,6 +21,14 @@ from cogless.identify.read_log import read
 
 TURN = 2 * np.pi
 GAP = 2.5  # periods without a row
+ROW_LOST = 1.5  # periods, where a row that lacks a number is left out
+BURSTS_LEAST = 20  # in a log whose stamps are those of packets
+BURST_TIME = 0.1  # share of the time that passes within bursts, at most
+BURST_ROWS = 2.0  # on average, at least
+BURST_MOVE = 2.0  # of the angle between bursts over that between their rows: of packets it is 1
+BURSTS_BESIDE = 5  # on each side of a burst, by whose mean delay a lost one shows
+UNEVEN_SHARE = 0.25  # of a burst's time, by which packets are late at random, at most
+LOST_SHARE = 0.5  # of a burst's time, from which on it is lost and not late
 FEWEST = 100  # rows
 CURRENTS = ("i_q", "i_d", "i_a", "i_b", "i_c")
 BEYOND = 3.0  # times the current's limit
@@ -85,7 +94,7 @@ def load_logs(paths: list[Path], known: Identification) -> list[Log]:
     columns: list[tuple[Path, LogColumns]] = []
     for path in paths:
         true = ["theta_m"] if path.suffix == ".nc" else []
-        columns += [(path, log) for log in read(path, headings + true)]
+        columns += [(path, log) for log in read(path, headings + true, with_gaps=True)]
     return logs_of_columns(columns, known)
 
 
@@ -114,6 +123,9 @@ def _parts(path: Path, log: LogColumns, known: Identification) -> Iterator[tuple
     if values is None:
         yield name, columns
         return
+    if np.isnan(values).any():
+        row = np.flatnonzero(np.isnan(values))[0] + 1
+        raise StudyError(f"{path}: {_heading(known, 'part')}: row {row}: no number: expected that of a part")
     parts = np.unique(values)
     if len(parts) > PARTS_MOST:
         heading = _heading(known, "part")
@@ -201,6 +213,9 @@ def _quoted(names: Sequence[str]) -> str:
 
 def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
     rule = known.rule(name)
+    where = str(path) if name.startswith(path.name) else f"{path}: {name}"
+    remarks: list[str] = []
+    columns, after_loss = _complete(where, name, columns, remarks)
     found = {
         signal: known.factor(signal) * columns[column.name]
         for signal, column in known.columns.items()
@@ -208,7 +223,6 @@ def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
     }
     if "theta_m" in columns and {"theta", "i_q", "i_d"} <= found.keys():
         _by_measured_angle(found, columns["theta_m"], known.motor.pole_pairs)
-    where = str(path) if name.startswith(path.name) else f"{path}: {name}"
     for signal in found:
         still = signal == "t" or (signal == "theta" and rule.kind != "bridge-off")
         if still and not np.any(found[signal] != found[signal][0]):
@@ -218,12 +232,32 @@ def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
     if found.keys() <= {"t"}:
         raise StudyError(f"{where}: nothing but the time: expected an angle, a speed or a current in columns")
     if rule.kind == "hold" and "t" not in found:
-        return _hold(where, name, rule, found, known)
+        return _hold(where, name, rule, found, known, remarks)
     if "t" not in found:
         raise StudyError(f"{where}: {_heading(known, 't')}: missing: expected the time of each row")
     if len(found["t"]) < FEWEST:
         raise StudyError(f"{where}: {len(found['t'])} rows: expected {FEWEST} or more")
-    return _timed(where, name, rule, found, known)
+    return _timed(where, name, rule, found, known, after_loss, remarks)
+
+
+def _complete(
+    where: str, name: str, columns: Columns, remarks: list[str]
+) -> tuple[Columns, NDArray[np.bool_]]:
+    """The rows in which no column lacks a number, and of each whether one before it is left out."""
+    lacking = {heading: np.isnan(values) for heading, values in columns.items()}
+    whole = ~np.logical_or.reduce(list(lacking.values()))
+    counts = {heading: int(np.sum(lacks)) for heading, lacks in lacking.items() if lacks.any()}
+    shown = ", ".join(f'{count} in "{printable(heading)}"' for heading, count in counts.items())
+    if counts and np.sum(whole) < FEWEST:
+        raise StudyError(
+            f"{where}: {np.sum(whole)} of {len(whole)} rows have a number in every column (lacking: "
+            f"{shown}): expected {FEWEST} or more, so log the columns together or leave one "
+            "out of [columns]"
+        )
+    if counts:
+        remarks.append(f"{name}: {np.sum(~whole)} rows lack a number ({shown}) and are left out.")
+    rows = np.flatnonzero(whole)
+    return {heading: values[whole] for heading, values in columns.items()}, np.diff(rows, prepend=-1) > 1
 
 
 def _by_measured_angle(found: Columns, true: Array, pole_pairs: int) -> None:
@@ -236,13 +270,15 @@ def _heading(known: Identification, signal: str) -> str:
     return known.columns[signal].name if signal in known.columns else f"columns.{signal}"
 
 
-def _hold(where: str, name: str, rule: LogRule, found: Columns, known: Identification) -> Log:
+def _hold(
+    where: str, name: str, rule: LogRule, found: Columns, known: Identification, remarks: list[str]
+) -> Log:
     for signal in ("theta", "i_q", "direction"):
         if signal not in found:
             expected = "a hold map needs theta, i_q and the direction that the rotor came from"
             raise StudyError(f"{where}: {_heading(known, signal)}: missing: {expected}")
     found["direction"] = np.sign(found["direction"])
-    return Log(name, rule, 0.0, found, (slice(0, len(found["theta"])),))
+    return Log(name, rule, 0.0, found, (slice(0, len(found["theta"])),), remarks)
 
 
 def _one_clock(name: str, t: Array, identification: Identification, remarks: list[str]) -> Array:
@@ -269,13 +305,67 @@ def _one_clock(name: str, t: Array, identification: Identification, remarks: lis
     return t
 
 
-def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identification) -> Log:
-    remarks: list[str] = []
+def _without_bursts(name: str, t: Array, found: Columns, remarks: list[str]) -> Array:
+    """Times for rows that share the stamp of a packet, evenly by their number; else the time as it is.
+
+    Rows of packets are even in truth: the angle moves as much between two packets as within one. It does not
+    where a recorder is triggered. A packet arrives after its last row, late by some jitter; where the delay
+    of the following ones stays larger by half a packet, one is lost, and the time steps on.
+    """
+    steps = np.diff(t)
+    first = np.concatenate(([0], np.flatnonzero(steps > np.mean(steps)) + 1))
+    moved = np.abs(np.angle(np.exp(1j * np.diff(found["theta"])))) if "theta" in found else np.zeros(0)
+    between = np.zeros(len(steps), dtype=bool)
+    between[first[1:] - 1] = True
+    if (
+        len(first) < BURSTS_LEAST
+        or len(t) < BURST_ROWS * len(first)
+        or np.sum(steps[~between]) > BURST_TIME * np.sum(steps)
+        or not len(moved)
+        or not 0 < np.mean(moved[between]) < BURST_MOVE * np.mean(moved[~between])
+    ):
+        return t
+    last = np.concatenate((first[1:] - 1, [len(t) - 1]))
+    sizes = np.diff(last)
+    arrival = t[first]
+    period = float(np.median(np.diff(arrival) / sizes))
+    delay, lost_least = arrival - period * last, LOST_SHARE * period * float(np.median(sizes))
+    later = np.zeros(len(first))
+    late = np.minimum(np.diff(delay), np.diff(arrival - period * first))
+    for burst in np.flatnonzero(late > lost_least) + 1:
+        before = delay[max(0, burst - BURSTS_BESIDE) : burst]
+        step = float(np.median(delay[burst : burst + BURSTS_BESIDE]) - np.median(before))
+        if step > lost_least:
+            later[burst] = step
+    lost = np.cumsum(later)
+    slope, start = np.polyfit(last, arrival - lost, 1)
+    if np.std(arrival - lost - slope * last) > UNEVEN_SHARE * slope * np.median(sizes):
+        return t
+    remarks.append(
+        f"{name}: rows come in {len(first)} bursts of {len(t) / len(first):.3g}, as packets give; they are "
+        f"taken for even, {1e3 * slope:.4g} ms apart."
+    )
+    return np.asarray(start + slope * np.arange(len(t)) + np.repeat(lost, np.diff(first, append=len(t))))
+
+
+def _timed(
+    where: str,
+    name: str,
+    rule: LogRule,
+    found: Columns,
+    known: Identification,
+    after_loss: NDArray[np.bool_],
+    remarks: list[str],
+) -> Log:
     t = _one_clock(name, found.pop("t"), known, remarks)
     back = np.flatnonzero(np.diff(t) < 0)
     if len(back):
         at = back[0] + 2
-        raise StudyError(f"{where}: {_heading(known, 't')}: row {at}: the time goes back: expected one clock")
+        raise StudyError(
+            f"{where}: {_heading(known, 't')}: row {at}: the time goes back: expected one clock, "
+            "or a file for each recording"
+        )
+    t = _without_bursts(name, t, found, remarks)
     keep = np.concatenate(([True], np.diff(t) > 0))
     if np.mean(keep) < 0.5:
         raise StudyError(
@@ -285,8 +375,9 @@ def _timed(where: str, name: str, rule: LogRule, found: Columns, known: Identifi
     if not keep.all():
         remarks.append(f"{name}: {np.sum(~keep)} rows have the time of the row before and are left out.")
         t, found = t[keep], {signal: values[keep] for signal, values in found.items()}
+        after_loss = after_loss[keep]
     dt = float(np.median(np.diff(t)))
-    ends = np.flatnonzero(np.diff(t) > GAP * dt) + 1
+    ends = np.flatnonzero(np.diff(t) > np.where(after_loss[1:], ROW_LOST, GAP) * dt) + 1
     edges = [0, *ends.tolist(), len(t)]
     if len(ends):
         longest = float(np.max(np.diff(t)))

@@ -32,10 +32,11 @@ READERS: dict[str, Callable[[Path, list[str]], list[LogColumns]]] = {
 }
 
 
-def read(path: Path, headings: list[str]) -> list[LogColumns]:
+def read(path: Path, headings: list[str], *, with_gaps: bool = False) -> list[LogColumns]:
     """The columns with these headings of each log in a file; a trace file has several, others one.
 
-    A column that isn't there is left out. StudyError names file, column and row.
+    A column that isn't there is left out. `with_gaps`: a cell may lack its number, and is NaN then.
+    StudyError names file, column and row.
     """
     name = path.name.lower()
     suffix = Path(name.removesuffix(".gz") if name.endswith(".csv.gz") else name).suffix
@@ -48,10 +49,10 @@ def read(path: Path, headings: list[str]) -> list[LogColumns]:
     logs = reader(path, headings)
     if not logs:
         raise StudyError(f"{path}: no runs: expected a log")
-    return [replace(log, columns=_numbers(path, log)) for log in logs]
+    return [replace(log, columns=_numbers(path, log, with_gaps)) for log in logs]
 
 
-def _numbers(path: Path, log: LogColumns) -> Columns:
+def _numbers(path: Path, log: LogColumns, with_gaps: bool) -> Columns:
     columns = {name: _as_numbers(path, name, values) for name, values in log.columns.items()}
     lengths = {len(values) for values in columns.values()}
     if lengths == {0}:
@@ -59,7 +60,7 @@ def _numbers(path: Path, log: LogColumns) -> Columns:
     if len(lengths) > 1:
         raise StudyError(f"{path}: columns of {min(lengths)} and {max(lengths)} rows: expected one clock")
     for name, values in columns.items():
-        wrong = np.flatnonzero(~(np.abs(values) < NUMBER_BELOW))
+        wrong = np.flatnonzero(~(np.abs(values) < NUMBER_BELOW) & ~(with_gaps & np.isnan(values)))
         if len(wrong):
             value = values[wrong[0]]
             expected = f"a number below {NUMBER_BELOW:g}" if np.isfinite(value) else "a finite number"
