@@ -299,7 +299,9 @@ def test_friction_stays_within_a_limit_that_is_lowered_during_a_calibration():
     while one.state.stage != library.lib.CGL_ANTI_COGGING_BACKWARD:
         motor.move(one.step(0.0, *motor.measured(float)))
     config = library.new("cgl_anti_cogging_config")
-    library.ffi.memmove(config, library.ffi.addressof(one.state.config), library.ffi.sizeof("cgl_anti_cogging_config"))
+    library.ffi.memmove(
+        config, library.ffi.addressof(one.state.config), library.ffi.sizeof("cgl_anti_cogging_config")
+    )
     config.pi.limit = limit = 1e-3
     assert library.lib.cgl_anti_cogging_retune(one.state, config) == library.lib.CGL_OK
     theta, omega, i_q = motor.theta, -2.0, -2.0  # the rotor is driven back
