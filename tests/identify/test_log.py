@@ -53,7 +53,7 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> Identification:
         (0.9495e3, ""),
         (1e6, 'the time looks like microseconds: unit = "us"'),
         (-1.0, "one of them counts backwards: sign = -1"),
-        (1 / 4, "the angle looks electrical, and a mechanical one is needed"),
+        (1 / 4, "the angle looks electrical: scale = 1/4"),
         (1.55, ""),
         (1 / 1.55, ""),
     ],

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from cogless.identify import config, findings, voltage
 from cogless.identify.command import identified
+from cogless.identify.log import load_logs
 from cogless.identify.result import Estimate
 
 LOGS = Path(__file__).parents[2].parent / "shared/data/real_logs"
@@ -32,15 +34,21 @@ position_sensor = { kind = "encoder", lines = 2048, speed_method = "M" }
 """
 
 
-def of_log(name: str, columns: str, folder: Path) -> Estimate:
-    """What a log tells by itself."""
+def files_of(name: str, columns: str, folder: Path) -> tuple[Path, Path]:
+    """The log and the file of its columns."""
     packed = next((at / f"{name}.csv.gz" for at in (LOGS, BESIDE) if (at / f"{name}.csv.gz").is_file()), None)
     if packed is None:
         pytest.skip(f"{name}: the real log is not beside the repository")
     path = folder / f"{name}.csv"
     path.write_bytes(gzip.decompress(packed.read_bytes()))
     (folder / "id.toml").write_text(columns, "utf-8")
-    return identified([path], folder / "id.toml", lambda what, share: None).estimate
+    return path, folder / "id.toml"
+
+
+def of_log(name: str, columns: str, folder: Path) -> Estimate:
+    """What a log tells by itself."""
+    path, known = files_of(name, columns, folder)
+    return identified([path], known, lambda what, share: None).estimate
 
 
 @pytest.mark.parametrize(
@@ -54,3 +62,18 @@ def test_inertia_of_a_real_drive_is_that_of_an_independent_calculation(
     told = of_log(name, columns, tmp_path).values["j"]
     assert abs(told.value - inertia) < told.error + unsure
     assert told.error < 0.08 * inertia
+
+
+@pytest.mark.parametrize(
+    ("name", "columns"),
+    [
+        ("laas_acc_current", LAAS.replace('"Iq"', '"Iq", omega = "Velocity", u_q = "Uq"')),
+        ("odrive_spinups_4", ODRIVE.replace('"iq"', '"iq", i_q_ref = "iq_set"')),
+    ],
+)
+def test_no_unit_of_a_real_drive_is_called_wrong(name: str, columns: str, tmp_path: Path) -> None:
+    path, of_columns = files_of(name, columns, tmp_path)
+    known = config.load(of_columns)
+    used, remarks = findings.usable(known, load_logs([path], known))
+    voltage.require_units(known, used)
+    assert used and not [line for line in remarks if "exchanged" in line]

@@ -64,7 +64,7 @@ def test_a_current_of_the_wrong_sign_is_refused_with_the_line_that_turns_it(tmp_
         (lambda s: {"t": np.round(s["t"] + 1.7e9)}, "of 4000 rows have the time of the row before"),
         (
             lambda s: {"theta": np.degrees(s["theta"]) % 360},
-            'no turn: expected its unit, such as unit = "deg"',
+            'the angle looks like degrees: unit = "deg"',
         ),
         (lambda s: {"theta": s["theta"] % (6.55 * 2 * np.pi)}, "the angle jumps by 41.1"),
         (lambda s: {"theta": 4 * s["theta"]}, "expected units that agree; the angle looks electrical"),
@@ -283,7 +283,11 @@ ROWS = [[float(x) for x in line.split(",")] for line in CSV.splitlines()[1:]]
         (1, 180 / math.pi, 'omega is 0.01745 times .*; the angle looks like degrees: unit = "deg"'),
         (2, 30 / math.pi, 'omega is 9.549 times the change of theta over t: expected .*: unit = "rpm"'),
         (2, -1.0, "omega is -1 times .*; one of them counts backwards: sign = -1"),
-        (2, 4.0, "omega is 4 times the change of theta over t: expected units that agree$"),
+        (
+            2,
+            4.0,
+            "omega is 4 times .*: expected .*; the speed looks electrical: scale = 1/4$",
+        ),
         (
             3,
             1e3,

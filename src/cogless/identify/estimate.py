@@ -247,6 +247,7 @@ def estimate(known: Identification, logs: Sequence[Log], progress: Progress) -> 
         raise AdvisedError(*said, *none)
     left: list[str] = []
     try:
+        voltage.require_units(known, used)
         findings.check_sign(known, used, Logs(known, used, progress).equations(Model()).rows)
         model = _start(known, used, left)
     except AdvisedError as error:

@@ -29,6 +29,7 @@ LIKELY_RIPPLE = 0.1  # largest ripple of K_t
 SIDEBAND = 0.5  # of the order between them, at most
 ROUNDING = 1e-6  # relative
 SPARE_SPEED = 0.9  # of the speed that just shows an order: what is advised has some to spare
+LEADS = 0.2  # correlation of the changes, by which a current before its reference is larger than after it
 SEEN = 3.0  # wavelengths of an order that the kernel blurs to a hundredth
 
 
@@ -49,6 +50,9 @@ def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[
             said.append(without)
             continue
         used.append(prepared(known, log, offsets))
+        exchanged = _exchanged(known, log)
+        if exchanged is not None:
+            said.append(exchanged)
         law = feedback(log)
         if law is not None:
             lag, correlation, gain = law
@@ -213,6 +217,26 @@ def said_of_one_speed(logs: Sequence[Log]) -> str:
 def _speeds(log: Log) -> Array:
     theta, rows = log["theta"], max(2, len(log) // 20)
     return np.asarray(np.abs(theta[rows:] - theta[:-rows]) / (rows * log.dt))
+
+
+def _exchanged(known: Identification, log: Log) -> str | None:
+    """What is said of a log whose i_q comes before its i_q_ref: of the two, the measured one is the later."""
+    if not {"i_q", "i_q_ref"} <= log.signals.keys() or not log.dt:
+        return None
+    current, wanted = (np.diff(log[name]) for name in ("i_q", "i_q_ref"))
+    size = float(np.linalg.norm(current) * np.linalg.norm(wanted))
+    if size == 0:
+        return None
+    after, before = float(current[1:] @ wanted[:-1]) / size, float(current[:-1] @ wanted[1:]) / size
+    if before - after < LEADS:
+        return None
+    measured, reference = (known.columns[name].name for name in ("i_q", "i_q_ref"))
+    return Advice(
+        f"{log.name}: {measured} comes before {reference}, which it should follow (correlation of their "
+        f"changes {before:.2g} a row before, {after:.2g} a row after): they look exchanged: "
+        f'columns.i_q.name = "{reference}", columns.i_q_ref.name = "{measured}".',
+        {"columns.i_q.name": reference, "columns.i_q_ref.name": measured},
+    )
 
 
 def feedback(log: Log) -> tuple[int, float, float] | None:

@@ -385,12 +385,25 @@ def _timed(
     _within_limit(where, found, known)
     _amplitudes_agree(where, found, known)
     if "theta" in found:
+        _degrees(where, t, found, known)
+        raw = found["theta"]
         found["theta"] = _unwrapped(name, f"{where}: {_heading(known, 'theta')}", found["theta"], remarks)
         whole = _slip(name, found["theta"], known.step, remarks)
         if whole < FEWEST:
-            raise StudyError(
+            jumps = (
                 f"{where}: {_heading(known, 'theta')}: row {whole + 1}: the angle jumps, and only {whole} "
-                f"rows are before: expected {FEWEST} or more of an encoder's angle, not one of Hall sensors"
+            )
+            degrees = np.unwrap(np.radians(raw))
+            if _slip(name, degrees, known.step, []) == len(t):
+                units = {"theta": "deg", **({"omega": "deg/s"} if "omega" in found else {})}
+                cure = {f"columns.{signal}.unit": unit for signal, unit in units.items()}
+                lines = " and ".join(f'{key} = "{unit}"' for key, unit in cure.items())
+                raise AdvisedError(
+                    Advice(f"{jumps}rows are before; degrees would not jump: expected {lines}", cure)
+                )
+            raise StudyError(
+                f"{jumps}rows are before: expected {FEWEST} or more of an encoder's angle, not one of Hall "
+                "sensors"
             )
         t, found = t[:whole], {signal: values[:whole] for signal, values in found.items()}
         _units_agree(where, t, found, known)
@@ -456,6 +469,41 @@ def _amplitudes_agree(where: str, found: Columns, known: Identification) -> None
         )
 
 
+def _degrees(where: str, t: Array, found: Columns, known: Identification) -> None:
+    """An angle in degrees moves far in a row, which looks like a wrap or a slipped index: it is told before.
+
+    The median over the faster half of the rows does not see where it wraps.
+    """
+    if "omega" not in found:
+        return
+    turned = 0.5 * (found["omega"][1:] + found["omega"][:-1]) * np.diff(t)
+    moved = np.diff(found["theta"])
+    rows = (np.abs(turned) >= np.median(np.abs(turned))) & (moved != 0)
+    ratio = float(np.median(turned[rows] / moved[rows])) if np.any(rows) else 0.0
+    in_degrees = [each for each in (*MISTAKEN, *_electrical(known)) if "theta" in str(each[2])]
+    likely = [
+        (says, cure)
+        for factor, says, cure in in_degrees
+        if factor < 0.5 / TURN and abs(ratio / factor - 1) < 0.05
+    ]
+    if likely:
+        raise _disagreement(where, ratio, likely, known)
+
+
+def _disagreement(
+    where: str, ratio: float, likely: Sequence[tuple[str, Cure]], known: Identification
+) -> AdvisedError:
+    names = [_heading(known, signal) for signal in ("omega", "theta", "t")]
+    cures = f"; {', or '.join(says for says, _ in likely)}" if likely else ""
+    return AdvisedError(
+        Advice(
+            f"{where}: {names[0]} is {ratio:.4g} times the change of {names[1]} over {names[2]}: "
+            f"expected units that agree{cures}",
+            *(cure for _, cure in likely),
+        )
+    )
+
+
 def _units_agree(where: str, t: Array, found: Columns, known: Identification) -> None:
     """The speed is the angle's change in time, or the unit of one of the three is another."""
     if "omega" not in found:
@@ -469,22 +517,34 @@ def _units_agree(where: str, t: Array, found: Columns, known: Identification) ->
         return  # it hardly turns
     ratio = float(way @ sped) / square
     if not 1 / AGREE < ratio < AGREE:
-        names = [_heading(known, signal) for signal in ("omega", "theta", "t")]
-        electrical = (
-            1 / known.motor.pole_pairs,
-            "the angle looks electrical, and a mechanical one is needed",
-            {"columns.theta.scale": 1 / known.motor.pole_pairs},
-        )
-        mistaken = (*MISTAKEN, electrical, *_of_bits(known))
+        mistaken = (*MISTAKEN, *_electrical(known), *_of_bits(known))
         likely = [(says, cure) for factor, says, cure in mistaken if 0.95 < ratio / factor < 1.05]
-        cures = f"; {', or '.join(says for says, _ in likely)}" if likely else ""
-        raise AdvisedError(
-            Advice(
-                f"{where}: {names[0]} is {ratio:.4g} times the change of {names[1]} over {names[2]}: "
-                f"expected units that agree{cures}",
-                *(cure for _, cure in likely),
-            )
-        )
+        raise _disagreement(where, ratio, likely, known)
+
+
+def _electrical(known: Identification) -> list[tuple[float, str, Cure]]:
+    """Ratios by which an electrical angle or speed is off, pole pairs times a mechanical one."""
+    poles, columns = known.motor.pole_pairs, known.columns
+    if poles == 1:
+        return []
+    cures = {
+        signal: {f"columns.{signal}.scale": float(f"{columns[signal].scale / poles:.10g}")}
+        for signal in ("theta", "omega")
+    }
+    return [
+        (1 / poles, f"the angle looks electrical: scale = 1/{poles}", cures["theta"]),
+        (
+            np.pi / 180 / poles,
+            f'the angle looks like electrical degrees: unit = "deg" and scale = 1/{poles}',
+            {**cures["theta"], "columns.theta.unit": "deg"},
+        ),
+        (poles, f"the speed looks electrical: scale = 1/{poles}", cures["omega"]),
+        (
+            poles * 30 / np.pi,
+            f'the speed looks like electrical rpm: unit = "rpm" and scale = 1/{poles}',
+            {**cures["omega"], "columns.omega.unit": "rpm"},
+        ),
+    ]
 
 
 def _of_bits(known: Identification) -> list[tuple[float, str, Cure]]:

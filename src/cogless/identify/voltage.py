@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import t as student
 
-from cogless.identify.advice import Advice, recording
+from cogless.identify.advice import Advice, AdvisedError, recording
 from cogless.identify.config import Identification
 from cogless.identify.files import Array
 from cogless.identify.log import Log
@@ -28,6 +28,9 @@ RESOLVED = 0.1  # relative error of R, at most, that tells sqrt(2) from 1
 SPREAD = 2.0  # ratio of the fastest to the slowest, at least
 SOFT_SHARES = (0.1, 0.3)  # of the largest mean current: bands in which the bridge may lose less
 VOLTAGE_GAIN = 0.01  # relative error of an inverter's voltage
+UNDRIVEN = ("coast-down", "bridge-off")  # kinds of log without a voltage of the bridge
+MEAN_ROWS, PARTS_MOST, PARTS_LEAST = 20, 500, 40  # rows of a mean; means of a log
+UNLIKE_R = 3.0  # of R over that of the datasheet: warm copper, leads and what a bridge loses stay below it
 CONFUSED = 0.1  # relative difference of K_t that warm magnets and the voltage's own gain may make
 
 
@@ -82,6 +85,97 @@ def _fitted(speeds: Array, currents: Array, voltages: Array, lost: Array) -> tup
     square = float(np.sum((voltages - columns @ values) ** 2)) / free
     covariance = square * np.linalg.inv(columns.T @ columns)
     return np.asarray(values), np.asarray(student.ppf(0.975, free) * np.sqrt(np.diag(covariance)))
+
+
+def require_units(known: Identification, logs: Sequence[Log]) -> None:
+    """Refuse an angle with its speed, or a current, in a unit that the voltage contradicts.
+
+    K_e and R are of means over parts of each log: factors of units are far larger than what ripple, a
+    bridge's losses, warm magnets and a warm winding make. A factor of K_t's definition is none of them.
+    """
+    for log in logs:
+        measured = _of_parts(known, log)
+        if measured is None:
+            continue
+        (k_e, r), (k_e_error, r_error) = measured
+        star = known.motor.star()
+        motions = [
+            (1 / star.pole_pairs, "electrical", 1 / star.pole_pairs, ""),
+            (2 * math.pi, "in revolutions", 1.0, "rev"),
+            (math.pi / 180, "in degrees", 1.0, "deg"),
+        ]
+        times = k_e / (star.pole_pairs * star.psi_f)
+        apart = max(times, 1 / times) if times > 0 else 1.0
+        if apart > 1 + CONFUSED and k_e_error < CONFUSED * abs(k_e) and not mixed_up(apart, CONFUSED):
+            for factor, says, scale, unit in motions:
+                if abs(times / factor - 1) < CONFUSED:
+                    raise AdvisedError(_of_motion(known, log, times, says, scale, unit))
+        times = r / star.R_s
+        if r_error < CONFUSED * abs(r):
+            for factor, says, scale in ((1e3, "small", 1e3), (1e-3, "large", 1e-3)):
+                if 1 / UNLIKE_R < times / factor < UNLIKE_R:
+                    raise AdvisedError(_of_current(known, log, times, says, scale))
+
+
+def _of_motion(known: Identification, log: Log, times: float, says: str, scale: float, unit: str) -> Advice:
+    signals = [signal for signal in ("theta", "omega") if signal in log and signal in known.columns]
+    cure: dict[str, str | float] = {}
+    for signal in signals:
+        column = known.columns[signal]
+        if unit:
+            cure[f"columns.{signal}.unit"] = unit + ("/s" if signal == "omega" else "")
+        else:
+            cure[f"columns.{signal}.scale"] = float(f"{column.scale * scale:.10g}")
+    return Advice(
+        f"{log.name}: the voltage says a K_t that is {times:.3g} of {known.described_in}'s: "
+        f"{' and '.join(known.columns[signal].name for signal in signals)} look {says}: expected "
+        f"{' and '.join(_as_toml(key, value) for key, value in cure.items())}",
+        cure,
+    )
+
+
+def _of_current(known: Identification, log: Log, times: float, says: str, scale: float) -> Advice:
+    cure = {
+        f"columns.{signal}.scale": float(f"{known.columns[signal].scale * scale:.10g}")
+        for signal in ("i_q", "i_q_ref", "i_d")
+        if signal in log and signal in known.columns
+    }
+    return Advice(
+        f"{log.name}: the voltage says an R that is {times:.3g} of {known.described_in}'s: "
+        f"{known.columns['i_q'].name} is 1000 times too {says}: expected "
+        f"{' and '.join(_as_toml(key, value) for key, value in cure.items())}",
+        cure,
+    )
+
+
+def _as_toml(key: str, value: str | float) -> str:
+    return f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value:g}"
+
+
+def _of_parts(known: Identification, log: Log) -> tuple[Array, Array] | None:
+    """K_e and R by means over parts of a log, and their errors at 95 %; None: it does not show them."""
+    if not log.dt or not {"u_q", "i_q", "theta"} <= log.signals.keys() or log.kind in UNDRIVEN:
+        return None
+    rows = max(MEAN_ROWS, len(log) // PARTS_MOST)
+    means = {
+        name: np.concatenate([_means(log[name][stretch], rows) for stretch in log.stretches])
+        for name in ("u_q", "i_q", "i_d")
+        if name in log
+    }
+    speeds = np.concatenate(
+        [_means(np.gradient(log["theta"][stretch], log.dt), rows) for stretch in log.stretches]
+    )
+    if len(speeds) < PARTS_LEAST:
+        return None
+    star = known.motor.star()
+    voltages = means["u_q"] - star.pole_pairs * speeds * star.L_d * means.get("i_d", 0.0)
+    fitted = _fitted(speeds, means["i_q"], voltages, np.sign(means["i_q"]))
+    return None if fitted is None else (fitted[0][:2], fitted[1][:2])
+
+
+def _means(values: Array, rows: int) -> Array:
+    count = len(values) // rows
+    return np.asarray(values[: count * rows].reshape(count, rows).mean(axis=1))
 
 
 class Agreement(str):
