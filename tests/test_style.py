@@ -8,7 +8,7 @@ PLACES_MOST = {
     "constant_with_several_values": 25,
     "number_of_one_word": 74,
     "vague_local": 171,
-    "vague_argument": 114,
+    "vague_argument": 93,
     "vague_function": 49,
     "many_positional_arguments": 9,
     "fragment_of_a_comment": 13,

@@ -29,11 +29,12 @@ LIKELY_RIPPLE = 0.1  # largest ripple of K_t
 SIDEBAND = 0.5  # of the order between them, at most
 ROUNDING = 1e-6  # relative
 SPARE_SPEED = 0.9  # of the speed that just shows an order: what is advised has some to spare
-LEADS = 0.2  # correlation of the changes, by which a current before its reference is larger than after it
+# by so much is the correlation of changes larger where the current comes before its reference
+LEAD_CORRELATION = 0.2
 SEEN = 3.0  # wavelengths of an order that the kernel blurs to a hundredth
 
 
-def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
+def usable(identification: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     """The logs that can be used, and sentences on the others and on logs that mislead."""
     used: list[Log] = []
     said: list[str] = []
@@ -43,14 +44,14 @@ def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[
         said.append(f"With the bridge off the phase currents show {shown} mA; this is taken out of i_q.")
     for log in logs:
         if log.kind == "bridge-off":
-            said += _said_of_bridge_off(known, log)
+            said += _said_of_bridge_off(identification, log)
             continue
-        without = _unusable(known, log)
+        without = _unusable(identification, log)
         if without:
             said.append(without)
             continue
-        used.append(prepared(known, log, offsets))
-        exchanged = _exchanged(known, log)
+        used.append(prepared(identification, log, offsets))
+        exchanged = _exchanged(identification, log)
         if exchanged is not None:
             said.append(exchanged)
         law = feedback(log)
@@ -69,18 +70,18 @@ def usable(known: Identification, logs: Sequence[Log]) -> tuple[list[Log], list[
     return (plant if any(log.dt for log in plant) else used), said
 
 
-def heading(known: Identification, signal: str) -> str:
+def heading(identification: Identification, signal: str) -> str:
     """The heading that a log lacks, in brackets; "" where the file of columns names none."""
-    return f' (no column "{known.columns[signal].name}")' if signal in known.columns else ""
+    return f' (no column "{identification.columns[signal].name}")' if signal in identification.columns else ""
 
 
-def _said_of_bridge_off(known: Identification, log: Log) -> list[str]:
+def _said_of_bridge_off(identification: Identification, log: Log) -> list[str]:
     """What a log with the bridge off does not tell: what turns its rotor is not known."""
     if not {"i_a", "i_b"} <= log.signals.keys():
         return [
             Advice(
-                f"{log.name}: the bridge is off, and no phase currents{heading(known, 'i_a')}: it tells "
-                "nothing; "
+                f"{log.name}: the bridge is off, and no phase currents{heading(identification, 'i_a')}: "
+                "it tells nothing; "
                 "record i_a and i_b.",
                 recording(signal=("i_a", "i_b"), log=log.name),
             )
@@ -97,24 +98,24 @@ def _said_of_bridge_off(known: Identification, log: Log) -> list[str]:
     return []
 
 
-def _unusable(known: Identification, log: Log) -> str | None:
+def _unusable(identification: Identification, log: Log) -> str | None:
     """Why a log can't be used, with the cure; None if it can."""
     if "theta" not in log:
-        missing = heading(known, "theta")
+        missing = heading(identification, "theta")
         return Advice(
             f"{log.name}: no angle{missing}: cogging cannot be placed; record the encoder's angle as theta.",
             recording(signal="theta", log=log.name),
         )
     if "i_q" not in log and log.kind != "coast-down":
         return Advice(
-            f"{log.name}: no current{heading(known, 'i_q')}: torque is not known; record i_q, or say that "
-            "the log is a coast-down.",
+            f"{log.name}: no current{heading(identification, 'i_q')}: torque is not known; "
+            "record i_q, or say that the log is a coast-down.",
             recording(signal="i_q", log=log.name),
             recording(kind="coast-down", log=log.name),
         )
     if not log.dt:
         return None
-    stuck = _sticks(known, log)
+    stuck = _sticks(identification, log)
     if stuck:
         return stuck
     return None
@@ -126,10 +127,10 @@ def _up(rate: float) -> float:
     return float(np.ceil(rate / digit * (1 - 1e-9)) * digit)
 
 
-def _sticks(known: Identification, log: Log) -> str | None:
+def _sticks(identification: Identification, log: Log) -> str | None:
     """What to record instead of a log whose rotor stands still too often; None if it doesn't."""
     rows = max(1, round(STILL_FOR / log.dt))
-    still = np.abs(log["theta"][rows:] - log["theta"][:-rows]) <= known.step
+    still = np.abs(log["theta"][rows:] - log["theta"][:-rows]) <= identification.step
     share = float(np.mean(still))
     if share <= STILL:
         return None
@@ -140,7 +141,7 @@ def _sticks(known: Identification, log: Log) -> str | None:
         )
     turned = np.abs(log["theta"][SMOOTH:] - log["theta"][:-SMOOTH])
     slip = float(np.percentile(turned[rows:], 99)) / (SMOOTH * log.dt * 2 * np.pi)
-    needed = 6 * known.motor.pole_pairs * slip / VISIBLE
+    needed = 6 * identification.motor.pole_pairs * slip / VISIBLE
     rate = _up(max(needed, 1 / log.dt))
     return Advice(
         f"{said}: it sticks, and slips at {slip:.2g} rev/s; record it at that speed or faster, with "
@@ -159,21 +160,21 @@ def offsets_of(logs: Sequence[Log]) -> tuple[float, float, float] | None:
     return a, b, float(np.mean(np.concatenate(with_c))) if with_c else -a - b
 
 
-def prepared(known: Identification, log: Log, offsets: tuple[float, float, float] | None) -> Log:
+def prepared(identification: Identification, log: Log, offsets: tuple[float, float, float] | None) -> Log:
     """The log with torque in A, without the currents' offsets, and no current where the bridge is off."""
     signals = dict(log.signals)
     if offsets is not None and "i_q" in signals:
-        theta_e = known.motor.pole_pairs * signals["theta"]
+        theta_e = identification.motor.pole_pairs * signals["theta"]
         waves = [np.sin(theta_e - third * 2 * np.pi / 3) for third in range(3)]
         signals["i_q"] = signals["i_q"] + 2 / 3 * sum(o * w for o, w in zip(offsets, waves, strict=True))
     if "torque" in signals:
-        signals["torque"] = signals["torque"] / known.motor.star().K_t
+        signals["torque"] = signals["torque"] / identification.motor.star().K_t
     if log.kind in ("coast-down", "bridge-off"):
         signals["i_q"] = np.zeros(len(log))
     return replace(log, signals=signals)
 
 
-def check_sign(known: Identification, logs: Sequence[Log], rows: Sequence[Rows]) -> None:
+def check_sign(identification: Identification, logs: Sequence[Log], rows: Sequence[Rows]) -> None:
     """Refuse currents of the wrong sign: they brake a motor that turns against friction."""
     for log in logs:
         own = [each for each in rows if each.log is log and len(each.y) > 30]
@@ -185,13 +186,13 @@ def check_sign(known: Identification, logs: Sequence[Log], rows: Sequence[Rows])
         power = float(np.mean(np.concatenate([each.y for each in own]) * speed))
         stored = found["j",] * float(np.mean(np.concatenate([each.columns[:, 0] for each in own]) * speed))
         if wrong and power - stored < 0:
-            heading = known.columns["i_q"].name
+            heading = identification.columns["i_q"].name
             raise AdvisedError(
                 Advice(
                     f"{log.name}: {heading}: the current brakes the motor that it turns (inertia and "
                     "friction come out negative): expected the other sign: "
-                    f'columns.i_q = {{ name = "{heading}", sign = {-known.columns["i_q"].sign} }}',
-                    {"columns.i_q.sign": -known.columns["i_q"].sign},
+                    f'columns.i_q = {{ name = "{heading}", sign = {-identification.columns["i_q"].sign} }}',
+                    {"columns.i_q.sign": -identification.columns["i_q"].sign},
                 )
             )
 
@@ -219,18 +220,21 @@ def _speeds(log: Log) -> Array:
     return np.asarray(np.abs(theta[rows:] - theta[:-rows]) / (rows * log.dt))
 
 
-def _exchanged(known: Identification, log: Log) -> str | None:
+def _exchanged(identification: Identification, log: Log) -> str | None:
     """What is said of a log whose i_q comes before its i_q_ref: of the two, the measured one is the later."""
     if not {"i_q", "i_q_ref"} <= log.signals.keys() or not log.dt:
         return None
-    current, wanted = (np.diff(log[name]) for name in ("i_q", "i_q_ref"))
-    size = float(np.linalg.norm(current) * np.linalg.norm(wanted))
+    current, reference_changes = (np.diff(log[name]) for name in ("i_q", "i_q_ref"))
+    size = float(np.linalg.norm(current) * np.linalg.norm(reference_changes))
     if size == 0:
         return None
-    after, before = float(current[1:] @ wanted[:-1]) / size, float(current[:-1] @ wanted[1:]) / size
-    if before - after < LEADS:
+    after, before = (
+        float(current[1:] @ reference_changes[:-1]) / size,
+        float(current[:-1] @ reference_changes[1:]) / size,
+    )
+    if before - after < LEAD_CORRELATION:
         return None
-    measured, reference = (known.columns[name].name for name in ("i_q", "i_q_ref"))
+    measured, reference = (identification.columns[name].name for name in ("i_q", "i_q_ref"))
     return Advice(
         f"{log.name}: {measured} comes before {reference}, which it should follow (correlation of their "
         f"changes {before:.2g} a row before, {after:.2g} a row after): they look exchanged: "

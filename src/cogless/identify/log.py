@@ -47,7 +47,7 @@ MISTAKEN: tuple[tuple[float, str, Cure], ...] = (
 )
 DAY_SECONDS, COUNTER_SECONDS = 86_400.0, 2**32 * 1e-6  # s, a day and 32 bits of microseconds
 CLOCK_ROWS_MOST = 20  # rows that may be missing where a clock begins anew
-PARTS_MOST = 1000  # logs in a file
+FILE_LOGS_MOST = 1000  # logs in a file
 HEADINGS_COMPARED = 1000  # with one that a file lacks
 HEADINGS_SHOWN = 12  # of a file that has none like it
 NEAR_LIKENESS = 0.6  # share of letters in the same order, above which a heading is named
@@ -88,14 +88,14 @@ class Log:
         return self.dt * len(self)
 
 
-def load_logs(paths: list[Path], known: Identification) -> list[Log]:
+def load_logs(paths: list[Path], identification: Identification) -> list[Log]:
     """Read all logs. StudyError: a file, a column or a row that can't be used."""
-    headings = [column.name for column in known.columns.values()]
+    headings = [column.name for column in identification.columns.values()]
     columns: list[tuple[Path, LogColumns]] = []
     for path in paths:
         true = ["theta_m"] if path.suffix == ".nc" else []
         columns += [(path, log) for log in read(path, headings + true, with_gaps=True)]
-    return logs_of_columns(columns, known)
+    return logs_of_columns(columns, identification)
 
 
 def logs_of_columns(columns: Sequence[tuple[Path, LogColumns]], identification: Identification) -> list[Log]:
@@ -115,42 +115,44 @@ def logs_of_columns(columns: Sequence[tuple[Path, LogColumns]], identification: 
     return logs
 
 
-def _parts(path: Path, log: LogColumns, known: Identification) -> Iterator[tuple[str, Columns]]:
+def _parts(path: Path, log: LogColumns, identification: Identification) -> Iterator[tuple[str, Columns]]:
     """The log, or where it has a column of parts, a log for each of its values."""
     name, columns = log.name or path.name, dict(log.columns)
-    column = known.columns.get("part")
+    column = identification.columns.get("part")
     values = columns.pop(column.name, None) if column is not None else None
     if values is None:
         yield name, columns
         return
     if np.isnan(values).any():
         row = np.flatnonzero(np.isnan(values))[0] + 1
-        raise StudyError(f"{path}: {_heading(known, 'part')}: row {row}: no number: expected that of a part")
+        raise StudyError(
+            f"{path}: {_heading(identification, 'part')}: row {row}: no number: expected that of a part"
+        )
     parts = np.unique(values)
-    if len(parts) > PARTS_MOST:
-        heading = _heading(known, "part")
-        raise StudyError(f"{path}: {heading}: {len(parts)} parts: expected {PARTS_MOST} or fewer")
+    if len(parts) > FILE_LOGS_MOST:
+        heading = _heading(identification, "part")
+        raise StudyError(f"{path}: {heading}: {len(parts)} parts: expected {FILE_LOGS_MOST} or fewer")
     for value in parts:
         yield f"{name}#{value:g}", {key: of[values == value] for key, of in columns.items()}
 
 
-def _require_columns(logs: Sequence[tuple[Path, LogColumns]], known: Identification) -> None:
+def _require_columns(logs: Sequence[tuple[Path, LogColumns]], identification: Identification) -> None:
     """Each log has those columns of the file of columns that name it, and no other of them."""
     lines = []
     for path, log in logs:
         name = log.name or path.name
-        signals = {signal: column for signal, column in known.columns.items() if column.is_in(name)}
+        signals = {signal: column for signal, column in identification.columns.items() if column.is_in(name)}
         lacking = [signal for signal, column in signals.items() if column.name not in log.headings]
         where = f"{path}: {name}" if log.name else str(path)
         if lacking:
-            lines.append(_lacking(where, lacking, logs, log.headings, known))
+            lines.append(_lacking(where, lacking, logs, log.headings, identification))
         lines += [
             Advice(
                 f'{where}: it has the column "{column.name}" ({signal}), and columns.{signal}.files does not '
                 "name it: expected the files that have the column",
                 {f"columns.{signal}.files": [*column.files, escape(name)]},
             )
-            for signal, column in known.columns.items()
+            for signal, column in identification.columns.items()
             if column.name in log.headings and signal not in signals
         ]
     if lines:
@@ -162,11 +164,11 @@ def _lacking(
     signals: Sequence[str],
     logs: Sequence[tuple[Path, LogColumns]],
     headings: Sequence[str],
-    known: Identification,
+    identification: Identification,
 ) -> Advice:
     """What is said of a log that lacks these signals: the nearest headings, and which logs have them."""
-    used = {column.name for column in known.columns.values()}
-    lacking = {signal: known.columns[signal].name for signal in signals}
+    used = {column.name for column in identification.columns.values()}
+    lacking = {signal: identification.columns[signal].name for signal in signals}
     nearest = _nearest(lacking, [heading for heading in headings if heading not in used])
     listed = ", ".join(
         f'"{heading}" ({signal}{f", near {_quoted([nearest[signal]])}" if signal in nearest else ""})'
@@ -211,33 +213,33 @@ def _quoted(names: Sequence[str]) -> str:
     return ", ".join(f'"{printable(name)}"' for name in names)
 
 
-def _log(path: Path, name: str, columns: Columns, known: Identification) -> Log:
-    rule = known.rule(name)
+def _log(path: Path, name: str, columns: Columns, identification: Identification) -> Log:
+    rule = identification.rule(name)
     where = str(path) if name.startswith(path.name) else f"{path}: {name}"
     remarks: list[str] = []
     columns, after_loss = _complete(where, name, columns, remarks)
     found = {
-        signal: known.factor(signal) * columns[column.name]
-        for signal, column in known.columns.items()
+        signal: identification.factor(signal) * columns[column.name]
+        for signal, column in identification.columns.items()
         if column.name in columns
     }
     if "theta_m" in columns and {"theta", "i_q", "i_d"} <= found.keys():
-        _by_measured_angle(found, columns["theta_m"], known.motor.pole_pairs)
+        _by_measured_angle(found, columns["theta_m"], identification.motor.pole_pairs)
     for signal in found:
         still = signal == "t" or (signal == "theta" and rule.kind != "bridge-off")
         if still and not np.any(found[signal] != found[signal][0]):
             raise StudyError(
-                f"{where}: {known.columns[signal].name}: never changes: expected a moving {signal}"
+                f"{where}: {identification.columns[signal].name}: never changes: expected a moving {signal}"
             )
     if found.keys() <= {"t"}:
         raise StudyError(f"{where}: nothing but the time: expected an angle, a speed or a current in columns")
     if rule.kind == "hold" and "t" not in found:
-        return _hold(where, name, rule, found, known, remarks)
+        return _hold(where, name, rule, found, identification, remarks)
     if "t" not in found:
-        raise StudyError(f"{where}: {_heading(known, 't')}: missing: expected the time of each row")
+        raise StudyError(f"{where}: {_heading(identification, 't')}: missing: expected the time of each row")
     if len(found["t"]) < FEWEST:
         raise StudyError(f"{where}: {len(found['t'])} rows: expected {FEWEST} or more")
-    return _timed(where, name, rule, found, known, after_loss, remarks)
+    return _timed(where, name, rule, found, identification, after_loss, remarks)
 
 
 def _complete(
@@ -247,15 +249,15 @@ def _complete(
     lacking = {heading: np.isnan(values) for heading, values in columns.items()}
     whole = ~np.logical_or.reduce(list(lacking.values()))
     counts = {heading: int(np.sum(lacks)) for heading, lacks in lacking.items() if lacks.any()}
-    shown = ", ".join(f'{count} in "{printable(heading)}"' for heading, count in counts.items())
+    lacking_text = ", ".join(f'{count} in "{printable(heading)}"' for heading, count in counts.items())
     if counts and np.sum(whole) < FEWEST:
         raise StudyError(
             f"{where}: {np.sum(whole)} of {len(whole)} rows have a number in every column (lacking: "
-            f"{shown}): expected {FEWEST} or more, so log the columns together or leave one "
+            f"{lacking_text}): expected {FEWEST} or more, so log the columns together or leave one "
             "out of [columns]"
         )
     if counts:
-        remarks.append(f"{name}: {np.sum(~whole)} rows lack a number ({shown}) and are left out.")
+        remarks.append(f"{name}: {np.sum(~whole)} rows lack a number ({lacking_text}) and are left out.")
     rows = np.flatnonzero(whole)
     return {heading: values[whole] for heading, values in columns.items()}, np.diff(rows, prepend=-1) > 1
 
@@ -266,19 +268,20 @@ def _by_measured_angle(found: Columns, true: Array, pole_pairs: int) -> None:
     found["i_d"], found["i_q"] = currents.real, currents.imag
 
 
-def _heading(known: Identification, signal: str) -> str:
-    return known.columns[signal].name if signal in known.columns else f"columns.{signal}"
+def _heading(identification: Identification, signal: str) -> str:
+    return identification.columns[signal].name if signal in identification.columns else f"columns.{signal}"
 
 
 def _hold(
-    where: str, name: str, rule: LogRule, found: Columns, known: Identification, remarks: list[str]
+    where: str, name: str, rule: LogRule, found: Columns, identification: Identification, remarks: list[str]
 ) -> Log:
     for signal in ("theta", "i_q", "direction"):
         if signal not in found:
             expected = "a hold map needs theta, i_q and the direction that the rotor came from"
-            raise StudyError(f"{where}: {_heading(known, signal)}: missing: {expected}")
+            raise StudyError(f"{where}: {_heading(identification, signal)}: missing: {expected}")
     found["direction"] = np.sign(found["direction"])
-    return Log(name, rule, 0.0, found, (slice(0, len(found["theta"])),), remarks)
+    stretches = (slice(0, len(found["theta"])),)
+    return Log(name, rule, dt=0.0, signals=found, stretches=stretches, remarks=remarks)
 
 
 def _one_clock(name: str, t: Array, identification: Identification, remarks: list[str]) -> Array:
@@ -353,24 +356,24 @@ def _timed(
     name: str,
     rule: LogRule,
     found: Columns,
-    known: Identification,
+    identification: Identification,
     after_loss: NDArray[np.bool_],
     remarks: list[str],
 ) -> Log:
-    t = _one_clock(name, found.pop("t"), known, remarks)
+    t = _one_clock(name, found.pop("t"), identification, remarks)
     back = np.flatnonzero(np.diff(t) < 0)
     if len(back):
         at = back[0] + 2
         raise StudyError(
-            f"{where}: {_heading(known, 't')}: row {at}: the time goes back: expected one clock, "
+            f"{where}: {_heading(identification, 't')}: row {at}: the time goes back: expected one clock, "
             "or a file for each recording"
         )
     t = _without_bursts(name, t, found, remarks)
     keep = np.concatenate(([True], np.diff(t) > 0))
     if np.mean(keep) < 0.5:
         raise StudyError(
-            f"{where}: {_heading(known, 't')}: {np.sum(~keep)} of {len(t)} rows have the time of the row "
-            "before: expected all digits of the time"
+            f"{where}: {_heading(identification, 't')}: {np.sum(~keep)} of {len(t)} rows have "
+            "the time of the row before: expected all digits of the time"
         )
     if not keep.all():
         remarks.append(f"{name}: {np.sum(~keep)} rows have the time of the row before and are left out.")
@@ -382,19 +385,20 @@ def _timed(
     if len(ends):
         longest = float(np.max(np.diff(t)))
         remarks.append(f"{name}: {len(ends)} gaps, the longest {longest:.3g} s; the log is cut there.")
-    _within_limit(where, found, known)
-    _amplitudes_agree(where, found, known)
+    _within_limit(where, found, identification)
+    _amplitudes_agree(where, found, identification)
     if "theta" in found:
-        _degrees(where, t, found, known)
+        _degrees(where, t, found, identification)
         raw = found["theta"]
-        found["theta"] = _unwrapped(name, f"{where}: {_heading(known, 'theta')}", found["theta"], remarks)
-        whole = _slip(name, found["theta"], known.step, remarks)
+        found["theta"] = _unwrapped(
+            name, f"{where}: {_heading(identification, 'theta')}", found["theta"], remarks
+        )
+        whole = _slip(name, found["theta"], identification.step, remarks)
         if whole < FEWEST:
-            jumps = (
-                f"{where}: {_heading(known, 'theta')}: row {whole + 1}: the angle jumps, and only {whole} "
-            )
+            heading = _heading(identification, "theta")
+            jumps = f"{where}: {heading}: row {whole + 1}: the angle jumps, and only {whole} "
             degrees = np.unwrap(np.radians(raw))
-            if _slip(name, degrees, known.step, []) == len(t):
+            if _slip(name, degrees, identification.step, []) == len(t):
                 units = {"theta": "deg", **({"omega": "deg/s"} if "omega" in found else {})}
                 cure = {f"columns.{signal}.unit": unit for signal, unit in units.items()}
                 lines = " and ".join(f'{key} = "{unit}"' for key, unit in cure.items())
@@ -406,9 +410,9 @@ def _timed(
                 "sensors"
             )
         t, found = t[:whole], {signal: values[:whole] for signal, values in found.items()}
-        _units_agree(where, t, found, known)
+        _units_agree(where, t, found, identification)
         edges = [*(edge for edge in edges if edge < len(t)), len(t)]
-        _repeats(name, found, known.step, remarks)
+        _repeats(name, found, identification.step, remarks)
     parts: list[Columns] = []
     jitter = 0.0
     for first, last in pairwise(edges):
@@ -424,22 +428,25 @@ def _timed(
         )
     joined = {s: np.concatenate([part[s] for part in parts]) for s in parts[0]}
     if "theta" in joined:
-        offset = 0.5 * known.step if known.angle_offset is None else known.angle_offset
+        offset = (
+            0.5 * identification.step if identification.angle_offset is None else identification.angle_offset
+        )
         joined["theta"] = joined["theta"] + offset
     starts = np.cumsum([0, *(len(next(iter(part.values()))) for part in parts)])
     stretches = tuple(slice(int(a), int(b)) for a, b in pairwise(starts))
     return Log(name, rule, _period(t, dt), joined, stretches, remarks)
 
 
-def _within_limit(where: str, found: Columns, known: Identification) -> None:
+def _within_limit(where: str, found: Columns, identification: Identification) -> None:
     """A current that no drive of this limit has is one in another unit."""
-    limit = known.drive.current_loop.current_limit
+    limit = identification.drive.current_loop.current_limit
     for signal in CURRENTS:
         most = float(np.max(np.abs(found.get(signal, 0.0))))
         if most > BEYOND * limit:
             raise AdvisedError(
                 Advice(
-                    f"{where}: {_heading(known, signal)}: row {np.argmax(np.abs(found[signal])) + 1}: "
+                    f"{where}: {_heading(identification, signal)}: "
+                    f"row {np.argmax(np.abs(found[signal])) + 1}: "
                     f"{most:.3g} A, where the drive's limit is {limit:.3g} A: expected its unit, "
                     'such as unit = "mA"',
                     {f"columns.{each}.unit": "mA" for each in CURRENTS if each in found},
@@ -447,11 +454,11 @@ def _within_limit(where: str, found: Columns, known: Identification) -> None:
             )
 
 
-def _amplitudes_agree(where: str, found: Columns, known: Identification) -> None:
+def _amplitudes_agree(where: str, found: Columns, identification: Identification) -> None:
     """i_q and i_d are as large as the phases' currents; by their rms they are 1/sqrt(2) of it."""
     if not {"i_q", "i_a", "i_b"} <= found.keys():
         return
-    i_q, i_a, i_b = (_heading(known, signal) for signal in ("i_q", "i_a", "i_b"))
+    i_q, i_a, i_b = (_heading(identification, signal) for signal in ("i_q", "i_a", "i_b"))
     a, b = found["i_a"], found["i_b"]
     phases = np.sqrt(2 / 3 * (a**2 + b**2 + found.get("i_c", -a - b) ** 2))
     seen = np.hypot(found["i_q"], found.get("i_d", 0.0))
@@ -462,14 +469,14 @@ def _amplitudes_agree(where: str, found: Columns, known: Identification) -> None
         raise AdvisedError(
             Advice(
                 f"{where}: {i_q} is {ratio:.3g} of the amplitude that {i_a} and {i_b} have, as rms is: "
-                "expected "
-                f"peak amperes: {known.columns['i_q'].name} with scale = 1.41421 in the file of columns",
+                f"expected peak amperes: {identification.columns['i_q'].name} with scale = 1.41421 "
+                "in the file of columns",
                 {"columns.i_q.scale": 1.41421, **({"columns.i_d.scale": 1.41421} if "i_d" in found else {})},
             )
         )
 
 
-def _degrees(where: str, t: Array, found: Columns, known: Identification) -> None:
+def _degrees(where: str, t: Array, found: Columns, identification: Identification) -> None:
     """An angle in degrees moves far in a row, which looks like a wrap or a slipped index: it is told before.
 
     The median over the faster half of the rows does not see where it wraps.
@@ -480,20 +487,22 @@ def _degrees(where: str, t: Array, found: Columns, known: Identification) -> Non
     moved = np.diff(found["theta"])
     rows = (np.abs(turned) >= np.median(np.abs(turned))) & (moved != 0)
     ratio = float(np.median(turned[rows] / moved[rows])) if np.any(rows) else 0.0
-    in_degrees = [each for each in (*MISTAKEN, *_electrical(known)) if "theta" in str(each[2])]
+    in_degrees = [
+        mistake for mistake in (*MISTAKEN, *_electrical(identification)) if "theta" in str(mistake[2])
+    ]
     likely = [
         (says, cure)
         for factor, says, cure in in_degrees
         if factor < 0.5 / TURN and abs(ratio / factor - 1) < 0.05
     ]
     if likely:
-        raise _disagreement(where, ratio, likely, known)
+        raise _disagreement(where, ratio, likely, identification)
 
 
 def _disagreement(
-    where: str, ratio: float, likely: Sequence[tuple[str, Cure]], known: Identification
+    where: str, ratio: float, likely: Sequence[tuple[str, Cure]], identification: Identification
 ) -> AdvisedError:
-    names = [_heading(known, signal) for signal in ("omega", "theta", "t")]
+    names = [_heading(identification, signal) for signal in ("omega", "theta", "t")]
     cures = f"; {', or '.join(says for says, _ in likely)}" if likely else ""
     return AdvisedError(
         Advice(
@@ -504,7 +513,7 @@ def _disagreement(
     )
 
 
-def _units_agree(where: str, t: Array, found: Columns, known: Identification) -> None:
+def _units_agree(where: str, t: Array, found: Columns, identification: Identification) -> None:
     """The speed is the angle's change in time, or the unit of one of the three is another."""
     if "omega" not in found:
         return
@@ -513,18 +522,18 @@ def _units_agree(where: str, t: Array, found: Columns, known: Identification) ->
     moved, turned = np.diff(found["theta"]), 0.5 * (omega[1:] + omega[:-1]) * steps
     way, sped = (x - np.mean(x) for x in (np.cumsum(moved[whole]), np.cumsum(turned[whole])))
     square = float(way @ way)
-    if square < len(way) * max(TURNED, 20 * known.step) ** 2:
+    if square < len(way) * max(TURNED, 20 * identification.step) ** 2:
         return  # it hardly turns
     ratio = float(way @ sped) / square
     if not 1 / AGREE < ratio < AGREE:
-        mistaken = (*MISTAKEN, *_electrical(known), *_of_bits(known))
+        mistaken = (*MISTAKEN, *_electrical(identification), *_of_bits(identification))
         likely = [(says, cure) for factor, says, cure in mistaken if 0.95 < ratio / factor < 1.05]
-        raise _disagreement(where, ratio, likely, known)
+        raise _disagreement(where, ratio, likely, identification)
 
 
-def _electrical(known: Identification) -> list[tuple[float, str, Cure]]:
+def _electrical(identification: Identification) -> list[tuple[float, str, Cure]]:
     """Ratios by which an electrical angle or speed is off, pole pairs times a mechanical one."""
-    poles, columns = known.motor.pole_pairs, known.columns
+    poles, columns = identification.motor.pole_pairs, identification.columns
     if poles == 1:
         return []
     cures = {
@@ -547,10 +556,10 @@ def _electrical(known: Identification) -> list[tuple[float, str, Cure]]:
     ]
 
 
-def _of_bits(known: Identification) -> list[tuple[float, str, Cure]]:
+def _of_bits(identification: Identification) -> list[tuple[float, str, Cure]]:
     """Ratios by which counts are off where the sensor has other bits, and what is said of them."""
-    bits = getattr(known.drive.position_sensor, "bits", None)
-    if known.columns["theta"].unit != COUNT or bits is None:
+    bits = getattr(identification.drive.position_sensor, "bits", None)
+    if identification.columns["theta"].unit != COUNT or bits is None:
         return []
     return [
         (

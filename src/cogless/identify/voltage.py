@@ -20,6 +20,7 @@ from cogless.identify.log import Log
 from cogless.identify.result import Value
 from cogless.identify.steady import Steady, steady
 from cogless.study.datasheet import mixed_up
+from cogless.units import TURN
 
 FEWEST = 4  # steady parts, for three unknowns
 RMS = math.sqrt(2)  # peak over rms
@@ -34,7 +35,7 @@ UNLIKE_R = 3.0  # of R over that of the datasheet: warm copper, leads and what a
 CONFUSED = 0.1  # relative difference of K_t that warm magnets and the voltage's own gain may make
 
 
-def told(known: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | None:
+def told(identification: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | None:
     """K_t, N*m/A, by the back-EMF of the steady parts of these logs, and R, ohm; None: they don't show it.
 
     The errors at 95 % have three parts: the residual of the fit, 1 % for the inverter's gain, and the change
@@ -47,7 +48,7 @@ def told(known: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | No
         return None
     currents = np.array([part.current for part in parts])
     voltages = np.array([np.mean(part.log["u_q"][part.rows]) for part in parts])
-    star = known.motor.star()
+    star = identification.motor.star()
     direct = np.array([np.mean(part.log["i_d"][part.rows]) if "i_d" in part.log else 0.0 for part in parts])
     electrical = star.pole_pairs * speeds
     voltages -= electrical * star.L_d * direct
@@ -55,7 +56,7 @@ def told(known: Identification, logs: Sequence[Log]) -> tuple[Value, Value] | No
     if fitted is None:
         return None
     values, errors = fitted
-    drive = known.drive
+    drive = identification.drive
     periods = 0.5 + (drive.inverter.computation_delay if drive.inverter is not None else 1)
     turned = electrical * periods / drive.rates.current_loop
     advanced = (voltages + electrical * star.L_q * currents * np.sin(turned)) / np.cos(turned)
@@ -87,21 +88,21 @@ def _fitted(speeds: Array, currents: Array, voltages: Array, lost: Array) -> tup
     return np.asarray(values), np.asarray(student.ppf(0.975, free) * np.sqrt(np.diag(covariance)))
 
 
-def require_units(known: Identification, logs: Sequence[Log]) -> None:
+def require_units(identification: Identification, logs: Sequence[Log]) -> None:
     """Refuse an angle with its speed, or a current, in a unit that the voltage contradicts.
 
     K_e and R are of means over parts of each log: factors of units are far larger than what ripple, a
     bridge's losses, warm magnets and a warm winding make. A factor of K_t's definition is none of them.
     """
     for log in logs:
-        measured = _of_parts(known, log)
+        measured = _of_parts(identification, log)
         if measured is None:
             continue
         (k_e, r), (k_e_error, r_error) = measured
-        star = known.motor.star()
+        star = identification.motor.star()
         motions = [
             (1 / star.pole_pairs, "electrical", 1 / star.pole_pairs, ""),
-            (2 * math.pi, "in revolutions", 1.0, "rev"),
+            (TURN, "in revolutions", 1.0, "rev"),
             (math.pi / 180, "in degrees", 1.0, "deg"),
         ]
         times = k_e / (star.pole_pairs * star.psi_f)
@@ -109,40 +110,42 @@ def require_units(known: Identification, logs: Sequence[Log]) -> None:
         if apart > 1 + CONFUSED and k_e_error < CONFUSED * abs(k_e) and not mixed_up(apart, CONFUSED):
             for factor, says, scale, unit in motions:
                 if abs(times / factor - 1) < CONFUSED:
-                    raise AdvisedError(_of_motion(known, log, times, says, scale, unit))
+                    raise AdvisedError(_of_motion(identification, log, times, says, scale, unit))
         times = r / star.R_s
         if r_error < CONFUSED * abs(r):
             for factor, says, scale in ((1e3, "small", 1e3), (1e-3, "large", 1e-3)):
                 if 1 / UNLIKE_R < times / factor < UNLIKE_R:
-                    raise AdvisedError(_of_current(known, log, times, says, scale))
+                    raise AdvisedError(_of_current(identification, log, times, says, scale))
 
 
-def _of_motion(known: Identification, log: Log, times: float, says: str, scale: float, unit: str) -> Advice:
-    signals = [signal for signal in ("theta", "omega") if signal in log and signal in known.columns]
+def _of_motion(
+    identification: Identification, log: Log, times: float, says: str, scale: float, unit: str
+) -> Advice:
+    signals = [signal for signal in ("theta", "omega") if signal in log and signal in identification.columns]
     cure: dict[str, str | float] = {}
     for signal in signals:
-        column = known.columns[signal]
+        column = identification.columns[signal]
         if unit:
             cure[f"columns.{signal}.unit"] = unit + ("/s" if signal == "omega" else "")
         else:
             cure[f"columns.{signal}.scale"] = float(f"{column.scale * scale:.10g}")
     return Advice(
-        f"{log.name}: the voltage says a K_t that is {times:.3g} of {known.described_in}'s: "
-        f"{' and '.join(known.columns[signal].name for signal in signals)} look {says}: expected "
+        f"{log.name}: the voltage says a K_t that is {times:.3g} of {identification.described_in}'s: "
+        f"{' and '.join(identification.columns[signal].name for signal in signals)} look {says}: expected "
         f"{' and '.join(_as_toml(key, value) for key, value in cure.items())}",
         cure,
     )
 
 
-def _of_current(known: Identification, log: Log, times: float, says: str, scale: float) -> Advice:
+def _of_current(identification: Identification, log: Log, times: float, says: str, scale: float) -> Advice:
     cure = {
-        f"columns.{signal}.scale": float(f"{known.columns[signal].scale * scale:.10g}")
+        f"columns.{signal}.scale": float(f"{identification.columns[signal].scale * scale:.10g}")
         for signal in ("i_q", "i_q_ref", "i_d")
-        if signal in log and signal in known.columns
+        if signal in log and signal in identification.columns
     }
     return Advice(
-        f"{log.name}: the voltage says an R that is {times:.3g} of {known.described_in}'s: "
-        f"{known.columns['i_q'].name} is 1000 times too {says}: expected "
+        f"{log.name}: the voltage says an R that is {times:.3g} of {identification.described_in}'s: "
+        f"{identification.columns['i_q'].name} is 1000 times too {says}: expected "
         f"{' and '.join(_as_toml(key, value) for key, value in cure.items())}",
         cure,
     )
@@ -152,7 +155,7 @@ def _as_toml(key: str, value: str | float) -> str:
     return f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value:g}"
 
 
-def _of_parts(known: Identification, log: Log) -> tuple[Array, Array] | None:
+def _of_parts(identification: Identification, log: Log) -> tuple[Array, Array] | None:
     """K_e and R by means over parts of a log, and their errors at 95 %; None: it does not show them."""
     if not log.dt or not {"u_q", "i_q", "theta"} <= log.signals.keys() or log.kind in UNDRIVEN:
         return None
@@ -167,7 +170,7 @@ def _of_parts(known: Identification, log: Log) -> tuple[Array, Array] | None:
     )
     if len(speeds) < PARTS_LEAST:
         return None
-    star = known.motor.star()
+    star = identification.motor.star()
     voltages = means["u_q"] - star.pole_pairs * speeds * star.L_d * means.get("i_d", 0.0)
     fitted = _fitted(speeds, means["i_q"], voltages, np.sign(means["i_q"]))
     return None if fitted is None else (fitted[0][:2], fitted[1][:2])
@@ -182,18 +185,18 @@ class Agreement(str):
     """A remark that finds nothing wrong."""
 
 
-def check(known: Identification, logs: Sequence[Log]) -> list[str]:
-    """What the voltage says of the K_t that is taken as known, and of the current's unit by R."""
-    found = told(known, logs)
-    return [] if found is None else [_of_k_t(known, found[0]), *_of_r(known, found[1])]
+def check(identification: Identification, logs: Sequence[Log]) -> list[str]:
+    """What the voltage says of the K_t that is taken as identification, and of the current's unit by R."""
+    found = told(identification, logs)
+    return [] if found is None else [_of_k_t(identification, found[0]), *_of_r(identification, found[1])]
 
 
-def _of_k_t(known: Identification, told: Value) -> str:
-    given = known.motor.star().K_t
+def _of_k_t(identification: Identification, told: Value) -> str:
+    given = identification.motor.star().K_t
     says = f"The voltage says K_t = {told.value:.4g} +- {told.error:.2g} N*m/A"
     if abs(told.value - given) <= told.error:
-        return Agreement(f"{says}, as {known.described_in} has it ({given:.4g}).")
-    says += f"; {known.described_in} has {given:.4g}"
+        return Agreement(f"{says}, as {identification.described_in} has it ({given:.4g}).")
+    says += f"; {identification.described_in} has {given:.4g}"
     if abs(told.value - given) <= CONFUSED * given + told.error:
         return (
             f"{says}. Magnets that are 50 K warmer, or the gain of the voltage's measurement, make as much, "
@@ -212,9 +215,9 @@ def _of_k_t(known: Identification, told: Value) -> str:
     )
 
 
-def _of_r(known: Identification, told: Value) -> list[str]:
+def _of_r(identification: Identification, told: Value) -> list[str]:
     """A current in rms amperes is 1/sqrt(2) of the one that the voltage drives through R."""
-    given = known.motor.star().R_s
+    given = identification.motor.star().R_s
     if told.error > RESOLVED * told.value or abs(told.value - RMS * given) > told.error:
         return []
     return [
