@@ -266,7 +266,7 @@ def _instructions(written: TableText, output: Path | None) -> list[str]:
     file = str(output) if output is not None else "FILE"
     return [
         f"Install: {written.install.replace('FILE', file)}",
-        f"Take out: {written.remove}",
         f"Check the sign: {written.sign_check}.",
+        f"Take out: {written.remove}",
         *written.notes,
     ]

@@ -99,7 +99,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     without = next((log for log, frame in zip(logs, frames, strict=True) if not frame.zero), None)
     if without is not None and directions:
         raise StudyError(
-            f"{without.path}: no angle of the table's index, which other logs have: expected it in each"
+            f"{without.path}: no angle of the table's index, which other logs have: expected the channel "
+            "motor_position beside each"
         )
     frame = replace(
         max(frames, key=lambda frame: frame.zero_error),
@@ -312,7 +313,8 @@ def write(current: HoldingCurrent, frame: TableFrame) -> TableText:
         install="moteus_tool -t 1 --restore-config FILE",
         remove='in tview: "conf set motor.cogging_dq_scale 0", then "conf write"',
         sign_check=f'in tview: "conf set motor.cogging_dq_scale {0.3 * scale:.4g}", then "{-0.3 * scale:.4g}"'
-        ", each at a slow speed: the ripple falls with the first and grows with the second",
+        ", each at a slow speed: the ripple falls with the first and grows with the second; "
+        f'then "{scale:.4g}" is the whole table again',
         notes=(
             "moteus adds the table in position mode only, after the limit of the torque.",
             "A calibration or an encoder compensation moves the index: make the table after them.",

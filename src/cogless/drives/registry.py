@@ -178,7 +178,10 @@ def prepare(
         adapter = adapter_named(drive, "--drive")
         match = recognised(paths[0])
         if match is not None and match[0] is not adapter:
-            raise StudyError(f"{paths[0]}: {match[0].title}, {match[1]}: expected a log of {adapter.title}")
+            raise StudyError(
+                f"{paths[0]}: {match[0].title}, {match[1]}: expected a log of {adapter.title}, "
+                f"or --drive {match[0].name}"
+            )
     if adapter.read_logs is None:
         raise StudyError(
             f'--drive: "{adapter.name}": no logs of it are read: expected one of {able_drives("--drive")}'

@@ -398,7 +398,8 @@ def _timed(
             heading = _heading(identification, "theta")
             jumps = f"{where}: {heading}: row {whole + 1}: the angle jumps, and only {whole} "
             degrees = np.unwrap(np.radians(raw))
-            if _slip(name, degrees, identification.step, []) == len(t):
+            has_unit = bool(identification.columns["theta"].unit)
+            if not has_unit and _slip(name, degrees, identification.step, []) == len(t):
                 units = {"theta": "deg", **({"omega": "deg/s"} if "omega" in found else {})}
                 cure = {f"columns.{signal}.unit": unit for signal, unit in units.items()}
                 lines = " and ".join(f'{key} = "{unit}"' for key, unit in cure.items())
