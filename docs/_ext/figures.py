@@ -20,6 +20,12 @@ a page that nothing builds, such as the README: if it shows other numbers, there
     The ripple of the PI.
     ```
 
+`drive-figure` has a drive's motor without its table and with it, by docs/drive_pictures.py.
+
+    ```{drive-figure} moteus
+    The speed at 30 r/min.
+    ```
+
 `screenshot` has a picture that `python docs/screenshots.py` keeps in docs/images; there is a warning if the
 page that it shows is made of other files today.
 """
@@ -113,6 +119,21 @@ class ShellFigure(Pictured):
         return self.shown(folder / self.arguments[0], caption, commands)
 
 
+class DriveFigure(Pictured):
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        from drive_pictures import drawn
+
+        drive = self.arguments[0]
+        picture, ripples = drawn(drive, self.place(drive))
+        caption = (
+            f"{' '.join(self.content)} Ripple (rms): {ripples['none']:.3g} r/min without the table, "
+            f"{ripples['table']:.3g} with it."
+        )
+        return self.shown(picture, caption, [f"python docs/drive_pictures.py {drive} FOLDER"])
+
+
 class Screenshot(Pictured):
     required_arguments = 1
 
@@ -151,5 +172,6 @@ def alike(one: list[list[float]], other: list[list[float]]) -> bool:
 def setup(app: Any) -> dict[str, Any]:
     app.add_directive("run-figure", RunFigure)
     app.add_directive("shell-figure", ShellFigure)
+    app.add_directive("drive-figure", DriveFigure)
     app.add_directive("screenshot", Screenshot)
     return {"parallel_read_safe": False, "parallel_write_safe": True}

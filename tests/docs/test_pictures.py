@@ -22,7 +22,7 @@ def extensions(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS))
     monkeypatch.syspath_prepend(str(DOCS / "_ext"))
     yield
-    for name in ("blocks", "figures", "screenshots", "from_code"):
+    for name in ("blocks", "figures", "screenshots", "from_code", "drive_pictures"):
         sys.modules.pop(name, None)
 
 
@@ -56,6 +56,29 @@ def test_the_screenshot_shows_the_page_as_it_is_made_today():
 def test_each_law_has_a_diagram_and_a_picture(law):
     text = (DOCS / "laws" / f"{law}.md").read_text(encoding="utf-8")
     assert text.count("```{blocks}") == 1 and "```{run-figure}" in text
+
+
+def test_each_drive_with_a_law_has_a_picture_and_another_says_why_it_has_none():
+    from drives.oracle_logs import FIRMWARES
+
+    sections = (DOCS / "guide" / "drives.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    text = {title.lower(): body for title, _, body in (section.partition("\n") for section in sections)}
+    for drive in FIRMWARES:
+        assert f"```{{drive-figure}} {drive}\n" in text[drive]
+    assert "there is no picture of before and after" in text["vesc"]
+
+
+def test_the_picture_of_a_drive_has_the_curves_and_the_ripple_of_its_caption(tmp_path):
+    pytest.importorskip("sphinx")
+    from drive_pictures import drawn
+    from figures import numbers
+
+    path, ripples = drawn("simplefoc", tmp_path)
+    assert ripples["table"] < 0.1 * ripples["none"]
+    (low, high), (calm_low, calm_high) = numbers(path)[:2]  # of the speed, r/min
+    assert low < calm_low < 30 < calm_high < high
+    # a curve within its ends has at most half their distance as its rms
+    assert ripples["none"] < (high - low) / 2 and ripples["table"] < (calm_high - calm_low) / 2
 
 
 def picture(path, series):

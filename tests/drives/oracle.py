@@ -11,6 +11,7 @@ from drives.drive_bench import RATE, RUNS, TURN, Plant
 
 from cogless.drives import firmware_laws
 from cogless.drives.adapter import ramped
+from cogless.results import Results
 from cogless.run.simulate import run_study
 from cogless.study.base import Source
 from cogless.study.reading import checked
@@ -36,10 +37,15 @@ def motions(points_by_name: Mapping[str, list[tuple[float, float]]] = RUNS) -> d
     return scenarios
 
 
-def played(
-    scenarios: Tables, laws: Tables, speed_rate: str = "30 kHz", bits: int = 14, plant: Plant | None = None
-) -> list[Any]:
-    """Runs of the motor, as the firmware turns it."""
+def results(
+    scenarios: Tables,
+    laws: Tables,
+    speed_rate: str = "30 kHz",
+    bits: int = 14,
+    plant: Plant | None = None,
+    **more: object,
+) -> Results:
+    """Results of the motor, as the firmware turns it. `more`: of the study's keys."""
     plant = plant or Plant()
     cogging = [{"order": n, "torque": f"{a} N*m", "phase": f"{p} rad"} for n, a, p in plant.cogging]
     motor = {"pole_pairs": 7, "R_s": "0.8 ohm", "L_d": "0.45 mH", "L_q": "0.45 mH"}
@@ -58,8 +64,16 @@ def played(
         "trace": {"rate": f"{RATE} Hz"},
         "scenario": scenarios,
         "controller": laws,
+        **more,
     }
-    return list(run_study(checked(Source(Path("oracle.toml"), tables))).runs)
+    return run_study(checked(Source(Path("oracle.toml"), tables)))
+
+
+def played(
+    scenarios: Tables, laws: Tables, speed_rate: str = "30 kHz", bits: int = 14, plant: Plant | None = None
+) -> list[Any]:
+    """Runs of `results`."""
+    return list(results(scenarios, laws, speed_rate, bits, plant).runs)
 
 
 def ripples(laws: Tables, speed_rate: str = "30 kHz", bits: int = 14) -> dict[str, float]:

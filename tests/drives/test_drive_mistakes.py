@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from commands import cogless
-from drives import test_odrive, test_simplefoc, test_vesc
+from drives import odrive_files, simplefoc_files, test_vesc
 from drives.moteus_stand_in import Moteus
 
 # The headings of a log, two rows under them, and the column without which it is none.
@@ -27,9 +27,9 @@ TITLES = {"moteus": "moteus", "odrive": "ODrive", "vesc": "VESC", "simplefoc": "
 @pytest.fixture
 def configurations(tmp_path: Path) -> dict[str, Path]:
     texts = {
-        "odrive": json.dumps({"axis0": test_odrive.OLD}),
+        "odrive": json.dumps({"axis0": odrive_files.OLD}),
         "vesc": test_vesc.XML,
-        "simplefoc": test_simplefoc.MONITOR_TOML,
+        "simplefoc": simplefoc_files.MONITOR_TOML,
     }
     files = {"moteus": Moteus().dump(tmp_path / "dump.cfg")}
     for drive, text in texts.items():

@@ -12,23 +12,10 @@ import numpy as np
 import pytest
 from commands import cogless
 from drives.drive_bench import RATE, RUNS, TURN, Plant, Tracker, play, profile
+from drives.odrive_files import OLD, old_csv
 
 PLANT = Plant()
 ENCODER_ZERO = -0.8  # rad: pos_estimate where the rotor is at 0
-OLD = {
-    "motor": {
-        "config": {
-            "pole_pairs": 7,
-            "torque_constant": PLANT.K_t,
-            "phase_resistance": 0.8,
-            "phase_inductance": 0.00045,
-            "current_lim": 8.0,
-            "current_control_bandwidth": 1000.0,
-        }
-    },
-    "encoder": {"config": {"cpr": 8192}},
-    "controller": {"config": {"anticogging": {"pre_calibrated": False, "anticogging_enabled": True}}},
-}
 NEW = {
     "axis0.config.motor.pole_pairs": 7,
     "axis0.config.motor.torque_constant": PLANT.K_t,
@@ -38,7 +25,6 @@ NEW = {
     "axis0.config.motor.current_control_bandwidth": 1000.0,
 }
 GOALS = (("j", PLANT.inertia, 0.01), ("c", PLANT.coulomb, 0.01), ("b", PLANT.viscous, 0.05))
-OLD_PATHS = ("encoder.pos_estimate", "encoder.vel_estimate", "motor.current_control.Iq_measured")
 NEW_PATHS = ("pos_estimate", "vel_estimate", "motor.foc.Iq_measured")
 
 
@@ -73,19 +59,6 @@ def run(points: list[tuple[float, float]]) -> dict[str, np.ndarray]:
 @pytest.fixture(scope="module")
 def captures() -> dict[str, dict[str, np.ndarray]]:
     return {name: run(points) for name, points in RUNS.items()}
-
-
-def old_csv(made: dict[str, np.ndarray], path: Path) -> Path:
-    """BulkCapture's array with headings: some 500 rows a second, at the times when USB answered."""
-    steps = np.random.default_rng(2).integers(8, 13, len(made["t"]) // 10)
-    rows = np.cumsum(steps)
-    rows = rows[rows < len(made["t"])]
-    lines = [",".join(["t", *(f"axis0.{name}" for name in OLD_PATHS), "vbus_voltage"])]
-    for k in rows:
-        values = (made["t"][k], made["position"][k], made["velocity"][k], made["Iq"][k], 24.0)
-        lines.append(",".join(f"{value:.9g}" for value in values))
-    path.write_text("\n".join(lines) + "\n")
-    return path
 
 
 def new_npz(made: dict[str, np.ndarray], path: Path, unit: str) -> Path:

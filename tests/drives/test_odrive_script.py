@@ -15,7 +15,8 @@ from commands import cogless
 from drives.clocked_drive import STUDY, ClockedDrive
 from drives.drive_bench import TURN
 from drives.moteus_stand_in import Moteus
-from drives.test_odrive import NEW, OLD
+from drives.odrive_files import OLD
+from drives.test_odrive import NEW
 
 from cogless.drives.registry import script_files
 from cogless.study import load

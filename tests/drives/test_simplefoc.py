@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from commands import cogless
 from drives.drive_bench import RATE, RUNS, TURN, Plant, play, profile, ripple
+from drives.simplefoc_files import MONITOR_TOML, monitor
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or ""
 needs_compiler = pytest.mark.skipif(not COMPILER, reason="needs a C compiler")
@@ -25,26 +26,6 @@ DIRECTION, OFFSET, SENSOR_ZERO = (
 )  # sensor_direction, sensor_offset; the sensor where the rotor is 0
 FORWARD = [(t, DIRECTION * speed) for t, speed in SLOW]  # as the drive's angle counts
 LOOP_STEPS = 5  # of the plant for one of loop(): 1 kHz
-NAMES = ["target", "Iq", "velocity", "angle"]
-MONITOR_TOML = """
-monitor = ["target", "Iq", "velocity", "angle"]
-row_period = "2 ms"
-[motor]
-pole_pairs = 7
-R_s = "0.8 ohm"
-L_d = "0.45 mH"
-L_q = "0.45 mH"
-K_t = "0.0306 N*m/A"
-[drive]
-rates = { current_loop = "1 kHz", speed_loop = "1 kHz" }
-current_loop = { kind = "ideal", current_limit = "6 A" }
-[PID_velocity]
-P = 0.06
-I = 0.9
-output_ramp = 300
-[LPF_velocity]
-Tf = 3e-3
-"""
 Feed = Callable[[float], float]
 
 
@@ -91,17 +72,6 @@ def run(points: list[tuple[float, float]], feed: Feed = nothing) -> dict[str, np
         "velocity": velocity,
         "angle": angle,
     }
-
-
-def monitor(made: dict[str, np.ndarray], path: Path, every: int = 10, spoilt: tuple[int, ...] = ()) -> Path:
-    """Lines of the monitor, four decimals between tabs; some of them spoilt by another print."""
-    lines = []
-    for number, k in enumerate(range(0, len(made["t"]), every)):
-        lines.append("\t".join(f"{made[name][k]:.4f}" for name in NAMES))
-        if number in spoilt:
-            lines[-1] = lines[-1][:9] + "hello"
-    path.write_text("\r\n".join(lines) + "\r\n")
-    return path
 
 
 @pytest.fixture(scope="module")
