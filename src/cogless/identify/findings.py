@@ -29,7 +29,7 @@ LIKELY_RIPPLE = 0.1  # largest ripple of K_t
 SIDEBAND = 0.5  # of the order between them, at most
 ROUNDING = 1e-6  # relative
 SPARE_SPEED = 0.9  # of the speed that just shows an order: what is advised has some to spare
-# by so much is the correlation of changes larger where the current comes before its reference
+# correlation of changes that shows a current before its reference, and its excess over that after it
 LEAD_CORRELATION = 0.2
 SEEN = 3.0  # wavelengths of an order that the kernel blurs to a hundredth
 
@@ -232,7 +232,7 @@ def _exchanged(identification: Identification, log: Log) -> str | None:
         float(current[1:] @ reference_changes[:-1]) / size,
         float(current[:-1] @ reference_changes[1:]) / size,
     )
-    if before - after < LEAD_CORRELATION:
+    if min(before, before - after) < LEAD_CORRELATION:
         return None
     measured, reference = (identification.columns[name].name for name in ("i_q", "i_q_ref"))
     return Advice(
