@@ -258,7 +258,8 @@ def _source(
         )
     frame = frame_from(source / FRAME_FILE)
     if frame.drive != to:
-        return current, TableFrame(to, lacking=f"{FRAME_FILE}: drive: {frame.drive}: {unknown}")
+        expected = f"expected --to {frame.drive}, {logs}--shift ANGLE that says how the index of {to} lies"
+        return current, TableFrame(to, lacking=f"its logs are of {frame.drive}: {expected}")
     return current, frame
 
 

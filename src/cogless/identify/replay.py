@@ -38,7 +38,7 @@ SIGNALS = ("time", "theta_measured", "theta_m", "omega_measured", "i_q", "i_d") 
 MORE_DEAD_TIME = 0.002  # periods of the current loop: seen, and so short that its effect is in proportion
 LONGEST_DEAD_TIME = 0.1  # periods of the current loop: a longer one is no drive's
 UNCORRECTED = (
-    "So the delay is told within half a period of the law only, which is in the errors of all values."
+    "So the delay is known only to half a period of the law, and the errors of all values contain that."
 )
 OFF = 0.01  # relative difference of a log's rate from one that divides the current loop's
 
@@ -180,17 +180,18 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
             return _with_remark(first, f"The logs could not be simulated ({error}). {UNCORRECTED}"), {}
         if not controlled <= traces.keys():
             without = ", ".join(sorted(controlled - traces.keys()))
-            said = Advice(
-                f"No simulation of {without}. A log can be simulated if {made.known.replay_rule}, if the "
-                "current loop's rate is a multiple of its rows' rate, "
-                f"and if no table is on. {UNCORRECTED} Add what is missing, or leave the log out.",
-                recording(
-                    logs=tuple(
-                        log.name for log in made.logs if log.name in traces or log.kind == "coast-down"
-                    )
-                ),
+            sentence = (
+                f"No simulation of {without}; the values stand without it. A log can be simulated if "
+                f"{made.known.replay_rule}, if the current loop's rate is a multiple of its rows' rate, "
+                f"and if no table is on. {UNCORRECTED}"
             )
-            return _with_remark(first, said), traces
+            if not traces:
+                return _with_remark(first, sentence), traces
+            others = [log.name for log in made.logs if log.name in traces or log.kind == "coast-down"]
+            cure = Advice(
+                f"{sentence} Add what is missing, or leave the log out.", recording(logs=tuple(others))
+            )
+            return _with_remark(first, cure), traces
         moving = [log for log in made.logs if log.dt]
         late = lateness(moving, traces, _bandwidth(made), 1 / drive.rates.outer_loop, with_dead_time)
         if late.delay is None:
