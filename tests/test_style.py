@@ -7,7 +7,7 @@ import style
 PLACES_MOST = {
     "constant_with_several_values": 25,
     "number_of_one_word": 74,
-    "vague_local": 171,
+    "vague_local": 170,
     "vague_argument": 93,
     "vague_function": 49,
     "many_positional_arguments": 9,
