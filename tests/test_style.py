@@ -6,7 +6,7 @@ import style
 # How often a rule is broken today. Lower a number when the test asks for it; none is ever raised.
 PLACES_MOST = {
     "constant_with_several_values": 25,
-    "number_of_one_word": 74,
+    "number_of_one_word": 73,
     "vague_local": 170,
     "vague_argument": 93,
     "vague_function": 49,
@@ -18,7 +18,7 @@ PLACES_MOST = {
     "type_test_of_a_law": 32,
     "message_taken_apart": 10,
     "number_copied_from_c": 0,
-    "unit_factor_written_out": 39,
+    "unit_factor_written_out": 38,
     "file_name_used_again": 3,
     "small_file": 1,
 }

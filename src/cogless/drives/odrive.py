@@ -76,7 +76,7 @@ class Configuration:
 
     @property
     def firmware(self) -> str:
-        """ "0.5" or "0.6", by the paths of the motor's settings; "": neither's."""
+        """The firmware, 0.5 or 0.6, whose paths the motor's settings have; "" if neither's."""
         prefixes = {"0.5": f"axis{self.axis}.motor.config.", "0.6": f"axis{self.axis}.config.motor."}
         return next(
             (name for name, prefix in prefixes.items() if any(key.startswith(prefix) for key in self.values)),

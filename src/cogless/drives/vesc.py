@@ -173,7 +173,10 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
 
 
 def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[str, Array], bool, list[str]]:
-    """Signals at the middles between the rows, where the mean currents belong; is the angle the encoder's?"""
+    """Signals at the middles between the rows, where the mean currents belong.
+
+    Also whether their angle is the encoder's, and remarks.
+    """
     t = 1e-3 * np.unwrap(columns[TIME_HEADING], period=DAY_MILLISECONDS)
     steps = np.diff(t)
     if np.any(steps < 0):

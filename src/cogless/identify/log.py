@@ -18,8 +18,8 @@ from cogless.identify.advice import Advice, AdvisedError, Cure
 from cogless.identify.config import COUNT, Identification, LogRule
 from cogless.identify.files import Array, Columns, LogColumns, printable
 from cogless.identify.read_log import read
+from cogless.units import RPM, TURN
 
-TURN = 2 * np.pi
 GAP = 2.5  # periods without a row
 ROW_LOST = 1.5  # periods, where a row that lacks a number is left out
 BURSTS_LEAST = 20  # in a log whose stamps are those of packets
@@ -544,13 +544,13 @@ def _electrical(identification: Identification) -> list[tuple[float, str, Cure]]
     return [
         (1 / poles, f"the angle looks electrical: scale = 1/{poles}", cures["theta"]),
         (
-            np.pi / 180 / poles,
+            TURN / 360 / poles,
             f'the angle looks like electrical degrees: unit = "deg" and scale = 1/{poles}',
             {**cures["theta"], "columns.theta.unit": "deg"},
         ),
         (poles, f"the speed looks electrical: scale = 1/{poles}", cures["omega"]),
         (
-            poles * 30 / np.pi,
+            poles / RPM,
             f'the speed looks like electrical rpm: unit = "rpm" and scale = 1/{poles}',
             {**cures["omega"], "columns.omega.unit": "rpm"},
         ),

@@ -103,7 +103,7 @@ def require_units(identification: Identification, logs: Sequence[Log]) -> None:
         motions = [
             (1 / star.pole_pairs, "electrical", 1 / star.pole_pairs, ""),
             (TURN, "in revolutions", 1.0, "rev"),
-            (math.pi / 180, "in degrees", 1.0, "deg"),
+            (TURN / 360, "in degrees", 1.0, "deg"),
         ]
         times = k_e / (star.pole_pairs * star.psi_f)
         apart = max(times, 1 / times) if times > 0 else 1.0
@@ -186,7 +186,7 @@ class Agreement(str):
 
 
 def check(identification: Identification, logs: Sequence[Log]) -> list[str]:
-    """What the voltage says of the K_t that is taken as identification, and of the current's unit by R."""
+    """What the voltage says of the K_t that the file of columns gives, and of the current's unit by R."""
     found = told(identification, logs)
     return [] if found is None else [_of_k_t(identification, found[0]), *_of_r(identification, found[1])]
 
