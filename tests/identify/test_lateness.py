@@ -203,7 +203,7 @@ def test_a_log_of_another_law_is_left_out_and_told_where_no_other_is(monkeypatch
     none = told(monkeypatch, worse, unlike)[0]
     assert none.delay is None and none.said == (
         "log 1: i_q does not follow the angle as under the described controller (11 % differs), so the delay "
-        "is only told within half a period of the law: its gains, or the drive's rates, filter or "
+        "is known only to half a period of the law: its gains, or the drive's rates, filter or "
         "bandwidth, are others than described."
     )
     faint = told(monkeypatch, replace(like, away=like.away / 100))[0].delay  # it tells that all are likely

@@ -122,9 +122,8 @@ def _part(profiles: Sequence[Profile], delay: Value) -> Value:
 def _said(misfit: float, log: str) -> str:
     return (
         f"{log}: i_q does not follow the angle as under the described controller "
-        f"({100 * misfit:.0f} % differs), so the delay is only told within half a period of the law: its "
-        "gains, "
-        "or the drive's rates, filter or bandwidth, are others than described."
+        f"({100 * misfit:.0f} % differs), so the delay is known only to half a period of the law: its "
+        "gains, or the drive's rates, filter or bandwidth, are others than described."
     )
 
 
