@@ -93,7 +93,7 @@ def run(
                 failures, results = [error], error.results
             except RunDefect as error:  # what is finished is written before it is told
                 defect, results = error, error.results
-        results = with_limits(results, limits, jobs, place)
+        results = with_limits(_with_learning_off(results, place), limits, jobs, place)
         with deferred(WRITING) as requests:
             if results.runs:
                 try:
@@ -298,6 +298,21 @@ def with_limits(results: AnyResults, asked: bool | None, jobs: int, folder: Path
             bar.update(task, description=f"{scenario}: what limits it")
 
         return report.with_limits(results, asked is True, jobs, folder, tell)
+
+
+def _with_learning_off(results: AnyResults, folder: Path) -> AnyResults:
+    """The results, with what each scenario's best law leaves with its learning off."""
+    from cogless import report
+
+    if results.interrupted:
+        return results
+    with new_bar() as bar:
+        task = bar.add_task("", total=None)
+
+        def tell(scenario: str) -> None:
+            bar.update(task, description=f"{scenario}: with learning off")
+
+        return report.with_learning_off(results, folder, tell)
 
 
 def sentences(results: AnyResults) -> dict[str, str]:

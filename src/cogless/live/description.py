@@ -175,9 +175,6 @@ KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]]
 )
 
 
-NEVER_LEARNS = 1e9  # s, a learning_start that never comes
-
-
 def held(study: AnyStudy) -> list[Pair]:
     """The runs that a page can hold: all but those of the laws that `left_out` names."""
     return [pair for pair in every(study) if not _why_not(study, pair[1])]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from cogless.results.fault_response import Response
+from cogless.results.learning_off import LearningOff
 from cogless.results.limits import Limits
 from cogless.results.metrics import Value
 from cogless.results.trace import Trace
@@ -62,6 +63,7 @@ class AnyResults:
     runs: Sequence[Run]
     interrupted: bool = False
     limits: Mapping[str, Limits] = field(default_factory=dict, kw_only=True)
+    learning_off: Mapping[str, LearningOff] = field(default_factory=dict, kw_only=True)
     not_designed: Mapping[tuple[str, str], StudyError] = field(default_factory=dict, kw_only=True)
 
     @property
@@ -81,7 +83,10 @@ class AnyResults:
 
 @dataclass(frozen=True, eq=False)
 class Results(AnyResults):
-    """Results of a speed study. `limits`: what limits a scenario's best run, where that was looked for."""
+    """Results of a speed study. `limits`: what limits a scenario's best run, where that was looked for.
+
+    `learning_off`: what a scenario's best run leaves with its learning off, where that was tried.
+    """
 
     study: Study
 
