@@ -355,6 +355,8 @@ def live(
     print(f"Page: {path}")
     if not closed and has_desktop():
         open_page(path)
+    elif not closed:
+        say("Open it in a browser.")
 
 
 def _limits(study: AnyStudy, asked: bool | None, jobs: int) -> dict[str, str]:
