@@ -13,8 +13,8 @@ from test_report_orders import RATE, with_signals
 from cogless.report.comparison import Line, compare, remarks, runs_in
 from cogless.report.speed_verdict import Sensor
 from cogless.report.verdicts import change_words
-from cogless.results.learning_off import LearningOff
 from cogless.results.metrics import result_name
+from cogless.results.runs import LearningOff
 
 room = import_module("cogless.report.speed_verdict")
 PI, FAIR, ILC = "PI as published", "PI re-tuned", "PI-ILC"  # the first is the baseline, the last learns

@@ -9,9 +9,9 @@ from pathlib import Path
 from cogless.errors import StudyError
 from cogless.report.speed_verdict import Judged, judged, value_in
 from cogless.results import Results
-from cogless.results.learning_off import LearningOff
 from cogless.results.limits import Limits
 from cogless.results.metrics import result_name
+from cogless.results.runs import LearningOff
 from cogless.run.limit_search import limits
 from cogless.run.simulate import learning_off
 from cogless.study import AnyStudy
@@ -70,14 +70,22 @@ def with_learning_off(
 
 def _learning_off(results: Results, best: Judged, traces: Path | None) -> LearningOff | None:
     run, metric, line = best.run, best.metric, best.line
+    value = None
     try:
         off = learning_off(results.study, run.scenario, run.controller, traces)
-    except StudyError:  # such as a feedback that diverges alone
-        return LearningOff(run.scenario, run.controller, result_name(metric), line.order, line.signal, None)
-    if off is None:
-        return None
-    value = value_in(replace(results, runs=[off]), off, metric, line)
-    return LearningOff(run.scenario, run.controller, result_name(metric), line.order, line.signal, value)
+        if off is None:
+            return None
+        value = value_in(replace(results, runs=[off]), off, metric, line)
+    except StudyError:  # a feedback that diverges alone is one
+        pass
+    return LearningOff(
+        scenario=run.scenario,
+        controller=run.controller,
+        metric=result_name(metric),
+        order=line.order,
+        signal=line.signal,
+        value=value,
+    )
 
 
 def is_quick(study: AnyStudy, scenario: str, controller: str) -> bool:

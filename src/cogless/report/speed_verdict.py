@@ -47,8 +47,8 @@ from cogless.report.verdicts import (
     worst,
 )
 from cogless.results import Results, Run
-from cogless.results.learning_off import LearningOff
 from cogless.results.metrics import evaluate, result_name
+from cogless.results.runs import LearningOff
 from cogless.study import Study
 from cogless.study.metric import Conditions, Metric
 from cogless.study.reading import Remark
@@ -413,9 +413,9 @@ def _comparison(case: _Case) -> tuple[str, str]:
     if off and tone == "better":
         tone = off.tone
     if base not in ranked:
-        beside = f", {off.words}" if off else ""
+        learning = f", {off.words}" if off else ""
         end = f"; {case.label(base)} did not hold the speed ({line.missed[base]}, {line.window})."
-        return tone, f"{case.where}, {_have(case)}{beside}{end}"
+        return tone, f"{case.where}, {_have(case)}{learning}{end}"
     if winners == ranked == case.holding and not line.missed:
         return tone, f"{case.where}, all are alike: {case.values_in_words(winners)} of {line.quantity}."
     if winners == [base]:
@@ -449,17 +449,19 @@ def learning_helps(case: _Case) -> LearningHelps | None:
     name = off.controller
     whose = "with learning off" if len(case.winners) == 1 else f"{case.label(name)} with learning off"
     if off.value is None:
-        return LearningHelps(name, "better", "with learning off it does not hold the speed", "not held", None)
+        words = "with learning off it does not hold the speed"
+        return LearningHelps(name, tone="better", words=words, text="not held", value=None)
     metric = next(m for m in case.study.metrics_in(off.scenario) if result_name(m) == off.metric)
     value = off.value / shown_in(case.study, metric)[1]
     text = replace(line, values={name: value}).text(name)
     share = ratio(line.values[name] or 0.0, value)
     if share > 1 + EQUAL_DIFFERENCE:
-        return LearningHelps(name, "worse", f"{times(share)} as much as {whose} ({text})", text, value)
-    if share * (1 + EQUAL_DIFFERENCE) >= 1:
-        return LearningHelps(name, "even", f"as much as {whose} ({text})", text, value)
-    less = f"{times(1 / share)} less than" if share else "against"
-    return LearningHelps(name, "better", f"{less} {whose} ({text})", text, value)
+        tone, against = "worse", f"{times(share)} as much as"
+    elif share * (1 + EQUAL_DIFFERENCE) >= 1:
+        tone, against = "even", "as much as"
+    else:
+        tone, against = "better", f"{times(1 / share)} less than" if share else "against"
+    return LearningHelps(name, tone=tone, words=f"{against} {whose} ({text})", text=text, value=value)
 
 
 def _has(line: Line, values: str, several: bool = False) -> str:

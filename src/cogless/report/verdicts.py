@@ -53,14 +53,15 @@ class Answer:
 class LearningHelps:
     """What learning does to the best law: the tone, and words such as "as much as with learning off (2 rpm)".
 
-    `text`: what it leaves with learning off, with the unit.
+    `text`: what it leaves with learning off, with the unit. `value`: the same number, None if it does not
+    hold the speed.
     """
 
     controller: str
     tone: str
     words: str
     text: str
-    value: float | None  # in the line's unit
+    value: float | None
 
     @property
     def remark(self) -> str:

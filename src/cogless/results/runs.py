@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from cogless.results.fault_response import Response
-from cogless.results.learning_off import LearningOff
 from cogless.results.limits import Limits
 from cogless.results.metrics import Value
 from cogless.results.trace import Trace
@@ -53,6 +52,22 @@ class Run:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "metrics", Metrics(self.metrics))
+
+
+@dataclass(frozen=True)
+class LearningOff:
+    """What a scenario's best learning law leaves with the same gains and its learning off.
+
+    It is by the metric that judges the scenario. `signal`: the metric's, or what the sensor shows of it where
+    that judges. `value`: SI; None: it did not hold the speed.
+    """
+
+    scenario: str
+    controller: str
+    metric: str  # its name in results.json
+    order: float | None
+    signal: str | None
+    value: float | None
 
 
 @dataclass(frozen=True, eq=False)
