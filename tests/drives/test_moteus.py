@@ -244,7 +244,7 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
             place,
             "--drive-config",
             dump,
-        ): f"{place}: no logs of the channel servo_stats at its time: expected the",
+        ): f"{place}: at its time the channel servo_stats is in none of the logs: expected one",
         (other,): f"{other}: no drive's log by its first lines: expected --config FILE",
         (other, "--drive", "moteus", "--drive-config", dump): f'{other}: no column "time"; it has a, b',
         (
@@ -310,10 +310,41 @@ def test_channels_meet_by_their_time(tmp_path: Path) -> None:
     assert [log.path.name for log in logs.recordings] == ["a.csv"] and logs.frame.zero
     more = tview_csv(runs(1)["slow"], tmp_path, "slow") + tview_csv(runs(1)["fast"], tmp_path, "fast")
     assert len(moteus.read_logs(more, dump).recordings) == 2
-    with pytest.raises(StudyError, match=r"b.csv: 3 logs of the channel servo_stats at its time"):
+    with pytest.raises(StudyError, match=r"b.csv: .* servo_stats is in a.csv, slow_1_\S+, fast_1_\S+: "):
         moteus.read_logs([*renamed, *more], dump)
     with pytest.raises(StudyError, match=r"no angle of the table's index, which other logs have"):
         moteus.read_logs(more[:3], dump)
+
+
+@pytest.mark.parametrize("form", ["csv", "jsonl"])
+@pytest.mark.parametrize("short", ["servo_stats", "motor_position"])
+def test_a_channel_that_ends_early_is_told_and_used_up_to_there(
+    form: str, short: str, tmp_path: Path
+) -> None:
+    from cogless.drives.registry import prepare
+
+    slow = runs(1)["slow"]
+    if form == "csv":
+        logs = tview_csv(slow, tmp_path, "slow")
+        cut = next(path for path in logs if short in path.name)
+        lines = cut.read_text().splitlines(True)
+        cut.write_text("".join(lines[: len(lines) // 2]))
+        ended = cut.name
+    else:
+        logs = [tview_jsonl(slow, tmp_path / "slow.jsonl")]
+        lines = logs[0].read_text().splitlines(True)
+        kept = [line for k, line in enumerate(lines) if short not in line or k < len(lines) / 2]
+        logs[0].write_text("".join(kept))
+        ended = f"slow.jsonl: {short}"
+    prepared = prepare(logs, "moteus", Moteus().dump(tmp_path / "dump.cfg"), None)
+    (log,) = prepared.logs
+    whole = slow["t"][-1]
+    assert log.duration == pytest.approx(whole / 2 if short == "servo_stats" else whole, rel=0.01)
+    (remark,) = log.remarks
+    times = re.match(rf"{ended} ends at ([\d.]+) s, .* at ([\d.]+) s: it is used up to there\.", remark)
+    assert times is not None, remark
+    assert [float(time) for time in times.groups()] == pytest.approx([whole / 2, whole], rel=0.02)
+    assert prepared.frame.zero and prepared.frame.zero_error < 1e-3
 
 
 def test_the_drives_are_listed(capsys: pytest.CaptureFixture[str]) -> None:

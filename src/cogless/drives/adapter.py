@@ -43,12 +43,16 @@ class Feature:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A log in SI units by signal, as `identify.config.SIGNALS` names them. `kind`: of `identify`, or ""."""
+    """A log in SI units by signal, as `identify.config.SIGNALS` names them; NaN where a number is missing.
+
+    `kind`: of `identify`, or "". `remarks`: what was wrong with its files, a sentence each.
+    """
 
     path: Path
     name: str  # "": the file's
     signals: Mapping[str, Array]
     kind: str = ""
+    remarks: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

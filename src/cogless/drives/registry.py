@@ -197,7 +197,15 @@ def prepare(
         replay_rule=_replay_rule(adapter, logs),
     )
     read_columns = [
-        (recording.path, LogColumns(recording.name, dict(recording.signals), tuple(recording.signals)))
+        (
+            recording.path,
+            LogColumns(
+                recording.name,
+                dict(recording.signals),
+                tuple(recording.signals),
+                tuple(recording.remarks),
+            ),
+        )
         for recording in logs.recordings
     ]
     if adapter.write is not None and not logs.frame.zero:

@@ -217,6 +217,7 @@ def _log(path: Path, name: str, columns: Columns, identification: Identification
     rule = identification.rule(name)
     where = str(path) if name.startswith(path.name) else f"{path}: {name}"
     remarks: list[str] = []
+    columns = _before_a_column_ends(name, columns, identification, remarks)
     columns, after_loss = _complete(where, name, columns, remarks)
     found = {
         signal: identification.factor(signal) * columns[column.name]
@@ -240,6 +241,26 @@ def _log(path: Path, name: str, columns: Columns, identification: Identification
     if len(found["t"]) < FEWEST:
         raise StudyError(f"{where}: {len(found['t'])} rows: expected {FEWEST} or more")
     return _timed(where, name, rule, found, identification, after_loss, remarks)
+
+
+def _before_a_column_ends(
+    name: str, columns: Columns, identification: Identification, remarks: list[str]
+) -> Columns:
+    """The rows up to the last number of each column; a sentence says which of them ends before the log."""
+    heading_t = _heading(identification, "t")
+    ends = {heading: len(of) - int(np.argmax(~np.isnan(of)[::-1])) for heading, of in columns.items()}
+    heading, end = min(ends.items(), key=lambda item: item[1])
+    if heading_t not in columns or min(end, len(columns[heading_t]) - end) < FEWEST:
+        return columns
+    time = identification.factor("t") * columns[heading_t]
+    first, last, whole = (np.nan_to_num(time[row]) for row in (0, end - 1, -1))
+    remarks.append(ended_early(f'{name}: "{printable(heading)}"', last - first, "the log", whole - first))
+    return {heading: of[:end] for heading, of in columns.items()}
+
+
+def ended_early(channel: str, end: float, others: str, other_end: float) -> str:
+    """What is said of a channel that ends before others of its log, each so many s after the start."""
+    return f"{channel} ends at {end:.4g} s, {others} at {other_end:.4g} s: it is used up to there."
 
 
 def _complete(
