@@ -24,9 +24,9 @@ from cogless.drives.adapter import (
     Recording,
     TableFrame,
     TableText,
+    read_columns,
     text_of,
 )
-from cogless.drives.drive_columns import read_columns
 from cogless.drives.encoder_table import write_moteus
 from cogless.drives.firmware_laws import MOTEUS_ENTRIES, MoteusTable
 from cogless.drives.holding_current import HoldingCurrent, from_samples, samples
@@ -297,12 +297,14 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
         log.path, log.name, signals, "table-on" if np.any(dump.table) else "", list(log.remarks)
     )
     if not dump.takes_table:
-        lacking = f"{dump.path}: no motor.cogging_dq_scale: expected firmware with it, of ABI 0x0105 or later"
+        lacking = (
+            f"{dump.path} has no motor.cogging_dq_scale: expected firmware with it, of ABI 0x0105 or later"
+        )
         return recording, TableFrame("moteus", lacking=lacking), []
     name, filtered = _filtered(dump), log.position.get(_filtered(dump))
     if filtered is None:
         lacking = (
-            f"{log.path}: no angle of the table's index, only the output's position, whose zero moves: "
+            f"{log.path} has no angle of the table's index, only the output's position, whose zero moves: "
             f"expected channel {POSITION_CHANNEL} ({name}), or the register ENCODER_{dump.source}_POSITION"
         )
         return recording, TableFrame("moteus", lacking=lacking), []

@@ -17,8 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from cogless.drives.adapter import Adapter, Certainty, DriveLogs, Feature, Recording, TableFrame, text_of
-from cogless.drives.drive_columns import read_columns
+from cogless.drives.adapter import (
+    Adapter,
+    Certainty,
+    DriveLogs,
+    Feature,
+    Recording,
+    TableFrame,
+    read_columns,
+    text_of,
+)
 from cogless.drives.holding_current import HoldingCurrent, from_samples
 from cogless.drives.odrive_script import write_script
 from cogless.errors import StudyError

@@ -209,7 +209,7 @@ def prepare(
         for recording in logs.recordings
     ]
     if adapter.write is not None and not logs.frame.zero:
-        remarks.append(f"No table can be placed: {logs.frame.lacking}.")
+        remarks.append(f"No table can be placed, since {logs.frame.lacking}.")
     return Prepared(
         identification, logs_of_columns(read_columns, identification), logs.frame, (*remarks, *logs.remarks)
     )

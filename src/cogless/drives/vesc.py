@@ -15,8 +15,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from cogless.drives.adapter import Adapter, Certainty, DriveLogs, Feature, Recording, TableFrame, text_of
-from cogless.drives.drive_columns import read_columns
+from cogless.drives.adapter import (
+    Adapter,
+    Certainty,
+    DriveLogs,
+    Feature,
+    Recording,
+    TableFrame,
+    read_columns,
+    text_of,
+)
 from cogless.drives.encoder_table import write_vesc
 from cogless.errors import StudyError
 from cogless.identify.files import Array, printable
@@ -121,11 +129,11 @@ def table_frame(motor: MotorXml, turns: bool) -> TableFrame:
     """
     lacking = ""
     if not turns:
-        lacking = f"expected logs with an {ENCODER_HEADING} that turns with {SPEED_HEADING}"
+        lacking = f"the logs have no {ENCODER_HEADING} that turns with {SPEED_HEADING}: expected some that do"
     elif abs(_number_or(motor, "p_pid_ang_div", 1.0) - 1.0) > ANGLE_DIVISION_SLACK:
-        lacking = f"{motor.path}: p_pid_ang_div: expected 1, so that the logged position is the encoder's"
+        lacking = f"{motor.path} has another p_pid_ang_div: expected 1, which logs the encoder's own angle"
     elif round(_number_or(motor, "foc_encoder_ratio", pole_pairs(motor))) != pole_pairs(motor):
-        lacking = f"{motor.path}: foc_encoder_ratio: expected the pole pairs: an encoder on the rotor"
+        lacking = f"{motor.path} has another foc_encoder_ratio: expected the pole pairs, as on the rotor"
     direction = -1 if _number_or(motor, "m_invert_direction", 0.0) else 1
     return TableFrame(
         "vesc",

@@ -412,15 +412,15 @@ def _timed(
         _degrees(where, t, found, identification)
         raw = found["theta"]
         found["theta"] = _unwrapped(
-            name, f"{where}: {_heading(identification, 'theta')}", found["theta"], remarks
+            name, f"{where}: {_heading(identification, 'theta')}", found["theta"], ends, remarks
         )
-        whole = _slip(name, found["theta"], identification.step, remarks)
+        whole = _slip(name, found["theta"], identification.step, ends, remarks)
         if whole < FEWEST:
             heading = _heading(identification, "theta")
             jumps = f"{where}: {heading}: row {whole + 1}: the angle jumps, and only {whole} "
             degrees = np.unwrap(np.radians(raw))
             has_unit = bool(identification.columns["theta"].unit)
-            if not has_unit and _slip(name, degrees, identification.step, []) == len(t):
+            if not has_unit and _slip(name, degrees, identification.step, ends, []) == len(t):
                 units = {"theta": "deg", **({"omega": "deg/s"} if "omega" in found else {})}
                 cure = {f"columns.{signal}.unit": unit for signal, unit in units.items()}
                 lines = " and ".join(f'{key} = "{unit}"' for key, unit in cure.items())
@@ -616,8 +616,15 @@ def _even(t: Array, found: Columns, dt: float) -> tuple[Columns, float]:
     return {signal: np.interp(even, t, values) for signal, values in found.items()}, jitter
 
 
-def _unwrapped(name: str, where: str, theta: Array, remarks: list[str]) -> Array:
-    moved = np.abs(np.diff(theta))
+def _moved(theta: Array, ends: NDArray[np.int_]) -> Array:
+    """By how much the angle moves from row to row, rad; 0 over a gap, in which a rotor moves any angle."""
+    moved = np.diff(theta)
+    moved[ends - 1] = 0.0
+    return moved
+
+
+def _unwrapped(name: str, where: str, theta: Array, ends: NDArray[np.int_], remarks: list[str]) -> Array:
+    moved = np.abs(_moved(theta, ends))
     jumps = np.flatnonzero(moved > 0.5 * TURN)
     alike = len(jumps) > 1 and np.ptp(moved[jumps]) < 0.1 * np.min(moved[jumps])
     if alike and np.min(moved[jumps]) > 1.5 * TURN:
@@ -642,9 +649,12 @@ def _repeats(name: str, found: Columns, step: float, remarks: list[str]) -> None
         )
 
 
-def _slip(name: str, theta: Array, step: float, remarks: list[str]) -> int:
-    """Rows before the angle jumps as no rotor does: far more than in rows around it; all if it never does."""
-    moved = np.diff(theta)
+def _slip(name: str, theta: Array, step: float, ends: NDArray[np.int_], remarks: list[str]) -> int:
+    """Rows before the angle jumps as no rotor does: far more than in rows around it; all if it never does.
+
+    `ends`: the first row after each gap.
+    """
+    moved = _moved(theta, ends)
     around = np.max([np.abs(np.roll(moved, rows)) for rows in (-2, -1, 1, 2)], axis=0)
     jumps = np.flatnonzero(np.abs(moved) > 10 * around + 20 * step + 1e-3)
     if not len(jumps):
