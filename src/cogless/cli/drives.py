@@ -130,12 +130,15 @@ def table(
     written = adapter.write(holding, frame)
     rest = residue(holding, written.entries, written.applied)
     torque = f", {1e3 * holding.K_t * rest.before:.3g} mN*m" if holding.K_t else ""
-    lines = _predict(source, frame, written, adapter, study)
-    lines.append(
+    predicted, why_not = _predict(source, frame, written, adapter, study)
+    lines = [
+        *predicted,
         f"Holding current: {1e3 * rest.before:.4g} -> {1e3 * rest.after:.3g} mA rms{torque}; rounding and "
-        f"interpolation leave {rest.share:.2%}, most of it order {rest.order}, {1e3 * rest.amplitude:.2g} mA."
-    )
-    lines.append(f"{adapter.title}: {written.entries} entries, {written.scale}.")
+        f"interpolation leave {rest.share:.2%}, most of it order {rest.order}, "
+        f"{1e3 * rest.amplitude:.2g} mA.",
+        *why_not,
+        f"{adapter.title}: {written.entries} entries, {written.scale}.",
+    ]
     if rest.share > FLAWED_SHARE:
         highest = max(holding.orders)
         lines.append(
@@ -189,8 +192,11 @@ def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) ->
 
 def _predict(
     source: Path, frame: TableFrame, written: TableText, adapter: Adapter, study: Path | None
-) -> list[str]:
-    """Lines on the ripple under the drive's own law; the study of it is written where `study` says."""
+) -> tuple[list[str], list[str]]:
+    """Lines on the ripple under the drive's own law, or on why it is not predicted.
+
+    `study`: where the study of it is written.
+    """
     from cogless.drives import predicted_ripple
     from cogless.results.folder import locked_folder, new_set
 
@@ -198,7 +204,7 @@ def _predict(
     if not adapter.law:
         lacking = f"{adapter.title} has no law of a drive's own: expected --to of a drive that has one"
     elif not (source / predicted_ripple.STUDY_NAME).is_file():
-        lacking = f"expected a folder of cogless identify with {predicted_ripple.STUDY_NAME}"
+        lacking = f"it has no {predicted_ripple.STUDY_NAME}: expected a folder of cogless identify with it"
     elif not frame.gains:
         lacking = "the logs came without the gains of its law: expected them in the file of --drive-config"
     if study is not None and study.resolve() == source.resolve():
@@ -206,7 +212,7 @@ def _predict(
     if lacking:
         if study is not None:
             raise StudyError(f"--study: {study}: {lacking}")
-        return [f"The ripple of the speed is not predicted: {lacking}."] if adapter.law else []
+        return [], [f"No ripple of the speed is predicted, since {lacking}."] if adapter.law else []
     tables = predicted_ripple.study_tables(source, frame, written, adapter.law)
     lines = []
     for ripple in predicted_ripple.ripples(tables, source / predicted_ripple.STUDY_NAME):
@@ -217,11 +223,14 @@ def _predict(
         )
     simulated = f"Simulated forward, under {adapter.title}'s own law"
     if study is None:
-        return [*lines, f"{simulated}; --study DIR writes the study that does it, with which to try gains."]
+        return [
+            *lines,
+            f"{simulated}; --study DIR writes the study that does it, with which to try gains.",
+        ], []
     names = [predicted_ripple.STUDY_NAME, predicted_ripple.LAW_FILE.name]
     with locked_folder(study, names), new_set(study) as stage:
         predicted_ripple.write_study(stage, tables)
-    return [*lines, f"{simulated}. Study: cogless run {study / predicted_ripple.STUDY_NAME}"]
+    return [*lines, f"{simulated}. Study: cogless run {study / predicted_ripple.STUDY_NAME}"], []
 
 
 def _angle(text: str) -> float:
