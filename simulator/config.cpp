@@ -278,7 +278,8 @@ std::vector<Fault> faults(const Section& top, std::int64_t current_rate) {
 void read_bridge(const Section& drive, DriveConfig& config) {
     const Section inverter = drive.section("inverter");
     const Section sensors = drive.section("current_sensors");
-    config.inverter = {inverter.get<std::string>("kind") == "switched", inverter.number("bus_voltage"),
+    const auto pwm = inverter.choice<Pwm>("pwm", {{"centre", Pwm::centre}, {"edge", Pwm::edge}, {"two-updates", Pwm::two_updates}});
+    config.inverter = {inverter.get<std::string>("kind") == "switched", pwm, inverter.number("bus_voltage"),
                        inverter.number("dead_time"), inverter.number("device_drop"), inverter.integer("computation_delay") != 0};
     config.current_sensors = {sensors.phases("offset"), sensors.phases("gain_error"), sensors.number("noise"),
                               sensors.integer("bits"), sensors.number("range"),

@@ -440,8 +440,10 @@ void Drive::run(DriveState& s, Recorder& recorder, const Phase& phase, Phase* wa
 
 template <std::size_t legs>
 [[gnu::always_inline]] inline Voltage<> Drive::averaged(const Phases& duty, const Phases& current,
-                                                        const Faults& faults) const {
-    return cogless::averaged(faults.bus_voltage, dead_share_, config_.inverter.device_drop, leg_duties<legs>(duty), leg_currents<legs>(current));
+                                                        const Faults& faults, std::int64_t tick) const {
+    const InverterConfig& inverter = config_.inverter;
+    return cogless::averaged(faults.bus_voltage, dead_share_, inverter.device_drop, leg_duties<legs>(duty), leg_currents<legs>(current),
+                             carrier(inverter.pwm, tick));
 }
 
 [[gnu::always_inline]] inline void Drive::watch(DriveState& s, double from, double h, double theta_m,
@@ -553,7 +555,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
             }
             if constexpr (legs != 0) {
                 drive.next_duties(s, r.acting);
-                const Voltage<> u = drive.averaged<legs>(r.acting.duty, r.current, r.faults);
+                const Voltage<> u = drive.averaged<legs>(r.acting.duty, r.current, r.faults, lanes.front().state->tick);
                 view.u_alpha[n] = u.alpha;
                 view.u_beta[n] = u.beta;
                 if (r.acting.open) plants.get(n, s.plant, here);
@@ -805,7 +807,8 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
         }
         if (!inverter.switched) here = exact(s.plant.theta_m);
     } else if (inverter.switched) {
-        const Pulses<legs> p = pulses(faults.bus_voltage, inverter.dead_time, inverter.device_drop, leg_duties<legs>(duty), leg_currents<legs>(current), period_);
+        const Pulses<legs> p = pulses(faults.bus_voltage, inverter.dead_time, inverter.device_drop, leg_duties<legs>(duty), leg_currents<legs>(current),
+                                      carrier(inverter.pwm, s.tick), period_);
         double from = 0.0;
         for (std::size_t n = 0; n < p.count; ++n) {
             const double length = p.stretch[n].until - from;
@@ -815,7 +818,7 @@ void Drive::advance_plant(DriveState& s, AtAngle<double>& here, AnglePatch& patc
             from = p.stretch[n].until;
         }
     } else {
-        hold(averaged<legs>(duty, current, faults));
+        hold(averaged<legs>(duty, current, faults, s.tick));
     }
 }
 

@@ -250,7 +250,7 @@ private:
     [[gnu::noinline]] Measurement measure_load(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due,
                                                const Faults& faults) const;
     template <std::size_t legs>
-    Voltage<> averaged(const Phases& duty, const Phases& current, const Faults& faults) const;
+    Voltage<> averaged(const Phases& duty, const Phases& current, const Faults& faults, std::int64_t tick) const;
     template <std::size_t legs>
     void control(DriveState& state, const Phase& phase, std::int64_t origin, bool law_due, const Phases& current,
                  const Faults& faults, Controller* other) const;

@@ -1,11 +1,12 @@
-// Two-level inverter: averaged over a period, or switched with centre-aligned pulses at their exact edges. Three legs for
-// three phases in a star, or an H-bridge of two legs for each of two phases.
+// Two-level inverter: averaged over a period of the current loop, or switched with exact edges. Three legs for three phases in
+// a star, or an H-bridge of two legs for each of two phases.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 
 #include "plant.hpp"
 #include "wide.hpp"
@@ -21,8 +22,29 @@ using Legs = std::array<double, count>;
 
 constexpr std::size_t star_legs = 3, bridge_legs = 4;
 
+// Where the pulses lie: in the middle of a period or at its begin. With two updates a PWM period are two periods: in the first
+// a leg's pulse ends with the period, and in the second it begins with it.
+enum class Pwm { centre, edge, two_updates };
+
+// A leg with duty cycle d is high from before (1 - d) to scale (offset + d), in periods.
+struct Carrier {
+    double before, scale, offset;
+    bool rises, falls;  // with an edge in this period, and not with the one before or after it
+};
+
+inline Carrier carrier(Pwm pwm, std::int64_t tick) {
+    switch (pwm) {
+        case Pwm::edge: return {0.0, 1.0, 0.0, true, true};
+        case Pwm::two_updates:
+            if (tick % 2 == 0) return {1.0, 0.0, 0.0, true, false};
+            return {0.0, 1.0, 0.0, false, true};
+        default: return {0.5, 0.5, 1.0, true, true};
+    }
+}
+
 struct InverterConfig {
     bool switched = false;
+    Pwm pwm = Pwm::centre;
     double bus_voltage;          // V
     double dead_time = 0.0;      // s
     double device_drop = 0.0;    // V, across the transistor or diode that conducts
@@ -89,7 +111,8 @@ struct Pulses {
 // taken at the start of the period.
 template <std::size_t legs>
 Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, const Legs<legs>& duty, const Legs<legs>& current,
-                    double period) {
+                    const Carrier& carrier, double period) {
+    const double rise_delay = carrier.rises ? dead_time : 0.0, fall_delay = carrier.falls ? dead_time : 0.0;
     Legs<legs> rise, fall, drop;
     std::array<double, 2 * legs> edge;  // s, sorted
 #pragma GCC unroll 4
@@ -99,8 +122,9 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, co
         fall[x] = duty[x] >= 1.0 ? period : 0.0;
         if (duty[x] > 0.0 && duty[x] < 1.0) {  // otherwise no edge, no dead time
             const bool out = current[x] >= 0.0;
-            fall[x] = std::min(0.5 * period * (1.0 + duty[x]) + (out ? 0.0 : dead_time), period);
-            rise[x] = std::min(0.5 * period * (1.0 - duty[x]) + (out ? dead_time : 0.0), fall[x]);
+            const double end = carrier.falls ? carrier.scale * period * (carrier.offset + duty[x]) : period;
+            fall[x] = std::min(end + (out ? 0.0 : fall_delay), period);
+            rise[x] = std::min(carrier.before * period * (1.0 - duty[x]) + (out ? rise_delay : 0.0), fall[x]);
         }
         edge[x] = rise[x];
         edge[legs + x] = fall[x];
@@ -135,13 +159,15 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, co
 // The mean of the same pulses over the period. dead_share: the dead time's share of the period.
 template <std::size_t legs>
 [[gnu::always_inline]] inline Voltage<> averaged(double bus_voltage, double dead_share, double device_drop, const Legs<legs>& duty,
-                                                 const Legs<legs>& current) {
+                                                 const Legs<legs>& current, const Carrier& carrier) {
+    const double rise_share = carrier.rises ? dead_share : 0.0, fall_share = carrier.falls ? dead_share : 0.0;
     Legs<legs> u;
     for (std::size_t x = 0; x < legs; ++x) {
         double share = duty[x];
         if (duty[x] > 0.0 && duty[x] < 1.0) {
             // a rising edge is delayed to the falling edge at most, a falling edge to the end of the period
-            share += current[x] >= 0.0 ? -std::min(dead_share, share) : std::min(dead_share, 0.5 * (1.0 - share));
+            share += current[x] >= 0.0 ? -std::min(rise_share, share)
+                                       : std::min(fall_share, (1.0 - carrier.before) * (1.0 - share));
         }
         u[x] = bus_voltage * share - dropped(device_drop, current[x]);
     }

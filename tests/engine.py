@@ -56,6 +56,7 @@ BASE: dict[str, Any] = {
             "dead_time": 0.0,
             "device_drop": 0.0,
             "computation_delay": 1,
+            "pwm": "centre",
         },
         "position_sensor": {"kind": "ideal"},
         "current_sensors": {

@@ -132,12 +132,20 @@ def test_run_one_with_changes(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def test_run_goes_into_results_by_default(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    study = studies.write(tmp_path)
+    """Into a folder of the file's name. Two folders' study.toml go into folders of theirs."""
+    for folder, name in (("found", "mine"), ("found", "study"), ("try", "study")):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        studies.write(tmp_path / folder).rename(tmp_path / folder / f"{name}.toml")
     monkeypatch.chdir(tmp_path)
-    code, out, _ = cogless(capsys, "run", study, "--only", "low/pi")
-    assert code == 0
-    assert out.splitlines()[-1] == f"Report: {Path('results/study/report.html')}"
-    assert Path("results/study/results.json").exists()
+    for study, name in (
+        ("found/study.toml", "found"),
+        ("try/study.toml", "try"),
+        ("found/mine.toml", "mine"),
+    ):
+        code, out, _ = cogless(capsys, "run", study, "--only", "low/pi")
+        assert code == 0
+        assert out.splitlines()[-1] == f"Report: {Path('results', name, 'report.html')}"
+        assert (Path("results") / name / "results.json").exists()
 
 
 def test_a_mistake_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -146,7 +146,7 @@ def test_pil(printed: Printed) -> None:
 
 @needs_engine
 def test_live(printed: Printed, tmp_path: Path) -> None:
-    assert "Page: study-live.html\n" in printed("live", studies.write(tmp_path), "--no-limits")
+    assert f"Page: {tmp_path.name}-live.html\n" in printed("live", studies.write(tmp_path), "--no-limits")
 
 
 def test_map_and_export(printed: Printed, tmp_path: Path) -> None:

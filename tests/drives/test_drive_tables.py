@@ -93,7 +93,7 @@ def test_a_stored_map_goes_to_a_drive(tmp_path: Path, capsys: pytest.CaptureFixt
     [
         (
             ["--from", "csv", "--to", "moteus"],
-            "the table's zero is not known: it is over another angle: expected",
+            "the table's zero is not known, since it is over another angle: expected logs of",
         ),
         (
             ["--from", "csv", "--to", "motus"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import json
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -113,6 +114,19 @@ def test_nothing_moves_without_yes(script: Path, tmp_path: Path) -> None:
         "slow.csv: 18.4 s, up to 0.0625 turns/s" in done.stdout
     )  # a quarter of the rotor's, behind the gear
     assert "At most 0.613 N m" in done.stdout  # 5 A of 30.6 mN m/A, times four
+
+
+def test_a_missing_package_is_one_line(script: Path, tmp_path: Path) -> None:
+    (tmp_path / "moteus").mkdir()  # hides an installed one
+    (tmp_path / "moteus" / "__init__.py").write_text("raise ModuleNotFoundError")
+    done = subprocess.run(
+        [sys.executable, script, "--yes"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )
+    assert (done.returncode, done.stderr) == (1, "no package moteus: pip install moteus\n")
 
 
 def test_what_it_records_tells_the_motor_and_its_table(

@@ -39,8 +39,8 @@ def test_two_commands_take_the_ripple_away(
     logs = sorted(path.name for path in folder.glob("*.csv"))
     code, out, err = cogless(capsys, "identify", *logs, "--drive-config", "dump.cfg", "-o", "found")
     assert (code, err) == (0, "")
-    (line,) = (line for line in out.splitlines() if line.startswith("Table: "))
-    words = shlex.split(line.removeprefix("Table: cogless ").replace("FILE", "cogging.cfg"))
+    (line,) = (line for line in out.splitlines() if line.startswith("Next: "))
+    words = shlex.split(line.removeprefix("Next: cogless ").replace("FILE", "cogging.cfg"))
     code, out, err = cogless(capsys, *words)
     assert (code, err) == (0, "") and "moteus_tool -t 1 --restore-config cogging.cfg" in out
     mine = (folder / "cogging.cfg").read_text()
@@ -48,6 +48,7 @@ def test_two_commands_take_the_ripple_away(
     left = ripples({name: moteus_law(lines) for name, lines in tables.items()})
     assert left["true"] < 0.1 * left["none"]
     assert left["mine"] < 1.5 * left["true"], left
-    (line,) = (line for line in out.splitlines() if line.startswith("Ripple at 30 r/min"))
+    line = out.splitlines()[0]
+    assert line.startswith("Ripple at 30 r/min: ")
     predicted = float(line.split(": ")[1].split()[0]) / 60 * TURN
     assert predicted == pytest.approx(left["none"], rel=0.1) and math.isfinite(predicted)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -99,6 +100,19 @@ def test_nothing_moves_without_yes(script: Path, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "") and not list(tmp_path.iterdir())
     assert "Nothing was moved. --yes moves the motor." in done.stdout and "At most 5 A" in done.stdout
+
+
+def test_a_missing_package_is_one_line(script: Path, tmp_path: Path) -> None:
+    (tmp_path / "odrive").mkdir()  # hides an installed one
+    (tmp_path / "odrive" / "__init__.py").write_text("raise ModuleNotFoundError")
+    done = subprocess.run(
+        [sys.executable, script, "--yes"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )
+    assert (done.returncode, done.stderr) == (1, "no package odrive: pip install odrive\n")
 
 
 @pytest.mark.parametrize("firmware", ["0.5", "0.6"])

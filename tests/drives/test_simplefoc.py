@@ -122,8 +122,8 @@ def test_a_header_from_the_monitor_takes_the_ripple_away(
     assert mine < max(1.5 * exact, 0.05 * none), (none, exact, mine)
     third, wrong = ripple(run(SLOW, lambda a: 0.3 * feed(a))), ripple(run(SLOW, lambda a: -0.3 * feed(a)))
     assert third < 0.85 * none < none < wrong
-    (line,) = (line for line in out.splitlines() if line.startswith("Ripple at 30 r/min forward"))
-    predicted = [float(word) for word in re.findall(r"([\d.]+) (?:r/min rms|with )", line)]
+    (line,) = (line for line in out.splitlines() if line.startswith("Ripple at 30 r/min: "))
+    predicted = [float(word) for word in re.findall(r"([\d.]+) (?:->|r/min rms|with )", line)]
     # The errors of order 12, which makes most of it, are 4 %. At this ripple the rotor almost stops, so that
     # friction makes it 17 % larger forward, where the drive's angle grows, than backward.
     assert [predicted[n] for n in (0, 2, 3)] == pytest.approx(
@@ -188,6 +188,25 @@ def test_a_monitor_alone_asks_for_its_columns(
     assert code == 2 and "expected --drive-config FILE, a TOML file: monitor = [" in err
 
 
+def test_what_the_library_prints_at_its_start_is_left_out(
+    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And volts of the default's Uq, taken for mA, are no current."""
+    from cogless.drives.registry import prepare
+
+    log, config = tmp_path / "log.txt", logs / "monitor.toml"
+    start = "MOT: Monitor enabled!\r\nMOT: sensor_direction==CCW\r\nMOT: Zero elec. angle: 3.21\r\n"
+    log.write_text(start + (logs / "slow.txt").read_text())
+    prepared = prepare([log], None, config, None)
+    assert "log.txt: by its first lines SimpleFOC, lines of its monitor" in prepared.remarks[0]
+    rows = [line.split("\t") for line in log.read_text().splitlines() if line.count("\t") == 3]
+    volts = (f"{a}\t{1e-3 * float(b):.4f}\t{c}\t{d}" for a, b, c, d in rows)
+    log.write_text("\n".join(volts) + "\n")
+    code, _, err = cogless(capsys, "identify", log, "--drive-config", config, "-o", tmp_path / "out")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "mA at most: expected 10 mA or more; without monitor_variables it prints target, Uq (V)" in err
+
+
 def test_a_column_of_microseconds_is_the_time(
     logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -197,7 +216,7 @@ def test_a_column_of_microseconds_is_the_time(
     config = tmp_path / "monitor.toml"
     text = MONITOR_TOML.replace('"target"', '"time_us"').replace('row_period = "2 ms"', "")
     config.write_text(text)
-    lines = [f"{(2**32 - 5000 + 2000 * k) % 2**32}\t{k}.5\t1.0\t{0.01 * k:.4f}" for k in range(8)]
+    lines = [f"{(2**32 - 5000 + 2000 * k) % 2**32}\t{3 * k}.5\t1.0\t{0.01 * k:.4f}" for k in range(8)]
     log = tmp_path / "log.txt"
     log.write_text("\n".join(lines) + "\n")
     (recording,) = read_logs([log], config).recordings

@@ -689,6 +689,21 @@ def test_a_column_at_half_the_rate_gives_a_log_of_half_the_rate(tmp_path):
     assert log.remarks[0] == 'a.npz: 500 rows lack a number (500 in "current") and are left out.'
 
 
+def test_a_column_that_ends_before_the_log_is_told_with_its_time(tmp_path):
+    """Rows behind it are no gaps; a number that is missing before stays one."""
+    lacking = np.arange(ROWS) >= ROWS - 400
+    lacking[100] = True
+    current = np.where(lacking, np.nan, COLUMNS["current"])
+    (log,) = logs(tmp_path, "a.npz", {**COLUMNS, "current": current})
+    assert len(log) == ROWS - 401
+    assert log.remarks == [
+        'a.npz: "current" ends at 0.599 s, the log at 0.999 s: it is used up to there.',
+        'a.npz: 1 rows lack a number (1 in "current") and are left out.',
+        "a.npz: 1 gaps, the longest 0.002 s; the log is cut there.",
+        "a.npz: the angle wraps 1 times, and is unwrapped.",
+    ]
+
+
 def test_columns_that_never_meet_in_a_row_are_refused_with_what_to_do(tmp_path):
     odd = np.arange(ROWS) % 2 == 1
     columns = {

@@ -22,6 +22,7 @@ from cogless.identify.log import Log
 from cogless.study.position_sensor import Absolute
 
 TURN = 2 * np.pi
+NO_GAP = np.zeros(0, dtype=np.int_)
 T = np.arange(2000) * 1e-3
 THETA = 8.0 * T + 0.5 * np.sin(3.0 * T)
 OMEGA = 8.0 + 1.5 * np.cos(3.0 * T)
@@ -292,12 +293,24 @@ def test_a_hold_map_needs_the_direction_that_the_rotor_came_from(tmp_path: Path)
 # --- angles
 
 
+def test_a_gap_is_no_slip_and_no_other_unit() -> None:
+    """In a gap a rotor moves any angle: what follows stays."""
+    theta = 0.02 * np.arange(500)
+    theta[200:] += 13.5
+    theta[350:] += 13.6
+    remarks: list[str] = []
+    gaps = np.array([200, 350])
+    unwrapped = logging._unwrapped("a", "a: x", theta, gaps, remarks)
+    assert logging._slip("a", unwrapped, 5e-4, gaps, remarks) == 500
+    assert not remarks
+
+
 @pytest.mark.parametrize(("jump", "slips"), [(0.015, False), (0.025, True), (-0.025, True)])
 def test_an_angle_slips_where_it_jumps_by_ten_times_the_rows_around(jump: float, slips: bool) -> None:
     """Rows of 1 mrad and counts of 0.5 mrad: beyond 10 + 10 + 1 mrad it is no rotor."""
     theta = 1e-3 * np.arange(500) + jump * (np.arange(500) >= 300)
     remarks: list[str] = []
-    assert logging._slip("a", theta, 5e-4, remarks) == (300 if slips else 500)
+    assert logging._slip("a", theta, 5e-4, NO_GAP, remarks) == (300 if slips else 500)
     degrees = math.degrees(jump + 1e-3)
     assert (
         remarks
@@ -313,7 +326,7 @@ def test_an_angle_slips_where_it_jumps_by_ten_times_the_rows_around(jump: float,
 def test_rows_that_move_alike_within_two_of_each_other_are_no_slip(apart: int) -> None:
     rows = np.arange(500)
     theta = 1e-3 * rows + 0.025 * ((rows >= 300) * 1.0 + (rows >= 300 + apart))
-    assert logging._slip("a", theta, 5e-4, []) == (500 if apart == 2 else 300)
+    assert logging._slip("a", theta, 5e-4, NO_GAP, []) == (500 if apart == 2 else 300)
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.19, False), (0.21, True)])
@@ -333,15 +346,15 @@ def test_rows_that_repeat_are_told_from_a_fifth_on(share: float, told: bool) -> 
 def test_an_angle_that_wraps_is_unwrapped_and_one_of_no_turn_is_refused() -> None:
     remarks: list[str] = []
     theta = np.arange(1000) * 0.05
-    assert logging._unwrapped("a", "a: x", theta % TURN, remarks) == pytest.approx(theta)
+    assert logging._unwrapped("a", "a: x", theta % TURN, NO_GAP, remarks) == pytest.approx(theta)
     assert remarks == ["a: the angle wraps 7 times, and is unwrapped."]
     with pytest.raises(StudyError) as error:
-        logging._unwrapped("a", "a: x", theta % 10.0, remarks)
+        logging._unwrapped("a", "a: x", theta % 10.0, NO_GAP, remarks)
     assert str(error.value) == (
         "a: x: row 201: the angle jumps by 9.95 rad, which is no turn: expected its unit, such as unit = "
         '"deg", or counts that do not overflow'
     )
-    logging._unwrapped("a", "a: x", np.array([0.0, math.pi, 0.0]), half := [])
+    logging._unwrapped("a", "a: x", np.array([0.0, math.pi, 0.0]), NO_GAP, half := [])
     assert half == []
 
 

@@ -226,14 +226,14 @@ def test_an_estimate_that_cannot_be_simulated_stays_and_says_why(steps):
     assert (traces, found.values) == ({"a": "trace"}, made.values)
     assert found.remarks == (
         "First.",
-        "No simulation of b; the values stand without it. A log can be simulated if its [[log]] in the file "
+        "The values stand without a simulation of b. A log can be simulated if its [[log]] in the file "
         "of columns has reference and controller, if the current loop's rate is a multiple of its rows' "
         "rate, and if no table is on. "
         f"{replay.UNCORRECTED} Add what is missing, or leave the log out.",
     )
     steps["traces"] = {}  # none is left that could stand alone
     found, traces = replay.refined(made, lambda *of: None)
-    assert found.remarks[1].startswith("No simulation of a, b; the values stand without it.")
+    assert found.remarks[1].startswith("The values stand without a simulation of a, b. ")
     assert found.remarks[1].endswith(replay.UNCORRECTED)
     steps["traces"] = StudyError("why")
     found, traces = replay.refined(made, lambda *of: None)

@@ -51,6 +51,31 @@ def test_above_base_speed_a_pi_holds_and_harmonic_learns_the_cogging(tmp_path: P
     assert ripples["harmonic"] < 0.1 * ripples["pi"]
 
 
+@pytest.mark.parametrize(
+    ("belief", "share"),
+    [
+        ({"psi_f": "0.36 Wb"}, 1.0),
+        ({"L_d": "0.48 mH"}, 1.0),
+        ({"L_q": "1.8 mH"}, 1.0),
+        ({"R_s": "16 mohm"}, 1.0),
+        ({"psi_f": "0.24 Wb"}, 0.7),
+        ({"L_d": "0.72 mH"}, 0.9),
+    ],
+)
+def test_learning_holds_on_the_safe_side_of_a_wrong_belief(
+    tmp_path: Path, belief: dict[str, str], share: float
+) -> None:
+    """The page's cure, a smaller share of the voltage, works on the other side, where learning stops else."""
+    changes = {f"drive.belief.{key}": value for key, value in belief.items()}
+    learned = traces(study(tmp_path, changes), "harmonic")
+    if share < 1.0:
+        assert ripple(learned) > 0.1 * RPM
+        learned = traces(
+            study(tmp_path, changes | {"drive.current_reference.voltage_share": share}), "harmonic"
+        )
+    assert ripple(learned) < 0.01 * RPM
+
+
 def test_without_field_weakening_the_speed_is_not_reached(tmp_path: Path) -> None:
     trace = traces(study(tmp_path, {"drive.current_reference.field_weakening": False}), "pi")
     assert trace["omega_m"][-1] < 0.98 * 4500 * RPM

@@ -121,6 +121,7 @@ def test_the_encoder_table_s_observer(tmp_path: Path) -> None:
         ({}, 2e-6, 0.7),
         ({"drive.dead_time_compensation": {"band": "0.1 A", "time": "0 s", "drop": "0 V"}}, 0.0, 0.0),
         ({"drive.dead_time_compensation": {"band": "0.1 A", "time": "3 us", "drop": "1 V"}}, 3e-6, 1.0),
+        ({"drive.inverter.pwm": "two-updates"}, 1e-6, 0.7),  # an edge of two is in a current-loop period
     ],
 )
 def test_what_the_dead_time_s_compensation_is_told(

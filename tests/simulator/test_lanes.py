@@ -81,8 +81,19 @@ def variants(count: int, seed: int, **change: Any) -> list[Any]:
             "motor": {**RIPPLE, "phases": 2},
             "load": THIRD,
         },
+        {"motor": RIPPLE, "drive": {"inverter": {"pwm": "two-updates", "dead_time": 2e-6}}},
     ],
-    ids=["sensors", "bus", "hall", "energy", "stick-slip", "load", "open bridge", "two phases"],
+    ids=[
+        "sensors",
+        "bus",
+        "hall",
+        "energy",
+        "stick-slip",
+        "load",
+        "open bridge",
+        "two phases",
+        "two updates",
+    ],
 )
 def test_a_lane_has_the_bits_of_its_drive_alone(change: dict[str, Any], kernel: int) -> None:
     count = engine.lane_kernels()[kernel][1]

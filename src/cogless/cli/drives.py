@@ -126,27 +126,29 @@ def table(
             "--reverse: expected --shift ANGLE beside it: the zero of a reversed angle is another"
         )
     if not frame.zero:
-        raise StudyError(f"{source}: the table's zero is not known: {frame.lacking}")
+        raise StudyError(f"{source}: the table's zero is not known, since {frame.lacking}")
     written = adapter.write(holding, frame)
     rest = residue(holding, written.entries, written.applied)
     torque = f", {1e3 * holding.K_t * rest.before:.3g} mN*m" if holding.K_t else ""
-    print(f"{adapter.title}: {written.entries} entries, {written.scale}.")
-    print(f"Holding current without the table {1e3 * rest.before:.4g} mA rms{torque}.")
-    print(
-        f"Left by the drive's own rounding and interpolation {1e3 * rest.after:.3g} mA rms, "
-        f"{rest.share:.2%}; most of it order {rest.order}, {1e3 * rest.amplitude:.2g} mA."
-    )
+    predicted, why_not = _predict(source, frame, written, adapter, study)
+    lines = [
+        *predicted,
+        f"Holding current: {1e3 * rest.before:.4g} -> {1e3 * rest.after:.3g} mA rms{torque}; rounding and "
+        f"interpolation leave {rest.share:.2%}, most of it order {rest.order}, "
+        f"{1e3 * rest.amplitude:.2g} mA.",
+        *why_not,
+        f"{adapter.title}: {written.entries} entries, {written.scale}.",
+    ]
     if rest.share > FLAWED_SHARE:
         highest = max(holding.orders)
-        print(
+        lines.append(
             f"! The orders reach {highest}: {written.entries} entries hold those below "
             f"{written.entries // 2}."
         )
     if frame.zero_error:
         highest = max(holding.orders)
-        print(f"The table's zero is known to {frame.zero_error * highest:.2g} rad of order {highest}.")
-    predicted = _predict(source, frame, written, adapter.law, study)
-    _put(written, predicted, output)
+        lines.append(f"The table's zero is known to {frame.zero_error * highest:.2g} rad of order {highest}.")
+    _put(written, lines, output)
 
 
 def _put(written: TableText, lines: Sequence[str], output: Path | None) -> None:
@@ -173,49 +175,62 @@ def _write_encoder_table(source: Path, adapter: Adapter, output: Path | None) ->
         raise StudyError(f"--encoder: {adapter.name}: no table of its encoder is written: see cogless drives")
     correction, frame = correction_from(source), frame_from(source / FRAME_FILE)
     if frame.drive != adapter.name or not frame.zero:
-        lacking = frame.lacking or f"{FRAME_FILE}: drive: {frame.drive}: expected {adapter.name}"
-        raise StudyError(f"{source}: the table's zero is not known: {lacking}")
+        lacking = frame.lacking or f"its logs are of {frame.drive}: expected some of {adapter.name}"
+        raise StudyError(f"{source}: the table's zero is not known, since {lacking}")
     written = adapter.write_encoder(correction, frame)
     rest = residue(correction, written.entries, written.applied)
     before, after = (math.degrees(value) for value in (rest.before, rest.after))
-    print(f"{adapter.title}, encoder {frame.encoder}: {written.entries} entries, {written.scale}.")
-    line = f"Encoder's error without the table {before:.3g} deg rms; left by its own rounding {after:.2g}."
-    _put(written, [line], output)
+    _put(
+        written,
+        [
+            f"Encoder's error: {before:.3g} -> {after:.2g} deg rms, which the table's own rounding leaves.",
+            f"{adapter.title}, encoder {frame.encoder}: {written.entries} entries, {written.scale}.",
+        ],
+        output,
+    )
 
 
-def _predict(source: Path, frame: TableFrame, written: TableText, law: str, study: Path | None) -> list[str]:
-    """Lines on the ripple under the drive's own law; the study of it is written where `study` says."""
+def _predict(
+    source: Path, frame: TableFrame, written: TableText, adapter: Adapter, study: Path | None
+) -> tuple[list[str], list[str]]:
+    """Lines on the ripple under the drive's own law, or on why it is not predicted.
+
+    `study`: where the study of it is written.
+    """
     from cogless.drives import predicted_ripple
     from cogless.results.folder import locked_folder, new_set
 
     lacking = ""
-    if not law:
-        lacking = "the table has no law of a drive's own"
+    if not adapter.law:
+        lacking = f"{adapter.title} has no law of a drive's own: expected --to of a drive that has one"
     elif not (source / predicted_ripple.STUDY_NAME).is_file():
-        lacking = f"expected a folder of cogless identify with {predicted_ripple.STUDY_NAME}"
+        lacking = f"it has no {predicted_ripple.STUDY_NAME}: expected a folder of cogless identify with it"
     elif not frame.gains:
-        lacking = "what the drive was identified with does not tell the gains of its law"
+        lacking = "the logs came without the gains of its law: expected them in the file of --drive-config"
     if study is not None and study.resolve() == source.resolve():
         lacking = "expected another folder than that of cogless identify"
     if lacking:
         if study is not None:
             raise StudyError(f"--study: {study}: {lacking}")
-        return [f"The ripple of the speed is not predicted: {lacking}."] if law else []
-    tables = predicted_ripple.study_tables(source, frame, written, law)
+        return [], [f"No ripple of the speed is predicted, since {lacking}."] if adapter.law else []
+    tables = predicted_ripple.study_tables(source, frame, written, adapter.law)
     lines = []
     for ripple in predicted_ripple.ripples(tables, source / predicted_ripple.STUDY_NAME):
         texts = {name: f"{value:.3g}" for name, value in ripple.by_controller.items()}
         lines.append(
-            f"Ripple at {ripple.speed} r/min forward, under the drive's own law, simulated: "
-            f"{texts['without']} r/min rms without the table, {texts['table']} with it, "
-            f"{texts['third']} with 30 % of it, {texts['turned-third']} with -30 %."
+            f"Ripple at {ripple.speed} r/min: {texts['without']} -> {texts['table']} r/min rms with the "
+            f"table; {texts['third']} with 30 % of it, {texts['turned-third']} with -30 %."
         )
-    if study is not None:
-        names = [predicted_ripple.STUDY_NAME, predicted_ripple.LAW_FILE.name]
-        with locked_folder(study, names), new_set(study) as stage:
-            predicted_ripple.write_study(stage, tables)
-        lines.append(f"Study: cogless run {study / predicted_ripple.STUDY_NAME}")
-    return lines
+    simulated = f"Simulated forward, under {adapter.title}'s own law"
+    if study is None:
+        return [
+            *lines,
+            f"{simulated}; --study DIR writes the study that does it, with which to try gains.",
+        ], []
+    names = [predicted_ripple.STUDY_NAME, predicted_ripple.LAW_FILE.name]
+    with locked_folder(study, names), new_set(study) as stage:
+        predicted_ripple.write_study(stage, tables)
+    return [*lines, f"{simulated}. Study: cogless run {study / predicted_ripple.STUDY_NAME}"], []
 
 
 def _angle(text: str) -> float:
@@ -238,7 +253,8 @@ def _source(
 
     to = target.name
     logs = "" if target.read_logs is None else f"logs of {to}, or "
-    unknown = f"it is over another angle: expected {logs}--shift ANGLE that says how its index lies"
+    shift = f"{logs}--shift ANGLE, the index of {to} where the source's angle is zero"
+    unknown = f"it is over another angle: expected {shift}"
     if from_ is not None:
         adapter = adapter_named(from_, "--from")
         if adapter.read_table is None:
@@ -254,12 +270,12 @@ def _source(
         return current, TableFrame(to, zero=target.own_angle, lacking=unknown)
     if not (source / FRAME_FILE).is_file():
         return current, TableFrame(
-            to, lacking=f"no {FRAME_FILE} in it: expected cogless identify with --drive {to}"
+            to, lacking=f"it has no {FRAME_FILE}: expected cogless identify with --drive {to}"
         )
     frame = frame_from(source / FRAME_FILE)
     if frame.drive != to:
-        expected = f"expected --to {frame.drive}, {logs}--shift ANGLE that says how the index of {to} lies"
-        return current, TableFrame(to, lacking=f"its logs are of {frame.drive}: {expected}")
+        lacking = f"its logs are of {frame.drive}: expected --to {frame.drive}, {shift}"
+        return current, TableFrame(to, lacking=lacking)
     return current, frame
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -21,6 +20,7 @@ from cogless.cli.options import (
     StudyArgument,
     command_line,
     load,
+    results_folder,
     to_run,
 )
 from cogless.cli.printed import print_uncertified
@@ -64,7 +64,7 @@ def sweep(
     sweep_table.require("sweep")
     part = _shard(shard)
     loaded = to_run(study, changes, no_code)
-    folder = output or Path("results") / loaded.name
+    folder = output or results_folder(loaded.source.path)
     planned = sweeping.plan(loaded, count, only)
     with writable(folder):
         check_names(folder, ["sweep.parquet", "report.html", part.file])
@@ -110,7 +110,7 @@ def tune(
     search.require()
     loaded = to_run(study, changes, no_code)
     journals = map(tuning.journal_name, tuning.subjects(loaded))  # a mistake is told before anything runs
-    folder = output or Path("results") / loaded.name
+    folder = output or results_folder(loaded.source.path)
     path = folder / f"{loaded.name}-tuned.toml"
     with writable(folder):
         check_names(folder, [path.name, "sweep.parquet", "report.html", *journals])

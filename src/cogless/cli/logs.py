@@ -154,10 +154,16 @@ def identify(
     if runs:
         print(f"Study: {output / 'study.toml'}")
     print(f"Report: {output / 'report.html'}")
-    words = ["run", str(output / "study.toml")] if runs else ["identify", "--plan", "STUDY"]
+    commands = []
     if of_drive is not None and of_drive.takes_table and result.estimate.cogging:
-        print(f"Table: cogless table {output} --to {of_drive.frame.drive} -o FILE")
-    print(f"Next: {shlex.join(['cogless', *words])}{'' if runs else ', for what to record'}")
+        words = ["cogless", "table", str(output), "--to", of_drive.frame.drive, "-o"]
+        commands.append(f"{shlex.join(words)} FILE")
+    if runs:
+        commands.append(shlex.join(["cogless", "run", str(output / "study.toml")]))
+    else:
+        commands.append("cogless identify --plan STUDY, for what to record")
+    for number, text in enumerate(commands):
+        print(f"{'  or' if number else 'Next'}: {text}")
 
 
 def _identify_words(

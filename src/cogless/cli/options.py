@@ -23,6 +23,7 @@ from cogless.lines import print_text
 if TYPE_CHECKING:
     from cogless.study import AnyStudy
 
+COMMON_NAME = "study"  # of the files that several commands write
 CORES = os.cpu_count() or 1
 
 
@@ -104,7 +105,7 @@ OnlyOption = Annotated[
 
 OutputOption = Annotated[
     Path | None,
-    output_option("Where results go.", show_default="results/STUDY"),
+    output_option("Where results go.", show_default="results/STUDY, of a study.toml results/ITS_FOLDER"),
 ]
 
 DaskOption = Annotated[
@@ -116,6 +117,17 @@ NoCodeOption = Annotated[
     bool,
     typer.Option("--no-code", help="Refuse a study that brings its own code, in Python or a library."),
 ]
+
+
+def results_folder(path: Path) -> Path:
+    """Where results of the study in a file go by default."""
+    return Path("results") / results_name(path)
+
+
+def results_name(path: Path) -> str:
+    """The name of what is made of a study: its file's, or its folder's where the file is a study.toml."""
+    own_name = "" if path.stem == COMMON_NAME else path.stem
+    return own_name or path.resolve().parent.name or COMMON_NAME
 
 
 def command_line(name: str, study: str, changes: list[str] | None, options: list[str]) -> str:

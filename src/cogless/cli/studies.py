@@ -22,6 +22,8 @@ from cogless.cli.options import (
     load,
     name_code,
     output_option,
+    results_folder,
+    results_name,
     to_run,
 )
 from cogless.cli.printed import print_blocks, print_results, print_uncertified
@@ -70,11 +72,11 @@ def run(
     arena = _arena(study, changes)
     if arena is not None:
         name_code(arena.path, "law", arena.law, no_code, arena.user_file)
-        _run_arena(arena, output or Path("results") / arena.name, only, jobs, bool(limits))
+        _run_arena(arena, output or results_folder(arena.path), only, jobs, bool(limits))
         return
     loaded = to_run(study, changes, no_code)
     run_count = len(runs_of(loaded, only))
-    folder = output or Path("results") / loaded.name
+    folder = output or results_folder(loaded.source.path)
     if with_page:
         from cogless.live import check, render
 
@@ -346,7 +348,7 @@ def live(
 
     loaded = load(study, changes)
     check(loaded)
-    path = output or Path(f"{loaded.name}-live.html")
+    path = output or Path(f"{results_name(loaded.source.path)}-live.html")
     texts = {} if own_motor else _limits(loaded, limits, jobs)
     with new_console(stderr=True).status("Making the page"):
         write(loaded, path, command_line("run", study, changes, []), told=own_motor, limits=texts)

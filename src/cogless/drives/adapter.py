@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, asdict, dataclass, field
+from dataclasses import KW_ONLY, asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cogless.drives.holding_current import AngleWaves, HoldingCurrent
 from cogless.errors import StudyError
 from cogless.files import no_device, reason
-from cogless.identify.files import Array
+from cogless.identify.files import Array, LogColumns, printable
+from cogless.identify.log import HEADINGS_SHOWN
+from cogless.identify.read_log import read
 from cogless.printer.axis import Axis
 from cogless.printer.corrections import Correction
 
@@ -43,12 +47,16 @@ class Feature:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A log in SI units by signal, as `identify.config.SIGNALS` names them. `kind`: of `identify`, or ""."""
+    """A log in SI units by signal, as `identify.config.SIGNALS` names them; NaN where a number is missing.
+
+    `kind`: of `identify`, or "". `remarks`: what was wrong with its files, a sentence each.
+    """
 
     path: Path
     name: str  # "": the file's
     signals: Mapping[str, Array]
     kind: str = ""
+    remarks: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,7 @@ class TableFrame:
     """How the identified angle lies to the index of the drive's own cogging table.
 
     The index counts as `direction` times the identified angle. `zero`: both are zero at one place;
-    `zero_error`: by how much they may differ, rad. `lacking`: what to do where `zero` is false. `gains`: of
+    `zero_error`: by how much they may differ, rad. `lacking`: why `zero` is false, after "since". `gains`: of
     the drive's own law, as its class in `firmware_laws` takes them; empty: not known.
     `encoder`: the number of the one that the index is of, and whether a correction table of it was on.
     The encoder's own angle counts as `encoder_direction` times the identified one and is larger by
@@ -189,6 +197,21 @@ def text_of(path: Path, expected: str) -> str:
         raise StudyError(f"{path}: not UTF-8: expected {expected}") from None
     except OSError as error:
         raise StudyError(f"{path}: {reason(error)}: expected {expected}") from error
+
+
+def read_columns(path: Path, names: Sequence[str], needed: Sequence[str], title: str) -> LogColumns:
+    """The columns with these headings, those that are there. The first of `needed` is the time.
+
+    Rows without a time are left out; other cells may lack their number, and are NaN. StudyError: one that is
+    needed is missing, or a cell is no number.
+    """
+    (log,) = read(path, list(names), with_gaps=True)
+    lacking = next((name for name in needed if name not in log.columns), None)
+    if lacking is not None:
+        others = ", ".join(map(printable, log.headings[:HEADINGS_SHOWN]))
+        raise StudyError(f'{path}: no column "{lacking}"; it has {others}: expected a log of {title}')
+    timed = ~np.isnan(log.columns[needed[0]])
+    return replace(log, columns={name: values[timed] for name, values in log.columns.items()})
 
 
 def frame_from(path: Path) -> TableFrame:

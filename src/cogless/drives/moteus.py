@@ -24,6 +24,7 @@ from cogless.drives.adapter import (
     Recording,
     TableFrame,
     TableText,
+    read_columns,
     text_of,
 )
 from cogless.drives.encoder_table import write_moteus
@@ -34,7 +35,8 @@ from cogless.drives.moteus_script import write_script
 from cogless.drives.moteus_stream import STREAM_SUFFIX, read_stream
 from cogless.drives.row_times import overlay, sent_times
 from cogless.errors import StudyError
-from cogless.identify.files import Array, printable, require_bytes
+from cogless.identify.files import Array, LogColumns, printable, require_bytes
+from cogless.identify.log import ended_early
 from cogless.identify.read_log import read
 
 ENTRY_MOST = 127
@@ -42,17 +44,24 @@ STATS_CHANNEL, POSITION_CHANNEL = "servo_stats", "motor_position"
 STATS_SIGNALS = {"position", "velocity", "q_A", "d_A", "bus_V"}
 REGISTERS = {"position": "POSITION", "velocity": "VELOCITY", "q_A": "Q_CURRENT", "d_A": "D_CURRENT"}
 OVERLAY_SPREAD = 0.2  # rad rms of single rows; beyond it the channels are not of one log
+ENDS_APART = 0.5  # s, by which one channel's last row may come before the other's: slow ones have 100 ms
 CHANNEL_ROWS_LEAST = 3  # a channel with fewer is no log
 
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """A log of a controller: the file's name, and the columns of each channel by their name there."""
+    """A log of a controller: the file's name, and the columns of each channel by their name there.
+
+    `stats_name`, `position_name`: of the channels, for messages.
+    """
 
     path: Path
     name: str
     stats: Mapping[str, Array]
     position: Mapping[str, Array]
+    stats_name: str
+    position_name: str
+    remarks: Sequence[str] = ()
     stamped: bool = True  # by the PC, when a row arrived; else the time is that of the question
 
 
@@ -113,8 +122,8 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
 
 def _channels(paths: Sequence[Path], dump: Dump) -> Iterator[Channels]:
     """The logs in these files; those of tview's CSV are two files each, whatever their names are."""
-    stats: dict[Path, dict[str, Array]] = {}
-    positions: dict[Path, dict[str, Array]] = {}
+    stats: dict[Path, LogColumns] = {}
+    positions: dict[Path, LogColumns] = {}
     for path in paths:
         if ".jsonl" in path.name.lower():
             yield from _jsonl(path, dump)
@@ -125,34 +134,46 @@ def _channels(paths: Sequence[Path], dump: Dump) -> Iterator[Channels]:
         headings = set(read(path, [])[0].headings)
         if {"timestamp", "q_A"} <= headings:
             names = ["timestamp", *sorted(STATS_SIGNALS)]
-            stats[path] = _columns(path, names, ["timestamp", "position", "q_A"])
+            stats[path] = read_columns(path, names, ["timestamp", "position", "q_A"], "moteus")
         elif "timestamp" in headings and any(name.startswith("sources.") for name in headings):
             names = ["timestamp", _filtered(dump)]
-            positions[path] = _columns(path, names, names)
+            positions[path] = read_columns(path, names, names, "moteus")
         else:
             yield _registers(path, dump)
-    partners = {_partner(path, columns, stats): columns for path, columns in positions.items()}
-    for path, columns in stats.items():
-        yield Channels(path, path.name, columns, partners.get(path, {}))
+    partners = {_partner(path, log, stats): path for path, log in positions.items()}
+    for path, log in stats.items():
+        place = partners.get(path)
+        position = {} if place is None else positions[place].columns
+        place_remarks = () if place is None else positions[place].remarks
+        yield Channels(
+            path,
+            path.name,
+            log.columns,
+            position,
+            stats_name=path.name,
+            position_name="" if place is None else place.name,
+            remarks=(*log.remarks, *place_remarks),
+        )
 
 
-def _partner(path: Path, position: Mapping[str, Array], stats: Mapping[Path, Mapping[str, Array]]) -> Path:
+def _partner(path: Path, position: LogColumns, stats: Mapping[Path, LogColumns]) -> Path:
     """The log of servo_stats of the time of a log of motor_position; of several that of its name.
 
     StudyError: there is none.
     """
-    first, last = position["timestamp"][[0, -1]]
+    first, last = position.columns["timestamp"][[0, -1]]
     overlapping = [
         other
-        for other, columns in stats.items()
-        if columns["timestamp"][0] < last and columns["timestamp"][-1] > first
+        for other, log in stats.items()
+        if log.columns["timestamp"][0] < last and log.columns["timestamp"][-1] > first
     ]
     named = Path(str(path).replace(POSITION_CHANNEL, STATS_CHANNEL))
     if named in overlapping or len(overlapping) == 1:
         return named if named in overlapping else overlapping[0]
+    those = ", ".join(other.name for other in overlapping) or "none of the logs"
     raise StudyError(
-        f"{path}: {len(overlapping) or 'no'} logs of the channel {STATS_CHANNEL} at its time: expected the "
-        "one that was recorded beside it"
+        f"{path}: at its time the channel {STATS_CHANNEL} is in {those}: expected one, or the same name "
+        f"but for {POSITION_CHANNEL} and {STATS_CHANNEL}"
     )
 
 
@@ -160,20 +181,12 @@ def _filtered(dump: Dump) -> str:
     return f"sources.{dump.source}.filtered_value"
 
 
-def _columns(path: Path, names: list[str], needed: list[str]) -> dict[str, Array]:
-    (log,) = read(path, names)
-    lacking = next((name for name in needed if name not in log.columns), None)
-    if lacking is not None:
-        others = ", ".join(map(printable, log.headings[:8]))
-        raise StudyError(f'{path}: no column "{lacking}"; it has {others}: expected a log of moteus')
-    return {name: np.asarray(values) for name, values in log.columns.items()}
-
-
 def _registers(path: Path, dump: Dump) -> Channels:
     """A log of the Python library: one row has all registers, at one time."""
     encoder = f"ENCODER_{dump.source}_POSITION"
     names = ["time", "VOLTAGE", encoder, *REGISTERS.values()]
-    columns = _columns(path, names, ["time", "POSITION", "Q_CURRENT"])
+    log = read_columns(path, names, ["time", "POSITION", "Q_CURRENT"], "moteus")
+    columns = log.columns
     stats = {name: columns[register] for name, register in REGISTERS.items() if register in columns}
     stats["timestamp"] = columns["time"]
     if "VOLTAGE" in columns:
@@ -184,14 +197,24 @@ def _registers(path: Path, dump: Dump) -> Channels:
     if np.any(columns.get(encoder, 0.0)):  # The library writes 0 for a register that was not asked for.
         cpr = dump.number(f"motor_position.sources.{dump.source}.cpr", "counts of a turn", 16384.0)
         position = {"timestamp": columns["time"], _filtered(dump): cpr * columns[encoder]}
-    return Channels(path, path.name, stats, position, stamped=False)
+    return _unstamped(path, stats, position, log.remarks)
+
+
+def _unstamped(
+    path: Path, stats: Mapping[str, Array], position: Mapping[str, Array], remarks: Sequence[str] = ()
+) -> Channels:
+    """A log whose rows have all channels, at one time."""
+    name = path.name
+    return Channels(
+        path, name, stats, position, stats_name=name, position_name=name, remarks=remarks, stamped=False
+    )
 
 
 def _stream(path: Path, dump: Dump) -> Channels:
     """A high-rate stream: all of a row is of one control cycle."""
     stats, index = read_stream(path, dump)
     position = {} if index is None else {"timestamp": stats["timestamp"], _filtered(dump): index}
-    return Channels(path, path.name, stats, position, stamped=False)
+    return _unstamped(path, stats, position)
 
 
 def _jsonl(path: Path, dump: Dump) -> Iterator[Channels]:
@@ -211,8 +234,7 @@ def _jsonl(path: Path, dump: Dump) -> Iterator[Channels]:
             values = {"timestamp": float(record["timestamp"])}
             for name in wanted_columns[channel]:
                 value = _nested(record["data"], name)
-                if value is not None:
-                    values[name] = float(value)
+                values[name] = math.nan if value is None else float(value)
             columns = rows[str(record["controller"]), channel]
         except (KeyError, TypeError, ValueError):
             if number == len(lines):
@@ -223,13 +245,20 @@ def _jsonl(path: Path, dump: Dump) -> Iterator[Channels]:
             columns[name].append(value)
     controllers = dict.fromkeys(controller for controller, _ in rows)
     for controller in controllers:
-        stats = _whole(path, rows.get((controller, STATS_CHANNEL), {}))
+        stats = _whole(rows.get((controller, STATS_CHANNEL), {}))
         if not {"position", "q_A"} <= stats.keys():
             raise StudyError(
                 f"{path}: controller {printable(controller)}: no channel {STATS_CHANNEL}: expected it"
             )
         name = path.name if len(controllers) == 1 else f"{path.name}-{printable(controller)}"
-        yield Channels(path, name, stats, _whole(path, rows.get((controller, POSITION_CHANNEL), {})))
+        yield Channels(
+            path,
+            name,
+            stats,
+            _whole(rows.get((controller, POSITION_CHANNEL), {})),
+            stats_name=f"{name}: {STATS_CHANNEL}",
+            position_name=f"{name}: {POSITION_CHANNEL}",
+        )
 
 
 def _nested(data: Any, name: str) -> Any:
@@ -244,11 +273,11 @@ def _nested(data: Any, name: str) -> Any:
     return data
 
 
-def _whole(path: Path, columns: Mapping[str, list[float]]) -> dict[str, Array]:
-    lengths = {len(values) for values in columns.values()}
-    if len(lengths) > 1:
-        raise StudyError(f"{path}: some records lack a value that others have: expected the same in each")
-    return {name: np.array(values) for name, values in columns.items()}
+def _whole(columns: Mapping[str, list[float]]) -> dict[str, Array]:
+    """The columns that have a number, in the rows that have a time."""
+    arrays = {name: np.array(values) for name, values in columns.items()}
+    timed = ~np.isnan(arrays.get("timestamp", np.zeros(0)))
+    return {name: values[timed] for name, values in arrays.items() if not np.all(np.isnan(values))}
 
 
 def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[str]]:
@@ -264,21 +293,27 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
         signals["omega"] = math.tau / dump.ratio * stats["velocity"]
     if "d_A" in stats:
         signals["i_d"] = stats["d_A"]
-    kind = "table-on" if np.any(dump.table) else ""
+    recording = Recording(
+        log.path, log.name, signals, "table-on" if np.any(dump.table) else "", list(log.remarks)
+    )
     if not dump.takes_table:
-        lacking = f"{dump.path}: no motor.cogging_dq_scale: expected firmware with it, of ABI 0x0105 or later"
-        return Recording(log.path, log.name, signals, kind), TableFrame("moteus", lacking=lacking), []
+        lacking = (
+            f"{dump.path} has no motor.cogging_dq_scale: expected firmware with it, of ABI 0x0105 or later"
+        )
+        return recording, TableFrame("moteus", lacking=lacking), []
     name, filtered = _filtered(dump), log.position.get(_filtered(dump))
     if filtered is None:
         lacking = (
-            f"{log.path}: no angle of the table's index, only the output's position, whose zero moves: "
+            f"{log.path} has no angle of the table's index, only the output's position, whose zero moves: "
             f"expected channel {POSITION_CHANNEL} ({name}), or the register ENCODER_{dump.source}_POSITION"
         )
-        return Recording(log.path, log.name, signals, kind), TableFrame("moteus", lacking=lacking), []
+        return recording, TableFrame("moteus", lacking=lacking), []
     cpr = dump.above_zero(f"motor_position.sources.{dump.source}.cpr", "counts of a turn")
     stamps = log.position["timestamp"]
     t_other = sent_times(stamps) if log.stamped else stamps
-    laid = overlay(t, theta, t_other, math.tau / cpr * filtered)
+    remarks = [*log.remarks, *_ended_early(log, t - start, t_other - start)]
+    rows, others = ~np.isnan(theta), ~np.isnan(filtered)
+    laid = overlay(t[rows], theta[rows], t_other[others], math.tau / cpr * filtered[others])
     if laid is None or laid.spread > OVERLAY_SPREAD:
         raise StudyError(
             f"{log.path}: {name} and position do not move alike: expected both channels of one drive and one "
@@ -290,7 +325,14 @@ def _recording(log: Channels, dump: Dump) -> tuple[Recording, TableFrame, list[s
         f"{math.degrees(laid.error):.2g} deg."
     )
     frame = TableFrame("moteus", laid.direction, zero=True, zero_error=laid.error)
-    return Recording(log.path, log.name, signals, kind), frame, [remark]
+    return replace(recording, remarks=remarks), frame, [remark]
+
+
+def _ended_early(log: Channels, t: Array, t_other: Array) -> list[str]:
+    """What is said where one of both channels ends long before the other."""
+    ends = sorted([(float(t[-1]), log.stats_name), (float(t_other[-1]), log.position_name)])
+    (end, name), (last, other) = ends
+    return [ended_early(name, end, other, last)] if last - end > ENDS_APART else []
 
 
 def write(current: HoldingCurrent, frame: TableFrame) -> TableText:

@@ -67,7 +67,10 @@ async def main():
     if not options.yes:
         print("Nothing was moved. --yes moves the motor.")
         return
-    import moteus
+    try:
+        import moteus
+    except ModuleNotFoundError:
+        raise SystemExit("no package moteus: pip install moteus") from None
 
     resolution = moteus.QueryResolution()
     for field in ("position", "velocity", "torque", "q_current", "d_current", "voltage"):

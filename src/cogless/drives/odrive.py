@@ -11,13 +11,22 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cogless.drives.adapter import Adapter, Certainty, DriveLogs, Feature, Recording, TableFrame, text_of
+from cogless.drives.adapter import (
+    Adapter,
+    Certainty,
+    DriveLogs,
+    Feature,
+    Recording,
+    TableFrame,
+    read_columns,
+    text_of,
+)
 from cogless.drives.holding_current import HoldingCurrent, from_samples
 from cogless.drives.odrive_script import write_script
 from cogless.errors import StudyError
@@ -198,7 +207,7 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
                 f"a capture of {release}"
             )
     kind = "table-on" if settings.map_on else ""
-    recordings = [Recording(recording.path, "", recording.signals, kind) for recording, *_ in captures]
+    recordings = [replace(recording, kind=kind) for recording, *_ in captures]
     remarks = [remark for *_, lines in captures for remark in lines]
     if kind:
         remarks.append(
@@ -232,18 +241,19 @@ def _capture(path: Path) -> tuple[Recording, str, float, list[str]]:
         raise StudyError(
             f"{path}: axes {', '.join(sorted(axes))}: expected the columns of one axis in a file"
         )
-    (log,) = read(path, [times[0], *columns])
+    log = read_columns(path, [times[0], *columns], times, "ODrive")
     signals: dict[str, Array] = {}
     volts = 0.0
     for heading, (_, rest) in columns.items():
         values = np.asarray(log.columns[heading])
         if rest == BUS_PATH:
-            volts = float(np.median(values))
+            volts = float(np.nanmedian(values))
         else:
             signal, factor = SIGNAL_PATHS[rest]
             signals[signal] = factor * values
     seconds, remarks = _seconds(path, times[0], np.asarray(log.columns[times[0]]))
-    return Recording(path, "", {"t": seconds, **signals}), axes.pop(), volts, remarks
+    recording = Recording(path, "", {"t": seconds, **signals}, remarks=log.remarks)
+    return recording, axes.pop(), volts, remarks
 
 
 def _seconds(path: Path, heading: str, times: Array) -> tuple[Array, list[str]]:

@@ -76,7 +76,10 @@ def main():
     if not options.yes:
         print("Nothing was moved. --yes moves the motor.")
         return
-    import odrive
+    try:
+        import odrive
+    except ModuleNotFoundError:
+        raise SystemExit("no package odrive: pip install odrive") from None
 
     odrv = odrive.find_any()
     label = f"axis{{options.axis}}"

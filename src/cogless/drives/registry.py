@@ -197,11 +197,19 @@ def prepare(
         replay_rule=_replay_rule(adapter, logs),
     )
     read_columns = [
-        (recording.path, LogColumns(recording.name, dict(recording.signals), tuple(recording.signals)))
+        (
+            recording.path,
+            LogColumns(
+                recording.name,
+                dict(recording.signals),
+                tuple(recording.signals),
+                tuple(recording.remarks),
+            ),
+        )
         for recording in logs.recordings
     ]
     if adapter.write is not None and not logs.frame.zero:
-        remarks.append(f"No table can be placed: {logs.frame.lacking}.")
+        remarks.append(f"No table can be placed, since {logs.frame.lacking}.")
     return Prepared(
         identification, logs_of_columns(read_columns, identification), logs.frame, (*remarks, *logs.remarks)
     )

@@ -54,6 +54,9 @@ SENSOR_HINT = 'sensor_direction = 1 or -1 (CW or CCW) and sensor_offset, such as
 LOOP_NAMES = {"PID_velocity": ("P", "I", "D", "output_ramp"), "LPF_velocity": ("Tf",)}
 NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf", re.IGNORECASE)
 MONITOR_LINE = re.compile(r"\D{0,3}[-+\d.]+(\t[-+\d.]+)+\t?\D{0,3}")
+START_LINE = re.compile(r"[A-Z]{3}:")  # what the library prints at its start, such as "MOT: Ready."
+RECOGNISED_LINES = 10
+CURRENT_LEAST = 0.01  # A, in a log at its most: less is a voltage, or in another unit
 SPOILT_SHARE_MOST = 0.05  # lines of another form that a log may have
 MICROS_WRAP = 2**32  # microseconds, at which the processor's counter begins anew
 
@@ -68,7 +71,8 @@ INTRODUCTION_TEXT = """\
 
 
 def recognise(first: Sequence[str]) -> str:
-    lines = [line for line in first[:10] if line.strip()]
+    printed = [line for line in first if line.strip() and not START_LINE.match(line)]
+    lines = printed[:RECOGNISED_LINES]
     if len(lines) > 1 and all(MONITOR_LINE.fullmatch(line.strip()) for line in lines):
         return "lines of its monitor: numbers between tabs, no heading"
     return ""
@@ -93,6 +97,12 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
                 column = np.unwrap(column, period=MICROS_WRAP)
             if signal:
                 signals[signal] = factor * column
+        most = float(np.nanmax(np.abs(signals["i_q"])))
+        if most < CURRENT_LEAST:
+            raise StudyError(
+                f"{path}: Iq: {1e3 * most:.2g} mA at most: expected {1e3 * CURRENT_LEAST:g} mA or more; "
+                "without monitor_variables it prints target, Uq (V), velocity, angle"
+            )
         if period is not None:
             signals["t"] = period * np.arange(len(values))
             remarks.append(f"{path.name}: rows are taken as {1e3 * period:g} ms apart, as row_period says.")

@@ -7,7 +7,7 @@ before, its angle and speed are of the moment, so each mean is laid over the mid
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,19 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from cogless.drives.adapter import Adapter, Certainty, DriveLogs, Feature, Recording, TableFrame, text_of
+from cogless.drives.adapter import (
+    Adapter,
+    Certainty,
+    DriveLogs,
+    Feature,
+    Recording,
+    TableFrame,
+    read_columns,
+    text_of,
+)
 from cogless.drives.encoder_table import write_vesc
 from cogless.errors import StudyError
 from cogless.identify.files import Array, printable
-from cogless.identify.read_log import read
 
 XML_HINT = "the motor configuration that VESC Tool saves as XML"
 DAY_MILLISECONDS = 86_400_000.0
@@ -121,11 +129,11 @@ def table_frame(motor: MotorXml, turns: bool) -> TableFrame:
     """
     lacking = ""
     if not turns:
-        lacking = f"expected logs with an {ENCODER_HEADING} that turns with {SPEED_HEADING}"
+        lacking = f"the logs have no {ENCODER_HEADING} that turns with {SPEED_HEADING}: expected some that do"
     elif abs(_number_or(motor, "p_pid_ang_div", 1.0) - 1.0) > ANGLE_DIVISION_SLACK:
-        lacking = f"{motor.path}: p_pid_ang_div: expected 1, so that the logged position is the encoder's"
+        lacking = f"{motor.path} has another p_pid_ang_div: expected 1, which logs the encoder's own angle"
     elif round(_number_or(motor, "foc_encoder_ratio", pole_pairs(motor))) != pole_pairs(motor):
-        lacking = f"{motor.path}: foc_encoder_ratio: expected the pole pairs: an encoder on the rotor"
+        lacking = f"{motor.path} has another foc_encoder_ratio: expected the pole pairs, as on the rotor"
     direction = -1 if _number_or(motor, "m_invert_direction", 0.0) else 1
     return TableFrame(
         "vesc",
@@ -151,25 +159,27 @@ def read_logs(paths: Sequence[Path], configuration: Path | None) -> DriveLogs:
     recordings, remarks, volts = [], [], []
     encoder_turns = True
     for path in paths:
-        (log,) = read(path, list(LOG_HEADINGS))
-        for heading in (TIME_HEADING, "q_axis_current", SPEED_HEADING):
-            if heading not in log.columns:
-                others = ", ".join(map(printable, log.headings[:8]))
-                raise StudyError(
-                    f'{path}: no column "{heading}"; it has {others}: expected a log of VESC Tool'
-                )
-        columns = {name: np.asarray(values) for name, values in log.columns.items()}
+        log = read_columns(path, LOG_HEADINGS, (TIME_HEADING, "q_axis_current", SPEED_HEADING), "VESC Tool")
+        columns, losses = _whole_rows(path, log.columns)
         if len(columns[TIME_HEADING]) < LOG_ROWS_LEAST:
             raise StudyError(f"{path}: {len(columns[TIME_HEADING])} rows: expected a log")
         signals, turns, lines = _signals(path, columns, pairs)
         encoder_turns = encoder_turns and turns
-        recordings.append(Recording(path, "", signals))
+        recordings.append(Recording(path, "", signals, remarks=(*log.remarks, *losses)))
         remarks += lines
         volts.append(float(np.median(columns["input_voltage"])) if "input_voltage" in columns else 0.0)
     if max(volts) <= 0:
         raise StudyError(f"{paths[0]}: input_voltage: {max(volts):g}: expected the supply's voltage")
     frame = table_frame(motor, encoder_turns)
     return DriveLogs(recordings, tables(motor, float(np.median(volts))), frame, remarks)
+
+
+def _whole_rows(path: Path, columns: Mapping[str, Array]) -> tuple[dict[str, Array], list[str]]:
+    """The rows that have all numbers, and what is said of others."""
+    whole = ~np.any(np.isnan(np.stack(list(columns.values()))), axis=0)
+    lost = int(np.sum(~whole))
+    lines = [f"{path.name}: {lost} rows lack a number and are left out."] if lost else []
+    return {name: values[whole] for name, values in columns.items()}, lines
 
 
 def _signals(path: Path, columns: dict[str, Array], pairs: int) -> tuple[dict[str, Array], bool, list[str]]:

@@ -31,7 +31,7 @@ from cogless.identify.result import Estimate, Value, Wave, wave_of
 ORDERS_MOST = 48
 LONGEST_DELAY, EARLIEST_DELAY = 6e-3, -3e-3  # s; i_q before the angle: that of a filtered angle
 UNSURE_DELAY = 5e-3  # s, an error from which on a delay is not told
-DELAY_TRIES, DELAY_STEPS_MOST, DELAY_SETTLED = 10, 2.0, 0.01  # parabolas, and steps of the grid
+DELAY_TRIES, DELAY_SETTLED = 10, 0.01  # parabolas, and steps of the grid
 ORDERS_FOR_ENCODER = 3  # before so many are known, the encoder's error would take their place
 ENCODER_ROUNDS, ENCODER_SETTLED = 3, 0.1  # intervals of the error that may be left
 SEARCHES = 2
@@ -221,8 +221,9 @@ class Logs:
         for _ in range(DELAY_TRIES):
             costs = [self.cost(replace(model, delay=model.delay + k * grid), instrument) for k in (-1, 0, 1)]
             bend, slope = costs[0] - 2 * costs[1] + costs[2], (costs[0] - costs[2]) / 2
-            steps = slope / bend if bend > 0 else DELAY_STEPS_MOST * np.sign(slope)
-            steps = float(np.clip(steps, -DELAY_STEPS_MOST, DELAY_STEPS_MOST))
+            steps = float(np.argmin(costs)) - 1.0  # The flanks bend the other way: there the least is next.
+            if steps == 0.0 and bend > 0:
+                steps = slope / bend
             delay = float(np.clip(model.delay + steps * grid, EARLIEST_DELAY, LONGEST_DELAY))
             model = replace(model, delay=delay)
             if abs(steps) < DELAY_SETTLED:

@@ -217,6 +217,7 @@ def _log(path: Path, name: str, columns: Columns, identification: Identification
     rule = identification.rule(name)
     where = str(path) if name.startswith(path.name) else f"{path}: {name}"
     remarks: list[str] = []
+    columns = _before_a_column_ends(name, columns, identification, remarks)
     columns, after_loss = _complete(where, name, columns, remarks)
     found = {
         signal: identification.factor(signal) * columns[column.name]
@@ -240,6 +241,26 @@ def _log(path: Path, name: str, columns: Columns, identification: Identification
     if len(found["t"]) < FEWEST:
         raise StudyError(f"{where}: {len(found['t'])} rows: expected {FEWEST} or more")
     return _timed(where, name, rule, found, identification, after_loss, remarks)
+
+
+def _before_a_column_ends(
+    name: str, columns: Columns, identification: Identification, remarks: list[str]
+) -> Columns:
+    """The rows up to the last number of each column; a sentence says which of them ends before the log."""
+    heading_t = _heading(identification, "t")
+    ends = {heading: len(of) - int(np.argmax(~np.isnan(of)[::-1])) for heading, of in columns.items()}
+    heading, end = min(ends.items(), key=lambda item: item[1])
+    if heading_t not in columns or min(end, len(columns[heading_t]) - end) < FEWEST:
+        return columns
+    time = identification.factor("t") * columns[heading_t]
+    first, last, whole = (np.nan_to_num(time[row]) for row in (0, end - 1, -1))
+    remarks.append(ended_early(f'{name}: "{printable(heading)}"', last - first, "the log", whole - first))
+    return {heading: of[:end] for heading, of in columns.items()}
+
+
+def ended_early(channel: str, end: float, others: str, other_end: float) -> str:
+    """What is said of a channel that ends before others of its log, each so many s after the start."""
+    return f"{channel} ends at {end:.4g} s, {others} at {other_end:.4g} s: it is used up to there."
 
 
 def _complete(
@@ -391,15 +412,15 @@ def _timed(
         _degrees(where, t, found, identification)
         raw = found["theta"]
         found["theta"] = _unwrapped(
-            name, f"{where}: {_heading(identification, 'theta')}", found["theta"], remarks
+            name, f"{where}: {_heading(identification, 'theta')}", found["theta"], ends, remarks
         )
-        whole = _slip(name, found["theta"], identification.step, remarks)
+        whole = _slip(name, found["theta"], identification.step, ends, remarks)
         if whole < FEWEST:
             heading = _heading(identification, "theta")
             jumps = f"{where}: {heading}: row {whole + 1}: the angle jumps, and only {whole} "
             degrees = np.unwrap(np.radians(raw))
             has_unit = bool(identification.columns["theta"].unit)
-            if not has_unit and _slip(name, degrees, identification.step, []) == len(t):
+            if not has_unit and _slip(name, degrees, identification.step, ends, []) == len(t):
                 units = {"theta": "deg", **({"omega": "deg/s"} if "omega" in found else {})}
                 cure = {f"columns.{signal}.unit": unit for signal, unit in units.items()}
                 lines = " and ".join(f'{key} = "{unit}"' for key, unit in cure.items())
@@ -595,8 +616,15 @@ def _even(t: Array, found: Columns, dt: float) -> tuple[Columns, float]:
     return {signal: np.interp(even, t, values) for signal, values in found.items()}, jitter
 
 
-def _unwrapped(name: str, where: str, theta: Array, remarks: list[str]) -> Array:
-    moved = np.abs(np.diff(theta))
+def _moved(theta: Array, ends: NDArray[np.int_]) -> Array:
+    """By how much the angle moves from row to row, rad; 0 over a gap, in which a rotor moves any angle."""
+    moved = np.diff(theta)
+    moved[ends - 1] = 0.0
+    return moved
+
+
+def _unwrapped(name: str, where: str, theta: Array, ends: NDArray[np.int_], remarks: list[str]) -> Array:
+    moved = np.abs(_moved(theta, ends))
     jumps = np.flatnonzero(moved > 0.5 * TURN)
     alike = len(jumps) > 1 and np.ptp(moved[jumps]) < 0.1 * np.min(moved[jumps])
     if alike and np.min(moved[jumps]) > 1.5 * TURN:
@@ -621,9 +649,12 @@ def _repeats(name: str, found: Columns, step: float, remarks: list[str]) -> None
         )
 
 
-def _slip(name: str, theta: Array, step: float, remarks: list[str]) -> int:
-    """Rows before the angle jumps as no rotor does: far more than in rows around it; all if it never does."""
-    moved = np.diff(theta)
+def _slip(name: str, theta: Array, step: float, ends: NDArray[np.int_], remarks: list[str]) -> int:
+    """Rows before the angle jumps as no rotor does: far more than in rows around it; all if it never does.
+
+    `ends`: the first row after each gap.
+    """
+    moved = _moved(theta, ends)
     around = np.max([np.abs(np.roll(moved, rows)) for rows in (-2, -1, 1, 2)], axis=0)
     jumps = np.flatnonzero(np.abs(moved) > 10 * around + 20 * step + 1e-3)
     if not len(jumps):

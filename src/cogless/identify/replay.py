@@ -24,6 +24,7 @@ from cogless.identify.estimate import Progress, at_delay
 from cogless.identify.lateness import NOTHING, Lateness, lateness
 from cogless.identify.log import Log
 from cogless.identify.result import Estimate, Value
+from cogless.identify.voltage import Agreement
 from cogless.results.trace import Trace
 from cogless.run.simulate import rollout
 from cogless.study import Study
@@ -181,12 +182,12 @@ def refined(made: Estimate, progress: Progress) -> tuple[Estimate, dict[str, Tra
         if not controlled <= traces.keys():
             without = ", ".join(sorted(controlled - traces.keys()))
             sentence = (
-                f"No simulation of {without}; the values stand without it. A log can be simulated if "
+                f"The values stand without a simulation of {without}. A log can be simulated if "
                 f"{made.known.replay_rule}, if the current loop's rate is a multiple of its rows' rate, "
                 f"and if no table is on. {UNCORRECTED}"
             )
             if not traces:
-                return _with_remark(first, sentence), traces
+                return _with_remark(first, Agreement(sentence)), traces
             others = [log.name for log in made.logs if log.name in traces or log.kind == "coast-down"]
             cure = Advice(
                 f"{sentence} Add what is missing, or leave the log out.", recording(logs=tuple(others))

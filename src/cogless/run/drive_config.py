@@ -281,7 +281,8 @@ def dead_time_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[
     belief = drive.belief.resolved(motor)
     kp_q = drive.current_loop.gains(belief)["kp_q"]
     return {
-        "time": inverter.dead_time if compensation.time is None else compensation.time,
+        "time": inverter.edge_share
+        * (inverter.dead_time if compensation.time is None else compensation.time),
         "drop": inverter.device_drop if compensation.drop is None else compensation.drop,
         "band": compensation.band,
         "lag": belief.L_q / kp_q if kp_q > 0 else 0.0,

@@ -266,10 +266,13 @@ REACH_SHARE = 1 - 1e-5  # of the largest equivalent current: the C library's, ro
 
 
 class Inverter(Table):
-    """The inverter: voltage averaged over each current-loop period, or switched with centre-aligned edges."""
+    """The inverter: voltage averaged over each current-loop period, or switched with exact edges."""
 
     kind: Literal["averaged", "switched"] = "averaged"
     """Mean voltage over a period, or pulses with exact edges."""
+    pwm: Literal["centre", "edge", "two-updates"] = "centre"
+    """Pulses in the middle of a current-loop period, or from its begin. `two-updates`: centred in PWM periods
+    of two current-loop periods, with new duty cycles in each half."""
     bus_voltage: Voltage  # V
     """Voltage of the bus, constant."""
     dead_time: Time = 0.0  # s
@@ -278,6 +281,11 @@ class Inverter(Table):
     """Voltage across the transistor or diode of a leg that conducts."""
     computation_delay: Literal[0, 1] = 1  # current-loop samples
     """Current-loop periods from sampling until the duty cycles act."""
+
+    @property
+    def edge_share(self) -> float:
+        """Edges of a leg in a current-loop period by those in a PWM period; each edge costs a dead time."""
+        return 0.5 if self.pwm == "two-updates" else 1.0
 
 
 class DeadTimeCompensation(Table):
