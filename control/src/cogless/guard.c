@@ -1,14 +1,14 @@
 #include "guard.h"
 
-#define BAR CGL_R(1.18)      /* A variance is too much at this ratio: more than a window scatters, and less than the 1.25^2 promised. */
-#define LOUD CGL_R(16.0)     /* A burst has so many times the squares of the bar: four times the ripple ends a window at once. */
+#define BAR CGL_R(1.18)      /* A variance at this ratio is too much: a window scatters less, and 1.25^2 = 1.56 is promised. */
+#define LOUD CGL_R(16.0)     /* A burst has so many times the squares of the bar, four times the ripple, and ends a window at once. */
 #define SHORTEST CGL_R(0.25) /* of a window [s]: twenty windows take the 5 s that are promised */
-#define LONGEST CGL_R(2.5)   /* of a window [s]: a slower rotor is judged in parts of a turn */
-#define RAMP CGL_R(0.5)      /* of the share [s]: the feedback's integral has to take over a load that was learned */
-#define SOON 16U             /* The first test comes after so many windows: it is over within the twenty promised. */
-#define RARE 1024U           /* The last ones are so many windows apart: three windows of a test are 0.3 % of the time. */
-#define WEIGHT 8U            /* A window in which learning gains little ages the bar as much as so many others. */
-#define GUILT 4U             /* Two tests convict, since one may be chance; or four times in which a pause of learning ended the ripple. */
+#define LONGEST CGL_R(2.5)   /* of a window [s]: a rotor so slow is judged in parts of a turn */
+#define RAMP CGL_R(0.5)      /* of the share from 0 to 1 [s]: the feedback's integral has to take over a load that was learned */
+#define SOON 16U             /* The first test comes after so many windows, so that it ends within the twenty that are promised. */
+#define RARE 1024U           /* The last tests are so many windows apart: the three windows of a test are then 0.3 % of the time. */
+#define WEIGHT 8U            /* The bar ages eight times slower while learning halves the ripple. */
+#define GUILT 4U             /* counts of evidence that convict: two tests, since one may be chance, or four pauses that helped */
 
 const cgl_gentle cgl_gentle_steps[CGL_GUARD_STEPS + 1U] = {
     {CGL_REAL_MAX, CGL_R(1.0), CGL_R(1.0)}, {CGL_R(1.01), CGL_R(1.0), CGL_R(1.0)}, {CGL_R(0.5), CGL_R(1.0), CGL_R(0.98)},
@@ -53,8 +53,10 @@ CGL_SELDOM static void begin_window(cgl_guard *guard, cgl_real omega_ref)
     const bool clears = cgl_guard_forgets(guard);
     const cgl_real longest = clears ? CGL_R(40.0) * LONGEST : LONGEST;
     const cgl_real turn = CGL_TWO_PI / larger(cgl_abs(omega_ref), CGL_TWO_PI / longest);
-    const cgl_real turns = clears ? CGL_R(1.6) : (cgl_real)(1U + (uint32_t)(SHORTEST / turn));
-    guard->length = 1U + (uint32_t)(turns * turn / guard->ts);
+    const cgl_real more = SHORTEST / turn; /* turns; a rotor may be too fast for them to count anything */
+    const cgl_real turns = clears ? CGL_R(1.6) : (more < CGL_R(1.0e6) ? (cgl_real)(1U + (uint32_t)more) : CGL_R(1.0e6));
+    const cgl_real samples = turns * turn / guard->ts;
+    guard->length = samples < CGL_R(1.0e9) ? 1U + (uint32_t)samples : 1000000000U;
     guard->count = guard->limited = 0U;
     guard->squares = guard->fast = CGL_R(0.0);
 }
@@ -74,8 +76,8 @@ CGL_SELDOM static void convict(cgl_guard *guard, bool learn)
     go_to(guard, learns ? CGL_GUARD_FORGET : CGL_GUARD_MUTE, 0U);
 }
 
-/* A burst, two windows above the bar, or the time leads to a test. While the current loop falls short, which may not be the fault of
- * what is learned, only the time does, and it is shorter then. */
+/* A burst leads to a test, or two windows above the bar, or time. Time counts less where learning halves the ripple and has not become
+ * worse since the last test. The current loop may fall short without a fault of what is learned, so then only time counts. */
 CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real speed, bool loud)
 {
     if (guard->good >= guard->retry && guard->gentle > 1U) {
@@ -84,19 +86,19 @@ CGL_SELDOM static void judge_learning(cgl_guard *guard, cgl_real v, cgl_real spe
     }
     const bool excused = guard->limited > guard->length / 8U;
     const bool elsewhere = !cgl_is_within(speed - cgl_abs(guard->speed), CGL_R(0.25) * speed);
-    const uint32_t soon = guard->taught ? SOON : SOON / 4U; /* A table is judged soon, for nobody knows the ripple without it. */
+    const uint32_t soon = guard->taught ? SOON : SOON / 4U; /* The bar was measured with a table acting, and has to be measured anew. */
     const uint32_t patience = elsewhere && guard->patience > soon ? soon : guard->patience;
-    const bool gains = v < CGL_R(0.25) * guard->alone && !(v > BAR * guard->acting); /* Half the ripple, and no more than in the last test. */
+    const bool gains = v < CGL_R(0.25) * guard->alone && !(v > BAR * guard->acting);
     guard->age += excused ? patience / 2U : (gains ? 1U : WEIGHT);
-    guard->evidence = guard->age >= SOON * WEIGHT ? 0U : guard->evidence;
-    guard->bad = v > BAR * guard->alone && !excused ? guard->bad + 1U : 0U;
+    guard->evidence = guard->age >= (gains ? WEIGHT : SOON * WEIGHT) ? 0U : guard->evidence;
+    guard->bad = (uint8_t)(v > BAR * guard->alone && !excused ? guard->bad + 1U : 0U);
     if (loud || guard->bad >= 2U || guard->age >= patience * WEIGHT) {
         go_to(guard, CGL_GUARD_HOLD, loud ? 2U : guard->bad);
     }
 }
 
-/* Learning stands still. A ripple that ends by that was made by learning itself. One that stays may be of what is learned, and is tested
- * against nothing at once. Without any suspicion the cheap test comes first. */
+/* Learning stands still. A ripple that ends by that was made by learning itself. A ripple that stays may be that of what is learned,
+ * and what is learned is taken away at once to see. Without a suspicion the cheap test comes first. */
 CGL_SELDOM static void judge_holding(cgl_guard *guard, cgl_real v, const cgl_guard_input *in, bool loud, bool calm)
 {
     if (guard->bad > 0U && !loud && !(v > BAR * guard->alone)) {

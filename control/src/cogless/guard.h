@@ -50,7 +50,7 @@ typedef struct {
     cgl_real share;     /* of what is learned that acts, 0 to 1 */
     uint32_t gentle;    /* step of gentle learning, cgl_gentle_steps[gentle] */
     uint8_t phase;      /* cgl_guard_phase */
-    uint8_t evidence;   /* counts of harm since the last test without harm, or in the last 16 windows */
+    uint8_t evidence;   /* counts of harm since the last test without harm; good windows clear them too */
     uint8_t bad;        /* windows above the bar, in a row; 2 lead to a test */
     bool taught;        /* something was learned since the start or the last conviction */
     cgl_real ts;        /* period of the calls [s] */
@@ -66,8 +66,8 @@ typedef struct {
     cgl_real alone;     /* P(0), or its bound; 0: unknown [rad^2/s^2] */
     cgl_real noise;     /* mean of the fast squares when nothing learned acted last [rad^2/s^2] */
     cgl_real speed;     /* reference when P(1) was measured [rad/s] */
-    uint32_t age;       /* windows since the last test */
-    uint32_t patience;  /* a test is due at this age */
+    uint32_t age;       /* of the last test: windows since then; those in which learning gains little count eight times */
+    uint32_t patience;  /* a test is due after so many windows in which learning gains little */
     uint32_t good;      /* windows since the step changed */
     uint32_t retry;     /* at so many the step is taken back */
 } cgl_guard;
