@@ -281,7 +281,7 @@ def test_torque_ripple_that_a_law_fails_to_learn_explains_nothing(tmp_path):
     _, stepper = drafts.written(tmp_path, drafts.request("nema17", "stepper", "as5600"))
     found = limited(stepper, "harmonic").limits["slow"]
     shares = {cause.name: cause.share for cause in found.causes}
-    assert shares["disturbance"] > 0.9 and shares["sensor-steps"] < 0.3 and shares["sensor-error"] < 0.3
+    assert shares["disturbance"] > 0.8 and shares["sensor-steps"] < 0.3 and shares["sensor-error"] < 0.3
     assert set(found.named[0].names) == {"sensor-steps", "sensor-error"} and found.named[0].share > 0.9
 
 

@@ -195,13 +195,16 @@ CGL_SELDOM static void end_window(cgl_guard *guard, const cgl_guard_input *in, b
     guard->length = 0U;
 }
 
-/* Between two windows the share goes to that of the phase. */
-CGL_SELDOM static void fade_share(cgl_guard *guard, cgl_real omega_ref)
+/* Between two windows the share goes to that of the phase. A rotor that is at its reference in the very first sample does not run up:
+ * one window is enough, and the law may learn in it, since it learns little in so short a time. */
+CGL_SELDOM static void fade_share(cgl_guard *guard, const cgl_guard_input *in)
 {
+    const bool first = guard->phase == (uint8_t)CGL_GUARD_START && !(guard->ripple < CGL_REAL_MAX);
+    guard->ripple = first && cgl_is_within(in->error, CGL_R(0.1) * cgl_abs(in->omega_ref)) ? CGL_R(0.0) : guard->ripple;
     const cgl_real rest = phase_share[guard->phase] - guard->share, step = guard->ts / RAMP;
     if (cgl_is_within(rest, step)) {
         guard->share = phase_share[guard->phase];
-        begin_window(guard, omega_ref);
+        begin_window(guard, in->omega_ref);
     } else {
         guard->share += cgl_clamp(rest, step);
     }
@@ -213,7 +216,7 @@ void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in)
         return;
     }
     if (!CGL_OFTEN(guard->length > 0U)) {
-        fade_share(guard, in->omega_ref);
+        fade_share(guard, in);
     }
     const cgl_real half = CGL_R(0.5) * (in->error - guard->last_error), x = in->error - half - guard->mean;
     const cgl_real corner = guard->ts * larger(cgl_abs(in->omega_ref), CGL_R(1.0));

@@ -108,10 +108,11 @@ void cgl_guard_reset(cgl_guard *guard);
 /* One sample; decides the share, the step, and what the next two tell. Whatever comes in, the share stays within 0 and 1. */
 void cgl_guard_step(cgl_guard *guard, const cgl_guard_input *in);
 
-/* Learning is allowed: nothing is tested, and all of what is learned acts. */
+/* Learning is allowed: nothing is tested, and all of what is learned acts; or the rotor began at its reference. */
 static inline bool cgl_guard_may_learn(const cgl_guard *guard)
 {
-    return guard->phase == (uint8_t)CGL_GUARD_LEARN && guard->share >= CGL_R(1.0);
+    const bool at_once = guard->phase == (uint8_t)CGL_GUARD_START && guard->ripple <= CGL_R(0.0);
+    return (guard->phase == (uint8_t)CGL_GUARD_LEARN && guard->share >= CGL_R(1.0)) || at_once;
 }
 
 /* What is learned is to be cleared. */
