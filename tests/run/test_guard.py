@@ -64,7 +64,7 @@ def test_learning_that_grows_ends_as_the_feedback_alone(law, omega):
 
 
 def test_learning_that_helps_is_tested_by_a_quarter_of_it_at_most():
-    """It begins after two seconds, so the feedback's ripple is known. Such learning is left alone for half a minute."""
+    """It begins after two seconds, so the feedback's ripple is known."""
     with_guard, without = (
         simulate(study("pi-ilc", 20, guard=guard, lead="1 ms", start="2 s"), "run", "law").trace
         for guard in (True, False)

@@ -8,11 +8,12 @@
  *
  * Both give the bar, with which each window of learning is compared: P(0), or its bound (P(s) - s P(1)) / (1 - s).
  *
- *   START  nothing has been learned yet: measures the bar -> LEARN
- *   LEARN  a test is due after 16 windows, then after 32, 64, up to 1024, or after two windows above the bar -> HOLD
- *   HOLD   what is learned is frozen and acts. The ripple has settled: it is P(1) -> PART. It is below the bar -> LEARN
- *   MUTE   four counts of evidence: what is learned does not act, and is forgotten if the caller wants learning. Then it is learned
- *          more gently -> LEARN */
+ *   START  nothing, or little, has been learned yet: measures the bar -> LEARN
+ *   LEARN  a test is due after 16 windows, then after 32, 64, up to 1024, or after a burst or two windows above the bar -> HOLD
+ *   HOLD   what is learned is frozen and acts. The ripple that settles is P(1) -> PART, or ALONE after a suspicion. If it is below the
+ *          bar again, learning itself was the fault, which is one count of evidence -> LEARN
+ *   FORGET four counts of evidence: what is learned is cleared -> MUTE. What nobody learns on, a table, goes to MUTE at once
+ *   MUTE   nothing learned acts: measures the bar. Then it is learned more gently; a table acts again after a long while -> LEARN */
 #ifndef COGLESS_GUARD_H
 #define COGLESS_GUARD_H
 
