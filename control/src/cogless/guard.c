@@ -149,8 +149,9 @@ CGL_SELDOM static void judge_test(cgl_guard *guard, cgl_real v, const cgl_guard_
     }
 }
 
-/* Nothing learned acts, or nothing is learned yet: two windows that agree give the bar. */
-CGL_SELDOM static void judge_feedback(cgl_guard *guard, cgl_real v, const cgl_guard_input *in, bool calm)
+/* Nothing learned acts, or nothing is learned yet: two windows that agree give the bar. A bar in which a table acted, or learning at
+ * once, is soon put to the test. */
+CGL_SELDOM static void judge_feedback(cgl_guard *guard, cgl_real v, const cgl_guard_input *in, bool calm, bool at_once)
 {
     guard->alone = guard->acting = v;
     guard->speed = in->omega_ref;
@@ -158,7 +159,7 @@ CGL_SELDOM static void judge_feedback(cgl_guard *guard, cgl_real v, const cgl_gu
         return;
     }
     guard->gentle -= guard->gentle == CGL_GUARD_STEPS ? 1U : 0U;
-    guard->patience = in->learn ? SOON : SOON / 4U;
+    guard->patience = in->learn && !at_once ? SOON : SOON / 4U;
     go_to(guard, CGL_GUARD_LEARN, 0U);
 }
 
@@ -170,7 +171,7 @@ CGL_SELDOM static void end_window(cgl_guard *guard, const cgl_guard_input *in, b
     const cgl_real stalled = cgl_is_within(guard->mean, CGL_R(0.5) * speed) ? CGL_R(0.0) : guard->mean * guard->mean;
     const bool acts = guard->phase == (uint8_t)CGL_GUARD_LEARN || guard->phase == (uint8_t)CGL_GUARD_HOLD;
     const cgl_real v = guard->squares / n + (acts ? larger(fast - BAR * guard->noise, CGL_R(0.0)) : CGL_R(0.0)) + stalled + CGL_R(1.0e-20);
-    const bool calm = !(v < CGL_R(0.5) * guard->ripple);
+    const bool calm = !(v < CGL_R(0.5) * guard->ripple), at_once = cgl_guard_may_learn(guard);
     guard->noise = guard->phase == (uint8_t)CGL_GUARD_START || guard->phase > (uint8_t)CGL_GUARD_PART ? fast : guard->noise;
     guard->ripple = v;
     guard->good += guard->good < 8U * RARE ? 1U : 0U;
@@ -189,7 +190,7 @@ CGL_SELDOM static void end_window(cgl_guard *guard, const cgl_guard_input *in, b
         go_to(guard, CGL_GUARD_MUTE, 0U);
         break;
     default:
-        judge_feedback(guard, v, in, calm);
+        judge_feedback(guard, v, in, calm, at_once);
         break;
     }
     guard->length = 0U;
