@@ -14,7 +14,7 @@ import typer
 from cogless.cli.completion import complete_study
 from cogless.cli.options import load, output_option
 from cogless.cli.printers import identify_axis, plan_runs, printer_adapter
-from cogless.cli.terminal import new_console
+from cogless.cli.terminal import new_console, program
 from cogless.errors import StudyError
 from cogless.lines import print_text
 
@@ -106,7 +106,7 @@ def identify(
         if scripts:
             print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
         words = _identify_words(output, drive, drive_config, scripts)
-        print(f"Next: {shlex.join(['cogless', 'identify', *words])} LOG...")
+        print(f"Next: {program()} {shlex.join(['identify', *words])} LOG...")
         return
     if not logs:
         raise StudyError("identify: expected logs and --config FILE or --drive NAME, or --plan STUDY")
@@ -156,8 +156,8 @@ def identify(
     print(f"Report: {output / 'report.html'}")
     words = ["run", str(output / "study.toml")] if runs else ["identify", "--plan", "STUDY"]
     if of_drive is not None and of_drive.takes_table and result.estimate.cogging:
-        print(f"Table: cogless table {output} --to {of_drive.frame.drive} -o FILE")
-    print(f"Next: {shlex.join(['cogless', *words])}{'' if runs else ', for what to record'}")
+        print(f"Table: {program()} table {output} --to {of_drive.frame.drive} -o FILE")
+    print(f"Next: {program()} {shlex.join(words)}{'' if runs else ', for what to record'}")
 
 
 def _identify_words(
