@@ -798,20 +798,29 @@ def test_a_plan_says_what_is_to_be_expected_and_where_it_is(
 ) -> None:
     from cogless.identify import plan, rehearsal
 
-    monkeypatch.setattr(plan, "write", lambda study, stage: None)
+    def write(study: Study, stage: Path) -> None:
+        (stage / "study.toml").write_text(study.source.path.read_text("utf-8"), "utf-8")
+
+    def rehearsed(folder: Path, progress: object, law: object) -> list[str]:
+        assert (folder / "study.toml").is_file()  # before the rehearsal, which takes minutes
+        return expected
+
+    monkeypatch.setattr(plan, "write", write)
     monkeypatch.setattr(plan, "lowered", lambda study: lowered)
     expected = ["J  2e-4 kg*m^2", "! no friction"]
-    monkeypatch.setattr(rehearsal, "expected", lambda stage, progress, law: expected)
+    monkeypatch.setattr(rehearsal, "expected", rehearsed)
     study, folder = studies.write(tmp_path), tmp_path / "plan"
     code, out, err = cogless(capsys, "identify", "--plan", study, "-o", folder)
     assert (code, err) == (0, "")
+    motions = ", ".join(f"{name} ({s.duration:.3g} s)" for name, s in load(study).scenario.items())
     assert out.splitlines() == [
+        f"Study: {folder / 'study.toml'}",
+        f"Columns: {folder / 'id.toml'}",
+        f"Record: {motions}.",
         "To be expected, from simulated logs of this motor:",
         "J  2e-4 kg*m^2",
         "! no friction",
         *([f"! {lowered}"] if lowered else []),
-        f"Study: {folder / 'study.toml'}",
-        f"Columns: {folder / 'id.toml'}",
         f"Next: cogless identify --config {folder / 'id.toml'} LOG...",
     ]
 

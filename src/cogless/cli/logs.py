@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import sys
 from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
@@ -87,13 +88,20 @@ def identify(
         study = load(plan, None)
         scripts = script_files(study, drive, drive_config) if drive is not None else {}
         law = own_law(drive, drive_config) if drive is not None else {}
-        with locked_folder(output, ["study.toml", "id.toml", *scripts]), new_set(output) as stage:
-            planning.write(study, stage)
-            for name, text in scripts.items():
-                (stage / name).write_text(text, "utf-8")
+        with locked_folder(output, ["study.toml", "id.toml", *scripts]):
+            with new_set(output) as stage:
+                planning.write(study, stage)
+                for name, text in scripts.items():
+                    (stage / name).write_text(text, "utf-8")
+            print(f"Study: {output / 'study.toml'}")
+            print(f"Columns: {output / 'id.toml'}")
+            if scripts:
+                print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
+            print_text(f"Record: {_motions(output / 'study.toml')}.", others="  ")
+            sys.stdout.flush()
             with new_console(stderr=True).status("Rehearsing") as status:
                 expected = rehearsal.expected(
-                    stage, lambda what, share: status.update(f"Rehearsing: {what}"), law
+                    output, lambda what, share: status.update(f"Rehearsing: {what}"), law
                 )
         under = f" under {drive}'s own law with the gains of {drive_config}" if law else ""
         print(f"To be expected, from simulated logs of this motor{under}:")
@@ -101,10 +109,6 @@ def identify(
             print_text(line, others="  ")
         if lowered := planning.lowered(study):
             print_text(f"! {lowered}")
-        print(f"Study: {output / 'study.toml'}")
-        print(f"Columns: {output / 'id.toml'}")
-        if scripts:
-            print(f"Script: {output / next(iter(scripts))}. Its first lines say how to start it.")
         words = _identify_words(output, drive, drive_config, scripts)
         print(f"Next: {program()} {shlex.join(['identify', *words])} LOG...")
         return
@@ -158,6 +162,12 @@ def identify(
     if of_drive is not None and of_drive.takes_table and result.estimate.cogging:
         print(f"Table: {program()} table {output} --to {of_drive.frame.drive} -o FILE")
     print(f"Next: {program()} {shlex.join(words)}{'' if runs else ', for what to record'}")
+
+
+def _motions(plan: Path) -> str:
+    """The motions of a plan's study and how long each takes."""
+    scenarios = load(str(plan), None).scenario
+    return ", ".join(f"{name} ({scenario.duration:.3g} s)" for name, scenario in scenarios.items())
 
 
 def _identify_words(
