@@ -39,7 +39,7 @@ def identify(
         typer.Option(
             "--drive",
             metavar="NAME",
-            help="The drive that wrote the logs, one of cogless drives; no columns needed.",
+            help="The drive that wrote the logs, as `cogless drives` names it. No columns needed.",
         ),
     ] = None,
     drive_config: Annotated[
@@ -48,7 +48,7 @@ def identify(
     ] = None,
     output: Annotated[
         Path | None,
-        output_option("Where results go: results/identified, of a plan results/plan."),
+        output_option("Where results go. Default: results/identified, or results/plan."),
     ] = None,
     plan: Annotated[
         str | None,
@@ -56,7 +56,7 @@ def identify(
             "--plan",
             metavar="STUDY",
             autocompletion=complete_study,
-            help="Write the sequence of logs to record for the motor of a study: its name or file.",
+            help="Write which motions to record for the motor of a study, its name or file.",
         ),
     ] = None,
     plots: Annotated[bool, typer.Option("--plots", help="Also write a PNG picture of the orders.")] = False,
