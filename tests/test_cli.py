@@ -1032,3 +1032,11 @@ def test_every_option_says_what_it_is_for() -> None:
 def test_help_shows_defaults(command: str, default: str, capsys: pytest.CaptureFixture[str]) -> None:
     _, out, _ = cogless(capsys, command, "--help")
     assert f"[default: {default}]" in out
+
+
+def test_an_export_without_a_controller_lists_those_of_the_study(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = cogless(capsys, "export", "gimbal", "--to", "c", "-o", tmp_path / "c")
+    expected = f"--controller: missing: expected one of {', '.join(load('gimbal').controller)}\n"
+    assert (code, out, err) == (2, "", expected)

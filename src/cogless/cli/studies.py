@@ -316,9 +316,7 @@ def live(
     ] = None,
     own_motor: Annotated[
         bool,
-        typer.Option(
-            "--own-motor", help="Add fields for the motor, whose values the controllers get, too."
-        ),
+        typer.Option("--own-motor", help="Add fields for the motor, whose values the controllers get, too."),
     ] = False,
     limits: LimitsOption = None,
     jobs: JobsOption = CORES,
