@@ -16,8 +16,10 @@ A value that the study refuses narrows the range of its key, and nothing else.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +44,7 @@ OTHER_SHAPE = "the run's description takes another shape with it"
 Place = tuple[str, str, str]  # scenario, controller, "run" or "learn"
 Samples = Callable[[Candidate], list[float]]
 All = Mapping[Place, Packed]
+Columns = Mapping[Number, Mapping[float, float]]  # of each number its value at each stop
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,7 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
         dict[tuple[str | None, str | None], list[Key]](),
     )
     listed = [_bounded(study, candidate) for candidate in _candidates(study, told)]
+    listed = _with_all_runs(study, base, listed)
     together = [candidate for candidate in listed if told and candidate.key in TOGETHER]
     if told:
         _check_words(study, {candidate.key for candidate in together})
@@ -230,7 +234,6 @@ def _check_words(study: AnyStudy, present: Set[str]) -> None:
 
 def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | None) -> tuple[Key | None, str]:
     """The key as one value shows it, or why there is none; `disproved` tries more values."""
-    candidate = _with_all_runs(study, base, candidate)
     value, changed_blobs, why = _first_accepted(study, candidate)
     if why:
         return None, why
@@ -247,19 +250,36 @@ def _tried(study: AnyStudy, base: All, candidate: Candidate, own: OwnMotor | Non
     return _with_stops(study, base, candidate, own)
 
 
-def _with_all_runs(study: AnyStudy, base: All, candidate: Candidate) -> Candidate:
-    """The candidate of a scenario, marked if it also moves numbers of other scenarios' runs.
+def _with_all_runs(study: AnyStudy, base: All, listed: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates, with those of a scenario marked that also move numbers of other scenarios' runs.
 
     An example is the slowest reference, if the orders that a law learns depend on it.
     """
-    if candidate.scenario is None or candidate.stops:
-        return candidate
-    others = [pair for pair in held(study) if pair not in candidate.pairs(study)]
-    ends = (_accepted_values(study, [(candidate, end)], others) for end in (candidate.low, candidate.high))
-    moves = any(
-        blob.data != base[place].data for blobs_of_end in ends for place, blob in (blobs_of_end or {}).items()
-    )
-    return replace(candidate, elsewhere=True) if others and moves else candidate
+    groups: dict[str, list[Candidate]] = {}
+    for candidate in listed:
+        if candidate.scenario is not None and not candidate.stops:
+            groups.setdefault(candidate.scenario, []).append(candidate)
+    marked = {
+        candidate.key
+        for scenario, group in groups.items()
+        if (others := [pair for pair in held(study) if pair[0] != scenario])
+        for end in ("low", "high")
+        for candidate in _moving(study, base, group, end, others)
+    }
+    return [replace(candidate, elsewhere=True) if candidate.key in marked else candidate for candidate in listed]
+
+
+def _moving(
+    study: AnyStudy, base: All, group: Sequence[Candidate], end: str, runs: Sequence[Pair]
+) -> list[Candidate]:
+    """The candidates that move numbers of these runs, each at this end of its slider."""
+    changed_blobs = _accepted_values(study, [(one, getattr(one, end)) for one in group], runs)
+    if changed_blobs is not None and all(blob.data == base[at].data for at, blob in changed_blobs.items()):
+        return []
+    if len(group) == 1:
+        return [] if changed_blobs is None else list(group)
+    half = len(group) // 2
+    return [one for part in (group[:half], group[half:]) for one in _moving(study, base, part, end, runs)]
 
 
 def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, str]:
@@ -356,24 +376,57 @@ def _with_stops(
 
 
 def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
-    """The key with stops; None if the descriptions take another shape with it."""
-    tables = {}
+    """The key with stops; None if the descriptions take another shape with it.
+
+    A run's number takes the column of an earlier run's number of the same name, if both are equal at a few stops.
+    """
+    variants: dict[float, AnyStudy] = {}
     for value in candidate.stops or _grid(candidate):
-        changed_blobs = _accepted_values(
-            study, [(candidate, value)]
-        )  # None: such as a margin that has no gains
-        if changed_blobs is not None and _same_shape(base, changed_blobs):
-            tables[value] = changed_blobs
-    if len(tables) < 3 or candidate.start not in tables:
+        with suppress(StudyError):
+            variants[value] = changed(study, {candidate.key: candidate.text(value)})
+    values = list(variants)
+    few = {*values[:1], *values[-1:], *values[len(values) // 2 :][:1], candidate.start} & variants.keys()
+    columns: dict[Place, Columns] = {}
+    by_sketch: dict[tuple[Any, ...], Mapping[float, float]] = {}
+    for pair in candidate.pairs(study):
+        sketch = _columns(study, base, pair, {value: variants[value] for value in few if value in variants})
+        marks = {place: {n: (n.path, *column.items()) for n, column in of.items()} for place, of in sketch.items()}
+        if all(mark in by_sketch for of in marks.values() for mark in of.values()) and by_sketch:
+            columns |= {place: {n: by_sketch[mark] for n, mark in of.items()} for place, of in marks.items()}
+            continue
+        own = _columns(study, base, pair, variants)
+        columns |= own
+        if all(own[place].keys() == of.keys() for place, of in marks.items()):
+            by_sketch |= {mark: own[place][n] for place, of in marks.items() for n, mark in of.items()}
+    if len(variants) < 3 or candidate.start not in variants:
         return None
-    lands = {}
-    for place in tables[candidate.start]:
-        moved = _moved(base[place], [changed_blobs[place] for changed_blobs in tables.values()])
-        lands[place] = tuple(
-            Landing(n, values=tuple(n.read(changed_blobs[place].data) for changed_blobs in tables.values()))
-            for n in moved
-        )
-    return Key(candidate, lands, tuple(tables))
+    lands = {
+        place: tuple(Landing(n, values=tuple(column[value] for value in variants)) for n, column in of.items())
+        for place, of in columns.items()
+    }
+    return Key(candidate, lands, tuple(variants))
+
+
+def _columns(study: AnyStudy, base: All, pair: Pair, variants: dict[float, AnyStudy]) -> dict[Place, Columns]:
+    """Of a run each number that these variants of the study move, with its values.
+
+    A variant that the run refuses, or that gives it another shape, is taken out of `variants`.
+    """
+    tables: dict[float, All] = {}
+    for value in list(variants):
+        with suppress(StudyError, MisfitError):
+            changed_blobs = packed(variants[value], [pair], study)
+            if _same_shape(base, changed_blobs):
+                tables[value] = changed_blobs
+                continue
+        del variants[value]
+    return {
+        place: {
+            number: {value: number.read(blobs[place].data) for value, blobs in tables.items()}
+            for number in _moved(base[place], [blobs[place] for blobs in tables.values()])
+        }
+        for place in next(iter(tables.values()), {})
+    }
 
 
 def _apart_from_pairs(study: AnyStudy, key: Key, own: OwnMotor) -> bool:
@@ -446,11 +499,14 @@ def _same_shape(base: All, changed_blobs: All) -> bool:
 def _moved(blob: Packed, others: Sequence[Packed]) -> list[Number]:
     """The numbers that differ in at least one of the others."""
     others = [other for other in others if other.data != blob.data]
-    return (
-        [n for n in blob.numbers if any(n.read(o.data) != n.read(blob.data) for o in others)]
-        if others
-        else []
-    )
+    if not others:
+        return []
+    own = np.frombuffer(blob.data, np.uint8)
+    differs = np.any([np.frombuffer(other.data, np.uint8) != own for other in others], axis=0)
+    places = np.flatnonzero(differs)
+    ends = [n.offset for n in blob.numbers] + [len(own)]
+    owners = np.searchsorted(ends, places, side="right") - 1
+    return [blob.numbers[n] for n in np.unique(owners)]
 
 
 def _fitting(
@@ -487,9 +543,9 @@ def samples(candidate: Candidate) -> list[float]:
 
 
 def _wide(candidate: Candidate) -> list[float]:
-    """Values that only the field takes."""
-    ends = ((candidate.least, candidate.low), (candidate.high, candidate.most))
-    values = [low + (high - low) * share for low, high in ends for share in (0.0, 0.1, 0.37, 1.0)]
+    """Values that only the field takes, behind one that is not tried."""
+    below, above = candidate.low - candidate.least, candidate.most - candidate.high
+    values = [candidate.low, candidate.least + 0.1 * below, candidate.high + 0.37 * above, candidate.most]
     return [float(f"{value:.7g}") for value in values]
 
 

@@ -35,7 +35,7 @@ OTHER_SENSORS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("incremental, 1024 lines", {"kind": "encoder", "lines": 1024, "speed_method": "MT"}),
 )
 OBSERVER_SHARE = 40  # the observer's bandwidth: the speed loop's rate over this
-TRIED_VALUES = 4  # of each key with another sensor; the first is not tried
+TRIED_VALUES = 2  # of each key with another sensor; the first is not tried
 
 
 @dataclass(frozen=True)
