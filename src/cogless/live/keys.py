@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -71,6 +72,10 @@ class Key:
     stops: tuple[float, ...] = ()
 
 
+Tried = tuple[Key, float]
+Failing = Callable[[Sequence[Tried], Sequence[Pair]], list[Pair] | None]
+
+
 @dataclass
 class Found:
     """Keys that a page can change, and why it can't change others."""
@@ -84,11 +89,7 @@ class Found:
 def adjustable(study: AnyStudy, told: bool = False) -> Found:
     """The keys of a study that a page can change. `told`: the controller is told of the motor's, too."""
     base = packed(study, held(study))
-    adjustable_keys, taken, groups = (
-        Found(base=base),
-        set[tuple[Place, int]](),
-        dict[tuple[str | None, str | None], list[Key]](),
-    )
+    adjustable_keys, taken = Found(base=base), set[tuple[Place, int]]()
     listed = [_bounded(study, candidate) for candidate in _candidates(study, told)]
     listed = _with_all_runs(study, base, listed)
     together = [candidate for candidate in listed if told and candidate.key in TOGETHER]
@@ -113,10 +114,9 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
         elif any(key.lands.values()):
             taken |= _numbers(key)
             adjustable_keys.keys.append(key)
-            if not key.stops:
-                groups.setdefault((candidate.scenario, candidate.controller), []).append(key)
-    wrong = {id(key) for group in groups.values() for key in disproved(study, base, group, samples, own)}
-    for key in [key for key in adjustable_keys.keys if id(key) in wrong]:
+    direct = [key for key in adjustable_keys.keys if any(key.lands.values()) and not key.stops]
+    wrong = disproved(study, base, direct, samples, own)
+    for key in [key for key in direct if key in wrong]:
         adjustable_keys.keys.remove(key)
         taken -= _numbers(key)
         tabulated, why = _with_stops(study, base, key.candidate, own)
@@ -125,14 +125,11 @@ def adjustable(study: AnyStudy, told: bool = False) -> Found:
         else:
             taken |= _numbers(tabulated)
             adjustable_keys.keys.append(tabulated)
-    narrow = {
-        id(key)
-        for group in groups.values()
-        for key in disproved(study, base, [k for k in group if id(k) not in wrong], _wide, own, alone=True)
-    }
+    right = [key for key in direct if key not in wrong]
+    narrow = disproved(study, base, right, _wide, own, alone=True)
     adjustable_keys.keys = [_of_slider(key) if key.stops else key for key in adjustable_keys.keys]
     adjustable_keys.keys = [
-        _narrowed(study, base, key, own) if id(key) in narrow else key for key in adjustable_keys.keys
+        _narrowed(study, base, key, own) if key in narrow else key for key in adjustable_keys.keys
     ]
     return adjustable_keys
 
@@ -296,7 +293,7 @@ def _first_accepted(study: AnyStudy, candidate: Candidate) -> tuple[float, All, 
 def disproved(
     study: AnyStudy,
     base: All,
-    group: Sequence[Key],
+    keys: Sequence[Key],
     samples: Samples,
     own: OwnMotor | None,
     alone: bool = False,
@@ -306,40 +303,61 @@ def disproved(
     The pole pairs of one's own motor change with them. `alone`: also a key that the study refuses with such a
     value.
     """
-    for n in range(1, len(samples(group[0].candidate)) if group else 0):
-        values = [(key.candidate, samples(key.candidate)[n]) for key in group]
-        unchanged, changed_blobs = base, None
-        if own is not None:
-            pairs = round(own.pole_pairs.least) + 7 * n % len(own.turned)
-            unchanged, changed_blobs = (
-                own.turned[pairs],
-                _accepted_values(study, [*values, (own.pole_pairs, pairs)]),
-            )
-        if changed_blobs is None:
-            unchanged, changed_blobs = base, _accepted_values(study, values)
-        if changed_blobs is None and len(group) == 1 and not alone:
-            continue
-        if changed_blobs is None or not _are_set(unchanged, changed_blobs, group, values):
-            if len(group) == 1:
-                return list(group)
-            half = len(group) // 2
-            parts = (group[:half], group[half:])
-            return [key for part in parts for key in disproved(study, base, part, samples, own, alone)]
-    return []
+    runs, wrong, right = held(study), list[Key](), list(keys)
+    for n in range(1, len(samples(keys[0].candidate)) if keys else 0):
+        at_sample = partial(_failing, study, base, own, n)
+        wrong += _wrong(at_sample, [(key, samples(key.candidate)[n]) for key in right], runs, alone)
+        right = [key for key in right if key not in wrong]
+    return wrong
 
 
-def _are_set(
-    unchanged: All, changed_blobs: All, group: Sequence[Key], values: Sequence[tuple[Candidate, float]]
-) -> bool:
-    """Whether these direct keys, written into the `unchanged` descriptions, give the changed ones."""
-    for place, blob in changed_blobs.items():
-        data = bytearray(unchanged[place].data)
-        for key, (candidate, value) in zip(group, values, strict=True):
-            for one in key.lands.get(place, ()):
-                one.number.write(data, landed(one, candidate.si(value)))
-        if data != blob.data:
-            return False
-    return True
+def _wrong(failing: Failing, tried: Sequence[Tried], runs: Sequence[Pair], alone: bool) -> list[Key]:
+    """The keys that are wrong in at least one of these runs with these values; `alone` as in `disproved`."""
+    bad_runs = failing(tried, runs)
+    if bad_runs == []:
+        return []
+    if len(tried) == 1:
+        return [tried[0][0]] if alone or bad_runs is not None else []
+    half = len(tried) // 2
+    searched = runs if bad_runs is None else bad_runs[:1]
+    wrong = [key for part in (tried[:half], tried[half:]) for key in _wrong(failing, part, searched, alone)]
+    if bad_runs is None or not wrong:
+        return wrong
+    right = [(key, value) for key, value in tried if key not in wrong]
+    return wrong + (_wrong(failing, right, bad_runs, alone) if right else [])
+
+
+def _failing(
+    study: AnyStudy, base: All, own: OwnMotor | None, n: int, tried: Sequence[Tried], runs: Sequence[Pair]
+) -> list[Pair] | None:
+    """The runs in which these direct keys, written into the base, don't give the changed descriptions.
+
+    None: the study refuses the values together. `n` chooses the pole pairs of one's own motor.
+    """
+    values = [(key.candidate, value) for key, value in tried]
+    touched = {pair for candidate, _ in values for pair in candidate.pairs(study)}
+    if not (pairs := [pair for pair in runs if pair in touched]):
+        return []
+    unchanged, changed_blobs = base, None
+    if own is not None:
+        pole_pairs = round(own.pole_pairs.least) + 7 * n % len(own.turned)
+        unchanged = own.turned[pole_pairs]
+        changed_blobs = _accepted_values(study, [*values, (own.pole_pairs, pole_pairs)], pairs)
+    if changed_blobs is None:
+        unchanged, changed_blobs = base, _accepted_values(study, values, pairs)
+    if changed_blobs is None:
+        return None
+    wrong = {place[:2] for place, blob in changed_blobs.items() if _as_set(unchanged[place], place, tried) != blob.data}
+    return [pair for pair in pairs if pair in wrong]
+
+
+def _as_set(unchanged: Packed, place: Place, tried: Sequence[Tried]) -> bytearray:
+    """The bytes of a run with these direct keys written into it, as a page does."""
+    data = bytearray(unchanged.data)
+    for key, value in tried:
+        for one in key.lands.get(place, ()):
+            one.number.write(data, landed(one, key.candidate.si(value)))
+    return data
 
 
 def _accepted_values(
