@@ -19,7 +19,7 @@ import numpy as np
 from cogless.c_layout import control_layout
 from cogless.control_library import C_LAWS
 from cogless.design.kinds import DESIGNS
-from cogless.design.trials.from_study import design_study, retuned
+from cogless.design.trials.from_study import retuned
 from cogless.run.drive_config import engine_config
 from cogless.run.plan import plan
 from cogless.run.simulate import Pair
@@ -99,7 +99,7 @@ class _Packer:
         self.shape: list[str] = []
 
     def value(self, of: Any, path: str) -> None:
-        put = _put(type(of))
+        put = _put(of.__class__)
         if put is None:
             raise TypeError(f"{path}: {type(of).__name__}: expected a plain value")
         put(self, of, path)
@@ -187,7 +187,7 @@ KINDS: tuple[tuple[type | tuple[type, ...], Callable[[_Packer, Any, str], None]]
 
 
 @cache
-def _put(kind: type) -> Callable[[_Packer, Any, str], None] | None:
+def _put(kind: Any) -> Callable[[_Packer, Any, str], None] | None:
     """The packer's method for values of a class; None: no description has such a value."""
     return next((put for base, put in KINDS if issubclass(kind, base)), None)
 
@@ -197,19 +197,16 @@ NEVER_LEARNS = 1e9  # s, a learning_start that never comes
 
 def held(study: AnyStudy) -> list[Pair]:
     """The runs that a page can hold: all but those of the laws that `left_out` names."""
-    return study.once(_held, None)
-
-
-def _held(study: AnyStudy, _: None) -> list[Pair]:
-    return [pair for pair in every(study) if not _why_not(study, pair[1])]
+    return [pair for pair in every(study) if not study.once(why_not, pair[1])]
 
 
 def left_out(study: AnyStudy) -> list[str]:
     """The controllers that a page leaves out and why, a sentence for each."""
-    return [f"{study.label(name)}: {why}." for name in study.controller if (why := _why_not(study, name))]
+    return [f"{study.label(name)}: {why}." for name in study.controller if (why := study.once(why_not, name))]
 
 
-def _why_not(study: AnyStudy, name: str) -> str:
+def why_not(study: AnyStudy, name: str) -> str:
+    """Why a page leaves a controller out; "" if it doesn't."""
     if study.controller[name].NOT_ON_PAGE:
         return study.controller[name].NOT_ON_PAGE
     run = next((pair for pair in every(study) if pair[1] == name), None)
@@ -279,7 +276,7 @@ def _of_trials(
     study: TrialStudy, scenario: str, controller: str, like: TrialStudy | None
 ) -> dict[str, Packed]:
     run, timing, conditions = (scenario, controller), study.timing(scenario), study.conditions(scenario)
-    design = design_study(study, [run])[run] if like is None else retuned(study, run, like)
+    design = retuned(study, run, study if like is None else like)
     page = {
         "trials": conditions.trials,
         "ticks": study.samples(scenario) * timing.divider,  # of a trial

@@ -10,6 +10,9 @@ a table. A page sets the numbers in the same way, so it runs what `cogless run -
 the same number, the first one stays. But the pole pairs of one's own motor share a number with a key that has
 stops: its table has a row for each stop and a column for each number of pole pairs.
 
+All keys that seem direct are tried together, each with a value of its own. If a run's bytes are wrong, the
+keys are halved, and only this run is described again, until the wrong keys remain.
+
 A value that the study refuses narrows the range of its key, and nothing else.
 """
 
@@ -263,7 +266,9 @@ def _with_all_runs(study: AnyStudy, base: All, listed: Sequence[Candidate]) -> l
         for end in ("low", "high")
         for candidate in _moving(study, base, group, end, others)
     }
-    return [replace(candidate, elsewhere=True) if candidate.key in marked else candidate for candidate in listed]
+    return [
+        replace(candidate, elsewhere=True) if candidate.key in marked else candidate for candidate in listed
+    ]
 
 
 def _moving(
@@ -347,7 +352,11 @@ def _failing(
         unchanged, changed_blobs = base, _accepted_values(study, values, pairs)
     if changed_blobs is None:
         return None
-    wrong = {place[:2] for place, blob in changed_blobs.items() if _as_set(unchanged[place], place, tried) != blob.data}
+    wrong = {
+        place[:2]
+        for place, blob in changed_blobs.items()
+        if _as_set(unchanged[place], place, tried) != blob.data
+    }
     return [pair for pair in pairs if pair in wrong]
 
 
@@ -396,7 +405,8 @@ def _with_stops(
 def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
     """The key with stops; None if the descriptions take another shape with it.
 
-    A run's number takes the column of an earlier run's number of the same name, if both are equal at a few stops.
+    A run's number takes the column of an earlier run's number of the same path, if both are equal at the
+    first, the middle and the last stop and at the study's value.
     """
     variants: dict[float, AnyStudy] = {}
     for value in candidate.stops or _grid(candidate):
@@ -408,7 +418,9 @@ def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
     by_sketch: dict[tuple[Any, ...], Mapping[float, float]] = {}
     for pair in candidate.pairs(study):
         sketch = _columns(study, base, pair, {value: variants[value] for value in few if value in variants})
-        marks = {place: {n: (n.path, *column.items()) for n, column in of.items()} for place, of in sketch.items()}
+        marks = {
+            place: {n: (n.path, *column.items()) for n, column in of.items()} for place, of in sketch.items()
+        }
         if all(mark in by_sketch for of in marks.values() for mark in of.values()) and by_sketch:
             columns |= {place: {n: by_sketch[mark] for n, mark in of.items()} for place, of in marks.items()}
             continue
@@ -419,7 +431,9 @@ def _tabulated(study: AnyStudy, base: All, candidate: Candidate) -> Key | None:
     if len(variants) < 3 or candidate.start not in variants:
         return None
     lands = {
-        place: tuple(Landing(n, values=tuple(column[value] for value in variants)) for n, column in of.items())
+        place: tuple(
+            Landing(n, values=tuple(column[value] for value in variants)) for n, column in of.items()
+        )
         for place, of in columns.items()
     }
     return Key(candidate, lands, tuple(variants))
