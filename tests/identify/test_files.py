@@ -200,9 +200,9 @@ STRANGERS = {
 }
 GUESSES = {
     "a decimal comma": ["commas are taken for decimal points."],
-    "units": ['"s,A" is a row of units; those of the file of columns hold.'],
+    "units": ['"s,A" is a row of units. It is not used: the units are those of --config.'],
     "units and decimal commas": [
-        '"s A" is a row of units; those of the file of columns hold.',
+        '"s A" is a row of units. It is not used: the units are those of --config.',
         "commas are taken for decimal points.",
     ],
     "half a line": ["the last line ends before its end, and is left out."],
@@ -237,7 +237,7 @@ SPACED = "spaces are taken for the separators of columns."
         ("  t     x   y\n0.0   1.5   7\n 0.1   2.5  -8\n", [SPACED]),
         (
             "t x y\ns A -\n0.0 1.5 7\n0.1 2.5 8\n",
-            [SPACED, '"s A -" is a row of units; those of the file of columns hold.'],
+            [SPACED, '"s A -" is a row of units. It is not used: the units are those of --config.'],
         ),
         ("t x y\n0,0 1,5 7\n0,1 2,5 8\n", [SPACED, "commas are taken for decimal points."]),
         (

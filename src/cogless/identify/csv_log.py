@@ -104,7 +104,9 @@ def _columns(path: Path, blocks: Iterator[list[str]], headings: list[str]) -> Lo
     block = next(blocks, [])
     if _are_units(block, delimiter, list(places.values())):
         units = printable(block[0].strip().replace("\t", " ")[:60])
-        remarks.append(f'{path.name}: "{units}" is a row of units; those of the file of columns hold.')
+        remarks.append(
+            f'{path.name}: "{units}" is a row of units. It is not used: the units are those of --config.'
+        )
         block = block[1:]
     commas = _decimal_commas(block, delimiter, list(places.values()))
     if commas:
