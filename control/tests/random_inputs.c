@@ -1485,7 +1485,7 @@ void random_inputs(long configs)
     static const random_subject subjects[] = {
         {"angle", try_angle, 0x24552c34U, 0x32ee43c6U},
         {"modulation", try_modulation, 0x3f9fb973U, 0x03e77d72U},
-        {"foc", try_foc, 0x5b274328U, 0xe2d0ab4cU},
+        {"foc", try_foc, 0x5b274328U, 0x6724c587U},
         {"pi", try_pi, 0x9c475f64U, 0xb1f1788bU},
         {"memory", try_memory, 0x2d03223fU, 0xd98b4ef0U},
         {"pi_ilc", try_pi_ilc, 0x0b83e9ffU, 0xc2006fd7U},
