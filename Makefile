@@ -59,7 +59,6 @@ test: $(VENV)/installed $(VENV)/extra-test ## the whole test suite
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 web: $(VENV)/installed $(VENV)/extra-web ## the engine for live pages, as WebAssembly; compiled once, by ziglang
-	@echo "Making the engine for live pages: the first time it compiles for some minutes"
 	$(BIN)/python -c 'from cogless.live.engine import module; module("single"), module("double")'
 
 axe: ## axe-core from npm: with it, the tests look for pages that are hard to use
