@@ -555,7 +555,7 @@ void Drive::run_lanes(std::vector<Lane>& lanes, LanePlants& plants, std::int64_t
             }
             if constexpr (legs != 0) {
                 drive.next_duties(s, r.acting);
-                const Voltage<> u = drive.averaged<legs>(r.acting.duty, r.current, r.faults, lanes.front().state->tick);
+                const Voltage<> u = drive.averaged<legs>(r.acting.duty, r.current, r.faults, tick);
                 view.u_alpha[n] = u.alpha;
                 view.u_beta[n] = u.beta;
                 if (r.acting.open) plants.get(n, s.plant, here);

@@ -22,23 +22,21 @@ using Legs = std::array<double, count>;
 
 constexpr std::size_t star_legs = 3, bridge_legs = 4;
 
-// Where the pulses lie: in the middle of a period or at its begin. With two updates a PWM period are two periods: in the first
-// a leg's pulse ends with the period, and in the second it begins with it.
+// Where the pulses lie: in the middle of a period of the current loop, or at its begin. With two updates two such periods are
+// a PWM period: in the first, of an even tick, a leg's pulse lies at the end, and in the second at the begin.
 enum class Pwm { centre, edge, two_updates };
 
-// A leg with duty cycle d is high from before (1 - d) to scale (offset + d), in periods.
+// In a period of the current loop, of length 1, a leg with duty cycle d is high from before (1 - d) on, for d.
 struct Carrier {
-    double before, scale, offset;
-    bool rises, falls;  // with an edge in this period, and not with the one before or after it
+    double before;
+    bool rises, falls;  // false: the leg is high already at the period's begin, or still at its end, so there is no edge
 };
 
 inline Carrier carrier(Pwm pwm, std::int64_t tick) {
     switch (pwm) {
-        case Pwm::edge: return {0.0, 1.0, 0.0, true, true};
-        case Pwm::two_updates:
-            if (tick % 2 == 0) return {1.0, 0.0, 0.0, true, false};
-            return {0.0, 1.0, 0.0, false, true};
-        default: return {0.5, 0.5, 1.0, true, true};
+        case Pwm::edge: return {0.0, true, true};
+        case Pwm::two_updates: return tick % 2 == 0 ? Carrier{1.0, true, false} : Carrier{0.0, false, true};
+        default: return {0.5, true, true};
     }
 }
 
@@ -122,9 +120,9 @@ Pulses<legs> pulses(double bus_voltage, double dead_time, double device_drop, co
         fall[x] = duty[x] >= 1.0 ? period : 0.0;
         if (duty[x] > 0.0 && duty[x] < 1.0) {  // otherwise no edge, no dead time
             const bool out = current[x] >= 0.0;
-            const double end = carrier.falls ? carrier.scale * period * (carrier.offset + duty[x]) : period;
-            fall[x] = std::min(end + (out ? 0.0 : fall_delay), period);
-            rise[x] = std::min(carrier.before * period * (1.0 - duty[x]) + (out ? rise_delay : 0.0), fall[x]);
+            const double begin = carrier.before * period * (1.0 - duty[x]);
+            fall[x] = std::min(begin + period * duty[x] + (out ? 0.0 : fall_delay), period);
+            rise[x] = std::min(begin + (out ? rise_delay : 0.0), fall[x]);
         }
         edge[x] = rise[x];
         edge[legs + x] = fall[x];

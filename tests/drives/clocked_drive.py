@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import math
+import os
 import random
 import runpy
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -99,3 +101,18 @@ class ClockedDrive:
             runpy.run_path(str(script), run_name="__main__")
         finally:
             monkeypatch.undo()
+
+
+def said_without(package: str, script: Path, folder: Path) -> str:
+    """What a script, told to move, says on standard error where Python does not find its drive's package."""
+    (folder / package).mkdir()  # hides an installed one
+    (folder / package / "__init__.py").write_text("raise ModuleNotFoundError")
+    ended = subprocess.run(
+        [sys.executable, script, "--yes"],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder)},
+    )
+    assert ended.returncode == 1
+    return ended.stderr

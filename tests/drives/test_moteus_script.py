@@ -5,7 +5,6 @@ from __future__ import annotations
 import enum
 import json
 import math
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any
 
 import pytest
 from commands import cogless
-from drives.clocked_drive import STUDY, ClockedDrive
+from drives.clocked_drive import STUDY, ClockedDrive, said_without
 from drives.drive_bench import RATE, TURN
 from drives.moteus_stand_in import Moteus
 
@@ -117,16 +116,7 @@ def test_nothing_moves_without_yes(script: Path, tmp_path: Path) -> None:
 
 
 def test_a_missing_package_is_one_line(script: Path, tmp_path: Path) -> None:
-    (tmp_path / "moteus").mkdir()  # hides an installed one
-    (tmp_path / "moteus" / "__init__.py").write_text("raise ModuleNotFoundError")
-    done = subprocess.run(
-        [sys.executable, script, "--yes"],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-    )
-    assert (done.returncode, done.stderr) == (1, "no package moteus: pip install moteus\n")
+    assert said_without("moteus", script, tmp_path) == "no package moteus: pip install moteus\n"
 
 
 def test_what_it_records_tells_the_motor_and_its_table(

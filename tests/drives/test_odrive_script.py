@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 import pytest
 from commands import cogless
-from drives.clocked_drive import STUDY, ClockedDrive
+from drives.clocked_drive import STUDY, ClockedDrive, said_without
 from drives.drive_bench import TURN
 from drives.moteus_stand_in import Moteus
 from drives.odrive_files import OLD
@@ -103,16 +102,7 @@ def test_nothing_moves_without_yes(script: Path, tmp_path: Path) -> None:
 
 
 def test_a_missing_package_is_one_line(script: Path, tmp_path: Path) -> None:
-    (tmp_path / "odrive").mkdir()  # hides an installed one
-    (tmp_path / "odrive" / "__init__.py").write_text("raise ModuleNotFoundError")
-    done = subprocess.run(
-        [sys.executable, script, "--yes"],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-    )
-    assert (done.returncode, done.stderr) == (1, "no package odrive: pip install odrive\n")
+    assert said_without("odrive", script, tmp_path) == "no package odrive: pip install odrive\n"
 
 
 @pytest.mark.parametrize("firmware", ["0.5", "0.6"])

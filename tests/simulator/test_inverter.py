@@ -109,11 +109,6 @@ def test_voltage_stays_within_the_hexagons_circle() -> None:
 PWM = ("centre", "edge", "two-updates")
 
 
-def compared(carrier: np.ndarray, duty: np.ndarray) -> np.ndarray:
-    """Whether each leg is high, by comparing duty cycles with a carrier, as a timer does: samples x legs."""
-    return carrier[:, None] < duty[None, :]
-
-
 @pytest.mark.parametrize("pwm", PWM)
 def test_currents_are_those_of_a_timer_that_compares(pwm: str) -> None:
     """An independent winding at standstill, under legs that a timer switches, has the same sampled currents.
@@ -136,16 +131,20 @@ def test_currents_are_those_of_a_timer_that_compares(pwm: str) -> None:
         "controller": {"law": "python"},
     }
     x = run(change, 0.02, controller=HoldD())
-    slope = (np.arange(100_000) + 0.5) / 100_000
-    triangle = np.abs(1.0 - 2.0 * slope)
-    carriers = {"centre": (triangle, triangle), "edge": (slope, slope), "two-updates": (1.0 - slope, slope)}
+    rising = (np.arange(100_000) + 0.5) / 100_000
+    triangle = np.abs(1.0 - 2.0 * rising)
+    carriers = {
+        "centre": (triangle, triangle),
+        "edge": (rising, rising),
+        "two-updates": (1.0 - rising, rising),
+    }
     phase = np.exp(2j * np.pi / 3 * np.arange(3))
     i, duty = 0j, np.full(3, 0.5)
-    decay = np.exp(-R / L / rate * (1.0 - slope))  # from an instant to the period's end
+    decay = np.exp(-R / L / rate * (1.0 - rising))  # from an instant to the period's end
     for n, (u_d, u_q) in enumerate(zip(x["u_d"], x["u_q"], strict=True)):
         in_frame = i * np.exp(-1j * angle)
         assert (x["i_d"][n], x["i_q"][n]) == pytest.approx((in_frame.real, in_frame.imag), abs=2e-3)
-        high = compared(carriers[pwm][n % 2], duty)
+        high = carriers[pwm][n % 2][:, None] < duty  # as a timer compares
         i = np.exp(-R / L / rate) * i + (2 / 3) * bus / L / rate * np.mean(decay * (high @ phase))
         wanted = np.real((u_d + 1j * u_q) * np.exp(1j * angle) * np.conj(phase))
         duty = 0.5 + (wanted - (wanted.max() + wanted.min()) / 2) / bus

@@ -138,6 +138,18 @@ def test_a_lane_that_fails_says_why_and_the_others_go_on() -> None:
     assert states[1].tick < 3000 == states[0].tick
 
 
+def test_a_lane_that_fails_leaves_the_others_in_their_half_of_the_pwm_period() -> None:
+    pwm = {"drive": {"inverter": {"pwm": "two-updates", "dead_time": 2e-6}}}
+    bad, good = made({"motor": RIPPLE, "load": {"torque": 1e307}, **pwm}), made({"motor": RIPPLE, **pwm})
+    states, recorders = (
+        [each.start() for each in (bad, good)],
+        [engine.Recorder(each, 1) for each in (bad, good)],
+    )
+    errors = engine.advance_lanes([bad, good], states, recorders, 3000)
+    assert errors[0] and not errors[1]
+    assert np.array_equal(recorders[1].take(), alone([good], 3000)[0])
+
+
 def test_drives_that_differ_in_kind_do_not_go_together() -> None:
     base = made({})
     for change in (

@@ -280,9 +280,9 @@ def dead_time_config(drive: Drive, motor: StarMotor, driven: StarMotor) -> dict[
         return None
     belief = drive.belief.resolved(motor)
     kp_q = drive.current_loop.gains(belief)["kp_q"]
+    dead_time = inverter.dead_time if compensation.time is None else compensation.time
     return {
-        "time": inverter.edge_share
-        * (inverter.dead_time if compensation.time is None else compensation.time),
+        "time": inverter.edge_share * dead_time,
         "drop": inverter.device_drop if compensation.drop is None else compensation.drop,
         "band": compensation.band,
         "lag": belief.L_q / kp_q if kp_q > 0 else 0.0,

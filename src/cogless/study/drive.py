@@ -284,7 +284,7 @@ class Inverter(Table):
 
     @property
     def edge_share(self) -> float:
-        """Edges of a leg in a current-loop period by those in a PWM period; each edge costs a dead time."""
+        """Share of the current-loop periods in which a leg has an edge that costs it a dead time."""
         return 0.5 if self.pwm == "two-updates" else 1.0
 
 
